@@ -12,15 +12,8 @@ if TYPE_CHECKING:
     from squealstudy.engine.pictures import register_plot
     from squealstudy.engine.results import Results
     from squealstudy.engine.template import new_study
-    from squealstudy.face import (
-        Model,
-        Study,
-        list_models,
-        model,
-        open_results,
-        read_study,
-        run,
-    )
+    from squealstudy.face import Study, open_results, read_study, run
+    from squealstudy.face_model import Model, list_models, model
     from squealstudy.tables.other_codes import other_codes
 
 __version__ = "0.2.0"
@@ -42,6 +35,7 @@ __all__ = [
 
 FACE = "squealstudy.face"  # where the names are that are not elsewhere
 ELSEWHERE = {
+    **dict.fromkeys(("Model", "list_models", "model"), "squealstudy.face_model"),
     "Results": "squealstudy.engine.results",
     "new_study": "squealstudy.engine.template",
     "other_codes": "squealstudy.tables.other_codes",

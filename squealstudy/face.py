@@ -1,4 +1,4 @@
-"""The Python face: models, studies, results; the command does what it does through the same names.
+"""The Python face: studies and results (models: face_model.py); the command uses the same names.
 
 import squealstudy as sq
 
@@ -11,7 +11,6 @@ results.rank(), results.plot.evolution(along="friction")
 from __future__ import annotations
 
 import contextlib
-import tempfile
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -19,35 +18,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from squealstudy import faults
-from squealstudy.errors import ParameterError, SquealstudyError
-from squealstudy.models.catalogue import MODELS, model_names
-from squealstudy.models.components.definition import DESCRIPTION as OF_A_FILE
-from squealstudy.models.components.definition import NAME as OF_FILE
-from squealstudy.models.components.definition import FileDefinition
-from squealstudy.models.matrices.family import DESCRIPTION as OF_MATRICES
-from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.paths import usable_cache
 from squealstudy.progress import progress
 from squealstudy.study.definition import ResolvedStudy, read_tables
-from squealstudy.study.design import DesignPoint
-from squealstudy.study.laws import expect_acting, law_choices, laws_with
-from squealstudy.study.parameters import did_you_mean, parse_parameter
 from squealstudy.study.source import SourceText, changed
 from squealstudy.study.toml_text import toml_text
-from squealstudy.study.units import quantity
 
 if TYPE_CHECKING:
-    import pandas as pd
     from distributed import Client
 
     from squealstudy.engine.cluster import Cluster
     from squealstudy.engine.results import Results
-    from squealstudy.models.parameter import ModelDefinition
 
-MODEL_FILE = ".toml"
 GOES_ON = "; what is finished is kept, and the same command goes on from there"
 SENSITIVITY = "sensitivity"
-LEFT_OUT = ("point_id", "track", "track_mac", "track_ambiguous")  # of the modes of one design point
 
 
 @dataclass(frozen=True)
@@ -106,7 +90,7 @@ class Study:
             With file and key, where the study cannot take one.
         """
         tables = changed(self.source, self.tables, changes)
-        return _resolved(self.source, tables, toml_text(tables))
+        return resolved_study(self.source, tables, toml_text(tables))
 
     def sensitivities(self) -> Study:
         """The study of sensitivities at the [parameters] of a complex-mode study; itself if it is.
@@ -135,10 +119,10 @@ def read_study(path: str | Path) -> Study:
         With file, line, key and what was expected, whatever is wrong with the file.
     """
     source = SourceText.read(path)
-    return _resolved(source, source.tables, source.text)
+    return resolved_study(source, source.tables, source.text)
 
 
-def _resolved(source: SourceText, tables: Mapping[str, Any], text: str) -> Study:
+def resolved_study(source: SourceText, tables: Mapping[str, Any], text: str) -> Study:
     """The study of a file's tables; `text` says the same as they do."""
     resolved = replace(read_tables(source, tables), source=SourceText(source.path, text))
     return Study(source, tables, resolved)
@@ -201,7 +185,7 @@ def run(
         study = read_study(study)
     from squealstudy.engine.manifest import check_owner
     from squealstudy.engine.runner import run_study
-    from squealstudy.engine.worker_count import worker_count
+    from squealstudy.engine.workers import worker_count
 
     directory = Path(output or study.directory)
     found = check_owner(directory, study.owner)
@@ -233,189 +217,3 @@ def _place(
     from squealstudy.engine.cluster import connected
 
     return connected(client, warn)
-
-
-@dataclass(frozen=True)
-class Model:
-    """A model of the catalogue at one design point.
-
-    Attributes
-    ----------
-    definition : ModelDefinition
-    given : mapping of str -> value
-        Parameters and options that are not at their defaults; parameters as numbers, whether they
-        came as such or with a unit, "12 bar".
-    """
-
-    definition: ModelDefinition
-    given: Mapping[str, Any]
-
-    def __repr__(self) -> str:
-        """Name, description and what was given, on one line."""
-        given = ", ".join(f"{name} = {value}" for name, value in self.given.items())
-        return f"<Model {self.definition.name!r}: {given or 'defaults'}>"
-
-    def __post_init__(self) -> None:
-        """Check names, bounds, options, and that every parameter acts; ParameterError."""
-        options = {option.name: option.choices for option in self.definition.options}
-        numbers = {
-            name: quantity(value, parse_parameter(name, self.definition))
-            for name, value in self.given.items()
-            if name not in options
-        }
-        object.__setattr__(self, "given", {**self.given, **numbers})
-        for name, value in self.given.items():
-            if name not in options:
-                parse_parameter(name, self.definition).check(value)
-            elif value not in options[name]:
-                choices = ", ".join(map(str, options[name]))
-                raise ParameterError(name, f"expected one of {choices}, got {value!r}")
-        chosen = {**{name: choices[0] for name, choices in options.items()}, **self.given}
-        design = DesignPoint(self.definition, chosen, {})
-        for name in self.given.keys() - options.keys():
-            expect_acting(parse_parameter(name, self.definition), design)
-
-    def with_(self, **values: Any) -> Model:
-        """The model with other values of parameters or options, as of `model`."""
-        return replace(self, given={**self.given, **values})
-
-    @property
-    def parameters(self) -> pd.DataFrame:
-        """Value, default, unit and description of every parameter, a row each, by name.
-
-        A `structural` one changes masses or stiffnesses: each value costs a new reduction. One with
-        `laws` acts where one of them is chosen, and is refused otherwise.
-        """
-        import pandas as pd
-
-        rows = {
-            p.name: {
-                "value": self.given.get(p.name, p.default),
-                "default": p.default,
-                "unit": p.unit,
-                "structural": p.structural,
-                "laws": law_choices(laws_with(p.name)),
-                "description": p.description,
-            }
-            for p in self.definition.parameters
-        }
-        table = pd.DataFrame.from_dict(rows, orient="index")
-        table.index.name = "parameter"
-        return table
-
-    @property
-    def options(self) -> pd.DataFrame:
-        """Value, choices (the first is the default) and description of every option, by name."""
-        import pandas as pd
-
-        rows = [
-            (o.name, self.given.get(o.name, o.choices[0]), o.choices, o.description)
-            for o in self.definition.options
-        ]
-        return pd.DataFrame(rows, columns=["option", "value", "choices", "description"]).set_index(
-            "option"
-        )
-
-    def study(self, name: str = "model", band: tuple[float, float] | None = None) -> Study:
-        """The complex-mode study of this one design point; `band` [Hz] as of study files."""
-        options = {option.name for option in self.definition.options}
-        tables = {
-            "study": {"name": name, "kind": "complex_modes"},
-            "model": self._named() | {k: v for k, v in self.given.items() if k in options},
-            "parameters": {k: v for k, v in self.given.items() if k not in options},
-            "modes": {"reference_points": 0} | ({} if band is None else {"band": list(band)}),
-        }
-        text = toml_text(tables)
-        return _resolved(SourceText(Path(f"{name}.toml"), text), tables, text)
-
-    def _named(self) -> dict[str, str]:
-        """How a study names the model."""
-        if isinstance(self.definition, FileDefinition):
-            return {"file": str(Path(self.definition.path).resolve())}
-        return {"name": self.definition.name}
-
-    def modes(self, band: tuple[float, float] | None = None) -> pd.DataFrame:
-        """Complex modes of the design point, one row each, with their errors.
-
-        Units are in ``attrs["units"]``; columns as those of the modes table of a study. A meshed
-        model is reduced first, once for each structure: the cache keeps it.
-
-        Parameters
-        ----------
-        band : (float, float) or None
-            Lowest and highest frequency [Hz]; by default that of study files.
-
-        Raises
-        ------
-        ResultsError
-            Where the design point has no working point.
-        """
-        with faults.told(), tempfile.TemporaryDirectory() as folder:
-            found = run(self.study(band=band), Path(folder) / "results", jobs=1).modes
-        return found.drop(columns=[name for name in LEFT_OUT if name in found])
-
-    def component_modes(self, cutoff_hz: float = 8000.0) -> pd.DataFrame:
-        """Free-free modes of the components up to a frequency, as study files number them.
-
-        Columns ``component``, ``n_dof``, ``mode`` (from 1, rigid ones first), ``frequency_hz`` [Hz]
-        and ``rigid``. The model is meshed for this.
-        """
-        import numpy as np
-        import pandas as pd
-
-        from squealstudy.linalg.real_modes import real_modes, rigid_modes
-
-        defaults = self.definition.defaults()
-        options = {str(name): value for name, value in self.options["value"].items()}
-        values = defaults | {k: v for k, v in self.given.items() if k in defaults}
-        assembly = self.definition.build(options, values)
-        rows = []
-        for c in assembly.components:
-            omega, _ = real_modes(c.M, c.K, cutoff_hz)
-            rigid = rigid_modes(c.M, c.K, omega)
-            rows += [
-                (c.name, c.n_dof, j + 1, float(w / (2 * np.pi)), j < rigid)
-                for j, w in enumerate(omega)
-            ]
-        names = ["component", "n_dof", "mode", "frequency_hz", "rigid"]
-        table = pd.DataFrame(rows, columns=names)
-        table.attrs["units"] = {"n_dof": "", "mode": "", "frequency_hz": "Hz"}
-        return table
-
-
-def model(name: str, **values: Any) -> Model:
-    """A model of the catalogue: ``model("disc_brake", mesh="coarse", friction=0.4)``.
-
-    Parameters
-    ----------
-    name : str
-        One of `list_models`, or the path of a model file, which ends in ``.toml``.
-    **values
-        Parameters, SI units or with a unit, ``pressure="12 bar"``, and options; names with dots as
-        ``**{"contact.lambda": 1e6}``.
-
-    Raises
-    ------
-    SquealstudyError
-        An unknown model; a parameter that it does not have, or a value that it cannot take.
-    """
-    if name.endswith(MODEL_FILE):
-        from squealstudy.study.components import read_model  # imports scikit-fem
-
-        return Model(read_model(Path(name)), values)
-    if name == MATRICES:
-        raise SquealstudyError(f"model '{MATRICES}' is made of the files that its study names")
-    if name == OF_FILE:
-        raise SquealstudyError(f"model '{OF_FILE}' is what a model file describes: give its path")
-    if name not in MODELS:
-        raise SquealstudyError(
-            f"unknown model '{name}', expected {', '.join(model_names())}"
-            + did_you_mean(name, model_names())
-        )
-    return Model(MODELS[name], values)
-
-
-def list_models() -> dict[str, str]:
-    """Descriptions of the models by name."""
-    named = {m.name: m.description for m in MODELS.values()}
-    return named | {MATRICES: OF_MATRICES, OF_FILE: f"{OF_A_FILE}: its path in place of the name"}

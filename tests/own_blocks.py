@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from component_meshes import LINING, STEEL, box
 
-from squealstudy.models.components.facets import boundary
+from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.inp_writer import write_inp
 
 MODEL = """\

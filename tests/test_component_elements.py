@@ -12,20 +12,20 @@ from component_meshes import LINING, STEEL, box, rigid_shapes
 
 from squealstudy.errors import ModelError
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.catalogue.disc_brake.as_files import mesh_of_grid
 from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
-from squealstudy.models.components.assembly import (
+from squealstudy.models.components.checks import check_mesh
+from squealstudy.models.components.element_shapes import SHAPES
+from squealstudy.models.components.faces import boundary, facets
+from squealstudy.models.components.formulations import FORMULATIONS, integration
+from squealstudy.models.components.materials import Orientation, Orthotropic, moduli
+from squealstudy.models.components.mesh import ElementBlock, SolidMesh
+from squealstudy.models.components.mesh_matrices import (
     coefficients,
     mass_matrix,
     stiffness_matrix,
     stiffness_terms,
 )
-from squealstudy.models.components.checks import check_mesh
-from squealstudy.models.components.facets import boundary, facets
-from squealstudy.models.components.formulations import FORMULATIONS, integration
-from squealstudy.models.components.generated import mesh_of_grid
-from squealstudy.models.components.materials import Orientation, Orthotropic, moduli
-from squealstudy.models.components.mesh import ElementBlock, SolidMesh
-from squealstudy.models.components.shapes import SHAPES
 from squealstudy.models.fem.solid import FULL, Isotropic
 
 ALL = sorted(FORMULATIONS)

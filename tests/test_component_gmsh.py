@@ -10,12 +10,12 @@ import pytest
 from component_meshes import LINING, STEEL, rigid_shapes
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
 from squealstudy.models.components.checks import check_mesh
+from squealstudy.models.components.faces import facets
 from squealstudy.models.components.facet_geometry import Facets
-from squealstudy.models.components.facets import facets
 from squealstudy.models.components.gmsh import read_gmsh
 from squealstudy.models.components.inp import read_inp
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.models.components.pairs import pair
 
 MESHES = Path(__file__).parent / "meshes"

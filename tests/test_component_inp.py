@@ -12,15 +12,15 @@ from component_meshes import LINING, STEEL, box
 
 from squealstudy.errors import ModelError
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.catalogue.disc_brake.as_files import mesh_of_grid
 from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
-from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
 from squealstudy.models.components.checks import check_mesh
-from squealstudy.models.components.facets import boundary, facets
+from squealstudy.models.components.faces import boundary, facets
 from squealstudy.models.components.formulations import FORMULATIONS
-from squealstudy.models.components.generated import mesh_of_grid
 from squealstudy.models.components.inp import read_inp
 from squealstudy.models.components.inp_writer import number, write_inp
 from squealstudy.models.components.materials import Orientation, Orthotropic
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.models.fem.solid import FULL, Isotropic
 
 # a flat file in the manner of CalculiX: two cubes, odd blanks and capitals, Fortran's exponents

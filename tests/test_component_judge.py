@@ -18,11 +18,11 @@ from test_model_file import built
 
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.catalogue.disc_brake.as_files import mesh_of_grid
 from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
-from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
-from squealstudy.models.components.facets import boundary
+from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.formulations import FORMULATIONS
-from squealstudy.models.components.generated import mesh_of_grid
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 
 pytestmark = pytest.mark.skipif(
     CCX is None,

@@ -12,7 +12,7 @@ from study_runs import command
 from test_model_file import built, frequencies
 
 from squealstudy.errors import ModelError, StudyFileError
-from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.models.components.node_maps import FreedomsOf, read_map
 from squealstudy.models.matrices.files import read_component_matrix
 from squealstudy.models.matrices.labelled import LabelledMatrix

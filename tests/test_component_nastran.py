@@ -13,9 +13,9 @@ from test_model_file import built, frequencies
 
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ModelError
-from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
 from squealstudy.models.components.bodies import read_files
 from squealstudy.models.components.checks import check_mesh
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.models.components.nastran import SOLIDS, read_bdf
 from squealstudy.study.components import read_model
 from squealstudy.study.definition import load_study

@@ -29,12 +29,12 @@ from touching import (
 
 from squealstudy.errors import ModelError
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.catalogue.disc_brake.as_files import mesh_of_grid
 from squealstudy.models.catalogue.disc_brake.assemble import brake_faces
 from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
 from squealstudy.models.components.contact_rows import contact_rows
+from squealstudy.models.components.faces import facets
 from squealstudy.models.components.facet_geometry import Facets
-from squealstudy.models.components.facets import facets
-from squealstudy.models.components.generated import mesh_of_grid
 from squealstudy.models.components.pairs import pair
 from squealstudy.models.fem.sampling import facing_surface, sample_surface
 

@@ -16,11 +16,11 @@ from own_blocks import write_blocks
 from test_model_file import built, frequencies
 
 from squealstudy.errors import ModelError, StudyFileError
-from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
 from squealstudy.models.components.checks import check_mesh
 from squealstudy.models.components.expansion import expanded
 from squealstudy.models.components.inp import read_inp
 from squealstudy.models.components.inp_writer import write_inp
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.study.components import inspected, read_model
 
 TIE = ("*TIE, NAME=GLUE", "UPPER, LOWER")

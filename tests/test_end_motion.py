@@ -8,8 +8,8 @@ import pyuff
 from own_blocks import write_blocks
 from study_runs import command, load_plan, solved
 
+from squealstudy.engine.mode_shapes import PointShapes
 from squealstudy.engine.results import Results
-from squealstudy.engine.shapes import PointShapes
 from squealstudy.engine.store import STATES
 from squealstudy.errors import ResultsError
 from squealstudy.shapes.names import name_of

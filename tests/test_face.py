@@ -149,7 +149,7 @@ def test_a_changed_model_leaves_the_first_as_it_is():
     assert len(sq.model("disc_brake", mesh="coarse").options) > 0
     own = model.component_modes(1e6)
     assert own["frequency_hz"].notna().all()
-    assert {"hulten", "disc_brake", "matrices"} <= set(sq.face.list_models())
+    assert {"hulten", "disc_brake", "matrices"} <= set(sq.list_models())
 
 
 @pytest.mark.parametrize(

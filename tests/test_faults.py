@@ -20,7 +20,7 @@ from study_runs import comparable, solved
 
 from squealstudy import faults
 from squealstudy.errors import ConvergenceError, MachineError, SquealstudyError
-from squealstudy.kinds.complex_modes import rows
+from squealstudy.kinds.complex_modes import stored_shapes
 from squealstudy.linalg import factor
 
 needs_limits = pytest.mark.skipif(sys.platform == "win32", reason="NOT TRIED HERE: needs ulimit")
@@ -97,7 +97,7 @@ def test_a_reader_that_is_gone_is_no_error(after: str) -> None:
 @needs_dev_full
 @pytest.mark.parametrize("buffer", [0, 4096])  # refused as it is written, as it is closed
 def test_shapes_leave_nothing_on_a_full_disk(folder: Path, buffer: int) -> None:
-    writer = rows._ShapeWriter(folder)
+    writer = stored_shapes.ShapeWriter(folder)
     writer._file.close()
     full = Path("/dev/full").open("wb", buffer)  # noqa: SIM115 - the writer closes it
     writer._file = full

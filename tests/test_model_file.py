@@ -19,11 +19,11 @@ from study_runs import solved
 import squealstudy as sq
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ModelError, StudyFileError
-from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
 from squealstudy.models.components.bodies import Brake, body_matrices
 from squealstudy.models.components.gmsh import read_gmsh
 from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.models.components.materials import Orthotropic
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.models.components.model_file import ModelFile
 from squealstudy.models.fem.solid import Isotropic
 from squealstudy.study.components import read_model

@@ -18,7 +18,7 @@ import pyuff
 from conftest import COARSE
 from study_runs import command, solved
 
-from squealstudy.engine import shapes as engine_shapes
+from squealstudy.engine import mode_shapes as engine_shapes
 from squealstudy.engine.cache import is_whole, prepared_path
 from squealstudy.engine.journal import JOURNAL
 from squealstudy.engine.mode_names import FILE, keep_track_names, track_names

@@ -13,7 +13,7 @@ from own_blocks import write_blocks
 from study_runs import command, load_plan, solved
 
 from squealstudy.errors import StudyFileError
-from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.models.components.stress_stiffness import stress_stiffness
 from squealstudy.study.components import read_model
 

@@ -16,8 +16,8 @@ from test_model_file import built, frequencies
 
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import StudyFileError
-from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
 from squealstudy.models.components.inp_writer import write_inp
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.study.components import inspected, read_model
 from squealstudy.study.definition import load_study
 

@@ -22,7 +22,7 @@ from squealstudy.engine.structures import (
 )
 from squealstudy.engine.template import methods_schema, study_schema
 from squealstudy.engine.validity import parameter_reasons, points_by_rule
-from squealstudy.engine.worker_count import worker_count
+from squealstudy.engine.workers import worker_count
 from squealstudy.errors import SquealstudyError
 from squealstudy.face import Study
 from squealstudy.kinds.complex_modes.boundary import most_points

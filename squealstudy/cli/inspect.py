@@ -1,18 +1,31 @@
-"""What `squealstudy inspect` prints of a model file."""
+"""What `squealstudy inspect` prints and draws: a model file, or measured modes beside its own."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from rich.console import RenderableType
 
+from squealstudy.engine.pictures import save_figure
+from squealstudy.errors import ModelError
 from squealstudy.faults import named
 from squealstudy.models.components.definition import FileDefinition
-from squealstudy.models.components.facets import boundary, facet_groups, facets
+from squealstudy.models.components.faces import boundary, facet_groups, facets
 from squealstudy.models.components.geometry import Geometry
 from squealstudy.models.components.inspection import Inspection
-from squealstudy.screen import Rows
+from squealstudy.plots.style import finish, head, new_figure
+from squealstudy.screen import Rows, facts, grid, show, warning
 from squealstudy.shapes.assembled import Body, draw_assembly, eight
+from squealstudy.shapes.correlation import LEAST, Correlation, correlated
+from squealstudy.shapes.measured import Measured, read_measured
+from squealstudy.study.components import free_component, read_model
+from squealstudy.study.units import in_unit_of
+from squealstudy.wording import figure, listed, plural
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def shown(model: FileDefinition, found: Inspection) -> tuple[Rows, Rows]:
@@ -48,3 +61,180 @@ def draw(geometry: Geometry, path: Path) -> None:
         axis = geometry.rotation.direction
     with named(path):
         draw_assembly(bodies, axis).savefig(path, dpi=120)
+
+
+NEAR = 0.02  # of the part's largest side: distance of a measured point and its node
+FREE = 6  # rigid modes of a free part
+WRITTEN = 12  # modes up to which a picture has room for figures
+
+
+def inspected(
+    model: Path,
+    component: str,
+    path: Path,
+    unit: str,
+    tolerance: str | None,
+    picture: Path | None,
+) -> bool:
+    """Show measured modes beside computed ones, and draw them; whether something is in doubt."""
+    found = compared(read_model(model), component, path, unit, tolerance)
+    show(*told(*found))
+    if picture is not None:
+        save_figure(drawn(*found, f"{component}: {path.name}"), picture)
+        show(f"\npicture: {picture}")
+    in_doubt = doubts(*found)
+    for text in in_doubt:
+        warning(text)
+    return bool(in_doubt)
+
+
+def compared(
+    model: FileDefinition, component: str, path: Path, unit: str, tolerance: str | None
+) -> tuple[Measured, Correlation]:
+    """Measured modes of a file beside those of a free component at its defaults.
+
+    Parameters
+    ----------
+    model : FileDefinition
+    component : str
+    path : Path
+        Universal file.
+    unit : str
+        Of its lengths, where it does not say.
+    tolerance : str or None
+        Distance with its unit; by default NEAR of the largest side.
+
+    Raises
+    ------
+    StudyFileError, ModelError
+        As `free_component`, `read_measured` and `correlated`; a unit of another kind.
+    """
+    body, (K, M), placement = free_component(model, component)
+    measured = read_measured(path, _length(f"1 {unit}", "--unit"))
+    near = NEAR * float(np.ptp(body.nodes, axis=0).max())
+    if tolerance is not None:
+        near = _length(tolerance, "--tolerance")
+    return measured, correlated(measured, K, M, body.nodes, body.expansion.E, placement, near)
+
+
+def _length(text: str, option: str) -> float:
+    """A length in m."""
+    try:
+        value = in_unit_of(text, "m")
+    except ValueError as error:
+        raise ModelError(f"{option} {error}") from None
+    if not value > 0:
+        raise ModelError(f"{option}: expected a positive length, got '{text}'")
+    return value
+
+
+def told(measured: Measured, found: Correlation) -> list[RenderableType]:
+    """The table of pairs, and what was compared."""
+    partner = dict(found.pairs)
+    rows = [_row(measured, found, k, partner.get(k)) for k in range(len(measured.frequency_hz))]
+    titles = ("measured", "Hz", "damping %", "computed", "Hz", "difference %", "MAC")
+    used, seen = found.used, measured.seen[found.used]
+    far = np.flatnonzero(~used)
+    where = "in the assembly" if found.placed else "in its mesh's file"
+    text = f"{used.sum()} of {plural(len(used), 'point')} have a node of the part as it is {where}"
+    text += f", at most {1e3 * found.distance[used].max():.3g} mm away; {seen.sum()} freedoms"
+    lines: Rows = [("compared", text)]
+    if len(far):
+        apart = 1e3 * found.distance[far]
+        lines.append(
+            ("no node for", f"{plural(len(far), 'point')}, {apart.min():.3g} mm away or more")
+        )
+    spare = _unpaired(found)
+    if spare:
+        lines.append(("not measured", "; ".join(spare)))
+    if measured.left_out:
+        lines.append(
+            ("not used", f"{plural(measured.left_out, 'dataset')} that are no mode shapes")
+        )
+    return [grid(*titles, rows=rows), "", facts(lines)]
+
+
+def _row(measured: Measured, found: Correlation, mode: int, group: int | None) -> list[str]:
+    hz, zeta = measured.frequency_hz[mode], measured.damping_ratio[mode]
+    first = [str(mode + 1), f"{hz:.1f}", figure(100 * zeta, ".3f")]
+    if group is None:
+        nearest = int(found.mac[mode].argmax())
+        text = f"{found.mac[mode, nearest]:.2f} at most, of {_name(found, nearest)}"
+        return [*first, "-", "-", "-", text]
+    own = found.frequency_hz[group]
+    off = f"{100 * (own / hz - 1):+.2f}" if hz > 0 else "-"
+    return [*first, _name(found, group), f"{own:.1f}", off, f"{found.mac[mode, group]:.3f}"]
+
+
+def _name(found: Correlation, group: int) -> str:
+    own = found.groups[group]
+    return f"{own[0]}-{own[-1]}" if len(own) > 1 else str(own[0])
+
+
+def _unpaired(found: Correlation) -> list[str]:
+    """Computed modes without a measured partner, in words."""
+    taken = [sum(j == g for _, j in found.pairs) for g in range(len(found.groups))]
+    return [
+        f"{_name(found, g)} at {found.frequency_hz[g]:.1f} Hz"
+        + (f" ({len(own) - count} of {len(own)})" if count > 0 else "")
+        for g, (own, count) in enumerate(zip(found.groups, taken, strict=True))
+        if count < len(own)
+    ]
+
+
+def doubts(measured: Measured, found: Correlation) -> list[str]:
+    """What should be looked at before the numbers are trusted."""
+    partner = dict(found.pairs)
+    lost = [str(k + 1) for k in range(len(measured.frequency_hz)) if k not in partner]
+    texts = []
+    if lost:
+        texts.append(
+            f"no computed mode has a MAC of {LEAST:g} with measured {', '.join(lost)}: another "
+            "part or placement, a support in the test, or directions that differ?"
+        )
+    if found.n_rigid != FREE:
+        texts.append(
+            f"the part has {plural(found.n_rigid, 'rigid mode')} of {FREE}: it is not free"
+        )
+    if found.alike:
+        i, j, value = max(found.alike, key=lambda row: row[2])
+        texts.append(
+            f"the measured points tell modes {_name(found, j)} and {_name(found, i)} apart badly "
+            f"(their MAC there is {value:.2f}): more points or directions are needed"
+        )
+    if not found.used.all():
+        far = [str(n) for n in measured.numbers[~found.used]]
+        texts.append(f"measured points without a node: {listed(far)}")
+    return texts
+
+
+def drawn(measured: Measured, found: Correlation, title: str) -> Figure:
+    """The matrix of MAC, a row a measured mode; pairs are framed."""
+    m, g = found.mac.shape
+    made = new_figure(min(2.6 + 0.55 * g, 14.0), min(2.0 + 0.42 * m, 10.0))
+    axes = made.add_subplot()
+    image = axes.imshow(found.mac, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+    made.colorbar(image, ax=axes, label="MAC", pad=0.02)
+    if max(m, g) <= WRITTEN:
+        for (i, j), value in np.ndenumerate(found.mac):
+            ink = "white" if value > 0.6 else "0.3"
+            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=8, color=ink)
+    for i, j in found.pairs:
+        axes.plot(
+            [j - 0.5, j + 0.5, j + 0.5, j - 0.5, j - 0.5],
+            [i - 0.5, i - 0.5, i + 0.5, i + 0.5, i - 0.5],
+            color="#D55E00",
+            linewidth=1.6,
+            clip_on=False,
+        )
+    names = [f"{_name(found, k)}\n{hz:.0f} Hz" for k, hz in enumerate(found.frequency_hz)]
+    axes.set_xticks(range(g), names, fontsize=8, rotation=0 if g <= WRITTEN else 90)
+    axes.set_yticks(
+        range(m),
+        [f"{k + 1}: {hz:.0f} Hz" for k, hz in enumerate(measured.frequency_hz)],
+        fontsize=8,
+    )
+    finish(axes, "Computed mode", "Measured mode")
+    axes.grid(False)
+    head(axes, title, "framed: pairs")
+    return made

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.face import Model
+from squealstudy.face_model import Model
 from squealstudy.models.matrices.expression import CONSTANTS, FUNCTIONS
 from squealstudy.models.matrices.files import READERS
 from squealstudy.screen import grid

@@ -9,10 +9,10 @@ import numpy as np
 
 from squealstudy.engine.files import write_text
 from squealstudy.engine.mode_names import keep_track_names, track_names
+from squealstudy.engine.mode_shapes import chosen_modes, point_shapes
 from squealstudy.engine.motion_shapes import EndMotion
 from squealstudy.engine.pictures import save_figure
 from squealstudy.engine.results import Results
-from squealstudy.engine.shapes import chosen_modes, point_shapes
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows
 from squealstudy.shapes.files import write_uff, write_vtu

@@ -9,7 +9,7 @@ from zipfile import BadZipFile
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.engine.shapes import PointShapes
+from squealstudy.engine.mode_shapes import PointShapes
 from squealstudy.engine.store import STATES
 from squealstudy.errors import ResultsError
 from squealstudy.motion.growing_modes import coordinates, mode_planes

@@ -22,9 +22,10 @@ from squealstudy.models.components.definition import NAME as OF_FILE
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
+from squealstudy.study.design_sections import SweepSection
 from squealstudy.study.kinds import definition_of, kind_named, kind_names, model_kind
 from squealstudy.study.parameters import did_you_mean
-from squealstudy.study.sections import StudyDefinition, SweepSection
+from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.toml_text import toml_key, toml_value
 
 WIDTH = 100

@@ -44,6 +44,9 @@ if TYPE_CHECKING:
     from squealstudy.engine.kind import Kind
 
 
+from squealstudy.machine import available_memory_mb
+from squealstudy.wording import in_digits, plural
+
 AHEAD = 3  # tasks a worker that are drawn: one at work, others wait for it to be free
 DIED = "worker_died"  # status of the points of a task that ends every worker that tries it
 TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
@@ -267,3 +270,28 @@ def solve_chunk(kind: Kind, task: Any) -> ChunkRows:
     table = pa.Table.from_pylist(list(found.rows), schema=kind.schema)
     wall_s = time.perf_counter() - started
     return ChunkRows(table, found.files, found.known, wall_s, peak_memory_mb())
+
+
+def worker_count(
+    jobs: int | None, found: Mapping[str, Any] | None, warn: Callable[[str], None]
+) -> int:
+    """Worker processes of a run: as many as were asked for, else as cores and memory allow.
+
+    A worker is taken to need what the largest of the earlier run needed whose manifest was `found`,
+    or what this process has taken so far. `warn` is told where memory
+    decides, or where more were asked for.
+    """
+    known = (found or {}).get("peak_memory_mb", {})
+    earlier = float(known.get("largest_worker", 0.0))
+    each, available, allowed = max(earlier, peak_memory_mb()), available_memory_mb(), cores()
+    fit = max(1, int(available / each))
+    short = f"each needs about {in_digits(each)} MB, and {in_digits(available)} MB are left"
+    if jobs is None:
+        if fit < allowed:
+            warn(f"{plural(fit, 'worker')} on {plural(allowed, 'core')}: {short}")
+        return min(allowed, fit)
+    if jobs > allowed:
+        warn(f"--jobs {jobs}: more workers than the {plural(allowed, 'core')} are no faster")
+    if jobs > fit:
+        warn(f"--jobs {jobs}: {short}")
+    return jobs

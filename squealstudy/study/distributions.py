@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from squealstudy.study.sections import DistributionName, Scale
+from squealstudy.study.design_sections import DistributionName, Scale
 
 if TYPE_CHECKING:  # numpy and scipy only where something is sampled: files are read without
     import numpy as np

@@ -10,19 +10,11 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, model_validator
 
 from squealstudy.modes.rungs import AUTO, rung_names
+from squealstudy.study.design_sections import MOST_LEVELS, DesignSection, SweepSection
 from squealstudy.study.parameters import did_you_mean
-from squealstudy.study.section import Band, FloatList, NamedSection, NumberTable, Section
+from squealstudy.study.section import Band, NamedSection, NumberTable, Section
 from squealstudy.study.source import shown
 
-Scale = Literal["linear", "log"]
-DistributionName = Literal["uniform", "normal", "truncated_normal", "lognormal"]
-
-MOST_LEVELS = 1_000_000
-# of a design: a plan holds 8 bytes a sweep and 16 for the id of each point, some gigabytes then
-MOST_POINTS = 100_000_000
-MOST_REFINEMENTS = 10
-LARGEST_SEED = 2**32 - 1
-QUANTITY = ("number", "string")  # in the JSON Schema: a value of a parameter
 OF_FILE = "components"  # name of a model that a file describes
 # Hz; of other models the field's default
 BANDS = {"disc_brake": (500.0, 8000.0), OF_FILE: (500.0, 8000.0)}
@@ -153,108 +145,6 @@ class ModelSection(Section):
     def family_keys(self) -> tuple[str, ...]:
         """Keys given that only a family of matrices has."""
         return tuple(key for key in ("term", "folder") if key in self.model_fields_set)
-
-
-class SweepSection(Section):
-    """One parameter that varies: a list of values, or a range."""
-
-    parameter: str = Field(
-        description="a parameter of the model, or <component>.modes[12-14].frequency_scale, "
-        "<component>.modes[3,7].damping_ratio"
-    )
-    values: FloatList | None = Field(
-        default=None,
-        description='the values, SI units or texts like "12 bar"; grid and zip only',
-        json_schema_extra={"minItems": 1, "items": {"type": list(QUANTITY)}},
-    )
-    start: float | None = Field(
-        default=None,
-        description='first value of a range, SI units or a text like "12 bar"',
-        json_schema_extra={"type": list(QUANTITY)},
-    )
-    stop: float | None = Field(
-        default=None,
-        description="last value of a range, as start",
-        json_schema_extra={"type": list(QUANTITY)},
-    )
-    num: int | None = Field(
-        default=None,
-        ge=1,
-        le=MOST_LEVELS,
-        description="number of values from start to stop, both in",
-    )
-    scale: Scale = Field(default="linear", description="spacing of the values from start to stop")
-    distribution: DistributionName = Field(
-        default="uniform",
-        description="of random designs: uniform from start to stop (or in the logarithm), normal "
-        "(mean, std), truncated_normal (mean, std, start, stop), lognormal (median, sigma)",
-    )
-    mean: float | None = Field(
-        default=None,
-        description="of a normal distribution, as start",
-        json_schema_extra={"type": list(QUANTITY)},
-    )
-    std: float | None = Field(
-        default=None,
-        gt=0,
-        description="standard deviation of a normal distribution, as start",
-        json_schema_extra={"type": list(QUANTITY)},
-    )
-    median: float | None = Field(
-        default=None,
-        gt=0,
-        description="of a lognormal distribution, as start",
-        json_schema_extra={"type": list(QUANTITY)},
-    )
-    sigma: float | None = Field(
-        default=None,
-        gt=0,
-        description="standard deviation of the natural logarithm (lognormal): about the relative "
-        "scatter",
-    )
-
-
-DesignType = Literal["grid", "zip", "sobol", "latin_hypercube", "sobol_indices", "boundary"]
-
-
-def _design_type(name: object) -> object:
-    """The name that SALib and older descriptions use is told apart from a typing error."""
-    if name == "saltelli":
-        raise ValueError("the sample of Saltelli et al. is named 'sobol_indices' here")
-    return name
-
-
-class DesignSection(Section):
-    """How the sweeps are put together to design points."""
-
-    type: Annotated[DesignType, BeforeValidator(_design_type)] = Field(
-        default="grid",
-        description="all combinations, values side by side, points that fill the ranges, the "
-        "sample of Sobol indices, or a grid that is refined where stability changes",
-    )
-    samples: int | None = Field(
-        default=None,
-        ge=1,
-        le=MOST_POINTS,
-        description="number of points (sobol and latin_hypercube); of sobol_indices the base "
-        "points, a power of two: there are samples x (sweeps + 2) design points",
-    )
-    seed: int = Field(
-        default=0,
-        ge=0,
-        le=LARGEST_SEED,
-        description="of the random numbers (sobol, latin_hypercube, sobol_indices)",
-    )
-    levels: int = Field(
-        default=3,
-        ge=1,
-        le=MOST_REFINEMENTS,
-        description="how often a cell of a boundary design may be halved: its map is as fine as a "
-        "grid of (num - 1) 2^levels + 1 values a sweep",
-    )
-    limit: int = Field(
-        default=20_000, ge=1, le=10**9, description="more points than this need the option --yes"
-    )
 
 
 def _rung(name: str) -> str:

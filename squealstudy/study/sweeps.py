@@ -9,16 +9,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from squealstudy.errors import ParameterError, StudyFileError
+from squealstudy.study.design_sections import MOST_POINTS, DesignSection, Scale, SweepSection
 from squealstudy.study.distributions import KEYS, TAIL, UNIFORM, Distribution
 from squealstudy.study.kinds import model_kind
 from squealstudy.study.parameters import StudyParameter, parse_parameter
-from squealstudy.study.sections import (
-    MOST_POINTS,
-    DesignSection,
-    Scale,
-    StudyDefinition,
-    SweepSection,
-)
+from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import KeyPath
 

@@ -28,11 +28,15 @@ from calculix import AXES, CCX, apart, judged, ragged
 from component_meshes import LINING, STEEL, box
 from test_component_elements import cantilever
 
-from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix, stiffness_terms
 from squealstudy.models.components.checks import check_mesh
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp import read_inp
 from squealstudy.models.components.inp_writer import write_inp
+from squealstudy.models.components.mesh_matrices import (
+    mass_matrix,
+    stiffness_matrix,
+    stiffness_terms,
+)
 
 CELLS = [(5, 2, 2), (10, 2, 2), (20, 2, 2)]
 

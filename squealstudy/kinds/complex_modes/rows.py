@@ -6,22 +6,17 @@ over all modes of all points.
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from io import FileIO
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from squealstudy.engine.files import temporary_name
 from squealstudy.engine.rows import HEAD, WORKING_POINT_FIELDS, head, working_point_cells
 from squealstudy.engine.store import INACCURATE, Store
-from squealstudy.faults import named
+from squealstudy.kinds.complex_modes.stored_shapes import SHAPES, ShapeFile, ShapeWriter
 from squealstudy.modes.point import PointModes
 from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.root_pairs import LIGHT_DAMPING
@@ -39,7 +34,6 @@ MODE_FIELDS = (
     ("error_rung", pa.list_(pa.float64())),  # 1/s; NaN where it is not estimated
     ("energies", pa.list_(pa.float64())),  # (m, components + 1) by rows; may be empty
 )
-SHAPES = "shapes"  # (m, k) complex64 by rows
 SCHEMA = pa.schema(
     [pa.field(n, t, nullable=False) for n, t in (*POINT_FIELDS, *MODE_FIELDS)]
     + [pa.field(SHAPES, pa.binary(), nullable=False)]
@@ -187,69 +181,6 @@ def unstable_roots(lam: np.ndarray, tolerance: float) -> np.ndarray:
     return lam[damping_ratios(lam) < -tolerance]
 
 
-ITEM = np.dtype(np.complex64).itemsize
-IN_MEMORY = 2**27  # bytes of shapes that are held at once
-
-
-@dataclass(frozen=True)
-class ShapeFile:
-    """Shapes of all points in one file, read as they are asked for: they may exceed the memory.
-
-    Attributes
-    ----------
-    path : Path
-    offset, size : ndarray (n,) of int
-        Place of each point's shapes in the file, bytes.
-    count : ndarray (n,) of int
-        Modes of each point.
-    """
-
-    path: Path
-    offset: np.ndarray
-    size: np.ndarray
-    count: np.ndarray
-
-    def read(self, point: int) -> np.ndarray:
-        """Shapes (m, k) complex64 of a point."""
-        count = int(self.count[point])
-        if not count:
-            return np.zeros((0, 1), dtype=np.complex64)
-        return self.stack(np.array([point]), count)[0]
-
-    def width(self, points: np.ndarray) -> np.ndarray:
-        """Coordinates k of a shape of each of some points with modes (r,)."""
-        coordinates: np.ndarray = self.size[points] // (ITEM * self.count[points])
-        return coordinates
-
-    def stack(self, points: np.ndarray, count: int) -> np.ndarray:
-        """First `count` shapes (r, count, k) complex64 of points, all of as many coordinates."""
-        k = int(self.width(points[:1])[0])
-        if self._held is not None:
-            start = self.offset[points] // ITEM
-            return self._held[start[:, None] + np.arange(count * k)].reshape(-1, count, k)
-        found = np.empty((len(points), count, k), dtype=np.complex64)
-        for row, offset in zip(found, self.offset[points].tolist(), strict=True):
-            self._file.seek(offset)
-            self._file.readinto(row.view(np.uint8).data)
-        return found
-
-    @cached_property
-    def _held(self) -> np.ndarray | None:
-        """All of a small file."""
-        small = self.path.stat().st_size <= IN_MEMORY
-        return np.fromfile(self.path, np.complex64) if small else None
-
-    @cached_property
-    def _file(self) -> FileIO:
-        return FileIO(self.path)
-
-    def remove(self) -> None:
-        """Delete the file of shapes."""
-        if "_file" in self.__dict__:
-            self._file.close()
-        self.path.unlink(missing_ok=True)
-
-
 @dataclass(frozen=True)
 class ModeColumns:
     """Findings of the points of a study, in the order of its design.
@@ -315,7 +246,7 @@ def read_columns(
     """
     names = [name for name, _ in (*POINT_FIELDS, *MODE_FIELDS)]
     found: dict[str, list[pa.Array]] = {name: [] for name in names}
-    writer = _ShapeWriter(store.directory) if shapes else None
+    writer = ShapeWriter(store.directory) if shapes else None
     for table in store.chunks(SCHEMA, None if shapes else names):
         for name, parts in found.items():
             parts += table[name].chunks
@@ -398,46 +329,3 @@ def _judged(
         changed = pc.replace_with_mask(column, pa.array(inaccurate), pa.array(texts, pa.string()))
         points = points.set_column(number, points.schema.field(number), changed)
     return points
-
-
-class _ShapeWriter:
-    """Puts the shapes of chunk files one after the other."""
-
-    def __init__(self, directory: Path) -> None:
-        self._path = temporary_name(directory / SHAPES)
-        self._file = self._path.open("wb")
-        self._sizes = [np.zeros(0, dtype=np.int32)]
-
-    def write(self, column: pa.ChunkedArray) -> None:
-        """Append the bytes of a binary column as they stand."""
-        with self._whole_or_gone():
-            for part in column.chunks:
-                _, ends, values = part.buffers()
-                places = np.frombuffer(ends, np.int32)[part.offset : part.offset + len(part) + 1]
-                self._sizes.append(np.diff(places))
-                if len(part):
-                    self._file.write(values[int(places[0]) : int(places[-1])])
-
-    def discard(self) -> None:
-        """Close the unfinished file and delete it."""
-        with contextlib.suppress(OSError):  # a full disk refuses what is left to write
-            self._file.close()
-        self._path.unlink()
-
-    @contextlib.contextmanager
-    def _whole_or_gone(self) -> Iterator[None]:
-        """Leave no part of the file on a disk that is full."""
-        try:
-            with named(self._path.parent):
-                yield
-        except OSError:
-            self.discard()
-            raise
-
-    def close(self, order: np.ndarray, counts: np.ndarray) -> ShapeFile:
-        """The file, its points in `order`, each with its number of modes."""
-        with self._whole_or_gone():
-            self._file.close()
-        size = np.concatenate(self._sizes).astype(np.int64)
-        offset = np.cumsum(size) - size
-        return ShapeFile(path=self._path, offset=offset[order], size=size[order], count=counts)

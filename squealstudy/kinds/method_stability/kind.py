@@ -20,8 +20,7 @@ from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.method_stability.section import MethodStabilityDefinition
 from squealstudy.kinds.methods import MethodsFile, MethodsPlan, Run, Runs
-from squealstudy.laboratory.method_stability.cases import CASES
-from squealstudy.laboratory.method_stability.contract import StabilityCase, checked
+from squealstudy.laboratory.method_stability.contract import StabilityCase, checked, known_cases
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.source import SourceText, validate
 from squealstudy.tables.method_quality import agreement
@@ -143,13 +142,14 @@ class MethodStability(Kind):
 def _checked(study: StabilityFile) -> tuple[StabilityCase, tuple[str, str], tuple[np.ndarray, ...]]:
     """Case, names and values of both knobs; StudyFileError for what they cannot be."""
     section, given = study.definition.method_stability, study.definition.knob
-    if section.case not in CASES:
-        hint = did_you_mean(section.case, CASES)
-        text = f"expected one of {', '.join(CASES)}, got '{section.case}'{hint}"
+    known = known_cases()
+    if section.case not in known:
+        hint = did_you_mean(section.case, known)
+        text = f"expected one of {', '.join(known)}, got '{section.case}'{hint}"
         raise study.error(("method_stability", "case"), text)
     if len(given) != 2:
         raise study.error(("knob",), f"expected two [[knob]] tables, got {len(given)}")
-    case, (first, second) = CASES[section.case], (k.name for k in given)
+    case, (first, second) = known[section.case], (k.name for k in given)
     if first == second:
         raise study.error(("knob", 1, "name"), f"'{second}' is both axes")
     axes = tuple(k.axis() for k in given)
@@ -177,7 +177,7 @@ def _row(task: LineTask, cell: Run) -> dict[str, Any]:
     started = time.perf_counter()
     place = {axis: cell.content[name] for axis, name in zip("xy", task.knobs, strict=True)}
     try:
-        found, status, message = asdict(CASES[task.case].evaluate(cell.content)), "ok", ""
+        found, status, message = asdict(known_cases()[task.case].evaluate(cell.content)), "ok", ""
     except FAILURES as error:
         found, (status, message) = NOTHING, reason(error)
     wall = time.perf_counter() - started

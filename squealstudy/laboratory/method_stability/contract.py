@@ -1,9 +1,12 @@
-"""What the cases of a method-stability study share: knobs, cells, outcome classes."""
+"""Method-stability cases: which there are, and what they share: knobs, cells, outcome classes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
 
 import numpy as np
 
@@ -93,7 +96,7 @@ class StabilityCase:
     Attributes
     ----------
     name : str
-        Key in `CASES`.
+        Key in `known_cases`.
     title : str
         One line for tables and pictures.
     boundary : str
@@ -138,3 +141,12 @@ def checked(knobs: Mapping[str, Knob], values: Mapping[str, float]) -> dict[str,
                 name, f"must be from {knob.low:g} to {knob.high:g} {knob.unit}, got {value:g}"
             )
     return {name: float(values.get(name, knob.default)) for name, knob in knobs.items()}
+
+
+@cache
+def known_cases() -> Mapping[str, StabilityCase]:
+    """All cases by name: those of the files of this folder."""
+    folder = import_module(__package__)
+    names = [found.name for found in iter_modules(folder.__path__, f"{folder.__name__}.")]
+    values = [value for name in names for value in vars(import_module(name)).values()]
+    return {case.name: case for case in values if isinstance(case, StabilityCase)}

@@ -12,7 +12,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.assembly import mass_matrix, stiffness_matrix
 from squealstudy.models.components.bulk_cards import included
 from squealstudy.models.components.checks import check_mesh
 from squealstudy.models.components.dimensions import DENSITY, LENGTH, STRESS
@@ -22,6 +21,7 @@ from squealstudy.models.components.file_matrices import Matrices, placed_matrice
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.materials import Elastic, Orientation, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.models.components.model_file import (
     KeyPath,
     ModelFile,

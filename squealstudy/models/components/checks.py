@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.models.components.facets import boundary, shared_too_often
+from squealstudy.models.components.faces import boundary, shared_too_often
 from squealstudy.models.components.formulations import integration
 from squealstudy.models.components.jacobians import CHUNK, jacobians
 from squealstudy.models.components.mesh import SolidMesh

@@ -18,8 +18,8 @@ from scipy.sparse.linalg import splu
 from squealstudy.errors import ModelError
 from squealstudy.kernels.facets import MOST, feet
 from squealstudy.models.components.constraints import Coupling, Tie
+from squealstudy.models.components.faces import facet_groups
 from squealstudy.models.components.facet_geometry import Facets
-from squealstudy.models.components.facets import facet_groups
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
 TOLERANCE = 0.05  # of the master's mean facet: how far a tied node may be off, as in Abaqus

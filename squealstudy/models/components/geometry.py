@@ -13,8 +13,8 @@ from squealstudy.models.assembly import Rotors
 from squealstudy.models.components.bodies import Brake, body_of
 from squealstudy.models.components.contact_rows import Rotation, sliding
 from squealstudy.models.components.dimensions import LENGTH
+from squealstudy.models.components.faces import facets
 from squealstudy.models.components.facet_geometry import Facets
-from squealstudy.models.components.facets import facets
 from squealstudy.models.components.mesh import has_name
 from squealstudy.models.components.model_file import GROUND, KeyPath, PlacedError
 from squealstudy.models.components.pairs import Pair, pair

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.facets import faces_with_corners
+from squealstudy.models.components.faces import faces_with_corners
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 

@@ -14,9 +14,9 @@ from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Card, read_cards
 from squealstudy.models.components.inp_component import READ, Component, Text, passed
 from squealstudy.models.components.inp_couplings import KEYWORDS
-from squealstudy.models.components.inp_faces import FACES, NODES
 from squealstudy.models.components.inp_keywords import ELEMENTS, PASSED_OVER, REFUSED
 from squealstudy.models.components.inp_materials import MaterialText
+from squealstudy.models.components.marked_faces import FACES, NODES
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
 Dialect = Literal["abaqus", "calculix"]

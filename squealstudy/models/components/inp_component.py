@@ -8,15 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from squealstudy.models.components.facets import boundary
+from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import WHOLE, Card, Line
 from squealstudy.models.components.inp_couplings import KEYWORDS, Couplings, Where
-from squealstudy.models.components.inp_faces import FACES, NODES, MarkedFaces
 from squealstudy.models.components.inp_keywords import ELEMENTS
-from squealstudy.models.components.inp_materials import MaterialText
-from squealstudy.models.components.inp_sections import with_sections
+from squealstudy.models.components.inp_materials import MaterialText, with_sections
 from squealstudy.models.components.inp_sets import NOTHING, Sets
+from squealstudy.models.components.marked_faces import FACES, NODES, MarkedFaces
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 
 NODE = ("NSET", "INPUT")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.models.components.constraints import NO_FACES, Constraint, Coupling, Tie
-from squealstudy.models.components.facets import facet_groups
+from squealstudy.models.components.faces import facet_groups
 from squealstudy.models.components.inp_cards import WHOLE, Card, Line
 from squealstudy.models.components.inp_sets import Sets
 from squealstudy.models.components.mesh import SolidMesh, has_name

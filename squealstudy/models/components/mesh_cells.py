@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.models.cells import CellBlock, ComponentCells
-from squealstudy.models.components.assembly import element_stiffnesses
 from squealstudy.models.components.formulations import integration
 from squealstudy.models.components.jacobians import jacobians
 from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.mesh_matrices import element_stiffnesses
 
 
 @dataclass(frozen=True)

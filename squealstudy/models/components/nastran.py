@@ -13,11 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.bulk_cards import BulkCard, read_bulk
+from squealstudy.models.components.bulk_cards import BulkCard, Systems, read_bulk
 from squealstudy.models.components.constraints import Constraint, Coupling
-from squealstudy.models.components.coordinate_systems import Systems
 from squealstudy.models.components.formulations import FORMULATIONS
-from squealstudy.models.components.inp_faces import FACES, MarkedFaces
+from squealstudy.models.components.marked_faces import FACES, MarkedFaces
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 from squealstudy.models.fem.solid import Isotropic
 

@@ -16,7 +16,7 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.opposite import Opposite, gauss_points, near_facets, survey
-from squealstudy.models.components.segments import Segments, segment_means
+from squealstudy.models.components.segment_points import Segments, segment_means
 from squealstudy.models.fem.sampling import Surface
 
 QUADRATURES = ("clipped", "gauss")

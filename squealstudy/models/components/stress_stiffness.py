@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.models.components.assembly import (
+from squealstudy.models.components.formulations import integration
+from squealstudy.models.components.jacobians import jacobians
+from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.mesh_matrices import (
     STRAINS,
     ElementPart,
     NodeSums,
@@ -17,9 +20,6 @@ from squealstudy.models.components.assembly import (
     strain_rows,
     used_materials,
 )
-from squealstudy.models.components.formulations import integration
-from squealstudy.models.components.jacobians import jacobians
-from squealstudy.models.components.mesh import SolidMesh
 
 
 def stress_stiffness(mesh: SolidMesh, u: np.ndarray) -> sp.csr_matrix:

@@ -10,8 +10,7 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.models.matrices.entries import Refusal, symmetric_of_pairs
-from squealstudy.models.matrices.text import TextFile, shortened
-from squealstudy.models.matrices.text_table import read_table
+from squealstudy.models.matrices.text import TextFile, read_table, shortened
 
 PLACES = ("row node", "row direction", "column node", "column direction")
 HELD = 1e30  # Abaqus writes 1e36 on the diagonal where a boundary condition holds

@@ -14,8 +14,7 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.models.matrices.entries import Symmetry, check_size, matrix_of_entries
-from squealstudy.models.matrices.text import TextFile, shortened
-from squealstudy.models.matrices.text_table import read_table
+from squealstudy.models.matrices.text import TextFile, read_table, shortened
 
 BANNER = re.compile(r"%%?matrixmarket\s+matrix\s+(\S+)\s+(\S+)\s+(\S+)\s*", re.IGNORECASE)
 PLACES = {"coordinate": ("row", "column"), "array": ()}  # on each line, before its value

@@ -1,10 +1,10 @@
-"""Plane elements of keyword files that only mark faces of solids, as gmsh writes its groups."""
+"""Plane elements of files that only mark faces of solids, as gmsh writes its groups."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.models.components.facets import faces_with_corners
+from squealstudy.models.components.faces import faces_with_corners
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
 FACES = "faces"  # what treat_as calls them

@@ -1,0 +1,102 @@
+"""Commands on models and kernels; the work is imported when one runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from squealstudy.cli.options import (
+    FAULT,
+)
+
+
+def inspect(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="Model file (TOML).")],
+    picture: Annotated[
+        Path | None, typer.Option("--picture", "-p", help="Picture to draw, .png or .svg.")
+    ] = None,
+    measured: Annotated[
+        Path | None,
+        typer.Option(
+            help="Universal file with measured modes of a free component, to be compared with its "
+            "own: pairs with MAC and frequency; the picture is then the matrix of MAC."
+        ),
+    ] = None,
+    component: Annotated[str | None, typer.Option(help="Which component was measured.")] = None,
+    unit: Annotated[str, typer.Option(help="Of lengths measured, where the file has none.")] = "m",
+    tolerance: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LENGTH",
+            help="How far a measured point may be from its node, as '3 mm'; default 2 % of the "
+            "component's length.",
+        ),
+    ] = None,
+) -> None:
+    """What a model file was understood as: parts, contact, rotation, loads, and doubts.
+
+    Exit code 1 where something is in doubt.
+    """
+    if (measured is None) != (component is None):
+        raise typer.BadParameter("--measured needs --component, and --component --measured")
+    if measured is not None and component is not None:
+        from squealstudy.cli.inspect import inspected as compared
+
+        if compared(model, component, measured, unit, tolerance, picture):
+            raise typer.Exit(FAULT)
+        return
+    from squealstudy import screen
+    from squealstudy.cli.inspect import shown
+    from squealstudy.study.components import inspected, read_model
+
+    read = read_model(model)
+    found, geometry = inspected(read)
+    facts, parameters = shown(read, found)
+    screen.show(screen.facts(facts))
+    if parameters:
+        screen.show("\nparameters", screen.facts(parameters))
+    if picture is not None:
+        from squealstudy.cli.inspect import draw
+
+        draw(geometry, picture)
+        screen.show(f"\npicture: {picture}")
+    for text in found.doubts:
+        screen.warning(text)
+    if found.doubts:
+        raise typer.Exit(FAULT)
+
+
+def models(
+    name: Annotated[str | None, typer.Argument(help="Model to describe.")] = None,
+    modes: Annotated[
+        bool, typer.Option(help="Build the model and list its components' free-free modes.")
+    ] = True,
+) -> None:
+    """List models, or one model's parameters with units and defaults, components and modes."""
+    from squealstudy import face_model, screen
+    from squealstudy.cli.models import CONTRACT, described
+    from squealstudy.models.matrices.family import NAME as MATRICES
+
+    listed = face_model.list_models()
+    if name is None:
+        screen.show(screen.facts(listed.items()))
+        screen.show("\nsquealstudy models NAME lists parameters, components and modes.")
+    elif name == MATRICES:
+        screen.show(f"{MATRICES}: {listed[MATRICES]}\n\n{CONTRACT}")
+    else:
+        screen.show(*described(face_model.model(name), modes))
+
+
+def warmup(
+    single: Annotated[bool, typer.Option("--single", help="Single-precision storage too.")] = False,
+) -> None:
+    """Compile the kernels of transient studies once, into the cache."""
+    from squealstudy import screen
+    from squealstudy.kernels.jit import compiled_directory
+    from squealstudy.motion.warmup import warm_kernels
+
+    seconds = warm_kernels(single)
+    text = f"ready after {seconds:.1f} s, in {compiled_directory()}"
+    screen.show(screen.facts([("kernels", text)]))

@@ -1,0 +1,168 @@
+"""Commands on results directories; the work is imported when one runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from squealstudy.cli.options import (
+    By,
+    Csv,
+    ResultsPath,
+    Top,
+    Where,
+)
+
+
+def rank(
+    results: ResultsPath,
+    by: By = "share",
+    top: Top = None,
+    where: Where = None,
+    csv: Csv = False,
+    names: Annotated[
+        bool,
+        typer.Option(
+            "--names",
+            help="Name each mode by its shape (nodal diameters, component modes, rigid pads); the "
+            "first time a structure is expanded for it.",
+        ),
+    ] = False,
+    why: Annotated[
+        bool,
+        typer.Option(
+            "--why",
+            help="Split the growth of each mode, where it grows fastest, into friction by pad and "
+            "damping by component and layer.",
+        ),
+    ] = False,
+) -> None:
+    """Which modes are unstable: how widely, how strongly, from where on, in which component."""
+    from squealstudy import face, screen
+    from squealstudy.cli.run import outside
+
+    found = face.open_results(results)
+    if names or why:
+        from squealstudy.cli.shape import names as named
+        from squealstudy.cli.shape import reasons
+        from squealstudy.engine.kind import LISTED
+        from squealstudy.paths import usable_cache
+
+        with usable_cache(screen.warning):
+            tracks = found.rank(by, top or LISTED, where)["track"]
+            told = (reasons if why else named)(found, tracks)
+        screen.show(screen.facts(told))
+        return
+    if csv:
+        screen.show_csv(found.rank(by, top, where))
+        return
+    screen.show(*found.screen.ranking(found, by, top, where))
+    screen.show(*outside(found, "of the whole study: " if where else ""))
+
+
+def robust(
+    results: ResultsPath,
+    top: Top = None,
+    csv: Csv = False,
+    indices: Annotated[
+        bool, typer.Option("--indices", help="Print the Sobol indices alone.")
+    ] = False,
+) -> None:
+    """Probability of instability of a random design, and its Sobol indices."""
+    from squealstudy import face, screen
+    from squealstudy.cli.run import outside
+    from squealstudy.engine.kind import LISTED
+    from squealstudy.kinds.complex_modes import random_screen
+    from squealstudy.study.sweeps import SOBOL_INDICES
+
+    found = face.open_results(results)
+    if csv:
+        screen.show_csv(found.sobol_indices(top) if indices else found.robust())
+        return
+    kept, sampled, names = top or LISTED, found.design == SOBOL_INDICES, found.track_names
+    if not indices:
+        table = found.robust().iloc[: kept + 1]
+        screen.show(*random_screen.probabilities(table, sampled, names))
+        screen.show(*([""] if sampled else []))
+    if indices or sampled:
+        screen.show(*random_screen.indices(found.sobol_indices(kept), names))
+    screen.show(*outside(found))
+
+
+def plot(
+    results: ResultsPath,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Directory of the pictures.")
+    ] = None,
+) -> None:
+    """Draw every picture that the tables of the results allow."""
+    from squealstudy import face, screen
+
+    screen.show(*map(str, face.open_results(results).draw(output)))
+
+
+def shape(
+    results: ResultsPath,
+    point: Annotated[
+        str | None,
+        typer.Option(
+            help="Design point: its row of the points table, from 0, or its point_id. Default: "
+            "where the mode grows fastest."
+        ),
+    ] = None,
+    mode: Annotated[
+        str | None,
+        typer.Option(
+            help="Modes by their numbers at the point, as in the modes table (12 or 12,14), "
+            "'unstable' or 'all'. Default: the one that grows fastest."
+        ),
+    ] = None,
+    track: Annotated[
+        int | None, typer.Option(min=0, help="Instead: the mode by its number in 'rank'.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder; default RESULTS/shapes.")
+    ] = None,
+    picture: Annotated[bool, typer.Option(help="Write a picture (PNG) of each mode.")] = True,
+    page: Annotated[bool, typer.Option(help="Write a page (HTML) in which the modes move.")] = True,
+    vtu: Annotated[bool, typer.Option("--vtu", help="Write VTU and PVD for ParaView.")] = False,
+    uff: Annotated[
+        bool, typer.Option("--uff", help="Write universal files (15, 2412, 55).")
+    ] = False,
+) -> None:
+    """What modes, or ends of runs, look like: a picture, a page, files for other programs."""
+    from squealstudy import face, screen
+    from squealstudy.cli.shape import shapes
+    from squealstudy.paths import usable_cache
+
+    with usable_cache(screen.warning):
+        kinds = (picture, page, vtu, uff)
+        found = shapes(face.open_results(results), point, mode, track, output, kinds)
+    screen.show(screen.facts(found))
+
+
+def compare(
+    frequency: Annotated[Path, typer.Argument(metavar="FREQ_RESULTS", help="Complex modes.")],
+    time: Annotated[Path, typer.Argument(metavar="TIME_RESULTS", help="Transient results.")],
+    csv: Csv = False,
+) -> None:
+    """Predicted against fitted growth, and which predicted instabilities express themselves."""
+    from squealstudy import face, screen
+    from squealstudy.cli.compare import comparison
+    from squealstudy.cli.run import outside
+    from squealstudy.engine.comparison import in_order
+    from squealstudy.engine.manifest import outdated
+
+    found = in_order(face.open_results(frequency), face.open_results(time))
+    for results in found:
+        if text := outdated(results.directory, results.manifest):
+            screen.warning(f"{text}; run that study again")
+    table = found[0].compare(found[1])
+    if csv:
+        screen.show_csv(table)
+        return
+    screen.show(*comparison(table, found[0].track_names))
+    for name, results in zip(("frequency", "time"), found, strict=True):
+        screen.show(*outside(results, f"{name} study: "))

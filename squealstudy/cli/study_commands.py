@@ -1,0 +1,166 @@
+"""Commands on study files; the work is imported when one runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from squealstudy.cli.options import (
+    DONE,
+    FAULT,
+    Csv,
+    Jobs,
+    Output,
+    Scheduler,
+    StudyPath,
+)
+from squealstudy.errors import ResultsError
+
+
+def run(
+    study: StudyPath,
+    output: Output = None,
+    jobs: Jobs = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Accept a very large design.")] = False,
+    pictures: Annotated[bool, typer.Option(help="Draw the pictures at the end.")] = True,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Remove what the study wrote there, and begin anew.")
+    ] = False,
+    scheduler: Scheduler = None,
+) -> None:
+    """Run a study, or what is left of it; print the ranking and where the tables are."""
+    from squealstudy import face, screen
+    from squealstudy.cli.run import outside, summary
+
+    _expect_one_place(jobs, scheduler)
+    results = face.run(face.read_study(study), output, jobs, yes, screen.warning, fresh, scheduler)
+    screen.show(*results.screen.findings(results), *outside(results), "")
+    drawn = (results.drawn or results.draw()) if pictures else []
+    screen.show(screen.facts(summary(results, drawn)))
+
+
+def _expect_one_place(jobs: int | None, scheduler: str | None) -> None:
+    """Raise a usage error for workers of this machine and of a cluster."""
+    if jobs is not None and scheduler is not None:
+        raise typer.BadParameter("--jobs is of this machine, --scheduler of a cluster: give one")
+
+
+def check(
+    path: Annotated[
+        Path, typer.Argument(metavar="STUDY_OR_RESULTS", help="Study file or results directory.")
+    ],
+    output: Output = None,
+    jobs: Jobs = None,
+    build: Annotated[
+        bool, typer.Option("--build", help="Make and cache the first reduction, then time points.")
+    ] = False,
+    mesh_error: Annotated[
+        bool,
+        typer.Option(
+            "--mesh-error",
+            help="Solve the values of [parameters] on the study's mesh and on the next finer one, "
+            "and state how far modes differ.",
+        ),
+    ] = False,
+    scheduler: Scheduler = None,
+) -> None:
+    """Validate a study, count its points, estimate time and memory. Writes no results.
+
+    Of a results directory: what it holds and whether it is whole; exit code 1 where it is not.
+    """
+    from squealstudy import face, screen
+    from squealstudy.cli.check import check as checked
+    from squealstudy.cli.check_results import check_results
+    from squealstudy.paths import usable_cache
+
+    if path.is_dir():
+        held, whole = check_results(path)
+        screen.show(screen.facts(held))
+        raise typer.Exit(DONE if whole else FAULT)
+    _expect_one_place(jobs, scheduler)
+    with usable_cache(screen.warning):
+        found = checked(face.read_study(path), output, jobs, build, mesh_error, scheduler)
+    screen.show(screen.facts(found))
+
+
+def sensitivity(
+    path: Annotated[
+        Path, typer.Argument(metavar="STUDY_OR_RESULTS", help="Study file or results directory.")
+    ],
+    mode: Annotated[
+        float | None, typer.Option(min=0.0, help="Mode nearest this frequency, Hz.")
+    ] = None,
+    top: Annotated[int | None, typer.Option(min=1, help="Number of parameters listed.")] = 20,
+    csv: Csv = False,
+    jobs: Jobs = None,
+) -> None:
+    """Which component modes and parameters move the most unstable mode, beside a reanalysis."""
+    from squealstudy import face, screen
+    from squealstudy.cli.run import outside
+    from squealstudy.kinds.sensitivity.screen import sensitivities
+    from squealstudy.tables.sensitivity_ranking import (
+        mode_sensitivities,
+        rank_sensitivities,
+    )
+
+    if path.is_dir():
+        found = face.open_results(path)
+    else:
+        study = face.read_study(path).sensitivities()
+        found = face.run(study, jobs=jobs, warn=screen.warning)
+    if csv:
+        screen.show_csv(rank_sensitivities(mode_sensitivities(found.sensitivities, mode), top))
+        return
+    screen.show(*sensitivities(found, mode, top), *outside(found))
+
+
+def export(
+    study: StudyPath,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
+    jobs: Jobs = None,
+) -> None:
+    """Write the model at a study's [parameters] for other tools: reduced matrices (.npz, .mat).
+
+    The generated disc brake is written as a model file with its meshes, too.
+    """
+    from squealstudy import face, screen
+    from squealstudy.engine.export import GENERATED, export_model, export_reduced
+    from squealstudy.paths import usable_cache
+
+    plan = face.read_study(study).plan()
+    if output.exists() and not output.is_dir():
+        raise ResultsError(f"{output}: expected a folder to write to, found a file")
+    with usable_cache(screen.warning):
+        written = export_reduced(plan, output, jobs or 1, screen.warning)
+    if plan.study.model.name == GENERATED:
+        written += export_model(plan.study, output)
+    screen.show(screen.facts([("written", f"in {output}: {', '.join(p.name for p in written)}")]))
+
+
+def new(
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="Study file to write.")],
+    model: Annotated[str, typer.Option(help="Model; 'squealstudy models' lists them.")],
+    kind: Annotated[
+        str, typer.Option(help="complex_modes, transient or sensitivity.")
+    ] = "complex_modes",
+) -> None:
+    """Write a commented study file to start from: every key with its default and meaning."""
+    from squealstudy import screen
+    from squealstudy.engine.template import new_study
+
+    written = new_study(path, kind, model)
+    screen.show(f"{written}: now change it, then squealstudy check {written}")
+
+
+def schema(
+    kind: Annotated[
+        str | None, typer.Option(help="work_precision or method_stability, else study files.")
+    ] = None,
+) -> None:
+    """Print the JSON Schema of study files, for editors."""
+    from squealstudy import screen
+    from squealstudy.cli.check import schema as found
+
+    screen.write(found(kind) + "\n")

@@ -1,0 +1,215 @@
+"""Tables of a results directory as pandas frames with units, and the facts of its manifest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.engine.store import Store, column_units, onset_parameter
+from squealstudy.errors import ResultsError
+from squealstudy.study.kinds import screen_of
+
+if TYPE_CHECKING:
+    from squealstudy.engine.kind import KindScreen
+
+
+@dataclass(frozen=True)
+class ResultTables:
+    """The tables of a finished results directory, and what its manifest says of the study.
+
+    Attributes
+    ----------
+    directory : Path
+    manifest : dict
+        The study as run, versions, timings.
+    solved : int or None
+        Design points that were solved by the run that returned this; None of opened results.
+    """
+
+    directory: Path
+    manifest: dict[str, Any]
+    solved: int | None = None
+
+    def with_tables(self, **tables: pd.DataFrame) -> Self:
+        """These results with other tables, by name."""
+        changed = type(self)(self.directory, self.manifest, self.solved)
+        changed._loaded.update(self._loaded | tables)
+        return changed
+
+    @cached_property
+    def screen(self) -> KindScreen:
+        """What is shown of results of this kind; ResultsError of a kind that there is not."""
+        try:
+            return screen_of(self.kind)
+        except KeyError:
+            raise ResultsError(
+                f"{self.directory}: results of a kind '{self.kind}', which is not known here; "
+                "of an extension: squealstudy --extension FILE COMMAND, or import FILE in Python"
+            ) from None
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of the tables."""
+        return self.screen.tables
+
+    @cached_property
+    def store(self) -> Store:
+        """Its files, held against what the run wrote."""
+        return Store(self.directory)
+
+    @cached_property
+    def _loaded(self) -> dict[str, pd.DataFrame]:
+        return {}
+
+    def table(self, name: str) -> pd.DataFrame:
+        """A table by name, read once, with units in ``attrs``.
+
+        Raises
+        ------
+        ResultsError
+            Where this kind of study has no such table, or it cannot be read.
+        """
+        if name not in self._loaded:
+            if name not in self.tables:
+                raise ResultsError(
+                    f"{self.directory}: a {self.kind} study has no table '{name}', it has "
+                    f"{', '.join(self.tables)}"
+                )
+            file = f"{name}.parquet"
+            self._loaded[name] = self.store.read_table(file).to_pandas(self_destruct=True)
+        table = self._loaded[name]
+        if "units" not in table.attrs:
+            self._give_units(table, f"{name}.parquet")
+        return table
+
+    def _give_units(self, table: pd.DataFrame, file: str = "") -> pd.DataFrame:
+        """The table, of a file of the results where it is one, with ``attrs["units"]``."""
+        table.attrs["units"] = column_units(self.manifest, table.columns, file)
+        return table
+
+    @property
+    def points(self) -> pd.DataFrame:
+        """One row a design point."""
+        return self.table("points")
+
+    @property
+    def modes(self) -> pd.DataFrame:
+        """One row a complex mode, or an assembly mode of a run in time, of a design point."""
+        return self.table("modes")
+
+    @property
+    def onsets(self) -> pd.DataFrame:
+        """One row for each value of the parameter `along` at which a track turns (un)stable.
+
+        See kinds.complex_modes.onsets.
+        """
+        return self.table("onsets")
+
+    @property
+    def sensitivities(self) -> pd.DataFrame:
+        """One row a parameter, mode and design point of a sensitivity study."""
+        return self.table("sensitivities")
+
+    @property
+    def growth(self) -> pd.DataFrame:
+        """One row a followed complex mode of a design point, fitted growth beside the predicted.
+
+        These are the unstable ones, or the least stable one where none is (column `unstable`).
+
+        Raises ResultsError where the study is not a transient one, or of an earlier version.
+        """
+        table = self.table("growth")
+        if "unstable" not in table:
+            raise ResultsError(
+                f"{self.directory}: the growth table is of an earlier version of squealstudy; run "
+                "the study again"
+            )
+        return table
+
+    @property
+    def measurements(self) -> pd.DataFrame:
+        """One row a method and knob value of a work-precision study."""
+        return self.table("measurements")
+
+    @property
+    def errors(self) -> pd.DataFrame:
+        """One row a quantity, mode and point of each measurement of a work-precision study."""
+        return self.table("errors")
+
+    @property
+    def cells(self) -> pd.DataFrame:
+        """One row a cell of a method-stability study."""
+        return self.table("cells")
+
+    def row_of(self, point: str | int) -> int:
+        """Row of `points` of a ``point_id``, or of a number of a row, from the end if negative.
+
+        ResultsError where there is no such point.
+        """
+        ids = list(self.points["point_id"])
+        if isinstance(point, int | np.integer) and -len(ids) <= point < len(ids):
+            return int(point) % len(ids)
+        if point not in ids:
+            raise ResultsError(
+                f"{self.directory}: no design point {point!r}; expected a row of points, 0 to "
+                f"{len(ids) - 1}, or a point_id such as '{ids[0]}'"
+            )
+        return ids.index(str(point))
+
+    def history(self, point: str | int) -> pd.DataFrame:
+        """Torque (of minimal models force), contact shares and modal energies over time.
+
+        Parameters
+        ----------
+        point : str or int
+            ``point_id`` of a design point, or its row of `points`, counted from 0 (from the end
+            where negative).
+
+        ResultsError where there is no such point, none was kept, or it is no transient study.
+        """
+        if "growth" not in self.tables:
+            raise ResultsError(f"{self.directory}: a {self.kind} study has no histories")
+        row = self.points.iloc[self.row_of(point)]
+        found = self.store.history(str(row["point_id"]), str(row["status"]))
+        return self._give_units(found)
+
+    @property
+    def kind(self) -> str:
+        """Of the study."""
+        return str(self.manifest["kind"])
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of parameters, and under ``torque`` that of the columns ``torque_*``."""
+        return dict(self.manifest.get("units", {}))
+
+    @property
+    def parameters(self) -> list[str]:
+        """Names of the parameter columns of `points`."""
+        return list(self.manifest["parameters"])
+
+    @property
+    def swept(self) -> list[str]:
+        """Names of the parameters that vary over the design points."""
+        return list(self.manifest.get("sweeps", []))
+
+    @property
+    def along(self) -> str | None:
+        """The parameter of onset thresholds: friction where it is swept, else the first sweep."""
+        return onset_parameter(self.swept)
+
+    @property
+    def design(self) -> str:
+        """Type of the design, ``grid`` or another."""
+        return str(self.manifest.get("design", {}).get("type", "grid"))
+
+    @property
+    def boundary(self) -> dict[str, Any] | None:
+        """Full grid (``axes``, ``levels``) of a boundary design and how much of it was solved."""
+        facts: dict[str, Any] | None = self.manifest.get("boundary")
+        return facts
