@@ -10,10 +10,11 @@ import pytest
 import scipy.linalg as la
 
 from squealstudy.cycles.balance import balanced, imbalance
-from squealstudy.cycles.branch import FAR, HOPF, TURN, branch, growth_curve, refined
+from squealstudy.cycles.branch import HOPF, TURN, branch
 from squealstudy.cycles.continuation import Steps, follow
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
 from squealstudy.cycles.floquet import floquet, monodromy
+from squealstudy.cycles.growth import FAR, growth_curve, refined
 from squealstudy.cycles.harmonics import derivative, sampling, series_at, with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.errors import ConvergenceError, ModelError
@@ -134,6 +135,43 @@ def test_continuation_of_the_normal_form():
     assert fold.u[1] == pytest.approx(-0.25, abs=1e-12)
     assert fold.u[0] == pytest.approx(np.sqrt(0.5), abs=1e-7)
     assert all(p.residual < 1e-9 for p in curve.points)
+
+
+class Dip:
+    """u_1 = (u_0 - 1/2)^2 - depth: two zeros beside each other."""
+
+    def __init__(self, depth):
+        self.depth = depth
+
+    def residual(self, u):
+        return np.array([u[1] - (u[0] - 0.5) ** 2 + self.depth])
+
+    def jacobian(self, u):
+        return self.residual(u), np.array([[-2 * (u[0] - 0.5), 1.0]])
+
+    def accepted(self, u):
+        pass
+
+
+@pytest.mark.parametrize("depth", [2e-3, 1e-3, 2e-4])
+def test_two_zeros_within_a_step_are_not_passed_over(depth):
+    """But where they are nearer to each other than LOOKS."""
+    start, along = np.array([0.05, 0.2]), np.array([1.0, 0.0])
+
+    def zeros(watched):
+        return follow(
+            Dip(depth),
+            start,
+            along,
+            Steps(first=0.8, largest=0.8),
+            {"C": lambda u, _: float(u[1])},
+            lambda u: "over" if u[0] > 1.0 else "",
+            watched=watched,
+        ).at("C")
+
+    assert zeros(None) == []
+    found = [p.u[0] for p in zeros(1)]
+    assert found == pytest.approx(0.5 + np.array([-1, 1]) * np.sqrt(depth), abs=1e-9)
 
 
 def test_a_curve_that_ends_says_so():

@@ -7,9 +7,10 @@ import cycle_models as models
 import numpy as np
 import pytest
 
-from squealstudy.cycles.branch import HOPF, TURN, branch, growth_curve
+from squealstudy.cycles.branch import HOPF, TURN, branch
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import floquet
+from squealstudy.cycles.growth import growth_curve
 from squealstudy.cycles.harmonics import derivative
 
 pytestmark = [

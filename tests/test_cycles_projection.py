@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import squealstudy.cycles.projection as projected
-from squealstudy.cycles.branch import linear_motion
 from squealstudy.cycles.continuation import Steps
+from squealstudy.cycles.curve import FINE
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import floquet, monodromy, trapezoidal
-from squealstudy.cycles.growth import FINE, family_curve
+from squealstudy.cycles.growth import family_curve, linear_motion
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.cycles.projection import ADDED, SIZE, Projection

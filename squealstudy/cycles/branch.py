@@ -1,128 +1,157 @@
-"""Curves of cycles: along added damping at one design, along a parameter through folds.
+"""Branches of cycles along a parameter, through folds, with their stability.
 
 Events carry the names of bifurcation tools: H, the cycle shrinks to steady sliding (Hopf); F, the
-parameter turns back (fold); NS, PD, a pair of multipliers or one at -1 leaves the unit circle.
+parameter turns back (fold); NS, PD, a pair of multipliers or one at -1 leaves the unit circle; BP,
+one passes 1 though the parameter does not turn back.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import brentq
 
-from squealstudy.cycles.continuation import Curve, CurvePoint, Steps, follow, newton
-from squealstudy.cycles.equations import BranchEquations, CycleEquations, PeriodicMotion
-from squealstudy.cycles.floquet import Floquet, floquet
+from squealstudy.cycles.continuation import Steps
+from squealstudy.cycles.curve import CurveMotion, Path, between
+from squealstudy.cycles.equations import BranchEquations, PeriodicMotion
+from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.oscillator import Oscillator
+from squealstudy.cycles.projection import ADDED, Projection
+from squealstudy.errors import ConvergenceError
 
-HOPF, ZERO, TURN, NS, PD = "H", "C", "F", "NS", "PD"  # C: a cycle, on a curve of added damping
-FAR, OTHER, RANGE, SHRUNK = "far", "other_resonance", "range", "hopf"  # why curves end
-MOST_OTHERS = 2.0  # norm of all harmonics over that of the first
+HOPF, TURN, NS, PD, BP = "H", "F", "NS", "PD", "BP"
+RANGE, SHRUNK = "range", "hopf"  # why branches end, beside what `stop` says
+PROJECTED_STEPS = Steps(first=0.1, least=1e-3, largest=0.3, count=120)
+SHARP = 1e-6  # of the range of the parameter, of NS, PD and BP
+
+Oscillators = Callable[[float], Oscillator]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BranchPoint:
     """A cycle on a branch.
 
     Attributes
     ----------
     motion : PeriodicMotion
-        Its `mu` is the value of the parameter.
+        Of all coordinates; its `mu` is the value of the parameter.
     multipliers : Floquet
     residual : float
+        Of the balance in the basis.
+    error : float
+        Of the basis, as of `CurveMotion`.
     event : str
-        H, F, NS, PD or nothing.
+        H, F, NS, PD, BP or nothing.
+    apart : float
+        The value of an event is known to so much; 0 where it was located.
     """
 
     motion: PeriodicMotion
     multipliers: Floquet
     residual: float
+    error: float = 0.0
     event: str = ""
+    apart: float = 0.0
 
 
-def linear_motion(phi: np.ndarray, lam: complex, scale: np.ndarray, size: float) -> PeriodicMotion:
-    """The motion along a complex mode phi (n,) at a size a, with the damping that it needs."""
-    phi = phi * size / np.linalg.norm(phi * scale)
-    Q = np.vstack([np.zeros(len(phi)), phi.real, -phi.imag])
-    return PeriodicMotion(Q, abs(lam.imag), 2.0 * lam.real)
-
-
-def growth_curve(
-    osc: Oscillator,
-    lam: complex,
-    phi: np.ndarray,
-    size: float,
-    harmonics: int,
-    stop: Callable[[PeriodicMotion], bool],
-    steps: Steps | None = None,
-) -> tuple[CycleEquations, Curve]:
-    """Added damping over amplitude, from a complex mode on; its zeros (event C) are cycles.
+class Moving:
+    """A basis that moves along a parameter; mu of motions is its value.
 
     Parameters
     ----------
-    osc : Oscillator
-    lam : complex
-        Root of the linearised equation [rad/s], oscillating.
-    phi : ndarray (n,) complex
-        Its right vector.
-    size : float
-        a, at which the curve begins.
-    harmonics : int
-    stop : callable
-        Whether a motion is far enough.
-
-    Returns
-    -------
-    equations : CycleEquations
-    curve : Curve
-        Its end is ``far`` where `stop` said so, ``other`` where the first harmonic is no more than
-        a part of the motion: another resonance took over.
-
-    Raises
-    ------
-    ConvergenceError
-        Where the mode cannot be continued.
+    oscillators : callable
+        Oscillator of a value of the parameter.
+    bounds : (low, high)
+        Range of the parameter.
+    start : PeriodicMotion
+        The basis begins with its harmonics.
     """
-    equations = CycleEquations(osc, harmonics, abs(lam.imag))
-    u = equations.pack(linear_motion(phi, lam, equations.scale, size))
-    equations.accepted(u)
-    along = np.zeros(len(u))
-    along[-2] = 1.0
-    tests = {ZERO: lambda u, _: float(u[-1])}
-    wanted = steps or Steps()
 
-    def ended(u: np.ndarray) -> str:
-        if np.linalg.norm(u[osc.n : -3]) > MOST_OTHERS:
-            return OTHER
-        return FAR if stop(equations.motion(u)) else ""
+    def __init__(
+        self, oscillators: Oscillators, bounds: tuple[float, float], start: PeriodicMotion
+    ) -> None:
+        self._oscillators, self._bounds, self._omega = oscillators, bounds, start.omega
+        self._value = start.mu
+        self.fixed = Projection.about(oscillators(start.mu), start)
 
-    return equations, follow(equations, u, along, wanted, tests, ended)
+    @property
+    def complete(self) -> bool:
+        """Whether the basis is that of all coordinates."""
+        return self.fixed.complete
 
+    @property
+    def size(self) -> int:
+        """Number of vectors."""
+        return self.fixed.size
 
-def refined(equations: CycleEquations, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:
-    """The cycle near a motion at its own mu, and the residual.
+    def equations(self, harmonics: int) -> BranchEquations:
+        """Equations of cycles along the parameter, in the basis."""
+        if self.complete:
+            return BranchEquations(self._oscillators, harmonics, self._omega, self._bounds)
+        basis = self.fixed.basis
 
-    Raises
-    ------
-    ConvergenceError
-        Where there is none.
-    """
-    u = equations.pack(motion)
-    equations.accepted(u)
-    normal = np.zeros(len(u))
-    normal[-1] = 1.0
-    u, residual, _, _ = newton(equations, u, normal, float(u[-1]))
-    return equations.motion(u), residual
+        def small(value: float) -> Oscillator:
+            return self._oscillators(value).on(basis)
+
+        return BranchEquations(small, harmonics, self._omega, self._bounds)
+
+    def lowered(self, motion: PeriodicMotion) -> PeriodicMotion:
+        """A motion of all coordinates in those of the basis."""
+        return self.fixed.lowered(motion)
+
+    def lifted(self, motion: PeriodicMotion) -> PeriodicMotion:
+        """The other way."""
+        return self.fixed.lifted(motion)
+
+    def correction(self, motion: PeriodicMotion, fresh: bool = True) -> PeriodicMotion:
+        """As of `Projection`, at the motion's own value."""
+        found = self._at(motion.mu).correction(replace(motion, mu=0.0), fresh)
+        return replace(found, mu=0.0)
+
+    def error(self, motion: PeriodicMotion, correction: PeriodicMotion) -> float:
+        """Norm of a correction over that of the motion."""
+        return self.fixed.error(motion, correction)
+
+    def improve(
+        self, motion: PeriodicMotion, target: float, held: int
+    ) -> tuple[PeriodicMotion, float, float]:
+        """As of `Projection`, at the motion's own value: a cycle, or one of its size nearly."""
+        found, error, residual = self._at(motion.mu).improve(replace(motion, mu=0.0), target, held)
+        return replace(found, mu=motion.mu), error, residual
+
+    def remember(self, motion: PeriodicMotion) -> None:
+        """A basis that begins anew will hold this motion."""
+        self.fixed.remember(motion)
+
+    def stability(self, motion: PeriodicMotion, highest: float) -> Floquet:
+        """Multipliers of a cycle."""
+        return self._at(motion.mu).stability(replace(motion, mu=0.0), highest)
+
+    def at_value(self, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:
+        """The cycle near a motion at its own value in the basis, and the residual."""
+        found, residual = self._at(motion.mu).solve(replace(motion, mu=0.0), ADDED)
+        return replace(found, mu=motion.mu), residual
+
+    def _at(self, value: float) -> Projection:
+        if value != self._value:
+            self.fixed.move(self._oscillators(value))
+            self._value = value
+        return self.fixed
 
 
 def branch(
-    oscillators: Callable[[float], Oscillator],
+    oscillators: Oscillators,
     start: PeriodicMotion,
     bounds: tuple[float, float],
     direction: float,
     least: float,
     steps: Steps | None = None,
+    *,
+    stop: Callable[[PeriodicMotion], str] = lambda _: "",
+    highest: float = np.inf,
 ) -> tuple[list[BranchPoint], str]:
     """Cycles along a parameter, from one of them on, to the end of the range or to a Hopf point.
 
@@ -138,37 +167,124 @@ def branch(
         1 towards higher values first, -1 towards lower ones.
     least : float
         Size a below which the cycle has shrunk to steady sliding.
+    stop : callable
+        Why it ends at a motion, ``hopf`` where that has shrunk; empty where it goes on.
+    highest : float
+        rad/s: complex modes up to it are in what stability is judged on.
 
     Returns
     -------
     points : list of BranchPoint
     end : str
-        ``range``, ``hopf`` (it has shrunk to steady sliding), ``steps`` or ``not_converged``.
+        ``range``, ``hopf`` (it has shrunk to steady sliding), what `stop` said, ``steps``,
+        ``basis`` or ``not_converged``.
 
     Raises
     ------
     ConvergenceError
         Where there is no cycle near the start.
     """
-    equations = BranchEquations(oscillators, start.harmonics, start.omega, bounds)
-    u = equations.pack(start)
-    equations.accepted(u)
-    along = np.zeros(len(u))
-    along[-1] = direction
+    moving = Moving(oscillators, bounds, start)
 
-    def ended(u: np.ndarray) -> str:
+    def ended(u: np.ndarray, motion: PeriodicMotion) -> str:
         if not 0.0 <= u[-1] <= 1.0:
             return RANGE
-        return SHRUNK if u[-2] < np.log(least) else ""
+        return SHRUNK if u[-2] < np.log(least) else stop(motion)
 
-    curve = follow(equations, u, along, steps or Steps(), {TURN: lambda _, t: float(t[-1])}, ended)
-    points = [_judged(equations, point) for point in curve.points]
-    if curve.end == SHRUNK:
+    path = Path(
+        projection=moving,
+        harmonics=start.harmonics,
+        first=(ADDED, direction),
+        ended=ended,
+        steps=steps or (Steps() if moving.complete else PROJECTED_STEPS),
+        tests={TURN: lambda _, t: float(t[-1])},
+    )
+    curve, end = path.from_motion(start, ADDED)
+    if end == RANGE:
+        curve = _cut(moving, curve, bounds)
+    points = [
+        BranchPoint(p.motion, moving.stability(p.motion, highest), p.residual, p.error, p.event)
+        for p in curve
+    ]
+    if end == SHRUNK:
         points[-1] = replace(points[-1], event=HOPF)
-    return points, curve.end
+    return _with_changes(moving, points, highest, abs(bounds[1] - bounds[0])), end
 
 
-def _judged(equations: CycleEquations, point: CurvePoint) -> BranchPoint:
-    motion = equations.motion(point.u)
-    multipliers = floquet(equations.oscillator(point.u), motion)
-    return BranchPoint(motion, multipliers, point.residual, "".join(point.events))
+def _cut(
+    moving: Moving, curve: list[CurveMotion], bounds: tuple[float, float]
+) -> list[CurveMotion]:
+    """The curve to the end of the range, which its last point has passed."""
+    last, before = curve[-1].motion, curve[-2].motion
+    low, high = bounds
+    end = high if (last.mu - low) / (high - low) > 1.0 else low
+    share = (end - before.mu) / (last.mu - before.mu)
+    try:
+        motion, residual = moving.at_value(replace(between(before, last, share), mu=end))
+    except ConvergenceError:
+        return curve[:-1]
+    return [*curve[:-1], CurveMotion(motion, residual, curve[-1].error)]
+
+
+def _with_changes(
+    moving: Moving, points: list[BranchPoint], highest: float, width: float
+) -> list[BranchPoint]:
+    """The points with those between them at which multipliers pass the unit circle."""
+    found = points[:1]
+    for one, other in itertools.pairwise(points):
+        if TURN not in (one.event, other.event) and HOPF not in (one.event, other.event):
+            found += _changes(moving, one, other, highest, width)
+        found.append(other)
+    return found
+
+
+def _outside(multipliers: Floquet) -> int:
+    return int((np.abs(multipliers.multipliers[:-1]) > 1.0).sum())
+
+
+def _changes(
+    moving: Moving, one: BranchPoint, other: BranchPoint, highest: float, width: float
+) -> list[BranchPoint]:
+    """Where multipliers pass the unit circle between two points: a pair, or one after the other."""
+    counts = sorted((_outside(one.multipliers), _outside(other.multipliers)))
+    passing, events = counts[0], []
+    while passing < counts[1]:
+        event = _passing(moving, one, other, passing, highest, width)
+        events.append(event)
+        passing += 2 if event.event == NS else 1
+    back = other.motion.mu < one.motion.mu
+    return sorted(events, key=lambda p: -p.motion.mu if back else p.motion.mu)
+
+
+def _passing(
+    moving: Moving,
+    one: BranchPoint,
+    other: BranchPoint,
+    number: int,
+    highest: float,
+    width: float,
+) -> BranchPoint:
+    """Where the multiplier of a number by size passes the unit circle."""
+    ends = [float(np.log(np.abs(p.multipliers.multipliers[number]))) for p in (one, other)]
+    share = ends[0] / (ends[0] - ends[1])
+    apart = abs(other.motion.mu - one.motion.mu)
+    near = min((one, other), key=lambda p: abs(p.multipliers.multipliers[number]) - 1.0)
+    point = replace(near, motion=between(one.motion, other.motion, share), apart=apart)
+    if moving.complete:  # small: each try costs little
+
+        def at(share: float) -> BranchPoint:
+            motion, residual = moving.at_value(between(one.motion, other.motion, share))
+            return BranchPoint(motion, moving.stability(motion, highest), residual)
+
+        def size(share: float) -> float:
+            return float(np.log(np.abs(at(share).multipliers.multipliers[number])))
+
+        try:
+            precision = min(0.5, SHARP * width / apart) if apart else 0.5
+            point = at(float(brentq(size, 0.0, 1.0, xtol=precision)))
+        except (ConvergenceError, ValueError):  # it stays known to the step
+            pass
+    passing = complex(point.multipliers.multipliers[number])
+    if abs(passing.imag) > 1e-6:
+        return replace(point, event=NS)
+    return replace(point, event=PD if passing.real < 0 else BP)

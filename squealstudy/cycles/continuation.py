@@ -25,6 +25,8 @@ TURN = 0.9  # cosine between tangents below which a step was too long
 FAR_OFF = 0.4  # of a step: a longer correction may have met another curve
 CORNER = 0.03  # arc-length of steps that may turn: friction that reverses bends curves sharply
 LOCATED = 1e-10  # of an event, relative to the step in which it is
+DIPS = 0.5  # share of the lesser end to which an unknown may fall between two points, as a cubic
+LOOKS = 0.02  # arc-length down to which steps are halved where it falls further
 
 
 class Equations(Protocol):
@@ -173,11 +175,14 @@ def follow(
     tests: Mapping[str, Test],
     stop: Callable[[np.ndarray], str],
     located: float = LOCATED,
+    watched: int | None = None,
 ) -> Curve:
     """The curve through a solution near `u`, to the side of `along` (m + 1,).
 
     Every change of sign of a test is located on the curve and is a point of it. The first point
     of which `stop` says why the curve ends is the last. `located` is how exactly, of a step.
+    Of the unknown `watched` two zeros within a step are not passed over: where the cubic through
+    its ends and slopes falls below `DIPS` of the lesser end the step is halved, down to `LOOKS`.
 
     Raises
     ------
@@ -190,7 +195,7 @@ def follow(
     here = CurvePoint(u, tangent_of(J, along), residual)
     curve, h = Curve([here]), steps.first
     for _ in range(steps.count):
-        found = _step(equations, here, h, steps.least, tests, located)
+        found = _step(equations, here, h, steps.least, tests, located, watched)
         if found is None:
             curve.end = "not_converged"
             return curve
@@ -213,6 +218,7 @@ def _step(
     least: float,
     tests: Mapping[str, Test],
     located: float,
+    watched: int | None,
 ) -> tuple[CurvePoint, list[CurvePoint], float, int] | None:
     """The next point, events before it, arc-length and Newton steps; None where there is none.
 
@@ -224,12 +230,25 @@ def _step(
             there, iterations = _corrected(equations, here, h)
             moved = float(np.linalg.norm(there.u - here.u - h * here.tangent))
             smooth = there.tangent @ here.tangent >= TURN and moved <= FAR_OFF * h
-            if smooth or (h <= CORNER and moved <= h):
+            seen = watched is None or h <= LOOKS or not _dips(here, there, watched, h)
+            if (smooth and seen) or (h <= CORNER and moved <= h and seen):
                 return there, _events(equations, here, there, h, tests, located), h, iterations
         except ConvergenceError:
             pass
         h *= 0.5
     return None
+
+
+def _dips(here: CurvePoint, there: CurvePoint, k: int, h: float) -> bool:
+    """Whether an unknown may have two more zeros between two points than its signs there tell."""
+    y0, y1 = float(here.u[k]), float(there.u[k])
+    s = np.linspace(0.0, 1.0, 17)
+    slopes = h * float(here.tangent[k]), h * float(there.tangent[k])
+    cubic = y0 * (1 - s) ** 2 * (1 + 2 * s) + y1 * s**2 * (3 - 2 * s)
+    cubic += slopes[0] * s * (1 - s) ** 2 - slopes[1] * s**2 * (1 - s)
+    if y0 * y1 > 0.0:
+        return bool((cubic * np.sign(y0)).min() < DIPS * min(abs(y0), abs(y1)))
+    return int((cubic[1:] * cubic[:-1] < 0.0).sum()) > 1
 
 
 def _corrected(equations: Equations, here: CurvePoint, h: float) -> tuple[CurvePoint, int]:

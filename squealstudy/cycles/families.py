@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from squealstudy.cycles.branch import FAR, ZERO, linear_motion
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.continuation import Steps
+from squealstudy.cycles.curve import FINE, TARGET, CurveMotion
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.floquet import Floquet, floquet, floquet_on
-from squealstudy.cycles.growth import FINE, TARGET, CurveMotion, family_curve
+from squealstudy.cycles.floquet import Floquet
+from squealstudy.cycles.growth import FAR, ZERO, family_curve, linear_motion
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.projection import ADDED, SIZE, WHOLE, Projection
 from squealstudy.errors import ConvergenceError
@@ -34,7 +34,6 @@ START = 1e-3  # contact velocity over the sliding speed at which a curve begins
 SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice
 STEPS = Steps(first=0.3, largest=0.5, count=200)
 PROJECTED_STEPS = Steps(first=0.3, least=2e-3, largest=0.5, count=60)
-DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability is judged
 
 
 @dataclass(frozen=True)
@@ -304,7 +303,7 @@ def _cycle(
                 break
         before = motion, levels
     status = OK if level_error < search.tolerance else INACCURATE
-    found = _stability(contact, projection, motion, search)
+    found = projection.stability(motion, search.highest)
     return Cycle(
         motion,
         found,
@@ -327,16 +326,6 @@ def _with(
         motion = replace(projection.improve(motion, TARGET, SIZE)[0], mu=0.0)
     motion, _, residual = projection.improve(motion, FINE, ADDED)
     return motion, residual
-
-
-def _stability(
-    contact: ContactOscillator, projection: Projection, motion: PeriodicMotion, search: Search
-) -> Floquet:
-    """Multipliers of a cycle, in the complex modes about it and its own basis."""
-    if projection.complete:
-        return floquet(contact.oscillator, motion)
-    bases = [projection.deviations(motion, m * search.highest) for m in (1.0, DEVIATIONS)]
-    return floquet_on(contact.oscillator, bases[0], bases[1], motion)
 
 
 def _pair(harmonics: int) -> tuple[int, int]:

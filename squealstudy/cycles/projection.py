@@ -16,6 +16,7 @@ import scipy.linalg as la
 from squealstudy.cycles.balance import imbalance, sampled
 from squealstudy.cycles.continuation import newton
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
+from squealstudy.cycles.floquet import Floquet, floquet, floquet_on
 from squealstudy.cycles.harmonics import sampling
 from squealstudy.cycles.oscillator import Oscillator
 from squealstudy.errors import ConvergenceError
@@ -30,6 +31,7 @@ RANK = 1e-6  # of the largest direction of these motions
 PASSES = 12  # enrichments at one motion
 BY_BLOCKS = 3  # of them at most after Newton's method has failed
 LEAST = 0.03  # of the largest direction of a correction: what is less does not join
+DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability is judged
 SIZE, ADDED = -2, -1  # what is held while a motion is corrected: places among the unknowns
 
 
@@ -65,6 +67,21 @@ class Projection:
     def size(self) -> int:
         """Number of vectors."""
         return self.basis.shape[1]
+
+    @classmethod
+    def about(cls, osc: Oscillator, motion: PeriodicMotion) -> Projection:
+        """On the harmonics of a motion."""
+        H = motion.harmonics
+        found = cls(osc, motion.Q[1] - 1j * motion.Q[H + 1], motion.omega)
+        if not found.complete:
+            found._begin_anew(motion)
+        return found
+
+    def move(self, osc: Oscillator) -> None:
+        """To another design, on the same basis."""
+        whole = self.complete
+        self.whole = osc
+        self.small = osc if whole else osc.on(self.basis)
 
     def equations(self, harmonics: int) -> CycleEquations:
         """Equations of motions in the basis."""
@@ -133,6 +150,13 @@ class Projection:
             vectors[:, values > ALIKE * values[0]] / self.weight[:, None], mode="economic"
         )
         return np.asarray(found)
+
+    def stability(self, motion: PeriodicMotion, highest: float) -> Floquet:
+        """Multipliers of a cycle, in the complex modes about it up to `highest` and its basis."""
+        if self.complete:
+            return floquet(self.whole, motion)
+        few, many = (self.deviations(motion, m * highest) for m in (1.0, DEVIATIONS))
+        return floquet_on(self.whole, few, many, motion)
 
     def _mean_tangents(self, motion: PeriodicMotion) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness and damping (n, n), means over the period, added damping among them."""

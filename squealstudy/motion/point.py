@@ -94,7 +94,7 @@ def motion_point(
     point: WorkingPoint,
     state: DesignState,
     friction: FrictionLaw,
-    band_hz: tuple[float, float],
+    band_hz: tuple[float, float] | None,
     tolerance: float,
 ) -> MotionPoint:
     """Bring a design to the reference's modes: nothing of the observation changes.
@@ -109,8 +109,8 @@ def motion_point(
         Of `state`.
     state : DesignState
     friction : FrictionLaw
-    band_hz : (low, high)
-        Where unstable modes are followed.
+    band_hz : (low, high) or None
+        Where unstable modes are followed; nowhere without one.
     tolerance : float
         Damping ratio below minus which a mode counts as unstable.
 
@@ -133,6 +133,8 @@ def motion_point(
         force=force,
         static_torque=float(-operating.direction * (system.radius @ force[:, 1])),
     )
+    if band_hz is None:
+        return made
     C, K = tangent(system, made, point, state)
     return replace(made, growing=growing_modes(C, K, system.omega2, band_hz, tolerance))
 

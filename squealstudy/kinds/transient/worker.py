@@ -147,11 +147,13 @@ def steady_motion(
     reference: SharedModes,
     point: DesignPoint,
     friction_kind: str,
-    band_hz: tuple[float, float],
+    band_hz: tuple[float, float] | None,
     tolerance: float,
     gaps: NewGaps,
 ) -> tuple[WorkingPoint, MotionPoint]:
     """Working point of a design point, and the design about it on shared modes.
+
+    Without a band its unstable modes are not looked for.
 
     Raises
     ------
