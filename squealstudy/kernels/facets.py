@@ -314,10 +314,8 @@ def project(
             elif abs(g) < abs(gap[i]):
                 facet[i] = m
                 gap[i] = g
-                for k in range(kinds[m]):
-                    values[i, k] = N[0, k]
-                for k in range(kinds[m], MOST):
-                    values[i, k] = 0.0
+                values[i, : kinds[m]] = N[0, : kinds[m]]
+                values[i, kinds[m] :] = 0.0
 
 
 @kernel
@@ -370,7 +368,5 @@ def feet(
             best = off + beyond * search
             facet[i] = m
             distance[i] = off
-            for k in range(kinds[m]):
-                values[i, k] = N[0, k]
-            for k in range(kinds[m], MOST):
-                values[i, k] = 0.0
+            values[i, : kinds[m]] = N[0, : kinds[m]]
+            values[i, kinds[m] :] = 0.0

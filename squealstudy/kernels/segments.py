@@ -47,6 +47,20 @@ def clip(corners: np.ndarray, n: int, height: np.ndarray, out: np.ndarray) -> in
 
 
 @exact_kernel
+def cut(corners: np.ndarray, n: int, height: np.ndarray, other: np.ndarray) -> int:
+    """Clip a polygon (n, d) in place, see `clip`; returns n. Less than a triangle is not kept."""
+    inside = True
+    for c in range(n):
+        inside &= height[c] >= 0
+    if inside:
+        return n
+    n = clip(corners, n, height, other)
+    if n >= 3:
+        corners[:n] = other[:n]
+    return n
+
+
+@exact_kernel
 def outline(
     kind: int, X: np.ndarray, pieces: int, size: float, N: np.ndarray, out: np.ndarray
 ) -> int:
@@ -136,16 +150,11 @@ def near(
             low, high = min(low, h), max(high, h)
         if not straight:
             low -= AROUND * (high - low)
-        inside = True
         for c in range(n):
             height[c] = np.sum(inward * (corners[c] - X[i])) - low
-            inside &= height[c] >= 0
-        if inside:
-            continue
-        n = clip(corners, n, height, other)
+        n = cut(corners, n, height, other)
         if n < 3:
-            return n
-        corners[:n] = other[:n]
+            break
     return n
 
 
@@ -225,16 +234,11 @@ def within(three: bool, corners: np.ndarray, n: int, other: np.ndarray, height: 
     """Clip a polygon (n, 2) by the reference triangle or square, in place; returns n."""
     sides = TRIANGLE_SIDES if three else SQUARE_SIDES
     for side in sides:
-        inside = True
         for c in range(n):
             height[c] = side[0] * corners[c, 0] + side[1] * corners[c, 1] + side[2]
-            inside &= height[c] >= 0
-        if inside:
-            continue
-        n = clip(corners, n, height, other)
+        n = cut(corners, n, height, other)
         if n < 3:
-            return n
-        corners[:n] = other[:n]
+            break
     return n
 
 

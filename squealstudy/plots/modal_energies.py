@@ -39,17 +39,7 @@ DECADES = 8  # below the largest energy that are shown
 def modal_energies(results: Results, point: str | int = 0) -> Figure:
     """Energy of the sensed modes on a logarithmic axis over time, the leading ones named.
 
-    Parameters
-    ----------
-    results : Results
-        Of a transient study.
-    point : str or int
-        Design point, as of ``Results.history``.
-
-    Raises
-    ------
-    ResultsError
-        Where there is no such point, or its history was not kept.
+    Of a run of a transient study, `point` as of ``Results.history``, which raises ResultsError.
     """
     run = run_of(results, point)
     known = [int(m[1]) for m in map(MODE_COLUMN.fullmatch, map(str, run.history)) if m]

@@ -38,17 +38,7 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
 
     Predicted instabilities are marked at the right edge.
 
-    Parameters
-    ----------
-    results : Results
-        Of a transient study.
-    point : str or int
-        Design point, as of ``Results.history``.
-
-    Raises
-    ------
-    ResultsError
-        Where there is no such point, or its history was not kept.
+    Of a run of a transient study, `point` as of ``Results.history``, which raises ResultsError.
     """
     run = run_of(results, point)
     band_top = float(results.manifest["band_hz"][1])

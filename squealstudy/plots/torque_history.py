@@ -56,17 +56,7 @@ def torque_history(results: Results, point: str | int = 0) -> Figure:
 
     Its last periods stand beside them.
 
-    Parameters
-    ----------
-    results : Results
-        Of a transient study.
-    point : str or int
-        Design point, as of ``Results.history``.
-
-    Raises
-    ------
-    ResultsError
-        Where there is no such point, or its history was not kept.
+    Of a run of a transient study, `point` as of ``Results.history``, which raises ResultsError.
     """
     run = run_of(results, point)
     if len(run.history) < 2:

@@ -92,10 +92,10 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def deformed(shape: Shape, phase: float = 0.0) -> np.ndarray:
-    """Places of the nodes (n_nodes, 3), displacements as large as they are drawn, m."""
+def deformed(shape: Shape) -> np.ndarray:
+    """Places of the nodes (n_nodes, 3) at the largest real part, displacements as drawn, m."""
     size = DEFORMED * float(np.linalg.norm(np.ptp(shape.coordinates, axis=0)))
-    moved: np.ndarray = shape.coordinates + size * shape.at(phase)
+    moved: np.ndarray = shape.coordinates + size * shape.at(0.0)
     return moved
 
 

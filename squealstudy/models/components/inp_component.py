@@ -365,14 +365,7 @@ class Component:
         return replace(mesh, constraints=(*read(part), *read(assembly)))
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
-        used = np.zeros(len(mesh.nodes), dtype=bool)
-        for block in mesh.blocks:
-            used[block.nodes] = True
-        used[mesh.references] = True
-        for c in mesh.constraints:
-            if not used[c.nodes].all():
-                bare = mesh.nodes_named(c.nodes[~used[c.nodes]])
-                raise mesh.error(f"{c.name}: {bare}: no element has what it couples")
+        used = mesh.used_nodes()
         if used.all():
             return mesh
         unused = np.flatnonzero(~used)

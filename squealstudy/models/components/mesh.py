@@ -226,6 +226,21 @@ class SolidMesh:
             orientation=axes,
         )
 
+    def used_nodes(self) -> np.ndarray:
+        """Which nodes (n,) are of elements, or references of couplings.
+
+        Raises ModelError about a constraint on other nodes.
+        """
+        used = np.zeros(len(self.nodes), dtype=bool)
+        for block in self.blocks:
+            used[block.nodes] = True
+        used[self.references] = True
+        for c in self.constraints:
+            if not used[c.nodes].all():
+                bare = self.nodes_named(c.nodes[~used[c.nodes]])
+                raise self.error(f"{c.name}: {bare}: no element has what it couples")
+        return used
+
     def part(self, elements: np.ndarray) -> SolidMesh:
         """Only these elements (places), and the nodes, sets, faces, couplings that belong to them.
 

@@ -288,14 +288,7 @@ class _Deck:
         return mesh
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
-        used = np.zeros(len(mesh.nodes), dtype=bool)
-        for block in mesh.blocks:
-            used[block.nodes] = True
-        used[mesh.references] = True
-        for c in mesh.constraints:
-            if not used[c.nodes].all():
-                raise mesh.error(f"{c.name}: {mesh.nodes_named(c.nodes[~used[c.nodes]])}: no "
-                                 "element has what it couples")  # fmt: skip
+        used = mesh.used_nodes()
         if not used.all():
             why = f"{mesh.nodes_named(np.flatnonzero(~used))}: no element has such a node"
             self._notes.append(PassedOver("GRID", self._path, 0, why))

@@ -108,7 +108,6 @@ def build_sweep_basis(
     problem: SweptProblem,
     tolerance: float,
     most: int = 16,
-    seed: int = 0,
     report: Report = lambda done, total: None,
 ) -> SweepBasis:
     """Make the basis of a box to a tolerance (relative error of light roots).
@@ -119,8 +118,6 @@ def build_sweep_basis(
     tolerance : float
     most : int
         Design points whose modes may enter.
-    seed : int
-        Of the points that are looked at.
     report : callable
         Told (points used, most).
 
@@ -130,7 +127,7 @@ def build_sweep_basis(
         Where hardly any point of the box has a working point.
     """
     started = time.perf_counter()
-    samples = _sampled_weights(problem, seed)
+    samples = _sampled_weights(problem)
     limit = max(WEIGHT_TOLERANCE * tolerance, LEAST_WEIGHT_TOLERANCE)
     cut, last = TRUNCATION * np.sqrt(tolerance), np.inf
     blocks: list[np.ndarray] = []
@@ -152,7 +149,7 @@ def build_sweep_basis(
         basis = SweepBasis(
             V=V, flexibility=flexibility, small=small, error=np.inf, trained=np.array(trained)
         )
-        points, errors = _estimates(problem, basis, len(trained), seed)
+        points, errors = _estimates(problem, basis, len(trained))
         worst, error = points[errors.argmax()], float(errors.max())
         basis = replace(basis, error=error, seconds=time.perf_counter() - started)
         good = error <= tolerance
@@ -190,9 +187,9 @@ def _all_seen(
     return not missed.any()
 
 
-def _sampled_weights(problem: SweptProblem, seed: int) -> list[Weights]:
+def _sampled_weights(problem: SweptProblem) -> list[Weights]:
     count = min(SAMPLES_A_DIMENSION * max(problem.dimension, 1), MOST_SAMPLES)
-    points = np.vstack([corners(problem.dimension), sample_box(problem.dimension, count, seed)])
+    points = np.vstack([corners(problem.dimension), sample_box(problem.dimension, count, 0)])
     points = points if problem.dimension else points[:1]
     found = [
         sample.weights
@@ -232,10 +229,10 @@ def _truncated(
 
 
 def _estimates(
-    problem: SweptProblem, basis: SweepBasis, step: int, seed: int
+    problem: SweptProblem, basis: SweepBasis, step: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """A fresh sample of design points (n, d) and the estimated errors there (n,)."""
-    points = _on_faces(sample_box(problem.dimension, CANDIDATES, seed + 1000 + step))
+    points = _on_faces(sample_box(problem.dimension, CANDIDATES, 1000 + step))
     if step <= 3 and problem.dimension:
         points = np.vstack([corners(problem.dimension), points])
     return points, np.array([estimated_error(problem, basis, theta) for theta in points])
