@@ -17,9 +17,9 @@ from study_runs import comparable, plan_of, solved
 
 import squealstudy
 from squealstudy.engine import store
-from squealstudy.engine.pace import Pace
 from squealstudy.engine.plan import Plan, reference_choice
 from squealstudy.engine.runner import run_study
+from squealstudy.engine.workers import Pace
 from squealstudy.errors import ResultsError, SquealstudyError, StudyFileError
 
 HULTEN = """

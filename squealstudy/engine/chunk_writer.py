@@ -13,9 +13,8 @@ from types import TracebackType
 
 import pyarrow as pa
 
-from squealstudy.engine.pace import MOST
 from squealstudy.engine.store import Store
-from squealstudy.engine.workers import ChunkRows
+from squealstudy.engine.workers import MOST_POINTS, ChunkRows
 from squealstudy.errors import SquealstudyError
 
 OLDEST = 5.0  # s
@@ -44,14 +43,14 @@ class ChunkWriter:
         if chunk.files:
             self._store.write_chunk(chunk.table, chunk.files)
             return
-        if self._points + len(chunk.table) > MOST:
+        if self._points + len(chunk.table) > MOST_POINTS:
             self.write()
         if not self._tables:
             self._since = self._clock()
         self._tables.append(chunk.table)
         self._points += len(chunk.table)
         # the next row may come as late as this one came
-        if self._points >= MOST or self._clock() - self._since + chunk.wall_s >= OLDEST:
+        if self._points >= MOST_POINTS or self._clock() - self._since + chunk.wall_s >= OLDEST:
             self.write()
 
     def write(self) -> None:

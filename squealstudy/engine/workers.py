@@ -1,8 +1,7 @@
 """The one place that hands tasks to workers; work of a few seconds stays in this process.
 
-Workers are processes of this machine or those of a cluster (engine/cluster.py).
-
-What passes between a run and its workers, their memory, and their end with the parent.
+Workers are processes of this machine or those of a cluster (engine/cluster.py). How many there are,
+how many design points a task has, and what passes between a run and its workers.
 """
 
 from __future__ import annotations
@@ -21,11 +20,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
-from squealstudy.engine.pace import Pace
+from squealstudy.engine.design_points import DesignPoints
 from squealstudy.errors import MachineError
 from squealstudy.extensions import extension_files, start_worker
 from squealstudy.machine import (
     MOST_WORKERS,
+    available_memory_mb,
     cores,
     cut_lifeline,
     lifeline,
@@ -34,6 +34,7 @@ from squealstudy.machine import (
 )
 from squealstudy.paths import cache_directory
 from squealstudy.progress import Progress as Progress
+from squealstudy.wording import in_digits, plural
 
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
@@ -43,9 +44,47 @@ if TYPE_CHECKING:
     from squealstudy.engine.cluster import Cluster
     from squealstudy.engine.kind import Kind
 
+FIRST_POINTS = 16  # points of a task while nothing is known of their time
+MOST_POINTS = 4096  # of a chunk file, too
+SECONDS = 2.0  # of a task
+LEAST_SECONDS = 0.1  # a shorter one is not worth its way
+TASKS_A_WORKER = 8  # of all that is left: workers end together
 
-from squealstudy.machine import available_memory_mb
-from squealstudy.wording import in_digits, plural
+
+@dataclass
+class Pace:
+    """How many design points a task has: as many as a worker solves in about two seconds.
+
+    Attributes
+    ----------
+    seconds : float
+        Of a point in the last finished task; 0 where none is.
+    """
+
+    seconds: float = 0.0
+
+    def took(self, points: int, seconds: float) -> None:
+        """Learn from a finished task."""
+        self.seconds = max(seconds, 1e-9) / max(points, 1)
+
+    def size(self, left: int, jobs: int) -> int:
+        """Points of the next task, where so many are left for so many workers."""
+        fair = math.ceil(left / (TASKS_A_WORKER * jobs))
+        if not self.seconds:
+            return max(1, min(FIRST_POINTS, fair))
+        least, most = (int(s / self.seconds) for s in (LEAST_SECONDS, SECONDS))
+        return max(1, min(MOST_POINTS, most, max(fair, least)))
+
+    def parts(self, points: DesignPoints, jobs: int) -> Iterator[DesignPoints]:
+        """Consecutive points of one structure each, as many at a time as `size` says then."""
+        left = len(points)
+        for _, rows in points.of_structures():
+            start = 0
+            while start < len(rows):
+                size = min(self.size(left, jobs), len(rows) - start)
+                yield points.at(rows[start : start + size])
+                start, left = start + size, left - size
+
 
 AHEAD = 3  # tasks a worker that are drawn: one at work, others wait for it to be free
 DIED = "worker_died"  # status of the points of a task that ends every worker that tries it
