@@ -12,8 +12,7 @@ from study_runs import command
 
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.components.inp_writer import write_inp
-from squealstudy.shapes.correlation import correlated
-from squealstudy.shapes.measured import read_measured
+from squealstudy.shapes.measured import correlated, read_measured
 from squealstudy.study.components import free_component, read_model
 
 UPRIGHT = (

@@ -23,8 +23,7 @@ from squealstudy.models.operating import (
     friction_parameters,
 )
 from squealstudy.models.parameter import ModelDefinition, structural
-from squealstudy.modes.tracking.joining import join_tracks
-from squealstudy.modes.tracking.labels import TrackTree
+from squealstudy.modes.tracking.labels import TrackTree, join_tracks
 from squealstudy.modes.tracking.pairing import pair_modes
 from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree

@@ -18,8 +18,7 @@ from squealstudy.models.components.inspection import Inspection
 from squealstudy.plots.style import finish, head, new_figure
 from squealstudy.screen import Rows, facts, grid, show, warning
 from squealstudy.shapes.assembled import Body, draw_assembly, eight
-from squealstudy.shapes.correlation import LEAST, Correlation, correlated
-from squealstudy.shapes.measured import Measured, read_measured
+from squealstudy.shapes.measured import LEAST, Correlation, Measured, correlated, read_measured
 from squealstudy.study.components import free_component, read_model
 from squealstudy.study.units import in_unit_of
 from squealstudy.wording import figure, listed, plural

@@ -1,16 +1,22 @@
-"""Mode shapes measured on a part, from universal files (UFF)."""
+"""Mode shapes measured on a part, from universal files (UFF), and computed ones beside them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
 
 from squealstudy.errors import ModelError
 from squealstudy.faults import named
+from squealstudy.linalg.real_modes import real_modes
+from squealstudy.models.components.inspection import rigid_count
+from squealstudy.shapes.names import ALIKE
 
 NODES = (15, 2411)  # datasets of coordinates
 UNITS, SHAPE, FUNCTION = 164, 55, 58
@@ -136,3 +142,167 @@ def _root(mode: Mapping[str, Any]) -> tuple[float, float]:
     lam = complex(mode["eig"])
     size = abs(lam)
     return size / (2 * np.pi), -lam.real / size if size > 0 else np.nan
+
+
+BEYOND = 1.3  # of the highest measured frequency: up to there modes are computed
+LEAST = 0.5  # MAC of a pair
+FEWEST = 6  # measured freedoms
+WIDE = 10  # tolerances that points span at least: else a unit is wrong
+BLIND = 0.5  # MAC of two computed modes at the measured places, above which these are too few
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Measured and computed modes of a part.
+
+    Attributes
+    ----------
+    n_rigid : int
+        Rigid modes of the part: six, where it is free.
+    distance : ndarray (n,)
+        Of each measured point to the nearest node, m.
+    used : ndarray (n,) of bool
+        Points within the tolerance.
+    placed : bool
+        Whether points are where the part is in the assembly, not where its mesh's file has it.
+    groups : tuple of tuple of int
+        Computed elastic modes by their numbers, rigid ones first, from 1; those of one frequency
+        are together, for which is which is round-off.
+    frequency_hz : ndarray (g,)
+        Mean of each group.
+    mac : ndarray (m, g)
+        Share of each measured shape in the span of each group: the MAC of groups of one mode.
+    pairs : tuple of (int, int)
+        Measured mode and group, from 0, ascending in the measured mode.
+    alike : tuple of (int, int, float)
+        Groups that the measured points tell apart badly, with their MAC.
+    """
+
+    n_rigid: int
+    distance: np.ndarray
+    used: np.ndarray
+    placed: bool
+    groups: tuple[tuple[int, ...], ...]
+    frequency_hz: np.ndarray
+    mac: np.ndarray
+    pairs: tuple[tuple[int, int], ...]
+    alike: tuple[tuple[int, int, float], ...]
+
+
+def correlated(
+    measured: Measured,
+    K: sp.csr_matrix,
+    M: sp.csr_matrix,
+    nodes: np.ndarray,
+    E: sp.csr_matrix,
+    placement: tuple[np.ndarray, np.ndarray],
+    tolerance: float,
+) -> Correlation:
+    """Compare measured modes of a free part with its elastic modes.
+
+    Points are paired with the nearest node, where the part is in the assembly or where its mesh's
+    file has it, wherever more of them have one. Directions in which no mode moves are left out as
+    not measured. Modes are paired so that the sum of MAC is largest; a pair below LEAST is none.
+
+    Parameters
+    ----------
+    measured : Measured
+    K, M : csr_matrix (k, k)
+        Of the free part.
+    nodes : ndarray (n, 3)
+        As placed in the assembly, m.
+    E : csr_matrix (3 n, k)
+        Displacements of the nodes from the degrees of freedom, in the assembly's axes. Nodes that
+        none moves are passed over.
+    placement : ndarray (3, 3), ndarray (3,)
+        Turn and shift [m] from the mesh's file: x goes to turn x + shift.
+    tolerance : float
+        Largest distance of a point and its node, m.
+
+    Raises
+    ------
+    ModelError
+        Fewer than FEWEST measured freedoms have a place, or they are close together; no elastic
+        mode in reach.
+    """
+    turn, shift = placement
+    moved = np.flatnonzero((np.diff(E.indptr) > 0).reshape(-1, 3).all(axis=1))
+    tree = cKDTree(nodes[moved])
+    places = (measured.points, measured.points @ turn.T + shift)
+    found = [tree.query(points) for points in places]
+    counts = [int((distance <= tolerance).sum()) for distance, _ in found]
+    placed = counts[0] >= counts[1]
+    distance, nearest = found[0 if placed else 1]
+    used = distance <= tolerance
+    axes = np.eye(3) if placed else turn
+    rows = _rows(measured, used, moved[nearest], axes, 3 * len(nodes)) @ E
+    if rows.shape[0] < FEWEST or np.ptp(measured.points[used], axis=0).max() < WIDE * tolerance:
+        extent, own = (np.ptp(x, axis=0).max() for x in (measured.points, nodes))
+        raise ModelError(
+            f"{used.sum()} of {len(used)} measured points lie within {1e3 * tolerance:.3g} mm of a "
+            f"node, {rows.shape[0]} measured freedoms: expected at least {FEWEST}, over at least "
+            f"{WIDE} times that distance. The points span {1e3 * extent:.4g} mm, the part "
+            f"{1e3 * own:.4g} mm; the nearest is {1e3 * distance.min():.3g} mm away"
+        )
+    omega, phi = real_modes(M, K, BEYOND * float(measured.frequency_hz.max()))
+    first = rigid_count(K, M, omega)
+    hz = omega[first:] / (2 * np.pi)
+    if not len(hz):
+        raise ModelError(
+            f"the part has no elastic mode up to {BEYOND:g} times the highest measured frequency, "
+            f"{measured.frequency_hz.max():.4g} Hz"
+        )
+    places_of = _groups(hz)
+    seen = rows @ phi[:, first:]
+    u = np.array([shape[used][measured.seen[used]] for shape in measured.shapes])
+    spans = [np.linalg.qr(seen[:, own])[0] for own in places_of]
+    size = np.maximum((np.abs(u) ** 2).sum(axis=1), 1e-300)
+    mac = np.column_stack([(np.abs(u @ Q) ** 2).sum(axis=1) / size for Q in spans])
+    alike = [
+        (i, j, float(value))
+        for i in range(len(spans))
+        for j in range(i)
+        if (value := np.linalg.norm(spans[i].T @ spans[j], 2) ** 2) > BLIND
+    ]
+    return Correlation(
+        n_rigid=first,
+        distance=distance,
+        used=used,
+        placed=placed,
+        groups=tuple(tuple(first + 1 + k for k in own) for own in places_of),
+        frequency_hz=np.array([hz[own].mean() for own in places_of]),
+        mac=mac,
+        pairs=_pairs(mac, [len(own) for own in places_of]),
+        alike=tuple(alike),
+    )
+
+
+def _rows(
+    measured: Measured, used: np.ndarray, nearest: np.ndarray, turn: np.ndarray, n: int
+) -> sp.csr_matrix:
+    """Rows (r, n) that give the motion of nodes in the measured directions of used points."""
+    points, axes = np.nonzero(measured.seen & used[:, None])
+    columns = 3 * nearest[points][:, None] + np.arange(3)
+    # the mesh's own axis e_i is column i of the turn, in the axes of the assembly
+    values = turn.T[axes]
+    place = np.repeat(np.arange(len(points)), 3)
+    return sp.csr_matrix((values.ravel(), (place, columns.ravel())), shape=(len(points), n))
+
+
+def _groups(hz: np.ndarray) -> list[list[int]]:
+    """Modes whose frequencies are one but for round-off, ascending."""
+    found: list[list[int]] = []
+    for k, f in enumerate(hz):
+        if found and f - hz[found[-1][-1]] < ALIKE * f:
+            found[-1].append(k)
+        else:
+            found.append([k])
+    return found
+
+
+def _pairs(mac: np.ndarray, sizes: Sequence[int]) -> tuple[tuple[int, int], ...]:
+    """Pairs of largest total MAC; a group has as many partners as modes."""
+    columns = np.repeat(np.arange(len(sizes)), sizes)
+    rows, places = linear_sum_assignment(mac[:, columns], maximize=True)
+    pairs = zip(rows.tolist(), columns[places].tolist(), strict=True)
+    return tuple((i, j) for i, j in pairs if mac[i, j] >= LEAST)

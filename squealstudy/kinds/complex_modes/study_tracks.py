@@ -20,8 +20,7 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.neighbourhood import PointNeighbourhood, StudyNeighbourhoods
 from squealstudy.kinds.complex_modes.rows import ModeColumns
 from squealstudy.kinds.complex_modes.stored_shapes import ShapeFile
-from squealstudy.modes.tracking.joining import join_tracks
-from squealstudy.modes.tracking.labels import Tracks, TrackTree
+from squealstudy.modes.tracking.labels import Tracks, TrackTree, join_tracks
 from squealstudy.modes.tracking.pairing import DOUBTFUL, Pairing, pair_macs
 from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.modes.tracking.refinement import DEPTH, Modes, StepRefinement
