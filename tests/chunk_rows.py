@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from study_runs import plan_of
+from study_texts import study_text, sweep_text
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import failed_row
@@ -13,27 +14,17 @@ from squealstudy.engine.store import Store
 from squealstudy.kinds.complex_modes.rows import SCHEMA, solved_row
 from squealstudy.modes.point import PointModes
 
-GRID = """
-[study]
-name = "grid"
-kind = "complex_modes"
-[model]
-name = "hulten"
-[[sweep]]
-parameter = "friction"
-start = 0.0
-stop = 0.6
-num = {num}
-[[sweep]]
-parameter = "damping_ratio"
-start = 0.0
-stop = 0.02
-num = {lines}
+GRID = (
+    study_text("grid", "complex_modes", "hulten")
+    + sweep_text("friction", 0.0, 0.6, "{num}")
+    + sweep_text("damping_ratio", 0.0, 0.02, "{lines}")
+    + """\
 [modes]
 refine_tracking = false
 refine_onsets = false
 reference_points = 0
 """
+)
 HZ = 2 * np.pi
 
 

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from study_runs import command, comparable, plan_of, solved
+from study_texts import study_text, sweep_text
 
 import squealstudy
 from squealstudy.engine.pictures import save_figure
@@ -243,12 +244,9 @@ def test_every_first_point_is_a_node_of_the_full_grid(start, factor, num, halvin
     np.testing.assert_allclose(spacing, spacing.mean(), rtol=1e-5)
 
 
-ONE_SWEEP = """
-[study]
-name = "line"
-kind = "complex_modes"
-[model]
-name = "hulten"
+ONE_SWEEP = (
+    study_text("line", "complex_modes", "hulten")
+    + """\
 [[sweep]]
 parameter = "normal_force"
 {sweep}
@@ -256,6 +254,7 @@ parameter = "normal_force"
 type = "boundary"
 levels = {levels}
 """
+)
 
 
 @pytest.mark.parametrize("scale", ["linear", "log"])
@@ -279,22 +278,11 @@ def test_around_a_failed_node_the_map_is_as_fine_as_it_goes():
 
 
 # -- a study against the grid study of its resolution ----------------------------------------------
-BOUNDARY = """
-[study]
-name = "map"
-kind = "complex_modes"
-[model]
-name = "hulten"
-[[sweep]]
-parameter = "friction"
-start = 0.0
-stop = 0.7
-num = 6
-[[sweep]]
-parameter = "damping_ratio"
-start = 0.001
-stop = 0.2
-num = 4
+BOUNDARY = (
+    study_text("map", "complex_modes", "hulten")
+    + sweep_text("friction", 0.0, 0.7, 6)
+    + sweep_text("damping_ratio", 0.001, 0.2, 4)
+    + """\
 scale = "log"
 [design]
 type = "boundary"
@@ -303,6 +291,7 @@ levels = 3
 band = [1.0, 1000.0]
 reference_points = 0
 """
+)
 GRID = (
     BOUNDARY.replace('"boundary"\nlevels = 3', '"grid"')
     .replace("num = 4\n", "num = 25\n")

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.io
+from study_texts import study_text, sweep_text
 
 import squealstudy as sq
 from squealstudy import extensions
@@ -40,65 +41,42 @@ from clusters import LONGEST, MODULES, Loopback
 
 from squealstudy.engine.cluster import _keys, _pickled, connected
 
-HULTEN = """
-[study]
-name = "hulten"
-kind = "complex_modes"
-[model]
-name = "hulten"
-[[sweep]]
-parameter = "friction"
-start = 0.0
-stop = 0.6
-num = 40
+HULTEN = (
+    study_text("hulten", "complex_modes", "hulten")
+    + sweep_text("friction", 0.0, 0.6, 40)
+    + """\
 [modes]
 band = [1.0, 1000.0]
 """
-BOUNDARY = """
-[study]
-name = "map"
-kind = "complex_modes"
-[model]
-name = "hulten"
-[[sweep]]
-parameter = "friction"
-start = 0.0
-stop = 0.6
-num = 4
-[[sweep]]
-parameter = "frequency_2"
-start = 60.0
-stop = 90.0
-num = 3
+)
+BOUNDARY = (
+    study_text("map", "complex_modes", "hulten")
+    + sweep_text("friction", 0.0, 0.6, 4)
+    + sweep_text("frequency_2", 60.0, 90.0, 3)
+    + """\
 [design]
 type = "boundary"
 levels = 2
 [modes]
 band = [1.0, 1000.0]
 """
-SENSITIVITY = """
-[study]
-name = "slopes"
-kind = "sensitivity"
-[model]
-name = "hulten"
+)
+SENSITIVITY = (
+    study_text("slopes", "sensitivity", "hulten")
+    + """\
 [parameters]
 damping_ratio = 0.01
-[[sweep]]
-parameter = "friction"
-start = 0.1
-stop = 0.5
-num = 5
+"""
+    + sweep_text("friction", 0.1, 0.5, 5)
+    + """\
 [sensitivity]
 modes = 2
 parameters = ["friction", "damping_ratio", "frequency_1"]
 """
-BELT = """
-[study]
-name = "belt"
-kind = "transient"
-[model]
-name = "belt"
+)
+BELT = (
+    study_text("belt", "transient", "belt")
+    + """\
 [[sweep]]
 parameter = "sliding_speed"
 values = [0.5, 0.9, 1.1, 1.3]
@@ -110,6 +88,7 @@ step = 2e-5
 perturbation = 1e-5
 save_every = 20
 """
+)
 STABILITY = """
 [study]
 name = "methods"

@@ -9,20 +9,19 @@ import numpy as np
 import pytest
 from joblib import wrap_non_picklable_objects
 from study_runs import plan_of
+from study_texts import study_text
 
 from squealstudy.engine.keys import content_hash, point_id, point_ids
 from squealstudy.engine.plan import Plan
 
-HULTEN = """
-[study]
-name = "points"
-kind = "complex_modes"
-[model]
-name = "hulten"
+HULTEN = (
+    study_text("points", "complex_modes", "hulten")
+    + """\
 [design]
 type = "{design}"
 {more}
 """
+)
 GRID = HULTEN.format(design="grid", more="") + "".join(
     f'[[sweep]]\nparameter = "{name}"\nvalues = {values}\n'
     for name, values in (

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from study_texts import study_text, sweep_text
 from typer.testing import CliRunner
 
 from squealstudy import open_results
@@ -41,12 +42,9 @@ from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
 from squealstudy.study.definition import parse_study
 from squealstudy.tables.method_quality import FoundError, Miscount
 
-BELT = """
-[study]
-name = "belt"
-kind = "transient"
-[model]
-name = "belt"
+BELT = (
+    study_text("belt", "transient", "belt")
+    + """\
 [[sweep]]
 parameter = "sliding_speed"
 values = [0.5, 0.6, 0.7]
@@ -62,25 +60,22 @@ save_every = 0
 tolerance = 0.001
 audit = 1
 """
+)
 ONE_POINT = BELT.replace("[0.5, 0.6, 0.7]", "[0.6]")
 SLOPE = '"contact.regularisation_speed" = 0.01'
-BRAKE = """
-[study]
-name = "brake"
-kind = "{kind}"
-[model]
-name = "disc_brake"
+BRAKE = (
+    study_text("brake", "{kind}", "disc_brake")
+    + """\
 mesh = "coarse"
 {model}
-[[sweep]]
-parameter = "friction"
-start = 0.2
-stop = 0.6
-num = 5
+"""
+    + sweep_text("friction", 0.2, 0.6, 5)
+    + """\
 [fidelity]
 tolerance = 0.01
 {more}
 """
+)
 
 
 def quiet(stage, done, total, failed=0):
@@ -497,23 +492,17 @@ def test_a_model_without_a_reduction_is_exact(tmp_path):
     assert report.manifest["fidelity"]["audit"]["error"] == 0.0
 
 
-HULTEN = """
-[study]
-name = "hulten"
-kind = "complex_modes"
-[model]
-name = "hulten"
-[[sweep]]
-parameter = "friction"
-start = 0.0
-stop = 0.6
-num = {num}
+HULTEN = (
+    study_text("hulten", "complex_modes", "hulten")
+    + sweep_text("friction", 0.0, 0.6, "{num}")
+    + """\
 [modes]
 band = [1.0, 1000.0]
 {more}
 [fidelity]
 tolerance = 1e-3
 """
+)
 
 
 def test_windows_serve_a_minimal_model_where_they_are_cheaper(tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ import scipy.io
 import scipy.sparse as sp
 from reference import MU_C, W1, W2
 from study_runs import plan_of, solved
+from study_texts import study_text, sweep_text
 
 import squealstudy
 from squealstudy.cli import app as cli
@@ -33,12 +34,9 @@ from squealstudy.reduction.prepared import prepare_family, spanning
 from squealstudy.study.definition import load_study, parse_study
 from squealstudy.study.family import TAKEN
 
-HULTEN = """
-[study]
-name = "family"
-kind = "complex_modes"
-[model]
-name = "matrices"
+HULTEN = (
+    study_text("family", "complex_modes", "matrices")
+    + """\
 [[model.term]]
 matrix = "M"
 file = "m.mtx"
@@ -53,14 +51,13 @@ variable = "coupling"
 coefficient = "mu"
 [parameters]
 mu = 0.1
-[[sweep]]
-parameter = "mu"
-start = 0.0
-stop = 0.6
-num = 13
+"""
+    + sweep_text("mu", 0.0, 0.6, 13)
+    + """\
 [modes]
 band = [1.0, 1000.0]
 """
+)
 
 
 def random_matrix(n: int = 30, seed: int = 0) -> sp.csr_matrix:

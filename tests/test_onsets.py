@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reference import MU_C, W1, W2, hulten_stiffness, oscillating_modes
 from study_runs import plan_of, solved
+from study_texts import study_text, sweep_text
 
 import squealstudy
 from squealstudy.engine.structures import build_structures
@@ -25,21 +26,15 @@ from squealstudy.plots.plane import study_plane
 from squealstudy.tables.stability import line_crossings
 
 HZ = 2 * np.pi
-STUDY = """
-[study]
-name = "onset"
-kind = "complex_modes"
-[model]
-name = "{model}"
-[[sweep]]
-parameter = "friction"
-start = {start}
-stop = {stop}
-num = {num}
+STUDY = (
+    study_text("onset", "complex_modes", "{model}")
+    + sweep_text("friction", "{start}", "{stop}", "{num}")
+    + """\
 [modes]
 band = [1.0, 5000.0]
 reference_points = 0
 """
+)
 
 
 def study(model: str = "hulten", stop: float = 0.6, num: int = 4, start: float = 0.0) -> str:

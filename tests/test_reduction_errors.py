@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from chunk_rows import drifting_modes, grid, random_modes, write_chunks
 from conftest import full_order
 from study_runs import plan_of
+from study_texts import study_text, sweep_text
 
 from squealstudy.engine.cache import load_prepared, save_prepared
 from squealstudy.engine.store import Store
@@ -380,21 +381,17 @@ def test_full_order_solutions_widen_errors_and_never_narrow_them(tmp_path, monke
 
 # -- enrichment
 
-BRAKE = """
-[study]
-name = "b"
-kind = "complex_modes"
-[model]
-name = "disc_brake"
+BRAKE = (
+    study_text("b", "complex_modes", "disc_brake")
+    + """\
 mesh = "coarse"
-[[sweep]]
-parameter = "friction"
-start = 0.1
-stop = 0.5
-num = 5
+"""
+    + sweep_text("friction", 0.1, 0.5, 5)
+    + """\
 [modes]
 band = [500.0, 4000.0]
 """
+)
 
 
 @pytest.mark.parametrize(("worst", "is_enriched"), [(2e-4, True), (5e-5, False)])

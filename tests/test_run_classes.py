@@ -11,17 +11,15 @@ import pytest
 from conftest import benchmark
 from rich.console import Console
 from study_runs import plan_of, solved
+from study_texts import study_text
 
 from squealstudy import screen
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
 
-BELT = """
-[study]
-name = "belt"
-kind = "transient"
-[model]
-name = "belt"
+BELT = (
+    study_text("belt", "transient", "belt")
+    + """\
 [parameters]
 damping_ratio = {damping}
 [[sweep]]
@@ -36,6 +34,7 @@ perturbation = {kick}
 save_every = 0
 {more}
 """
+)
 
 
 def results_of(

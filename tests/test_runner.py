@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from study_runs import comparable, plan_of, solved
+from study_texts import study_text, sweep_text
 
 import squealstudy
 from squealstudy.engine import store
@@ -22,34 +23,23 @@ from squealstudy.engine.runner import run_study
 from squealstudy.engine.workers import Pace
 from squealstudy.errors import ResultsError, SquealstudyError, StudyFileError
 
-HULTEN = """
-[study]
-name = "lockin"
-kind = "complex_modes"
-[model]
-name = "hulten"
-[[sweep]]
-parameter = "friction"
-start = 0.0
-stop = {stop}
-num = {num}
+HULTEN = (
+    study_text("lockin", "complex_modes", "hulten")
+    + sweep_text("friction", 0.0, "{stop}", "{num}")
+    + """\
 [modes]
 band = [1.0, 1000.0]
 """
+)
 
-BRAKE = """
-[study]
-name = "brake"
-kind = "complex_modes"
-[model]
-name = "disc_brake"
+BRAKE = (
+    study_text("brake", "complex_modes", "disc_brake")
+    + """\
 mesh = "coarse"
 contact_points = 2
-[[sweep]]
-parameter = "friction"
-start = 0.1
-stop = 0.6
-num = 12
+"""
+    + sweep_text("friction", 0.1, 0.6, 12)
+    + """\
 [modes]
 band = [500.0, 4000.0]
 reference_points = 0
@@ -58,6 +48,7 @@ refine_onsets = false
 [reduction]
 enrichment = false
 """
+)
 
 
 def hulten(stop: float = 0.6, num: int = 13) -> Plan:

@@ -17,6 +17,7 @@ import pytest
 import pyuff
 from conftest import COARSE
 from study_runs import command, solved
+from study_texts import study_text
 
 from squealstudy.engine import mode_shapes as engine_shapes
 from squealstudy.engine.cache import is_whole, prepared_path
@@ -52,16 +53,14 @@ values = [1.0, 1.1]
 band = [500.0, 4000.0]
 reference_points = 0
 """
-MINIMAL = """
-[study]
-name = "minimal"
-kind = "complex_modes"
-[model]
-name = "hulten"
+MINIMAL = (
+    study_text("minimal", "complex_modes", "hulten")
+    + """\
 [[sweep]]
 parameter = "friction"
 values = [0.1, 0.5]
 """
+)
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
 )

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from motions import started
 from study_runs import command, plan_of, solved
+from study_texts import study_text
 from test_newmark import KICK, random_system
 
 from squealstudy.engine.plan import Plan
@@ -32,12 +33,9 @@ from squealstudy.motion.simulate import simulate
 
 NAME = REGULARISATION_SPEED.name
 PRESSURE = 200 * np.pi / (1e8 / 5e11)  # of the belt's contact, Pa; its static friction is 1
-BELT = """
-[study]
-name = "belt"
-kind = "{kind}"
-[model]
-name = "belt"
+BELT = (
+    study_text("belt", "{kind}", "belt")
+    + """\
 {parameters}
 [[sweep]]
 parameter = "sliding_speed"
@@ -45,6 +43,7 @@ values = {speeds}
 [modes]
 band = [10.0, 1000.0]
 """
+)
 TIME = """
 [transient]
 duration = {duration}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from motions import changed, growing, made_up, started
 from study_runs import command, plan_of
+from study_texts import study_text
 
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
@@ -435,12 +436,9 @@ def test_a_decay_beside_what_nobody_follows_is_not_known_to_be_one():
 
 
 # -- studies -------------------------------------------------------------------------------------
-BELT = """
-[study]
-name = "belt"
-kind = "transient"
-[model]
-name = "belt"
+BELT = (
+    study_text("belt", "transient", "belt")
+    + """\
 [parameters]
 "contact.regularisation_speed" = 0.01
 [[sweep]]
@@ -457,6 +455,7 @@ step = 5e-5
 perturbation = 1e-5
 save_every = 20
 """
+)
 EARLY = 'stop = "settled"\nsettle_tolerance = 0.05\n'
 
 

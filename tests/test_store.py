@@ -10,6 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from study_runs import command, comparable, plan_of
+from study_texts import study_text, sweep_text
 
 import squealstudy
 from squealstudy.engine import cache
@@ -20,27 +21,18 @@ from squealstudy.engine.runner import run_study
 from squealstudy.engine.store import CHUNKS, MANIFEST, REFERENCES, SET_ASIDE, Store, read_manifest
 from squealstudy.errors import ResultsError
 
-STUDY = """
-[study]
-name = "lockin"
-kind = "complex_modes"
-[model]
-name = "hulten"
-[[sweep]]
-parameter = "friction"
-start = 0.0
-stop = {stop}
-num = {num}
+STUDY = (
+    study_text("lockin", "complex_modes", "hulten")
+    + sweep_text("friction", 0.0, "{stop}", "{num}")
+    + """\
 [modes]
 band = [1.0, 1000.0]
 reference_points = 1
 """
-BELT = """
-[study]
-name = "belt"
-kind = "transient"
-[model]
-name = "belt"
+)
+BELT = (
+    study_text("belt", "transient", "belt")
+    + """\
 [parameters]
 friction = 0.4
 [[sweep]]
@@ -53,6 +45,7 @@ batch = 1
 slope_pilot = "never"
 save_every = 10
 """
+)
 TORN = b'{"files":{"chunks/0123456789abcdef.parquet":[12,"ab'
 
 

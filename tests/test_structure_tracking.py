@@ -7,6 +7,7 @@ import pytest
 import scipy.sparse as sp
 from conftest import TOP
 from study_runs import plan_of, solved
+from study_texts import study_text
 from tracks import Known, track
 
 from squealstudy.linalg.real_modes import real_modes
@@ -91,12 +92,9 @@ STRINGS = ModelDefinition(
     ("a", "b"),
     build_strings,
 )
-STUDY = """
-[study]
-name = "strings"
-kind = "complex_modes"
-[model]
-name = "strings"
+STUDY = (
+    study_text("strings", "complex_modes", "strings")
+    + """\
 [parameters]
 damping_ratio = 0.002
 friction = 0.1
@@ -105,6 +103,7 @@ friction = 0.1
 band = [300.0, 6000.0]
 reference_points = 0
 """
+)
 
 
 @pytest.fixture

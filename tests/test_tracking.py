@@ -11,6 +11,7 @@ from reference import W1, W2, hulten_stiffness, oscillating_modes
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 from study_runs import plan_of, solved
+from study_texts import study_text, sweep_text
 from tracking_reference import labels_in_order, pair_one
 from tracks import Known, track
 
@@ -611,23 +612,19 @@ def test_no_label_of_the_brake_is_wrong_over_the_whole_range_of_friction(brake_l
     assert wrong[False] == 0
 
 
-SWEEP = """
-[study]
-name = "sweep"
-kind = "complex_modes"
-[model]
-name = "disc_brake"
+SWEEP = (
+    study_text("sweep", "complex_modes", "disc_brake")
+    + """\
 mesh = "coarse"
-[[sweep]]
-parameter = "friction"
-start = 0.0
-stop = 0.7
-num = {num}
+"""
+    + sweep_text("friction", 0.0, 0.7, "{num}")
+    + """\
 [modes]
 band = [500.0, 8000.0]
 reference_points = 0
 refine_onsets = false
 """
+)
 
 
 @pytest.mark.full_size

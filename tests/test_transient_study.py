@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 import scipy.signal
 from study_runs import plan_of, solved
+from study_texts import study_text
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
@@ -19,12 +20,9 @@ from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.transient.batch import sampling, training_path
 from squealstudy.kinds.transient.section import TransientSection
 
-BELT = """
-[study]
-name = "belt"
-kind = "transient"
-[model]
-name = "belt"
+BELT = (
+    study_text("belt", "transient", "belt")
+    + """\
 [[sweep]]
 parameter = "sliding_speed"
 values = [0.5, 0.9, 1.1, 1.2, 1.3]
@@ -37,6 +35,7 @@ perturbation = 1e-5
 save_every = {save_every}
 {more}
 """
+)
 
 
 def belt(duration=0.5, save_every=20, more="") -> Plan:

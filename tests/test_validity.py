@@ -10,6 +10,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from study_runs import plan_of, solved
+from study_texts import study_text
 
 from squealstudy.cli import app as cli
 from squealstudy.engine.plan import Plan
@@ -25,17 +26,15 @@ from squealstudy.models.catalogue import MODELS
 from squealstudy.models.parameter import Assumption
 from squealstudy.tables.validity import validity_counts
 
-STUDY = """
-[study]
-name = "s"
-kind = "{kind}"
-[model]
-name = "{model}"
+STUDY = (
+    study_text("s", "{kind}", "{model}")
+    + """\
 {more}
 [modes]
 band = [1.0, 1000.0]
 reference_points = 0
 """
+)
 FRICTION = """
 [[sweep]]
 parameter = "friction"

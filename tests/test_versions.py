@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from study_texts import study_text
 from typer.testing import CliRunner
 
 import squealstudy
@@ -13,18 +14,16 @@ from squealstudy.engine.store import read_manifest, write_manifest
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.parameter import ModelChange
 
-COMPLEX = """
-[study]
-name = "old"
-kind = "complex_modes"
-[model]
-name = "hoffmann"
+COMPLEX = (
+    study_text("old", "complex_modes", "hoffmann")
+    + """\
 [[sweep]]
 parameter = "friction"
 values = [0.5, 0.8]
 [modes]
 band = [10.0, 1000.0]
 """
+)
 TIME = """
 [transient]
 duration = 0.05

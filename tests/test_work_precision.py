@@ -6,6 +6,7 @@ import pyarrow.parquet as pq
 import pytest
 from made_results import made
 from study_runs import load_plan
+from study_texts import study_text, sweep_text
 from typer.testing import CliRunner
 
 from squealstudy import open_results
@@ -21,12 +22,9 @@ from squealstudy.kinds.work_precision import kind as kind_module
 from squealstudy.modes.point import solve_point
 
 SPEED = '"contact.regularisation_speed" = 0.08'
-BELT = """
-[study]
-name = "belt_base"
-kind = "transient"
-[model]
-name = "belt"
+BELT = (
+    study_text("belt_base", "transient", "belt")
+    + """\
 [parameters]
 "contact.regularisation_speed" = 0.08
 [[sweep]]
@@ -40,6 +38,7 @@ step = 2e-5
 perturbation = 1e-1
 save_every = 0
 """
+)
 IN_TIME = """
 [study]
 name = "steps"
@@ -64,20 +63,14 @@ name = "Newton"
 integrator = "newmark_newton"
 set.transient.step = 2e-4
 """
-HULTEN = """
-[study]
-name = "hulten_base"
-kind = "complex_modes"
-[model]
-name = "hoffmann"
-[[sweep]]
-parameter = "friction"
-start = 0.0
-stop = 0.6
-num = 61
+HULTEN = (
+    study_text("hulten_base", "complex_modes", "hoffmann")
+    + sweep_text("friction", 0.0, 0.6, 61)
+    + """\
 [modes]
 band = [1.0, 1000.0]
 """
+)
 RUNGS = """
 [study]
 name = "rungs"

@@ -10,6 +10,7 @@ import pytest
 import scipy.linalg as la
 from motions import run_one
 from my_integrator import NewmarkFamily
+from study_texts import study_text
 from test_newmark import linear_case, random_system
 
 from squealstudy.engine.plan import Plan
@@ -21,12 +22,9 @@ from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.study.definition import parse_study
 
-BELT = """
-[study]
-name = "belt"
-kind = "transient"
-[model]
-name = "belt"
+BELT = (
+    study_text("belt", "transient", "belt")
+    + """\
 [[sweep]]
 parameter = "sliding_speed"
 values = [0.5]
@@ -37,6 +35,7 @@ duration = 0.5
 step = 2e-5
 perturbation = 1e-2
 """
+)
 
 
 @pytest.mark.parametrize(("gamma", "order"), [(0.5, 2), (0.6, 1)])

@@ -10,27 +10,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from study_texts import study_text, sweep_text
 
 import squealstudy as sq
 from squealstudy.engine import pictures
 from squealstudy.errors import ResultsError
 
-STUDY = """
-[study]
-name = "lockin"
-kind = "{kind}"
-[model]
-name = "hulten"
+STUDY = (
+    study_text("lockin", "{kind}", "hulten")
+    + """\
 [parameters]
 friction = 0.5
-[[sweep]]
-parameter = "friction"
-start = 0.0
-stop = 0.6
-num = 7
+"""
+    + sweep_text("friction", 0.0, 0.6, 7)
+    + """\
 [modes]
 band = [1.0, 1000.0]
 """
+)
 
 
 @pytest.fixture(autouse=True)

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from study_texts import study_text
 
 import squealstudy
 from squealstudy.engine.plan import Plan
@@ -57,12 +58,9 @@ def test_the_bound_in_closed_form():
     assert storage_number(system, design, 0.0) == 0.0
 
 
-STUDY = """
-[study]
-name = "belt"
-kind = "transient"
-[model]
-name = "belt"
+STUDY = (
+    study_text("belt", "transient", "belt")
+    + """\
 [modes]
 band = [10.0, 1000.0]
 [transient]
@@ -71,6 +69,7 @@ step = 2e-5
 save_every = 0
 storage = "single"
 """
+)
 
 
 def test_a_run_says_so(tmp_path, monkeypatch):
