@@ -21,7 +21,7 @@ from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Solved
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.fidelity import frequency_search
-from squealstudy.fidelity import pilots as fidelity_scene
+from squealstudy.fidelity import pilots as pilots_module
 from squealstudy.fidelity import run as fidelity_run
 from squealstudy.fidelity.choice import (
     Choice,
@@ -225,16 +225,16 @@ def test_step_is_chosen_and_its_error_audited(finished):
 
 def test_estimates_bound_the_error_against_a_much_smaller_step(finished):
     resolved, _ = finished
-    scene = FidelityStudy(resolved.scene.study, 1, quiet)
+    fidelity = FidelityStudy(resolved.fidelity.study, 1, quiet)
     chosen = dict(resolved.choice.chosen.changes)
     truth = {**chosen, "transient.step": chosen["transient.step"] / 4}
-    error = scene.error(scene.measure(chosen, [1]), scene.measure(truth, [1]))
+    error = fidelity.error(fidelity.measure(chosen, [1]), fidelity.measure(truth, [1]))
     assert error <= 1.5 * resolved.choice.chosen.error + 2.5e-3  # fits of growth see other rows
 
 
 def test_a_choice_is_made_once(finished, monkeypatch):
     monkeypatch.setattr(fidelity_run, "search_runs", pytest.fail)
-    again = resolve(finished[0].scene.study, 1, quiet)
+    again = resolve(finished[0].fidelity.study, 1, quiet)
     assert again.choice == finished[0].choice
 
 
@@ -291,12 +291,12 @@ def finding(status):
 
 
 def test_failing_pilots_are_replaced_in_order(tmp_path, monkeypatch):
-    scene = FidelityStudy(study(BELT, tmp_path), 1, quiet)
+    fidelity = FidelityStudy(study(BELT, tmp_path), 1, quiet)
     monkeypatch.setattr(FidelityStudy, "measure", lambda _, __, points: Found([7, 5], points))
-    assert scene.pilots({}, [7, 4, 5, 3, 2]) == [4, 3]
-    assert scene.failed == {7, 5}
+    assert fidelity.pilots({}, [7, 4, 5, 3, 2]) == [4, 3]
+    assert fidelity.failed == {7, 5}
     with pytest.raises(SquealstudyError, match="the first with failed: why"):
-        scene.pilots({}, [7, 5])
+        fidelity.pilots({}, [7, 5])
 
 
 class Found:
@@ -311,9 +311,9 @@ class Found:
 
 
 def test_a_setting_that_fails_at_a_pilot_is_refused(tmp_path):
-    scene = FidelityStudy(study(BELT, tmp_path), 1, quiet)
-    assert scene.point_error(finding("diverged"), finding("ok")) == 1.0
-    assert scene.point_error(finding("ok"), finding("diverged")) == 1.0
+    fidelity = FidelityStudy(study(BELT, tmp_path), 1, quiet)
+    assert fidelity.point_error(finding("diverged"), finding("ok")) == 1.0
+    assert fidelity.point_error(finding("ok"), finding("diverged")) == 1.0
 
 
 # -- what pilots take ----------------------------------------------------------------------------
@@ -324,7 +324,7 @@ MASSES = BELT.replace("sliding_speed", "mass").replace(
 
 @pytest.fixture
 def masses(tmp_path, monkeypatch):
-    """A scene of six structures, none of them made."""
+    """A study of six structures, none of them made."""
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
     return FidelityStudy(study(MASSES, tmp_path), 1, quiet)
 
@@ -344,7 +344,7 @@ def test_a_structure_that_cannot_be_made_is_a_failed_pilot(masses, monkeypatch):
     def build(plan, workers, wanted):
         return {failing: "too heavy"} | build_structures(plan, workers, wanted - {failing})
 
-    monkeypatch.setattr(fidelity_scene, "build_structures", build)
+    monkeypatch.setattr(pilots_module, "build_structures", build)
     found = masses.measure({}, [4, 1]).findings
     assert found["0"]["status"] == "ok"
     assert found["1"] == {"status": "structure", "message": "too heavy"}
@@ -381,30 +381,30 @@ def no_finer_model(monkeypatch):
 
 @pytest.mark.usefixtures("no_finer_model")
 def test_full_order_is_solved_pilot_by_pilot_until_one_refuses(tmp_path, monkeypatch):
-    scene = FidelityStudy(
+    fidelity = FidelityStudy(
         study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet
     )
-    rung = free_ladders(scene.study)["reduction"][2]
+    rung = free_ladders(fidelity.study)["reduction"][2]
     pilots = Pilots(0.0, monkeypatch)
-    assert ModeSearch(scene).attempt(rung).error == 0.0
+    assert ModeSearch(fidelity).attempt(rung).error == 0.0
     assert [points for _, points in pilots.of_method("full")] == [(4,), (0,)]
     pilots = Pilots(0.5, monkeypatch)
-    assert ModeSearch(scene).attempt(rung).error == 0.5
+    assert ModeSearch(fidelity).attempt(rung).error == 0.5
     ((changes, points),) = pilots.of_method("full")
     assert points == (4,)
     assert rung.changes.items() <= changes.items()  # a reduction that is there already
     # beyond its share but not beyond the tolerance: the other pilots may be far worse
-    between = [0.7 * scene.tolerance, 50.0 * scene.tolerance]
+    between = [0.7 * fidelity.tolerance, 50.0 * fidelity.tolerance]
     Pilots(0.0, monkeypatch)
     monkeypatch.setattr(FidelityStudy, "point_error", lambda *_: between.pop(0))
-    assert ModeSearch(scene).attempt(rung).error == 50.0 * scene.tolerance
+    assert ModeSearch(fidelity).attempt(rung).error == 50.0 * fidelity.tolerance
 
 
 def test_the_finer_model_judges_pilots_as_full_order_does(tmp_path, monkeypatch):
     band = "[modes]\nband = [500.0, 2000.0]"
     text = BRAKE.format(kind="complex_modes", model="contact_points = 2", more=band)
-    scene = FidelityStudy(study(text, tmp_path), 1, quiet)
-    rung = free_ladders(scene.study)["reduction"][0]
+    fidelity = FidelityStudy(study(text, tmp_path), 1, quiet)
+    rung = free_ladders(fidelity.study)["reduction"][0]
     asked = []
     measure = FidelityStudy.measure
 
@@ -413,22 +413,22 @@ def test_the_finer_model_judges_pilots_as_full_order_does(tmp_path, monkeypatch)
         return measure(self, changes, points)
 
     monkeypatch.setattr(FidelityStudy, "measure", recorded)
-    estimated = ModeSearch(scene).attempt(rung).error
+    estimated = ModeSearch(fidelity).attempt(rung).error
     assert "full" not in asked
     monkeypatch.setattr(frequency_search, "finer_finding", lambda *_: None)
-    true = ModeSearch(scene).attempt(rung).error
+    true = ModeSearch(fidelity).attempt(rung).error
     assert "full" in asked
     assert true < estimated < 10 * true
 
 
 def test_a_rung_whose_structure_fails_has_no_finer_model(tmp_path, monkeypatch):
     """Nothing is in the cache to be read then: full order tells whether the rung is to blame."""
-    scene = FidelityStudy(
+    fidelity = FidelityStudy(
         study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet
     )
-    rung = free_ladders(scene.study)["reduction"][2]
+    rung = free_ladders(fidelity.study)["reduction"][2]
     pilots = Pilots(0.0, monkeypatch)
-    search = ModeSearch(scene)
+    search = ModeSearch(fidelity)
     search.points, search.truth = [4, 0], {"modes.method": "full"}
     monkeypatch.setattr(FidelityStudy, "point_error", POINT_ERROR)
     changes = {**rung.changes, "modes.method": "dense"}
@@ -438,7 +438,7 @@ def test_a_rung_whose_structure_fails_has_no_finer_model(tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("no_finer_model")
 def test_a_pilot_without_a_full_order_solution_is_left_out(tmp_path, monkeypatch):
-    scene = FidelityStudy(
+    fidelity = FidelityStudy(
         study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet
     )
     pilots = Pilots(0.1, monkeypatch)
@@ -448,12 +448,12 @@ def test_a_pilot_without_a_full_order_solution_is_left_out(tmp_path, monkeypatch
         "of",
         lambda changes, points: Found(bad if changes["modes.method"] == "full" else [], points),
     )
-    rung = free_ladders(scene.study)["reduction"][2]
-    assert ModeSearch(scene).attempt(rung).error == 0.1
-    assert scene.failed == {4}
+    rung = free_ladders(fidelity.study)["reduction"][2]
+    assert ModeSearch(fidelity).attempt(rung).error == 0.1
+    assert fidelity.failed == {4}
     bad.append(0)
     with pytest.raises(SquealstudyError, match="no pilot has a better model to be held to: why"):
-        ModeSearch(scene).attempt(rung)
+        ModeSearch(fidelity).attempt(rung)
 
 
 @pytest.mark.parametrize(("points", "tried"), [(3, [1, 2]), (100, [1, 2, 0])])
@@ -461,15 +461,15 @@ def test_longer_steps_are_tried_where_they_may_save_more_than_the_try(
     points, tried, tmp_path, monkeypatch
 ):
     text = BELT.replace("values = [0.5, 0.6, 0.7]", f"start = 0.5\nstop = 0.7\nnum = {points}")
-    scene = FidelityStudy(study(text.replace("0.001", "0.1"), tmp_path), 1, quiet)
-    steps = [rung.changes["transient.step"] for rung in free_ladders(scene.study)["step"]]
+    fidelity = FidelityStudy(study(text.replace("0.001", "0.1"), tmp_path), 1, quiet)
+    steps = [rung.changes["transient.step"] for rung in free_ladders(fidelity.study)["step"]]
     asked = []
 
     def measure(_, changes, points):
         asked.append(steps.index(changes["transient.step"]))
         return Found([], points)
 
-    search = RunSearch(scene)
+    search = RunSearch(fidelity)
     monkeypatch.setattr(FidelityStudy, "measure", measure)
     monkeypatch.setattr(FidelityStudy, "error", lambda *_: 0.01)
     search.try_steps(search.ladders["step"])
@@ -556,14 +556,14 @@ def test_rungs_that_were_not_tried_are_named_beside_the_choice():
 
 @pytest.mark.parametrize(("num", "more"), [(25, ""), (200, 'method = "dense"')])
 def test_windows_are_not_tried_for_few_points_or_against_the_file(num, more, tmp_path):
-    scene = FidelityStudy(study(HULTEN.format(num=num, more=more), tmp_path), 1, quiet)
-    assert search_modes(scene).chosen.changes == {"modes.tolerance": 2e-4}
+    fidelity = FidelityStudy(study(HULTEN.format(num=num, more=more), tmp_path), 1, quiet)
+    assert search_modes(fidelity).chosen.changes == {"modes.tolerance": 2e-4}
 
 
 def test_windows_that_miss_the_tolerance_are_refused(tmp_path, monkeypatch):
-    scene = FidelityStudy(study(HULTEN.format(num=200, more=""), tmp_path), 1, quiet)
+    fidelity = FidelityStudy(study(HULTEN.format(num=200, more=""), tmp_path), 1, quiet)
     monkeypatch.setattr(FidelityStudy, "error", lambda *_: 9e-4)
-    assert "modes.method" not in search_modes(scene).chosen.changes
+    assert "modes.method" not in search_modes(fidelity).chosen.changes
 
 
 def test_an_explicit_step_that_misses_is_said(tmp_path):
@@ -591,7 +591,7 @@ def test_a_point_that_fails_is_left_out_of_the_audit(tmp_path, monkeypatch):
 def test_audits_look_at_all_points_that_they_have_looked_at(tmp_path, monkeypatch):
     seen = []
 
-    def audit(scene, plan, directory, changes, points):
+    def audit(fidelity, plan, directory, changes, points):
         seen.append(list(points))
         return Audit(0.5 if len(seen) == 1 else 0.0, tuple(points), "x")
 
@@ -603,7 +603,7 @@ def test_audits_look_at_all_points_that_they_have_looked_at(tmp_path, monkeypatc
     assert report.manifest["fidelity"]["audit"]["errors_of_rounds"] == [0.5, 0.0]
 
 
-def test_an_edited_start_or_file_is_another_scene(tmp_path):
+def test_an_edited_start_or_file_is_another_study(tmp_path):
     first = FidelityStudy(study(BELT, tmp_path), 1, quiet)
     other = FidelityStudy(study(BELT.replace("0.7]", "0.8]"), tmp_path), 1, quiet)
     assert _path(first) != _path(other)
@@ -632,8 +632,8 @@ def test_screens(tmp_path, monkeypatch):
 
 
 def test_audits_draw_other_points_each_round(tmp_path):
-    scene = FidelityStudy(study(BELT.replace("audit = 1", "audit = 2"), tmp_path), 1, quiet)
-    drawn = [drawn_points(scene, number) for number in range(6)]
+    fidelity = FidelityStudy(study(BELT.replace("audit = 1", "audit = 2"), tmp_path), 1, quiet)
+    drawn = [drawn_points(fidelity, number) for number in range(6)]
     assert all(len(set(points)) == 2 for points in drawn)
     assert len(set(drawn)) > 1
 
@@ -648,8 +648,8 @@ def test_a_missed_instability_is_an_error_of_one():
 
 def test_steps_are_judged_by_richardson(tmp_path, monkeypatch):
     """A method of order 2: the change to half the step is 3/4 of the error."""
-    scene = FidelityStudy(study(BELT.replace("0.001", "0.1"), tmp_path), 1, quiet)
-    search = RunSearch(scene)
+    fidelity = FidelityStudy(study(BELT.replace("0.001", "0.1"), tmp_path), 1, quiet)
+    search = RunSearch(fidelity)
     monkeypatch.setattr(search, "measure", lambda x: Step(x["transient.step"], 1.0))
     monkeypatch.setattr(FidelityStudy, "error", lambda _, a, b: 1e7 * (a.step**2 - b.step**2))
     ladder = search.ladders["step"]
@@ -678,17 +678,17 @@ class Step(NamedTuple):
 )
 def test_all_steps_are_compared_in_one_basis(lines, step, tmp_path):
     text = BRAKE.format(kind="transient", model="", more=f"[transient]\n{lines}\n")
-    scene = FidelityStudy(study(text, tmp_path), 1, quiet)
-    trained = training_step(scene.study).get("transient.pod_step", 0.0)
-    steps = free_ladders(scene.study).get("step")
+    fidelity = FidelityStudy(study(text, tmp_path), 1, quiet)
+    trained = training_step(fidelity.study).get("transient.pod_step", 0.0)
+    steps = free_ladders(fidelity.study).get("step")
     assert trained == (steps[2].changes["transient.step"] if step is None else step)
-    bases = free_ladders(scene.study).get("basis")
+    bases = free_ladders(fidelity.study).get("basis")
     for rung in bases[:-1] if bases else ():
         assert rung.changes["transient.pod_step"] == trained
 
 
 def test_candidates_give_way_where_no_structure_can_be_made(tmp_path, monkeypatch):
-    scene = FidelityStudy(
+    fidelity = FidelityStudy(
         study(BRAKE.format(kind="complex_modes", model="", more=""), tmp_path), 1, quiet
     )
 
@@ -698,10 +698,10 @@ def test_candidates_give_way_where_no_structure_can_be_made(tmp_path, monkeypatc
         return Found([], points)
 
     monkeypatch.setattr(FidelityStudy, "measure", measure)
-    count = scene.section.pilots
+    count = fidelity.section.pilots
     bad = [100 + n for n in range(count)]
-    assert scene.pilots({}, [*bad, *range(count)]) == list(range(count))
-    assert scene.failed == set(bad)
+    assert fidelity.pilots({}, [*bad, *range(count)]) == list(range(count))
+    assert fidelity.failed == set(bad)
 
 
 def test_hashes_of_single_files_are_of_their_text():

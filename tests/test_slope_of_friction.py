@@ -309,6 +309,6 @@ def test_fidelity_chooses_the_slope_by_its_pilots():
 
 
 def test_a_variant_changes_a_speed_whose_name_the_file_quotes():
-    scene = FidelityStudy(belt([0.6], f'"{NAME}" = 1e-2').study, 1, lambda *_: None)
-    changed = scene.variant({f"parameters.{NAME}": 1e-3}, None)
+    fidelity = FidelityStudy(belt([0.6], f'"{NAME}" = 1e-2').study, 1, lambda *_: None)
+    changed = fidelity.variant({f"parameters.{NAME}": 1e-3}, None)
     assert changed.tasks.column(NAME).tolist() == [1e-3]

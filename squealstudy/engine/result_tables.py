@@ -180,7 +180,7 @@ class ResultTables:
 
     @property
     def kind(self) -> str:
-        """Of the study."""
+        """The kind of the study, as ``complex_modes``."""
         return str(self.manifest["kind"])
 
     @property

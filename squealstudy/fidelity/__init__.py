@@ -1,1 +1,1 @@
-"""Fidelity by the scene: settings that meet a study's tolerance at least cost, tried on pilots."""
+"""Settings that meet a study's tolerance at least cost, tried on pilots."""

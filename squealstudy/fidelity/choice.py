@@ -199,9 +199,9 @@ def _front(combinations: Sequence[Combination]) -> list[Combination]:
 _CHOICE = TypeAdapter(Choice)
 
 
-def kept_choice(scene: FidelityStudy, make: Callable[[], Choice]) -> Choice:
-    """The choice of a scene, read where an earlier run made it, made and kept where not."""
-    path = _path(scene)
+def kept_choice(fidelity: FidelityStudy, make: Callable[[], Choice]) -> Choice:
+    """The choice of a study, read where an earlier run made it, made and kept where not."""
+    path = _path(fidelity)
     if path.is_file():
         with contextlib.suppress(ValueError):  # damaged: it is made again
             return _CHOICE.validate_python(unsealed(path.read_bytes()))
@@ -210,7 +210,13 @@ def kept_choice(scene: FidelityStudy, make: Callable[[], Choice]) -> Choice:
     return choice
 
 
-def _path(scene: FidelityStudy) -> Path:
-    ids = [task.point_id for task in scene.plan.tasks]  # which know files and start states
-    content = [source_hash(CODE), scene.study.source.tables, ids, scene.tolerance, scene.jobs]
+def _path(fidelity: FidelityStudy) -> Path:
+    ids = [task.point_id for task in fidelity.plan.tasks]  # which know files and start states
+    content = [
+        source_hash(CODE),
+        fidelity.study.source.tables,
+        ids,
+        fidelity.tolerance,
+        fidelity.jobs,
+    ]
     return cache_directory() / "fidelity" / f"{content_hash(content)}.json"

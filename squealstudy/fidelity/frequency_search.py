@@ -27,63 +27,63 @@ METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the
 SMALL_MODEL_SHARE = 0.5  # of the points that windows need to pay on a meshed model
 
 
-def search_modes(scene: FidelityStudy) -> Choice:
+def search_modes(fidelity: FidelityStudy) -> Choice:
     """The cheapest reduction within its share of the tolerance; the method follows its own.
 
     A smaller reduction is tried where the points that it would serve pay for its making.
     """
-    search = ModeSearch(scene)
-    ladder = free_ladders(scene.study).get(REDUCTION)
+    search = ModeSearch(fidelity)
+    ladder = free_ladders(fidelity.study).get(REDUCTION)
     if ladder is None:
-        label = "reduction as the file says" if has_mesh(scene.study) else search.method.name
+        label = "reduction as the file says" if has_mesh(fidelity.study) else search.method.name
         tried = {"": [search.attempt(Setting(label, {})), *search.small_windows()]}
     else:
         search.climb(ladder)
         tried = {REDUCTION: [search.tried[n] for n in sorted(search.tried)]}
     first = next(iter(tried.values()))[0]
-    section = scene.section
-    chosen = choose(tried, search.method_error, first.cost, scene.tolerance, section.budget)
+    section = fidelity.section
+    chosen = choose(tried, search.method_error, first.cost, fidelity.tolerance, section.budget)
     rungs = ladder if ladder is not None else search.small_rungs
     if rungs:
         labels = [t.label for found in tried.values() for t in found]
         chosen = chosen.with_untried(rungs, labels)
-    return chosen.with_changes(search.common).with_failures(scene.failed)
+    return chosen.with_changes(search.common).with_failures(fidelity.failed)
 
 
 class ModeSearch:
-    """Reductions tried at the pilots of a scene, by rung."""
+    """Reductions tried at the pilots of a study, by rung."""
 
-    def __init__(self, scene: FidelityStudy) -> None:
-        self.scene = scene
-        self.common = _method_changes(scene)
+    def __init__(self, fidelity: FidelityStudy) -> None:
+        self.fidelity = fidelity
+        self.common = _method_changes(fidelity)
         self.points: list[int] = []  # the pilots, known from the first attempt on
         self.tried: dict[int, TriedSetting] = {}
         self.making = 0.0  # seconds of the last reduction
-        self.exact = exact_method(scene.study)
+        self.exact = exact_method(fidelity.study)
         self.truth: dict[str, Any] = {}  # settings that errors are measured against
-        self.method = scene.variant(self.common, scene.plan.swept).method
+        self.method = fidelity.variant(self.common, fidelity.plan.swept).method
 
     @property
     def method_error(self) -> float:
         """Relative error that the rung of reanalysis may add to that of the reduction."""
         if not self.method.rung.over_a_basis:
             return 0.0
-        explicit = float(self.scene.study.definition.modes.tolerance)
-        return METHOD * self.scene.tolerance if self.common else explicit
+        explicit = float(self.fidelity.study.definition.modes.tolerance)
+        return METHOD * self.fidelity.tolerance if self.common else explicit
 
     def attempt(self, rung: Setting) -> TriedSetting:
         """Solve the pilots without reanalysis; the error is that against full order."""
-        scene, changes = self.scene, {**self.common, **rung.changes}
+        fidelity, changes = self.fidelity, {**self.common, **rung.changes}
         own = self.method.name
         if self.method.rung.over_a_basis:  # whose own error is another share
             own = self.method.exact
         solved = {**changes, "modes.method": own}
         if not self.points:
-            candidates = reference_choice(scene.plan, scene.section.pilots + SPARE)
-            self.points = scene.pilots(solved, candidates)
+            candidates = reference_choice(fidelity.plan, fidelity.section.pilots + SPARE)
+            self.points = fidelity.pilots(solved, candidates)
             # whose reduction is there: the working points that it gives are those of any other
             self.truth = {**changes, "modes.method": self.exact}
-        made = scene.measure(solved, self.points)
+        made = fidelity.measure(solved, self.points)
         self.making = made.reduction_seconds
         error = 0.0 if own == self.exact else self._error(made, solved)
         return TriedSetting(rung.label, rung.changes, error, self.study_seconds(made))
@@ -94,7 +94,7 @@ class ModeSearch:
 
         Beside the exact one those whose points are cheaper together.
         """
-        free = "modes.method" not in given_keys(self.scene.study)
+        free = "modes.method" not in given_keys(self.fidelity.study)
         if not free or self.method.name != self.exact or self.method.rung.unreduced:
             return ()
         together = [r.name for r in all_rungs() if r.shares_work and r.keeps_tolerance]
@@ -108,8 +108,8 @@ class ModeSearch:
 
         Trying them is solving the study: of a few degrees of freedom that takes a moment.
         """
-        scene, points = self.scene, len(self.scene.plan.tasks)
-        sweeps = scene.study.sweeps
+        fidelity, points = self.fidelity, len(self.fidelity.plan.tasks)
+        sweeps = fidelity.study.sweeps
         if any(s.parameter.structural for s in sweeps):
             return []
         scope = Scope(reduced=True, varied=len(sweeps), points=int(points / SMALL_MODEL_SHARE))
@@ -118,13 +118,13 @@ class ModeSearch:
             if not rung_named(rung.label).offer(scope).pays:
                 continue
             try:
-                made = scene.measure({**self.common, **rung.changes}, self.points)
+                made = fidelity.measure({**self.common, **rung.changes}, self.points)
             except SquealstudyError:  # no basis over this box, or damping that they do not know
                 continue
-            exact = scene.measure({**self.common, "modes.method": self.exact}, self.points)
-            error = METHOD * scene.tolerance + scene.error(made, exact)
+            exact = fidelity.measure({**self.common, "modes.method": self.exact}, self.points)
+            error = METHOD * fidelity.tolerance + fidelity.error(made, exact)
             seconds = made.reduction_seconds + made.setup_seconds
-            cost = seconds + made.seconds * points / scene.jobs
+            cost = seconds + made.seconds * points / fidelity.jobs
             found.append(TriedSetting(rung.label, rung.changes, error, cost))
         return found
 
@@ -134,19 +134,19 @@ class ModeSearch:
         What is found so far is then enough to refuse the reduction, whatever the others say.
         """
         worst, failure = None, ""
-        plan = self.scene.variant(changes, self.scene.plan.swept)
+        plan = self.fidelity.variant(changes, self.fidelity.plan.swept)
         for finding, point in zip(made.findings.values(), self.points, strict=True):
             truth, safety = self._truth(finding, plan, point)
             if truth["status"] != "ok":
                 failure = truth["message"]
-                self.scene.failed.add(point)
+                self.fidelity.failed.add(point)
                 continue
-            error = min(MISSED, safety * self.scene.point_error(finding, truth))
+            error = min(MISSED, safety * self.fidelity.point_error(finding, truth))
             worst = max(worst or 0.0, error)
-            if worst > self.scene.tolerance:
+            if worst > self.fidelity.tolerance:
                 break
         if worst is None:
-            path = self.scene.study.source.path
+            path = self.fidelity.study.source.path
             raise SquealstudyError(f"{path}: no pilot has a better model to be held to: {failure}")
         return worst
 
@@ -160,12 +160,12 @@ class ModeSearch:
         finer = finer_finding(plan, point) if finding["status"] == "ok" else None
         if finer is not None:
             return finer, SAFETY
-        return self.scene.measure(self.truth, [point]).findings["0"], 1.0
+        return self.fidelity.measure(self.truth, [point]).findings["0"], 1.0
 
     @property
     def share(self) -> float:
         """Of the tolerance, what the reduction may take."""
-        return REDUCED * self.scene.tolerance
+        return REDUCED * self.fidelity.tolerance
 
     def climb(self, rungs: tuple[Setting, ...]) -> None:
         """From the first rung up until one is good enough, or down while that pays."""
@@ -185,12 +185,12 @@ class ModeSearch:
 
     def study_seconds(self, made: Measurement) -> float:
         """Seconds of the whole study, from exact solves at the pilots."""
-        solves = float(len(self.scene.plan.tasks))
+        solves = float(len(self.fidelity.plan.tasks))
         rung = self.method.rung
         if rung.over_a_basis:
-            share = point_share(self.scene.plan, rung) or 1.0
-            solves = rung.setup_solves * self.scene.jobs + share * solves
-        return made.reduction_seconds + made.seconds * solves / self.scene.jobs
+            share = point_share(self.fidelity.plan, rung) or 1.0
+            solves = rung.setup_solves * self.fidelity.jobs + share * solves
+        return made.reduction_seconds + made.seconds * solves / self.fidelity.jobs
 
 
 def exact_method(study: ResolvedStudy) -> str:
@@ -199,8 +199,8 @@ def exact_method(study: ResolvedStudy) -> str:
     return (exact_rung(reduced=True) if small else full_order_rung()).name
 
 
-def _method_changes(scene: FidelityStudy) -> Mapping[str, Any]:
+def _method_changes(fidelity: FidelityStudy) -> Mapping[str, Any]:
     """The tolerance of methods that have one; an explicit one stays."""
-    if "modes.tolerance" in given_keys(scene.study):
+    if "modes.tolerance" in given_keys(fidelity.study):
         return {}
-    return {"modes.tolerance": min(METHOD * scene.tolerance, 0.1)}
+    return {"modes.tolerance": min(METHOD * fidelity.tolerance, 0.1)}

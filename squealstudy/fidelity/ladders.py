@@ -19,7 +19,7 @@ REDUCTION, BASIS, STEP, CONTACT = "reduction", "basis", "step", "contact points"
 SLOPE = "slope of friction"
 # cut-offs over the top of the band, and the singular value below which enrichment is left out
 REDUCTIONS = ((1.1, 1e-3), (1.1, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
-FIRST = 1  # the rung tried first: of the scenes in studies/fidelity it serves all
+FIRST = 1  # the rung tried first: of the studies in studies/fidelity it serves all
 STEPS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # of a period of the band's top over STEPS_A_PERIOD
 STEPS_A_PERIOD = 62.5
 CONTACT_POINTS_OPTION = "contact_points"  # of [model]

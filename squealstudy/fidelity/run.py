@@ -38,20 +38,20 @@ class Resolved:
 
     Attributes
     ----------
-    scene : FidelityStudy
+    fidelity : FidelityStudy
     choice : Choice
     plan : Plan
         With the chosen settings.
     """
 
-    scene: FidelityStudy
+    fidelity: FidelityStudy
     choice: Choice
     plan: Plan
 
     @property
     def facts(self) -> dict[str, Any]:
         """For the manifest and the screens."""
-        section = self.scene.section
+        section = self.fidelity.section
         return {
             "tolerance": section.tolerance,
             "budget_s": section.budget,
@@ -89,10 +89,10 @@ def resolve(
     SquealstudyError
         Where every pilot design point fails.
     """
-    scene = FidelityStudy(study, jobs, report, asked=tolerance, cluster=cluster)
-    search = search_runs if scene.in_time else search_modes
-    choice = kept_choice(scene, lambda: search(scene))
-    return Resolved(scene, choice, scene.variant(choice.chosen.changes, None))
+    fidelity = FidelityStudy(study, jobs, report, asked=tolerance, cluster=cluster)
+    search = search_runs if fidelity.in_time else search_modes
+    choice = kept_choice(fidelity, lambda: search(fidelity))
+    return Resolved(fidelity, choice, fidelity.variant(choice.chosen.changes, None))
 
 
 def run_resolved(
@@ -108,24 +108,24 @@ def run_resolved(
     The manifest says what was chosen and what the audit found; a tolerance that is missed after
     the last round is said there and in a warning.
     """
-    scene = resolved.scene
-    asked = scene.section.tolerance
+    fidelity = resolved.fidelity
+    asked = fidelity.section.tolerance
     doubtful: set[int] = set()
     errors: list[float | None] = []
     for number in range(MOST_ROUNDS):
         done = run_study(
             resolved.plan,
             directory,
-            scene.jobs,
+            fidelity.jobs,
             yes,
             report,
             warn,
             fresh and not number,
-            scene.cluster,
+            fidelity.cluster,
         )
         changes = resolved.choice.chosen.changes
-        points = sorted(doubtful | set(drawn_points(scene, number)))
-        found = audit(scene, resolved.plan, directory, changes, points)
+        points = sorted(doubtful | set(drawn_points(fidelity, number)))
+        found = audit(fidelity, resolved.plan, directory, changes, points)
         errors.append(found.error)
         doubtful |= set(found.points)  # once audited, always: another draw must not hide an error
         passed = found.error is None or found.error <= asked
@@ -135,8 +135,8 @@ def run_resolved(
         write_manifest(directory, manifest)
         if passed or number + 1 == MOST_ROUNDS:
             break
-        stricter = 0.5 * resolved.scene.tolerance * asked / max(found.error or asked, asked)
-        again = resolve(scene.study, scene.jobs, report, stricter, scene.cluster)
+        stricter = 0.5 * resolved.fidelity.tolerance * asked / max(found.error or asked, asked)
+        again = resolve(fidelity.study, fidelity.jobs, report, stricter, fidelity.cluster)
         if _deciding(again.choice) == _deciding(resolved.choice):
             break
         warn(
@@ -182,15 +182,15 @@ class Audit:
     against: str
 
 
-def drawn_points(scene: FidelityStudy, round_: int) -> tuple[int, ...]:
+def drawn_points(fidelity: FidelityStudy, round_: int) -> tuple[int, ...]:
     """Random design points, others in each round."""
-    count = min(scene.section.audit, len(scene.plan.tasks))
+    count = min(fidelity.section.audit, len(fidelity.plan.tasks))
     rng = np.random.default_rng([SEED, round_])
-    return tuple(int(i) for i in rng.permutation(len(scene.plan.tasks))[:count])
+    return tuple(int(i) for i in rng.permutation(len(fidelity.plan.tasks))[:count])
 
 
 def audit(
-    scene: FidelityStudy,
+    fidelity: FidelityStudy,
     plan: Plan,
     directory: Path,
     changes: Mapping[str, Any],
@@ -201,41 +201,41 @@ def audit(
     Complex modes against exact solves, of the brake at full order; runs against half the step,
     more contact points and all modes. Points that failed are left out.
     """
-    better, against = _better(scene, changes)
-    found = _own_findings(scene, plan, directory, points)
+    better, against = _better(fidelity, changes)
+    found = _own_findings(fidelity, plan, directory, points)
     usable = [i for i in points if found[i]["status"] == "ok"]
     if not usable:
         return Audit(None, (), against)
-    quiet = QUIET if scene.in_time else {}
-    truth = scene.measure({**changes, **better, **quiet}, usable).findings
+    quiet = QUIET if fidelity.in_time else {}
+    truth = fidelity.measure({**changes, **better, **quiet}, usable).findings
     pairs = [(i, truth[str(n)]) for n, i in enumerate(usable)]
     kept = [(i, true) for i, true in pairs if true["status"] == "ok"]
     if not kept:
         return Audit(None, (), against)
-    error = max(scene.point_error(found[i], true) for i, true in kept)
+    error = max(fidelity.point_error(found[i], true) for i, true in kept)
     return Audit(error, tuple(i for i, _ in kept), against)
 
 
 def _own_findings(
-    scene: FidelityStudy, plan: Plan, directory: Path, points: Sequence[int]
+    fidelity: FidelityStudy, plan: Plan, directory: Path, points: Sequence[int]
 ) -> dict[int, dict[str, Any]]:
     """What the finished study says of some of its points."""
     ids = {i: plan.tasks[i].point_id for i in points}
     schema = plan.kind.schema
     rows = Store(directory).rows(ids.values(), schema)
-    read = scene.measuring.finding
+    read = fidelity.measuring.finding
     return {i: read(rows[name]) for i, name in ids.items()}
 
 
-def _better(scene: FidelityStudy, changes: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+def _better(fidelity: FidelityStudy, changes: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
     """Settings one rung up from the chosen ones, and in words."""
-    if not scene.in_time:
-        exact = exact_method(scene.study)
+    if not fidelity.in_time:
+        exact = exact_method(fidelity.study)
         words = "the full-order model" if rung_named(exact).unreduced else "exact solves"
         return {"modes.method": exact}, words
     better: dict[str, Any] = {}
     words_of = []
-    for name, ladder in free_ladders(scene.study).items():
+    for name, ladder in free_ladders(fidelity.study).items():
         keys = {key for rung in ladder for key in rung.changes}
         own = {k: changes[k] for k in keys if k in changes}
         if name == BASIS:
@@ -247,7 +247,7 @@ def _better(scene: FidelityStudy, changes: Mapping[str, Any]) -> tuple[dict[str,
             better |= ladder[at + 1].changes
             words_of.append(ladder[at + 1].label)
     if "transient.step" not in better:  # explicit, or the last rung
-        step = 0.5 * float(changes.get("transient.step", scene.study.section.step))
+        step = 0.5 * float(changes.get("transient.step", fidelity.study.section.step))
         better["transient.step"] = step
         words_of.append(f"step {step:.3g} s")
     return better, ", ".join(words_of)

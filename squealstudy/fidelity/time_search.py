@@ -36,9 +36,9 @@ ALL_MODES = {
 QUIET = {"transient.save_every": 0}  # pilots keep no histories
 
 
-def search_runs(scene: FidelityStudy) -> Choice:
+def search_runs(fidelity: FidelityStudy) -> Choice:
     """The cheapest step, basis and contact points whose errors together meet the tolerance."""
-    search = RunSearch(scene)
+    search = RunSearch(fidelity)
     for name, attempt in (
         (BASIS, search.try_bases),
         (CONTACT, search.try_contact_points),
@@ -47,30 +47,30 @@ def search_runs(scene: FidelityStudy) -> Choice:
     ):
         if name in search.ladders:
             attempt(search.ladders[name])
-    section = scene.section
+    section = fidelity.section
     cost, fixed = search.study_seconds()
     given = search.given_error()
-    chosen = choose(search.tried, given, cost, scene.tolerance, section.budget, fixed)
+    chosen = choose(search.tried, given, cost, fidelity.tolerance, section.budget, fixed)
     for name, found in search.tried.items():
         chosen = chosen.with_untried(search.ladders[name], [t.label for t in found])
-    return chosen.with_changes(search.always).with_failures(scene.failed)
+    return chosen.with_changes(search.always).with_failures(fidelity.failed)
 
 
 class RunSearch:
-    """Settings tried at the pilots of a scene, ladder by ladder, each from the cheapest up.
+    """Settings tried at the pilots of a study, ladder by ladder, each from the cheapest up.
 
     Ladders are tried with the best of the others so far; their errors add up.
     """
 
-    def __init__(self, scene: FidelityStudy) -> None:
-        self.scene = scene
-        self.ladders = free_ladders(scene.study)
-        self.share = SHARE * scene.tolerance
+    def __init__(self, fidelity: FidelityStudy) -> None:
+        self.fidelity = fidelity
+        self.ladders = free_ladders(fidelity.study)
+        self.share = SHARE * fidelity.tolerance
         self.tried: dict[str, list[TriedSetting]] = {}
         self.kept: dict[str, TriedSetting] = {}
-        self.always = _settled(scene)
-        if scene.study.section.pod_vectors:
-            self.always |= training_step(scene.study)
+        self.always = _settled(fidelity)
+        if fidelity.study.section.pod_vectors:
+            self.always |= training_step(fidelity.study)
         self.now: dict[str, Any] = dict(QUIET) | dict(self.always)
         if STEP in self.ladders:
             rungs = self.ladders[STEP]
@@ -78,12 +78,12 @@ class RunSearch:
         for name in (CONTACT, SLOPE):
             if name in self.ladders:
                 self.now |= self.ladders[name][0].changes
-        candidates = interior_pilots(scene.plan, scene.section.pilots + SPARE)
-        self.points = scene.pilots(self.now, candidates)
+        candidates = interior_pilots(fidelity.plan, fidelity.section.pilots + SPARE)
+        self.points = fidelity.pilots(self.now, candidates)
 
     def measure(self, changes: Mapping[str, Any]) -> Measurement:
         """The pilots with some settings other than those so far."""
-        return self.scene.measure({**self.now, **changes}, self.points)
+        return self.fidelity.measure({**self.now, **changes}, self.points)
 
     def try_bases(self, ladder: Ladder) -> None:
         """Smaller bases against all modes, until one is within its share."""
@@ -92,7 +92,7 @@ class RunSearch:
         found = []
         for rung in small:
             made = self.measure(rung.changes)
-            error = self.scene.error(made, truth)
+            error = self.fidelity.error(made, truth)
             found.append(TriedSetting(rung.label, rung.changes, error, made.seconds))
             if error <= self.share:
                 break
@@ -120,7 +120,7 @@ class RunSearch:
         while at > 0 and found[0].error <= self.share and self._pays(ladder[at].changes):
             at -= 1
             longer, shorter = (self.measure(ladder[k].changes) for k in (at, at + 1))
-            error = RICHARDSON * self.scene.error(longer, shorter)
+            error = RICHARDSON * self.fidelity.error(longer, shorter)
             found.insert(
                 0, TriedSetting(ladder[at].label, ladder[at].changes, error, longer.seconds)
             )
@@ -129,7 +129,7 @@ class RunSearch:
     def _pays(self, changes: Mapping[str, Any]) -> bool:
         """Whether a try of twice the step may save the study more than the try takes."""
         made = self.measure(changes)
-        study = made.seconds * len(self.scene.plan.tasks) / self.scene.jobs
+        study = made.seconds * len(self.fidelity.plan.tasks) / self.fidelity.jobs
         trial = made.seconds * len(self.points) + made.setup_seconds
         return pays(study, trial)
 
@@ -142,7 +142,7 @@ class RunSearch:
         coarse = self.measure(ladder[0].changes)
         for rung, finer in pairwise(ladder):
             fine = self.measure(finer.changes)
-            error = factor * self.scene.error(coarse, fine)
+            error = factor * self.fidelity.error(coarse, fine)
             found.append(TriedSetting(rung.label, rung.changes, error, coarse.seconds))
             coarse = fine
             if error <= self.share:
@@ -163,18 +163,18 @@ class RunSearch:
 
         Contact points and mesh that the file gives are the model, not an approximation of one.
         """
-        section, error = self.scene.study.section, 0.0
+        section, error = self.fidelity.study.section, 0.0
         if STEP not in self.ladders:
             half = self.measure({"transient.step": 0.5 * section.step})
-            error += RICHARDSON * self.scene.error(self.measure({}), half)
+            error += RICHARDSON * self.fidelity.error(self.measure({}), half)
         if BASIS not in self.ladders and section.modes_below is not None:
-            error += self.scene.error(self.measure({}), self.measure(ALL_MODES))
+            error += self.fidelity.error(self.measure({}), self.measure(ALL_MODES))
         return error
 
     def study_seconds(self) -> tuple[float, float]:
         """Seconds of all points with the first rung of every ladder, and of what they share."""
         made = self.measure({})
-        cost = made.seconds * len(self.scene.plan.tasks) / self.scene.jobs
+        cost = made.seconds * len(self.fidelity.plan.tasks) / self.fidelity.jobs
         for name, best in self.kept.items():
             cost *= self.tried[name][0].cost / best.cost if best.cost > 0 else 1.0
         return cost, made.reduction_seconds + made.setup_seconds
@@ -198,14 +198,14 @@ def interior_pilots(plan: Plan, count: int) -> list[int]:
     return chosen[:count]
 
 
-def _settled(scene: FidelityStudy) -> dict[str, Any]:
+def _settled(fidelity: FidelityStudy) -> dict[str, Any]:
     """Runs end once their outcome is known, where the file does not say when they end."""
-    modal = scene.study.section.representation == "modal"
-    if not modal or "transient.stop" in given_keys(scene.study):
+    modal = fidelity.study.section.representation == "modal"
+    if not modal or "transient.stop" in given_keys(fidelity.study):
         return {}
     certain = (
         {}
-        if "transient.settle_tolerance" in given_keys(scene.study)
-        else {"transient.settle_tolerance": min(SETTLED, SETTLED_SHARE * scene.tolerance)}
+        if "transient.settle_tolerance" in given_keys(fidelity.study)
+        else {"transient.settle_tolerance": min(SETTLED, SETTLED_SHARE * fidelity.tolerance)}
     )
     return {"transient.stop": "settled", **certain}

@@ -55,7 +55,7 @@ class Runs(tuple[Run, ...]):
         return np.array([run.point_id for run in self], dtype=ID_TYPE)
 
     def at(self, rows: np.ndarray) -> Runs:
-        """Some of the runs."""
+        """The runs at these rows (m,) of all."""
         return Runs(self[i] for i in rows.tolist())
 
 

@@ -88,7 +88,7 @@ def pulling_laws() -> tuple[str, ...]:
 
 
 def pulling_parameters() -> tuple[Parameter, ...]:
-    """Parameters of these."""
+    """Parameters of the contact laws that pull where they are open, each once."""
     return tuple({p.name: p for law in CONTACT_LAWS if law.pulls for p in law.parameters}.values())
 
 

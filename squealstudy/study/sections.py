@@ -290,7 +290,7 @@ class StudyDefinition(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _defaults_of_the_scene(cls, data: Any) -> Any:
+    def _defaults_of_model_and_kind(cls, data: Any) -> Any:
         """The band of the model and the basis of the kind, where the file gives none."""
         if not isinstance(data, dict):
             return data

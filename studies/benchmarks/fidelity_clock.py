@@ -1,4 +1,4 @@
-"""Processor time of what settings of one scene share, for `fidelity_costs.py`."""
+"""Processor time of what settings of one study share, for `fidelity_costs.py`."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Clock:
         self.spent: dict[object, float] = {}
 
     def study_seconds(
-        self, scene: FidelityStudy, changes: Mapping[str, Any], made: Measurement
+        self, fidelity: FidelityStudy, changes: Mapping[str, Any], made: Measurement
     ) -> float:
         """Of all points of a study with `changes`, and of what they share."""
-        plan = scene.variant(changes, None)
-        return self.shared(plan) + made.seconds * len(scene.plan.tasks)
+        plan = fidelity.variant(changes, None)
+        return self.shared(plan) + made.seconds * len(fidelity.plan.tasks)
 
     def shared(self, plan: Plan) -> float:
         """Of reductions, and of bases or training runs; makes what is not there."""

@@ -70,25 +70,25 @@ class Setting:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scene", type=Path)
+    parser.add_argument("fidelity", type=Path)
     parser.add_argument("--points", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--only", default="", help="hand-picked settings, a regular expression")
     parser.add_argument("--hybrid", action="store_true", help="the hybrid model too, at one point")
     options = parser.parse_args()
     with empty_cache():
-        choice = chosen(scene_of(options))
+        choice = chosen(fidelity_of(options))
     settings = {CHOICE: Setting(choice.chosen.changes), DEFAULT: Setting({})}
-    picks = hand_picks(scene_of(options), choice.chosen.changes)
+    picks = hand_picks(fidelity_of(options), choice.chosen.changes)
     settings |= {k: Setting(changes) for k, changes in picks.items() if re.search(options.only, k)}
     truth, points, truth_cost = reference(options, choice)
     for number in range(options.rounds):
         clock = Clock()
         with empty_cache():
             for label, setting in settings.items():
-                measure(scene_of(options), setting, truth, points, clock)
+                measure(fidelity_of(options), setting, truth, points, clock)
                 print(f"round {number + 1}: {label}", flush=True)
-    tell(settings, scene_of(options).tolerance, truth_cost)
+    tell(settings, fidelity_of(options).tolerance, truth_cost)
     if options.hybrid:
         tell_hybrid(options, choice, truth, points)
 
@@ -105,22 +105,24 @@ def empty_cache() -> Iterator[None]:
         os.environ[ENVIRONMENT] = before
 
 
-def scene_of(options: argparse.Namespace) -> FidelityStudy:
-    study = load_study(options.scene)
+def fidelity_of(options: argparse.Namespace) -> FidelityStudy:
+    study = load_study(options.fidelity)
     section = study.definition.fidelity.model_copy(update={"audit": options.points})
     definition = study.definition.model_copy(update={"fidelity": section})
     return FidelityStudy(replace(study, definition=definition), 1, lambda *progress: None)
 
 
-def chosen(scene: FidelityStudy) -> Choice:
+def chosen(fidelity: FidelityStudy) -> Choice:
     """The choice, and what making it took beside what the run uses again."""
     started, began = time.process_time(), time.perf_counter()
-    choice = search_runs(scene) if scene.in_time else search_modes(scene)
+    choice = search_runs(fidelity) if fidelity.in_time else search_modes(fidelity)
     spent, waited = time.process_time() - started, time.perf_counter() - began
     one = choice.chosen
-    print(f"{scene.study.source.path.stem}: tolerance {scene.tolerance:g}, chosen: {one.text}")
+    print(
+        f"{fidelity.study.source.path.stem}: tolerance {fidelity.tolerance:g}, chosen: {one.text}"
+    )
     print(f"estimated error {one.error:.1e}, {one.cost:.1f} s; {choice.reason}")
-    plan = scene.variant(one.changes, None)
+    plan = fidelity.variant(one.changes, None)
     kept = sum(sum(load_any(key).timings.values()) for key in plan.structures)
     print(
         f"choosing took {spent:.1f} s of the processor, {waited:.1f} s by the clock; of it the run "
@@ -134,12 +136,12 @@ def reference(
     options: argparse.Namespace, choice: Choice
 ) -> tuple[Measurement, tuple[int, ...], float]:
     """The most accurate setting at the points, and its seconds for the whole study."""
-    scene = scene_of(options)
-    points = drawn_points(scene, 0)
-    changes = most_accurate(scene, choice.chosen.changes)
+    fidelity = fidelity_of(options)
+    points = drawn_points(fidelity, 0)
+    changes = most_accurate(fidelity, choice.chosen.changes)
     with empty_cache():
-        made = scene.measure(changes, points)
-        plan = scene.variant(changes, None)
+        made = fidelity.measure(changes, points)
+        plan = fidelity.variant(changes, None)
     bad = [found for found in made.findings.values() if found["status"] != "ok"]
     if bad:
         raise SystemExit(f"the most accurate setting fails at a point: {bad[0]['message']}")
@@ -147,20 +149,20 @@ def reference(
 
 
 def measure(
-    scene: FidelityStudy,
+    fidelity: FidelityStudy,
     setting: Setting,
     truth: Measurement,
     points: tuple[int, ...],
     clock: Clock,
 ) -> None:
     try:
-        clock.shared(scene.variant(setting.changes, None))
-        made = scene.measure(setting.changes, points)
+        clock.shared(fidelity.variant(setting.changes, None))
+        made = fidelity.measure(setting.changes, points)
     except SquealstudyError as error:
         setting.failure = str(error)
         return
-    setting.seconds.append(clock.study_seconds(scene, setting.changes, made))
-    setting.error = scene.error(made, truth)
+    setting.seconds.append(clock.study_seconds(fidelity, setting.changes, made))
+    setting.error = fidelity.error(made, truth)
     setting.n_coordinates = made.n_coordinates
 
 
@@ -192,13 +194,13 @@ def tell_hybrid(
     options: argparse.Namespace, choice: Choice, truth: Measurement, points: tuple[int, ...]
 ) -> None:
     """What the hybrid model takes, at the first point, and how far the others are from it."""
-    scene, own = scene_of(options), dict(choice.chosen.changes)
+    fidelity, own = fidelity_of(options), dict(choice.chosen.changes)
     kept = {k: v for k, v in own.items() if k.startswith("model.") or k == "transient.step"}
     changes = {**QUIET, **kept, "transient.representation": "hybrid"}
     with empty_cache():
-        made, found = scene.measure(changes, points[:1]), scene.measure(own, points[:1])
-    seconds = made.reduction_seconds + made.seconds * len(scene.plan.tasks)
-    off, least = (scene.point_error(m.findings["0"], made.findings["0"]) for m in (found, truth))
+        made, found = fidelity.measure(changes, points[:1]), fidelity.measure(own, points[:1])
+    seconds = made.reduction_seconds + made.seconds * len(fidelity.plan.tasks)
+    off, least = (fidelity.point_error(m.findings["0"], made.findings["0"]) for m in (found, truth))
     print(
         f"hybrid at the chosen step, one point scaled: {seconds:.0f} s of the study; from it "
         f"differ the choice by {off:.1e}, the most accurate setting by {least:.1e}"

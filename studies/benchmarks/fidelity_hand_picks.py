@@ -1,4 +1,4 @@
-"""Settings that a user may pick for a scene, for `fidelity_costs.py`."""
+"""Settings that a user may pick for a study, for `fidelity_costs.py`."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ STEPS = (16e-6, 8e-6, 4e-6, 2e-6)  # s
 BASES = ((1.0, 20), (1.0, 50), (2.0, 20), (2.0, 50))  # modes up to, over the band; POD vectors
 
 
-def hand_picks(scene: FidelityStudy, chosen: Changes) -> dict[str, Changes]:
+def hand_picks(fidelity: FidelityStudy, chosen: Changes) -> dict[str, Changes]:
     """Rungs beside the chosen ones, and what comes to mind without a ladder."""
-    if scene.in_time:
-        return _runs(scene, chosen)
-    return _modes(scene, chosen)
+    if fidelity.in_time:
+        return _runs(fidelity, chosen)
+    return _modes(fidelity, chosen)
 
 
-def most_accurate(scene: FidelityStudy, chosen: Changes) -> Changes:
+def most_accurate(fidelity: FidelityStudy, chosen: Changes) -> Changes:
     """Full order, or all modes at the smallest step to the end of the run."""
-    if not scene.in_time:
-        return {**chosen, "modes.method": exact_method(scene.study)}
-    steps = free_ladders(scene.study).get(STEP)
+    if not fidelity.in_time:
+        return {**chosen, "modes.method": exact_method(fidelity.study)}
+    steps = free_ladders(fidelity.study).get(STEP)
     smallest = steps[-1].changes if steps else {}
     contact = {k: v for k, v in chosen.items() if k.startswith("model.")}
-    return {**QUIET, **(ALL_MODES if has_mesh(scene.study) else {}), **contact, **smallest}
+    return {**QUIET, **(ALL_MODES if has_mesh(fidelity.study) else {}), **contact, **smallest}
 
 
-def _modes(scene: FidelityStudy, chosen: Changes) -> dict[str, Changes]:
-    tolerance = {"modes.tolerance": scene.tolerance}
-    if not has_mesh(scene.study):
+def _modes(fidelity: FidelityStudy, chosen: Changes) -> dict[str, Changes]:
+    tolerance = {"modes.tolerance": fidelity.tolerance}
+    if not has_mesh(fidelity.study):
         return {m: {"modes.method": m, **tolerance} for m in METHODS}
     found: dict[str, Changes] = {}
     for factor in FACTORS:
@@ -56,23 +56,23 @@ def _modes(scene: FidelityStudy, chosen: Changes) -> dict[str, Changes]:
                     **method_of,
                 }
     found["modes to 1.5 x band, sweep_basis"] = {"modes.method": "sweep_basis", **tolerance}
-    ladder = free_ladders(scene.study).get(REDUCTION)
+    ladder = free_ladders(fidelity.study).get(REDUCTION)
     for rung in ladder if ladder else ():
         found[f"rung: {rung.label}"] = {**chosen, **rung.changes}
     return found
 
 
-def _runs(scene: FidelityStudy, chosen: Changes) -> dict[str, Changes]:
+def _runs(fidelity: FidelityStudy, chosen: Changes) -> dict[str, Changes]:
     found: dict[str, Changes] = {
         f"rung: {rung.label}": {**chosen, **rung.changes}
-        for ladder in free_ladders(scene.study).values()
+        for ladder in free_ladders(fidelity.study).values()
         for rung in ladder
         if {**chosen, **rung.changes} != dict(chosen)
     }
     contact = {k: v for k, v in chosen.items() if k.startswith("model.")}
-    top = float(scene.study.definition.modes.band[1])
+    top = float(fidelity.study.definition.modes.band[1])
     bases: dict[str, Changes] = {"all modes": {}}
-    if has_mesh(scene.study):
+    if has_mesh(fidelity.study):
         bases |= {
             f"modes below {factor * top:g} Hz, {vectors} POD": {
                 "transient.modes_below": factor * top,

@@ -99,7 +99,7 @@ class MethodStability(Kind):
         return plan, {}
 
     def tasks(self, plan: MethodsPlan, points: Sequence[Run], workers: Workers) -> list[LineTask]:
-        """Lines of the map."""
+        """One task a line of the map: its cells that are not solved yet."""
         case, knobs, _ = plan.content
         lines = itertools.groupby(points, key=lambda cell: cell.content[knobs[1]])
         return [LineTask(case.name, knobs, tuple(cells)) for _, cells in lines]

@@ -107,7 +107,7 @@ class WorkPrecision(Kind):
         return float("inf")
 
     def tasks(self, plan: MethodsPlan, points: Sequence[Run], workers: Workers) -> list[Any]:
-        """One a measurement."""
+        """One task a measurement."""
         return [(plan.study, run) for run in points]
 
     def solve(self, task: tuple[PrecisionFile, Run]) -> Solved:

@@ -213,7 +213,7 @@ class SolverRun:
         return due
 
     def motion(self, outcome: str, reason: str) -> Motion:
-        """After the end."""
+        """What the run did, at its end, with how it ended and why."""
         case, settings = self.case, self.case.settings
         counts, real = case.work.counts[0], case.work.real[0]
         stored = float(show_state(self.y, *case.arguments, False))

@@ -25,7 +25,7 @@ class AlphaMethod(Iterated):
 
     @abstractmethod
     def scheme(self) -> Scheme:
-        """Its coefficients."""
+        """The coefficients of the step, by the options of this method."""
 
     def advance(self, case: KernelRun) -> None:
         """Integrate design 0 of the case to its end or failure."""
@@ -45,7 +45,7 @@ class HhtAlpha(AlphaMethod):
     )
 
     def scheme(self) -> Scheme:
-        """Of `alpha`."""
+        """The coefficients that follow from `alpha`."""
         beta = 0.25 * (1.0 - self.alpha) ** 2
         return Scheme(0.0, -self.alpha, beta, 0.5 - self.alpha, gradient=False)
 
@@ -60,7 +60,7 @@ class GeneralisedAlpha(AlphaMethod):
     rho_inf: float = Field(default=0.8, ge=0, le=1, description="spectral radius at high frequency")
 
     def scheme(self) -> Scheme:
-        """Of `rho_inf`."""
+        """The coefficients that follow from `rho_inf`."""
         return generalised(self.rho_inf, gradient=False)
 
 
@@ -79,7 +79,7 @@ class DiscreteGradient(AlphaMethod):
     )
 
     def scheme(self) -> Scheme:
-        """The midpoint rule."""
+        """The coefficients of the midpoint rule."""
         return generalised(1.0, gradient=True)
 
     def run(self, system: ModalSystem, design: MotionPoint, settings: MotionSettings) -> Motion:

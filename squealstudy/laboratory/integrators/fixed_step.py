@@ -50,7 +50,7 @@ class Iterated(OwnKernel):
     )
 
     def iteration(self) -> Newmark:
-        """With these options."""
+        """Newmark's iteration with the options of this integrator."""
         return Newmark(
             aitken=self.aitken,
             extrapolate=self.extrapolate,

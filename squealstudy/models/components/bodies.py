@@ -257,7 +257,7 @@ def body_matrices(
 
 
 def own_numbers(name: str, given: Mapping[KeyPath, float]) -> tuple[tuple[KeyPath, float], ...]:
-    """Those of a component."""
+    """What parameters give within one component: keys and values of `given`, SI units."""
     return tuple((k, v) for k, v in given.items() if k[:2] == ("components", name))
 
 

@@ -26,7 +26,7 @@ class Line(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What it says."""
+        """The keyword line as it stands in the file."""
         return self.file.lines[self.place]
 
     def error(self, message: str) -> ModelError:

@@ -212,7 +212,7 @@ class Numbers:
     given: Mapping[KeyPath, float]
 
     def at(self, *keys: str | int) -> float:
-        """A number, SI units."""
+        """The number at a key of the file, or the value that a parameter gives it, in SI units."""
         if keys in self.given:
             return self.given[keys]
         return float(self.file.at(keys)) * dimension_of(keys).factor(self.file.units)

@@ -92,7 +92,7 @@ class Elements:
         return self._at < len(self._data)
 
     def check_end(self) -> None:
-        """ValueError where there is."""
+        """Raise ValueError where bytes are left over."""
         if self.left:
             raise ValueError("more is in a variable or a compressed part than its sizes say")
 

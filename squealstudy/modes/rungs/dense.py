@@ -27,7 +27,7 @@ class Dense(Rung):
         )
 
     def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
-        """Point by point."""
+        """All pairs of each point in the band, one point after the other."""
         return ((i, problem.exact(point)) for i, point in enumerate(points))
 
 

@@ -25,7 +25,7 @@ class Full(Rung):
         return COST
 
     def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
-        """Point by point."""
+        """Unreduced pairs of each point in the band, one point after the other."""
         return ((i, problem.full_order(point)) for i, point in enumerate(points))
 
 

@@ -43,13 +43,13 @@ class Perturbation(Rung):
     shares_work = True
 
     def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
-        """From one anchor."""
+        """Perturbed pairs of each point, from the exact ones of one anchor."""
         anchor = make_anchor(problem.swept, box.middle, REACH)
         for i, theta in enumerate(problem.theta(points)):
             yield i, problem.modes(perturbed_roots(problem.swept, anchor, theta, ORDER))
 
     def relative_cost(self, points: int, varied: int) -> float:
-        """Mostly of the estimate."""
+        """Cost of a point over an exact one: mostly that of the error estimate."""
         return COST
 
 

@@ -52,7 +52,7 @@ class OverABasis(Rung):
 
     @property
     def setup_solves(self) -> int:
-        """Of the basis."""
+        """Exact solves that the basis is made of, about."""
         return BASIS_SOLVES
 
     def modes_at(self, problem: Problem, point: Point, box: Box) -> Modes:
@@ -73,7 +73,7 @@ class SweepBasisRung(OverABasis):
     description = "dense eigenproblem projected on a basis of the whole sweep"
 
     def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
-        """Point by point."""
+        """Pairs of each point projected on the basis, one point after the other."""
         solver = InBasis(problem.swept, problem.basis, problem.tolerance)
         for i, theta in enumerate(problem.theta(points)):
             yield i, problem.modes(solver.alone(theta))
@@ -83,7 +83,7 @@ class SweepBasisRung(OverABasis):
         return COST
 
     def offer(self, scope: Scope) -> Offer:
-        """Over many parameters."""
+        """Serves ``auto`` studies of many parameters, over which no patch interpolates."""
         if scope.varied < MANY_PARAMETERS:
             return Offer(False, "")
         if scope.damped:

@@ -42,7 +42,7 @@ class TwoStep(Rung):
     keeps_tolerance = False
 
     def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
-        """Point by point."""
+        """Pairs of each point, projected on real modes, one point after the other."""
         for i, theta in enumerate(problem.theta(points)):
             yield i, problem.modes(two_step_roots(problem.swept, theta, FACTOR))
 

@@ -63,7 +63,7 @@ class WindowsRung(OverABasis):
     shares_work = True
 
     def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
-        """Patch by patch."""
+        """Ritz pairs of the points of each patch, one patch after the other."""
         windows = Windows(problem.swept, problem.basis, problem.tolerance)
         for row, found in windows.solve(box, problem.theta(points)):
             yield row, problem.modes(found)

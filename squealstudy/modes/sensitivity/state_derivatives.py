@@ -80,7 +80,7 @@ class StateDerivatives:
         )
 
     def by(self, parameter: StateParameter) -> WeightChange:
-        """Derivative by one parameter."""
+        """Derivatives of the weights by one parameter of the design state, at the working point."""
         if parameter.modes:
             return self._by_modes(parameter)
         operating, name = self._state.operating, parameter.name
