@@ -16,11 +16,8 @@ from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.polynomials import interpolation
-from squealstudy.reduction.working_point import (
-    GapEquations,
-    WorkingPoint,
-    WorkingPointField,
-)
+from squealstudy.reduction.gap_equations import GapEquations
+from squealstudy.reduction.working_point import WorkingPoint, WorkingPointField
 
 BAND = (500.0, 4000.0)
 ENERGETIC = ("caliper", 7)

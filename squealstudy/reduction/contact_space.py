@@ -1,18 +1,22 @@
 """The static brake seen from its contact points: compliances from one factorisation.
 
 With K0 = K_static + k_c N^T A N factored once, any working point of any pressure, friction and
-law is a dense problem in the gaps (THEORY.md eq. (13)). A change of component modes is a
-low-rank change of K0, taken exactly by Woodbury's identity.
+law is a dense problem in the gaps (THEORY.md eq. (13)). Facets have more contact points than their
+nodes have freedoms: N = S_N Z_N, with the columns S_N of N that are independent, and compliances
+are known of the rows Z_N alone. A change of component modes is a low-rank change of K0, taken
+exactly by Woodbury's identity.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.factor import SINGULAR, RefinedFactor, factorise
@@ -25,7 +29,9 @@ HELD = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without an
 
 @dataclass(frozen=True)
 class ContactSpace:
-    """Compliances of K0 between contact normals (N), sliding directions (T), loads and shapes.
+    """Compliances of K0 between contact, loads and shapes.
+
+    N = S_N Z_N and T = S_T Z_T are the contact's normal and sliding rows (ContactInterface).
 
     Attributes
     ----------
@@ -33,17 +39,21 @@ class ContactSpace:
         Contact stiffness per area in K0, Pa/m.
     area, gap0, frictional, speed_factor : ndarray (nc,)
         Of the contact points.
-    H_NN : ndarray (nc, nc)
-        N K0^-1 N^T, m/N.
-    H_NT : ndarray (nc, nc)
-        N K0^-1 T^T, m/N.
-    H_Nf : ndarray (nc, 2)
-        N K0^-1 [load, constant_load].
-    H_NU, H_TU : ndarray (nc, m)
-        N K0^-1 U and T K0^-1 U for the shapes U = M phi of component modes.
-    H_fU : ndarray (2, m)
+    S_N : csr_matrix (nc, r)
+        Independent columns of N: gaps are gap0 + S_N x.
+    S_T : csr_matrix (nc, t)
+        Columns of T that are not zero.
+    C_NN : ndarray (r, r)
+        Z_N K0^-1 Z_N^T, m/N.
+    C_TN : ndarray (t, r)
+        Z_T K0^-1 Z_N^T, m/N.
+    C_Nf : ndarray (r, 2)
+        Z_N K0^-1 [load, constant_load].
+    C_NU, C_TU : ndarray (r, m), (t, m)
+        Z_N K0^-1 U and Z_T K0^-1 U for the shapes U = M phi of component modes.
+    C_fU : ndarray (2, m)
         [load, constant_load]^T K0^-1 U.
-    H_UU : ndarray (m, m)
+    C_UU : ndarray (m, m)
         U^T K0^-1 U.
     """
 
@@ -52,13 +62,30 @@ class ContactSpace:
     gap0: np.ndarray
     frictional: np.ndarray
     speed_factor: np.ndarray
-    H_NN: np.ndarray
-    H_NT: np.ndarray
-    H_Nf: np.ndarray
-    H_NU: np.ndarray
-    H_TU: np.ndarray
-    H_fU: np.ndarray
-    H_UU: np.ndarray
+    S_N: sp.csr_matrix
+    S_T: sp.csr_matrix
+    C_NN: np.ndarray
+    C_TN: np.ndarray
+    C_Nf: np.ndarray
+    C_NU: np.ndarray
+    C_TU: np.ndarray
+    C_fU: np.ndarray
+    C_UU: np.ndarray
+
+    @cached_property
+    def by_point(self) -> tuple[np.ndarray, np.ndarray]:
+        """N K0^-1 Z_N^T and T K0^-1 Z_N^T (nc, r), m/N."""
+        return np.asarray(self.S_N @ self.C_NN), np.asarray(self.S_T @ self.C_TN)
+
+    def opening(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Gaps N K0^-1 (N^T s - T^T t) (..., nc) [m] by forces s, t (..., nc) [N]."""
+        moved: np.ndarray = self.moved(s, t) @ self.S_N.T
+        return moved
+
+    def moved(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """`opening` as the coordinates (..., r) of S_N."""
+        moved: np.ndarray = (s @ self.S_N) @ self.C_NN - (t @ self.S_T) @ self.C_TN
+        return moved
 
     def changed(self, dk: Mapping[int, float]) -> ContactSpace:
         """The same with K0 + U diag(dk) U^T; it cannot be changed again.
@@ -72,18 +99,17 @@ class ContactSpace:
             return self
         j = np.fromiter(dk.keys(), dtype=int)
         D = np.diag(np.fromiter(dk.values(), dtype=float))
-        core = la.solve(np.eye(len(j)) + D @ self.H_UU[np.ix_(j, j)], D)
-        left, right_T, right_f = self.H_NU[:, j] @ core, self.H_TU[:, j], self.H_fU[:, j]
-        empty = self.H_UU[:0, :0]
+        core = la.solve(np.eye(len(j)) + D @ self.C_UU[np.ix_(j, j)], D)
+        left = self.C_NU[:, j] @ core  # core is symmetric
         return replace(
             self,
-            H_NN=self.H_NN - left @ self.H_NU[:, j].T,
-            H_NT=self.H_NT - left @ right_T.T,
-            H_Nf=self.H_Nf - left @ right_f.T,
-            H_NU=self.H_NU[:, :0],
-            H_TU=self.H_TU[:, :0],
-            H_fU=self.H_fU[:, :0],
-            H_UU=empty,
+            C_NN=self.C_NN - left @ self.C_NU[:, j].T,
+            C_TN=self.C_TN - self.C_TU[:, j] @ left.T,
+            C_Nf=self.C_Nf - left @ self.C_fU[:, j].T,
+            C_NU=self.C_NU[:, :0],
+            C_TU=self.C_TU[:, :0],
+            C_fU=self.C_fU[:, :0],
+            C_UU=self.C_UU[:0, :0],
         )
 
 
@@ -92,8 +118,7 @@ def contact_space(
 ) -> ContactSpace:
     """Factor K0 once and back-solve the contact columns once.
 
-    Of the contact's rows only as many are solved for as are independent: facets have more contact
-    points than nodes.
+    Of the contact's rows only as many are solved for as are independent.
 
     Parameters
     ----------
@@ -116,45 +141,63 @@ def contact_space(
     _check_held(factor)
     solve = factor.lean()
     loads = np.column_stack([assembly.load, assembly.constant_load])
-    observed = sp.vstack([c.N, c.T, sp.csr_matrix(loads.T)]).tocsr()
-    columns, own, R = independent_rows(c.N)
-    X_Q = np.empty((observed.shape[0], own.shape[1]))  # of K0^-1 Q only what is observed
-    for i in range(0, own.shape[1], WIDE):
-        part = np.zeros((assembly.n_dof, min(WIDE, own.shape[1] - i)))
-        part[columns] = own[:, i : i + WIDE]
-        X_Q[:, i : i + WIDE] = observed @ solve(part)
-    NX, TX, fX = np.split(X_Q, [len(c.area), 2 * len(c.area)])
+    normal, independent, Z = independent_columns(c.N)
+    sliding = np.unique(c.T.indices)
+    r = len(Z)
+    C_NN, C_TN, C_Nf = np.empty((r, r)), np.empty((len(sliding), r)), np.empty((r, 2))
+    for i in range(0, r, WIDE):
+        part = slice(i, min(i + WIDE, r))
+        forces = np.zeros((assembly.n_dof, part.stop - i))
+        forces[normal] = Z[part].T
+        X = solve(forces)
+        C_NN[:, part], C_TN[:, part], C_Nf[part] = Z @ X[normal], X[sliding], X.T @ loads
     shapes = shapes() if callable(shapes) else shapes
     X_U = solve(shapes) if shapes.shape[1] else shapes
-    H_NN = NX @ R
     return ContactSpace(
         k_c=k_c,
         area=c.area,
         gap0=c.gap0,
         frictional=c.frictional,
         speed_factor=c.speed_factor,
-        H_NN=(H_NN + H_NN.T) / 2,
-        H_NT=R.T @ TX.T,
-        H_Nf=R.T @ fX.T,
-        H_NU=np.asarray(c.N @ X_U),
-        H_TU=np.asarray(c.T @ X_U),
-        H_fU=loads.T @ X_U,
-        H_UU=shapes.T @ X_U,
+        S_N=c.N[:, normal[independent]],
+        S_T=c.T[:, sliding],
+        C_NN=(C_NN + C_NN.T) / 2,
+        C_TN=C_TN,
+        C_Nf=C_Nf,
+        C_NU=Z @ X_U[normal],
+        C_TU=X_U[sliding],
+        C_fU=loads.T @ X_U,
+        C_UU=shapes.T @ X_U,
     )
 
 
-def independent_rows(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Columns (k,) of N (m, n) that are not zero, Q (k, r) on them and R (r, m) with N^T = Q R.
+def independent_columns(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Columns (k,) of N (m, n) that are not zero, which (r,) of them are independent, and Z (r, k).
 
-    r is the rank of N to round-off.
+    N[:, columns] = N[:, columns[independent]] Z. r is the rank of N to round-off. By QR with
+    pivots (Golub 1965), of each set of rows and columns that share no entry with others.
     """
     columns = np.unique(N.indices)
-    Q, R, order = la.qr(N[:, columns].T.toarray(), mode="economic", pivoting=True)
-    size = np.abs(np.diag(R))
-    rank = int((size > INDEPENDENT * size.max(initial=0.0)).sum())
-    unsorted = np.empty((rank, N.shape[0]))
-    unsorted[:, order] = R[:rank]
-    return columns, Q[:, :rank], unsorted
+    own = N[:, columns].tocoo()
+    m, k = own.shape
+    graph = sp.coo_matrix((np.ones(own.nnz), (own.row, m + own.col)), shape=(m + k, m + k))
+    count, label = connected_components(graph, directed=False)
+    dense, chosen, parts = own.tocsr(), [], []
+    for number in range(count):
+        rows = np.flatnonzero(label[:m] == number)
+        among = np.flatnonzero(label[m:] == number)
+        if not len(rows) or not len(among):
+            continue
+        R, order = la.qr(dense[rows][:, among].toarray(), mode="r", pivoting=True)
+        size = np.abs(np.diag(R))
+        rank = int((size > INDEPENDENT * size.max(initial=0.0)).sum())
+        others = la.solve_triangular(R[:rank, :rank], R[:rank, rank:])
+        part = np.zeros((rank, k))
+        part[np.arange(rank), among[order[:rank]]] = 1.0
+        part[:, among[order[rank:]]] = others
+        chosen.append(among[order[:rank]])
+        parts.append(part)
+    return columns, np.concatenate(chosen), np.vstack(parts)
 
 
 def _check_held(factor: RefinedFactor) -> None:

@@ -51,6 +51,8 @@ class PreparedModel:
     finer : ReducedModel or None
         The next larger model (modes/full_order/finer_model.py), from which the error of `model`
         is told; None where `model` is complete.
+    n_dof : int
+        Degrees of freedom of the assembly.
     timings : mapping of stage -> seconds
     """
 
@@ -62,6 +64,7 @@ class PreparedModel:
     timings: Mapping[str, float] = field(default_factory=dict)
     nominal_tangent: np.ndarray = field(default_factory=lambda: np.zeros(0))
     finer: ReducedModel | None = None
+    n_dof: int = 0
 
     @property
     def shape_rows(self) -> np.ndarray:
@@ -142,6 +145,7 @@ def with_shapes(
         sensor_shapes=sensors,
         nominal_gap=nominal.gap,
         nominal_tangent=nominal.tangent,
+        n_dof=assembly.n_dof,
     )
 
 

@@ -1,13 +1,14 @@
-"""Steady sliding equilibrium: a dense Newton in the gaps, for any pressure, friction and law.
+"""Steady sliding equilibrium: Newton in the gaps, for any pressure, friction and law.
 
-Over a box of design points gaps are polynomials of the box coordinates (pressure in its logarithm,
-where a gap of the exponential law is nearly linear); a few simplified Newton steps with the inverse
-Jacobian of the nearest anchor take them to the tolerance (THEORY.md eq. (13), (14)).
+A factor serves for as many steps as it brings nearer fast. Over a box of design points gaps are
+polynomials of the box coordinates (pressure in its logarithm, where a gap of the exponential law is
+nearly linear); a few simplified Newton steps with the Jacobian of the nearest anchor take them to
+the tolerance (THEORY.md eq. (13), (14)).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from squealstudy.laws import ContactLaw
 from squealstudy.models.assembly import ContactPoints
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace
+from squealstudy.reduction.gap_equations import Changes, GapEquations, GapJacobian
 
 MAX_ITERATIONS = 200
 MAX_STEP = 3.0  # closing, in gap scales of the law: beyond it, Newton on an exponential runs away
@@ -26,9 +28,9 @@ TOLERANCE = 1e-11
 AMPLIFIED = 10.0  # error of gaps over their imbalance: about 1 where K0 has a contact like theirs
 POLISHED = 1e-10  # relative gap imbalance; studies promise 1e-8
 MOST_STEPS = 25
+NEARER = 0.2  # of an imbalance, after a step with an older Jacobian: more, and it is made anew
 TRIED = (0.0, 0.5, 1.0)  # contact points by their pressure, at which laws from outside are tried
 CONTRADICTORY_LAW = "contradictory_law"  # status of a point where such a law contradicts itself
-Changes = Mapping[int, float]  # column of U -> change of modal stiffness
 Cardinals = Callable[[np.ndarray], np.ndarray]
 
 
@@ -101,23 +103,30 @@ def working_point(
     else:  # gaps of a softer law may mean absurd pressures in this one
         g = np.maximum(start, law.gap_at(HIGHEST_START * estimate))
     (F,), (p,), (kappa,) = equations.imbalance(g[None])
+    jacobian: GapJacobian | None = None
     for iteration in range(1, MAX_ITERATIONS + 1):
-        J = gap_jacobian(space, point, p, kappa)
         try:
-            step = la.solve(J, -F, overwrite_a=True, check_finite=False)
+            jacobian = jacobian or GapJacobian(space, point, p, kappa)
         except la.LinAlgError:  # friction at its limit, or tangents that overflowed
             break
+        step = jacobian.solve(-F)
         if not np.isfinite(step).all():
             break
         # the estimate is too small where k_c is soft beside the supports: p then takes over
         level = max(estimate, float(np.abs(A @ p) / A.sum()))
         damping = _damping(law, level, g, step)
+        before = np.abs(F).max()
         g = g + damping * step
         (F,), (p,), (kappa,) = equations.imbalance(g[None])
         residual = float(equations.relative(F[None], g[None])[0])
         size = np.abs(step).max() / law.gap_scale(level)
         if damping == 1.0 and size < TOLERANCE**0.5 and residual < TOLERANCE:
+            g = g - jacobian.solve(F)  # which an older Jacobian left larger than round-off
+            (F,), (p,), (kappa,) = equations.imbalance(g[None])
+            residual = float(equations.relative(F[None], g[None])[0])
             return working_point_result(space.area, g, p, kappa, iteration, residual, F)
+        if damping < 1.0 or not np.abs(F).max() < NEARER * before:
+            jacobian = None
     raise ConvergenceError(
         "working_point",
         f"no steady sliding equilibrium found in {MAX_ITERATIONS} Newton iterations at friction "
@@ -166,76 +175,6 @@ def expect_consistent_laws(
         raise ConvergenceError(CONTRADICTORY_LAW, str(error)) from error
 
 
-def gap_jacobian(
-    space: ContactSpace, point: OperatingPoint, p: np.ndarray, kappa: np.ndarray
-) -> np.ndarray:
-    """dF/dg (nc, nc) of the gap equations at pressures p [Pa] and tangents kappa [Pa/m] (nc,)."""
-    grip = space.frictional * point.friction_at(p, space.speed_factor).following(p)
-    J = space.H_NN * (space.area * (kappa - space.k_c))
-    J -= space.H_NT * (space.area * grip * kappa)
-    J[np.diag_indices_from(J)] += 1.0
-    return J
-
-
-class GapEquations:
-    """Imbalance of the gaps, at one operating point or at several at once.
-
-    Component changes enter by Woodbury's identity, never as changed compliances.
-
-    Parameters
-    ----------
-    space : ContactSpace
-    operating : sequence of OperatingPoint (b)
-    changes : sequence of mapping of column of U -> float, or None
-        Changes of modal stiffness at each point, (rad/s)^2; None for none.
-    """
-
-    def __init__(
-        self,
-        space: ContactSpace,
-        operating: Sequence[OperatingPoint],
-        changes: Sequence[Changes] | None = None,
-    ) -> None:
-        self.space, self._operating = space, operating
-        changes = changes or [{}] * len(operating)
-        self._columns = sorted({j for c in changes for j, dk in c.items() if dk})
-        self._cores = [self._core(c) for c in changes]
-        self._load = np.array([[o.brake_pressure, 1.0] for o in operating])
-        still = np.zeros((len(operating), len(space.area)))
-        self._size = np.abs(self._movement(still, still)).max(axis=1)
-
-    def _core(self, changes: Changes) -> np.ndarray:
-        j = self._columns
-        D = np.diag([changes.get(column, 0.0) for column in j])
-        return np.linalg.solve(np.eye(len(j)) + D @ self.space.H_UU[np.ix_(j, j)], D)
-
-    def _movement(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """N K^-1 (N^T s - T^T t + loads) (b, nc) of the changed structures."""
-        space, j = self.space, self._columns
-        moved = s @ space.H_NN - t @ space.H_NT.T + self._load @ space.H_Nf.T
-        if j:
-            seen = s @ space.H_NU[:, j] - t @ space.H_TU[:, j] + self._load @ space.H_fU[:, j]
-            lost = np.array([core @ x for core, x in zip(self._cores, seen, strict=True)])
-            moved -= lost @ space.H_NU[:, j].T
-        return moved
-
-    def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """F(g) [m], pressure [Pa] and tangent [Pa/m], each (b, nc)."""
-        space = self.space
-        pairs = [o.law.evaluate(row) for o, row in zip(self._operating, g, strict=True)]
-        p, kappa = (np.array(part) for part in zip(*pairs, strict=True))
-        pairs_p = zip(self._operating, p, strict=True)
-        drag = np.array([o.traction(row, space.speed_factor) for o, row in pairs_p])
-        s = space.area * (p + space.k_c * (g - space.gap0))
-        F = g - space.gap0 - self._movement(s, space.area * space.frictional * drag)
-        return F, p, kappa
-
-    def relative(self, F: np.ndarray, g: np.ndarray) -> np.ndarray:
-        """Largest imbalance relative to the movement under the load and to the gaps, (b,)."""
-        size: np.ndarray = self._size + np.abs(g).max(axis=1) + 1e-300
-        return np.abs(F).max(axis=1) / size
-
-
 def working_point_result(
     area: np.ndarray,
     g: np.ndarray,
@@ -277,7 +216,7 @@ def open_share(area: np.ndarray, p: np.ndarray) -> float:
 
 def _mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:
     """Scale of the contact pressure, Pa: the rigid balance of the load over all points."""
-    gap = space.H_Nf @ np.array([point.brake_pressure, 1.0])
+    gap = space.S_N @ (space.C_Nf @ np.array([point.brake_pressure, 1.0]))
     stiffness = np.abs(space.k_c * gap)
     return float(max(space.area @ stiffness / space.area.sum(), 1e-300))
 
@@ -294,18 +233,18 @@ def _damping(law: ContactLaw, level: float, g: np.ndarray, step: np.ndarray) -> 
 
 @dataclass(frozen=True)
 class NewtonAnchor:
-    """A design point theta (d,) and the inverse Jacobian (nc, nc) of its gap equations."""
+    """A design point theta (d,) and the Jacobian of its gap equations."""
 
     theta: np.ndarray
-    inverse: np.ndarray
+    jacobian: GapJacobian
 
 
 def anchor_at(
     theta: np.ndarray, space: ContactSpace, operating: OperatingPoint, point: WorkingPoint
 ) -> NewtonAnchor:
     """An anchor at a working point; `space` is that of its component changes."""
-    J = gap_jacobian(space, operating, point.contact_pressure, point.tangent)
-    return NewtonAnchor(theta, la.inv(J, overwrite_a=True, check_finite=False))
+    jacobian = GapJacobian(space, operating, point.contact_pressure, point.tangent)
+    return NewtonAnchor(theta, jacobian)
 
 
 @dataclass(frozen=True)
@@ -348,14 +287,14 @@ class WorkingPointField:
             batch = GapEquations(
                 self.space, [operating[i] for i in rows], [changes[i] for i in rows]
             )
-            solved = _polish(batch, start[rows], self.anchors[number].inverse)
+            solved = _polish(batch, start[rows], self.anchors[number].jacobian)
             for i, point in zip(rows, solved, strict=True):
                 found[i] = point
         return found
 
 
 def _polish(
-    equations: GapEquations, g: np.ndarray, inverse: np.ndarray
+    equations: GapEquations, g: np.ndarray, jacobian: GapJacobian
 ) -> list[WorkingPoint | None]:
     """Simplified Newton from gaps g (b, nc)."""
     with np.errstate(over="ignore", invalid="ignore"):
@@ -364,7 +303,7 @@ def _polish(
         steps = 0
         while steps < MOST_STEPS and (open_ := ~(residual < POLISHED)).any():
             steps += 1
-            g = np.where(open_[:, None], g - F @ inverse.T, g)
+            g = np.where(open_[:, None], g - jacobian.solve(F), g)
             F, p, kappa = equations.imbalance(g)
             residual = equations.relative(F, g)
     area = equations.space.area

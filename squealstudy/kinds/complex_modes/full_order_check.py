@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,8 @@ from squealstudy.reduction.prepared import PreparedFamily
 from squealstudy.root_pairs import FullOrderPairs, paired_with_full_order
 from squealstudy.study.design import DesignPoint
 
+# degrees of freedom of checks at work at once: of 48,588 one takes 2.1 GB
+SIDE_BY_SIDE = 110_000
 UNTOLD = 1e-11  # relative error of a check that does not say its own
 
 
@@ -31,6 +33,16 @@ class FullOrderTask:
     lam: np.ndarray
     settings: ReductionSettings
     band_hz: tuple[float, float]
+
+
+def at_once(tasks: Sequence[FullOrderTask]) -> int:
+    """How many checks may be at work at once for their memory."""
+    largest = 1
+    for structure in {task.point.structure for task in tasks}:
+        prepared = load_any(structure)
+        own = prepared.model.n if isinstance(prepared, PreparedFamily) else prepared.n_dof
+        largest = max(largest, own)
+    return max(1, SIDE_BY_SIDE // largest)
 
 
 def check_reference(task: FullOrderTask) -> dict[str, Any]:

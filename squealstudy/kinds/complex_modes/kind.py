@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -161,6 +162,7 @@ class ComplexModes(ModelKind):
         """Solve the chosen points at full order, those not checked before; all their errors."""
         from squealstudy.kinds.complex_modes.full_order_check import (
             FullOrderTask,
+            at_once,
             check_reference,
         )
 
@@ -174,6 +176,7 @@ class ComplexModes(ModelKind):
             if t.structure not in failures and (lam := found.get(t.point_id)) is not None
         ]
         workers = with_files(plan, workers)
+        workers = replace(workers, jobs=min(workers.jobs, at_once(tasks)))
         for result in workers.each(check_reference, tasks, "full-order check"):
             store.write_json(f"{REFERENCES}/{result['point_id']}.json", result)
         ids = {t.point_id for t in chosen}

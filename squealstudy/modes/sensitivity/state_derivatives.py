@@ -28,8 +28,9 @@ from squealstudy.models.operating import (
     OperatingPoint,
 )
 from squealstudy.reduction.contact_space import ContactSpace
+from squealstudy.reduction.gap_equations import GapJacobian
 from squealstudy.reduction.prepared import PreparedModel, shape_column
-from squealstudy.reduction.working_point import WorkingPoint, gap_jacobian
+from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import (
     ContactChange,
     ContactWeights,
@@ -181,31 +182,29 @@ class WorkingPointDerivatives:
         self._grip = operating.friction_at(p, factor).following(p) * space.frictional
         self.point = point
         A = space.area
-        J = gap_jacobian(self._now, operating, point.contact_pressure, point.tangent)
-        self._lu = la.lu_factor(J, overwrite_a=True, check_finite=False)
+        self._jacobian = GapJacobian(self._now, operating, p, point.tangent)
         self._normal = A * (point.contact_pressure + space.k_c * (point.gap - space.gap0))
         self._sliding = A * space.frictional * operating.traction(p, factor)
 
     def solve(self, imbalance: np.ndarray) -> np.ndarray:
         """Motion dg (nc,) from dF/dtheta (nc,) at fixed gaps."""
-        moved: np.ndarray = la.lu_solve(self._lu, -imbalance, check_finite=False)
-        return moved
+        return self._jacobian.solve(-imbalance)
 
     def by_friction(self, mu: float | np.ndarray) -> np.ndarray:
         """Motion by a change of the friction coefficient, a number or (nc,)."""
         if not np.any(mu):
             return np.zeros(len(self.point.gap))
         drag = self._space.area * self._space.frictional * self.point.contact_pressure
-        return self.solve(self._now.H_NT @ (drag * mu))
+        return self.solve(-self._now.opening(np.zeros_like(drag), drag * mu))
 
     def by_pressure(self) -> np.ndarray:
         """Motion by the brake pressure, m/Pa."""
-        return self.solve(-self._now.H_Nf[:, 0])
+        return self.solve(-self._now.S_N @ self._now.C_Nf[:, 0])
 
     def by_law(self, dp: np.ndarray) -> np.ndarray:
         """Motion by a change dp (nc,) of the pressure at fixed gaps."""
         force = self._space.area * dp
-        return self.solve(self._now.H_NT @ (self._grip * force) - self._now.H_NN @ force)
+        return self.solve(-self._now.opening(force, self._grip * force))
 
     def by_mode_stiffness(self, column: int) -> np.ndarray:
         """Motion by a component mode's modal stiffness, m s^2: column of U of the space."""
@@ -217,16 +216,16 @@ class WorkingPointDerivatives:
     def _shape_compliances(self, column: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """N, T and load compliances to the shape U of one mode, with the changes in force."""
         s = self._space
-        parts = (s.H_NU, s.H_TU, s.H_fU)
+        parts = (s.C_NU, s.C_TU, s.C_fU)
         own = [np.asarray(H[:, column]) for H in parts]
         if not self._changes:
-            return own[0], own[1], own[2]
+            return s.S_N @ own[0], s.S_T @ own[1], own[2]
         j = np.fromiter(self._changes.keys(), dtype=int)
         d = np.fromiter(self._changes.values(), dtype=float)
-        core = np.eye(len(j)) + d[:, None] * s.H_UU[np.ix_(j, j)]
-        share = la.solve(core, d * s.H_UU[j, column])
+        core = np.eye(len(j)) + d[:, None] * s.C_UU[np.ix_(j, j)]
+        share = la.solve(core, d * s.C_UU[j, column])
         changed = [h - H[:, j] @ share for h, H in zip(own, parts, strict=True)]
-        return changed[0], changed[1], changed[2]
+        return s.S_N @ changed[0], s.S_T @ changed[1], changed[2]
 
 
 FREQUENCY = "frequency_scale"

@@ -1,0 +1,119 @@
+"""The gaps of steady sliding: their imbalance, and Newton's matrix by its low rank.
+
+THEORY.md eq. (13), (14). Contact points are more than the freedoms of their nodes, so that
+dF/dg = I + S_N W with r rows W, and a factor of r x r serves for it (Woodbury 1950).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.contact_space import ContactSpace
+
+Changes = Mapping[int, float]  # column of U -> change of modal stiffness
+
+
+class GapEquations:
+    """Imbalance of the gaps, at one operating point or at several at once.
+
+    Component changes enter by Woodbury's identity, never as changed compliances.
+
+    Parameters
+    ----------
+    space : ContactSpace
+    operating : sequence of OperatingPoint (b)
+    changes : sequence of mapping of column of U -> float, or None
+        Changes of modal stiffness at each point, (rad/s)^2; None for none.
+    """
+
+    def __init__(
+        self,
+        space: ContactSpace,
+        operating: Sequence[OperatingPoint],
+        changes: Sequence[Changes] | None = None,
+    ) -> None:
+        self.space, self._operating = space, operating
+        changes = changes or [{}] * len(operating)
+        self._columns = sorted({j for c in changes for j, dk in c.items() if dk})
+        self._cores = [self._core(c) for c in changes]
+        self._load = np.array([[o.brake_pressure, 1.0] for o in operating])
+        still = np.zeros((len(operating), len(space.area)))
+        self._size = np.abs(self._movement(still, still)).max(axis=1)
+
+    def _core(self, changes: Changes) -> np.ndarray:
+        j = self._columns
+        D = np.diag([changes.get(column, 0.0) for column in j])
+        return np.linalg.solve(np.eye(len(j)) + D @ self.space.C_UU[np.ix_(j, j)], D)
+
+    def _movement(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """N K^-1 (N^T s - T^T t + loads) (b, nc) of the changed structures."""
+        space, j = self.space, self._columns
+        moved = space.moved(s, t) + self._load @ space.C_Nf.T
+        if j:
+            seen = (s @ space.S_N) @ space.C_NU[:, j] - (t @ space.S_T) @ space.C_TU[:, j]
+            seen += self._load @ space.C_fU[:, j]
+            lost = np.array([core @ x for core, x in zip(self._cores, seen, strict=True)])
+            moved -= lost @ space.C_NU[:, j].T
+        movement: np.ndarray = moved @ space.S_N.T
+        return movement
+
+    def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F(g) [m], pressure [Pa] and tangent [Pa/m], each (b, nc)."""
+        space = self.space
+        pairs = [o.law.evaluate(row) for o, row in zip(self._operating, g, strict=True)]
+        p, kappa = (np.array(part) for part in zip(*pairs, strict=True))
+        pairs_p = zip(self._operating, p, strict=True)
+        drag = np.array([o.traction(row, space.speed_factor) for o, row in pairs_p])
+        s = space.area * (p + space.k_c * (g - space.gap0))
+        F = g - space.gap0 - self._movement(s, space.area * space.frictional * drag)
+        return F, p, kappa
+
+    def relative(self, F: np.ndarray, g: np.ndarray) -> np.ndarray:
+        """Largest imbalance relative to the movement under the load and to the gaps, (b,)."""
+        size: np.ndarray = self._size + np.abs(g).max(axis=1) + 1e-300
+        return np.abs(F).max(axis=1) / size
+
+
+class GapJacobian:
+    """dF/dg of the gap equations at a contact state, factorised.
+
+    Parameters
+    ----------
+    space : ContactSpace
+        With the component changes in force.
+    point : OperatingPoint
+    p, kappa : ndarray (nc,)
+        Pressures [Pa] and tangents [Pa/m].
+
+    Raises
+    ------
+    LinAlgError
+        Where it is singular.
+    """
+
+    def __init__(
+        self, space: ContactSpace, point: OperatingPoint, p: np.ndarray, kappa: np.ndarray
+    ) -> None:
+        grip = space.frictional * point.friction_at(p, space.speed_factor).following(p)
+        self._space = space
+        self._normal = space.area * (kappa - space.k_c)
+        self._sliding = space.area * grip * kappa
+        normal, sliding = space.by_point
+        forces = self._normal[:, None] * normal - self._sliding[:, None] * sliding
+        core = space.S_N.T @ forces  # of the transposed matrix
+        core[np.diag_indices_from(core)] += 1.0
+        factorise, self._solve = la.get_lapack_funcs(("getrf", "getrs"), (core,))
+        self._lu, self._pivots, info = factorise(core.T, overwrite_a=True)
+        if info:
+            raise la.LinAlgError("dF/dg is singular")
+
+    def solve(self, F: np.ndarray) -> np.ndarray:
+        """(dF/dg)^-1 F of imbalances F (nc,) or (b, nc)."""
+        seen = self._space.moved(self._normal * F, self._sliding * F)
+        x, _ = self._solve(self._lu, self._pivots, seen.T)
+        found: np.ndarray = F - x.T @ self._space.S_N.T
+        return found
