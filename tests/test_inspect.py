@@ -54,7 +54,7 @@ def test_what_was_read(tmp_path, capsys):
     assert "plate turns about [0, 0, 1] through [40, -100, 0]" in facts
     assert "pressure pushes slider.TOP along [0, 0, -1]; no reaction" in facts
     assert "lining.E3 2e+09 Pa slider.materials.LINING.E[3]" in facts
-    assert "477 degrees of freedom, 27 contact points" in facts
+    assert "477 degrees of freedom, 27 contact points; a reduction needs about 0.4 GB" in facts
     assert picture.read_bytes()[:4] == b"\x89PNG"
 
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -22,6 +23,7 @@ from squealstudy.engine.plan import Plan, reference_choice
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.workers import Pace
 from squealstudy.errors import ResultsError, SquealstudyError, StudyFileError
+from squealstudy.kinds.complex_modes import full_order_check
 
 HULTEN = (
     study_text("lockin", "complex_modes", "hulten")
@@ -217,6 +219,18 @@ def test_reference_points_begin_at_the_upper_corner_and_spread() -> None:
     assert friction == pytest.approx([0.6, 0.0, 0.3])
     assert reference_choice(plan, 0) == []
     assert sorted(reference_choice(plan, 99)) == list(range(13))
+
+
+@pytest.mark.parametrize(("freedoms", "expected"), [(0, 110_000), (48_588, 2), (115_959, 1)])
+def test_large_checks_take_turns(
+    monkeypatch: pytest.MonkeyPatch, freedoms: int, expected: int
+) -> None:
+    """Two at full order of 48,588 freedoms take 4 GB at once; of 115,959 one does."""
+    prepared = {"small": SimpleNamespace(n_dof=3), "own": SimpleNamespace(n_dof=freedoms)}
+    monkeypatch.setattr(full_order_check, "load_any", prepared.get)
+    tasks = [SimpleNamespace(point=SimpleNamespace(structure=name)) for name in prepared]
+    assert full_order_check.at_once(tasks[1:]) == expected
+    assert full_order_check.at_once(tasks) == min(expected, full_order_check.SIDE_BY_SIDE // 3)
 
 
 def test_rigid_body_noise_is_never_counted(tmp_path: Path) -> None:

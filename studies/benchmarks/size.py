@@ -1,6 +1,7 @@
 """What a study costs as the mesh grows: a model of files to a ranked study, from a cold cache.
 
     python studies/benchmarks/size.py run [--sizes 15k 49k] [--jobs 2] [--table size.csv]
+    python studies/benchmarks/size.py points [--sizes 15k 49k]
     python studies/benchmarks/size.py chart size.csv size.png
 
 The generated brake is written as a model file (meshes in .inp) at growing densities: 15k, 29k, 49k,
@@ -9,7 +10,8 @@ checked at full order, tracked, ranked and drawn by a process of its own with it
 cache is empty, kernels to compile included. Printed are for each stage the seconds, the processor
 seconds and the largest memory of all its processes together (resident; what they share counts for
 each), then the parts of the reduction and what a point takes. Rows go to the table, where `chart`
-finds them; the last of each size counts.
+finds them; the last of each size counts. `points` solves steady sliding alone at some of the design
+points: its processor seconds, and the factors it made.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ import one_thread  # noqa: F401
 
 # isort: split
 
+import numpy as np
 import pandas as pd
 import psutil
 
@@ -50,7 +53,7 @@ from squealstudy.models.fem.grid import Interval
 from squealstudy.study.toml_text import toml_text
 
 ASKED, ASKED_AT = (720.0, 6144.0), 116_000  # s and MB of the study, from files; degrees of freedom
-EVERY = 0.05  # s between looks
+EVERY = 0.25  # s between looks: one takes some 10 ms
 EXPORT, START, ALL, POINT = "files written", "start", "all, from files", "a point"
 CHECK = "full-order check"
 DRAWN = ("reduction", "design points", CHECK, "tracking", ALL, POINT)  # stages on the chart
@@ -157,6 +160,12 @@ class Watch:
             self._last = now
             time.sleep(EVERY)
 
+    def told(self) -> str:
+        """The stage that is at work, in a line."""
+        s = self.stage
+        wall, cpu, peak = self.wall[s], self.cpu[s], self.peak[s]
+        return f"{s}: {wall:.0f} s, {cpu:.0f} s of processors, {peak:.0f} MB"
+
     def rows(self) -> list[dict[str, object]]:
         """A row a stage."""
         return [
@@ -220,6 +229,7 @@ def measure(size: str, jobs: int, keep: Path | None) -> pd.DataFrame:
             assert child.stdout is not None
             for line in child.stdout:
                 if line.startswith("stage "):
+                    print(watch.told(), flush=True)
                     watch.stage = line[6:].strip()
                 elif line.startswith("{"):
                     facts = json.loads(line)
@@ -249,6 +259,42 @@ def measure(size: str, jobs: int, keep: Path | None) -> pd.DataFrame:
         print("full order:", reference)
     print(facts["ranked"], flush=True)
     return table.assign(size=size, dof=dof, jobs=jobs, load=load)
+
+
+def sliding(size: str) -> None:
+    """Processor seconds of steady sliding at every 13th design point."""
+    from squealstudy.reduction import working_point as solver
+    from squealstudy.reduction.contact_space import contact_space
+    from squealstudy.reduction.prepared import mean_contact_stiffness
+    from squealstudy.study.definition import load_study
+
+    made: list[float] = []
+
+    class Counted(solver.GapJacobian):
+        def __init__(self, *given: object) -> None:
+            started = time.process_time()
+            super().__init__(*given)  # type: ignore[arg-type]
+            made.append(time.process_time() - started)
+
+    solver.GapJacobian = Counted  # type: ignore[misc]
+    with tempfile.TemporaryDirectory() as folder:
+        study = load_study(write_model(Path(folder), size)[0])
+        points = study.kind.plan(study).tasks
+        assembly = points[0].assembly()
+    states = [points[i].state().operating for i in range(0, len(points), 13)]
+    nominal = replace(states[0], friction=0.35, brake_pressure=12e5)
+    started = time.process_time()
+    stiffness = mean_contact_stiffness(assembly, nominal)
+    space = contact_space(assembly, stiffness, np.zeros((assembly.n_dof, 0)))
+    print(f"{size}: {len(space.area)} contact points, {len(space.C_NN)} independent rows; ", end="")
+    print(f"compliances in {time.process_time() - started:.1f} s of a processor")
+    start = solver.working_point(space, nominal).gap
+    made.clear()
+    started = time.process_time()
+    for state in states:
+        solver.working_point(space, state, start)
+    each, n = (time.process_time() - started) / len(states), len(states)
+    print(f"a point {each:.3f} s, {len(made) / n:.1f} factors of {np.mean(made):.3f} s each")
 
 
 def draw(table: pd.DataFrame, path: Path) -> None:
@@ -284,6 +330,8 @@ def main() -> None:
     run.add_argument("--jobs", type=int, default=2)
     run.add_argument("--table", type=Path, default=Path("size.csv"))
     run.add_argument("--keep", type=Path, help="folder where the model files stay")
+    points = commands.add_parser("points")
+    points.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["15k", "49k"])
     chart = commands.add_parser("chart")
     chart.add_argument("table", type=Path)
     chart.add_argument("png", type=Path)
@@ -299,6 +347,9 @@ def main() -> None:
         draw(pd.read_csv(given.table), given.png)
         return
     for size in given.sizes:
+        if given.command == "points":
+            sliding(size)
+            continue
         rows = measure(size, given.jobs, given.keep)
         rows.to_csv(given.table, mode="a", header=not given.table.exists(), index=False)
 
