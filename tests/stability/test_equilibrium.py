@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,8 @@ from squealstudy.laboratory.method_stability.equilibrium import (
 )
 from squealstudy.laws import contact_law
 from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction import working_point as solver
+from squealstudy.reduction.gap_equations import GapJacobian
 from squealstudy.reduction.working_point import working_point
 
 
@@ -74,10 +77,14 @@ def test_the_pressed_branch_is_flagged_by_its_root():
 
 
 def test_a_singular_jacobian_is_a_failure_with_a_name(monkeypatch):
-    def singular(*args, **options):
-        raise la.LinAlgError("singular")
-
-    monkeypatch.setattr(la, "solve", singular)
+    """A point whose contact is all that holds it, and is open: dF/dg = 1 - 1."""
+    one, zero = np.ones(1), np.zeros(1)
+    free = replace(one_point(0.0), k_c=1.0, area=one, C_NN=np.eye(1), C_TN=np.zeros((1, 1)))
+    point = OperatingPoint(0.5, 1e6, 1.0, contact_law())
+    with pytest.raises(la.LinAlgError):
+        GapJacobian(free, point, zero, zero)
+    singular = lambda *given: GapJacobian(free, point, zero, zero)  # noqa: E731
+    monkeypatch.setattr(solver, "GapJacobian", singular)
     with pytest.raises(ConvergenceError) as caught:
-        working_point(one_point(0.0), OperatingPoint(0.5, 1e6, 1.0, contact_law()))
+        working_point(one_point(0.0), point)
     assert caught.value.status == "working_point"
