@@ -176,7 +176,8 @@ class ComplexModes(ModelKind):
             if t.structure not in failures and (lam := found.get(t.point_id)) is not None
         ]
         workers = with_files(plan, workers)
-        workers = replace(workers, jobs=min(workers.jobs, at_once(tasks)))
+        if workers.cluster is None:  # whose workers have a memory each
+            workers = replace(workers, jobs=min(workers.jobs, at_once(tasks)))
         for result in workers.each(check_reference, tasks, "full-order check"):
             store.write_json(f"{REFERENCES}/{result['point_id']}.json", result)
         ids = {t.point_id for t in chosen}
