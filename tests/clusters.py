@@ -78,6 +78,10 @@ class Loopback:
             self._start(name, f"{before}\n{WORKER}", *options, **given)
         self.client.wait_for_workers(expected, timeout=LONGEST)
 
+    def workers(self) -> list[int]:
+        """Process numbers of the workers."""
+        return list(self.client.run(os.getpid).values())
+
     def kill_worker(self, index: int = -1) -> None:
         """As the kernel does where memory runs out; until the scheduler knows."""
         expected = len(self.client.nthreads()) - 1

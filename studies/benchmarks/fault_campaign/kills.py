@@ -8,13 +8,13 @@ import random
 import shutil
 import signal
 import subprocess
+import sys
 import time
 import uuid
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import psutil
 from fault_campaign.finding import Finding
 from fault_campaign.scenes import (
     FAULT,
@@ -27,10 +27,12 @@ from fault_campaign.scenes import (
     scenes,
     still_alive,
 )
+from same_tables import ROOT
 
 PART = "kills"
 IN_A_ROW = (1, 1, 2, 3)  # kills before a run is left in peace
 AT_WRITES = 0.5  # of the kills; the others come at random moments
+ON_CLUSTER = ("brake_geometry",)  # studies whose client is killed, or a worker of the cluster
 COLD = 0.3  # of the cases begin with an empty cache
 SIGNALS = {
     "SIGKILL parent": (signal.SIGKILL, "parent"),
@@ -59,17 +61,47 @@ class Kill:
         return f"{self.what} after {self.share:.0%} of the time"
 
 
-def run(count: int, seed: int, work: Path, names: tuple[str, ...] = SCENES) -> Iterator[Finding]:
-    """Kill `count` runs; a finding for each."""
+def run(
+    count: int,
+    seed: int,
+    work: Path,
+    names: tuple[str, ...] = SCENES,
+    on_cluster: tuple[str, ...] = ON_CLUSTER,
+) -> Iterator[Finding]:
+    """Kill `count` runs, some of them clients of a cluster; a finding for each."""
     rng, made = random.Random(seed), list(scenes(names, work / PART))
     number = 0
-    while number < count:
-        (scene,) = rng.choices(made, [1 / scene.seconds for scene in made])
-        kills = [_drawn(scene, rng) for _ in range(min(rng.choice(IN_A_ROW), count - number))]
-        cold = rng.random() < COLD or any("models" in kill.write for kill in kills)
-        for finding in _case(scene, kills, cold, number):
-            yield finding
-            number += 1
+    with contextlib.ExitStack() as stack:
+        if on_cluster:
+            made += stack.enter_context(_clients(on_cluster, work / f"{PART}_cluster", made))
+        while number < count:
+            (scene,) = rng.choices(made, [1 / scene.seconds for scene in made])
+            kills = [_drawn(scene, rng) for _ in range(min(rng.choice(IN_A_ROW), count - number))]
+            cold = rng.random() < COLD or any("models" in kill.write for kill in kills)
+            for finding in _case(scene, kills, cold, number):
+                yield finding
+                number += 1
+
+
+@contextlib.contextmanager
+def _clients(names: tuple[str, ...], folder: Path, here: list[Scene]) -> Iterator[list[Scene]]:
+    """Scenes whose points are solved by a scheduler's workers; the tables are those made here."""
+    sys.path.insert(0, str(ROOT / "tests"))
+    from clusters import Loopback
+
+    folder.mkdir(parents=True, exist_ok=True)
+    cluster = Loopback(folder)
+    try:
+        cluster.add("a", "b", nanny=True)
+        place = ("--scheduler", cluster.address)
+        made = list(scenes(names, folder, place, cluster.workers))
+        for scene in made:
+            local = next((one for one in here if one.name == scene.name), scene)
+            if different := local.differences(scene.reference):
+                raise RuntimeError(f"{scene.name} on a cluster: {'; '.join(different)}")
+        yield made
+    finally:
+        cluster.close()
 
 
 def _drawn(scene: Scene, rng: random.Random) -> Kill:
@@ -92,7 +124,8 @@ def _case(scene: Scene, kills: list[Kill], cold: bool, number: int) -> Iterator[
     for kill in kills:
         ended, there = _killed(scene, kill, results, cache)
         late = ", came too late" if ended.code == 0 else ""
-        done = f"{scene.name}, {kill}, {'empty' if cold else 'filled'} cache{late}"
+        at = " on a cluster" if scene.workers else ""
+        done = f"{scene.name}{at}, {kill}, {'empty' if cold else 'filled'} cache{late}"
         found.append([done, *_verdict(ended, there)])
     last = scene.run(results, cache)
     text, verdict = "", "equal"
@@ -138,18 +171,24 @@ def _killed(scene: Scene, kill: Kill, results: Path, cache: Path) -> tuple[Ended
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(kill.share * scene.seconds)
         with contextlib.suppress(ProcessLookupError):
-            _send(process, number, who, mark)
+            _send(process, number, who, _workers(scene, process, mark))
     ended = scene.ended(process, results, began)
     return ended, still_alive(mark)
 
 
-def _send(process: subprocess.Popen[str], number: int, who: str, mark: str) -> None:
+def _workers(scene: Scene, process: subprocess.Popen[str], mark: str) -> list[int]:
+    """Process numbers of those who solve a run's points, as far as they have begun."""
+    if scene.workers:
+        return scene.workers()
+    return [p.pid for p in alive(mark) if p.pid != process.pid]
+
+
+def _send(process: subprocess.Popen[str], number: int, who: str, workers: list[int]) -> None:
     if process.poll() is not None:
         return
     if who == "group":
         os.killpg(process.pid, number)
     elif who == "parent":
         os.kill(process.pid, number)
-    elif workers := [p for p in alive(mark) if p.pid != process.pid]:
-        with contextlib.suppress(psutil.Error):
-            workers[-1].send_signal(number)
+    elif workers:
+        os.kill(workers[-1], number)

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,8 +26,9 @@ GONE_S = 2.0  # a run's processes must have ended by then
 SCENES = (
     *("hulten_modes", "hulten_latin_windows", "hulten_boundary", "hulten_sensitivity"),
     *("hulten_fidelity", "hulten_work_precision", "matrices_modes", "stability_impact_energy"),
-    *("belt_newmark", "brake_run", "brake_geometry", "own_blocks"),
+    *("belt_newmark", "brake_run", "brake_geometry", "own_blocks", "hoffmann_cycles"),
 )
+ON_TWO_CORES = ("--jobs", "2")  # where the points are solved
 # what no user should ever read
 UNWANTED = ("Traceback", "Exception ignored", "resource_tracker", "Process SpawnProcess")
 IDS = re.compile(
@@ -65,10 +66,16 @@ class Scene:
         What the undisturbed run took, its cache filled.
     writes : dict of str -> int
         Files that a run writes, by their kind, and how often.
+    place : tuple of str
+        Options of the command: workers here, or those behind a scheduler.
+    workers : callable or None
+        Process numbers of workers that are not the run's own.
     """
 
     name: str
     folder: Path
+    place: tuple[str, ...] = ON_TWO_CORES
+    workers: Callable[[], list[int]] | None = None
     seconds: float = 0.0
     writes: dict[str, int] = field(default_factory=dict)
     tables: dict[str, pd.DataFrame] = field(default_factory=dict)
@@ -107,7 +114,7 @@ class Scene:
     def start(
         self, results: Path, cache: Path, more: Mapping[str, str], mark: str = ""
     ) -> subprocess.Popen[str]:
-        """The command on two cores; its processes carry `mark` in their environment."""
+        """The command; its processes carry `mark` in their environment."""
         environment = os.environ | {
             "PYTHONPATH": os.pathsep.join((str(HERE / "hook"), str(ROOT))),
             "SQUEALSTUDY_CACHE": str(cache),
@@ -117,7 +124,7 @@ class Scene:
             **more,
         }
         command = [sys.executable, "-c", RUN, "run", f"{self.name}.toml", "--no-pictures"]
-        command += ["--jobs", "2", "--yes", "--output", str(results)]
+        command += [*self.place, "--yes", "--output", str(results)]
         said = (self.folder / f"{results.name}.said").open("w")
         with said:
             return subprocess.Popen(
@@ -157,14 +164,19 @@ def _heed_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def scenes(names: tuple[str, ...], folder: Path) -> Iterator[Scene]:
+def scenes(
+    names: tuple[str, ...],
+    folder: Path,
+    place: tuple[str, ...] = ON_TWO_CORES,
+    workers: Callable[[], list[int]] | None = None,
+) -> Iterator[Scene]:
     """The scenes of these names, made ready in a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     copy_studies(folder)
     for name in names:
         if not (STUDIES / f"{name}.toml").is_file():
             raise RuntimeError(f"{name}: no study of {STUDIES}")
-        yield Scene(name, folder).make()
+        yield Scene(name, folder, place, workers).make()
 
 
 def tables_of(results: Path) -> dict[str, pd.DataFrame]:
