@@ -393,3 +393,15 @@ def test_no_bytes_at_all_raise_anything_else(tmp_path):
             matrix = found.matrix if isinstance(found, LabelledMatrix) else found
             assert np.isfinite(matrix.data).all()
             assert abs(matrix - matrix.T).max() <= 1e-8 * abs(matrix).max()
+
+
+@pytest.mark.parametrize("key", ["K", "M"])
+def test_matrices_with_a_negative_direction_are_refused(slider, tmp_path, key):
+    """One entry beside the diagonal that is far too large, its mirror too."""
+    mesh, *both = slider
+    A = both["KM".index(key)] = both["KM".index(key)].tolil()
+    A[0, 5] = A[5, 0] = 3 * A.diagonal().max()
+    table = with_matrices(tmp_path, (mesh, *(B.tocsr() for B in both)), "abaqus")
+    write_blocks(tmp_path, ('mesh = "slider.inp"', table))
+    with pytest.raises(StudyFileError, match=f"slider.{key}.*not positive"):
+        built(tmp_path / "blocks.toml")

@@ -91,6 +91,18 @@ def factorise(A: sp.spmatrix, backend: str = "auto", definite: bool = False) -> 
     return CholmodFactor(A) if backend == "cholmod" else SuperLUFactor(A)
 
 
+def is_definite(A: sp.spmatrix) -> bool:
+    """Whether a symmetric sparse A (n, n) is positive definite, beyond round-off."""
+    try:
+        if A.shape[0] >= LARGE and find_spec(MODULES["cholmod"]):
+            CholmodFactor(A)
+        else:
+            SparseCholesky(A)
+    except ConvergenceError:
+        return False
+    return True
+
+
 def symmetric_lu(A: sp.spmatrix) -> spla.SuperLU:
     """SuperLU in symmetric mode: pivots on the diagonal, minimum-degree ordering of A + A^T.
 

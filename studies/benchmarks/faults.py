@@ -4,8 +4,9 @@
 
 Small studies of every kind are run undisturbed, then disturbed, then to the end, and their tables
 compared; files are mutated and read. At full size: 200 kills, 1,000 damaged files, 10,000 study
-files, 2,000 files of matrices, 30 faults of the environment. What is not as it should be is listed
-as it is found; a table of all verdicts stands at the end. Exits with 1 where anything was wrong.
+files, 2,000 files of matrices, 2,000 models of one's own, 30 faults of the environment. What is not
+as it should be is listed as it is found; a table of all verdicts stands at the end. Exits with 1
+where anything was wrong.
 
 Linux only; psutil is needed. As root a small file system is made for "disk full", and what depends
 on permissions is tried under a user who is not root.
@@ -27,6 +28,7 @@ PARTS = {
     "damage": 1_000,
     "study_files": 10_000,
     "matrix_files": 2_000,
+    "model_files": 2_000,
     "environment": 30,
 }
 

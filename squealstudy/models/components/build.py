@@ -23,7 +23,7 @@ from squealstudy.models.components.contact_rows import (
     contact_rows,
     tangents,
 )
-from squealstudy.models.components.file_matrices import symmetric
+from squealstudy.models.components.file_matrices import check_definite, symmetric
 from squealstudy.models.components.geometry import Geometry, between, geometry_of
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_cells import mesh_cells, moved_cells
@@ -95,6 +95,8 @@ def _component(
         bad = np.unique(places[places >= 0] // 3)
         which = body.mesh.nodes_named(bad) if len(bad) else "turns of a reference node"
         raise PlacedError(("components", body.name), f"{which}: there is no mass")
+    if body.matrices is not None:
+        check_definite(body.name, K, M)
     expansion = body.expansion
     plain = expansion.plain
     places = expansion.places[kept]

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
+from squealstudy.linalg.factor import is_definite
 from squealstudy.models.components.dimensions import DAMPER, MASS, STIFFNESS
 from squealstudy.models.components.expansion import Expansion
 from squealstudy.models.components.file_tables import ComponentTable
@@ -20,6 +21,7 @@ from squealstudy.models.matrices.labelled import LabelledMatrix
 Matrices = tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix | None]  # K, M, C
 IDENTITY = 1e-6  # how far a recovery matrix may be off for the nodes of the rows themselves
 ROUND_OFF = 1e-14
+DIGITS = 2e-5  # of the highest frequency of a freedom: what ten digits leave of rigid motions
 SKEW = 1e-8  # of the largest entry: matrices of files are symmetric to the digits of their texts
 
 
@@ -192,3 +194,17 @@ def _freedoms(
     if len(rows) > count:
         raise PlacedError(keys, f"{path.name} has {len(rows)} lines, {file} has {count} rows only")
     return rows
+
+
+def least_frequency(K: sp.csr_matrix, M: sp.csr_matrix) -> float:
+    """Below this [rad/s] a frequency is that of a rigid motion, to the ten digits of a file."""
+    return float(DIGITS * np.sqrt((np.abs(K.diagonal()) / M.diagonal()).max()))
+
+
+def check_definite(name: str, K: sp.csr_matrix, M: sp.csr_matrix) -> None:
+    """PlacedError where matrices of a file are no component's: M or K has a negative direction."""
+    shift = least_frequency(K, M) ** 2
+    for key, A, what in (("M", M, "definite"), ("K", K + shift * M, "semi-definite")):
+        if not is_definite(A):
+            text = f"not positive {what}: is an entry missing, or of another sign?"
+            raise PlacedError(("components", name, key), text)

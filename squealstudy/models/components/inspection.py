@@ -13,6 +13,7 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import Body, Brake
 from squealstudy.models.components.constraints import Tie
 from squealstudy.models.components.dimensions import LENGTH, MASS, STRESS, Dimension
+from squealstudy.models.components.file_matrices import least_frequency
 from squealstudy.models.components.geometry import Geometry, geometry_of
 from squealstudy.models.components.model_file import (
     BY_MATERIAL,
@@ -29,7 +30,6 @@ MASSES = (0.02, 100.0)  # kg of a part of a brake
 SIZES = (0.01, 1.0)  # m, the longest side of a part of a brake
 INERTIA = Dimension((2, 1, 0), "kg m2")
 RIGID = 1e-7  # K R over K and R: rigid motions that cost no energy
-DIGITS = 2e-5  # of the highest frequency of a freedom: what ten digits leave of rigid motions
 FREE = 1e-9  # of the largest stiffness a mass: motions that nothing holds
 FIRST_CUTOFF, LAST_CUTOFF = 2000.0, 64_000.0  # Hz
 LISTED = 3  # elastic frequencies
@@ -215,8 +215,7 @@ def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) ->
 
 def rigid_count(K: sp.csr_matrix, M: sp.csr_matrix, omega: np.ndarray) -> int:
     """Modes [rad/s] below 1 Hz, or that are zero to the ten digits of matrices in files."""
-    highest = np.sqrt((np.abs(K.diagonal()) / M.diagonal()).max())
-    return int((omega < max(2 * np.pi, DIGITS * highest)).sum())
+    return int((omega < max(2 * np.pi, least_frequency(K, M))).sum())
 
 
 # -- what is between -----------------------------------------------------------------------------
