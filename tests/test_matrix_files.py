@@ -251,6 +251,7 @@ def test_damaged_matlab_files_do_not_end_the_process(tmp_path):
     assert "found 3 x 2" in said(tmp_path, "a.mat", changed(sizes, 3, 2))
     assert "without a valid size" in said(tmp_path, "a.mat", changed(sizes, 2**32 - 1, 3))
     assert "unknown version 65" in said(tmp_path, "a.mat", data[:125] + b"A" + data[126:])
+    assert "No reader for class code" in said(tmp_path, "a.mat", changed(0, 5))  # a header of 4
     packed = saved({"A": EXPECTED}, do_compression=True)
     assert "ends within an element" in said(tmp_path, "a.mat", packed[:-9])
     more = zlib.compress(zlib.decompress(packed[136:]) + b"\0" * 8)

@@ -126,7 +126,7 @@ class Elements:
 def version_of(data: bytes) -> int | None:
     """Major version that a header of version 5 and later has; None for another file."""
     order = ORDERS.get(data[HEADER - 2 : HEADER])
-    if order is None:
+    if order is None or 0 in data[:4]:  # of version 4, whatever stands there
         return None
     return int(np.frombuffer(data, f"{order}u2", 1, HEADER - 4)[0]) >> 8
 

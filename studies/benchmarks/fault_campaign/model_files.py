@@ -227,7 +227,7 @@ def _of_model(path: Path, rng: random.Random) -> Done:
     """Change the model file as study files are."""
     made = rng.choice(study_files.MUTATIONS)(path.read_text(), rng)
     path.write_bytes(made.text)
-    return made.done, made.refused and "not" not in made.done, made.same
+    return made.done, made.refused, made.same
 
 
 def _of_what_it_reads(path: Path, rng: random.Random) -> Done:
@@ -241,8 +241,8 @@ def _of_what_it_reads(path: Path, rng: random.Random) -> Done:
         new, done = matrix_files._harmless(kind, rng)
         path.write_bytes(new)
         return done, False, True
-    if text and what < 0.35:
-        return _no_number(path, rng)
+    if text and what < 0.35 and (places := _numbers(path.read_text())):
+        return _no_number(path, rng.choice(places), rng.choice(NO_NUMBERS)), True, False
     new, done = (matrix_files._text if text else matrix_files._binary)(kind, rng)
     path.write_bytes(new)
     return done, False, False
@@ -269,18 +269,21 @@ def _as_a_file(path: Path, rng: random.Random) -> str:
     return what
 
 
-def _no_number(path: Path, rng: random.Random) -> Done:
+def _numbers(text: str) -> list[re.Match[str]]:
+    """Numbers that stand by themselves in lines of numbers."""
+    return [place for place in NUMBER.finditer(text) if _counts(text, place)]
+
+
+def _no_number(path: Path, place: re.Match[str], new: str) -> str:
     """In place of a number something that is none."""
     text = path.read_text()
-    places = [m for m in NUMBER.finditer(text) if _counts(text, m)]
-    place, new = rng.choice(places), rng.choice(NO_NUMBERS)
     path.write_text(text[: place.start()] + new + text[place.end() :])
     line = text.count("\n", 0, place.start()) + 1
-    return f"'{new}' for '{place.group()}' on line {line}", True, False
+    return f"'{new}' for '{place.group()}' on line {line}"
 
 
 def _counts(text: str, place: re.Match[str]) -> bool:
-    """Whether a number stands by itself, in a line of numbers."""
+    """Whether a number is a word of its own, in a line of such words."""
     begin, end = text.rfind("\n", 0, place.start()) + 1, text.find("\n", place.end())
     line = text[begin : None if end < 0 else end]
     words = re.split(r"[\s,]+", line.strip())
