@@ -26,10 +26,10 @@ class Loopback:
     """A cluster that shares nothing with the tests but the loopback device.
 
     Workers have one thread, and a cache each. All ends with `close`, and without it soon after the
-    tests.
+    tests, once the scheduler has been `idle` for long.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, idle: str = "600s") -> None:
         from distributed import Client
 
         self.folder = folder
@@ -39,7 +39,7 @@ class Loopback:
             port = free.getsockname()[1]
         self.address = f"tcp://127.0.0.1:{port}"
         self.file = folder / "scheduler.json"
-        options = ["--host", "127.0.0.1", "--port", str(port), "--idle-timeout", "600s"]
+        options = ["--host", "127.0.0.1", "--port", str(port), "--idle-timeout", idle]
         options += ["--scheduler-file", str(self.file), "--no-dashboard"]
         self.scheduler = self._start("scheduler", SCHEDULER, *options)
         deadline = time.monotonic() + LONGEST

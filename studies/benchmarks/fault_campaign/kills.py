@@ -90,7 +90,7 @@ def _clients(names: tuple[str, ...], folder: Path, here: list[Scene]) -> Iterato
     from clusters import Loopback
 
     folder.mkdir(parents=True, exist_ok=True)
-    cluster = Loopback(folder)
+    cluster = Loopback(folder, idle="12h")
     try:
         cluster.add("a", "b", nanny=True)
         place = ("--scheduler", cluster.address)
