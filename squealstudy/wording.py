@@ -82,6 +82,7 @@ EXPECTED = {  # pydantic's error types, in words for somebody who wrote a study 
     "tuple_type": "a list in square brackets",
     "model_type": "a table of keys",
     "dict_type": "a table of keys",
+    "too_short": "at least {min_length}",
     "greater_than": "more than {gt:.10g}",
     "greater_than_equal": "at least {ge:.10g}",
     "less_than_equal": "at most {le:.10g}",

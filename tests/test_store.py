@@ -135,10 +135,10 @@ def test_what_a_kill_left_unfinished_is_removed_and_made_again(whole, results):
     chunk = one(results, f"{CHUNKS}/*")
     (results / "chunks" / ".x.tmp").touch()
     Store(results).journal.withdraw([f"{CHUNKS}/{chunk.name}"])
-    (results / JOURNAL).write_bytes((results / JOURNAL).read_bytes() + TORN)
     told, report = run(results)
     assert (told, report.n_solved) == ([], 0)  # the tables were whole: nothing is left to do
     assert not chunk.exists()
+    (results / JOURNAL).write_bytes((results / JOURNAL).read_bytes() + TORN)
     run(results, plan_of(STUDY.format(num=5, stop=0.6).replace("1000.0", "900.0")))
     told, report = run(results)
     assert report.n_solved >= 1
@@ -178,6 +178,17 @@ def test_a_damaged_journal_never_makes_other_tables(whole, results, place):
     flip(results / JOURNAL, place)
     (results / JOURNAL).write_bytes((results / JOURNAL).read_bytes()[: int(1000 * place)])
     run(results)
+    same(whole, results)
+
+
+def test_points_whose_line_of_the_journal_is_lost_are_solved_again(whole, results):
+    """Tables that are whole hide that the chunk of a lost line is removed as never finished."""
+    lines = (results / JOURNAL).read_bytes().splitlines(keepends=True)
+    k = next(k for k, line in enumerate(lines) if CHUNKS.encode() in line)
+    lines[k] = b"\0" * (len(lines[k]) - 1) + b"\n"
+    (results / JOURNAL).write_bytes(b"".join(lines))
+    run(results)
+    assert list((results / CHUNKS).iterdir())
     same(whole, results)
 
 

@@ -169,6 +169,12 @@ def test_rank_names_the_mode_that_vibrates(there, capsys):
     assert table["points"].iloc[0] == 2  # the third is stable
 
 
+@pytest.mark.parametrize("option", ["--names", "--why"])
+def test_runs_have_no_modes_to_name(there, capsys, option):
+    assert command("rank", "results/belt", option) == 2
+    assert "--names and --why are of modes" in capsys.readouterr().err
+
+
 def test_rank_where_chooses_points(there, capsys):
     assert command("rank", "results/belt", "--where", "sliding_speed < 0.9", "--csv") == 0
     assert as_table(capsys.readouterr())["points"].iloc[0] == 1

@@ -5,7 +5,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from made_results import made
-from study_runs import load_plan
+from study_runs import command, load_plan
 from study_texts import study_text, sweep_text
 from typer.testing import CliRunner
 
@@ -110,6 +110,11 @@ def steps(tmp_path_factory):
     plan = load_plan(place / "study.toml")
     report = run_study(plan, place / "results", 1)
     return plan, place / "results", report
+
+
+def test_check_of_results_says_how_many_runs_there_are(steps, capsys):
+    assert command("check", str(steps[1])) == 0
+    assert " ok, 0 missing" in capsys.readouterr().out
 
 
 def ready(path):

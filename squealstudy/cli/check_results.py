@@ -77,7 +77,9 @@ def _run(store: Store, manifest: Mapping[str, Any]) -> Rows:
         points = [store.read_table(found.tables[0], ["status"])]
     else:
         points = list(store.chunks(found.schema, ["status"]))
-    statuses = pa.chunked_array([c for t in points for c in t["status"].chunks], pa.string())
+    statuses = pa.chunked_array(
+        [c.cast(pa.string()) for t in points for c in t["status"].chunks], pa.string()
+    )
     total = int(manifest.get("n_points", 0))
     counts = [f"{status_counts(statuses).get('ok', 0)} ok", failure_counts(statuses)]
     counts.append(f"{max(0, total - len(statuses))} missing")

@@ -14,6 +14,7 @@ from squealstudy.cli.options import (
     Top,
     Where,
 )
+from squealstudy.errors import ResultsError
 
 
 def rank(
@@ -51,8 +52,11 @@ def rank(
         from squealstudy.paths import usable_cache
 
         with usable_cache(screen.warning):
-            tracks = found.rank(by, top or LISTED, where)["track"]
-            told = (reasons if why else named)(found, tracks)
+            ranking = found.rank(by, top or LISTED, where)
+            if "track" not in ranking:
+                text = f"--names and --why are of modes, these are results of kind {found.kind}"
+                raise ResultsError(f"{results}: {text}")
+            told = (reasons if why else named)(found, ranking["track"])
         screen.show(screen.facts(told))
         return
     if csv:

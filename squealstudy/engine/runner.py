@@ -149,7 +149,13 @@ def _is_complete(found: dict[str, Any], plan: Planned, store: Store) -> bool:
         found.get("status") == "complete"
         and found.get("study_hash") == plan.study_hash
         and all(store.parts(name) for name in plan.kind.tables)
+        and (not store.journal.unreadable or _has_all(plan, store))  # chunks may have been in them
     )
+
+
+def _has_all(plan: Planned, store: Store) -> bool:
+    """Whether every design point is in a chunk file that a line of the journal names."""
+    return bool(np.isin(plan.tasks.ids, store.finished_points(plan.kind.schema)).all())
 
 
 def _left_over(plan: Planned, store: Store, known: np.ndarray) -> str:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import copy
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -168,6 +168,9 @@ def validate(kind: type[Model], source: SourceText, data: Mapping[str, Any]) -> 
         return kind.model_validate(data)
     except ValidationError as e:
         problems = {_place(data, p["loc"]): p for p in e.errors(include_url=False)}
+        for keys in [k for k, p in problems.items() if p["type"] == "too_short"]:
+            if any(len(k) > len(keys) and k[: len(keys)] == keys for k in problems):
+                del problems[keys]  # pydantic does not count those that are wrong
     lines = {keys: source.lines.find(keys) for keys in list(problems)[:MOST_SOUGHT]}
     past_the_end = len(source.text) + 2  # for keys that are nowhere in the file
     first, *others = sorted(lines, key=lambda keys: lines[keys] or past_the_end)
@@ -239,14 +242,23 @@ def _missing(kind: type[BaseModel], loc: KeyPath) -> str:
 
 
 def _section(kind: type[BaseModel], loc: KeyPath) -> type[BaseModel] | None:
-    """The pydantic model of the table at `loc`."""
+    """The pydantic model of the table at `loc`; of tables by name, of the one of that name."""
     section: type[BaseModel] | None = kind
+    named = False
     for key in loc:
-        if isinstance(key, str) and section is not None:
-            field = section.model_fields.get(key)
-            annotation = field.annotation if field is not None else None
-            kinds = (annotation, *get_args(annotation))
-            section = next(
-                (k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None
-            )
+        if named or section is None or isinstance(key, int):
+            named = False
+            continue
+        field = section.model_fields.get(key)
+        annotation = field.annotation if field is not None else None
+        kinds = list(_parts(annotation))
+        section = next((k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None)
+        named = any(get_origin(k) is dict for k in kinds)
     return section
+
+
+def _parts(annotation: Any) -> Iterator[Any]:
+    """An annotation, and those that it is made of."""
+    yield annotation
+    for part in get_args(annotation):
+        yield from _parts(part)

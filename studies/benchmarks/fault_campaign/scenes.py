@@ -31,6 +31,12 @@ SCENES = (
 ON_TWO_CORES = ("--jobs", "2")  # where the points are solved
 # what no user should ever read
 UNWANTED = ("Traceback", "Exception ignored", "resource_tracker", "Process SpawnProcess")
+# an interrupt before the first line of squealstudy has run: Python's own word
+BEFORE_ALL = """\
+Traceback (most recent call last):
+  File "<string>", line 1, in <module>
+KeyboardInterrupt
+"""
 IDS = re.compile(
     r"[^/ ]+(?=\.npy)|(?<=\.)\w+-\d+-[0-9a-f]{8}(?=\.tmp)|[0-9a-f]{8,}"
     r"|(?<=\.)[a-z0-9_]{8}(?=\.tmp|/|$)|_?[0-9]+(?=[._])"
@@ -48,6 +54,8 @@ class Ended:
     @property
     def unwanted(self) -> str:
         """The verdict on what was said; empty where it is fit to be read."""
+        if self.said == BEFORE_ALL:
+            return ""
         if "internal error" in self.said:
             return "internal error"
         return "traceback" if any(word in self.said for word in UNWANTED) else ""
