@@ -106,7 +106,8 @@ reference_points = 0
         roots.append(growth + 1j * np.sqrt(size**2 - growth**2))
     assert len(roots[0]) == len(roots[1]) > 5
     assert (np.abs(roots[0] - roots[1]) < 1e-8 * np.abs(roots[0])).all()
-    found = np.load(tmp_path / "out" / "reduced.npz")
+    with np.load(tmp_path / "out" / "reduced.npz") as archive:
+        found = dict(archive)
     n = len(found["M"])
     assert found["N"].shape == (len(found["area"]), n)
     lam = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-found["K"], -found["C"]]]))

@@ -8,7 +8,14 @@ from pathlib import Path
 import pytest
 
 BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"
-FEW = {"kills": 2, "damage": 12, "study_files": 60, "matrix_files": 40, "environment": 3}
+FEW = {
+    "kills": 2,
+    "damage": 12,
+    "study_files": 60,
+    "matrix_files": 40,
+    "model_files": 12,
+    "environment": 3,
+}
 SMALL = ("hulten_modes",)
 SCENES = {"kills": SMALL, "damage": SMALL, "environment": SMALL}
 NOTICED = {  # a campaign whose disturbances are never noticed would pass as well
