@@ -33,9 +33,10 @@ def test_defaults_that_are_written_are_those_of_the_file(kind, model):
     text = study_text("start", kind, model)
     definition = model_kind(kind).definition
     given = tomllib.loads(text)
-    keys = re.compile(r"# (\[\w+\]$|[\w.\"]+ = (?!\.\.\.$))|[^#]|$")
+    keys = re.compile(r"# (\[?\[\w+\]\]?$|[\w.\"]+ = (?!\.\.\.$))|[^#]|$")
     lines = [line.removeprefix("# ") for line in text.splitlines() if keys.match(line)]
     whole = "\n".join(lines).split("[fidelity]")[0].split("[transient]")[0]  # keys exclude others
+    whole = whole.split("[[variable]]")[0]
     full = tomllib.loads(whole)
     for section in ("modes", "reduction", "design"):
         every = set(definition.model_fields[section].annotation.model_fields)

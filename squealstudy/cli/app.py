@@ -18,7 +18,7 @@ from typer.main import get_command
 from squealstudy import faults
 from squealstudy.cli.model_commands import inspect, models, warmup
 from squealstudy.cli.options import DONE, FAULT, USAGE_ERROR
-from squealstudy.cli.result_commands import compare, plot, rank, robust, shape
+from squealstudy.cli.result_commands import compare, plot, rank, report, robust, shape
 from squealstudy.cli.study_commands import check, export, new, run, schema, sensitivity
 from squealstudy.errors import SquealstudyError
 from squealstudy.machine import InterruptedRun, cut_lifeline, interruptible
@@ -54,7 +54,7 @@ def extended(
 
 
 COMMANDS: tuple[Callable[..., None], ...] = (
-    *(run, check, rank, robust, sensitivity, plot, shape),
+    *(run, check, rank, robust, sensitivity, plot, shape, report),
     *(compare, inspect, export, warmup, models, new, schema),
 )
 for command in COMMANDS:

@@ -60,7 +60,7 @@ def check(
             )
         name, kind, _ = study.owner
         return [("study", f"{name}: {kind}, valid"), *study.plan().facts, *_cluster(members)]
-    plan, facts = Plan(study.resolved), None
+    plan, facts = study.plan(), None
     if study.resolved.definition.fidelity is not None:
         from squealstudy.fidelity.run import resolve
 

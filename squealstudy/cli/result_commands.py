@@ -107,6 +107,22 @@ def plot(
     screen.show(*map(str, face.open_results(results).draw(output)))
 
 
+def report(
+    results: Annotated[
+        list[Path], typer.Argument(metavar="RESULTS...", help="Results directories.")
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The page; it is written over.")
+    ] = Path("report.html"),
+) -> None:
+    """One page of HTML that needs nothing else: verdicts, pictures, tables, errors, provenance."""
+    from squealstudy import face, screen
+    from squealstudy.engine.report import write_report
+
+    write_report([face.open_results(path) for path in results], output)
+    screen.show(str(output))
+
+
 def shape(
     results: ResultsPath,
     point: Annotated[

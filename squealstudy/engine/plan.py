@@ -140,11 +140,15 @@ class Plan:
         for sweep in self.study.sweeps:
             name = sweep.name
             if name in trained:
-                swept = self.tasks.column(name)
-                for value in sorted({float(swept.min()), float(swept.max())}):
+                for value in sorted(set(self.ends(name))):
                     design = self.design({**self.study.values, name: value})
                     points.append(design.operating_point())
         return tuple(points)
+
+    def ends(self, name: str) -> tuple[float, float]:
+        """Least and largest value of a parameter, which its bases are made for."""
+        column = self.tasks.column(name)
+        return float(column.min()), float(column.max())
 
     @cached_property
     def judged_to_hz(self) -> float | None:
@@ -164,8 +168,8 @@ class Plan:
         """All factors at their least, then all at their largest; not those that change nothing."""
         swept = [p for p in self.first.mode_parameters() if p.quantity == FREQUENCY_SCALE]
         found: list[dict[ModeKey, float]] = []
-        for end in (np.min, np.max):
-            ends = {p: float(end(self.tasks.column(p.name))) for p in swept}
+        for end in (0, 1):
+            ends = {p: self.ends(p.name)[end] for p in swept}
             scale = {(p.component, mode): ends[p] for p in swept for mode in p.modes}
             if any(factor != 1.0 for factor in scale.values()) and scale not in found:
                 found.append(scale)

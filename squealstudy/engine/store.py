@@ -43,6 +43,12 @@ SENSITIVITIES = "sensitivities.parquet"
 MEASUREMENTS, ERRORS = "measurements.parquet", "errors.parquet"
 CELLS = "cells.parquet"
 CYCLES, VERDICTS, BRANCHES = "cycles.parquet", "verdicts.parquet", "branches.parquet"
+DESIGNS, MARGINS, SLOPES, PROOF = (
+    "designs.parquet",
+    "margins.parquet",
+    "slopes.parquet",
+    "proof.parquet",
+)
 HISTORIES, STATES, REFERENCES = "histories", "states", "references"
 ONSET_PARAMETER = "friction"
 PICTURES = "pictures"  # key of the manifest: those drawn beside the tables

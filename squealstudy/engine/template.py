@@ -103,8 +103,8 @@ def study_text(name: str, kind: str, model: str) -> str:
         if section in ELSEWHERE or (section == "fidelity" and not asked.has_fidelity):
             continue
         value = getattr(definition, section)
-        if value is None:
-            lines += _optional(section, found)
+        if value is None or value == ():
+            lines += _optional(section, found, several=value is not None)
         else:
             lines += [*_comment(found.description or ""), *_section(section, value)]
     return "\n".join(lines).rstrip() + "\n"
@@ -175,10 +175,10 @@ def _section(name: str, section: BaseModel, commented: bool = False) -> Iterator
     yield ""
 
 
-def _optional(name: str, found: FieldInfo) -> Iterator[str]:
-    """A section that is not there unless it is given."""
+def _optional(name: str, found: FieldInfo, several: bool = False) -> Iterator[str]:
+    """A section that is not there unless it is given; `several` of its name are a list."""
     yield from _comment(found.description or "")
-    yield f"# [{name}]"
+    yield f"# [[{name}]]" if several else f"# [{name}]"
     for key, inner in _fields(found).items():
         yield from _comment(_described(inner))
         yield _default(key, inner)
@@ -193,6 +193,8 @@ def _fields(found: FieldInfo) -> dict[str, FieldInfo]:
 
 def _key(name: str, default: object, described: str) -> Iterator[str]:
     yield from _comment(described)
+    if isinstance(default, BaseModel):
+        default = default.model_dump(exclude_none=True)
     shown = "..." if default is None else toml_value(default)
     yield f"# {toml_key(name)} = {shown}"
 

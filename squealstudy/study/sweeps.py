@@ -81,12 +81,23 @@ def resolve_sweeps(
     design = definition.design
     sweeps: list[Sweep] = []
     for i, section in enumerate(definition.sweep):
-        sweep = _SweepReader(section, design, model, source, ("sweep", i)).read()
+        sweep = read_sweep(section, design, model, source, ("sweep", i))
         if sweep.name in [s.name for s in sweeps]:
             raise source.error(("sweep", i, "parameter"), f"'{sweep.name}' is swept twice")
         sweeps.append(sweep)
     check_design(definition, sweeps, source)
     return tuple(sweeps)
+
+
+def read_sweep(
+    section: SweepSection,
+    design: DesignSection,
+    model: ModelDefinition,
+    source: SourceText,
+    keys: KeyPath,
+) -> Sweep:
+    """One table of the form of a [[sweep]], which stands at `keys`; StudyFileError."""
+    return _SweepReader(section, design, model, source, keys).read()
 
 
 @dataclass(frozen=True)

@@ -74,8 +74,10 @@ QUANTITY = re.compile(
 )
 FACTOR = re.compile(r"(?P<name>[^\W\d_]+|°C|°|%|1)(?:\^?(?P<power>-?[1-9]))?")
 SIGNS = {"²": "2", "³": "3", "·": " ", "⋅": " ", "−": "-"}
-OF_PARAMETER = ("start", "stop", "mean", "median", "std")  # keys of a sweep in its unit
-DIFFERENCE = "std"
+TABLES = ("sweep", "variable", "uncertain")  # lists of tables, each of one parameter
+OF_PARAMETER = ("start", "stop", "mean", "median", "std")  # their keys in its unit
+LISTS = ("values", "bounds")
+DIFFERENCES = ("std", "bounds")
 
 
 @dataclass(frozen=True)
@@ -214,7 +216,7 @@ def with_numbers(
         except ParameterError as error:
             raise source.error(_named(keys), error.message) from None
         try:
-            value = in_unit_of(text, unit, difference=keys[-1] == DIFFERENCE)
+            value = in_unit_of(text, unit, difference=any(key in DIFFERENCES for key in keys))
         except ValueError as error:
             raise source.error(keys, f"{name} {error}") from None
         for depth in range(1, len(keys)):
@@ -230,7 +232,7 @@ def with_numbers(
 
 def _named(keys: KeyPath) -> KeyPath:
     """Where a file names the parameter whose value stands at `keys`."""
-    return (*keys[:2], "parameter") if keys[0] == "sweep" else keys
+    return (*keys[:2], "parameter") if keys[0] in TABLES else keys
 
 
 def _is_quantity(value: object) -> bool:
@@ -242,18 +244,20 @@ def _texts(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str, str]]:
     parameters = tables.get("parameters")
     if isinstance(parameters, Mapping):
         yield from _nested(parameters, ("parameters",))
-    sweeps = tables.get("sweep")
-    for number, sweep in enumerate(sweeps if isinstance(sweeps, list) else ()):
-        name = sweep.get("parameter") if isinstance(sweep, Mapping) else None
-        if not isinstance(name, str):
-            continue
-        for key in OF_PARAMETER:
-            if _is_quantity(sweep.get(key)):
-                yield ("sweep", number, key), name, sweep[key]
-        values = sweep.get("values")
-        for place, value in enumerate(values if isinstance(values, list) else ()):
-            if _is_quantity(value):
-                yield ("sweep", number, "values", place), name, value
+    for table in TABLES:
+        listed = tables.get(table)
+        for number, sweep in enumerate(listed if isinstance(listed, list) else ()):
+            name = sweep.get("parameter") if isinstance(sweep, Mapping) else None
+            if not isinstance(name, str):
+                continue
+            for key in OF_PARAMETER:
+                if _is_quantity(sweep.get(key)):
+                    yield (table, number, key), name, sweep[key]
+            for key in LISTS:
+                values = sweep.get(key)
+                for place, value in enumerate(values if isinstance(values, list) else ()):
+                    if _is_quantity(value):
+                        yield (table, number, key, place), name, value
 
 
 def _nested(table: Mapping[str, Any], keys: KeyPath) -> Iterator[tuple[KeyPath, str, str]]:

@@ -89,7 +89,7 @@ class LimitCycles(ModelKind):
     def solve(self, task: CyclesTask) -> Solved:
         """Solve one chunk in a worker."""
         gaps = NewGaps()
-        rows = [_row(point, task.request, gaps) for point in task.points]
+        rows = [cycles_row(point, task.request, gaps) for point in task.points]
         gaps.save()
         return Solved(rows)
 
@@ -108,10 +108,10 @@ class LimitCycles(ModelKind):
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
         """Seconds of one design point alone."""
-        _row(task, request(plan), NewGaps())  # kernels are compiled
+        cycles_row(task, request(plan), NewGaps())  # kernels are compiled
         started = time.perf_counter()
         with threadpool_limits(1):
-            found = _row(task, request(plan), NewGaps())
+            found = cycles_row(task, request(plan), NewGaps())
         return None if found["status"] != "ok" else time.perf_counter() - started
 
 
@@ -160,7 +160,7 @@ def _too_large(n: int) -> str:
     return f"the model has {n} coordinates, limit cycles are for {MOST} at most"
 
 
-def _row(point: DesignPoint, asked: CyclesRequest, gaps: NewGaps) -> dict[str, Any]:
+def cycles_row(point: DesignPoint, asked: CyclesRequest, gaps: NewGaps) -> dict[str, Any]:
     """Row of a design point: its families followed, or why not."""
     started, section = time.perf_counter(), asked.section
     try:

@@ -85,7 +85,7 @@ class LimitCyclesDefinition(StudyDefinition):
 
     limit_cycles: LimitCyclesSection = Field(
         default=LimitCyclesSection(),
-        description="which limit cycles are looked for (kind = 'limit_cycles' only)",
+        description="which limit cycles are looked for (limit_cycles and design)",
     )
 
 

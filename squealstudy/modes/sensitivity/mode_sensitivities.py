@@ -186,11 +186,16 @@ def followed_root(
 def followed_roots(
     base: QuadraticPencil,
     families: Sequence[ModeNeighbourhood],
-    changed: Callable[[], QuadraticPencil],
+    changed: Callable[[], QuadraticPencil] | None,
 ) -> tuple[list[FiniteChange | None], str]:
-    """The first mode of every family in a changed design, or why that has none of them."""
+    """The first mode of every family in a changed design, or why that has none of them.
+
+    Where no changed design is given there is nothing to follow.
+    """
     if not families:
         return [], ""
+    if changed is None:
+        return [None] * len(families), ""
     try:
         pencil = changed()
         return [followed_root(base, family, pencil) for family in families], ""

@@ -82,7 +82,11 @@ def solve_families(
 
 
 def point_sensitivities(
-    design: ChosenModes, parameters: Sequence[StateParameter], change: float, top_hz: float
+    design: ChosenModes,
+    parameters: Sequence[StateParameter],
+    change: float,
+    top_hz: float,
+    reanalysis: bool = True,
 ) -> tuple[ModeSensitivities, ...]:
     """Sensitivities of the chosen modes of a design point to parameters of its state.
 
@@ -92,6 +96,8 @@ def point_sensitivities(
         Finite change, relative to each parameter's reference.
     top_hz : float
         Top of the band, for stiffness damping of zero.
+    reanalysis : bool
+        Whether the finite change is solved beside each derivative.
     """
     omega = component_frequencies(design.prepared.model)
     steps = [parameter_step(p, design.state, omega, change, top_hz) for p in parameters]
@@ -104,7 +110,9 @@ def point_sensitivities(
         def changed(state: DesignState = moved) -> QuadraticPencil:
             return linearised_point(design.prepared, state, design.point.gap)[1].pencil
 
-        finite, reason = followed_roots(design.system.pencil, design.families, changed)
+        finite, reason = followed_roots(
+            design.system.pencil, design.families, changed if reanalysis else None
+        )
         by = derivatives.by(parameter)
         for number, (family, gradient) in enumerate(zip(design.families, gradients, strict=True)):
             products = gradient.products(*by)

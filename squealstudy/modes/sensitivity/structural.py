@@ -101,7 +101,11 @@ def check_structural(structure: StructureBuilder, names: Sequence[str]) -> None:
 
 
 def structural_sensitivities(
-    design: ChosenModes, structure: StructureBuilder, names: Sequence[str], change: float
+    design: ChosenModes,
+    structure: StructureBuilder,
+    names: Sequence[str],
+    change: float,
+    reanalysis: bool = True,
 ) -> list[list[Sensitivity]]:
     """Sensitivities of every chosen mode of a design point, one list a mode.
 
@@ -111,6 +115,8 @@ def structural_sensitivities(
         Structural parameters that leave the mesh as it is.
     change : float
         Finite change, relative to the value (absolute where that is zero).
+    reanalysis : bool
+        Whether the finite change is solved beside each derivative.
 
     Raises
     ------
@@ -139,7 +145,7 @@ def structural_sensitivities(
         )
         contact = response.change(by)
         changed = partial(_changed_pencil, design, structure, step)
-        finite, reason = followed_roots(full.pencil, families, changed)
+        finite, reason = followed_roots(full.pencil, families, changed if reanalysis else None)
         for number, (family, gradient) in enumerate(zip(families, gradients, strict=True)):
             products = structural_products(gradient, full, by, contact)
             mass = np.vdot(family.Y[:, 0], by.mass @ family.X[:, 0])

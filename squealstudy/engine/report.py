@@ -1,0 +1,226 @@
+"""Results as one page of HTML that needs nothing else: to hand on, to print.
+
+What it says is what screens, tables, pictures and the manifest say; nothing is computed here.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from html import escape
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from rich.table import Table
+from rich.text import Text
+
+from squealstudy.engine.files import write_text
+from squealstudy.engine.pictures import pictures
+from squealstudy.screen import as_text
+from squealstudy.tables.validity import outside_validity
+from squealstudy.wording import duration, plural
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from squealstudy.engine.results import Results
+
+TEMPLATE = Path(__file__).with_name("report.html")
+MOST_ROWS = 200  # of a table; the others are in its file
+MOST_BYTES = 9_000_000  # of all pictures of a page
+DIGITS = 6
+
+
+def write_report(results: Sequence[Results], path: Path) -> None:
+    """Write the page of one or more results; OSError where it cannot be written."""
+    write_text(path, report(results))
+
+
+def report(results: Sequence[Results]) -> str:
+    """The page: verdicts first, then what they rest on.
+
+    Parameters
+    ----------
+    results : sequence of Results
+        Whose tables are read and whose pictures are drawn; those beyond MOST_BYTES are named.
+    """
+    left = MOST_BYTES
+    parts = [_overview(results)] if len(results) > 1 else []
+    for number, one in enumerate(results, start=1):
+        drawn, spent = _pictures(one, left)
+        left -= spent
+        parts += [
+            f'<section id="r{number}">',
+            *_head(one),
+            *_findings(one),
+            *drawn,
+            *_tables(one),
+            *_errors(one),
+            *_provenance(one),
+            "</section>",
+        ]
+    title = ", ".join(str(one.manifest["name"]) for one in results)
+    page = TEMPLATE.read_text(encoding="utf-8").replace("{{title}}", escape(title))
+    return page.replace("{{body}}", "\n".join(parts))
+
+
+def verdict(results: Results) -> str:
+    """What a study came to, in a sentence: its kind's, or the first words of its findings."""
+    told = next((part for part in results.screen.findings(results) if isinstance(part, str)), "")
+    return told or f"{plural(int(results.manifest['n_points']), results.screen.row_word)}."
+
+
+def _overview(results: Sequence[Results]) -> str:
+    rows = [
+        [f'<a href="#r{n}">{escape(str(one.manifest["name"]))}</a>', *map(escape, _whose(one))]
+        for n, one in enumerate(results, start=1)
+    ]
+    return "<h1>Overview</h1>" + _html_table(["study", "kind", "model", "verdict"], rows)
+
+
+def _whose(one: Results) -> tuple[str, str, str]:
+    return str(one.kind), str(one.manifest["model"]), verdict(one)
+
+
+def _head(one: Results) -> Iterator[str]:
+    kind, model, told = _whose(one)
+    yield f"<h1>{escape(str(one.manifest['name']))}</h1>"
+    yield f'<p class="question">{escape(_description(one))}</p>'
+    yield f'<p class="verdict">{escape(told)}</p>'
+    yield f'<p class="note">{escape(kind.replace("_", " "))} of {escape(model)}</p>'
+
+
+def _description(one: Results) -> str:
+    import tomllib
+
+    try:
+        study = tomllib.loads(str(one.manifest.get("study", "")))
+    except tomllib.TOMLDecodeError:
+        return ""
+    return str(study.get("study", {}).get("description", ""))
+
+
+def _findings(one: Results) -> Iterator[str]:
+    told = verdict(one)
+    yield "<h2>Findings</h2>"
+    for part in one.screen.findings(one):
+        if part != told:
+            yield _html(part)
+
+
+def _html(part: RenderableType) -> str:
+    """A part of a screen as HTML."""
+    if isinstance(part, Table):
+        titles = [str(column.header) for column in part.columns]
+        cells = [[_plain(cell) for cell in column.cells] for column in part.columns]
+        rows = [list(map(escape, row)) for row in zip(*cells, strict=True)]
+        return _html_table(titles, rows)
+    if isinstance(part, Text):
+        return f'<p class="note">{escape(part.plain)}</p>' if part.plain else ""
+    if isinstance(part, str):
+        return f"<p>{escape(part)}</p>"
+    return f"<pre>{escape(as_text([part]))}</pre>"
+
+
+def _plain(cell: Any) -> str:
+    return cell.plain if isinstance(cell, Text) else str(cell)
+
+
+def _html_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table that sorts; cells are HTML."""
+    head = "".join(f"<th>{escape(title)}</th>" for title in titles)
+    body = "\n".join("<tr>" + "".join(f"<td>{c}</td>" for c in row) + "</tr>" for row in rows)
+    inside = f"<thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody>"
+    return f'<div class="wide"><table>{inside}</table></div>'
+
+
+def _pictures(one: Results, room: int) -> tuple[list[str], int]:
+    """Figures of all pictures that fit into so many bytes, and the bytes they take."""
+    found, spent, left = [], 0, []
+    for name, plot, choices in pictures(one):
+        image = BytesIO()
+        plot(one, **choices).savefig(image, format="png", dpi=110)
+        text = b64encode(image.getvalue()).decode()
+        if spent + len(text) > room:
+            left.append(name)
+            continue
+        spent += len(text)
+        what = (plot.draw.__doc__ or name).strip().splitlines()[0]
+        found.append(
+            f'<figure><img alt="{escape(name)}" src="data:image/png;base64,{text}">'
+            f"<figcaption>{escape(what)} ({escape(name)})</figcaption></figure>"
+        )
+    if left:
+        found.append(f'<p class="note">Left out for their size: {escape(", ".join(left))}.</p>')
+    return (["<h2>Pictures</h2>", *found] if found else []), spent
+
+
+def _tables(one: Results) -> Iterator[str]:
+    yield "<h2>Tables</h2>"
+    for name in one.tables:
+        table = one.table(name)
+        if not len(table):
+            continue
+        shown = table.head(MOST_ROWS)
+        more = f", the first {MOST_ROWS}" if len(table) > MOST_ROWS else ""
+        count = f"{plural(len(table), 'row')}{more}"
+        yield f"<details><summary>{escape(name)} ({count}, {escape(name)}.parquet)</summary>"
+        cells = [[escape(_cell(v)) for v in row] for row in shown.itertuples(index=False)]
+        units = table.attrs.get("units", {})
+        yield _html_table([_titled(str(c), units) for c in shown.columns], cells)
+        yield "</details>"
+
+
+def _titled(name: str, units: Mapping[str, str]) -> str:
+    unit = units.get(name, "")
+    return f"{name} [{unit}]" if unit else name
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float | np.floating):
+        return "" if np.isnan(value) else f"{value:.{DIGITS}g}"
+    if isinstance(value, np.ndarray | list):
+        return ", ".join(_cell(v) for v in value)
+    return "" if pd.isna(value) else str(value)
+
+
+def _errors(one: Results) -> Iterator[str]:
+    rows = list(one.screen.facts(one))
+    if "points" in one.tables and (text := outside_validity(one.points, "")):
+        rows.append(("validity", text))
+    if lost := one.manifest.get("n_failed", 0):
+        rows.append(("failed", f"{lost} of {one.manifest['n_points']}"))
+    if rows:
+        yield "<h2>Errors and validity</h2>"
+        yield _pairs(rows)
+
+
+def _pairs(rows: Iterable[tuple[str, str]]) -> str:
+    lines = (f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>" for k, v in rows)
+    return f'<table class="pairs">{"".join(lines)}</table>'
+
+
+def _provenance(one: Results) -> Iterator[str]:
+    m = one.manifest
+    versions = ", ".join(f"{name} {text}" for name, text in m.get("versions", {}).items())
+    machine = ", ".join(f"{k} {v}" for k, v in m.get("machine", {}).items())
+    seconds = m.get("timings", {}).get("total_s")
+    rows = [
+        ("results", f"{one.directory}, {m.get('status', '')}"),
+        ("study hash", str(m.get("study_hash", ""))),
+        ("points", f"{m['n_points']}, {m.get('n_failed', 0)} failed"),
+        ("versions", f"{versions}, Python {m.get('python', '')}"),
+        ("machine", machine),
+        ("time", duration(seconds) if seconds is not None else "not known"),
+    ]
+    yield "<h2>Provenance</h2>"
+    yield _pairs(rows)
+    if text := m.get("study"):
+        name = escape(str(m["name"]))
+        yield "<h2>To reproduce</h2>"
+        yield f"<p>Save what follows as {name}.toml, then <code>squealstudy run {name}.toml</code>"
+        yield f" and <code>squealstudy report results/{name}</code>.</p>"
+        yield f"<pre>{escape(str(text))}</pre>"

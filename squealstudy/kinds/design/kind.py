@@ -1,0 +1,253 @@
+"""Studies of design as a kind: what is solved, and how the plan grows with what was found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from threadpoolctl import threadpool_limits
+
+from squealstudy.engine.cache import NewGaps, is_prepared, load_prepared
+from squealstudy.engine.design_points import DesignPoints
+from squealstudy.engine.keys import source_hash
+from squealstudy.engine.model_kind import Columns, ModelKind
+from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.store import DESIGNS, MARGINS, POINTS, PROOF, SLOPES, Store
+from squealstudy.engine.workers import Solved, Workers
+from squealstudy.errors import ParameterError, SquealstudyError
+from squealstudy.kinds.design.loop import Loop
+from squealstudy.kinds.design.plan import DesignPlan, first_plan
+from squealstudy.kinds.design.rows import (
+    SCHEMA,
+    DesignRequest,
+    design_row,
+    structure_of,
+    uncoupled_modes,
+)
+from squealstudy.kinds.design.section import DesignStudyDefinition
+from squealstudy.kinds.design.state import Memory
+from squealstudy.kinds.design.study import DesignStudy, design_study
+from squealstudy.kinds.limit_cycles.kind import MOST, CyclesRequest
+from squealstudy.kinds.sensitivity.parameters import (
+    RequestedParameter,
+    state_parameters,
+    structural_names,
+)
+from squealstudy.kinds.transient.batch import mode_keys
+from squealstudy.kinds.transient.plan_facts import slowest_speed, with_speed
+from squealstudy.models.operating import DAMPING
+from squealstudy.modes.sensitivity.structural import check_structural
+from squealstudy.study.definition import ResolvedStudy, resolve_study
+from squealstudy.study.design import DesignPoint
+from squealstudy.study.parameters import parse_parameter
+from squealstudy.study.source import SourceText
+from squealstudy.system.linearise import component_frequencies
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SOURCES = ("kinds/design/rows.py", "kinds/limit_cycles", "kinds/transient", "cycles")
+NAMED = 3  # modes named in a warning
+
+
+class Design(ModelKind):
+    """What squeals over a matrix of operation, why, and the least change that silences it."""
+
+    name = "design"
+    description = "which modes squeal, why, and the least change that silences them"
+    section = "goal"
+    definition = DesignStudyDefinition
+    tables: tuple[str, ...] = (POINTS, DESIGNS, MARGINS, SLOPES, PROOF)
+    schema: pa.Schema = SCHEMA
+
+    def read(self, source: SourceText, tables: Mapping[str, Any]) -> DesignStudy:
+        """The study with its variables and what scatters."""
+        return design_study(resolve_study(source, tables))
+
+    def plan(self, study: ResolvedStudy) -> DesignPlan:
+        """Today's design; others are asked for once it is solved."""
+        assert isinstance(study, DesignStudy)
+        return first_plan(study)
+
+    def resolver(self, study: ResolvedStudy) -> Callable[[Columns], Columns]:
+        """Fills in the speed at which friction saturates, as in studies in time."""
+        operation = study.operation if isinstance(study, DesignStudy) else study
+        return partial(with_speed, slowest=slowest_speed(operation))
+
+    def identity(self, plan: Plan) -> list[Any]:
+        """What decides which modes have sensitivities, and to what."""
+        names = [p.name for p in asked_parameters(_own(plan).design_study)]
+        tolerance = plan.study.definition.modes.stability_tolerance
+        margin = _own(plan).design_study.goal.margin.damping_ratio
+        cycles = _own(plan).design_study.limit_cycles.model_dump(mode="json")
+        return [names, margin, tolerance, cycles, source_hash(SOURCES)]
+
+    def check(self, plan: Plan) -> None:
+        """Variables must be held by every basis, and leave the mesh as it is."""
+        asked = asked_parameters(_own(plan).design_study)
+        try:
+            for key, point in plan.structures.items():
+                if is_prepared(key):
+                    model = load_prepared(key).model
+                    plan.check_assembly_modes(model.n)
+                    for parameter in state_parameters(asked, component_frequencies(model)):
+                        parameter.value(point.state())
+            if names := structural_names(asked):
+                check_structural(structure_of(plan.tasks[0], plan.settings), names)
+        except ParameterError as error:
+            raise plan.error(error.key, error.message) from None
+
+    def reads_meshes(self, plan: Plan) -> bool:
+        """Sensitivities to materials and springs, and full order, need what is assembled."""
+        return has_mesh(plan.study)
+
+    def warnings(self, plan: Plan) -> list[str]:
+        """Modes that have less damping than the margin without any coupling by friction."""
+        margin = _own(plan).design_study.goal.margin.damping_ratio
+        first = plan.tasks[0]
+        if not is_prepared(first.structure):
+            return []
+        try:
+            hz, zeta = uncoupled_modes(first, plan.band_hz)
+        except SquealstudyError:
+            return []
+        low = np.flatnonzero(zeta < margin)
+        if not len(low):
+            return []
+        named = ", ".join(f"{hz[k]:.5g} Hz ({100 * zeta[k]:.3g} %)" for k in low[:NAMED])
+        more = f" and {len(low) - NAMED} more" if len(low) > NAMED else ""
+        return [
+            f"the margin, {100 * margin:.3g} % of critical damping, is above what modes of today's "
+            f"design have in steady sliding without any coupling by friction: {named}{more}; what "
+            "separates modes cannot reach it, only damping can"
+        ]
+
+    def grown(self, plan: Plan, store: Store) -> Plan:
+        """With what the loop asks for next; the plan itself where points of it are not finished."""
+        own = _own(plan)
+        while (loop := self.loop(own, store)) is not None and loop.wanted:
+            own = DesignPlan(own.design_study, [*own.asked, *loop.wanted], own)
+        return own
+
+    def loop(self, plan: DesignPlan, store: Store) -> Loop | None:
+        """The loop as far as the rows go; None where points of the plan are not finished."""
+        ids = plan.tasks.ids.astype(str).tolist()
+        missing = {name for name in ids if name not in plan.known}
+        plan.known.update(read_rows(store, missing))
+        if any(name not in plan.known for name in ids):
+            return None
+        rows = {a: plan.known[name] for a, name in zip(plan.asked, ids, strict=True)}
+        memory = plan.memory.setdefault("loop", Memory())
+        return Loop(plan.design_study, rows, has_mesh(plan.study), cyclic(plan), memory)
+
+    def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[DesignTask]:
+        """Tasks of consecutive design points."""
+        asked = request(plan)
+        stages = dict(
+            zip(plan.tasks.ids.tolist(), (a.stage for a in _own(plan).asked), strict=True)
+        )
+        for part in workers.pace.parts(points, workers.jobs):
+            yield DesignTask(asked, part, tuple(stages[name] for name in part.ids.tolist()))
+
+    def solve(self, task: DesignTask) -> Solved:
+        """Solve one chunk in a worker."""
+        gaps = NewGaps()
+        rows = [
+            design_row(point, stage, task.request, gaps)
+            for point, stage in zip(task.points, task.stages, strict=True)
+        ]
+        gaps.save()
+        return Solved(rows)
+
+    def build_tables(
+        self, plan: Plan, store: Store, workers: Workers
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Write points, designs, margins, slopes and the proof; the verdict for the manifest."""
+        from squealstudy.kinds.design.tables import build_tables
+
+        own = _own(plan)
+        loop = self.loop(own, store)
+        assert loop is not None
+        return build_tables(own, store, loop)
+
+    def settings(self, plan: Plan) -> list[tuple[str, str]]:
+        """The goal."""
+        margin = _own(plan).design_study.goal.margin
+        text = f"damping ratio of {margin.damping_ratio:g} at every operating point"
+        if margin.probability is not None:
+            text += f", with probability {margin.probability:g}"
+        return [("goal", text)]
+
+    def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
+        """Seconds of one design point, with sensitivities."""
+        started = time.perf_counter()
+        with threadpool_limits(1):
+            row = design_row(task, _own(plan).asked[0].stage, request(plan), NewGaps())
+        return None if row["status"] != "ok" else time.perf_counter() - started
+
+
+def _own(plan: Plan) -> DesignPlan:
+    assert isinstance(plan, DesignPlan)
+    return plan
+
+
+@dataclass(frozen=True)
+class DesignTask:
+    """Design points that one worker solves and writes together, each with what is asked of it."""
+
+    request: DesignRequest
+    points: DesignPoints
+    stages: tuple[str, ...]
+
+
+def asked_parameters(study: DesignStudy) -> tuple[RequestedParameter, ...]:
+    """Variables, what scatters, and the uniform damping where the model has it."""
+    found = {s.name: s.parameter for s in study.sweeps[study.n_operating :]}
+    if DAMPING.name in {p.name for p in study.model.parameters}:
+        found.setdefault(DAMPING.name, parse_parameter(DAMPING.name, study.model))
+    return tuple(RequestedParameter(name, p, every=False) for name, p in found.items())
+
+
+def request(plan: Plan) -> DesignRequest:
+    """What the study asks of every design point."""
+    modes = plan.study.definition.modes
+    return DesignRequest(
+        parameters=asked_parameters(_own(plan).design_study),
+        margin=_own(plan).design_study.goal.margin.damping_ratio,
+        tolerance=modes.stability_tolerance,
+        band_hz=plan.band_hz,
+        settings=plan.settings,
+        cycles=CyclesRequest(
+            section=_own(plan).design_study.limit_cycles,
+            operating=plan.nominal,
+            component_modes=mode_keys(plan),
+            band_hz=plan.band_hz,
+            tolerance=modes.stability_tolerance,
+        ),
+    )
+
+
+def cyclic(plan: Plan) -> bool:
+    """Whether limit cycles can be looked for: of models that are small enough."""
+    first = plan.tasks[0].structure
+    return is_prepared(first) and load_prepared(first).model.n <= MOST
+
+
+def read_rows(store: Store, wanted: set[str]) -> dict[str, dict[str, Any]]:
+    """Rows of design points by id, those that are there."""
+    if not wanted:
+        return {}
+    names, found = pa.array(sorted(wanted)), {}
+    for table in store.chunks(SCHEMA):
+        own = table.filter(pc.is_in(table["point_id"], value_set=names))
+        found.update({row["point_id"]: row for row in own.to_pylist()})
+    return found
+
+
+KIND = Design()

@@ -1,0 +1,309 @@
+"""The loop of a design study: scan, search, proof, and again with what the proof has shown.
+
+It is replayed from the finished rows each time: what follows depends on them alone, so a killed run
+asks for the same designs again.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from squealstudy.kinds.design.plan import MODES, Ask, ask, operating_points
+from squealstudy.kinds.design.proof import Proof
+from squealstudy.kinds.design.search import Box, Judged, descend
+from squealstudy.kinds.design.state import (
+    IMPOSSIBLE,
+    KICK_WINDOW,
+    MET,
+    NOTHING,
+    STOPPED,
+    TODAY,
+    UNDECIDED,
+    UNPROVEN,
+    Memory,
+    Rows,
+    Seen,
+    State,
+    Wanted,
+    seen_of,
+)
+from squealstudy.kinds.design.study import DesignStudy
+
+SCANNED = 16  # designs a variable, where a variable costs no reduction
+MOST_CORNERS = 6  # variables of a box whose corners are in the scan
+SCAN_POINTS = 6  # operating points at which the scan looks
+FEW, WORKING = 16, 12  # operating points that the search has all in view; else the worst so many
+APART = 0.15  # least distance between starts, in units of the ranges
+ROUNDS = 10  # of search and proof
+
+
+class Loop:
+    """A design study as far as its finished rows go.
+
+    Parameters
+    ----------
+    study : DesignStudy
+    rows : mapping of Ask -> row
+        All that are finished.
+    reduced : bool
+        The model is a reduced one: there is a full order to hold it against.
+    cyclic : bool
+        Limit cycles can be looked for.
+    memory : Memory
+        What was made of rows before.
+
+    Attributes
+    ----------
+    state : State
+    wanted : list of Ask
+        What is to be solved next; empty at the end.
+    """
+
+    def __init__(
+        self,
+        study: DesignStudy,
+        rows: Rows,
+        reduced: bool,
+        cyclic: bool,
+        memory: Memory,
+    ) -> None:
+        self.study, self.rows, self.reduced, self.cyclic = study, rows, reduced, cyclic
+        self.memory = memory
+        self.goal = study.goal
+        matrix = list(operating_points(study))
+        self.state = State(matrix, len(matrix), list(range(len(matrix))))
+        self.wanted: list[Ask] = []
+        ranges = np.array([v.range for v in study.variables], dtype=float)
+        self.ranges = ranges
+        self.box = Box(
+            low=np.array([v.low for v in study.variables]) / ranges,
+            high=np.array([v.high for v in study.variables]) / ranges,
+            cost=np.array([v.cost for v in study.variables], dtype=float),
+        )
+        self.margin = self.goal.margin.damping_ratio
+        self.sigmas = {
+            s.name: float(np.ptp(s.distribution.quantiles(np.array([0.1587, 0.8413]))) / 2)
+            for s in study.uncertain
+            if s.distribution is not None
+        }
+        if self.goal.margin.probability is not None:
+            from scipy.stats import norm
+
+            self.state.safety = max(float(norm.ppf(self.goal.margin.probability)), 0.0)
+        try:
+            self._run()
+        except Wanted:
+            self.wanted = list(dict.fromkeys(self.wanted))
+
+    # -- what is known ---------------------------------------------------------------------------
+    def row(self, asked: Ask) -> Mapping[str, Any] | None:
+        """The row of what was asked; None, and it joins what is wanted, where there is none."""
+        found = self.rows.get(asked)
+        if found is None:
+            self.wanted.append(asked)
+        return found
+
+    def rows_of(self, asks: Iterable[Ask]) -> list[Mapping[str, Any]]:
+        """Rows of all; raises where one is missing."""
+        found = [self.row(a) for a in asks]
+        if self.wanted:
+            raise Wanted
+        return [r for r in found if r is not None]
+
+    def values(self, z: np.ndarray) -> np.ndarray:
+        """Values (d,) of the variables at a change in units of their ranges."""
+        found = self.study.nominal + np.clip(z, self.box.low, self.box.high) * self.ranges
+        return np.array([float(f"{v:.9g}") for v in found])
+
+    def change(self, design: np.ndarray) -> np.ndarray:
+        """The other way."""
+        return (design - self.study.nominal) / self.ranges
+
+    def ask(self, point: int, design: np.ndarray, stage: str = MODES) -> Ask:
+        """One design at one of the points."""
+        return ask(self.study, self.state.points[point], design, stage)
+
+    def note(self, design: np.ndarray, role: str) -> None:
+        """Keep a design, with why it was first asked for."""
+        key = design.tobytes()
+        self.state.designs.setdefault(key, design)
+        self.state.roles.setdefault(key, (role, self.state.round))
+
+    def judged(
+        self, design: np.ndarray, points: Iterable[int], complete: bool = True
+    ) -> Judged | None:
+        """What a design's rows say at some points; `complete` adds what is missing to the wanted.
+
+        None where one is missing, or a point of it could not be solved.
+        """
+        excess, slopes, whole = [], [], True
+        for p in points:
+            asked = self.ask(p, design)
+            row = self.row(asked) if complete else self.rows.get(asked)
+            if row is None or row["status"] != "ok":
+                whole = False
+                continue
+            seen = self._seen(asked, row)
+            needed = self.margin + self.state.safety * seen.scatter
+            for extra in self.state.extras:
+                if extra.point == p:
+                    near = np.abs(seen.hz - extra.frequency_hz) <= KICK_WINDOW * extra.frequency_hz
+                    more = near | (extra.frequency_hz == 0.0)
+                    needed = np.where(more, np.maximum(needed, extra.damping_ratio), needed)
+            excess.append(seen.zeta - needed)
+            slopes.append(seen.slopes)
+        if not whole or not excess:
+            return None
+        return Judged(np.concatenate(excess), np.concatenate(slopes))
+
+    def _seen(self, asked: Ask, row: Mapping[str, Any]) -> Seen:
+        seen = self.memory.seen
+        if asked not in seen:
+            seen[asked] = seen_of(row, self.study, self.ranges, self.sigmas)
+        return seen[asked]
+
+    # -- the loop --------------------------------------------------------------------------------
+    def _run(self) -> None:
+        state, today = self.state, self.study.nominal
+        self.note(today, "today")
+        judged = self.judged(today, range(state.n_matrix))
+        if self.wanted:
+            raise Wanted
+        worst = self.by_margin(today, range(state.n_matrix))
+        if state.n_matrix > FEW:
+            state.view = sorted(worst[:WORKING])
+        if not self.study.variables:
+            state.outcome = TODAY if judged is not None and judged.worst >= 0 else NOTHING
+            state.chosen = today
+            return
+        starts = self._starts(worst)
+        for number in range(1, ROUNDS + 1):
+            state.round = number
+            starts = self._search(starts)
+            chosen = self._cheapest()
+            if chosen is None:
+                state.outcome, state.chosen = IMPOSSIBLE, self._nearest()
+                return
+            state.chosen = chosen
+            if Proof(self).passed(chosen):
+                told = all(c.passed for c in state.checks if c.round == number)
+                state.outcome = MET if told else UNDECIDED
+                return
+            if len(state.designs) > self._limit():
+                state.outcome = STOPPED
+                return
+            starts = self._distinct([*starts, self.change(chosen)])
+        state.outcome = UNPROVEN
+
+    def _limit(self) -> int:
+        return self.goal.designs + self._scanned()
+
+    def _scanned(self) -> int:
+        if self.goal.scan is not None:
+            return self.goal.scan
+        costly = self.reduced and any(v.parameter.structural for v in self.study.variables)
+        return 0 if costly else SCANNED * len(self.study.variables)
+
+    def by_margin(self, design: np.ndarray, points: Iterable[int]) -> list[int]:
+        """Points by what a design has there, least first; those that failed come first."""
+        found = []
+        for p in points:
+            row = self.rows[self.ask(p, design)]
+            ok = row["status"] == "ok" and np.isfinite(row["min_damping_ratio"])
+            none = np.inf if row["status"] == "ok" else -np.inf
+            found.append((row["min_damping_ratio"] if ok else none, p))
+        return [p for _, p in sorted(found)]
+
+    def _starts(self, worst: Sequence[int]) -> list[np.ndarray]:
+        """Today's design, and the best of a scan that lie apart."""
+        today = np.zeros(len(self.ranges))
+        count = self._scanned()
+        if not count or self.goal.starts == 1:
+            return [today]
+        from scipy.stats import qmc
+
+        rng = np.random.default_rng(self.goal.seed)
+        unit = qmc.Sobol(len(self.ranges), scramble=True, seed=rng)
+        z = unit.random_base2((count - 1).bit_length())[:count]
+        z = np.vstack([self._corners(), self.box.low + z * (self.box.high - self.box.low)])
+        looked = [p for p in worst if p in self.state.view][:SCAN_POINTS]
+        designs = [self.values(own) for own in z]
+        found = []
+        for design in designs:
+            self.note(design, "scan")
+            found.append(self.judged(design, looked))
+        if self.wanted:
+            raise Wanted
+        weight = 1e2 * float(self.box.cost.sum())
+        merits = [
+            np.inf if j is None else self.box.price(self.change(x)) + weight * max(0.0, -j.worst)
+            for x, j in zip(designs, found, strict=True)
+        ]
+        ordered = [self.change(designs[i]) for i in np.argsort(merits, kind="stable")]
+        signs: dict[bytes, np.ndarray] = {}  # the cost has no kink where signs do not change
+        for own in ordered:
+            signs.setdefault(np.sign(own).tobytes(), own)
+        return self._distinct([today, *signs.values(), *ordered])
+
+    def _corners(self) -> np.ndarray:
+        """Corners (2^d, d) of the box, none of a box that has too many."""
+        d = len(self.ranges)
+        if d > MOST_CORNERS:
+            return np.zeros((0, d))
+        ends = np.column_stack([self.box.low, self.box.high])
+        found = np.array(list(itertools.product(*ends)))
+        return found[np.abs(found).max(axis=1) > 0]
+
+    def _distinct(self, designs: Iterable[np.ndarray]) -> list[np.ndarray]:
+        """The first so many that lie apart."""
+        kept: list[np.ndarray] = []
+        for z in designs:
+            if all(np.abs(z - other).max() >= APART for other in kept):
+                kept.append(z)
+        return kept[: self.goal.starts]
+
+    def _search(self, starts: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Where the searches from all starts end; raises where rows are missing."""
+        ends, most = [], self._limit()
+        for number, start in enumerate(starts, start=1):
+            run = descend(self.box, start, self.margin, self.memory.steps)
+            asked = next(run)
+            try:
+                while True:
+                    design = self.values(asked)
+                    if design.tobytes() not in self.state.designs:
+                        if len(self.state.designs) >= most:
+                            ends.append(asked)
+                            break
+                        self.note(design, f"search {number}")
+                    judged = self.judged(design, self.state.view)
+                    if self._lacks(design):
+                        break
+                    asked = run.send(judged)
+            except StopIteration as end:
+                ends.append(end.value)
+        if self.wanted:
+            raise Wanted
+        return ends
+
+    def _lacks(self, design: np.ndarray) -> bool:
+        return any(self.ask(p, design) not in self.rows for p in self.state.view)
+
+    def _evaluated(self) -> list[tuple[np.ndarray, Judged]]:
+        """Designs that are known at all points in view."""
+        known = ((x, self.judged(x, self.state.view, False)) for x in self.state.designs.values())
+        return [(x, judged) for x, judged in known if judged is not None]
+
+    def _cheapest(self) -> np.ndarray | None:
+        """The design of least cost that meets what is asked at the points in view."""
+        good = [x for x, j in self._evaluated() if j.worst >= 0.0]
+        return min(good, key=lambda x: self.box.price(self.change(x)), default=None)
+
+    def _nearest(self) -> np.ndarray:
+        """The design of largest margin at the points in view."""
+        found = max(self._evaluated(), key=lambda item: item[1].worst, default=None)
+        return self.study.nominal if found is None else found[0]

@@ -1,0 +1,159 @@
+"""Design points of a design study: designs at operating points, each asked for one thing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from squealstudy.engine.design_points import DesignPoints, DesignValues, PlannedNames
+from squealstudy.engine.keys import ID_TYPE, content_hash
+from squealstudy.engine.plan import Plan
+from squealstudy.errors import StudyFileError
+from squealstudy.kinds.design.study import DesignStudy
+from squealstudy.study.design import DesignPoint
+from squealstudy.study.sampling import design_points
+
+MODES, ROOTS, CYCLES, FULL = "modes", "roots", "cycles", "full_order"
+STAGES = (MODES, ROOTS, CYCLES, FULL)  # with sensitivities, without, limit cycles, unreduced
+
+
+class Ask(NamedTuple):
+    """What is wanted of one design at one operating point.
+
+    Attributes
+    ----------
+    values : tuple of float
+        Of the operation, the variables and what scatters, as `DesignStudy.sweeps`.
+    stage : str
+        One of STAGES.
+    """
+
+    values: tuple[float, ...]
+    stage: str
+
+    def of(self, part: slice) -> tuple[float, ...]:
+        """A part of the values."""
+        return self.values[part]
+
+
+class StageNames(PlannedNames):
+    """Names of design points that are asked for different things.
+
+    `stages` (n,) has what each is asked for; points of one stage have different values.
+    """
+
+    def __init__(
+        self,
+        values: DesignValues,
+        stages: np.ndarray,
+        key_of: Callable[[DesignPoint], str],
+        hash_of: Callable[[str], str],
+    ) -> None:
+        super().__init__(values, key_of, hash_of)
+        self._all, self._stages = values, stages
+        self._makers = key_of, hash_of
+
+    @cached_property
+    def ids(self) -> np.ndarray:
+        """Id (n,) of each point, 16 bytes."""
+        found = np.empty(len(self._stages), dtype=ID_TYPE)
+        key_of, hash_of = self._makers
+        for stage in np.unique(self._stages).tolist():
+            rows = np.flatnonzero(self._stages == stage)
+
+            def own(key: str, stage: str = stage) -> str:
+                return content_hash([stage, hash_of(key)])
+
+            found[rows] = PlannedNames(self._all.at(rows), key_of, own).ids
+        return found
+
+    def name(self, number: int) -> str:
+        """Id of one of the points."""
+        return str(self.ids[number], "ascii")
+
+
+class DesignPlan(Plan):
+    """The design points that have been asked for so far, in their order.
+
+    Parameters
+    ----------
+    study : DesignStudy
+    asked : sequence of Ask
+        Each once.
+    before : DesignPlan or None
+        An earlier plan of the study, whose rows are known.
+
+    Attributes
+    ----------
+    known : dict
+        Rows that were read, by id.
+    memory : dict
+        What the kind keeps of the study beside them.
+    """
+
+    def __init__(
+        self,
+        study: DesignStudy,
+        asked: Sequence[Ask],
+        before: DesignPlan | None = None,
+    ) -> None:
+        self.asked = tuple(asked)
+        self.known: dict[str, dict[str, Any]] = {} if before is None else before.known
+        self.memory: dict[str, Any] = {} if before is None else before.memory
+        swept = np.array([a.values for a in self.asked], dtype=float)
+        super().__init__(study, np.asfortranarray(swept.reshape(len(self.asked), -1)))
+
+    @property
+    def design_study(self) -> DesignStudy:
+        """The study, by its own type."""
+        return cast("DesignStudy", self.study)
+
+    @cached_property
+    def tasks(self) -> DesignPoints:
+        """Design points; what is asked of them is part of their names."""
+        stages = np.array([a.stage for a in self.asked])
+        return DesignPoints(
+            self._values,
+            StageNames(self._values, stages, self.structure_key, self._model_hash),
+        )
+
+    @property
+    def grid_shape(self) -> None:
+        """No grid: designs are asked for one by one."""
+        return
+
+    def ends(self, name: str) -> tuple[float, float]:
+        """Ends of the study's ranges: bases do not change as designs are added."""
+        sweep = next(s for s in self.study.sweeps if s.name == name)
+        return float(sweep.low), float(sweep.high)
+
+    def error(self, parameter: str, message: str) -> StudyFileError:
+        """A StudyFileError at the place where the study names a parameter."""
+        return self.study.error(self.design_study.place(parameter), message)
+
+
+def first_plan(study: DesignStudy) -> DesignPlan:
+    """Today's design over the matrix of operation."""
+    points = operating_points(study)
+    return DesignPlan(study, [ask(study, p, study.nominal) for p in points])
+
+
+def operating_points(study: DesignStudy) -> np.ndarray:
+    """The matrix of operation (m, n_operating), in the order of the file."""
+    return design_points(study.operation)
+
+
+def ask(
+    study: DesignStudy,
+    point: np.ndarray,
+    design: np.ndarray,
+    stage: str = MODES,
+    scatter: np.ndarray | None = None,
+) -> Ask:
+    """One design (d,) at one operating point; what scatters (k,) as in [parameters] by default."""
+    uncertain = study.middles if scatter is None else scatter
+    values = np.concatenate([point, design, uncertain])
+    return Ask(tuple(float(v) for v in values), stage)

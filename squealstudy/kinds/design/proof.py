@@ -1,0 +1,212 @@
+"""The proof of a design: the matrix, points between, full order, limit cycles, scatter.
+
+What a check refutes joins what the next search is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from squealstudy.kinds.design.plan import CYCLES, FULL, ROOTS, Ask, ask
+from squealstudy.kinds.design.state import KICK_WINDOW, Check, Extra
+from squealstudy.tables.robustness import probability_interval
+
+if TYPE_CHECKING:
+    from squealstudy.kinds.design.loop import Loop
+
+REFINED = 6  # operating points of least margin whose neighbourhood is looked at
+CYCLE_POINTS = 4  # at which limit cycles are looked for, of models that are no brake
+MORE = 6  # points that join the view of the search at once
+LACKING = 1.1  # of what a check finds missing: what the next search is asked for beside it
+LEAST_LACK = 1e-4  # damping ratio
+SAFER = 1.25  # factor on the scatter that the search allows for where the proof was missed
+CONFIDENCE = 0.95
+
+
+class Proof:
+    """The checks of designs of a loop, to whose state they add.
+
+    Parameters
+    ----------
+    loop : Loop
+    """
+
+    def __init__(self, loop: Loop) -> None:
+        self.loop = loop
+
+    def passed(self, design: np.ndarray) -> bool:
+        """Whether a design passes all checks; else what it has shown joins what is asked."""
+        steps = (self._matrix, self._refined, self._full_order, self._cycles, self._scatter)
+        return all(step(design) for step in steps)
+
+    def _told(
+        self,
+        kind: str,
+        design: np.ndarray,
+        asks: Sequence[Ask],
+        passed: bool | None,
+        value: float,
+        text: str,
+    ) -> None:
+        self.loop.state.checks.append(
+            Check(self.loop.state.round, kind, design, tuple(asks), passed, value, text)
+        )
+
+    def _over(self, kind: str, design: np.ndarray, points: Sequence[int]) -> bool:
+        """Whether a design meets the margin at some points; those where not join the view."""
+        asks = [self.loop.ask(p, design) for p in points]
+        rows = self.loop.rows_of(asks)
+        found = [self.loop.judged(design, [p]) for p in points]
+        excess = np.array([-1.0 if j is None else j.worst for j in found])
+        least = np.array([r["min_damping_ratio"] for r in rows if r["status"] == "ok"])
+        bad = [points[i] for i in np.argsort(excess, kind="stable") if excess[i] < 0]
+        text = f"{len(points) - len(bad)} of {len(points)} operating points have what is asked"
+        value = float(np.nanmin(least)) if np.isfinite(least).any() else np.nan
+        self._told(kind, design, asks, not bad, value, text)
+        self.loop.state.view = sorted({*self.loop.state.view, *bad[:MORE]})
+        return not bad
+
+    def _matrix(self, design: np.ndarray) -> bool:
+        return self._over("matrix", design, range(self.loop.state.n_matrix))
+
+    def _refined(self, design: np.ndarray) -> bool:
+        """The middles towards the neighbours of the points of least margin."""
+        state = self.loop.state
+        worst = self.loop.by_margin(design, range(state.n_matrix))[:REFINED]
+        matrix = np.array(state.points[: state.n_matrix]).reshape(state.n_matrix, -1)
+        for p in worst:
+            for middle in middles(matrix, p):
+                if not any(np.array_equal(middle, q) for q in state.points):
+                    state.points.append(middle)
+        refined = range(state.n_matrix, len(state.points))
+        return not len(refined) or self._over("refined", design, refined)
+
+    def _worst(self, design: np.ndarray, count: int) -> list[int]:
+        return self.loop.by_margin(design, range(len(self.loop.state.points)))[:count]
+
+    def _full_order(self, design: np.ndarray) -> bool:
+        if not self.loop.reduced or not self.loop.goal.full_order:
+            return True
+        points = self._worst(design, self.loop.goal.full_order)
+        asks = [self.loop.ask(p, design, FULL) for p in points]
+        rows = self.loop.rows_of(asks)
+        good: bool | None = True
+        value, lost = np.inf, ""
+        for p, row in zip(points, rows, strict=True):
+            if row["status"] != "ok":
+                good, lost = None if good else good, f"; {row['message']}"
+                continue
+            own, full = (
+                self.loop.rows[self.loop.ask(p, design)]["min_damping_ratio"],
+                row["min_damping_ratio"],
+            )
+            value = min(value, full)
+            if full < self.loop.margin:
+                good = False
+                self.loop.state.extras.append(Extra(p, self.loop.margin + LACKING * (own - full)))
+                self.loop.state.view = sorted({*self.loop.state.view, p})
+        text = f"least damping ratio of {len(points)} operating points at full order{lost}"
+        self._told("full_order", design, asks, good, value, text)
+        return good is not False
+
+    def _cycles(self, design: np.ndarray) -> bool:
+        """No mode may lack damping at any amplitude."""
+        by_default = 0 if self.loop.reduced else CYCLE_POINTS
+        count = by_default if self.loop.goal.cycles is None else self.loop.goal.cycles
+        if not self.loop.cyclic or not count:
+            return True
+        points = self._worst(design, count)
+        asks = [self.loop.ask(p, design, CYCLES) for p in points]
+        rows = self.loop.rows_of(asks)
+        verdicts: dict[str, int] = {}
+        value, good = -np.inf, True
+        for p, row in zip(points, rows, strict=True):
+            name = row["verdict"] if row["status"] == "ok" else "failed"
+            verdicts[name] = verdicts.get(name, 0) + 1
+            missing = row["missing_damping"]
+            if row["status"] != "ok" or not np.isfinite(missing):
+                continue
+            value = max(value, missing)
+            if missing > 0 or name in ("squeals", "squeals_if_kicked"):
+                good = False
+                hz = float(row["frequency_hz"])
+                own = self._damping_near(self.loop.rows[self.loop.ask(p, design)], hz)
+                more = own + LACKING * max(missing, LEAST_LACK)
+                self.loop.state.extras.append(Extra(p, more, hz))
+                self.loop.state.view = sorted({*self.loop.state.view, p})
+        known = good and set(verdicts) <= {"no_cycle_found"}
+        text = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in verdicts.items())
+        if value > 0:
+            text += f"; up to {100 * value:.2g} % of critical damping is missing at some amplitude"
+        self._told("limit_cycles", design, asks, known or (None if good else False), value, text)
+        return good
+
+    @staticmethod
+    def _damping_near(row: Mapping[str, Any], hz: float) -> float:
+        """Least damping ratio of the modes near a frequency."""
+        own = [
+            m["damping_ratio"]
+            for m in row["modes"]
+            if abs(m["frequency_hz"] - hz) <= KICK_WINDOW * hz
+        ]
+        return float(min(own, default=row["min_damping_ratio"]))
+
+    def _scatter(self, design: np.ndarray) -> bool:
+        """The share of samples that meet the margin at the points of least margin."""
+        asked = self.loop.goal.margin.probability
+        if asked is None:
+            return True
+        points, scatter = self._worst(design, self.loop.goal.sampled), self._samples(asked)
+        asks = [
+            [ask(self.loop.study, self.loop.state.points[p], design, ROOTS, u) for p in points]
+            for u in scatter
+        ]
+        rows = self.loop.rows_of(a for own in asks for a in own)
+        ok = np.array([r["status"] == "ok" for r in rows])
+        least = np.array([r["min_damping_ratio"] for r in rows])
+        met = ok & ~(least < self.loop.margin)  # without a mode in the band none misses it
+        good = int(met.reshape(len(scatter), -1).all(axis=1).sum())
+        low, high = probability_interval(good, len(scatter), CONFIDENCE)
+        text = (
+            f"{good} of {len(scatter)} samples meet the margin at {len(points)} operating points: "
+            f"probability {low:.4g} to {high:.4g}, {asked:g} asked"
+        )
+        flat = [a for own in asks for a in own]
+        passed = low >= asked
+        self._told("scatter", design, flat, passed, good / len(scatter), text)
+        if not passed:
+            self.loop.state.safety = max(self.loop.state.safety, 1.0) * SAFER
+        return passed
+
+    def _samples(self, asked: float) -> np.ndarray:
+        """Values (n, k) of what scatters."""
+        from scipy.stats import qmc
+
+        enough = int(np.ceil(np.log((1 - CONFIDENCE) / 2) / np.log(asked)))
+        count = self.loop.goal.samples or enough
+        rng = np.random.default_rng(self.loop.goal.seed + 1)
+        unit = qmc.Sobol(len(self.loop.study.uncertain), scramble=True, seed=rng)
+        u = unit.random_base2((count - 1).bit_length())[:count]
+        columns = [
+            s.distribution.quantiles(own)
+            for s, own in zip(self.loop.study.uncertain, u.T, strict=True)
+            if s.distribution is not None
+        ]
+        return np.column_stack(columns)
+
+
+def middles(matrix: np.ndarray, number: int) -> list[np.ndarray]:
+    """Points (k,) halfway from one of the matrix (m, k) to the next value of each parameter."""
+    found = []
+    here = matrix[number]
+    for k in range(matrix.shape[1]):
+        values = np.unique(matrix[:, k])
+        for side in (values[values < here[k]][-1:], values[values > here[k]][:1]):
+            for value in side:
+                middle = here.copy()
+                middle[k] = float(f"{(here[k] + value) / 2:.9g}")
+                found.append(middle)
+    return found

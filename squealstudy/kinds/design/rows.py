@@ -1,0 +1,330 @@
+"""One design at one operating point: its modes of least damping, and what every variable does."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import scipy.linalg as la
+
+from squealstudy.engine.cache import NewGaps, known_gap, prepared_model
+from squealstudy.engine.rows import (
+    FAILURES,
+    HEAD,
+    REAL,
+    TEXT,
+    WHOLE,
+    WORKING_POINT_FIELDS,
+    failed_row,
+    head,
+    reason,
+    structs,
+    working_point_cells,
+)
+from squealstudy.kinds.complex_modes.full_order_check import (
+    FullOrderTask,
+    check_reference,
+    reference_roots,
+)
+from squealstudy.kinds.design.plan import CYCLES, FULL, MODES
+from squealstudy.kinds.limit_cycles.kind import CyclesRequest, cycles_row
+from squealstudy.kinds.sensitivity.parameters import (
+    RequestedParameter,
+    state_parameters,
+    structural_names,
+)
+from squealstudy.modes.point import band_modes, linearised_point
+from squealstudy.modes.sensitivity.mode_family import mode_family
+from squealstudy.modes.sensitivity.mode_sensitivities import figure_slopes, figures
+from squealstudy.modes.sensitivity.reduced import ChosenModes, point_sensitivities
+from squealstudy.modes.sensitivity.structural import StructureBuilder, structural_sensitivities
+from squealstudy.reduction.cmt import ReductionSettings
+from squealstudy.study.design import DesignPoint
+from squealstudy.system.linearise import (
+    LinearisedModel,
+    component_frequencies,
+    reduced_energy_shares,
+)
+
+SLOPE_FIELDS = (
+    ("parameter", TEXT),
+    ("d_damping_ratio", REAL),
+    ("d_growth_rate", REAL),
+    ("d_frequency_hz", REAL),
+)
+MODE_FIELDS = (
+    ("mode", WHOLE),
+    ("frequency_hz", REAL),
+    ("growth_rate", REAL),
+    ("damping_ratio", REAL),
+    ("damping_error", REAL),
+    ("main_component", TEXT),
+    ("main_share", REAL),
+    ("pair_first_hz", REAL),
+    ("pair_second_hz", REAL),
+    ("pair_share", REAL),
+    ("uncoupled_damping", REAL),
+)
+SUMMARY_FIELDS = (
+    ("n_modes", WHOLE),
+    ("n_unstable", WHOLE),
+    ("max_growth_rate", REAL),
+    ("min_damping_ratio", REAL),
+    ("frequency_hz", REAL),
+    ("main_component", TEXT),
+    ("verdict", TEXT),
+    ("reason", TEXT),
+    ("missing_damping", REAL),
+)
+SCHEMA = pa.schema(
+    [pa.field(n, t, nullable=t == WHOLE) for n, t in (*HEAD, *SUMMARY_FIELDS)]
+    + [pa.field(n, t, nullable=False) for n, t in WORKING_POINT_FIELDS]
+    + [
+        pa.field(
+            "modes",
+            pa.list_(
+                pa.struct(
+                    [pa.field(n, t) for n, t in MODE_FIELDS]
+                    + [pa.field("slopes", structs(SLOPE_FIELDS))]
+                )
+            ),
+        )
+    ]
+)
+CLOSE = 0.02  # damping ratio above the margin up to which modes have sensitivities
+LEAST_MODES, MOST_MODES = 2, 8  # that have them
+DIVERGES = -1.0  # "damping ratio" of steady sliding that diverges without oscillation
+
+
+@dataclass(frozen=True)
+class DesignRequest:
+    """What is asked of every design point.
+
+    Attributes
+    ----------
+    parameters : tuple of RequestedParameter
+        Variables, what scatters, and the uniform damping.
+    margin : float
+        Damping ratio: modes near it have sensitivities.
+    tolerance : float
+        A mode is unstable where its damping ratio is below minus this.
+    band_hz : (low, high)
+    settings : ReductionSettings
+    cycles : CyclesRequest
+    """
+
+    parameters: tuple[RequestedParameter, ...]
+    margin: float
+    tolerance: float
+    band_hz: tuple[float, float]
+    settings: ReductionSettings
+    cycles: CyclesRequest
+
+
+def design_row(
+    point: DesignPoint, stage: str, request: DesignRequest, gaps: NewGaps
+) -> dict[str, Any]:
+    """Row of a design point, for one of the stages; a failed row where it cannot be solved."""
+    started = time.perf_counter()
+    try:
+        if stage == CYCLES:
+            return _of_cycles(point, request, gaps)
+        found = _full(point, request) if stage == FULL else _modes(point, stage, request, gaps)
+    except FAILURES as error:
+        wall_s = time.perf_counter() - started
+        return failed_row(SCHEMA, point.point_id, *reason(error), wall_s)
+    return {**head(point.point_id, time.perf_counter() - started), **found}
+
+
+def _summary(lam: np.ndarray, tolerance: float) -> dict[str, Any]:
+    """Figures of a point from all roots of its band (m,), rad/s; its least damped mode."""
+    nothing = {"main_component": "", "verdict": "", "reason": "", "missing_damping": np.nan}
+    if not len(lam):
+        empty = dict.fromkeys(("max_growth_rate", "min_damping_ratio", "frequency_hz"), np.nan)
+        return {"n_modes": 0, "n_unstable": 0, **empty, **nothing}
+    growth, hz, zeta = figures(lam)
+    worst = int(np.argmin(zeta))
+    return {
+        "n_modes": int((lam.imag > 0).sum()),
+        "n_unstable": int((zeta < -tolerance).sum()),
+        "max_growth_rate": float(growth.max()),
+        "min_damping_ratio": float(zeta[worst]),
+        "frequency_hz": float(hz[worst]) if lam[worst].imag else 0.0,
+        **nothing,
+    }
+
+
+def _judged(lam: np.ndarray) -> np.ndarray:
+    """Which roots (m,) count: those that oscillate, and real ones that grow (damping ratio -1)."""
+    return (lam.imag > 0) | (lam.real > 0)
+
+
+def _modes(point: DesignPoint, stage: str, request: DesignRequest, gaps: NewGaps) -> dict[str, Any]:
+    prepared, state = prepared_model(point.structure), point.state()
+    known = known_gap(point.structure, point)
+    steady, system = linearised_point(prepared, state, known)
+    if known is None:
+        gaps.add(point.structure, point, steady.gap)
+    lam, psi, error = band_modes(system, steady, request.band_hz)
+    kept = _judged(lam)
+    lam, psi, error = lam[kept], psi[:, kept], error[kept]
+    found = {**_summary(lam, request.tolerance), **working_point_cells(steady), "modes": []}
+    order = np.argsort(figures(lam)[2], kind="stable")
+    oscillating = [int(k) for k in order if lam[k].imag > 0]
+    if not oscillating:
+        return found
+    energies = reduced_energy_shares(prepared.model, system.weights, psi)
+    names = [*point.model.components, "interfaces"]
+    found["main_component"] = names[int(np.argmax(energies[:, oscillating[0]]))]
+    zeta = figures(lam)[2]
+    near = [
+        k
+        for place, k in enumerate(oscillating[:MOST_MODES])
+        if place < LEAST_MODES or zeta[k] < request.margin + CLOSE
+    ]
+    real = _RealModes.of(system)
+    for k in near:
+        own: dict[str, Any] = {"mode": k + 1, **dict(zip(*_figures(lam[k]), strict=True))}
+        own["damping_error"] = float(error[k] / np.abs(lam[k]))
+        own["main_component"] = names[int(np.argmax(energies[:, k]))]
+        own["main_share"] = float(energies[:, k].max())
+        found["modes"].append({**own, **real.pair(psi[:, k]), "slopes": []})
+    if stage == MODES:
+        families = tuple(mode_family(system.pencil, complex(lam[k])) for k in near)
+        chosen = ChosenModes(prepared, state, steady, system, families)
+        for own, slopes in zip(found["modes"], _slopes(point, chosen, request), strict=True):
+            own["slopes"] = slopes
+    return found
+
+
+def _figures(root: complex) -> tuple[tuple[str, ...], tuple[float, ...]]:
+    growth, hz, zeta = figures(np.array([root]))
+    return (
+        ("growth_rate", "frequency_hz", "damping_ratio"),
+        (float(growth[0]), float(hz[0]), float(zeta[0])),
+    )
+
+
+@dataclass(frozen=True)
+class _RealModes:
+    """Modes of steady sliding without the coupling by friction: its damping stays.
+
+    Attributes
+    ----------
+    hz, zeta : ndarray (n,)
+        zeta = phi^T C phi / (2 omega).
+    phi : ndarray (n, n)
+    """
+
+    hz: np.ndarray
+    zeta: np.ndarray
+    phi: np.ndarray
+
+    @classmethod
+    def of(cls, system: LinearisedModel) -> _RealModes:
+        w2, phi = la.eigh(system.K_sym)
+        omega = np.sqrt(np.maximum(w2, 0.0))
+        damping = np.einsum("ij,ij->j", phi, system.C @ phi)
+        zeta = damping / np.maximum(2.0 * omega, np.finfo(float).tiny)
+        return cls(omega / (2 * np.pi), zeta, phi)
+
+    def pair(self, x: np.ndarray) -> dict[str, float]:
+        """The two real modes that most of a complex mode x (n,) is made of."""
+        share = np.abs(self.phi.T @ x) ** 2
+        share = share / share.sum()
+        pair = np.argsort(-share, kind="stable")[:2]
+        first, second = sorted(float(self.hz[k]) for k in (pair[0], pair[-1]))
+        return {
+            "pair_first_hz": first,
+            "pair_second_hz": second,
+            "pair_share": float(share[pair].sum()),
+            "uncoupled_damping": float(self.zeta[pair].min()),
+        }
+
+
+def uncoupled_modes(
+    point: DesignPoint, band_hz: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies [Hz] and damping ratios of a band without the coupling by friction.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no working point.
+    """
+    _, system = linearised_point(prepared_model(point.structure), point.state())
+    real = _RealModes.of(system)
+    inside = (real.hz >= band_hz[0]) & (real.hz <= band_hz[1])
+    return real.hz[inside], real.zeta[inside]
+
+
+def _slopes(
+    point: DesignPoint, chosen: ChosenModes, request: DesignRequest
+) -> list[list[dict[str, Any]]]:
+    """What every parameter does to each chosen mode, first order."""
+    asked, top = request.parameters, request.band_hz[1]
+    parameters = state_parameters(asked, component_frequencies(chosen.prepared.model))
+    modes = point_sensitivities(chosen, parameters, 1e-3, top, reanalysis=False)
+    names = structural_names(asked)
+    builder = structure_of(point, request.settings)
+    more: Sequence[Any] = structural_sensitivities(chosen, builder, names, 1e-3, reanalysis=False)
+    found = []
+    for mode, own in zip(modes, more, strict=True):
+        rows = []
+        for s in (*mode.sensitivities, *own):
+            slopes = figure_slopes(np.array([mode.lam]), np.array([s.derivative]))
+            growth, hz, zeta = (float(d[0]) for d in slopes)
+            cells = (s.step.name, zeta, growth, hz)
+            rows.append(dict(zip((n for n, _ in SLOPE_FIELDS), cells, strict=True)))
+        found.append(rows)
+    return found
+
+
+def structure_of(point: DesignPoint, settings: ReductionSettings) -> StructureBuilder:
+    """How the assembly of a design is built."""
+    return StructureBuilder(
+        partial(point.model.build, point.options),
+        point.plain_values(),
+        settings.component_cutoff,
+        settings.damped_to,
+    )
+
+
+def _full(point: DesignPoint, request: DesignRequest) -> dict[str, Any]:
+    """The roots of the unreduced model."""
+    nothing = np.zeros(0, dtype=complex)
+    task = FullOrderTask(point, nothing, request.settings, request.band_hz)
+    result = check_reference(task)
+    if result["status"] != "ok":
+        raise ValueError(result["message"])
+    lam, _ = reference_roots(result)
+    summary = _summary(lam[_judged(lam)], request.tolerance)
+    return {**summary, **working_point_cells(None), "modes": []}
+
+
+def _of_cycles(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[str, Any]:
+    """The verdict on limit cycles; damping that is missing at some amplitude, as a ratio."""
+    row = cycles_row(point, request.cycles, gaps)
+    if row["status"] != "ok":
+        return failed_row(SCHEMA, point.point_id, row["status"], row["message"], row["wall_s"])
+    lacking = [(b["added_damping"] / (4 * np.pi * b["frequency_hz"]), b) for b in row["branches"]]
+    nowhere: tuple[float, dict[str, Any]] = (np.nan, {})
+    most, at = max(lacking, key=lambda item: item[0], default=nowhere)
+    return {
+        **head(point.point_id, row["wall_s"]),
+        **_summary(np.zeros(0, dtype=complex), request.tolerance),
+        **{name: row[name] for name, _ in WORKING_POINT_FIELDS},
+        "n_modes": row["n_families"],
+        "n_unstable": row["n_unstable"],
+        "max_growth_rate": row["max_growth_rate"],
+        "frequency_hz": at.get("frequency_hz", np.nan),
+        "verdict": row["verdict"],
+        "reason": row["reason"],
+        "missing_damping": most,
+        "modes": [],
+    }

@@ -1,0 +1,205 @@
+"""What is shown of a design study: the verdict, what squeals and why, the change, its proof."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from rich.console import RenderableType
+
+from squealstudy.engine.kind import LISTED, KindScreen
+from squealstudy.errors import ResultsError
+from squealstudy.screen import Rows, grid, notes
+from squealstudy.wording import figure, in_digits, plural
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+SAME_MODE = 0.03  # relative distance of frequencies of one mode at neighbouring operating points
+PER_RANGE = 3  # variables named
+
+
+class DesignScreen(KindScreen):
+    """Verdict first."""
+
+    tables = ("points", "designs", "margins", "slopes", "proof")
+
+    def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
+        """The modes of today's design, most squeal first; there is one order and no choice."""
+        if where is not None:
+            raise ResultsError(f"{results.directory}: a design study has no part to rank")
+        return squealing_modes(results).head(top if top is not None else len(results.points))
+
+    def listed(
+        self, results: Results, table: pd.DataFrame, where: str | None
+    ) -> list[RenderableType]:
+        """The modes of today's design."""
+        return _modes(table)
+
+    def findings(self, results: Results) -> list[RenderableType]:
+        """Verdict, modes of today's design, designs that meet the margin, checks."""
+        facts = results.manifest["design_study"]
+        modes = squealing_modes(results)
+        found: list[RenderableType] = [facts["verdict"]]
+        found += _modes(modes.head(LISTED)) if len(modes) else []
+        return [*found, *_checks(results)]
+
+    def facts(self, results: Results) -> Rows:
+        """How much was evaluated, and how far the modes of the table may be off."""
+        facts, margins = results.manifest["design_study"], results.table("margins")
+        error = margins["damping_error"].max()
+        text = f"{plural(facts['n_designs'], 'design')} in {plural(facts['rounds'], 'round')}"
+        if facts["n_reductions"]:
+            text += f", {plural(facts['n_reductions'], 'reduction')}"
+        rows = [("search", text)]
+        if np.isfinite(error):
+            rows.append(("error", f"damping ratios of the reduced model to {error:.1e}"))
+        return rows
+
+
+def today_rows(results: Results) -> pd.DataFrame:
+    """Points of today's design over the matrix of operation."""
+    facts, points = results.manifest["design_study"], results.points
+    own = (points["design"] == facts["today"]) & (points["stage"] == "modes")
+    return points[own.to_numpy(bool)].iloc[: facts["n_operating_points"]]
+
+
+def squealing_modes(results: Results) -> pd.DataFrame:
+    """Modes of today's design below the margin, over the matrix of operation.
+
+    Modes of neighbouring frequency and of one component count as one: a gap of 3 % parts them.
+
+    Returns
+    -------
+    DataFrame
+        ``name``, ``frequency_low_hz``, ``frequency_high_hz``, ``n_points`` below the margin,
+        ``n_unstable``, ``share`` of the operating points that were solved, ``min_damping_ratio``,
+        ``max_growth_rate``, ``point_id`` of the least damping, the pair of real modes it is made
+        of with their part in it, ``uncoupled_damping``, and ``changes``: what each variable does
+        to the damping ratio there over its whole range, first order, largest first.
+    """
+    facts = results.manifest["design_study"]
+    today = today_rows(results)
+    margins = results.table("margins")
+    own = margins[margins["point_id"].isin(today["point_id"])]
+    own = own[(own["damping_ratio"] < facts["margin"]).to_numpy(bool)]
+    if not len(own):
+        return pd.DataFrame(columns=list(COLUMNS))
+    own = own.sort_values(["main_component", "frequency_hz"], kind="stable")
+    hz = own["frequency_hz"].to_numpy(float)
+    component = own["main_component"].to_numpy(object)
+    new = np.ones(len(own), dtype=bool)
+    new[1:] = (component[1:] != component[:-1]) | (hz[1:] > hz[:-1] * (1 + SAME_MODE))
+    solved = int((today["status"] == "ok").sum())
+    slopes = results.table("slopes")
+    rows = [_mode(group, solved, slopes, facts) for _, group in own.groupby(np.cumsum(new))]
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    order = ["n_unstable", "n_points", "max_growth_rate"]
+    ordered: pd.DataFrame = table.sort_values(order, ascending=False, kind="stable")
+    return ordered.reset_index(drop=True)
+
+
+COLUMNS = (
+    "name",
+    "frequency_low_hz",
+    "frequency_high_hz",
+    "n_points",
+    "n_unstable",
+    "share",
+    "min_damping_ratio",
+    "max_growth_rate",
+    "point_id",
+    "mode",
+    "pair_first_hz",
+    "pair_second_hz",
+    "pair_share",
+    "uncoupled_damping",
+    "changes",
+)
+
+
+def _mode(
+    group: pd.DataFrame, solved: int, slopes: pd.DataFrame, facts: dict[str, Any]
+) -> dict[str, Any]:
+    worst = group.iloc[int(group["damping_ratio"].to_numpy(float).argmin())]
+    unstable = group.loc[(group["growth_rate"] > 0).to_numpy(bool), "point_id"].nunique()
+    own = slopes[(slopes["point_id"] == worst["point_id"]) & (slopes["mode"] == worst["mode"])]
+    by = dict(zip(own["parameter"], own["d_damping_ratio"], strict=True))
+    ranges = facts["ranges"]
+    effects = [(abs(by[n] * r), n, by[n] * r) for n, r in ranges.items() if n in by]
+    effects.sort(reverse=True)
+    low, high = group["frequency_hz"].min(), group["frequency_hz"].max()
+    return {
+        "name": f"{worst['main_component']} {(low + high) / 2:.4g} Hz",
+        "frequency_low_hz": low,
+        "frequency_high_hz": high,
+        "n_points": group["point_id"].nunique(),
+        "n_unstable": unstable,
+        "share": unstable / max(solved, 1),
+        "max_growth_rate": group["growth_rate"].max(),
+        **{name: worst[name] for name in ("point_id", "mode", "pair_first_hz", "pair_second_hz")},
+        "min_damping_ratio": worst["damping_ratio"],
+        "pair_share": worst["pair_share"],
+        "uncoupled_damping": worst["uncoupled_damping"],
+        "changes": ", ".join(f"{n} {value:+.3g}" for _, n, value in effects[:PER_RANGE]),
+    }
+
+
+def _modes(table: pd.DataFrame) -> list[RenderableType]:
+    titles = ("Hz", "points", "growth 1/s", "damping %", "pair Hz")
+    shown = grid(
+        "text:mode",
+        *(f"value:{t}" for t in titles),
+        "text:over its range, damping ratio",
+        rows=(
+            [
+                str(r["name"]),
+                _span(r["frequency_low_hz"], r["frequency_high_hz"]),
+                str(r["n_points"]),
+                figure(r["max_growth_rate"]),
+                f"{100 * r['min_damping_ratio']:.3g}",
+                f"{in_digits(r['pair_first_hz'], 1)}, {in_digits(r['pair_second_hz'], 1)}",
+                str(r["changes"]),
+            ]
+            for r in table.to_dict("records")
+        ),
+    )
+    legend = notes(
+        "modes of today's design below the margin; points: of the operation, below it; pair: the "
+        "real modes without friction that it is made of; last: first-order effect of each variable "
+        "over its whole range at the worst point, where a coalescence bends it"
+    )
+    return [shown, legend]
+
+
+def _span(low: float, high: float) -> str:
+    text = in_digits(low, 1)
+    return text if high - low < 0.05 else f"{text} to {in_digits(high, 1)}"
+
+
+def _checks(results: Results) -> list[RenderableType]:
+    proof = results.table("proof")
+    if not len(proof):
+        return []
+    shown = grid(
+        "value:round",
+        "value:design",
+        "text:check",
+        "word:",
+        "text:found",
+        rows=(
+            [
+                str(r["round"]),
+                str(r["design"]),
+                str(r["check"]).replace("_", " "),
+                "undecided" if pd.isna(r["passed"]) else ("passed" if r["passed"] else "FAILED"),
+                str(r["text"]),
+            ]
+            for r in proof.to_dict("records")
+        ),
+    )
+    return [shown]
+
+
+SCREEN = DesignScreen()

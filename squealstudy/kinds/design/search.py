@@ -1,0 +1,141 @@
+"""Least cost that meets a margin at all operating points at once: sequential linear programs.
+
+The cost sum c_j |x_j| is split at today's design, x = p - n with p, n >= 0, and each step solves
+
+    min  c (p + n) + nu t   with  v_i + s_i (x - x_k) + t >= 0  for every mode i of every point,
+    |x - x_k| <= radius, bounds, t >= 0,
+
+v_i being what damping ratio i exceeds the margin by and s_i its closed-form slopes. All modes near
+the margin stand in it, not the worst alone: where two cross the step keeps both (minimax in
+epigraph form). The radius shrinks where first order does not hold, as near a
+coalescence (THEORY.md eq. (115)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+
+FIRST_RADIUS, LARGEST_RADIUS, LEAST_RADIUS = 0.2, 0.5, 1e-3  # of each variable's range
+MOST_STEPS = 60
+ACCEPTED, GOOD, POOR = 0.1, 0.75, 0.25  # real over predicted decrease
+SAME = 1e-4  # of the total cost: no step predicts more, the search has ended
+WEIGHTS = (2e2, 2e3, 2e4)  # nu in costs per damping ratio, in turn where the margin is missed
+INSIDE = 1e-6  # damping ratio by which steps aim beyond the margin, and
+BEYOND = 1e-3  # of the margin
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """The variables: changes (d,) from today's design in units of their ranges.
+
+    Attributes
+    ----------
+    low, high : ndarray (d,)
+        Bounds, low <= 0 <= high, high - low = 1.
+    cost : ndarray (d,)
+        Of a change of 1.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    cost: np.ndarray
+
+    def price(self, z: np.ndarray) -> float:
+        """Cost of a change."""
+        return float(self.cost @ np.abs(z))
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What is known of a design.
+
+    Attributes
+    ----------
+    excess : ndarray (m,)
+        Damping ratios less what is asked of them, modes of all operating points.
+    slopes : ndarray (m, d)
+        By changes in units of the ranges; 0 where they are not known.
+    """
+
+    excess: np.ndarray
+    slopes: np.ndarray
+
+    @property
+    def worst(self) -> float:
+        """Least excess; the design meets the margin where it is not negative."""
+        return float(self.excess.min(initial=np.inf))
+
+
+Steps = dict[tuple[bytes, ...], tuple[np.ndarray, float]]
+
+
+def descend(
+    box: Box, start: np.ndarray, margin: float, steps: Steps
+) -> Generator[np.ndarray, Judged | None, np.ndarray]:
+    """From one design to a local least cost; asks for designs (d,), is sent what is known of them.
+
+    None stands for a design that cannot be solved: the step is refused. Returns the last design.
+    `steps` keeps the linear programs that were solved, for a search that is gone through again.
+    """
+    z = start
+    here = yield z
+    if here is None:
+        return z
+    aim = INSIDE + BEYOND * abs(margin)
+    radius, taken = FIRST_RADIUS, 0
+    for nu in WEIGHTS:
+        weight = nu * float(box.cost.sum())
+        radius = max(radius, 10 * LEAST_RADIUS)
+        while taken < MOST_STEPS and radius >= LEAST_RADIUS:
+            numbers = (z, here.excess, here.slopes, np.array([radius, weight, aim]))
+            key = tuple(a.tobytes() for a in numbers)
+            if key not in steps:
+                steps[key] = _step(box, z, here, radius, weight, aim)
+            trial, predicted = steps[key]
+            before = _merit(box, z, here, weight, aim)
+            if before - predicted <= SAME * float(box.cost.sum()):
+                break
+            taken += 1
+            there = yield trial
+            gain = -np.inf if there is None else before - _merit(box, trial, there, weight, aim)
+            ratio = gain / (before - predicted)
+            if there is not None and ratio >= ACCEPTED:
+                z, here = trial, there
+            if ratio > GOOD:
+                radius = min(2.0 * radius, LARGEST_RADIUS)
+            elif ratio < POOR:
+                radius *= 0.4
+        if here.worst >= 0.0:
+            break
+    return z
+
+
+def _merit(box: Box, z: np.ndarray, judged: Judged, weight: float, aim: float) -> float:
+    return box.price(z) + weight * max(0.0, aim - judged.worst)
+
+
+def _step(
+    box: Box, z: np.ndarray, here: Judged, radius: float, weight: float, aim: float
+) -> tuple[np.ndarray, float]:
+    """The next design (d,) and its merit, first order."""
+    from scipy.optimize import linprog
+
+    d = len(z)
+    low, high = np.maximum(box.low, z - radius), np.minimum(box.high, z + radius)
+    rows = np.hstack([-here.slopes, here.slopes, -np.ones((len(here.slopes), 1))])
+    bound = here.excess - aim - here.slopes @ z
+    turn = np.hstack([np.eye(d), -np.eye(d), np.zeros((d, 1))])
+    found = linprog(
+        np.concatenate([box.cost, box.cost, [weight]]),
+        A_ub=np.vstack([rows, turn, -turn]),
+        b_ub=np.concatenate([bound, high, -low]),
+        bounds=[(0.0, None)] * (2 * d + 1),
+        method="highs",
+    )
+    if found.x is None:  # nothing moves
+        return z, np.inf
+    step = np.clip(found.x[:d] - found.x[d : 2 * d], low, high)
+    return step, float(found.fun)

@@ -1,0 +1,157 @@
+"""What a loop of search and proof knows, and what it has come to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from squealstudy.kinds.design.plan import Ask
+from squealstudy.kinds.design.search import Steps
+from squealstudy.kinds.design.study import DesignStudy
+
+Rows = Mapping[Ask, Mapping[str, Any]]
+# all checks passed; some could not be told; the limit of designs; no design meets the margin
+MET, UNDECIDED, STOPPED, IMPOSSIBLE = "met", "undecided", "stopped", "impossible"
+KICK_WINDOW = 0.2  # of its frequency: modes that take on what a kicked one lacks
+UNPROVEN, NOTHING, TODAY = "unproven", "no_variables", "today"
+
+
+class Wanted(Exception):  # noqa: N818 - no error
+    """Rows that are not there yet."""
+
+
+@dataclass(frozen=True)
+class Extra:
+    """More damping than the margin that an operating point asks for.
+
+    Attributes
+    ----------
+    point : int
+        Of the points of the loop.
+    damping_ratio : float
+    frequency_hz : float
+        Of modes near it; 0 for all.
+    """
+
+    point: int
+    damping_ratio: float
+    frequency_hz: float = 0.0
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of a proof.
+
+    Attributes
+    ----------
+    round : int
+    kind : str
+        ``matrix``, ``refined``, ``full_order``, ``limit_cycles`` or ``scatter``.
+    design : ndarray (d,)
+    asks : tuple of Ask
+    passed : bool or None
+        None where it cannot be told.
+    value : float
+        Least damping ratio; of limit cycles the damping that is missing; of scatter the share that
+        meets the margin.
+    text : str
+    """
+
+    round: int
+    kind: str
+    design: np.ndarray
+    asks: tuple[Ask, ...]
+    passed: bool | None
+    value: float
+    text: str
+
+
+@dataclass
+class State:
+    """What the loop has come to.
+
+    Attributes
+    ----------
+    points : list of ndarray (n_operating,)
+        The matrix, then refined points.
+    n_matrix : int
+    view : list of int
+        Points that the search has in view.
+    extras : list of Extra
+    safety : float
+        Standard deviations of the scatter that the search allows for.
+    designs : dict of bytes -> ndarray (d,)
+        Values of all variables, of every design in the order in which it was asked for.
+    roles : dict of bytes -> (str, int)
+        Why it was first asked for, in which round.
+    checks : list of Check
+    outcome : str
+        Empty while something is wanted.
+    chosen : ndarray (d,) or None
+    """
+
+    points: list[np.ndarray]
+    n_matrix: int
+    view: list[int]
+    extras: list[Extra] = field(default_factory=list)
+    safety: float = 0.0
+    designs: dict[bytes, np.ndarray] = field(default_factory=dict)
+    roles: dict[bytes, tuple[str, int]] = field(default_factory=dict)
+    checks: list[Check] = field(default_factory=list)
+    outcome: str = ""
+    chosen: np.ndarray | None = None
+    round: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """The modes of least damping of a design at one operating point.
+
+    Attributes
+    ----------
+    zeta, hz : ndarray (m,)
+        Damping ratios; frequencies, Hz.
+    scatter : ndarray (m,)
+        Standard deviations of the damping ratios, first order.
+    slopes : ndarray (m, d)
+        Of the damping ratios by the variables, in units of their ranges.
+    """
+
+    zeta: np.ndarray
+    hz: np.ndarray
+    scatter: np.ndarray
+    slopes: np.ndarray
+
+
+def seen_of(
+    row: Mapping[str, Any], study: DesignStudy, ranges: np.ndarray, sigmas: Mapping[str, float]
+) -> Seen:
+    """What a row holds of them; steady sliding that diverges stands as a mode of 0 Hz."""
+    zeta, hz, scatter, slopes = [], [], [], []
+    for mode in row["modes"]:
+        own = {s["parameter"]: s["d_damping_ratio"] for s in mode["slopes"]}
+        by = np.nan_to_num([own.get(v.name, 0.0) for v in study.variables], posinf=0.0, neginf=0.0)
+        zeta.append(mode["damping_ratio"])
+        hz.append(mode["frequency_hz"])
+        scatter.append(np.sqrt(sum((own.get(n, 0.0) * s) ** 2 for n, s in sigmas.items())))
+        slopes.append(by * ranges)
+    if row["frequency_hz"] == 0.0:
+        zeta, hz, scatter = [*zeta, row["min_damping_ratio"]], [*hz, 0.0], [*scatter, 0.0]
+        slopes.append(np.zeros(len(ranges)))
+    return Seen(
+        np.array(zeta),
+        np.array(hz),
+        np.nan_to_num(np.array(scatter, dtype=float)),
+        np.array(slopes).reshape(len(zeta), len(ranges)),
+    )
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What a loop that is gone through again need not make again; it grows."""
+
+    seen: dict[Ask, Seen] = field(default_factory=dict)
+    steps: Steps = field(default_factory=dict)

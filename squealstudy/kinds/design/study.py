@@ -1,0 +1,208 @@
+"""A design study, read: its matrix of operation, its variables, what scatters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import cast
+
+import numpy as np
+
+from squealstudy.errors import ParameterError
+from squealstudy.kinds.design.section import DesignStudyDefinition, GoalSection, VariableSection
+from squealstudy.kinds.limit_cycles.section import LimitCyclesSection
+from squealstudy.models.operating import IN_TIME_ONLY
+from squealstudy.study.definition import ResolvedStudy
+from squealstudy.study.design import DesignPoint
+from squealstudy.study.design_sections import DesignSection
+from squealstudy.study.laws import expect_acting
+from squealstudy.study.parameters import (
+    ModeParameter,
+    StudyParameter,
+    check_disjoint,
+    parse_parameter,
+)
+from squealstudy.study.sweeps import BOUNDARY, Sweep, read_sweep
+from squealstudy.study.toml_text import KeyPath
+
+SCATTERS = DesignSection(type="sobol", samples=1)  # what is read as the sweeps of a random design
+
+
+@dataclass(frozen=True)
+class Variable:
+    """What may be changed.
+
+    Attributes
+    ----------
+    parameter : PlainParameter or ModeParameter
+    nominal : float
+        Today's value.
+    low, high : float
+        Changes from it that are allowed, low <= 0 <= high.
+    cost : float
+        Of a change over high - low.
+    """
+
+    parameter: StudyParameter
+    nominal: float
+    low: float
+    high: float
+    cost: float
+
+    @property
+    def name(self) -> str:
+        """The parameter's name as the file writes it."""
+        return self.parameter.name
+
+    @property
+    def range(self) -> float:
+        """From bound to bound."""
+        return self.high - self.low
+
+
+@dataclass(frozen=True)
+class DesignStudy(ResolvedStudy):
+    """A design study: `sweeps` are those of the operation, of the variables, and what scatters.
+
+    Attributes
+    ----------
+    variables : tuple of Variable
+    uncertain : tuple of Sweep
+        Each with a distribution.
+    """
+
+    variables: tuple[Variable, ...] = ()
+    uncertain: tuple[Sweep, ...] = ()
+
+    @property
+    def goal(self) -> GoalSection:
+        """The [goal] section."""
+        return cast("DesignStudyDefinition", self.definition).goal
+
+    @property
+    def limit_cycles(self) -> LimitCyclesSection:
+        """How limit cycles are looked for."""
+        return cast("DesignStudyDefinition", self.definition).limit_cycles
+
+    @property
+    def n_operating(self) -> int:
+        """Number of sweeps of the operation."""
+        return len(self.sweeps) - len(self.variables) - len(self.uncertain)
+
+    @property
+    def operation(self) -> ResolvedStudy:
+        """The study of today's design over the matrix of operation alone."""
+        return replace(self, sweeps=self.sweeps[: self.n_operating], variables=(), uncertain=())
+
+    @property
+    def nominal(self) -> np.ndarray:
+        """Today's values (d,) of the variables."""
+        return np.array([v.nominal for v in self.variables], dtype=float)
+
+    @property
+    def middles(self) -> np.ndarray:
+        """Values (k,) in [parameters] of what scatters."""
+        return np.array([self.value_of(s.parameter) for s in self.uncertain], dtype=float)
+
+    def value_of(self, parameter: StudyParameter) -> float:
+        """Value of a parameter where nothing changes it."""
+        return float(self.values.get(parameter.name, parameter.default))
+
+    def place(self, name: str) -> KeyPath:
+        """Where the file names a parameter."""
+        for table in ("sweep", "variable", "uncertain"):
+            for number, section in enumerate(getattr(self.definition, table)):
+                if section.parameter == name:
+                    return table, number, "parameter"
+        return "parameters", name
+
+
+def design_study(study: ResolvedStudy) -> DesignStudy:
+    """The study with its variables and what scatters.
+
+    Raises
+    ------
+    StudyFileError
+        A model without contact; an unknown or repeated parameter; bounds beyond what one can take;
+        a boundary design; a probability without scatter, or the other way round.
+    """
+    definition = cast("DesignStudyDefinition", study.definition)
+    if not study.model.components:
+        raise study.error(
+            ("study", "kind"),
+            f"model '{study.model.name}' has no components and no contact: nothing of it can be "
+            "changed by name",
+        )
+    if definition.design.type == BOUNDARY:
+        raise study.error(
+            ("design", "type"), "the operating points of a design study are a grid, zip or sample"
+        )
+    variables = tuple(_variable(study, i, s) for i, s in enumerate(definition.variable))
+    uncertain = tuple(
+        read_sweep(s, SCATTERS, study.model, study.source, ("uncertain", i))
+        for i, s in enumerate(definition.uncertain)
+    )
+    asked = definition.goal.margin.probability
+    if asked is not None and not uncertain:
+        raise study.error(
+            ("goal", "margin", "probability"), "nothing scatters: [[uncertain]] says what does"
+        )
+    if asked is None and uncertain:
+        raise study.error(
+            ("goal",), "the scatter of [[uncertain]] needs margin.probability, how surely it is met"
+        )
+    moved = [
+        Sweep(v.parameter, (), v.nominal + v.low, v.nominal + v.high, "linear") for v in variables
+    ]
+    own = {f.name: getattr(study, f.name) for f in fields(ResolvedStudy)}
+    found = DesignStudy(
+        **{**own, "sweeps": (*study.sweeps, *moved, *uncertain)},
+        variables=variables,
+        uncertain=uncertain,
+    )
+    _check_names(found)
+    return found
+
+
+def _variable(study: ResolvedStudy, number: int, section: VariableSection) -> Variable:
+    keys = ("variable", number)
+    try:
+        parameter = parse_parameter(section.parameter, study.model)
+    except ParameterError as error:
+        raise study.error((*keys, "parameter"), error.message) from None
+    nominal = float(study.values.get(parameter.name, parameter.default))
+    low, high = section.bounds
+    for place, end in enumerate(section.bounds):
+        try:
+            parameter.check(nominal + end)
+        except ParameterError as error:
+            text = f"{parameter.name}, today {nominal:g}, changed by {end:g}: {error.message}"
+            raise study.error((*keys, "bounds", place), text) from None
+    return Variable(parameter, nominal, low, high, section.cost)
+
+
+def _check_names(study: DesignStudy) -> None:
+    """Each parameter once, all of them acting on complex modes."""
+    design = DesignPoint(study.model, study.options, {})
+    seen: set[str] = set()
+    for sweep in study.sweeps:
+        name = sweep.name
+        if name in seen:
+            keys: KeyPath = study.place(name)
+            for table in ("variable", "uncertain"):  # the later place
+                for i, section in enumerate(getattr(study.definition, table)):
+                    keys = (table, i, "parameter") if section.parameter == name else keys
+            raise study.error(keys, f"'{name}' is swept, variable or uncertain already")
+        seen.add(name)
+        if name in IN_TIME_ONLY:
+            text = f"'{name}' acts in time only, complex modes do not see it"
+            raise study.error(study.place(name), text)
+        try:
+            expect_acting(sweep.parameter, design)
+        except ParameterError as error:
+            raise study.error(study.place(name), error.message) from None
+    used: list[StudyParameter] = [s.parameter for s in study.sweeps]
+    given = (parse_parameter(n, study.model) for n in study.definition.parameters)
+    try:
+        check_disjoint([*(p for p in given if isinstance(p, ModeParameter)), *used])
+    except ParameterError as error:
+        raise study.error(study.place(error.key), error.message) from None

@@ -1,0 +1,62 @@
+"""How a design study went: margin over cost of every design that was evaluated."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from squealstudy.engine.pictures import register_plot
+from squealstudy.plots.style import COLOURS, DARK, GREY, finish, labelled, legend_below, new_figure
+from squealstudy.wording import plural
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+
+@register_plot(designs=("cost", "min_damping_ratio", "chosen", "meets", "role"))
+def design_history(results: Results) -> Figure:
+    """Least damping ratio over cost, and over the order in which designs were asked for.
+
+    Designs of the scan were solved at a few operating points alone: theirs is the least there.
+
+    Parameters
+    ----------
+    results : Results
+        Of a design study.
+    """
+    designs = results.table("designs")
+    scan = (designs["role"] == "scan").to_numpy(bool)
+    meets = designs["meets"].fillna(False).to_numpy(bool)
+    chosen = designs["chosen"].to_numpy(bool)
+    today = (designs["role"] == "today").to_numpy(bool)
+    damping = 100.0 * designs["min_damping_ratio"].to_numpy(float)
+    margin = 100.0 * float(results.manifest["design_study"]["margin"])
+    figure = new_figure(9.0, 6.4)
+    axes = figure.subplots(2, 1)
+    groups: list[tuple[np.ndarray, dict[str, Any]]] = [
+        (scan, {"marker": ".", "color": GREY, "label": "scan, at few operating points"}),
+        (
+            ~scan & ~meets,
+            {"marker": "o", "color": COLOURS[0], "label": "does not meet the demands"},
+        ),
+        (~scan & meets, {"marker": "o", "color": COLOURS[2], "label": "meets them"}),
+        (today, {"marker": "s", "color": DARK, "label": "today"}),
+        (chosen, {"marker": "*", "color": COLOURS[1], "markersize": 13, "label": "chosen"}),
+    ]
+    for panel, x in zip(axes, (designs["cost"], designs["design"]), strict=True):
+        for own, style in groups:
+            if own.any():
+                look = {"markersize": 5, "linestyle": "", "zorder": 3, **style}
+                panel.plot(x.to_numpy(float)[own], damping[own], **look)
+        panel.axhline(margin, color=DARK, linewidth=0.8, linestyle="--", label="margin")
+        shown = damping[~scan & np.isfinite(damping)]
+        if len(shown):
+            room = 0.1 * max(np.ptp([*shown, margin]), 1e-3)
+            panel.set_ylim(min(*shown, margin) - room, max(*shown, margin) + room)
+    finish(axes[0], "Cost", "Least damping [%]")
+    finish(axes[1], "Design", "Least damping [%]")
+    legend_below(figure, labelled(axes[0]), 3)
+    figure.suptitle(plural(len(designs), "design"), fontsize=9.5)
+    return figure

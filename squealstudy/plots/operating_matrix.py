@@ -1,0 +1,64 @@
+"""Least damping at every operating point: today's design beside the one that was chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from squealstudy.engine.pictures import register_plot
+from squealstudy.plots.style import COLOURS, DARK, finish, labelled, legend_below, new_figure
+from squealstudy.wording import plural, setting
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+MOST_NAMED = 24  # operating points with their values beneath
+
+
+@register_plot(
+    points=("design", "stage", "min_damping_ratio"), designs=("cost", "chosen", "min_damping_ratio")
+)
+def operating_matrix(results: Results) -> Figure:
+    """Least damping ratio at every operating point, of today's design and of the chosen one.
+
+    Parameters
+    ----------
+    results : Results
+        Of a design study.
+    """
+    facts, points = results.manifest["design_study"], results.points
+    solved = points[(points["stage"] == "modes").to_numpy(bool)]
+    names, number = list(facts["operating"]), int(facts["n_operating_points"])
+    today = solved[(solved["design"] == facts["today"]).to_numpy(bool)].iloc[:number]
+    figure = new_figure(9.0, 5.4)
+    axes = figure.subplots()
+    style: dict[str, Any] = {"linestyle": "", "markersize": 6}
+    axes.plot(range(len(today)), _percent(today), marker="s", color=DARK, label="today", **style)
+    if facts["chosen"] not in (None, facts["today"]):
+        own = solved[(solved["design"] == facts["chosen"]).to_numpy(bool)]
+        chosen = today[names].merge(own, on=names, how="left") if names else own
+        look: dict[str, Any] = {"marker": "*", "color": COLOURS[1], **style, "markersize": 11}
+        axes.plot(range(len(chosen)), _percent(chosen), label="chosen", **look)
+    margin = 100.0 * float(facts["margin"])
+    axes.axhline(margin, color=DARK, linewidth=0.8, linestyle="--", label="margin")
+    if len(today) <= MOST_NAMED and names:
+        texts = [_text(row, names, results) for row in today[names].to_dict("records")]
+        axes.set_xticks(range(len(today)), texts, rotation=90 if len(today) > 6 else 0, fontsize=8)
+    finish(axes, "Operating point" if len(today) > MOST_NAMED else "", "Least damping [%]")
+    legend_below(figure, labelled(axes), 3)
+    figure.suptitle(plural(len(today), "operating point"), fontsize=9.5)
+    return figure
+
+
+def _percent(points: pd.DataFrame) -> np.ndarray:
+    found: np.ndarray = 100.0 * points["min_damping_ratio"].to_numpy(float)
+    return found
+
+
+def _text(row: Mapping[Hashable, Any], names: list[str], results: Results) -> str:
+    parts = (setting(n, row[n], results.units.get(n, ""), abs(row[n]) or 1.0) for n in names)
+    return "\n".join(parts)
