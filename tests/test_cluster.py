@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -17,6 +18,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.io
+from own_blocks import STUDY as BLOCKS
+from own_blocks import write_blocks
 from study_texts import study_text, sweep_text
 
 import squealstudy as sq
@@ -38,9 +41,11 @@ from squealstudy.modes.reanalysis.polynomials import ExpandedWeights
 pytest.importorskip("distributed", reason="NOT TRIED: distributed is not installed")
 
 from clusters import LONGEST, MODULES, Loopback
+from distributed import Client
 
 from squealstudy.engine.cluster import _keys, _pickled, connected
 
+STUDIES = Path(__file__).parents[1] / "studies"
 HULTEN = (
     study_text("hulten", "complex_modes", "hulten")
     + sweep_text("friction", 0.0, 0.6, 40)
@@ -61,6 +66,26 @@ levels = 2
 band = [1.0, 1000.0]
 """
 )
+INDICES = (
+    study_text("indices", "complex_modes", "hulten")
+    + """\
+[[sweep]]
+parameter = "friction"
+distribution = "normal"
+mean = 0.3
+std = 0.05
+[[sweep]]
+parameter = "sliding_speed"
+start = 0.5
+stop = 2.0
+[design]
+type = "sobol_indices"
+samples = 8
+[modes]
+band = [1.0, 1000.0]
+"""
+)
+CYCLES = (STUDIES / "kicked_squeal.toml").read_text(encoding="utf-8").replace("num = 25", "num = 3")
 SENSITIVITY = (
     study_text("slopes", "sensitivity", "hulten")
     + """\
@@ -95,6 +120,27 @@ name = "methods"
 kind = "method_stability"
 [method_stability]
 case = "coalescence"
+[[knob]]
+name = "anchor"
+values = [0.1, 0.3, 0.5]
+[[knob]]
+name = "step"
+values = [1e-3, 0.1]
+"""
+PRECISION = """
+[study]
+name = "rungs"
+kind = "work_precision"
+[work_precision]
+base = "base.toml"
+points = 3
+repeats = 1
+[reference]
+name = "dense"
+set.modes.method = "dense"
+[[method]]
+name = "perturbation"
+set.modes.method = "perturbation"
 """
 TRYING = '''
 """Complex modes whose tasks take their time, or end their worker."""
@@ -115,6 +161,13 @@ class Trying(ComplexModes):
 
 register_kind(Trying())
 '''
+IN_TIME = """
+[transient]
+representation = "{}"
+duration = 2e-4
+step = 1e-6
+"""
+TIMED = re.compile("wall_s|second|memory")
 DEAD = 0.3
 MOST = 240  # s of a test, on a machine in use
 NUMBER = itertools.count()
@@ -192,9 +245,28 @@ def trying(folder: Path, seconds: float = 0.0, deadly: float = -1.0, num: int = 
 
 
 def tables(directory: Path) -> dict[str, pd.DataFrame]:
-    """All tables, without the seconds that rows took."""
+    """All tables, without what was timed."""
     found = {path.stem: pd.read_parquet(path) for path in directory.glob("*.parquet")}
-    return {name: t.drop(columns="wall_s", errors="ignore") for name, t in found.items()}
+    if "measurements" in found:
+        found["measurements"] = found["measurements"].drop(columns=["cost", "cost_onset"])
+    return {name: t.drop(columns=[c for c in t if TIMED.search(c)]) for name, t in found.items()}
+
+
+def there_and_here(path: Path, folder: Path, client: Client) -> tuple[sq.Results, sq.Results]:
+    """A study on a cluster and by this process, from an empty cache; their tables are equal."""
+    there = sq.run(path, folder / "there", client=client, warn=print)
+    cache = os.environ["SQUEALSTUDY_CACHE"]
+    os.environ["SQUEALSTUDY_CACHE"] = str(folder / "cache-local")
+    try:
+        local = sq.run(path, folder / "local", jobs=1, warn=print)
+    finally:
+        os.environ["SQUEALSTUDY_CACHE"] = cache
+    found, expected = tables(folder / "there"), tables(folder / "local")
+    assert found.keys() == expected.keys()
+    for name in expected:
+        assert len(expected[name].columns) > 1
+        pd.testing.assert_frame_equal(found[name], expected[name], check_exact=True)
+    return there, local
 
 
 def started(*arguments: object, folder: Path) -> subprocess.Popen:
@@ -229,24 +301,35 @@ def gone(cluster: Loopback, kept: int = 0) -> bool:
 
 # -- the same tables -------------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    "text", [HULTEN, BOUNDARY, SENSITIVITY, BELT], ids=lambda t: t.split('"')[1]
+    "text",
+    [HULTEN, BOUNDARY, INDICES, SENSITIVITY, BELT, CYCLES, STABILITY],
+    ids=lambda t: t.split('"')[1],
 )
 def test_tables_are_those_of_a_local_run(cluster, here, text):
     path = study(here, text)
-    there = sq.run(path, here / "there", client=cluster.client)
-    cache = os.environ["SQUEALSTUDY_CACHE"]
-    os.environ["SQUEALSTUDY_CACHE"] = str(here / "cache-local")
-    try:
-        local = sq.run(path, here / "local", jobs=1)
-    finally:
-        os.environ["SQUEALSTUDY_CACHE"] = cache
-    found, expected = tables(here / "there"), tables(here / "local")
-    assert found.keys() == expected.keys()
-    for name in expected:
-        pd.testing.assert_frame_equal(found[name], expected[name], check_exact=True)
-    assert there.solved == local.solved
+    there, local = there_and_here(path, here, cluster.client)
+    assert there.solved == local.solved > 0
     assert gone(cluster)
     assert sq.run(path, here / "there", client=cluster.client).solved == 0
+
+
+def test_what_is_timed_is_timed_here_and_finds_the_same(cluster, here):
+    study(here, HULTEN, "base.toml")
+    there, _ = there_and_here(study(here, PRECISION), here, cluster.client)
+    assert (there.measurements["status"] == "ok").all()
+    assert len(there.errors)
+
+
+@pytest.mark.parametrize(
+    "in_time", ["", "modal", pytest.param("hybrid", marks=pytest.mark.full_size)]
+)
+def test_a_model_file_in_modes_and_in_time(cluster, here, in_time):
+    """Its meshes are here: workers get what was made of them, or tasks stay."""
+    path = write_blocks(here / "model", study=BLOCKS + IN_TIME.format(in_time) * bool(in_time))
+    if in_time:
+        path.write_text(path.read_text().replace("complex_modes", "transient"))
+    there, _ = there_and_here(path, here, cluster.client)
+    assert (there.points["status"] == "ok").all()
 
 
 def test_histories_and_final_states_come_too_and_a_run_goes_on_from_one(cluster, here):
@@ -299,7 +382,7 @@ band = [1.0, 1000.0]
     assert (found.points["status"] == "ok").all()
 
 
-OWN_BRAKE = Path(__file__).parents[1] / "studies" / "own_brake" / "own_brake.toml"
+OWN_BRAKE = STUDIES / "own_brake" / "own_brake.toml"
 SLOPES = {"study.kind": "sensitivity", "modes.reference_points": 0}
 
 

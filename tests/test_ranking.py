@@ -13,7 +13,7 @@ from squealstudy.tables.mode_ranking import (
     parameter_columns,
     rank_modes,
 )
-from squealstudy.tables.point_rows import counts_by_id, largest, point_codes
+from squealstudy.tables.point_rows import largest, point_codes
 
 SCALE = "caliper.modes[12-14].frequency_scale"
 
@@ -50,9 +50,6 @@ def test_rows_of_modes_whatever_their_order():
     assert np.array_equal(point_codes(points, modes), code)
     assert np.array_equal(point_codes(points, modes.astype(object)), code)
     assert len(point_codes(points, modes.iloc[:0])) == 0
-    wanted = pd.Series(["p3", "none", "p3", "p49"])
-    counts = [(code == 3).sum(), 0, (code == 3).sum(), (code == 49).sum()]
-    assert counts_by_id(modes["point_id"], wanted).tolist() == counts
     with pytest.raises(ResultsError, match="not in the points table"):
         point_codes(points.iloc[1:], pd.DataFrame({"point_id": ["p1", "p0"]}))
 

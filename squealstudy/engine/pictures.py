@@ -66,7 +66,7 @@ class Plot:
             if table not in results.tables:
                 return f"a table '{table}'"
             for column in columns:
-                if column not in results.table(table):
+                if column not in results.columns(table):
                     return f"a column '{column}' in the table '{table}'"
         return ""
 

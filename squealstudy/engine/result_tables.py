@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,8 +12,10 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.engine.store import Store, column_units, onset_parameter
+from squealstudy.engine.table_rows import Keep, batches, chosen_rows, mode_points
 from squealstudy.errors import ResultsError
 from squealstudy.study.kinds import screen_of
+from squealstudy.tables.point_rows import ROW
 
 if TYPE_CHECKING:
     from squealstudy.engine.kind import KindScreen
@@ -86,6 +89,43 @@ class ResultTables:
         if "units" not in table.attrs:
             self._give_units(table, f"{name}.parquet")
         return table
+
+    def columns(self, name: str) -> list[str]:
+        """Names of the columns of a table, without reading it; ResultsError as of `table`."""
+        if name in self._loaded or name not in self.tables:
+            return [str(column) for column in self.table(name)]
+        return self.store.columns(f"{name}.parquet")
+
+    def batches(self, name: str, columns: Sequence[str]) -> Iterator[pd.DataFrame]:
+        """Columns of a table, some thousand rows at a time, indexed by the rows' numbers.
+
+        Of `modes` the column ROW (tables.point_rows) is there too: the row of its point.
+        """
+        plain = [column for column in columns if column != ROW]
+        found = self._loaded.get(name)
+        for batch in batches(found, self.store, f"{name}.parquet", plain):
+            if ROW in columns:
+                batch[ROW] = self.point_rows[batch.index]
+            yield batch[list(columns)]
+
+    def rows(self, name: str, columns: Sequence[str], keep: Keep | None = None) -> pd.DataFrame:
+        """Some columns of those rows of a table that are wanted, indexed by the rows' numbers.
+
+        Parameters
+        ----------
+        name : str
+        columns : sequence of str
+            As of `batches`; those that the table has not are left out.
+        keep : callable or None
+            (batch of the rows) -> which of them are wanted (n,) of bool; None: all.
+        """
+        known = {*self.columns(name), ROW}
+        return chosen_rows(self.batches(name, [c for c in columns if c in known]), keep)
+
+    @cached_property
+    def point_rows(self) -> np.ndarray:
+        """Row in `points` of each row of `modes` (n_modes,)."""
+        return mode_points(self.points, self.batches("modes", ["point_id"]))
 
     def _give_units(self, table: pd.DataFrame, file: str = "") -> pd.DataFrame:
         """The table, of a file of the results where it is one, with ``attrs["units"]``."""

@@ -18,6 +18,7 @@ from squealstudy.engine.store import (
     PICTURES,
     read_manifest,
 )
+from squealstudy.engine.table_rows import ranked_modes
 from squealstudy.errors import ResultsError
 from squealstudy.screen import as_text
 from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
@@ -218,12 +219,15 @@ class Results(ResultTables):
 
         return compare_results(self, other)
 
-    @cached_property
-    def ranked(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Points and modes that count in a ranking: of a boundary design all nodes of its grid."""
+    def ranked(self, where: str | None = None) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Points, and the modes that count in a ranking within a query.
+
+        Of a boundary design all nodes of its grid.
+        """
+        modes = ranked_modes(self, where)
         if self.boundary is None:
-            return self.points, self.modes
-        return full_tables(self.points, self.modes, self.boundary["axes"], self.boundary["levels"])
+            return self.points, modes
+        return full_tables(self.points, modes, self.boundary["axes"], self.boundary["levels"])
 
     @cached_property
     def nodes(self) -> tuple[pd.DataFrame, np.ndarray | None]:
@@ -252,12 +256,13 @@ class Results(ResultTables):
                 f"design ({', '.join(RANDOM_DESIGNS)}), this is {self.kind} of a {self.design} "
                 "design"
             )
-        from squealstudy.tables.robustness import robust_table
+        from squealstudy.tables.robustness import GROWTH, robust_table
         from squealstudy.tables.sobol import base_rows
 
         n, d = len(self.points), len(self.swept)
         drawn = base_rows(n, d) if self.design == SOBOL_INDICES else None
-        return self._give_units(robust_table(self.points, self.modes, drawn, confidence))
+        modes = self.rows("modes", GROWTH)
+        return self._give_units(robust_table(self.points, modes, drawn, confidence))
 
     def sobol_indices(self, top: int | None = 8, confidence: float = 0.95) -> pd.DataFrame:
         """First and total Sobol indices of the largest growth rate and of unstable tracks.
@@ -274,7 +279,9 @@ class Results(ResultTables):
                 f"{self.directory}: Sobol indices need a design of type '{SOBOL_INDICES}', "
                 f"this is {self.design}"
             )
+        from squealstudy.tables.robustness import GROWTH
         from squealstudy.tables.sobol import sobol_table
 
-        found = sobol_table(self.points, self.modes, self.swept, top, confidence)
+        modes = self.rows("modes", GROWTH)
+        found = sobol_table(self.points, modes, self.swept, top, confidence)
         return self._give_units(found)

@@ -135,7 +135,7 @@ class Store:
     # -- writing; one process at a time (`manifest.locked`) ------------------------------------
     def write_table(self, name: str, table: pa.Table) -> None:
         """A table as a Parquet file; a long one as a folder of several (`write_parts`)."""
-        self.write_parts(name, table.num_rows, lambda rows: table.slice(*_extent(rows)))
+        self.write_parts(name, table.num_rows, lambda rows: table.slice(rows.start, PART_ROWS))
 
     def write_parts(self, name: str, count: int, part: Callable[[slice], pa.Table]) -> None:
         """A table of `count` rows that is made part by part, so that it is never held whole.
@@ -306,12 +306,22 @@ class Store:
 
     def read_table(self, name: str, columns: Sequence[str] | None = None) -> pa.Table:
         """A table; ResultsError where it is not as it was written."""
-        path = self.whole(name)
-        try:
+        with _readable(self.whole(name)):
             parts = [pq.read_table(self.directory / n, columns=columns) for n in self.parts(name)]
             return pa.concat_tables(parts)
-        except (OSError, ValueError) as error:
-            raise ResultsError(f"{path}: not a readable table ({error})") from error
+
+    def columns(self, name: str) -> list[str]:
+        """Names of the columns of a table; ResultsError where it is not as it was written."""
+        with _readable(self.whole(name)):
+            return list(pq.read_schema(self.directory / self.parts(name)[0]).names)
+
+    def batches(self, name: str, columns: Sequence[str], rows: int) -> Iterator[pa.Table]:
+        """Columns of a table, so many rows at a time; ResultsError as of `read_table`."""
+        with _readable(self.whole(name)):
+            for part in self.parts(name):
+                with pq.ParquetFile(self.directory / part) as file:
+                    for batch in file.iter_batches(rows, columns=list(columns), use_threads=False):
+                        yield pa.Table.from_batches([batch]).select(list(columns))
 
     def chunks(self, schema: pa.Schema, columns: Sequence[str] | None = None) -> Iterator[pa.Table]:
         """Tables of the chunk files one after the other.
@@ -372,17 +382,21 @@ class Store:
         return frame
 
 
+@contextlib.contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Raise ResultsError for a table that turns out not to be one."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        raise ResultsError(f"{path}: not a readable table ({error})") from error
+
+
 def _named(table: pa.Table) -> dict[str, pa.Table]:
     return {f"{CHUNKS}/{chunk_id(table['point_id'].to_pylist())}.parquet": table}
 
 
 def _parquet(table: pa.Table) -> Callable[[Path], None]:
     return lambda path: pq.write_table(table, path, compression="zstd", row_group_size=GROUP_ROWS)
-
-
-def _extent(rows: slice) -> tuple[int, int]:
-    """First row and number of rows."""
-    return rows.start, rows.stop - rows.start
 
 
 def history_file(point_id: str, frame: pd.DataFrame) -> dict[str, pa.Table]:

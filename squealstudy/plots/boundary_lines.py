@@ -167,6 +167,8 @@ class _Crossings:
         stable, unstable = (float(self._plane.damping_ratio[i]) for i in edge)
         if not unstable < 0 or not self._highest_damping(edge) > ROUNDING * -unstable:
             return 0.5
+        if stable != stable:  # none of its modes oscillates in the band
+            return 0.5
         stable = max(stable, 0.0)
         return stable / (stable - unstable)
 

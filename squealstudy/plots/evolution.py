@@ -36,9 +36,15 @@ from squealstudy.plots.style import (
     shade_unstable,
     track_name,
 )
-from squealstudy.plots.tables import describe, oscillating, slice_points, worst_tracks
+from squealstudy.plots.tables import (
+    describe,
+    oscillating,
+    slice_points,
+    unstable_counts,
+    worst_tracks,
+)
 from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.tables.point_rows import point_codes, rows_in
+from squealstudy.tables.point_rows import ROW, rows_in
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
@@ -121,7 +127,9 @@ def _together(results: Results, first: str, second: str) -> tuple[Results, str]:
     points = points[points[first] == points[second]]
     here = np.zeros(len(results.points), dtype=bool)
     here[rows_in(results.points, points)] = True
-    modes = results.modes[here[point_codes(results.points, results.modes)]]
+    columns = ["point_id", *COLUMNS, "overdamped"]
+    modes = results.rows("modes", [ROW, *columns], lambda modes: here[modes[ROW].to_numpy()])
+    modes = modes[columns]
     points = points.drop(columns=second).rename(columns={first: name})
     facts = results.manifest | {"units": {**results.units, name: results.units.get(first, "")}}
     return replace(results, manifest=facts).with_tables(points=points, modes=modes), name
@@ -274,14 +282,15 @@ def study_line(results: Results, along: str, fixed: Mapping[str, float] | None =
 
     Overdamped roots are left out. Raises ResultsError for an unknown parameter or value.
     """
-    points, modes, units = results.points, results.modes, results.units
-    line, why = slice_points(points, modes, (along,), fixed)
+    points, units = results.points, results.units
+    line, why = slice_points(points, unstable_counts(results), (along,), fixed)
     line = line.sort_values(along, kind="stable")
     shown = quantity(along, points[along], units)
     place = np.full(len(points), -1)
     place[rows_in(points, line)] = np.arange(len(line))
-    row = place[point_codes(points, modes)]
-    rows = oscillating(modes[row >= 0].assign(row=row[row >= 0]))
+    columns = [ROW, *COLUMNS, "overdamped"]
+    modes = results.rows("modes", columns, lambda modes: place[modes[ROW].to_numpy()] >= 0)
+    rows = oscillating(modes.assign(row=place[modes[ROW].to_numpy()]))
     tracked = rows[(rows["track"] > 0).to_numpy()]
     tracked = tracked.assign(doubtful=tracked["track_ambiguous"].astype(float))
 

@@ -146,7 +146,7 @@ def sweep_line(
     names = transient_parameters(points)
     if len(points) == 1 and along in names:
         return points
-    lasting = points.loc[points["class"].isin(LASTING), ["point_id"]].assign(unstable=True)
+    lasting = points["class"].isin(LASTING).to_numpy(int)
     chosen, _ = slice_points(points[["point_id", "status", *names]], lasting, (along,), fixed)
     return points.loc[chosen.index].sort_values(along, kind="stable")
 

@@ -17,7 +17,7 @@ from squealstudy.errors import ResultsError
 from squealstudy.plots.style import Quantity, joined, quantity, set_scales, set_ticks
 from squealstudy.plots.tables import describe, slice_points
 from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.tables.point_rows import largest, point_codes, rows_in
+from squealstudy.tables.point_rows import ROW, largest, rows_in
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -179,50 +179,57 @@ def study_plane(
         raise ResultsError(f"'{measure}' cannot be shown, expected {' or '.join(MEASURES)}")
     if along[0] == along[1]:
         raise ResultsError(f"a map needs two parameters, got '{along[0]}' twice")
-    points, modes, units = results.nodes[0], results.modes, results.units
-    plane, why = slice_points(points, modes, along, fixed)
+    points, units = results.nodes[0], results.units
+    owner = np.arange(len(points))
+    if results.boundary is not None:  # nodes that are not points have another one's id
+        owner = pd.Index(results.points["point_id"]).get_indexer(pd.Index(points["point_id"]))
+    number, growth, damping = (values[owner] for values in _marks(results))
+    plane, why = slice_points(points, number, along, fixed)
     counts = [plane[name].nunique() for name in along]
     gridded = min(counts) > 1 and len(plane) >= FILLED * counts[0] * counts[1]
     if not gridded:
         every = tuple(parameter_columns(points, varied=True))
-        plane, why = slice_points(points, modes, every, fixed)
+        plane, why = slice_points(points, number, every, fixed)
     others = [n for n in parameter_columns(points, varied=True) if n not in along]
     vary = [name for name in others if name in parameter_columns(plane, varied=True)]
     held = describe(plane.iloc[0], points, [n for n in others if n not in vary], units)
     besides = f"also varied: {', '.join(vary)}" if vary else ""
-    at = rows_in(results.points, plane)
-    if results.boundary is not None:  # nodes that are not points have another one's id
-        at = pd.Index(results.points["point_id"]).get_indexer(pd.Index(plane["point_id"]))
-    marks = _marks(results.points, modes)
-    count, growth, damping = (values[at] for values in marks)
+    at = rows_in(points, plane)
+    ok = (plane["status"] == "ok").to_numpy(bool)
+    count = np.where(ok, number[at], np.nan)
     across, up = (quantity(name, points[name], units) for name in along)
     return StudyPlane(
-        rows=points.index.get_indexer(plane.index),
+        rows=at,
         across=across,
         up=up,
         x=across.scaled(plane[along[0]]),
         y=up.scaled(plane[along[1]]),
-        value=count if measure == "count" else growth,
+        value=count if measure == "count" else np.where(ok, growth[at], np.nan),
         point_ids=plane["point_id"].to_numpy(dtype=object),
         known=np.isfinite(count),
         unstable=count > 0,
-        damping_ratio=damping,
+        damping_ratio=damping[at],
         gridded=gridded,
         elsewhere=joined(held, why, besides, by=", "),
         others_vary=bool(vary),
     )
 
 
-def _marks(points: pd.DataFrame, modes: pd.DataFrame) -> tuple[np.ndarray, ...]:
+def _marks(results: Results) -> tuple[np.ndarray, ...]:
     """Unstable modes, largest growth and least damping of oscillating modes of each point (n,).
 
-    NaN where the point failed, or has no such mode.
+    NaN where the point has no such mode.
     """
-    code, n = point_codes(points, modes), len(points)
-    unstable, real = (modes[name].to_numpy(bool) for name in ("unstable", "overdamped"))
-    growth, zeta = (modes[name].to_numpy(dtype=float) for name in ("growth_rate", "damping_ratio"))
-    judged = ~real | unstable
-    ok = (points["status"] == "ok").to_numpy(bool)
-    count = np.where(ok, np.bincount(code[unstable], minlength=n), np.nan)
-    fastest = np.where(ok, largest(growth[judged], code[judged], n), np.nan)
-    return count, fastest, -largest(-zeta[~real], code[~real], n)
+    n = len(results.points)
+    count, found = np.zeros(n, dtype=np.int64), [np.full(n, -np.inf) for _ in range(2)]
+    columns = [ROW, "unstable", "overdamped", "growth_rate", "damping_ratio"]
+    for modes in results.batches("modes", columns):
+        code = modes[ROW].to_numpy()
+        unstable, real = (modes[name].to_numpy(bool) for name in ("unstable", "overdamped"))
+        growth, zeta = (modes[c].to_numpy(dtype=float) for c in ("growth_rate", "damping_ratio"))
+        judged = ~real | unstable
+        count += np.bincount(code[unstable], minlength=n)
+        np.maximum.at(found[0], code[judged], growth[judged])
+        np.maximum.at(found[1], code[~real], -zeta[~real])
+    fastest, least = (np.where(np.isfinite(values), values, np.nan) for values in found)
+    return count, fastest, -least

@@ -32,6 +32,7 @@ from squealstudy.tables.mode_ranking import (
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
+GROUPED = ("track", "unstable", "overdamped", "frequency_hz")  # what groups of modes are made of
 SHADES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
 LIGHT = ("#E69F00", "#56B4E9", "#F0E442")
 LEGIBLE = 8.0  # percent: narrower bars carry no number
@@ -61,7 +62,9 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
     shown = table.iloc[:top]
     if not len(shown):
         return empty_figure("no unstable mode")
-    energies = mean_energies(results.modes, shown["track"].tolist())
+    columns = [*GROUPED, *energy_columns(results.columns("modes"))]
+    unstable = results.rows("modes", columns, lambda modes: modes["unstable"].to_numpy(bool))
+    energies = mean_energies(unstable, shown["track"].tolist())
     figure = new_figure(10.5 if len(energies.columns) else 6.5, 1.9 + 0.38 * len(shown))
     if len(energies.columns):
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.0, 1.25])
@@ -84,7 +87,7 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
 
 def mean_energies(modes: pd.DataFrame, tracks: list[int]) -> pd.DataFrame:
     """Mean energy shares over the unstable points of each track, one row a track."""
-    columns = energy_columns(modes)
+    columns = energy_columns(modes.columns)
     group = pd.Series(unstable_groups(modes), index=modes.index)
     means = modes.loc[group.isin(tracks), columns].groupby(group).mean()
     return means.reindex(tracks).rename(columns=lambda c: c.removeprefix("energy_"))

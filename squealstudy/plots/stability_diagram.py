@@ -33,16 +33,15 @@ from squealstudy.plots.style import (
 )
 from squealstudy.plots.tables import describe, oscillating, worst_tracks
 from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.tables.point_rows import point_codes
+from squealstudy.tables.point_rows import ROW
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 
-DRAWN = (  # columns of modes: copies of very many rows with all of them would fill the memory
-    *("point_id", "track", "frequency_hz", "damping_ratio", "growth_rate", "unstable"),
-    "overdamped",
+DRAWN = (  # columns of modes
+    *(ROW, "track", "frequency_hz", "damping_ratio", "growth_rate", "unstable", "overdamped"),
 )
 LABELS = 10  # tracks named in one picture
 LONGEST_NAME = 26  # characters of a line
@@ -54,10 +53,12 @@ CELLS = (450, 300)  # of the axes, about 2 pixels: of more unstable dots one is 
 def _all_and_worst(results: Results) -> Iterator[tuple[str, Choices]]:
     """All design points, and the one of fastest growth."""
     yield "", {}
-    modes = results.modes
-    if modes["unstable"].any() and len(results.points) > 1:
-        fastest = int(modes["growth_rate"].to_numpy().argmax())
-        yield "_worst", {"point_id": str(modes["point_id"].iloc[fastest])}
+    if len(results.points) > 1:
+        modes = results.rows("modes", [ROW, "unstable", "growth_rate"])
+        if modes["unstable"].any():
+            fastest = int(modes["growth_rate"].to_numpy().argmax())
+            row = int(modes[ROW].iloc[fastest])
+            yield "_worst", {"point_id": str(results.points["point_id"].iloc[row])}
 
 
 @register_plot(_all_and_worst, points=("status",), modes=("overdamped", "damping_ratio", "track"))
@@ -80,14 +81,17 @@ def stability_diagram(
     ResultsError
         For an unknown point or parameter.
     """
-    points, modes, units = results.points, results.modes[list(DRAWN)], results.units
-    shown = points if point_id is None else points[points["point_id"] == point_id]
+    points, units = results.points, results.units
+    here = np.ones(len(points), dtype=bool)
+    if point_id is not None:
+        here = (points["point_id"] == point_id).to_numpy(bool)
+    shown = points[here]
     if not len(shown):
         raise ResultsError(f"the study has no design point '{point_id}'")
     varied = parameter_columns(points, varied=True)
     if colour_by is not None and colour_by not in parameter_columns(points):
         raise ResultsError(f"'{colour_by}' is no parameter of this study")
-    table = modes if point_id is None else modes[modes["point_id"] == point_id]
+    table = results.rows("modes", DRAWN, lambda modes: here[modes[ROW].to_numpy()])
     drawn = oscillating(table)
     figure = new_figure()
     axes = figure.add_subplot()
@@ -97,7 +101,7 @@ def stability_diagram(
         _one_point(axes, drawn)
         title = describe(shown.iloc[0], points, varied or parameter_columns(points), units)
     else:
-        values = points[colour].to_numpy()[point_codes(points, drawn)]
+        values = points[colour].to_numpy()[drawn[ROW].to_numpy()]
         shade = quantity(colour, points[colour], units)
         dots = _all_points(axes, drawn, values * shade.factor, shade.norm(points[colour]))
         bar = figure.colorbar(dots, ax=axes, label=shade.label, pad=0.015)
@@ -182,7 +186,7 @@ def _held(names: Mapping[int, tuple[str, bool]], single: bool) -> dict[int, tupl
 
 
 def _labels(modes: pd.DataFrame, names: Mapping[int, tuple[str, bool]]) -> list[Label]:
-    if len(modes["point_id"].unique()) > 1:
+    if len(modes) and np.ptp(modes[ROW].to_numpy()) > 0:
         worst = worst_tracks(modes, LABELS)
     else:
         unstable = modes[modes["unstable"].to_numpy(bool)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -10,13 +11,25 @@ import pandas as pd
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import quantity
 from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.tables.point_rows import counts_by_id
+from squealstudy.tables.point_rows import ROW, rows_in
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
 
 
 def oscillating(modes: pd.DataFrame) -> pd.DataFrame:
     """Modes that are not overdamped; no copy where none is."""
     overdamped = modes["overdamped"].to_numpy(bool)
     return modes[~overdamped] if overdamped.any() else modes
+
+
+def unstable_counts(results: Results) -> np.ndarray:
+    """Number of unstable modes of each row of `points` (n,)."""
+    count = np.zeros(len(results.points), dtype=np.int64)
+    for modes in results.batches("modes", [ROW, "unstable"]):
+        rows = modes[ROW].to_numpy()[modes["unstable"].to_numpy(bool)]
+        count += np.bincount(rows, minlength=len(count))
+    return count
 
 
 def worst_tracks(modes: pd.DataFrame, top: int | None = None) -> pd.DataFrame:
@@ -28,7 +41,7 @@ def worst_tracks(modes: pd.DataFrame, top: int | None = None) -> pd.DataFrame:
 
 def slice_points(
     points: pd.DataFrame,
-    modes: pd.DataFrame,
+    unstable: np.ndarray,
     along: tuple[str, ...],
     fixed: Mapping[str, float] | None,
 ) -> tuple[pd.DataFrame, str]:
@@ -36,6 +49,8 @@ def slice_points(
 
     Parameters
     ----------
+    unstable : ndarray (n_points,) of int
+        Unstable modes of each.
     fixed : mapping of parameter -> value or None
         Values to keep; those not given are where most modes are unstable.
 
@@ -65,8 +80,7 @@ def slice_points(
     others = [name for name in varied if name not in along]
     if not others:
         return chosen, ""
-    unstable = modes.loc[modes["unstable"].to_numpy(bool), "point_id"]
-    count = pd.Series(counts_by_id(unstable, chosen["point_id"]), index=chosen.index)
+    count = pd.Series(unstable[rows_in(points, chosen)], index=chosen.index)
     group = chosen.groupby(others, dropna=False).ngroup()
     totals, sizes = count.groupby(group).sum(), count.groupby(group).size()
     best = totals == totals.max()

@@ -10,7 +10,7 @@ import pandas as pd
 
 from squealstudy.errors import ResultsError
 from squealstudy.tables.mode_ranking import unstable_groups
-from squealstudy.tables.point_rows import point_codes
+from squealstudy.tables.point_rows import ROW, point_codes
 from squealstudy.tables.stability import is_uncertain
 
 FILLED = "~"  # between the id of the point that stands for a node and the node's number
@@ -57,7 +57,7 @@ def full_tables(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Both tables on the full grid, for a ranking: ids are unique, stable tracks are left out.
 
-    Modes that may be unstable are not.
+    Modes that may be unstable are not. The column ROW of modes tells their nodes.
     """
     table = full_points(points, axes, levels)[0]
     group = unstable_groups(modes)
@@ -75,7 +75,9 @@ def full_tables(
     number = np.arange(len(table)).astype(str)
     ids = table["point_id"].to_numpy(dtype=object)
     ids = np.where(repeated, ids + FILLED + number, ids)
-    spread = modes.iloc[chosen].assign(point_id=np.repeat(ids, count))
+    spread = modes.iloc[chosen].assign(**{ROW: np.repeat(np.arange(len(table)), count)})
+    if "point_id" in spread:
+        spread["point_id"] = np.repeat(ids, count)
     return table.assign(point_id=ids), spread.reset_index(drop=True)
 
 

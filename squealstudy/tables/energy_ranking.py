@@ -82,7 +82,7 @@ def transient_parameters(points: pd.DataFrame, varied: bool = False) -> list[str
 
 def component_columns(modes: pd.DataFrame) -> list[str]:
     """Columns of elastic energy shares of components."""
-    return [c for c in mode_ranking.energy_columns(modes) if c not in SHARES]
+    return [c for c in mode_ranking.energy_columns(modes.columns) if c not in SHARES]
 
 
 def _summary(lasting: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:

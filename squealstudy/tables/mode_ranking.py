@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Collection, Hashable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
-from squealstudy.tables.condition import conditions
-from squealstudy.tables.point_rows import point_codes
+from squealstudy.tables.condition import Condition, conditions
+from squealstudy.tables.point_rows import parts, point_codes
 from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,
@@ -48,6 +48,10 @@ COLUMNS = (
     | {"threshold_kind": "str", "main_component": "str", "main_share": "f8"}
     | {"second_component": "str", "second_share": "f8", "ambiguous": "bool"}
     | {"unstable_points_low": "int64", "unstable_points_high": "int64"}
+)
+RANKED = (  # columns of modes that a ranking is made of, beside energies
+    *("track", "track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio"),
+    *("unstable", "stability", "overdamped"),
 )
 SUMMARISED = ("frequency_hz", "growth_rate", "damping_ratio", "track_ambiguous")
 
@@ -207,15 +211,15 @@ def settings_of(at: object) -> list[tuple[str, str]]:
     return [(name, value) for name, _, value in parts]
 
 
-def energy_columns(modes: pd.DataFrame) -> list[str]:
-    """Columns of elastic energy shares."""
-    return [c for c in modes.columns if c.startswith("energy_")]
+def energy_columns(columns: Iterable[str]) -> list[str]:
+    """Columns of elastic energy shares, of a table or of their names."""
+    return [c for c in columns if c.startswith("energy_")]
 
 
 def _order(
     points: pd.DataFrame, modes: pd.DataFrame, along: str | None, by: str
 ) -> tuple[str, bool]:
-    choices = [*ORDER, *energy_columns(modes)]
+    choices = [*ORDER, *energy_columns(modes.columns)]
     if by not in choices:
         raise ResultsError(f"modes cannot be ranked by '{by}', expected {', '.join(choices)}")
     if along is not None and along not in (names := parameter_columns(points)):
@@ -230,7 +234,7 @@ def _summary(
 ) -> pd.DataFrame:
     """All but thresholds, one row a group of unstable modes, indexed by `track`."""
     rows = np.flatnonzero(group)
-    energies = energy_columns(modes)
+    energies = energy_columns(modes.columns)
     needed = [*energies, *SUMMARISED]
     unstable = modes[needed].iloc[rows].assign(track=group[rows], point=code[rows])
     by_track = unstable.groupby("track")
@@ -341,13 +345,31 @@ def _held(
     points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """As `selection`, failed points too."""
-    counted = np.ones(len(points), dtype=bool)
-    wanted = np.ones(len(modes), dtype=bool)
-    known = [*points.columns, *modes.columns]
-    for condition in [] if where is None else conditions(where, known):
+    of_points, wanted = set(points.columns), np.ones(len(modes), dtype=bool)
+    asked = query(where, points.columns, modes.columns)
+    for condition in (one for one in asked if not one.columns <= of_points):
+        own = modes[[c for c in modes if c in condition.columns - of_points]]
+        for rows in parts(len(modes)):  # of very many all would be there at once
+            used = {c: points[c].array.take(code[rows]) for c in condition.columns & of_points}
+            wanted[rows] &= condition.holds(own.iloc[rows].assign(**used))
+    return _held_points(points, asked), wanted
+
+
+def _held_points(points: pd.DataFrame, asked: Iterable[Condition]) -> np.ndarray:
+    """Points (n,) of bool for which the conditions on columns of `points` alone hold."""
+    held = np.ones(len(points), dtype=bool)
+    for condition in asked:
         if condition.columns <= set(points.columns):
-            counted = counted & condition.holds(points)
-        else:
-            used = {c: points[c].array.take(code) for c in condition.columns & set(points.columns)}
-            wanted = wanted & condition.holds(modes.assign(**used))
-    return counted, wanted
+            held &= condition.holds(points)
+    return held
+
+
+def query(where: str | None, points: Collection[str], modes: Collection[str]) -> list[Condition]:
+    """The conditions of a query on tables of such columns; ResultsError."""
+    return [] if where is None else conditions(where, [*map(str, points), *map(str, modes)])
+
+
+def counted_points(points: pd.DataFrame, modes: Collection[str], where: str | None) -> np.ndarray:
+    """Points (n,) of bool that count within a query; `modes` are the names of that table."""
+    held = _held_points(points, query(where, points.columns, modes))
+    return held & (points["status"] == "ok").to_numpy(bool)

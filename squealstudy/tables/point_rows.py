@@ -6,6 +6,8 @@ looked up once a point.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -13,9 +15,20 @@ import pyarrow.compute as pc
 
 from squealstudy.errors import ResultsError
 
+BATCH = 2**17  # rows of a long table that are looked at together
+ROW = "point_row"  # column: row in the points table of a mode, where that is known already
+
+
+def parts(count: int) -> Iterator[slice]:
+    """So many rows in parts of BATCH; one that is empty of none."""
+    return (slice(start, start + BATCH) for start in range(0, max(count, 1), BATCH))
+
 
 def point_codes(points: pd.DataFrame, modes: pd.DataFrame) -> np.ndarray:
     """Row in `points` of each row of `modes` (n_modes,). ResultsError where one has none."""
+    if ROW in modes:
+        known: np.ndarray = modes[ROW].to_numpy()
+        return known
     if not len(modes):
         return np.zeros(0, dtype=np.int64)
     heads, run = _runs(_texts(modes["point_id"]))
@@ -24,19 +37,6 @@ def point_codes(points: pd.DataFrame, modes: pd.DataFrame) -> np.ndarray:
         raise ResultsError("the modes table has points that are not in the points table")
     codes: np.ndarray = rows.to_numpy(zero_copy_only=False).astype(np.int64)[run]
     return codes
-
-
-def counts_by_id(ids: pd.Series, wanted: pd.Series) -> np.ndarray:
-    """How often each of the `wanted` ids (n,) stands among some, which may stand there twice."""
-    if not len(ids):
-        return np.zeros(len(wanted), dtype=np.int64)
-    heads, run = _runs(_texts(ids))
-    unique = heads.unique()
-    place = pc.index_in(heads, value_set=unique).to_numpy(zero_copy_only=False)
-    counts = np.bincount(place[run], minlength=len(unique))
-    found = pc.index_in(_texts(wanted), value_set=unique).fill_null(-1)
-    rows = found.to_numpy(zero_copy_only=False)
-    return np.where(rows >= 0, counts[rows], 0)
 
 
 def rows_in(table: pd.DataFrame, part: pd.DataFrame) -> np.ndarray:

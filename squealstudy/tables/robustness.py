@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +14,13 @@ from squealstudy.tables.mode_ranking import (
     parameter_columns,
     settings_text,
 )
-from squealstudy.tables.point_rows import point_codes
+from squealstudy.tables.point_rows import ROW, point_codes
 from squealstudy.tables.stability import is_uncertain
 
 LARGEST = 0  # in place of a track number
+GROWTH = (  # columns of modes that are read
+    *(ROW, "track", "frequency_hz", "growth_rate", "unstable", "stability", "overdamped"),
+)
 
 
 @dataclass(frozen=True)
@@ -50,8 +54,10 @@ class GrowthColumn:
 
 def growth_columns(
     points: pd.DataFrame, modes: pd.DataFrame, top: int | None = None
-) -> list[GrowthColumn]:
+) -> Iterator[GrowthColumn]:
     """The largest growth of each point, then those of static divergence and unstable tracks.
+
+    One after the other: of many tracks and points all would fill the memory.
 
     Parameters
     ----------
@@ -91,17 +97,16 @@ def growth_columns(
             absent=absent & ~present,
         )
 
-    columns = [column(LARGEST, judged, np.ones(len(code), dtype=bool), everywhere, np.nan)]
+    yield column(LARGEST, judged, np.ones(len(code), dtype=bool), everywhere, np.nan)
     if diverging.any():
-        columns.append(column(DIVERGENCE, diverging, real, everywhere, np.nan))
+        yield column(DIVERGENCE, diverging, real, everywhere, np.nan)
     seen = unstable & (track > 0)
     listed = pd.Series(growth[seen]).groupby(track[seen]).agg(["count", "max"])
     standing = _Standing(n, code[~real], track[~real])
     for number in listed.sort_values(["count", "max"], ascending=False).index[:top]:
         own = track == number
         absent = standing.absent(int(number))
-        columns.append(column(int(number), own, own, absent, float(hz[own & unstable].mean())))
-    return columns
+        yield column(int(number), own, own, absent, float(hz[own & unstable].mean()))
 
 
 class _Standing:

@@ -3,21 +3,23 @@
     python studies/benchmarks/million.py [--points 1e4 1e5 1e6] [--jobs 2] [--batched] [--png FILE]
 
 For each number of points a grid of Hulten's model (two degrees of freedom, friction and sliding
-speed) is checked, run, and run again when it is finished, each in a process of its own: seconds and
-peak memory of `check`; seconds until the first point is solved; processor time of the parent a
-point until the last one is solved (planning, ids, storing; all points go to workers); peak memory
-of parent and largest worker by phase; seconds after the last point; seconds and memory of the run
+speed) is checked, run, and run again when it is finished, as the command does it and each in a
+process of its own: seconds and peak memory of `check`; seconds until the first point is solved;
+processor time of the parent a point until the last one is solved (planning, ids, storing; all
+points go to workers); peak memory of parent and largest worker until then; seconds and memory of
+what comes after it, tables with tracking, ranking and pictures; seconds and memory of the command
 that finds all done. Processor time stands beside seconds, for machines that are not idle. With
 `--batched` all points of a task are solved at once (million_kind.py), to save time: solving is no
-part of these figures. `--png` draws the growth.
+part of these figures. `--keep` keeps the results; `--png` draws the growth, also of figures that
+`--json` kept.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import resource
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -67,8 +69,15 @@ FIGURES = {  # name of a figure -> its title and the limit that is asked for at 
     "parent_ms": ("planning, ids, storing, CPU-ms a point", 0.3),
     "points_mb": ("parent until the last point, MB", 1500.0),
     "worker_mb": ("largest worker, MB", None),
-    "after_s": ("after the last point, s", 60.0),
-    "after_mb": ("parent after the last point, MB", 1500.0),
+    "tables_s": ("tables with tracking, s", None),
+    "tables_mb": ("parent meanwhile, MB", 1500.0),
+    "screen_s": ("ranking and findings, s", None),
+    "screen_mb": ("parent meanwhile, MB", 1500.0),
+    "pictures_s": ("pictures, s", None),
+    "pictures_mb": ("parent meanwhile, MB", 1500.0),
+    "after_s": ("all after the last point, s", 60.0),
+    "after_cpu_s": ("all after the last point, CPU s", 60.0),
+    "peak_mb": ("the command at any moment, MB", 1500.0),
     "resume_s": ("run again when finished, s", 10.0),
     "resume_cpu_s": ("run again when finished, CPU s", 10.0),
     "resume_mb": ("run again, MB", 1500.0),
@@ -92,62 +101,79 @@ def study_file(folder: Path, points: int, batched: bool) -> Path:
 
 
 class Watch:
-    """Progress of a run: when the first and the last point were there, and memory meanwhile."""
+    """Progress of a run: when the first and the last point were there, and memory by phase."""
 
     def __init__(self) -> None:
-        self.started, self.first_s, self.last_s = time.perf_counter(), 0.0, 0.0
-        self.cpu_s, self.begun = 0.0, -1
-        self.peaks = {"points": 0.0, "after": 0.0, "workers": 0.0}
+        self.started, self.first_s, self.begun = time.perf_counter(), 0.0, -1
+        self.phase, self.cpu_s = "points", 0.0
+        self.ends: dict[str, float] = {}
+        self.peaks = {"workers": 0.0}
         self.process = psutil.Process()
         threading.Thread(target=self._look, daemon=True).start()
 
     def __call__(self, stage: str, done: int, total: int, failed: int = 0) -> None:
         """What a run tells of its stages."""
-        now = time.perf_counter() - self.started
         if stage == "design points":
             self.begun = done if self.begun < 0 else self.begun
             if done > self.begun and not self.first_s:
-                self.first_s = now
+                self.first_s = time.perf_counter() - self.started
             if done == total:
-                self.last_s, self.cpu_s = now, time.process_time()
+                self.cpu_s = time.process_time()
+                self.next("tables")
+
+    def next(self, phase: str) -> None:
+        """The phase so far has ended."""
+        self.ends[self.phase] = time.perf_counter() - self.started
+        self.phase = phase
+
+    def seconds(self, phase: str) -> float:
+        """Of a phase."""
+        names = list(self.ends)
+        before = names[names.index(phase) - 1] if names[0] != phase else ""
+        return self.ends[phase] - self.ends.get(before, 0.0)
 
     def _look(self) -> None:
         while True:
-            phase = "after" if self.last_s else "points"
             own = self.process.memory_info().rss / 2**20
-            self.peaks[phase] = max(self.peaks[phase], own)
+            self.peaks[self.phase] = max(self.peaks.get(self.phase, 0.0), own)
             for worker in self.process.children():
-                try:
+                with contextlib.suppress(psutil.Error):
                     used = worker.memory_info().rss / 2**20
-                except psutil.Error:
-                    continue
-                self.peaks["workers"] = max(self.peaks["workers"], used)
+                    self.peaks["workers"] = max(self.peaks["workers"], used)
             time.sleep(EVERY)
 
 
 def run_here(path: Path, directory: Path, jobs: int) -> dict[str, float]:
-    """Run the study in this process; its figures."""
+    """What `squealstudy run` does, in this process; its figures."""
+    from squealstudy import face, screen
+    from squealstudy.cli.run import outside, summary
     from squealstudy.engine.model_kind import ModelKind
-    from squealstudy.engine.runner import run_study
-    from squealstudy.study.definition import load_study
 
-    ModelKind.patience = lambda self, plan: 0.0  # type: ignore[method-assign]
     watch = Watch()
-    study = load_study(path)
-    report = run_study(study.kind.plan(study), directory, jobs, True, watch)
-    whole = time.perf_counter() - watch.started
-    points = report.manifest["n_points"]
-    if not report.n_solved:
-        peak = max(watch.peaks["points"], watch.peaks["after"])
-        return {"resume_s": whole, "resume_cpu_s": time.process_time(), "resume_mb": peak}
-    return {
+    ModelKind.patience = lambda self, plan: 0.0  # type: ignore[method-assign]
+    face.progress = lambda: contextlib.nullcontext(watch)
+    results = face.run(path, directory, jobs, True, screen.warning)
+    watch.next("screen")
+    screen.show(*results.screen.findings(results), *outside(results), "")
+    watch.next("pictures")
+    screen.show(screen.facts(summary(results, results.drawn or results.draw())))
+    watch.next("end")
+    whole, points = watch.ends["pictures"], results.manifest["n_points"]
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    found: dict[str, float] = {}
+    for phase in list(watch.ends)[1:]:  # a finished run makes no tables
+        found |= {f"{phase}_s": watch.seconds(phase), f"{phase}_mb": watch.peaks.get(phase, 0.0)}
+    if not results.solved:
+        return found | {"resume_s": whole, "resume_cpu_s": time.process_time(), "resume_mb": peak}
+    return found | {
         "first_point_s": watch.first_s,
-        "points_s": watch.last_s,
+        "points_s": watch.ends["points"],
         "parent_ms": 1e3 * watch.cpu_s / points,
         "points_mb": watch.peaks["points"],
         "worker_mb": watch.peaks["workers"],
-        "after_s": whole - watch.last_s,
-        "after_mb": watch.peaks["after"],
+        "after_s": whole - watch.ends["points"],
+        "after_cpu_s": time.process_time() - watch.cpu_s,
+        "peak_mb": peak,
     }
 
 
@@ -177,17 +203,15 @@ def measure(folder: Path, points: int, jobs: int, batched: bool) -> dict[str, fl
     path, directory = study_file(folder, points, batched), folder / f"results_{points}"
     place = [str(path), str(directory), str(jobs)]
     found = in_child("--child", "check", *place)
-    found |= in_child("--child", "run", *place)
-    found |= in_child("--child", "run", *place)
-    shutil.rmtree(directory)
-    return found
+    run = in_child("--child", "run", *place)
+    return found | in_child("--child", "run", *place) | run
 
 
 def print_table(found: dict[int, dict[str, float]]) -> None:
     """A row a figure, a column a number of points."""
     print(f"{'':42s}" + "".join(f"{n:>12,}" for n in found) + f"{'asked':>10s}")
     for name, (title, limit) in FIGURES.items():
-        cells = "".join(f"{figures[name]:12.4g}" for figures in found.values())
+        cells = "".join(f"{figures.get(name, float('nan')):12.4g}" for figures in found.values())
         print(f"{title:42s}{cells}" + (f"{limit:10g}" if limit else ""))
 
 
@@ -202,7 +226,7 @@ def draw(found: dict[int, dict[str, float]], path: Path) -> None:
     for axis, unit in zip(axes, ("_s", "_mb"), strict=True):
         for name, (title, limit) in FIGURES.items():
             if name.endswith(unit):
-                values = [figures[name] for figures in found.values()]
+                values = [figures.get(name, float("nan")) for figures in found.values()]
                 (line,) = axis.plot(list(found), values, "o-", label=title)
                 if limit:
                     axis.plot(max(1e6, *found), limit, "_", ms=14, color=line.get_color())
@@ -215,9 +239,11 @@ def draw(found: dict[int, dict[str, float]], path: Path) -> None:
 def main() -> None:
     """Measure, print, draw."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--points", type=float, nargs="+", default=[1e4, 1e5, 1e6])
+    parser.add_argument("--points", type=float, nargs="*", default=[1e4, 1e5, 1e6])
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--batched", action="store_true")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="of studies and results")
+    parser.add_argument("--json", type=Path, help="figures, which join those that are there")
     parser.add_argument("--png", type=Path)
     parser.add_argument("--child", nargs=4, help=argparse.SUPPRESS)
     given = parser.parse_args()
@@ -230,10 +256,17 @@ def main() -> None:
         print(json.dumps(done))
         return
     found: dict[int, dict[str, float]] = {}
-    with tempfile.TemporaryDirectory() as folder:
+    if given.json and given.json.is_file():
+        found = {int(n): of for n, of in json.loads(given.json.read_text()).items()}
+    with contextlib.ExitStack() as stack:
+        made = given.keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        made.mkdir(parents=True, exist_ok=True)
         for points in sorted(int(n) for n in given.points):
-            found[points] = measure(Path(folder), points, given.jobs, given.batched)
+            found[points] = measure(made, points, given.jobs, given.batched)
             print(f"{points:,} points: {found[points]}", flush=True)
+            if given.json:
+                given.json.write_text(json.dumps(found, indent=1) + "\n")
+    found = dict(sorted(found.items()))
     print_table(found)
     if given.png:
         draw(found, given.png)

@@ -10,6 +10,7 @@ import pandas as pd
 from rich.console import RenderableType
 
 from squealstudy.engine.kind import KindScreen
+from squealstudy.engine.table_rows import ranked_modes
 from squealstudy.models.components.definition import NAME as OF_FILE
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.root_pairs import LIGHT_DAMPING
@@ -17,18 +18,21 @@ from squealstudy.screen import Rows, grid, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.mode_ranking import (
     UNTRACKED,
+    counted_points,
     frequency_text,
     group_kind,
+    query,
     rank_modes,
     selection,
     settings_of,
 )
-from squealstudy.tables.point_rows import point_codes
+from squealstudy.tables.point_rows import ROW, point_codes
 from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,
     CROSSING,
     FIRST_SEEN,
+    is_uncertain,
     uncertain_points,
 )
 from squealstudy.wording import failure_counts, in_digits, named_tracks, percent, plural
@@ -67,7 +71,7 @@ class ComplexModesScreen(KindScreen):
         and the onset.
         """
         table = rank_modes(
-            *results.ranked,
+            *results.ranked(where),
             results.along,
             by,
             top,
@@ -78,7 +82,13 @@ class ComplexModesScreen(KindScreen):
         if results.boundary is None:
             return table
         solved = rank_modes(
-            results.points, results.modes, results.along, "growth", None, where, results.onsets
+            results.points,
+            ranked_modes(results, where),
+            results.along,
+            "growth",
+            None,
+            where,
+            results.onsets,
         ).set_index("track")
         known = table["track"].isin(solved.index)
         for name in ("at", "threshold", "threshold_kind"):
@@ -103,7 +113,7 @@ class ComplexModesScreen(KindScreen):
 
     def findings(self, results: Results) -> list[RenderableType]:
         """The ranking, or that there is no mode at all."""
-        if len(results.modes):
+        if any(len(batch) for batch in results.batches("modes", ["mode"])):
             return self.ranking(results)
         low, high = results.manifest["band_hz"]
         return [f"No mode lies between {low:g} and {high:g} Hz at any design point."]
@@ -136,8 +146,7 @@ def _nothing(results: Results, where: str | None) -> str:
 
 def _counted_points(results: Results, where: str | None) -> int:
     """Number of design points, or nodes of a boundary map, that a ranking is over."""
-    points, modes = results.ranked
-    return int(selection(points, modes, point_codes(points, modes), where)[0].sum())
+    return int(counted_points(results.nodes[0], results.columns("modes"), where).sum())
 
 
 def _counted(results: Results, where: str | None) -> str:
@@ -148,9 +157,13 @@ def _counted(results: Results, where: str | None) -> str:
 
 def _doubt(results: Results, where: str | None) -> str:
     """Where stability is not certain, in words; empty where it is everywhere."""
-    code = point_codes(results.points, results.modes)
-    held, wanted = selection(results.points, results.modes, code, where)
-    uncertain = uncertain_points(results.modes, code, held[code] & wanted)
+    known = results.columns("modes")
+    asked = set().union(*(c.columns for c in query(where, results.points.columns, known)))
+    columns = [ROW, *(c for c in known if c in asked or c == "stability")]
+    modes = results.rows("modes", columns, is_uncertain)
+    code = point_codes(results.points, modes)
+    held, wanted = selection(results.points, modes, code, where)
+    uncertain = uncertain_points(modes, code, held[code] & wanted)
     if not uncertain:
         return ""
     return (
@@ -303,12 +316,15 @@ def _full_order_error(manifest: Mapping[str, Any]) -> str:
 def _unseen(results: Results) -> str:
     """That checked points are such where the method hardly errs, as nodes of an interpolation."""
     checked = [c["point_id"] for c in results.manifest.get("reference", []) if "roots" in c]
-    modes = results.modes
-    if not checked or "error_rung" not in modes:
+    if not checked or "error_rung" not in results.columns("modes"):
         return ""
-    light = modes["damping_ratio"].abs() < LIGHT_DAMPING
-    estimate = (modes["error_rung"] / (2 * np.pi * modes["frequency_hz"])).where(light)
-    there, anywhere = estimate[modes["point_id"].isin(checked)].max(), estimate.max()
+    there = anywhere = -np.inf
+    columns = ["point_id", "error_rung", "frequency_hz", "damping_ratio"]
+    for modes in results.batches("modes", columns):
+        light = modes["damping_ratio"].abs() < LIGHT_DAMPING
+        estimate = (modes["error_rung"] / (2 * np.pi * modes["frequency_hz"])).where(light)
+        anywhere = np.fmax(anywhere, estimate.max())
+        there = np.fmax(there, estimate[modes["point_id"].isin(checked)].max())
     if not (anywhere > EXACT and there < SEEN * anywhere):
         return ""
     return (
