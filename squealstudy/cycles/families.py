@@ -19,7 +19,8 @@ from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.growth import FAR, ZERO, family_curve, linear_motion
 from squealstudy.cycles.harmonics import with_harmonics
-from squealstudy.cycles.projection import ADDED, SIZE, WHOLE, Projection
+from squealstudy.cycles.oscillator import WHOLE
+from squealstudy.cycles.projection import ADDED, SIZE, Projection
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
@@ -33,7 +34,7 @@ SAFETY = 2.0  # error over the last change: series that converge like 1/H are bo
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
 SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice
 STEPS = Steps(first=0.3, largest=0.5, count=200)
-PROJECTED_STEPS = Steps(first=0.3, least=2e-3, largest=0.5, count=60)
+PROJECTED_STEPS = Steps(first=0.5, least=2e-3, largest=1.0, count=60)
 
 
 @dataclass(frozen=True)
@@ -282,6 +283,7 @@ def _cycle(
     """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
     tried = LADDER if search.harmonics is None else _pair(search.harmonics)
     before: tuple[PeriodicMotion, dict[str, float]] | None = None
+    rougher = motion
     level_error = frequency_error = basis_error = residual = np.inf
     for harmonics in tried:
         try:
@@ -292,6 +294,7 @@ def _cycle(
             break  # more harmonics are lost: what the last ones changed is the error
         levels = contact.levels(motion)
         if before is not None:
+            rougher = before[0]
             missing = projection.correction(motion)
             better = PeriodicMotion(motion.Q + missing.Q, motion.omega + missing.omega)
             basis_error = SAFETY * _change(contact.levels(better), levels)
@@ -303,7 +306,7 @@ def _cycle(
                 break
         before = motion, levels
     status = OK if level_error < search.tolerance else INACCURATE
-    found = projection.stability(motion, search.highest)
+    found = projection.stability(motion, search.highest, rougher)
     return Cycle(
         motion,
         found,
@@ -322,9 +325,13 @@ def _with(
 ) -> tuple[PeriodicMotion, float]:
     """The cycle near a motion with a number of harmonics, and its residual; ConvergenceError."""
     motion = replace(motion, Q=with_harmonics(motion.Q, harmonics))
-    if not projection.complete:  # near enough for Newton's method, on a basis that holds it
+    try:
+        motion, _, residual = projection.improve(motion, FINE, ADDED)
+    except ConvergenceError:  # nearer on the curve, on a basis that holds it
+        if projection.complete:
+            raise
         motion = replace(projection.improve(motion, TARGET, SIZE)[0], mu=0.0)
-    motion, _, residual = projection.improve(motion, FINE, ADDED)
+        motion, _, residual = projection.improve(motion, FINE, ADDED)
     return motion, residual
 
 
