@@ -295,12 +295,11 @@ def _cycle(
         levels = contact.levels(motion)
         if before is not None:
             rougher = before[0]
-            missing = projection.correction(motion)
-            better = PeriodicMotion(motion.Q + missing.Q, motion.omega + missing.omega)
+            better = projection.corrected(motion)
             basis_error = SAFETY * _change(contact.levels(better), levels)
             level_error = SAFETY * _change(before[1], levels) + basis_error
-            frequency_error = SAFETY * (
-                abs(motion.omega / before[0].omega - 1.0) + abs(missing.omega / motion.omega)
+            frequency_error = SAFETY * sum(
+                abs(motion.omega / other.omega - 1.0) for other in (before[0], better)
             )
             if level_error < search.tolerance:
                 break

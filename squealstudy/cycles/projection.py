@@ -125,6 +125,21 @@ class Projection:
         omega = float(-shift.real / (2.0 * motion.omega))
         return PeriodicMotion(-change, -omega, -float(shift.imag / motion.omega))
 
+    def corrected(self, cycle: PeriodicMotion) -> PeriodicMotion:
+        """The cycle of all coordinates near one of the basis, to first order.
+
+        The correction keeps its size and changes the damping that it needs; the size at which none
+        is needed is found in the basis.
+        """
+        if self.complete:
+            return cycle
+        change = self.correction(cycle)
+        try:
+            moved, _ = self.solve(replace(cycle, mu=-change.mu), ADDED)
+        except ConvergenceError:
+            moved = cycle
+        return PeriodicMotion(moved.Q + change.Q, moved.omega + change.omega)
+
     def error(self, motion: PeriodicMotion, correction: PeriodicMotion) -> float:
         """Norm of a correction over that of the motion, both in elastic energy."""
         found = la.norm(correction.Q * self.weight) / la.norm(motion.Q * self.weight)
