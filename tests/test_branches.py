@@ -8,6 +8,7 @@ import pytest
 
 import squealstudy.cycles.projection as projected
 from squealstudy.cycles.branch import BP, HOPF, NS, PD, TURN, branch
+from squealstudy.cycles.curve import WORST
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.growth import FAR, growth_curve
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
@@ -111,5 +112,5 @@ def test_a_branch_on_a_basis_that_grows(folding, monkeypatch):
         assert abs(one.motion.mu - other.motion.mu) < other.apart
     assert exact[-1].event == few[-1].event == HOPF
     assert few[-1].motion.mu == pytest.approx(exact[-1].motion.mu, abs=1e-5)
-    assert max(p.error for p in few) < 3e-2
-    assert all(p.residual < 1e-9 for p in few)
+    assert max(p.error for p in few) < WORST
+    assert all(p.residual < projected.PROJECTED for p in few)

@@ -142,6 +142,8 @@ def test_continuation_of_the_normal_form():
 class Dip:
     """u_1 = (u_0 - 1/2)^2 - depth: two zeros beside each other."""
 
+    tolerance = 1e-9
+
     def __init__(self, depth):
         self.depth = depth
 

@@ -30,7 +30,7 @@ from squealstudy.errors import ConvergenceError
 BASIS = "basis"  # the basis errs by too much, or is too large
 LOST = "not_converged"
 WORST, TARGET = 5e-2, 1e-2  # error of the basis on the curve; where it grows
-FINE = 2e-3  # and of cycles
+FINE = 1e-3  # and of cycles
 TRIES = 6  # enrichments for one step, before it is halved
 ROUGHLY = 2e-2  # of a step: where an event is, if it is corrected anyhow
 

@@ -30,6 +30,8 @@ VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NO_CYCLE)  # of a design the first of
 OK, INACCURATE = "ok", "inaccurate"
 CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of projected ones
 LADDER = (5, 7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
+PROJECTED_LADDER = LADDER[:3]  # on projected models, where more cost seconds each
+HOPELESS = 2.5  # times the tolerance: an error that half as many harmonics again do not mend
 SAFETY = 2.0  # error over the last change: series that converge like 1/H are bounded too
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
 SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice
@@ -72,7 +74,7 @@ class Cycle:
     level_error, frequency_error : float
         Estimates, relative: from fewer harmonics, and of the basis.
     basis_error : float
-        The basis's share of the level's error.
+        The basis's share of the level's error: by how much it was corrected in all coordinates.
     n_vectors : int
         Size of the basis.
     residual : float
@@ -281,9 +283,11 @@ def _cycle(
     contact: ContactOscillator, projection: Projection, motion: PeriodicMotion, search: Search
 ) -> Cycle:
     """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
-    tried = LADDER if search.harmonics is None else _pair(search.harmonics)
-    before: tuple[PeriodicMotion, dict[str, float]] | None = None
-    rougher = motion
+    tried = LADDER if projection.complete else PROJECTED_LADDER
+    if search.harmonics is not None:
+        tried = _pair(search.harmonics)
+    cycle = rougher = motion
+    levels = dict[str, float]()
     level_error = frequency_error = basis_error = residual = np.inf
     for harmonics in tried:
         try:
@@ -292,22 +296,22 @@ def _cycle(
             if not np.isfinite(level_error):
                 raise
             break  # more harmonics are lost: what the last ones changed is the error
-        levels = contact.levels(motion)
-        if before is not None:
-            rougher = before[0]
-            better = projection.corrected(motion)
-            basis_error = SAFETY * _change(contact.levels(better), levels)
-            level_error = SAFETY * _change(before[1], levels) + basis_error
-            frequency_error = SAFETY * sum(
-                abs(motion.omega / other.omega - 1.0) for other in (before[0], better)
-            )
+        rougher, before = cycle, levels
+        cycle = projection.corrected(motion)
+        levels = contact.levels(cycle)
+        if before:
+            basis_error = _change(contact.levels(motion), levels)
+            level_error = SAFETY * _change(before, levels) + basis_error
+            frequency_error = SAFETY * abs(cycle.omega / rougher.omega - 1.0)
+            frequency_error += abs(cycle.omega / motion.omega - 1.0)
             if level_error < search.tolerance:
                 break
-        before = motion, levels
+            if not projection.complete and level_error > HOPELESS * search.tolerance:
+                break
     status = OK if level_error < search.tolerance else INACCURATE
-    found = projection.stability(motion, search.highest, rougher)
+    found = projection.stability(cycle, search.highest, rougher)
     return Cycle(
-        motion,
+        cycle,
         found,
         levels,
         level_error,
