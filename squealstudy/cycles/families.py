@@ -283,7 +283,7 @@ def _cycle(
     contact: ContactOscillator, projection: Projection, motion: PeriodicMotion, search: Search
 ) -> Cycle:
     """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
-    tried = LADDER if projection.complete else PROJECTED_LADDER
+    tried: tuple[int, ...] = LADDER if projection.complete else PROJECTED_LADDER
     if search.harmonics is not None:
         tried = _pair(search.harmonics)
     cycle = rougher = motion

@@ -149,13 +149,13 @@ class Projection:
         """Basis (n, r) for small deviations from a motion: what its stability is judged on.
 
         Complex modes of the motion's mean tangents up to `DEVIATIONS` times `highest` [rad/s], and
-        the motion's own harmonics. Its first columns, whose number is returned too, are the same
+        the motion's own basis. Its first columns, whose number is returned too, are the same
         without modes above `highest`.
         """
         K, C = self._mean_tangents(motion)
         lam, psi = dense_roots(C, K, (0.0, DEVIATIONS * highest))
         low = np.abs(lam) <= highest
-        own = self._unit(motion.Q.T)
+        own = self._unit(np.hstack([self.basis, motion.Q.T]))
         few = self._directions(np.hstack([own, self._unit(psi[:, low])]))
         more = self._unit(psi[:, ~low])
         found = np.hstack([few, self._directions(more - few @ (few.T @ more))])
@@ -181,7 +181,7 @@ class Projection:
     def stability(
         self, motion: PeriodicMotion, highest: float, rougher: PeriodicMotion | None = None
     ) -> Floquet:
-        """Multipliers of a cycle, in the complex modes about it up to `highest` and its harmonics.
+        """Multipliers of a cycle, in the complex modes about it up to `highest` and its basis.
 
         `rougher` is the same cycle with fewer harmonics, for their errors.
         """
