@@ -110,6 +110,8 @@ def test_added_damping_is_twice_the_growth_where_motions_are_small():
 class NormalForm:
     """R' = mu r + r^3 - r^5 without r = 0: mu + r^2 - r^4 = 0, fold at mu = -1/4, r^2 = 1/2."""
 
+    tolerance = 1e-9
+
     def residual(self, u):
         return np.array([u[1] + u[0] ** 2 - u[0] ** 4])
 
@@ -139,6 +141,8 @@ def test_continuation_of_the_normal_form():
 
 class Dip:
     """u_1 = (u_0 - 1/2)^2 - depth: two zeros beside each other."""
+
+    tolerance = 1e-9
 
     def __init__(self, depth):
         self.depth = depth

@@ -9,7 +9,7 @@ import squealstudy.cycles.projection as projected
 from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.curve import FINE
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.floquet import floquet, monodromy, trapezoidal
+from squealstudy.cycles.floquet import floquet, floquet_on, monodromy, trapezoidal
 from squealstudy.cycles.growth import family_curve, linear_motion
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
@@ -73,9 +73,10 @@ def test_a_projected_cycle_is_that_of_all_coordinates(both):
     cycle, error, residual = few.improve(near, FINE, ADDED)
     assert few.size < N
     assert error < FINE
-    assert residual < 1e-9
+    assert residual < projected.PROJECTED
     assert distance(few, cycle, exact) < FINE
-    assert few.correction(cycle, True).omega == pytest.approx(exact.omega - cycle.omega, abs=1e-5)
+    assert few.corrected(cycle).omega == pytest.approx(exact.omega, abs=5e-6)
+    assert abs(cycle.omega - exact.omega) > 1e-5
 
 
 def test_the_error_of_a_basis_is_told(both):
@@ -103,13 +104,30 @@ def test_the_error_of_a_basis_is_told(both):
 def test_stability_in_the_modes_about_a_cycle(both):
     osc, exact, few, near = both
     cycle = few.improve(near, FINE, ADDED)[0]
-    V = few.deviations(cycle, 8.0)
+    V, count = few.deviations(cycle, 8.0)
     np.testing.assert_allclose(V.T @ V, np.eye(V.shape[1]), atol=1e-9)
+    assert count < V.shape[1] < N
     whole = floquet(osc, exact)
-    small = floquet(osc.on(V), PeriodicMotion(cycle.Q @ V, cycle.omega))
+    small = floquet_on(osc, V, count, cycle, cycle)
     assert small.stable
     assert whole.stable
     assert abs(small.multipliers[0]) == pytest.approx(abs(whole.multipliers[0]), abs=2e-2)
+    assert abs(small.multipliers[0]) != abs(whole.multipliers[0])
+
+
+def test_errors_of_multipliers_tell_what_a_basis_lacks(both):
+    """All modes, and fewer: the errors cover what the multipliers near the circle are off by."""
+    osc, exact, few, _ = both
+    whole = floquet(osc, exact)
+    V = np.linalg.qr(np.hstack([few.basis, np.eye(N)]))[0]
+    for count in (few.size, few.size + 4):
+        fewer = PeriodicMotion(with_harmonics(exact.Q, 3), exact.omega)
+        found = floquet_on(osc, V, count, exact, fewer)
+        near = np.abs(found.multipliers) > 0.97
+        sizes = np.sort(np.abs(found.multipliers[near]))
+        true = np.sort(np.abs(whole.multipliers))[-len(sizes) :]
+        assert np.abs(sizes - true).max() <= found.errors[near].max()
+        assert found.errors.max() < 0.1
 
 
 def test_the_trapezoidal_rule_converges_to_the_monodromy(both):

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from squealstudy.cycles.harmonics import Sampling, sampling
+from squealstudy.cycles.harmonics import Sampling
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 
 
@@ -37,7 +37,7 @@ class Balanced(NamedTuple):
 
 def imbalance(osc: Oscillator, Q: np.ndarray, omega: float, xi: float) -> np.ndarray:
     """R (2 H + 1, n): what is missing to q'' + (C + xi I) q' + K q = forces, by harmonics."""
-    rule = sampling((len(Q) - 1) // 2)
+    rule = osc.sampling((len(Q) - 1) // 2)
     local = sampled(osc, rule, Q, omega)
     C = osc.C + xi * np.eye(osc.n)
     return _linear(rule, C, osc.K, Q, omega) - _harmonics(osc, rule, local.f)
@@ -55,7 +55,7 @@ def sampled(osc: Oscillator, rule: Sampling, Q: np.ndarray, omega: float) -> Loc
 def balanced(osc: Oscillator, Q: np.ndarray, omega: float, xi: float) -> Balanced:
     """`imbalance` of a series Q (2 H + 1, n) at omega [rad/s], xi [1/s], with derivatives."""
     H = (len(Q) - 1) // 2
-    rule = sampling(H)
+    rule = osc.sampling(H)
     local = sampled(osc, rule, Q, omega)
     C = osc.C + xi * np.eye(osc.n)
     R = _linear(rule, C, osc.K, Q, omega) - _harmonics(osc, rule, local.f)

@@ -19,7 +19,7 @@ from squealstudy.cycles.curve import CurveMotion, Path, between
 from squealstudy.cycles.equations import BranchEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.oscillator import Oscillator
-from squealstudy.cycles.projection import ADDED, Projection
+from squealstudy.cycles.projection import ADDED, PROJECTED, Projection
 from squealstudy.errors import ConvergenceError
 
 HOPF, TURN, NS, PD, BP = "H", "F", "NS", "PD", "BP"
@@ -96,7 +96,7 @@ class Moving:
         def small(value: float) -> Oscillator:
             return self._oscillators(value).on(basis)
 
-        return BranchEquations(small, harmonics, self._omega, self._bounds)
+        return BranchEquations(small, harmonics, self._omega, self._bounds, PROJECTED)
 
     def lowered(self, motion: PeriodicMotion) -> PeriodicMotion:
         """A motion of all coordinates in those of the basis."""
@@ -125,6 +125,14 @@ class Moving:
     def remember(self, motion: PeriodicMotion) -> None:
         """A basis that begins anew will hold this motion."""
         self.fixed.remember(motion)
+
+    def compact(self, motion: PeriodicMotion) -> None:
+        """A large basis begins anew."""
+        self.fixed.compact(motion)
+
+    def join(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
+        """The main directions of a correction join the basis."""
+        self.fixed.join(motion, change)
 
     def stability(self, motion: PeriodicMotion, highest: float) -> Floquet:
         """Multipliers of a cycle."""

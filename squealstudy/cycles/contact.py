@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.harmonics import series_at
-from squealstudy.cycles.oscillator import LocalForces, Oscillator
+from squealstudy.cycles.harmonics import LEAST_SAMPLES, series_at
+from squealstudy.cycles.oscillator import WHOLE, LocalForces, Oscillator
 from squealstudy.errors import ModelError
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.cycle_forces import sampled_forces, sampled_rows
@@ -20,6 +20,7 @@ from squealstudy.kernels.laws import law_row
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
 LEVEL_SAMPLES = 512  # a period, of levels and shares
+FEWER_SAMPLES = 128  # of the forces of large models
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ class ContactOscillator:
             K=np.diag(system.omega2) + U.T @ (s[:, None] * U),
             B=np.stack([system.N, system.T1, system.T2], axis=1),
             forces=ContactForces(point.points(system), law_row(point.contact, point.friction)),
+            samples=LEAST_SAMPLES if system.n <= WHOLE else FEWER_SAMPLES,
         )
 
     def contact_velocity(self, motion: PeriodicMotion) -> float:

@@ -15,12 +15,12 @@ from scipy.optimize import brentq
 
 from squealstudy.errors import ConvergenceError
 
-TOLERANCE = 1e-9  # of the last Newton step and of the equations: unknowns are scaled to one
+TOLERANCE = 1e-9  # of the equations, and of the square of the last Newton step; scaled to one
 NEWTON = 20  # steps at most
 ASTRAY = 10.0  # a longer one leads nowhere: unknowns are scaled to one
 SHORTEST = 0.1  # share of a Newton step
 NEARER = 0.1  # by what share of a Newton step the equations shall be better after it
-FAST, SLOW = 3, 6  # Newton steps at which the arc-length grows, shrinks
+FAST, SLOW = 2, 5  # Newton steps at which the arc-length grows, shrinks
 TURN = 0.9  # cosine between tangents below which a step was too long
 FAR_OFF = 0.4  # of a step: a longer correction may have met another curve
 CORNER = 0.03  # arc-length of steps that may turn: friction that reverses bends curves sharply
@@ -30,7 +30,9 @@ LOOKS = 0.02  # arc-length down to which steps are halved where it falls further
 
 
 class Equations(Protocol):
-    """What a curve solves."""
+    """What a curve solves, and to what tolerance."""
+
+    tolerance: float
 
     def residual(self, u: np.ndarray) -> np.ndarray:
         """F (m,) at u (m + 1,)."""
@@ -107,13 +109,13 @@ def newton(
     ConvergenceError
         Not converged, or not finite.
     """
-    last = np.inf
+    last, tolerance = np.inf, equations.tolerance
     for step in range(NEWTON + 1):
         F, J = equations.jacobian(u)
         residual = float(np.abs(F).max())
         if not np.isfinite(residual) or not np.isfinite(J).all():
             raise ConvergenceError("not_finite", "the forces of a periodic motion are not finite")
-        if residual < TOLERANCE and last < TOLERANCE:
+        if residual < tolerance and last**2 < tolerance:
             return u, residual, step, J
         A = np.vstack([J, normal])
         change = solve(A, np.append(F, normal @ u - offset))
@@ -143,7 +145,7 @@ def _searched(
         there: np.ndarray = u - share * change
         left = float(np.linalg.norm(equations.residual(there)))
         if (
-            before < TOLERANCE
+            before < equations.tolerance
             or np.hypot(left, (1.0 - share) * plane) < (1.0 - NEARER * share) * before
         ):
             break
@@ -195,7 +197,7 @@ def follow(
     here = CurvePoint(u, tangent_of(J, along), residual)
     curve, h = Curve([here]), steps.first
     for _ in range(steps.count):
-        found = _step(equations, here, h, steps.least, tests, located, watched)
+        found = next_point(equations, here, h, steps.least, tests, located, watched)
         if found is None:
             curve.end = "not_converged"
             return curve
@@ -206,19 +208,24 @@ def follow(
             curve.end = reason
             return curve
         here = there
-        h = taken * (1.5 if iterations <= FAST else 0.6 if iterations >= SLOW else 1.0)
-        h = min(h, steps.largest)
+        h = grown(taken, iterations, steps)
     return curve
 
 
-def _step(
+def grown(taken: float, iterations: int, steps: Steps) -> float:
+    """Arc-length of the next step after one that took so many Newton steps."""
+    h = taken * (1.5 if iterations <= FAST else 0.6 if iterations >= SLOW else 1.0)
+    return min(h, steps.largest)
+
+
+def next_point(
     equations: Equations,
     here: CurvePoint,
     h: float,
     least: float,
     tests: Mapping[str, Test],
-    located: float,
-    watched: int | None,
+    located: float = LOCATED,
+    watched: int | None = None,
 ) -> tuple[CurvePoint, list[CurvePoint], float, int] | None:
     """The next point, events before it, arc-length and Newton steps; None where there is none.
 

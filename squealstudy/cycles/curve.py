@@ -1,7 +1,8 @@
 """A curve of periodic motions on a basis that grows with them.
 
 A small model is followed as it is. Of a projected one each point is corrected in all coordinates
-by blocks; where that correction is too large the curve ends, the basis grows, and it goes on.
+by blocks; where that correction is too large the basis grows by it and the step is made again: the
+motion before it is balanced in the larger basis after a Newton step or two.
 """
 
 from __future__ import annotations
@@ -12,16 +13,26 @@ from typing import Protocol
 
 import numpy as np
 
-from squealstudy.cycles.continuation import LOCATED, Curve, Steps, Test, follow
+from squealstudy.cycles.continuation import (
+    CurvePoint,
+    Steps,
+    Test,
+    follow,
+    grown,
+    newton,
+    next_point,
+    tangent_of,
+)
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
 from squealstudy.cycles.projection import SIZE
 from squealstudy.errors import ConvergenceError
 
-BASIS = "basis"  # the basis errs by too much: the curve goes on with a larger one
+BASIS = "basis"  # the basis errs by too much, or is too large
 LOST = "not_converged"
-WORST, TARGET, FINE = 3e-2, 3e-3, 3e-4  # error of the basis: on the curve, after it has grown
-SHARES = (1.0, 0.4, 0.15, 0.05)  # of a step at whose end the basis does not hold
-ROUGHLY = 1e-3  # of a step: where an event is, if it is corrected anyhow
+WORST, TARGET = 5e-2, 1e-2  # error of the basis on the curve; where it grows
+FINE = 1e-3  # and of cycles
+TRIES = 6  # enrichments for one step, before it is halved
+ROUGHLY = 2e-2  # of a step: where an event is, if it is corrected anyhow
 
 Ended = Callable[[np.ndarray, PeriodicMotion], str]  # of unknowns and the motion; why it ends there
 
@@ -66,6 +77,14 @@ class Basis(Protocol):
         ...
 
     def remember(self, motion: PeriodicMotion) -> None:
+        """As of `Projection`."""
+        ...
+
+    def compact(self, motion: PeriodicMotion) -> None:
+        """As of `Projection`."""
+        ...
+
+    def join(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
         """As of `Projection`."""
         ...
 
@@ -135,83 +154,102 @@ class Path:
         ConvergenceError
             Where there is no motion near the start.
         """
-        projection = self.projection
-        motion, error, residual = projection.improve(start, TARGET, held)
+        if self.projection.complete:
+            return self._plain(start, held)
+        motion, error, residual = self.projection.improve(start, TARGET, held)
         found = [CurveMotion(motion, residual, error)]
-        ahead: PeriodicMotion | None = None
-        while len(found) < self.steps.count:
-            curve, there = self._stretch(found, ahead)
-            if curve.end == BASIS and there is not None:
-                ahead = self._ahead(found[-1].motion, there)
-                if ahead is None:
-                    return found, BASIS
-            elif curve.end == LOST and not projection.complete:
-                before = projection.size
-                try:
-                    projection.improve(found[-1].motion, FINE, SIZE)
-                except ConvergenceError:
-                    return found, curve.end
-                if projection.size == before:
-                    return found, curve.end
-                ahead = None
-            else:
-                return found, curve.end
-        return found, "steps"
+        try:
+            end = self._growing(found)
+        except ConvergenceError as error_there:
+            end = error_there.status
+        return found, end
 
-    def _ahead(self, last: PeriodicMotion, there: PeriodicMotion) -> PeriodicMotion | None:
-        """A motion between two, as far as can be, on a basis that has grown to hold it."""
-        self.projection.remember(last)
-        for share in SHARES:
-            try:
-                return self.projection.improve(between(last, there, share), TARGET, SIZE)[0]
-            except ConvergenceError:
-                continue
-        return None
-
-    def _stretch(
-        self, found: list[CurveMotion], ahead: PeriodicMotion | None
-    ) -> tuple[Curve, PeriodicMotion | None]:
-        """The curve on from the last motion, as far as the basis holds, towards `ahead`.
-
-        And the motion at which the basis no longer holds, which does not join what is found.
-        """
-        projection = self.projection
-        equations = projection.equations(self.harmonics)
-        u = equations.pack(projection.lowered(found[-1].motion))
+    def _plain(self, start: PeriodicMotion, held: int) -> tuple[list[CurveMotion], str]:
+        equations = self.projection.equations(self.harmonics)
+        u = equations.pack(start)
         equations.accepted(u)
+        normal = np.zeros(len(u))
+        normal[held] = 1.0
+        u, *_ = newton(equations, u, normal, float(u[held]))
+        curve = follow(
+            equations,
+            u,
+            self._along(u),
+            self.steps,
+            self.tests,
+            lambda u: self.ended(u, equations.motion(u)),
+            watched=self.watched,
+        )
+        found = [
+            CurveMotion(equations.motion(p.u), p.residual, 0.0, "".join(p.events))
+            for p in curve.points
+        ]
+        return found, curve.end
+
+    def _along(self, u: np.ndarray) -> np.ndarray:
         along = np.zeros(len(u))
         along[self.first[0]] = self.first[1]
-        if ahead is None and len(found) > 1:  # as it came
-            before = equations.pack(projection.lowered(found[-2].motion))
-            along[-3:] = (u - before)[-3:]
-        elif ahead is not None:
-            along[-3:] = (equations.pack(projection.lowered(ahead)) - u)[-3:]
-        errors: list[float] = [found[-1].error]
+        return along
 
-        def ended(u: np.ndarray) -> str:
-            motion = projection.lifted(equations.motion(u))
+    def _growing(self, found: list[CurveMotion]) -> str:
+        """Why the curve on from the first motion ended; what is found on it is added."""
+        projection, steps = self.projection, self.steps
+        h, tries = steps.first, 0
+        equations, here = self._here(found)
+        while len(found) < steps.count:
+            step = next_point(
+                equations, here, h, steps.least, self.tests, ROUGHLY, watched=self.watched
+            )
+            if step is None:  # what the last motion has missing may be what its successor needs
+                if tries or not self._grown(found[-1].motion, True):
+                    return LOST
+                tries, h = tries + 1, steps.first
+                equations, here = self._here(found)
+                continue
+            there, events, taken, iterations = step
+            motion = projection.lifted(equations.motion(there.u))
             error = projection.error(motion, projection.correction(motion))
             if error > WORST:
-                return BASIS
-            errors.append(error)
-            return self.ended(u, motion)
+                tries += 1
+                h = taken if tries % TRIES else 0.5 * taken
+                if h < steps.least:
+                    return BASIS
+                self._grown(motion, True)
+                equations, here = self._here(found)
+                continue
+            tries, here = 0, there
+            equations.accepted(there.u)
+            for p in (*events, there):
+                own = projection.lifted(equations.motion(p.u))
+                found.append(CurveMotion(own, p.residual, error, "".join(p.events)))
+            projection.remember(motion)
+            if reason := self.ended(there.u, motion):
+                return reason
+            h = grown(taken, iterations, steps)
+            if error > TARGET:
+                self._grown(motion, False)
+                equations, here = self._here(found)
+        return "steps"
 
-        located = LOCATED if projection.complete else ROUGHLY
-        curve = follow(
-            equations, u, along, self.steps, self.tests, ended, located, watched=self.watched
-        )
-        points, there = curve.points[1:], None
-        if curve.end == BASIS:
-            there = projection.lifted(equations.motion(points[-1].u))
-            while points and (points[-1].events or points[-1] is curve.points[-1]):
-                points.pop()
-        plain = 0
-        for point in points:
-            plain += not point.events
-            error = errors[min(plain + bool(point.events), len(errors) - 1)]
-            motion = projection.lifted(equations.motion(point.u))
-            found.append(CurveMotion(motion, point.residual, error, "".join(point.events)))
-        return curve, there
+    def _grown(self, motion: PeriodicMotion, fresh: bool) -> bool:
+        """Whether what a motion has missing in the basis has joined it."""
+        self.projection.compact(motion)
+        before = self.projection.size
+        self.projection.join(motion, self.projection.correction(motion, fresh))
+        return self.projection.size > before
+
+    def _here(self, found: list[CurveMotion]) -> tuple[CycleEquations, CurvePoint]:
+        """The last motion of the curve, in the basis as it is."""
+        plain = [m.motion for m in found if not m.event][-2:]
+        equations = self.projection.equations(self.harmonics)
+        u = equations.pack(self.projection.lowered(plain[-1]))
+        equations.accepted(u)
+        along = self._along(u)
+        if len(plain) > 1:  # as it came
+            along = u - equations.pack(self.projection.lowered(plain[0]))
+            along /= np.linalg.norm(along)
+        u, residual, _, J = newton(equations, u, along, float(along @ u))
+        return equations, CurvePoint(u, tangent_of(J, along), residual)
 
 
 def between(one: PeriodicMotion, other: PeriodicMotion, share: float) -> PeriodicMotion:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.cycles.balance import balanced, imbalance
+from squealstudy.cycles.continuation import TOLERANCE
 from squealstudy.cycles.harmonics import derivative, with_harmonics
 from squealstudy.cycles.oscillator import Oscillator
 
@@ -63,10 +64,14 @@ class CycleEquations:
     harmonics : int
     omega : float
         omega_0 [rad/s], of the mode that the curve begins with.
+    tolerance : float
+        Of the scaled equations.
     """
 
-    def __init__(self, osc: Oscillator, harmonics: int, omega: float) -> None:
-        self.harmonics, self.omega0 = harmonics, omega
+    def __init__(
+        self, osc: Oscillator, harmonics: int, omega: float, tolerance: float = TOLERANCE
+    ) -> None:
+        self.harmonics, self.omega0, self.tolerance = harmonics, omega, tolerance
         self.scale = np.sqrt(np.abs(np.diag(osc.K)) + omega**2)
         self._osc = osc
         self._phase = np.zeros((2 * harmonics + 1) * osc.n)
@@ -171,10 +176,11 @@ class BranchEquations(CycleEquations):
         harmonics: int,
         omega: float,
         bounds: tuple[float, float],
+        tolerance: float = TOLERANCE,
     ) -> None:
         self._oscillators, self._bounds = oscillators, bounds
         self._known: dict[float, Oscillator] = {}
-        super().__init__(oscillators(bounds[0]), harmonics, omega)
+        super().__init__(oscillators(bounds[0]), harmonics, omega, tolerance)
 
     def oscillator(self, u: np.ndarray) -> Oscillator:
         """The equation of motion at the parameter's value."""

@@ -19,7 +19,8 @@ from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.growth import FAR, ZERO, family_curve, linear_motion
 from squealstudy.cycles.harmonics import with_harmonics
-from squealstudy.cycles.projection import ADDED, SIZE, WHOLE, Projection
+from squealstudy.cycles.oscillator import WHOLE
+from squealstudy.cycles.projection import ADDED, SIZE, Projection
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
@@ -29,11 +30,13 @@ VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NO_CYCLE)  # of a design the first of
 OK, INACCURATE = "ok", "inaccurate"
 CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of projected ones
 LADDER = (5, 7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
+PROJECTED_LADDER = LADDER[:3]  # on projected models, where more cost seconds each
+HOPELESS = 2.5  # times the tolerance: an error that half as many harmonics again do not mend
 SAFETY = 2.0  # error over the last change: series that converge like 1/H are bounded too
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
 SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice
 STEPS = Steps(first=0.3, largest=0.5, count=200)
-PROJECTED_STEPS = Steps(first=0.3, least=2e-3, largest=0.5, count=60)
+PROJECTED_STEPS = Steps(first=0.5, least=2e-3, largest=1.0, count=60)
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ class Cycle:
     level_error, frequency_error : float
         Estimates, relative: from fewer harmonics, and of the basis.
     basis_error : float
-        The basis's share of the level's error.
+        The basis's share of the level's error: by how much it was corrected in all coordinates.
     n_vectors : int
         Size of the basis.
     residual : float
@@ -280,8 +283,11 @@ def _cycle(
     contact: ContactOscillator, projection: Projection, motion: PeriodicMotion, search: Search
 ) -> Cycle:
     """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
-    tried = LADDER if search.harmonics is None else _pair(search.harmonics)
-    before: tuple[PeriodicMotion, dict[str, float]] | None = None
+    tried: tuple[int, ...] = LADDER if projection.complete else PROJECTED_LADDER
+    if search.harmonics is not None:
+        tried = _pair(search.harmonics)
+    cycle = rougher = motion
+    levels = dict[str, float]()
     level_error = frequency_error = basis_error = residual = np.inf
     for harmonics in tried:
         try:
@@ -290,22 +296,22 @@ def _cycle(
             if not np.isfinite(level_error):
                 raise
             break  # more harmonics are lost: what the last ones changed is the error
-        levels = contact.levels(motion)
-        if before is not None:
-            missing = projection.correction(motion)
-            better = PeriodicMotion(motion.Q + missing.Q, motion.omega + missing.omega)
-            basis_error = SAFETY * _change(contact.levels(better), levels)
-            level_error = SAFETY * _change(before[1], levels) + basis_error
-            frequency_error = SAFETY * (
-                abs(motion.omega / before[0].omega - 1.0) + abs(missing.omega / motion.omega)
-            )
+        rougher, before = cycle, levels
+        cycle = projection.corrected(motion)
+        levels = contact.levels(cycle)
+        if before:
+            basis_error = _change(contact.levels(motion), levels)
+            level_error = SAFETY * _change(before, levels) + basis_error
+            frequency_error = SAFETY * abs(cycle.omega / rougher.omega - 1.0)
+            frequency_error += abs(cycle.omega / motion.omega - 1.0)
             if level_error < search.tolerance:
                 break
-        before = motion, levels
+            if not projection.complete and level_error > HOPELESS * search.tolerance:
+                break
     status = OK if level_error < search.tolerance else INACCURATE
-    found = projection.stability(motion, search.highest)
+    found = projection.stability(cycle, search.highest, rougher)
     return Cycle(
-        motion,
+        cycle,
         found,
         levels,
         level_error,
@@ -322,9 +328,13 @@ def _with(
 ) -> tuple[PeriodicMotion, float]:
     """The cycle near a motion with a number of harmonics, and its residual; ConvergenceError."""
     motion = replace(motion, Q=with_harmonics(motion.Q, harmonics))
-    if not projection.complete:  # near enough for Newton's method, on a basis that holds it
+    try:
+        motion, _, residual = projection.improve(motion, FINE, ADDED)
+    except ConvergenceError:  # nearer on the curve, on a basis that holds it
+        if projection.complete:
+            raise
         motion = replace(projection.improve(motion, TARGET, SIZE)[0], mu=0.0)
-    motion, _, residual = projection.improve(motion, FINE, ADDED)
+        motion, _, residual = projection.improve(motion, FINE, ADDED)
     return motion, residual
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
+from scipy.optimize import linear_sum_assignment
 
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import series_at
@@ -41,58 +42,109 @@ class Floquet:
         Largest first, the trivial one left to the end.
     vectors : ndarray (2 n, 2 n) complex
         Deviations (q, q') at theta = 0 that they belong to, unit norms.
-    trivial : complex
-        The one along the motion, which is 1 but for the error.
-    error : float
-        Of the multipliers at or beyond half of the unit circle: difference to half as many steps,
-        of the trivial one to 1, and of a projection to a smaller one, whichever is most.
+    errors : ndarray (2 n,)
+        Of their sizes: difference to half as many steps, and of a projection to a smaller one with
+        fewer harmonics; in a whole basis one for all, not less than that of the trivial one.
     period : float
         s.
     """
 
     multipliers: np.ndarray
     vectors: np.ndarray
-    trivial: complex
-    error: float
+    errors: np.ndarray
     period: float
 
     @property
+    def trivial(self) -> complex:
+        """The multiplier along the motion, which is 1 but for the error."""
+        return complex(self.multipliers[-1])
+
+    @property
+    def deciding(self) -> int:
+        """Place of the multiplier by which the cycle is unstable for certain, or most nearly so."""
+        sizes = np.abs(self.multipliers[:-1])
+        beyond = sizes - 1.0 - self.errors[:-1]
+        if not len(beyond) or beyond.max() > 0:
+            return int(np.argmax(beyond)) if len(beyond) else -1
+        return int(np.argmax(sizes + self.errors[:-1]))
+
+    @property
+    def error(self) -> float:
+        """Of the multiplier that decides."""
+        return float(self.errors[self.deciding])
+
+    @property
     def n_unstable(self) -> int:
-        """Multipliers that are beyond the unit circle by more than the error."""
-        return int((np.abs(self.multipliers[:-1]) > 1.0 + self.error).sum())
+        """Multipliers that are beyond the unit circle by more than their error."""
+        return int((np.abs(self.multipliers[:-1]) > 1.0 + self.errors[:-1]).sum())
 
     @property
     def stable(self) -> bool | None:
         """Whether the cycle attracts; None where the error does not let that be said."""
         if self.n_unstable:
             return False
-        return True if (np.abs(self.multipliers[:-1]) < 1.0 - self.error).all() else None
+        within = np.abs(self.multipliers[:-1]) < 1.0 - self.errors[:-1]
+        return True if within.all() else None
 
     @property
     def growth_rate(self) -> float:
-        """Of the deviation that grows fastest, or decays slowest, 1/s."""
-        largest = float(np.abs(self.multipliers[0])) if len(self.multipliers) > 1 else 0.0
-        return float(np.log(max(largest, 1e-300)) / self.period)
+        """Of the deviation that decides, 1/s."""
+        size = float(np.abs(self.multipliers[self.deciding])) if len(self.multipliers) > 1 else 0.0
+        return float(np.log(max(size, 1e-300)) / self.period)
 
     @property
     def instability(self) -> str:
-        """How the cycle is unstable, by its largest multiplier; empty where it is not."""
+        """How the cycle is unstable, by the multiplier that decides; empty where it is not."""
         if not self.n_unstable:
             return ""
-        largest = complex(self.multipliers[0])
-        if abs(largest.imag) > self.error:
+        beyond = complex(self.multipliers[self.deciding])
+        if abs(beyond.imag) > self.error:
             return TORUS
-        return FOLD if largest.real > 0 else FLIP
+        return FOLD if beyond.real > 0 else FLIP
 
 
 def floquet(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
     """Multipliers of a cycle of an oscillator."""
-    large = osc.n > LARGE
-    whole = trapezoidal if large else monodromy
-    steps = TRAPEZOIDAL_STEPS if large else max(STEPS, STEPS_A_HARMONIC * cycle.harmonics)
+    if osc.n > LARGE:
+        return floquet_on(osc, np.eye(osc.n), osc.n, cycle, cycle)
+    steps = max(STEPS, STEPS_A_HARMONIC * cycle.harmonics)
     steps += steps % 2
-    coarse = np.linalg.eigvals(whole(osc, cycle, steps // 2))
-    found, vectors = la.eig(whole(osc, cycle, steps))
+    coarse = np.linalg.eigvals(monodromy(osc, cycle, steps // 2))
+    found = _found(osc, cycle, monodromy(osc, cycle, steps))
+    error = max(abs(found.trivial - 1.0), _difference(found.multipliers, coarse))
+    return replace(found, errors=np.full(len(found.multipliers), error))
+
+
+def floquet_on(
+    osc: Oscillator, V: np.ndarray, few: int, cycle: PeriodicMotion, rougher: PeriodicMotion
+) -> Floquet:
+    """Multipliers of a cycle in orthonormal columns V (n, r), by the trapezoidal rule.
+
+    Parameters
+    ----------
+    osc : Oscillator
+    V : ndarray (n, r)
+    few : int
+        The first columns, of which a smaller basis consists.
+    cycle : PeriodicMotion
+    rougher : PeriodicMotion
+        The same with fewer harmonics.
+
+    Errors are what half as many steps for the rougher cycle in the smaller basis change of sizes.
+    """
+    small = osc.on(V)
+    own, rough = (replace(c, Q=c.Q @ V) for c in (cycle, rougher))
+    found = _found(small, own, trapezoidal(small, own, TRAPEZOIDAL_STEPS))
+    rough = replace(rough, Q=rough.Q[:, :few])
+    coarse = np.linalg.eigvals(trapezoidal(osc.on(V[:, :few]), rough, TRAPEZOIDAL_STEPS // 2))
+    sizes = np.abs(found.vectors[: small.n]) ** 2
+    inside = sizes[:few].sum(axis=0) > 0.5 * sizes.sum(axis=0)
+    return replace(found, errors=_changes(found, coarse, inside))
+
+
+def _found(osc: Oscillator, cycle: PeriodicMotion, whole: np.ndarray) -> Floquet:
+    """Multipliers of a monodromy matrix, in order, without an error."""
+    found, vectors = la.eig(whole)
     q, v = cycle.Q, cycle.omega
     synthesis, slope = series_at(np.zeros(1), cycle.harmonics)
     velocity = v * (slope @ q)[0]
@@ -101,23 +153,11 @@ def floquet(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
     flow = np.concatenate([cycle.omega * velocity, acceleration])
     along = np.abs(flow @ vectors.conj()) * (np.abs(found - 1.0) < 0.5)
     own = int(np.argmax(along)) if along.any() else int(np.argmin(np.abs(found - 1.0)))
-    trivial = complex(found[own])
     order = [k for k in np.argsort(-np.abs(found), kind="stable") if k != own] + [own]
     found, vectors = found[order], vectors[:, order]
     vectors[: osc.n] /= cycle.omega
-    compared = _radii if large else _difference
-    error = max(abs(trivial - 1.0), compared(found, coarse))
-    return Floquet(
-        found, vectors / la.norm(vectors, axis=0), trivial, error, 2 * np.pi / cycle.omega
-    )
-
-
-def floquet_on(
-    osc: Oscillator, small: np.ndarray, large: np.ndarray, cycle: PeriodicMotion
-) -> Floquet:
-    """Multipliers on the larger of two bases (n, r); what the smaller changes is their error."""
-    few, many = (floquet(osc.on(V), replace(cycle, Q=cycle.Q @ V)) for V in (small, large))
-    return replace(many, error=max(many.error, _radii(many.multipliers, few.multipliers)))
+    vectors /= la.norm(vectors, axis=0)
+    return Floquet(found, vectors, np.zeros(len(found)), 2 * np.pi / cycle.omega)
 
 
 def _difference(fine: np.ndarray, coarse: np.ndarray) -> float:
@@ -128,21 +168,27 @@ def _difference(fine: np.ndarray, coarse: np.ndarray) -> float:
     return float(np.abs(seen[:, None] - coarse).min(axis=1).max())
 
 
-def _radii(fine: np.ndarray, coarse: np.ndarray) -> float:
-    """Largest difference in size of multipliers near the unit circle, in order of size.
+def _changes(found: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """What the coarse multipliers change of the sizes of the fine ones (2 n,).
 
-    The last of `fine` is the trivial one, which is left out, as is the nearest to 1 of `coarse`.
-    There may be fewer of `coarse`: what it lacks is not compared.
+    Those near the unit circle whose deviations lie `inside` the smaller basis, and the trivial one,
+    are paired with the coarse ones; others have the largest change of these. One that would leave
+    through 1 is as uncertain as the one that must be 1.
     """
-    coarse = np.delete(coarse, int(np.argmin(np.abs(coarse - 1.0))))
-    sizes = np.sort(np.abs(fine[:-1]))[::-1], np.sort(np.abs(coarse))[::-1]
-    kept = min(int((sizes[0] > NEAR).sum()), len(coarse))
-    sizes = sizes[0][:kept], sizes[1][:kept]
-    return float(np.abs(sizes[0] - sizes[1]).max(initial=0.0))
+    fine = found.multipliers
+    mine = np.flatnonzero((np.abs(fine) > NEAR) & inside)
+    mine = np.union1d(mine, [len(fine) - 1])
+    rows, pairs = linear_sum_assignment(np.abs(fine[mine, None] - coarse))
+    changes = np.abs(np.abs(fine[mine[rows]]) - np.abs(coarse[pairs]))
+    errors = np.full(len(fine), changes.max())
+    errors[mine[rows]] = changes
+    slow = (np.abs(fine.imag) <= errors) & (fine.real > 0)
+    errors[slow] = np.maximum(errors[slow], abs(found.trivial - 1.0))
+    return errors
 
 
 def trapezoidal(osc: Oscillator, cycle: PeriodicMotion, steps: int) -> np.ndarray:
-    """The same as `monodromy` by the trapezoidal rule, which costs a few solves of n a step.
+    """The same as `monodromy` by the trapezoidal rule, which costs a solve of n a step.
 
     It turns fast deviations too slowly, but neither feeds nor damps them: sizes of multipliers are
     kept.
@@ -150,14 +196,14 @@ def trapezoidal(osc: Oscillator, cycle: PeriodicMotion, steps: int) -> np.ndarra
     n, h = osc.n, 2 * np.pi / steps
     one, q, p = np.eye(n), np.eye(n, 2 * n), np.eye(n, 2 * n, n)
     C, K = _stiffness(osc, cycle, np.zeros(1))
+    pull = -(C[0] @ p + K[0] @ q)
     for first in range(0, steps, BLOCK):
         theta = h * np.arange(first + 1, min(first + BLOCK, steps) + 1)
         for C1, K1 in zip(*_stiffness(osc, cycle, theta), strict=True):
             middle = q + 0.5 * h * p
-            pull = p - 0.5 * h * (C[0] @ p + K[0] @ q + K1 @ middle)
-            p1 = la.solve(one + 0.5 * h * C1 + 0.25 * h**2 * K1, pull, check_finite=False)
-            q, p = middle + 0.5 * h * p1, p1
-            C, K = C1[None], K1[None]
+            known = p + 0.5 * h * (pull - K1 @ middle)
+            p1 = la.solve(one + 0.5 * h * C1 + 0.25 * h**2 * K1, known, check_finite=False)
+            q, pull, p = middle + 0.5 * h * p1, 2.0 / h * (p1 - p) - pull, p1
     return np.vstack([q, p])
 
 

@@ -39,9 +39,9 @@ class Sampling:
 
 
 @lru_cache(maxsize=32)
-def sampling(harmonics: int) -> Sampling:
-    """A power of two of samples, at least eight a period of the highest harmonic."""
-    count = LEAST_SAMPLES
+def sampling(harmonics: int, least: int = LEAST_SAMPLES) -> Sampling:
+    """A power of two of samples times `least`, at least eight a period of the highest harmonic."""
+    count = least
     while count < SAMPLES_A_HARMONIC * harmonics:
         count *= 2
     theta = 2 * np.pi * np.arange(count) / count

@@ -14,7 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from squealstudy.cycles.harmonics import LEAST_SAMPLES, Sampling, sampling
 from squealstudy.errors import ModelError
+
+WHOLE = 60  # coordinates up to which models are balanced as they are
 
 
 class LocalForces(NamedTuple):
@@ -47,6 +50,8 @@ class Oscillator:
         Coordinates of the groups.
     forces : callable
         All that is not linear, `LocalForces` of (S, g, b) displacements and velocities.
+    samples : int
+        Least number of samples of a period.
 
     Raises
     ------
@@ -58,6 +63,7 @@ class Oscillator:
     K: np.ndarray
     B: np.ndarray
     forces: Forces
+    samples: int = LEAST_SAMPLES
 
     def __post_init__(self) -> None:
         n = self.B.shape[-1]
@@ -65,6 +71,10 @@ class Oscillator:
             raise ModelError("oscillator: C, K and B have shapes that contradict each other")
         if not all(np.isfinite(A).all() for A in (self.C, self.K, self.B)):
             raise ModelError("oscillator: values that are not finite")
+
+    def sampling(self, harmonics: int) -> Sampling:
+        """Samples of a period for series of so many harmonics."""
+        return sampling(harmonics, self.samples)
 
     @property
     def n(self) -> int:
@@ -89,7 +99,7 @@ class Oscillator:
     def on(self, basis: np.ndarray) -> Oscillator:
         """The same on orthonormal columns (n, r): what moves in their span, balanced there."""
         K, C = (basis.T @ A @ basis for A in (self.K, self.C))
-        return Oscillator(C, K, self.B @ basis, self.forces)
+        return Oscillator(C, K, self.B @ basis, self.forces, self.samples)
 
     def projected(self, D: np.ndarray) -> np.ndarray:
         """B^T D B (.., n, n) of local derivatives D (.., g, b, b)."""

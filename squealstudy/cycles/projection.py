@@ -14,24 +14,24 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.cycles.balance import imbalance, sampled
-from squealstudy.cycles.continuation import newton
+from squealstudy.cycles.continuation import TOLERANCE, newton
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet, floquet, floquet_on
-from squealstudy.cycles.harmonics import sampling
-from squealstudy.cycles.oscillator import Oscillator
+from squealstudy.cycles.oscillator import WHOLE, Oscillator
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
-WHOLE = 60  # coordinates up to which models are balanced as they are
 MOST = 160  # vectors
-COMPACT = 64  # vectors above which a basis begins anew, with the last motions
-REMEMBERED = 3  # motions
+COMPACT = 80  # vectors above which a basis begins anew, with the last motions
+FEW = 30  # and where one motion is corrected: its own harmonics and what they lack are enough
+REMEMBERED = 4  # motions
+DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability is judged
 ALIKE = 1e-2  # of the largest direction of modes of unit energy: what is less is there already
 RANK = 1e-6  # of the largest direction of these motions
 PASSES = 12  # enrichments at one motion
 BY_BLOCKS = 3  # of them at most after Newton's method has failed
-LEAST = 0.03  # of the largest direction of a correction: what is less does not join
-DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability is judged
+LEAST = 0.1  # of the largest direction of a correction: what is less does not join
+PROJECTED = 1e-6  # of the equations in a basis, which errs by more
 SIZE, ADDED = -2, -1  # what is held while a motion is corrected: places among the unknowns
 
 
@@ -85,7 +85,8 @@ class Projection:
 
     def equations(self, harmonics: int) -> CycleEquations:
         """Equations of motions in the basis."""
-        return CycleEquations(self.small, harmonics, self.omega)
+        tolerance = TOLERANCE if self.complete else PROJECTED
+        return CycleEquations(self.small, harmonics, self.omega, tolerance)
 
     def lowered(self, motion: PeriodicMotion) -> PeriodicMotion:
         """A motion of all coordinates in those of the basis."""
@@ -124,44 +125,75 @@ class Projection:
         omega = float(-shift.real / (2.0 * motion.omega))
         return PeriodicMotion(-change, -omega, -float(shift.imag / motion.omega))
 
+    def corrected(self, cycle: PeriodicMotion) -> PeriodicMotion:
+        """The cycle of all coordinates near one of the basis, to first order.
+
+        The correction keeps its size and changes the damping that it needs; the size at which none
+        is needed is found in the basis.
+        """
+        if self.complete:
+            return cycle
+        change = self.correction(cycle)
+        try:
+            moved, _ = self.solve(replace(cycle, mu=-change.mu), ADDED)
+        except ConvergenceError:
+            moved = cycle
+        return PeriodicMotion(moved.Q + change.Q, moved.omega + change.omega)
+
     def error(self, motion: PeriodicMotion, correction: PeriodicMotion) -> float:
         """Norm of a correction over that of the motion, both in elastic energy."""
         found = la.norm(correction.Q * self.weight) / la.norm(motion.Q * self.weight)
         return float(found)
 
-    def deviations(self, motion: PeriodicMotion, highest: float) -> np.ndarray:
+    def deviations(self, motion: PeriodicMotion, highest: float) -> tuple[np.ndarray, int]:
         """Basis (n, r) for small deviations from a motion: what its stability is judged on.
 
-        Complex modes of the motion's mean tangents up to `highest` [rad/s], and the motion's own
-        basis.
+        Complex modes of the motion's mean tangents up to `DEVIATIONS` times `highest` [rad/s], and
+        the motion's own basis. Its first columns, whose number is returned too, are the same
+        without modes above `highest`.
+        """
+        K, C = self._mean_tangents(motion)
+        lam, psi = dense_roots(C, K, (0.0, DEVIATIONS * highest))
+        low = np.abs(lam) <= highest
+        own = self._unit(np.hstack([self.basis, motion.Q.T]))
+        few = self._directions(np.hstack([own, self._unit(psi[:, low])]))
+        more = self._unit(psi[:, ~low])
+        found = np.hstack([few, self._directions(more - few @ (few.T @ more))])
+        Q, _ = la.qr(found / self.weight[:, None], mode="economic")
+        return np.asarray(Q), few.shape[1]
+
+    def _unit(self, vectors: np.ndarray) -> np.ndarray:
+        """Real and imaginary parts, weighted, of unit elastic energy; none where there is none."""
+        parts = np.hstack([vectors.real, vectors.imag]) * self.weight[:, None]
+        sizes = la.norm(parts, axis=0)
+        kept = sizes > 0.0  # real roots have no imaginary part
+        found: np.ndarray = parts[:, kept] / sizes[kept]
+        return found
+
+    @staticmethod
+    def _directions(vectors: np.ndarray) -> np.ndarray:
+        """Main directions of weighted vectors."""
+        if not vectors.shape[1]:
+            return vectors
+        found, values, _ = la.svd(vectors, full_matrices=False)
+        return np.asarray(found[:, values > ALIKE * max(values[0], 1.0)])
+
+    def stability(
+        self, motion: PeriodicMotion, highest: float, rougher: PeriodicMotion | None = None
+    ) -> Floquet:
+        """Multipliers of a cycle, in the complex modes about it up to `highest` and its basis.
+
+        `rougher` is the same cycle with fewer harmonics, for their errors.
         """
         if self.complete:
-            return self.basis
-        K, C = self._mean_tangents(motion)
-        _, psi = dense_roots(C, K, (0.0, highest))
-        own = self.basis / la.norm(self.basis * self.weight[:, None], axis=0)
-        modes = np.hstack([psi.real, psi.imag])
-        modes = modes[:, la.norm(modes, axis=0) > 0.0]  # real roots have no imaginary part
-        modes /= la.norm(modes * self.weight[:, None], axis=0)
-        vectors, values, _ = la.svd(
-            np.hstack([modes, own]) * self.weight[:, None], full_matrices=False
-        )
-        found, _ = la.qr(
-            vectors[:, values > ALIKE * values[0]] / self.weight[:, None], mode="economic"
-        )
-        return np.asarray(found)
-
-    def stability(self, motion: PeriodicMotion, highest: float) -> Floquet:
-        """Multipliers of a cycle, in the complex modes about it up to `highest` and its basis."""
-        if self.complete:
             return floquet(self.whole, motion)
-        few, many = (self.deviations(motion, m * highest) for m in (1.0, DEVIATIONS))
-        return floquet_on(self.whole, few, many, motion)
+        V, few = self.deviations(motion, highest)
+        return floquet_on(self.whole, V, few, motion, rougher or motion)
 
     def _mean_tangents(self, motion: PeriodicMotion) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness and damping (n, n), means over the period, added damping among them."""
         osc = self.whole
-        local = sampled(osc, sampling(motion.harmonics), motion.Q, motion.omega)
+        local = sampled(osc, osc.sampling(motion.harmonics), motion.Q, motion.omega)
         K = osc.K - osc.projected(local.by_y.mean(axis=0))
         C = osc.C - osc.projected(local.by_w.mean(axis=0)) + motion.mu * np.eye(osc.n)
         return K, C
@@ -197,9 +229,8 @@ class Projection:
             Where there is no motion, or the basis would be too large.
         """
         if not self.complete:
-            if self.size > COMPACT:
-                self._begin_anew(motion)
-            self._join(motion, self.correction(motion, True))  # what more harmonics need, too
+            self.compact(motion, FEW)
+            self.join(motion, self.correction(motion, True))  # what more harmonics need, too
         fresh, last = False, np.inf
         for number in range(PASSES):
             try:
@@ -216,13 +247,13 @@ class Projection:
                 return motion, error, residual
             fresh = error > 0.5 * last
             last = error
-            self._join(motion, change)
+            self.join(motion, change)
         raise ConvergenceError("basis", f"the basis errs by {last:.1e} with {self.size} vectors")
 
     def _nearer(self, motion: PeriodicMotion, held: int) -> PeriodicMotion:
         """A motion after a step of iteration by blocks in all coordinates; the basis holds it."""
         change = self.correction(motion, True)
-        self._join(motion, change)
+        self.join(motion, change)
         mu = motion.mu + (change.mu if held == SIZE else 0.0)
         return PeriodicMotion(motion.Q + change.Q, motion.omega + change.omega, mu)
 
@@ -240,19 +271,30 @@ class Projection:
         u, residual, _, _ = newton(equations, u, normal, float(u[held]))
         return self.lifted(equations.motion(u)), residual
 
-    def _join(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
+    def join(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
+        """The main directions of a correction join the basis.
+
+        Raises
+        ------
+        ConvergenceError
+            Where the basis would be too large.
+        """
         X = (change.Q * self.weight).T
-        known = self.weight[:, None] * self.basis
-        X = X - known @ la.lstsq(known, X)[0]
+        known, _ = la.qr(self.weight[:, None] * self.basis, mode="economic")
+        X = X - known @ (known.T @ X)
         vectors, values, _ = la.svd(X, full_matrices=False)
         new = vectors[:, values > LEAST * values[0]] / self.weight[:, None]
         if self.size + new.shape[1] > MOST:
             raise ConvergenceError("basis", f"more than {MOST} vectors would be needed")
         self._span(np.hstack([self.basis, new]))
 
-    def _begin_anew(self, motion: PeriodicMotion) -> None:
-        """The basis of the last motions alone."""
-        rows = [m.Q / la.norm(m.Q * self.weight) for m in (*self._recent, motion)]
+    def compact(self, motion: PeriodicMotion, most: int = COMPACT) -> None:
+        """A basis of more than `most` vectors begins anew, with the last motions alone."""
+        if self.size > most:
+            self._begin_anew(*(self._recent if most == COMPACT else self._recent[-1:]), motion)
+
+    def _begin_anew(self, *motions: PeriodicMotion) -> None:
+        rows = [m.Q / la.norm(m.Q * self.weight) for m in motions]
         vectors, values, _ = la.svd((np.vstack(rows) * self.weight).T, full_matrices=False)
         self._span(vectors[:, values > RANK * values[0]] / self.weight[:, None])
 

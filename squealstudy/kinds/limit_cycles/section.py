@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict
 
+from squealstudy.kinds.transient.section import TRANSIENT_BASIS
 from squealstudy.study.section import Section
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import shown
@@ -81,7 +83,9 @@ class LimitCyclesSection(Section):
 
 
 class LimitCyclesDefinition(StudyDefinition):
-    """A whole file of a study of limit cycles."""
+    """A whole file of a study of limit cycles, on the basis of studies in time."""
+
+    other_defaults: ClassVar[Mapping[str, Mapping[str, Any]]] = {"reduction": TRANSIENT_BASIS}
 
     limit_cycles: LimitCyclesSection = Field(
         default=LimitCyclesSection(),

@@ -1,0 +1,102 @@
+"""Verdicts and levels of limit cycles against the truth set, which is of runs in time alone.
+
+Run:  python studies/benchmarks/cycle_verdicts.py [--designs 3 5 20] [--modes 2]
+
+Of each design of `cycle_truth.csv` the modes of the band that grow fastest or decay slowest between
+2.9 and 5.3 kHz, where this brake squeals, are followed as by a study of limit cycles. A design has
+the verdict of these families alone. A line a family is printed as it is found.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import one_thread  # noqa: F401
+
+# isort: split
+
+import numpy as np
+import pandas as pd
+from cycle_truth import BRAKE, RANGES, swept
+
+from squealstudy.cycles.contact import ContactOscillator
+from squealstudy.cycles.families import Search, families, linear_modes
+from squealstudy.engine.cache import NewGaps, is_prepared
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.structures import build_structure, build_task
+from squealstudy.kinds.limit_cycles.kind import request
+from squealstudy.kinds.transient.batch import ALL_MODES, shared_reference
+from squealstudy.kinds.transient.worker import steady_motion
+from squealstudy.modes.point import angular_band
+from squealstudy.study.definition import parse_study
+
+WINDOW = (2.9e3, 5.3e3)  # Hz
+TRUTH = Path(__file__).with_name("cycle_truth.csv")
+
+
+def oscillators(truth: pd.DataFrame) -> Iterator[ContactOscillator]:
+    """The designs, in the basis of the runs in time."""
+    text = '[study]\nname = "verdicts"\nkind = "limit_cycles"\n' + BRAKE + swept(truth[[*RANGES]])
+    plan = Plan(parse_study(text, Path("verdicts.toml")))
+    for key, point in plan.structures.items():
+        if not is_prepared(key):
+            build_structure(build_task(plan, point, 1))
+    asked = request(plan)
+    for point in list(plan.tasks)[: len(truth)]:
+        reference = shared_reference(
+            point.structure, asked.operating, asked.component_modes, ALL_MODES
+        )
+        friction = asked.section.friction
+        _, made = steady_motion(
+            reference, point, friction, asked.band_hz, asked.tolerance, NewGaps()
+        )
+        yield ContactOscillator(reference.system, made)
+
+
+def main() -> None:
+    """A line a family: the design's truth, the verdict, levels and frequencies, seconds."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--designs", type=int, nargs="*", help="numbers of the truth set")
+    parser.add_argument("--modes", type=int, default=4, help="families of a design")
+    arguments = parser.parse_args()
+    truth = pd.read_csv(TRUTH).set_index("design")
+    truth = truth.loc[arguments.designs] if arguments.designs else truth
+    band = angular_band((500.0, 8e3))
+    for (number, design), contact in zip(truth.iterrows(), oscillators(truth), strict=True):
+        began = time.process_time()
+        lam, _ = linear_modes(contact, band[1])
+        lam = lam[(lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])]
+        hz = lam.imag / (2 * np.pi)
+        near = np.flatnonzero((hz > WINDOW[0]) & (hz < WINDOW[1]))
+        chosen = sorted((near[np.argsort(-lam[near].real)][: arguments.modes] + 1).tolist())
+        modes_s = time.process_time() - began
+        speed = abs(contact.point.speed)
+        for k in chosen:
+            began = time.process_time()
+            search = Search(None, 1e-2, 2.0 * speed, band[1])
+            found = families(contact, band, [k], 1e-9, search).families
+            family = next(family for mode, family in found if mode == k)
+            print(
+                f"{number}: {design['truth']}, {design['torque_rms']:.4g} N m, "
+                f"{design['dominant_frequency_hz']:.1f} Hz | mode {k}, {hz[k - 1]:.0f} Hz, "
+                f"{lam[k - 1].real:.0f} 1/s: {family.verdict} ({family.reason}); "
+                f"{len(family.curve)} points, {family.end}, "
+                f"{time.process_time() - began - modes_s:.1f} CPU-s"
+            )
+            for cycle in family.cycles:
+                multipliers = cycle.multipliers
+                print(
+                    f"   {cycle.levels['torque_rms']:.4g} N m +- {100 * cycle.level_error:.2g} % "
+                    f"{cycle.motion.omega / 2 / np.pi:.2f} Hz, H {cycle.motion.harmonics}, "
+                    f"{cycle.n_vectors} vectors, {cycle.status}, stable {multipliers.stable} "
+                    f"{multipliers.instability} {multipliers.growth_rate:.1f} 1/s "
+                    f"+- {multipliers.error / multipliers.period:.1f}",
+                    flush=True,
+                )
+
+
+if __name__ == "__main__":
+    main()
