@@ -18,6 +18,7 @@ RIGID = 0.8  # least share of rigid modes of what is called rigid
 ALIKE = 1e-3  # relative: free-free modes nearer in frequency are named together
 MOST_DIAMETERS = 16
 RADIAL = 3  # functions of the radius for each harmonic
+THIN = 0.03  # of the radius: rings of less breadth have none but a constant
 EDGE = 0.02  # of the ring's width: nodes so near to it count as in it
 CLOSED = np.pi / 6  # widest gap [rad] around the axis between nodes of a ring that is one
 SMALL = 0.05  # of the largest motion over the radius: below it a sign tells nothing
@@ -159,8 +160,7 @@ def _waves(shape: Shape, rotor: str) -> Waves | None:
     axial, *plane = (float(weight @ squared(v)) for v in directions)
     out = axial / max(axial + sum(plane), 1e-300)
     used = directions[:1] if out >= PURE else directions[1:]
-    scaled = 2 * (r - r.min()) / max(np.ptp(r), 1e-12) - 1
-    over_radius = np.polynomial.legendre.legvander(scaled, RADIAL - 1)
+    over_radius = _over_radius(r)
     orders = np.arange(-most, most + 1)
     base = np.exp(1j * theta[:, None] * orders)[:, :, None] * over_radius[:, None, :]
     base = base.reshape(len(r), -1)
@@ -178,6 +178,20 @@ def _waves(shape: Shape, rotor: str) -> Waves | None:
     total = sum(float(weight @ squared(v)) for v in used)
     circles = _circles(fitted[0][most + n], fitted[0][most - n]) if out >= PURE else 0
     return Waves(out, n, float(size[n] / max(total, 1e-300)), circles)
+
+
+def _over_radius(r: np.ndarray) -> np.ndarray:
+    """Functions (n, RADIAL) of radii (n,): Legendre's; one that is constant where the ring is thin.
+
+    The nodes of a drum's face differ in radius by chords alone: what varies over that is noise.
+    """
+    span = float(np.ptp(r))
+    values: np.ndarray = np.polynomial.legendre.legvander(
+        2 * (r - r.min()) / max(span, 1e-12) - 1, RADIAL - 1
+    )
+    if span < THIN * r.mean():
+        values[:, 1:] = 0.0
+    return values
 
 
 def _circles(one: np.ndarray, other: np.ndarray) -> int:
