@@ -30,7 +30,7 @@ PREFIXED = ("Pa", "N")  # units that take a prefix
 TORQUE = "torque"  # key of the units of a study: of its columns torque_*, N m or N
 TORQUE_COLUMN = re.compile(
     r"torque|torque_(mean|rms|static|peak_to_peak|residual)(_low|_high)?|worst_torque_rms"
-    r"|dominant_level|harmonic_\d_level"
+    r"|predicted_torque_rms|torque_peak|torque_harmonics|dominant_level|harmonic_\d_level"
 )
 OF_THE_ONSET = "unit of the parameter along which onsets are sought"
 OF_THE_ROW = "unit of the row"  # numbers of a table in which each row has a unit of its own

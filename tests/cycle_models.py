@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from squealstudy.cycles.branch import SHRUNK
 from squealstudy.cycles.contact import ContactOscillator
+from squealstudy.cycles.equations import CycleEquations
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.catalogue import MODELS
@@ -46,6 +48,16 @@ def pulled(x, v, mu):
     """x'' - mu (1 - x^2) x' + x + .2 x^2 = 0: with even harmonics and a mean."""
     f, by_x, by_v = van_der_pol(x, v, mu)
     return f - 0.2 * x**2, by_x - 0.4 * x, by_v
+
+
+def shrunk(osc, least):
+    """Ends branches where the first harmonic is as small as that (`CycleEquations.pack`)."""
+
+    def stop(motion):
+        equations = CycleEquations(osc, motion.harmonics, motion.omega)
+        return SHRUNK if equations.pack(motion)[-2] < np.log(least) else ""
+
+    return stop
 
 
 # -- minimal models -------------------------------------------------------------------------------

@@ -57,7 +57,7 @@ def van_der_pol(mu_value):
     ids=["torus", "flip", "branch point"],
 )
 def test_multipliers_that_pass_the_unit_circle(at, bounds, event, exact, within):
-    points, end = branch(at, van_der_pol(bounds[1]), bounds, -1.0, 1e-4)
+    points, end = branch(at, van_der_pol(bounds[1]), bounds, -1.0, lambda _: "")
     assert end == "range"
     (found,) = [p for p in points if p.event]
     assert found.event == event
@@ -100,10 +100,10 @@ def folding():
 
 def test_a_branch_on_a_basis_that_grows(folding, monkeypatch):
     """Fold and Hopf point as in all coordinates; events know how exactly they are known."""
-    bounds = (-0.05, 0.2)
-    exact, end = branch(many, folding, bounds, 1.0, 1e-3)
+    bounds, stop = (-0.05, 0.2), models.shrunk(many(0.0), 1e-3)
+    exact, end = branch(many, folding, bounds, 1.0, stop)
     monkeypatch.setattr(projected, "WHOLE", 4)
-    few, few_end = branch(many, folding, bounds, 1.0, 1e-3, SHORT, highest=3.0)
+    few, few_end = branch(many, folding, bounds, 1.0, stop, SHORT, highest=3.0)
     assert end == few_end == "hopf"
     (fold,), (near,) = ([p for p in found if p.event == TURN] for found in (exact, few))
     assert near.motion.mu == pytest.approx(fold.motion.mu, rel=1e-3)

@@ -242,7 +242,7 @@ def test_quintic_oscillator_folds():
         PeriodicMotion(outer.Q, outer.omega, 0.05),
         (-0.1, 0.2),
         1.0,
-        1e-4,
+        models.shrunk(osc, 1e-4),
     )
     assert end == "hopf"
     fold, hopf = (p for p in points if p.event)

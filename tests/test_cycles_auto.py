@@ -64,7 +64,9 @@ def test_quintic_oscillator_through_its_fold(tmp_path):
     def at(nu):
         return models.scalar_oscillator(models.quintic, nu)
 
-    points, end = branch(at, PeriodicMotion(last.Q, last.omega, 0.05), (-0.1, 0.2), 1.0, 1e-4)
+    points, end = branch(
+        at, PeriodicMotion(last.Q, last.omega, 0.05), (-0.1, 0.2), 1.0, models.shrunk(osc, 1e-4)
+    )
     assert end == "hopf"
     (own_fold,) = (p for p in points if p.event == TURN)
     assert [p.event for p in points if p.event] == [TURN, HOPF]
@@ -195,7 +197,7 @@ def test_cubic_springs(tmp_path, name):
         PeriodicMotion(own[-1].Q, own[-1].omega, mu),
         (low, high),
         -1.0 if count == 2 else 1.0,
-        1e-4,
+        models.shrunk(contact.oscillator, 1e-4),
     )
     assert end == "hopf"
     assert points[-1].motion.mu == pytest.approx(hopf.parameter, abs=EQUAL)

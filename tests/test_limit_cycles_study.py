@@ -13,13 +13,16 @@ from squealstudy.cycles.projection import Projection
 from squealstudy.errors import ConvergenceError, ResultsError, StudyFileError
 
 STUDY = Path(__file__).parents[1] / "studies" / "kicked_squeal.toml"
-SWEEP = "start = 0.4\nstop = 1.0\nnum = 25"
+SWEEP = "start = 0.05\nstop = 1.0\nnum = 20"
+FOLLOW = 'follow = "friction"\n'  # in test_limit_cycles_branches
+ALONE = "families = [1]                 # the mode that turns unstable\n"
 
 
 def study(values, **changes):
     text = STUDY.read_text(encoding="utf-8")
     assert text.count(SWEEP) == 1
-    text = text.replace(SWEEP, f"values = {values}")
+    assert text.count(FOLLOW) == 1
+    text = text.replace(SWEEP, f"values = {values}").replace(FOLLOW, "").replace(ALONE, "")
     for old, new in changes.values():
         assert text.count(old) == 1
         text = text.replace(old, new)
@@ -45,9 +48,9 @@ def test_verdicts_of_the_shipped_study(kicked):
 
 
 def test_tables_join_and_tell_errors(kicked):
-    cycles, verdicts, branches = (kicked.table(n) for n in ("cycles", "verdicts", "branches"))
+    cycles, verdicts, curves = (kicked.table(n) for n in ("cycles", "verdicts", "curves"))
     ids = set(kicked.points["point_id"])
-    assert all(set(t["point_id"]) <= ids for t in (cycles, verdicts, branches))
+    assert all(set(t["point_id"]) <= ids for t in (cycles, verdicts, curves))
     assert not cycles["cycle_id"].duplicated().any()
     assert len(verdicts) == 2 * len(ids)
     assert (cycles["status"] == "ok").all()
@@ -57,7 +60,7 @@ def test_tables_join_and_tell_errors(kicked):
     unstable = cycles[~cycles["stable"].astype(bool)]
     assert (unstable["instability"] == "fold").all()
     assert (unstable["n_unstable"] == 1).all()
-    zeros = branches[branches["event"] == "C"]
+    zeros = curves[curves["event"] == "C"]
     assert (zeros["added_damping"].abs() < 1e-6).all()
     assert len(zeros) == len(cycles)
     # a curve that was not followed as far as asked is no proof of silence
@@ -147,9 +150,10 @@ def test_modes_that_were_not_followed_are_told(tmp_path):
         results = solved(plan_of(study([0.6, 0.85], **changes), STUDY), tmp_path / name)
         found[name] = results.points.set_index("friction")
     few, screened = found["few"], found["screened"]
-    assert few["n_left_out"].tolist() == [1, 0]
+    assert few["n_left_out"].tolist() == [1, 1]
     assert "; 1 modes not followed" in few.loc[0.6, "reason"]
     assert few.loc[0.85, "verdict"] == "squeals"
+    assert few.loc[0.85, "reason"] == "mode 1: unstable mode, not followed: level undecided"
     assert screened.loc[0.6, "verdict"] == "undecided"
     assert "no mode was followed; 2 modes not followed" in screened.loc[0.6, "reason"]
     assert screened.loc[0.85, "verdict"] == "squeals"
@@ -186,6 +190,6 @@ def test_cycles_of_which_more_harmonics_are_lost_are_inaccurate(tmp_path, monkey
 
 
 def test_a_model_that_is_too_large_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("squealstudy.kinds.limit_cycles.kind.MOST", 1)
+    monkeypatch.setattr("squealstudy.kinds.limit_cycles.designs.MOST", 1)
     with pytest.raises(ResultsError, match="has 2 coordinates, limit cycles are for 1 at most"):
         solved(plan_of(study([0.6]), STUDY), tmp_path / "large")

@@ -11,11 +11,13 @@ from rich.console import RenderableType
 from squealstudy.screen import grid, notes
 from squealstudy.tables.comparison import BOTH, TIME, UNFOLLOWED, VIBRATION
 from squealstudy.tables.comparison import FREQUENCY as PREDICTED
+from squealstudy.tables.cycle_comparison import AGREES, CANNOT, DIFFERS
 from squealstudy.tables.mode_ranking import DIVERGENCE, UNTRACKED
 from squealstudy.wording import SUSTAINED, figure, named_tracks, plural, with_unit
 
 LABELS = {DIVERGENCE: "divergence", UNTRACKED: "untracked"}
 TITLES = ("mode", "Hz", "growth 1/s", "forecast", "fitted", "95 %", "dev %", "energy %", "lives")
+AGREEMENTS = {AGREES: "agree", DIFFERS: "differ", CANNOT: "open"}
 MOTION = 13  # least width of what happens in time: its words stay whole
 
 
@@ -45,6 +47,53 @@ def comparison(
         *named_tracks(table["track"], names or {}),
     )
     return [shown, summary(table), legend]
+
+
+def cycle_comparison(table: pd.DataFrame) -> list[RenderableType]:
+    """The table of `Results.compare` of limit cycles, one line a design, and a summary."""
+    varied = [n for n in table.attrs["parameters"] if len(table[n].unique()) > 1]
+    unit = table.attrs["units"].get("torque_rms", "N m")
+    columns = (f"RMS {unit}", "in time", "dev %", "Hz", "in time Hz", "dev %", "kick m/s")
+    shown = grid(
+        *(f"value:{with_unit(name, table.attrs['units'])}" for name in varied),
+        "word:verdict",
+        "word:in time",
+        *(f"value:{title}" for title in columns),
+        "word:bistable",
+        "word:",
+        rows=(
+            [*(f"{row[n]:.6g}" for n in varied), *_cycle_cells(row)]
+            for row in table.to_dict("records")
+        ),
+    )
+    counts = table["agreement"].value_counts()
+    told = ", ".join(f"{counts[n]} {text}" for n, text in AGREEMENTS.items() if n in counts)
+    bistable, unknown = int(table["bistable"].sum()), int(table["bistable"].isna().sum())
+    text = f"{plural(len(table), 'design point')} compared: {told}; {bistable} bistable"
+    text += f", {unknown} cannot be told" if unknown else ""
+    legend = notes(
+        "RMS, Hz: of the stable cycle nearest in frequency to a run that lasts, else of the "
+        "loudest; dev: run against it; kick: contact velocity of the unstable cycle; bistable: a "
+        "stable cycle beside stable steady sliding, so that a run may do either"
+    )
+    return [shown, f"{text}.", legend]
+
+
+def _cycle_cells(row: dict[Hashable, Any]) -> list[str]:
+    bistable = "?" if pd.isna(row["bistable"]) else "yes" if row["bistable"] else "no"
+    return [
+        str(row["verdict"]).replace("_", " "),
+        str(row["class"]).replace("_", " "),
+        figure(row["predicted_torque_rms"]),
+        figure(row["torque_rms"]),
+        figure(100 * row["level_deviation"], "+.2f"),
+        figure(row["predicted_frequency_hz"], ".1f"),
+        figure(row["dominant_frequency_hz"], ".1f"),
+        figure(100 * row["frequency_deviation"], "+.3f"),
+        figure(row["threshold_velocity"]),
+        bistable,
+        str(row["agreement"]),
+    ]
 
 
 def summary(table: pd.DataFrame) -> str:

@@ -164,13 +164,19 @@ def shape(
 
 
 def compare(
-    frequency: Annotated[Path, typer.Argument(metavar="FREQ_RESULTS", help="Complex modes.")],
+    frequency: Annotated[
+        Path, typer.Argument(metavar="RESULTS", help="Complex modes, or limit cycles.")
+    ],
     time: Annotated[Path, typer.Argument(metavar="TIME_RESULTS", help="Transient results.")],
     csv: Csv = False,
 ) -> None:
-    """Predicted against fitted growth, and which predicted instabilities express themselves."""
+    """What is predicted beside what happens in time.
+
+    Growth against fitted growth, and which instabilities express themselves; of limit cycles
+    verdicts, levels and frequencies, and which designs are bistable.
+    """
     from squealstudy import face, screen
-    from squealstudy.cli.compare import comparison
+    from squealstudy.cli.compare import comparison, cycle_comparison
     from squealstudy.cli.run import outside
     from squealstudy.engine.comparison import in_order
     from squealstudy.engine.manifest import outdated
@@ -183,6 +189,7 @@ def compare(
     if csv:
         screen.show_csv(table)
         return
-    screen.show(*comparison(table, found[0].track_names))
-    for name, results in zip(("frequency", "time"), found, strict=True):
+    cycles = "agreement" in table
+    screen.show(*(cycle_comparison(table) if cycles else comparison(table, found[0].track_names)))
+    for name, results in zip((found[0].kind.replace("_", " "), "time"), found, strict=True):
         screen.show(*outside(results, f"{name} study: "))

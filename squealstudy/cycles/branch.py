@@ -150,15 +150,39 @@ class Moving:
         return self.fixed
 
 
+def cycles_along(
+    oscillators: Oscillators,
+    start: PeriodicMotion,
+    bounds: tuple[float, float],
+    direction: float,
+    stop: Callable[[PeriodicMotion], str],
+    steps: Steps | None = None,
+) -> tuple[Moving, list[CurveMotion], str]:
+    """The curve of `branch` without multipliers: its basis, its cycles, why it ended."""
+    moving = Moving(oscillators, bounds, start)
+
+    def ended(u: np.ndarray, motion: PeriodicMotion) -> str:
+        return stop(motion) if 0.0 <= u[-1] <= 1.0 else RANGE
+
+    path = Path(
+        projection=moving,
+        harmonics=start.harmonics,
+        first=(ADDED, direction),
+        ended=ended,
+        steps=steps or (Steps() if moving.complete else PROJECTED_STEPS),
+        tests={TURN: lambda _, t: float(t[-1])},
+    )
+    curve, end = path.from_motion(start, ADDED)
+    return moving, _cut(moving, curve, bounds) if end == RANGE else curve, end
+
+
 def branch(
     oscillators: Oscillators,
     start: PeriodicMotion,
     bounds: tuple[float, float],
     direction: float,
-    least: float,
+    stop: Callable[[PeriodicMotion], str],
     steps: Steps | None = None,
-    *,
-    stop: Callable[[PeriodicMotion], str] = lambda _: "",
     highest: float = np.inf,
 ) -> tuple[list[BranchPoint], str]:
     """Cycles along a parameter, from one of them on, to the end of the range or to a Hopf point.
@@ -173,10 +197,10 @@ def branch(
         Range of the parameter.
     direction : float
         1 towards higher values first, -1 towards lower ones.
-    least : float
-        Size a below which the cycle has shrunk to steady sliding.
     stop : callable
-        Why it ends at a motion, ``hopf`` where that has shrunk; empty where it goes on.
+        Why it ends at a motion, ``hopf`` where that has shrunk to steady sliding; empty where it
+        goes on.
+    steps : Steps or None
     highest : float
         rad/s: complex modes up to it are in what stability is judged on.
 
@@ -184,32 +208,14 @@ def branch(
     -------
     points : list of BranchPoint
     end : str
-        ``range``, ``hopf`` (it has shrunk to steady sliding), what `stop` said, ``steps``,
-        ``basis`` or ``not_converged``.
+        ``range``, what `stop` said, ``steps``, ``basis`` or ``not_converged``.
 
     Raises
     ------
     ConvergenceError
         Where there is no cycle near the start.
     """
-    moving = Moving(oscillators, bounds, start)
-
-    def ended(u: np.ndarray, motion: PeriodicMotion) -> str:
-        if not 0.0 <= u[-1] <= 1.0:
-            return RANGE
-        return SHRUNK if u[-2] < np.log(least) else stop(motion)
-
-    path = Path(
-        projection=moving,
-        harmonics=start.harmonics,
-        first=(ADDED, direction),
-        ended=ended,
-        steps=steps or (Steps() if moving.complete else PROJECTED_STEPS),
-        tests={TURN: lambda _, t: float(t[-1])},
-    )
-    curve, end = path.from_motion(start, ADDED)
-    if end == RANGE:
-        curve = _cut(moving, curve, bounds)
+    moving, curve, end = cycles_along(oscillators, start, bounds, direction, stop, steps)
     points = [
         BranchPoint(p.motion, moving.stability(p.motion, highest), p.residual, p.error, p.event)
         for p in curve

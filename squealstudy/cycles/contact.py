@@ -133,6 +133,17 @@ class ContactOscillator:
             "energy": self.energy(motion),
         }
 
+    def torque_harmonics(self, motion: PeriodicMotion) -> np.ndarray:
+        """Amplitudes (H,) of the torque's harmonics from the first on, N m."""
+        y, w = self._observed(motion, LEVEL_SAMPLES)
+        forces = self.oscillator.forces
+        assert isinstance(forces, ContactForces)
+        rows = np.zeros((LEVEL_SAMPLES, len(layout.HISTORY)))
+        sampled_rows(forces.points, forces.law, y, w, rows, np.zeros((LEVEL_SAMPLES, 3)))
+        spectrum = np.abs(np.fft.rfft(rows[:, layout.TORQUE])) * 2.0 / LEVEL_SAMPLES
+        found: np.ndarray = spectrum[1 : motion.harmonics + 1]
+        return found
+
     @cached_property
     def _steady_power(self) -> float:
         """Power of the belt in steady sliding, W."""

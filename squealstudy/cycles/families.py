@@ -28,6 +28,7 @@ SQUEALS, IF_KICKED = "squeals", "squeals_if_kicked"
 NO_CYCLE, UNDECIDED = "no_cycle_found", "undecided"
 VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NO_CYCLE)  # of a design the first of its families'
 OK, INACCURATE = "ok", "inaccurate"
+NOT_FOLLOWED = "not_followed"  # end of a curve that was not asked for
 CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of projected ones
 LADDER = (5, 7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
 PROJECTED_LADDER = LADDER[:3]  # on projected models, where more cost seconds each
@@ -71,6 +72,8 @@ class Cycle:
     multipliers : Floquet
     levels : mapping
         `ContactOscillator.levels`.
+    torque_harmonics : ndarray (H,)
+        N m.
     level_error, frequency_error : float
         Estimates, relative: from fewer harmonics, and of the basis.
     basis_error : float
@@ -85,6 +88,7 @@ class Cycle:
     motion: PeriodicMotion
     multipliers: Floquet
     levels: dict[str, float]
+    torque_harmonics: np.ndarray
     level_error: float
     frequency_error: float
     basis_error: float
@@ -149,7 +153,7 @@ class Followed(NamedTuple):
     families : list of (int, Family)
         By the numbers of their modes, unstable ones that were not asked for among them.
     left_out : int
-        Stable modes of the band that were not followed.
+        Modes of the band that were not followed, unstable ones too.
     unstable_outside : bool
         Whether a mode outside the band is unstable.
     """
@@ -221,10 +225,11 @@ def families(
             family = _family(contact, complex(lam[k]), psi[:, k], search)
             found.append((number, _judged(family, grows, any_unstable, search)))
         elif grows:
-            family = Family(complex(lam[k]), (), 0, [], "not_followed")
+            family = Family(complex(lam[k]), (), 0, [], NOT_FOLLOWED)
             found.append((number, _judged(family, grows, any_unstable, search)))
     outside = any_unstable and not unstable[places].any()
-    return Followed(found, len(places) - len(found), outside)
+    left_out = len(places) - sum(family.end != NOT_FOLLOWED for _, family in found)
+    return Followed(found, left_out, outside)
 
 
 def _screened(lam: np.ndarray, screen: float) -> list[int]:
@@ -258,7 +263,7 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
         if point.event != ZERO:
             continue
         try:
-            cycles.append(_cycle(contact, projection, point.motion, search))
+            cycles.append(cycle_near(contact, projection, point.motion, search))
         except ConvergenceError:
             lost += 1
     return Family(lam, tuple(cycles), lost, _shown(contact, curve), end)
@@ -279,7 +284,7 @@ def _shown(contact: ContactOscillator, curve: list[CurveMotion]) -> list[dict[st
     ]
 
 
-def _cycle(
+def cycle_near(
     contact: ContactOscillator, projection: Projection, motion: PeriodicMotion, search: Search
 ) -> Cycle:
     """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
@@ -314,6 +319,7 @@ def _cycle(
         cycle,
         found,
         levels,
+        contact.torque_harmonics(cycle),
         level_error,
         frequency_error,
         basis_error,
@@ -354,6 +360,8 @@ def _judged(family: Family, unstable: bool, any_unstable: bool, search: Search) 
     stable = family.loudest
     inexact = sum(c.attracts is None for c in family.cycles) + family.lost
     level = "with a stable cycle" if stable else "no stable cycle found: level undecided"
+    if family.end == NOT_FOLLOWED:
+        level = "not followed: level undecided"
     if unstable:
         return replace(family, verdict=SQUEALS, reason=f"unstable mode, {level}")
     if stable is not None:

@@ -1,4 +1,4 @@
-"""A complex-mode study beside a transient one: what both need to have in common."""
+"""What is predicted beside runs in time: what both studies need to have in common."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ from squealstudy.errors import ResultsError
 from squealstudy.models.operating import IN_TIME_ONLY
 from squealstudy.study.parameters import DAMPING_RATIO, ModeParameter, parse_parameter
 from squealstudy.tables.comparison import compare
+from squealstudy.tables.cycle_comparison import compare_cycles
 from squealstudy.wording import units_of
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
+LIMIT_CYCLES = "cycles"  # table that results of limit cycles have
 BOUNDS = {"low": "1/s", "high": "1/s"}  # of the fitted growth rate
 
 
 def compare_results(first: Results, second: Results) -> pd.DataFrame:
-    """The comparison of a complex-mode study and a transient study, in whichever order they come.
+    """The comparison of a study in time with complex modes or limit cycles, in whichever order.
 
     Raises ResultsError where they are not one of each, of one model, with common design points.
     """
@@ -48,27 +50,40 @@ def compare_results(first: Results, second: Results) -> pd.DataFrame:
     )
     nominal = {n: _elsewhere(transient, n) for n in ours if n not in theirs}
     nominal |= {n: _elsewhere(frequency, n) for n in theirs if n not in ours}
-    table = compare(
-        frequency.points,
-        frequency.modes,
-        transient.points,
-        transient.growth,
-        ours,
-        theirs,
-        nominal,
-    )
+    if LIMIT_CYCLES in frequency.tables:
+        table = compare_cycles(
+            frequency.points,
+            frequency.table(LIMIT_CYCLES),
+            transient.points,
+            ours,
+            theirs,
+            nominal,
+        )
+    else:
+        table = compare(
+            frequency.points,
+            frequency.modes,
+            transient.points,
+            transient.growth,
+            ours,
+            theirs,
+            nominal,
+        )
     table.attrs["parameters"] = list(dict.fromkeys([*theirs, *ours]))
     table.attrs["units"] = units_of(table.columns, frequency.units | transient.units | BOUNDS)
     return table
 
 
 def in_order(first: Results, second: Results) -> tuple[Results, Results]:
-    """The complex-mode study, which has onsets, and the transient one, which has growth."""
+    """Complex modes, which have onsets, or limit cycles; then the study in time."""
     for frequency, transient in ((first, second), (second, first)):
-        if "onsets" in frequency.tables and "growth" in transient.tables:
+        predicts = {"onsets", LIMIT_CYCLES} & set(frequency.tables)
+        if predicts and "growth" in transient.tables:
             return frequency, transient
     told = ", ".join(f"{r.directory} is {r.kind}" for r in (first, second))
-    raise ResultsError(f"expected results of kinds complex_modes and transient, but {told}")
+    raise ResultsError(
+        f"expected results of kind complex_modes or limit_cycles and of kind transient, but {told}"
+    )
 
 
 def _elsewhere(results: Results, name: str) -> float:

@@ -210,10 +210,11 @@ class Results(ResultTables):
         return table
 
     def compare(self, other: Results) -> pd.DataFrame:
-        """Predicted instabilities beside what they do in time: one study of each, in any order.
+        """What is predicted beside what happens in time: one study of each, in any order.
 
-        See tables.comparison.compare. ResultsError where these are not a complex-mode study and a
-        transient one of one model, with common design points.
+        Of complex modes see tables.comparison.compare, of limit cycles
+        tables.cycle_comparison.compare_cycles. ResultsError where these are not a study that
+        predicts and a transient one of one model, with common design points.
         """
         from squealstudy.engine.comparison import compare_results
 

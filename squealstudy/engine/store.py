@@ -49,6 +49,7 @@ DESIGNS, MARGINS, SLOPES, PROOF = (
     "slopes.parquet",
     "proof.parquet",
 )
+CURVES = "curves.parquet"
 HISTORIES, STATES, REFERENCES = "histories", "states", "references"
 ONSET_PARAMETER = "friction"
 PICTURES = "pictures"  # key of the manifest: those drawn beside the tables
@@ -183,6 +184,10 @@ class Store:
     def write_json(self, name: str, content: Any) -> None:
         """A value as JSON."""
         self._write({name: json.dumps(content, indent=2) + "\n"})
+
+    def write_files(self, files: Mapping[str, pa.Table | Mapping[str, Any]]) -> None:
+        """Files beside the tables that belong together, by their paths."""
+        self._write(files)
 
     def write_rows(self, rows: Sequence[dict[str, Any]], schema: pa.Schema) -> None:
         """Rows as one chunk file, named by its points."""

@@ -17,6 +17,7 @@ from squealstudy.plots.style import (
     COLOURS,
     DARK,
     GREY,
+    Quantity,
     cross_out,
     empty_figure,
     finish,
@@ -29,7 +30,7 @@ from squealstudy.plots.style import (
 )
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.wording import plural
+from squealstudy.wording import SUSTAINED, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -42,6 +43,26 @@ UNSTABLE: dict[str, Any] = {
     "label": "unstable cycle: the kick that is needed",
 }
 OTHER: dict[str, Any] = {"marker": "s", "color": GREY, "label": "stability or level not known"}
+RUN: dict[str, Any] = {
+    "marker": "x",
+    "color": "black",
+    "linestyle": "",
+    "markersize": 8,
+    "markeredgewidth": 1.6,
+    "label": "run in time, motion that lasts",
+}
+BRANCHES: dict[bool | None, dict[str, Any]] = {  # by stability
+    True: {"color": COLOURS[1], "label": "branch, stable"},
+    False: {"color": COLOURS[0], "linestyle": (0, (4, 2)), "label": "branch, unstable"},
+    None: {"color": GREY, "linestyle": ":", "label": "branch, stability not known"},
+}
+EVENTS = {
+    "H": "H: Hopf point",
+    "F": "F: fold",
+    "NS": "NS: a second frequency",
+    "PD": "PD: twice the period",
+    "BP": "BP: branch point",
+}
 VERDICTS = {  # heights and colours of the strip
     "squeals": COLOURS[0],
     "squeals_if_kicked": COLOURS[3],
@@ -58,9 +79,21 @@ def _lines(results: Results) -> Iterator[tuple[str, Choices]]:
             yield f"_{results.file_word(name)}", {"along": name, "fixed": fixed}
 
 
-@register_plot(_lines, points=("verdict",), cycles=("contact_velocity", "stable", "same_as"))
-def cycle_levels(results: Results, along: str, fixed: Mapping[str, float] | None = None) -> Figure:
+@register_plot(
+    _lines,
+    points=("verdict",),
+    cycles=("contact_velocity", "stable", "same_as"),
+    branches=("along", "value"),
+)
+def cycle_levels(
+    results: Results,
+    along: str,
+    fixed: Mapping[str, float] | None = None,
+    runs: Results | None = None,
+) -> Figure:
     """Levels of the limit cycles of all families over a parameter, and the verdicts.
+
+    Branches along the parameter are lines, unstable parts dashed, with their events.
 
     Parameters
     ----------
@@ -70,6 +103,8 @@ def cycle_levels(results: Results, along: str, fixed: Mapping[str, float] | None
         A varied parameter.
     fixed : mapping of parameter -> value or None
         The line to show.
+    runs : Results or None
+        Of a study in time of the same designs, whose lasting motions are shown too.
 
     Raises
     ------
@@ -87,6 +122,8 @@ def cycle_levels(results: Results, along: str, fixed: Mapping[str, float] | None
     cycles = cycles[(cycles["same_as"] == "").to_numpy(bool)].merge(
         line[["point_id", along]], on="point_id"
     )
+    branches = _branches(results, along, line)
+    motions = None if runs is None else _runs(results, runs, line)
     figure = new_figure(9.0, 7.4)
     axes = figure.subplots(3, 1, sharex=True, height_ratios=[1.6, 1.6, 0.9])
     set_scales(axes[0], over)
@@ -95,7 +132,10 @@ def cycle_levels(results: Results, along: str, fixed: Mapping[str, float] | None
         (axes[0], "torque_rms", f"{what.capitalize()} RMS [{unit}]"),
         (axes[1], "contact_velocity", "Contact velocity [m/s]"),
     ):
+        _draw_branches(panel, over, branches, column)
         _cycles(panel, over.scaled(cycles[along]), cycles, column)
+        if motions is not None and column in motions:
+            panel.plot(over.scaled(motions[along]), motions[column], **RUN)
         panel.set_ylim(bottom=0.0)
         finish(panel, "", label)
     x = over.scaled(line[along])
@@ -104,6 +144,10 @@ def cycle_levels(results: Results, along: str, fixed: Mapping[str, float] | None
     set_ticks(axes[2].xaxis, over, line[along])
     finish(axes[2], over.label, "Growth [1/s]")
     legend_below(figure, [*labelled(axes[0]), *labelled(axes[2])], 3)
+    told = set(branches["event"]) & set(EVENTS)
+    if told:
+        names = "; ".join(text for event, text in EVENTS.items() if event in told)
+        axes[0].set_title(names, fontsize=9, loc="right")
     others = [n for n in parameter_columns(points, varied=True) if n != along]
     count = plural(len(cycles), "cycle")
     where = describe(line.iloc[0], points, others, units)
@@ -117,6 +161,52 @@ def _line(points: pd.DataFrame, along: str, fixed: Mapping[str, float] | None) -
     for name, value in (fixed or {}).items():
         chosen = chosen[np.isclose(chosen[name], value, rtol=1e-6, atol=0.0)]
     return chosen.sort_values(along, kind="stable")
+
+
+def _branches(results: Results, along: str, line: pd.DataFrame) -> pd.DataFrame:
+    """Points of the branches along the parameter that begin at designs of the line."""
+    table = results.table("branches")
+    own = (table["along"] == along) & table["point_id"].isin(line["point_id"])
+    return table[own.to_numpy(bool)]
+
+
+def _runs(results: Results, runs: Results, line: pd.DataFrame) -> pd.DataFrame:
+    """Lasting motions of a study in time at designs of the line."""
+    table = results.compare(runs)
+    own = table["cycles_point_id"].isin(line["point_id"]) & table["class"].isin(SUSTAINED)
+    return table[own.to_numpy(bool)]
+
+
+def _draw_branches(axes: Axes, over: Quantity, branches: pd.DataFrame, column: str) -> None:
+    """Lines by stability, each from its point to the next; events with their letters."""
+    named = set()
+    for _, branch in branches.groupby("cycle_id", sort=False):
+        x, y = over.scaled(branch["value"]), branch[column].to_numpy(float)
+        event = branch["event"].to_numpy(str) != ""
+        stable = branch["stable"].to_numpy(object)
+        state = [  # of the part between two points: that of the end which is no event
+            stable[k + 1] if event[k] else stable[k] for k in range(len(branch) - 1)
+        ]
+        start = 0
+        for k in range(1, len(state) + 1):
+            if k == len(state) or state[k] is not state[start]:
+                known = None if pd.isna(state[start]) else bool(state[start])
+                style = dict(BRANCHES[known])
+                if known in named:
+                    style.pop("label")
+                named.add(known)
+                axes.plot(x[start : k + 1], y[start : k + 1], linewidth=1.6, zorder=1, **style)
+                start = k
+        for place in np.flatnonzero(event):
+            axes.plot(x[place], y[place], "D", color=DARK, markersize=4, zorder=3, clip_on=False)
+            axes.annotate(
+                branch["event"].iloc[place],
+                (x[place], y[place]),
+                xytext=(5, 5),
+                textcoords="offset points",
+                fontsize=9,
+                color=DARK,
+            )
 
 
 def _cycles(axes: Axes, x: np.ndarray, cycles: pd.DataFrame, column: str) -> None:

@@ -84,7 +84,7 @@ def compare(
     ResultsError
         Where no design points join, or those that do failed in the frequency study.
     """
-    joined = _join(freq_points, time_points, freq_parameters, time_parameters, nominal)
+    joined = join_points(freq_points, time_points, freq_parameters, time_parameters, nominal)
     group = unstable_groups(freq_modes)
     unstable = freq_modes.assign(track=group)[group != 0]
     solved = [(f, t) for f, t in joined if freq_points["status"].iloc[f] == "ok"]
@@ -127,14 +127,17 @@ def _vibration(
     return [{"kind": VIBRATION if known else UNFOLLOWED, "track": 0}]
 
 
-def _join(
+def join_points(
     freq_points: pd.DataFrame,
     time_points: pd.DataFrame,
     freq_parameters: Sequence[str],
     time_parameters: Sequence[str],
     nominal: Mapping[str, float],
 ) -> list[tuple[int, int]]:
-    """Rows of both points tables that are one design, in the order of the time study."""
+    """Rows of both points tables that are one design, in the order of the time study.
+
+    Arguments are those of `compare`; ResultsError where there is none.
+    """
     at_nominal = {n: nominal[n] for n in time_parameters if n not in freq_parameters}
     pairs = []
     for t in _rows_at(time_points, at_nominal):

@@ -27,7 +27,7 @@ from squealstudy.cycles.families import Search, families, linear_modes
 from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task
-from squealstudy.kinds.limit_cycles.kind import request
+from squealstudy.kinds.limit_cycles.designs import request
 from squealstudy.kinds.transient.batch import ALL_MODES, shared_reference
 from squealstudy.kinds.transient.worker import steady_motion
 from squealstudy.modes.point import angular_band

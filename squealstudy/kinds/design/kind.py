@@ -33,7 +33,7 @@ from squealstudy.kinds.design.rows import (
 from squealstudy.kinds.design.section import DesignStudyDefinition
 from squealstudy.kinds.design.state import Memory
 from squealstudy.kinds.design.study import DesignStudy, design_study
-from squealstudy.kinds.limit_cycles.kind import MOST, CyclesRequest
+from squealstudy.kinds.limit_cycles.designs import MOST, CyclesRequest
 from squealstudy.kinds.sensitivity.parameters import (
     RequestedParameter,
     state_parameters,

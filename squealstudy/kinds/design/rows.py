@@ -32,7 +32,8 @@ from squealstudy.kinds.complex_modes.full_order_check import (
     reference_roots,
 )
 from squealstudy.kinds.design.plan import CYCLES, FULL, MODES
-from squealstudy.kinds.limit_cycles.kind import CyclesRequest, cycles_row
+from squealstudy.kinds.limit_cycles.designs import CyclesRequest
+from squealstudy.kinds.limit_cycles.kind import cycles_row
 from squealstudy.kinds.sensitivity.parameters import (
     RequestedParameter,
     state_parameters,
@@ -309,10 +310,10 @@ def _full(point: DesignPoint, request: DesignRequest) -> dict[str, Any]:
 
 def _of_cycles(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[str, Any]:
     """The verdict on limit cycles; damping that is missing at some amplitude, as a ratio."""
-    row = cycles_row(point, request.cycles, gaps)
+    row, _ = cycles_row(point, request.cycles, gaps)
     if row["status"] != "ok":
         return failed_row(SCHEMA, point.point_id, row["status"], row["message"], row["wall_s"])
-    lacking = [(b["added_damping"] / (4 * np.pi * b["frequency_hz"]), b) for b in row["branches"]]
+    lacking = [(b["added_damping"] / (4 * np.pi * b["frequency_hz"]), b) for b in row["curves"]]
     nowhere: tuple[float, dict[str, Any]] = (np.nan, {})
     most, at = max(lacking, key=lambda item: item[0], default=nowhere)
     return {

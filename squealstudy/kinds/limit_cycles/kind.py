@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -12,17 +12,19 @@ import numpy as np
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
-from squealstudy.cycles.contact import ContactOscillator
-from squealstudy.cycles.families import Search, families
+from squealstudy.cycles.families import families
 from squealstudy.engine.cache import NewGaps, is_prepared, load_prepared
+from squealstudy.engine.cycle_states import cycle_file
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import Columns, ModelKind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, failed_row, reason
-from squealstudy.engine.store import BRANCHES, CYCLES, POINTS, VERDICTS, Store
+from squealstudy.engine.store import BRANCHES, CURVES, CYCLES, POINTS, VERDICTS, Store
 from squealstudy.engine.workers import Solved, Workers
-from squealstudy.errors import ConvergenceError, ParameterError
+from squealstudy.errors import ParameterError
+from squealstudy.kinds.limit_cycles.continuing import build_tables
+from squealstudy.kinds.limit_cycles.designs import MOST, CyclesRequest, request, too_large
 from squealstudy.kinds.limit_cycles.section import (
     ALL,
     AUTO,
@@ -30,20 +32,18 @@ from squealstudy.kinds.limit_cycles.section import (
     LimitCyclesDefinition,
     LimitCyclesSection,
 )
-from squealstudy.kinds.limit_cycles.tables import SCHEMA, build_tables, solved_row
-from squealstudy.kinds.transient.batch import ALL_MODES, mode_keys, shared_reference
+from squealstudy.kinds.limit_cycles.tables import SCHEMA, solved_row
 from squealstudy.kinds.transient.plan_facts import slowest_speed, with_speed
-from squealstudy.kinds.transient.worker import steady_motion
-from squealstudy.models.operating import ModeKey, OperatingPoint
-from squealstudy.modes.point import angular_band
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
+from squealstudy.study.sampling import design_points, grid_shape
+from squealstudy.study.source import SourceText
 
 if TYPE_CHECKING:
     import pandas as pd
 
+CONTINUED = ("follow", "neighbours")  # keys that change no design point's own row
 SOURCES = ("kinds/limit_cycles", "kinds/transient", "cycles")  # the code that decides rows
-MOST = 2000  # coordinates: matrices of this size are factorised for every harmonic
 
 
 class LimitCycles(ModelKind):
@@ -56,18 +56,25 @@ class LimitCycles(ModelKind):
     description = "limit cycles, without time stepping"
     section = "limit_cycles"
     definition = LimitCyclesDefinition
-    tables: tuple[str, ...] = (POINTS, VERDICTS, CYCLES, BRANCHES)
+    tables: tuple[str, ...] = (POINTS, VERDICTS, CYCLES, BRANCHES, CURVES)
     schema: pa.Schema = SCHEMA
     tells_reduction = False
+
+    def read(self, source: SourceText, tables: Mapping[str, Any]) -> ResolvedStudy:
+        """The study; StudyFileError for a parameter that cannot be followed, too."""
+        study = super().read(source, tables)
+        if why := _not_followed(study, study.section.follow):
+            raise study.error(("limit_cycles", "follow"), why)
+        return study
 
     def resolver(self, study: ResolvedStudy) -> Callable[[Columns], Columns]:
         """Fills in the speed at which friction saturates, as in studies in time."""
         return partial(with_speed, slowest=slowest_speed(study))
 
     def identity(self, plan: Plan) -> list[Any]:
-        """What is looked for."""
+        """What is looked for at a design point by itself."""
         tolerance = plan.study.definition.modes.stability_tolerance
-        section = plan.study.section.model_dump(mode="json")
+        section = plan.study.section.model_dump(mode="json", exclude=set(CONTINUED))
         return [section, tolerance, list(plan.band_hz), source_hash(SOURCES)]
 
     def manifest(self, plan: Plan) -> dict[str, Any]:
@@ -79,7 +86,7 @@ class LimitCycles(ModelKind):
     def warnings(self, plan: Plan) -> list[str]:
         """Models that are too large for a dense balance."""
         sizes = [load_prepared(key).model.n for key in plan.structures if is_prepared(key)]
-        return [_too_large(n) for n in sorted(set(sizes)) if n > MOST]
+        return [too_large(n) for n in sorted(set(sizes)) if n > MOST]
 
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[CyclesTask]:
         """Tasks of consecutive design points."""
@@ -89,15 +96,16 @@ class LimitCycles(ModelKind):
     def solve(self, task: CyclesTask) -> Solved:
         """Solve one chunk in a worker."""
         gaps = NewGaps()
-        rows = [cycles_row(point, task.request, gaps) for point in task.points]
+        found = [cycles_row(point, task.request, gaps) for point in task.points]
         gaps.save()
-        return Solved(rows)
+        files = {name: content for _, own in found for name, content in own.items()}
+        return Solved([row for row, _ in found], files)
 
     def build_tables(
         self, plan: Plan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """Write points, verdicts, cycles and branches."""
-        return build_tables(plan, store), {}
+        """Continue cycles to other designs; write points, verdicts, cycles, branches and curves."""
+        return build_tables(plan, store, workers)
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
         """How cycles are found."""
@@ -111,30 +119,8 @@ class LimitCycles(ModelKind):
         cycles_row(task, request(plan), NewGaps())  # kernels are compiled
         started = time.perf_counter()
         with threadpool_limits(1):
-            found = cycles_row(task, request(plan), NewGaps())
+            found, _ = cycles_row(task, request(plan), NewGaps())
         return None if found["status"] != "ok" else time.perf_counter() - started
-
-
-@dataclass(frozen=True)
-class CyclesRequest:
-    """What is asked of every design point.
-
-    Attributes
-    ----------
-    section : LimitCyclesSection
-    operating : OperatingPoint
-        Of the study's [parameters]: where the shared modes are made.
-    component_modes : tuple of (component, mode)
-    band_hz : (low, high)
-    tolerance : float
-        Damping ratio below minus which a mode is unstable.
-    """
-
-    section: LimitCyclesSection
-    operating: OperatingPoint
-    component_modes: tuple[ModeKey, ...]
-    band_hz: tuple[float, float]
-    tolerance: float
 
 
 @dataclass(frozen=True)
@@ -145,54 +131,53 @@ class CyclesTask:
     points: DesignPoints
 
 
-def request(plan: Plan) -> CyclesRequest:
-    """What the study asks of every design point."""
-    return CyclesRequest(
-        section=plan.study.section,
-        operating=plan.nominal,
-        component_modes=mode_keys(plan),
-        band_hz=plan.band_hz,
-        tolerance=plan.study.definition.modes.stability_tolerance,
-    )
+def _not_followed(study: ResolvedStudy, name: str | None) -> str:
+    """Why a parameter cannot be followed; empty where it can be, or none is."""
+    if name is None:
+        return ""
+    swept = {sweep.name: k for k, sweep in enumerate(study.sweeps)}
+    if name not in swept:
+        known = ", ".join(f"'{n}'" for n in swept) or "none"
+        return f"expected a swept parameter ({known}), got '{name}'"
+    if study.sweeps[swept[name]].parameter.structural:
+        return f"'{name}' changes the structure: cycles are followed within one"
+    if grid_shape(study) is None:
+        return "cycles are followed along the lines of a grid, which this design is not"
+    values = design_points(study)[:, swept[name]]
+    return "" if values.min() < values.max() else f"'{name}' has one value alone"
 
 
-def _too_large(n: int) -> str:
-    return f"the model has {n} coordinates, limit cycles are for {MOST} at most"
-
-
-def cycles_row(point: DesignPoint, asked: CyclesRequest, gaps: NewGaps) -> dict[str, Any]:
-    """Row of a design point: its families followed, or why not."""
+def cycles_row(
+    point: DesignPoint, asked: CyclesRequest, gaps: NewGaps
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Row of a design point: its families followed, or why not; its cycles as series, as a file."""
     started, section = time.perf_counter(), asked.section
     try:
-        reference = shared_reference(
-            point.structure, asked.operating, asked.component_modes, ALL_MODES
-        )
-        if reference.system.n > MOST:
-            raise ConvergenceError("too_large", _too_large(reference.system.n))
-        steady, made = steady_motion(
-            reference, point, section.friction, asked.band_hz, asked.tolerance, gaps
-        )
-        contact = ContactOscillator(reference.system, made)
+        steady, contact = asked.contact(point, gaps)
         found = families(
             contact,
-            angular_band(asked.band_hz),
+            asked.band,
             None if section.families in (ALL, SCREENED) else section.families,  # type: ignore[arg-type]
             asked.tolerance,
-            Search(
-                None if section.harmonics == AUTO else int(section.harmonics),
-                section.tolerance,
-                section.reach * abs(made.speed),
-                angular_band(asked.band_hz)[1],
-            ),
+            asked.search(contact),
             section.screen if section.families == SCREENED else np.inf,
         )
     except ParameterError as error:
-        return failed_row(SCHEMA, point.point_id, "parameter", f"{error.key}: {error.message}")
+        why = f"{error.key}: {error.message}"
+        return failed_row(SCHEMA, point.point_id, "parameter", why), {}
     except FAILURES as error:
         wall_s = time.perf_counter() - started
-        return failed_row(SCHEMA, point.point_id, *reason(error), wall_s)
+        return failed_row(SCHEMA, point.point_id, *reason(error), wall_s), {}
     wall_s = time.perf_counter() - started
-    return solved_row(point.point_id, wall_s, steady, point.law_kind, found)
+    row = solved_row(point.point_id, wall_s, steady, point.law_kind, found)
+    motions = (cycle.motion for _, family in found.families for cycle in family.cycles)
+    phi = asked.reference(point.structure).phi
+    own = {
+        cycle["cycle_id"]: (motion.Q @ phi.T, motion.omega)
+        for cycle, motion in zip(row["cycles"], motions, strict=True)
+        if not cycle["same_as"]
+    }
+    return row, cycle_file(point.point_id, point.structure, own) if own else {}
 
 
 KIND = LimitCycles()

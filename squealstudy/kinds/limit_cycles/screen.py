@@ -17,13 +17,14 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 MOST_POINTS = 24  # design points listed; all of them are in the tables
+MOST_BRANCHES, MOST_EVENTS = 6, 6  # listed
 MOST_COLUMNS = 2  # parameters with a column of their own
 
 
 class LimitCyclesScreen(KindScreen):
     """Whether each design squeals, squeals if kicked, or has no cycle that was found."""
 
-    tables = ("points", "verdicts", "cycles", "branches")
+    tables = ("points", "verdicts", "cycles", "branches", "curves")
 
     def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
         """Refused: there are verdicts, no ranking."""
@@ -69,7 +70,31 @@ class LimitCyclesScreen(KindScreen):
             if bad:
                 said += f"; {bad} inaccurate"
             rows.append(("cycles", said))
-        return rows
+        return [*rows, *_branches(results.table("branches"))]
+
+
+def _branches(branches: pd.DataFrame) -> Rows:
+    """Where each branch has its events."""
+    rows = []
+    for _, branch in branches.groupby("cycle_id", sort=False):
+        events = branch[(branch["event"] != "").to_numpy(bool)]
+        told = [
+            f"{e['event']} at {e['value']:.4g}"
+            + (f" ({e['criticality']})" if e["criticality"] else "")
+            for e in events.head(MOST_EVENTS).to_dict("records")
+        ]
+        more = len(events) - len(told)
+        text = ", ".join(told) or "no event"
+        ends = " and ".join(str(v) for v in branch["branch_end"] if v)
+        rows.append(
+            (
+                "branch",
+                f"along {branch['along'].iloc[0]}: {text}"
+                + (f", {more} more" if more > 0 else "")
+                + f"; ends: {ends}",
+            )
+        )
+    return rows[:MOST_BRANCHES]
 
 
 def _cells(row: dict[Hashable, Any], own: list[str]) -> list[str]:

@@ -76,6 +76,17 @@ class LimitCyclesSection(Section):
         description="velocity at a contact point up to which growth is followed, over the "
         "sliding speed",
     )
+    follow: str | None = Field(
+        default=None,
+        min_length=1,
+        description="swept parameter, not of the structure, along which cycles are followed "
+        "through folds between its least and its largest value: branches",
+    )
+    neighbours: bool = Field(
+        default=True,
+        description="whether a design without a stable cycle of its own is tried from those of "
+        "its neighbours in the study",
+    )
     friction: Literal["regularised", "smooth"] = Field(
         default="regularised",
         description="friction below the bound: straight (Coulomb with a corner) or tanh",

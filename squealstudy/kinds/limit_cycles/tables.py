@@ -1,12 +1,11 @@
-"""Chunk rows of studies of limit cycles, and their tables: points, verdicts, cycles, branches."""
+"""Chunk rows of studies of limit cycles: a design point, its verdicts, cycles and curves."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 
 from squealstudy.cycles.families import (
@@ -18,7 +17,6 @@ from squealstudy.cycles.families import (
     Followed,
     same_cycle,
 )
-from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import (
     FLAG,
     HEAD,
@@ -27,15 +25,10 @@ from squealstudy.engine.rows import (
     WHOLE,
     WORKING_POINT_FIELDS,
     head,
-    nested,
-    planned_rows,
     structs,
-    tabled,
     working_point_cells,
 )
-from squealstudy.engine.store import BRANCHES, CYCLES, Store
-from squealstudy.engine.store import VERDICTS as VERDICTS_FILE
-from squealstudy.engine.validity import open_reason, write_points
+from squealstudy.engine.validity import open_reason
 from squealstudy.reduction.working_point import WorkingPoint
 
 SUMMARY_FIELDS = (
@@ -43,6 +36,7 @@ SUMMARY_FIELDS = (
     ("reason", TEXT),
     ("n_families", WHOLE),
     ("n_left_out", WHOLE),
+    ("unstable_outside", FLAG),
     ("n_unstable", WHOLE),
     ("n_cycles", WHOLE),
     ("max_growth_rate", REAL),
@@ -91,6 +85,7 @@ CYCLE_FIELDS = (
     ("status", TEXT),
     ("frequency_hz", REAL),
     *((name, REAL) for name in LEVELS),
+    ("torque_harmonics", pa.list_(REAL)),
     ("stable", FLAG),
     ("instability", TEXT),
     ("n_unstable", WHOLE),
@@ -105,9 +100,10 @@ CYCLE_FIELDS = (
     ("n_vectors", WHOLE),
     ("balance_residual", REAL),
     ("same_as", TEXT),
+    ("continued_from", TEXT),
     ("invalid_reason", TEXT),
 )
-BRANCH_FIELDS = (
+CURVE_FIELDS = (
     ("mode", WHOLE),
     ("n_step", WHOLE),
     ("event", TEXT),
@@ -125,7 +121,7 @@ SCHEMA = pa.schema(
     + [
         pa.field("verdicts", structs(VERDICT_FIELDS)),
         pa.field("cycles", structs(CYCLE_FIELDS)),
-        pa.field("branches", structs(BRANCH_FIELDS)),
+        pa.field("curves", structs(CURVE_FIELDS)),
     ]
 )
 
@@ -141,18 +137,18 @@ def solved_row(
     found = followed.families
     cycles = _cycles(point_id, law_kind, found)
     verdicts = [_verdict(mode, family, law_kind) for mode, family in found]
-    branches = [
+    curves = [
         {"mode": mode, "n_step": k, "balance_residual": p["residual"], **_without(p, "residual")}
         for mode, family in found
         for k, p in enumerate(family.curve)
     ]
     return {
         **head(point_id, wall_s),
-        **_summary(verdicts, cycles, followed),
+        **summary(verdicts, cycles, followed.left_out, followed.unstable_outside),
         **working_point_cells(steady),
         "verdicts": verdicts,
         "cycles": cycles,
-        "branches": branches,
+        "curves": curves,
     }
 
 
@@ -160,23 +156,21 @@ def _without(row: dict[str, Any], name: str) -> dict[str, Any]:
     return {key: value for key, value in row.items() if key != name}
 
 
-def _summary(
-    verdicts: list[dict[str, Any]], cycles: list[dict[str, Any]], followed: Followed
+def summary(
+    verdicts: Sequence[Mapping[str, Any]],
+    cycles: Sequence[Mapping[str, Any]],
+    left_out: int,
+    unstable_outside: bool,
 ) -> dict[str, Any]:
     """What the families of a design come to; of levels the loudest stable cycle's."""
+    beyond = f"; {left_out} modes not followed" if left_out else ""
+    beyond += "; a mode outside the band is unstable" if unstable_outside else ""
+    told = {"n_left_out": left_out, "unstable_outside": unstable_outside}
     if not verdicts:
-        none = {"verdict": UNDECIDED, "reason": f"no mode was followed{_beyond(followed)}"}
         numbers = dict.fromkeys((n for n, t in SUMMARY_FIELDS if t == REAL), np.nan)
-        return (
-            none
-            | numbers
-            | {
-                "n_families": 0,
-                "n_left_out": followed.left_out,
-                "n_unstable": 0,
-                "n_cycles": 0,
-            }
-        )
+        counts = dict.fromkeys(("n_families", "n_unstable", "n_cycles"), 0)
+        reason = f"no mode was followed{beyond}"
+        return {"verdict": UNDECIDED, "reason": reason, **told, **counts, **numbers}
     first = min(verdicts, key=lambda v: VERDICTS.index(v["verdict"]))
     loudest = max(
         (v for v in verdicts if np.isfinite(v["torque_rms"])),
@@ -186,12 +180,12 @@ def _summary(
     kicked = [v for v in verdicts if np.isfinite(v["threshold_velocity"])]
     weakest = min(kicked, key=lambda v: v["threshold_velocity"], default=first)
     shown = weakest if first["verdict"] == IF_KICKED else first
-    beyond = "" if first["verdict"] == VERDICTS[0] else _beyond(followed)
     return {
         "verdict": first["verdict"],
-        "reason": f"mode {first['mode']}: {first['reason']}{beyond}",
+        "reason": f"mode {first['mode']}: {first['reason']}"
+        + ("" if first["verdict"] == VERDICTS[0] else beyond),
+        **told,
         "n_families": len(verdicts),
-        "n_left_out": followed.left_out,
         "n_unstable": sum(v["unstable"] for v in verdicts),
         "n_cycles": sum(c["same_as"] == "" for c in cycles),
         "max_growth_rate": max(v["growth_rate"] for v in verdicts),
@@ -200,12 +194,6 @@ def _summary(
         "threshold_velocity": shown["threshold_velocity"],
         "threshold_share": shown["threshold_share"],
     }
-
-
-def _beyond(followed: Followed) -> str:
-    """What a verdict does not speak of."""
-    text = f"; {followed.left_out} modes not followed" if followed.left_out else ""
-    return text + ("; a mode outside the band is unstable" if followed.unstable_outside else "")
 
 
 def _verdict(mode: int, family: Family, law_kind: str) -> dict[str, Any]:
@@ -247,13 +235,14 @@ def _cycles(
         for number, cycle in enumerate(family.cycles, start=1):
             name = f"{point_id}-{mode}-{number}"
             same = next((other for other, c in known if same_cycle(c, cycle)), "")
-            rows.append(_cycle(name, mode, cycle, same, law_kind))
+            rows.append(cycle_row(name, mode, cycle, law_kind) | {"same_as": same})
             if not same:
                 known.append((name, cycle))
     return rows
 
 
-def _cycle(name: str, mode: int, cycle: Cycle, same: str, law_kind: str) -> dict[str, Any]:
+def cycle_row(name: str, mode: int, cycle: Cycle, law_kind: str) -> dict[str, Any]:
+    """Row of a cycle."""
     motion, multipliers = cycle.motion, cycle.multipliers
     largest = multipliers.multipliers[0] if len(multipliers.multipliers) > 1 else 0.0
     return {
@@ -262,6 +251,7 @@ def _cycle(name: str, mode: int, cycle: Cycle, same: str, law_kind: str) -> dict
         "status": cycle.status,
         "frequency_hz": motion.omega / (2 * np.pi),
         **{name: cycle.levels[name] for name in LEVELS},
+        "torque_harmonics": cycle.torque_harmonics.tolist(),
         "stable": cycle.attracts,
         "instability": multipliers.instability,
         "n_unstable": multipliers.n_unstable,
@@ -275,23 +265,7 @@ def _cycle(name: str, mode: int, cycle: Cycle, same: str, law_kind: str) -> dict
         "basis_error": cycle.basis_error,
         "n_vectors": cycle.n_vectors,
         "balance_residual": cycle.residual,
-        "same_as": same,
+        "same_as": "",
+        "continued_from": "",
         "invalid_reason": open_reason(law_kind, cycle.levels["open_share_max"]),
     }
-
-
-def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
-    """Read all chunks, write the four tables, return that of the points.
-
-    Raises
-    ------
-    ResultsError
-        Where a point of the plan is in no chunk.
-    """
-    rows = planned_rows(plan, store, SCHEMA)
-    store.write_table(VERDICTS_FILE, nested(rows, "verdicts", VERDICT_FIELDS))
-    cycles = nested(rows, "cycles", CYCLE_FIELDS)
-    frame = cycles.to_pandas().astype({"stable": "boolean"})
-    store.write_table(CYCLES, pa.Table.from_pandas(frame, cycles.schema, preserve_index=False))
-    store.write_table(BRANCHES, nested(rows, "branches", BRANCH_FIELDS))
-    return write_points(plan, store, tabled(rows, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS)))

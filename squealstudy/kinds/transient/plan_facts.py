@@ -7,7 +7,7 @@ speed at which friction saturates in time is one for all design points of a stud
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,8 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from squealstudy.cycles.harmonics import series_at
+from squealstudy.engine.cycle_states import stored_cycle
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import Columns
 from squealstudy.engine.plan import Plan
@@ -128,7 +130,7 @@ def regularisation_of(plan: Plan) -> dict[str, Any] | None:
 
 @dataclass(frozen=True, eq=False)
 class StartState:
-    """A final state of an earlier run: its design point, its model.
+    """A final state of an earlier run, or one on a cycle: its design point or cycle, its model.
 
     `q` and `v` (n,) are deviation from steady sliding and velocity in component-mode coordinates.
     """
@@ -138,6 +140,10 @@ class StartState:
     representation: str
     q: np.ndarray
     v: np.ndarray
+
+    def scaled(self, factor: float) -> StartState:
+        """That many times the state."""
+        return replace(self, q=factor * self.q, v=factor * self.v)
 
 
 def state_file(
@@ -160,6 +166,8 @@ def start_of(plan: Plan) -> StartState | None:
     section, source = plan.study.section, plan.study.source
     if not section.continued:
         return None
+    if section.start_cycle:
+        return _on_cycle(section, source)
     directory = Path(section.start)
     try:
         manifest = read_manifest(directory)
@@ -184,9 +192,30 @@ def start_of(plan: Plan) -> StartState | None:
     except ResultsError as error:
         raise source.error(KEY, str(error)) from None
     try:
-        return _read(path)
+        return _read(path).scaled(section.start_scale)
     except (OSError, ValueError, KeyError, BadZipFile) as error:
         raise source.error(KEY, f"{path} is no final state ({error})") from None
+
+
+def _on_cycle(section: TransientSection, source: SourceText) -> StartState:
+    """The state of a limit cycle where its first harmonic has its cosine: at theta = 0."""
+    directory, cycle_id = Path(section.start_cycle).parent, Path(section.start_cycle).name
+    try:
+        manifest = read_manifest(directory)
+        if manifest is None or manifest.get("kind") != "limit_cycles":
+            raise source.error(
+                KEY,
+                f"expected 'cycle:DIRECTORY/ID' with results of limit cycles, '{directory}' holds "
+                "none",
+            )
+        found = stored_cycle(Store(directory), cycle_id)
+    except ResultsError as error:
+        raise source.error(KEY, str(error)) from None
+    synthesis, slope = series_at(np.zeros(1), (len(found.Q) - 1) // 2)
+    q, v = (synthesis @ found.Q)[0], found.omega * (slope @ found.Q)[0]
+    name = f"{found.cycle_id} {found.omega!r}"  # what a run depends on
+    state = StartState(name, found.prepared_key, section.representation, q, v)
+    return state.scaled(section.start_scale)
 
 
 def _finished(store: Store) -> set[str] | None:

@@ -35,6 +35,7 @@ MOST_STEPS = 1e9
 PILOT_POINTS = 8  # of a meshed model: one run more is then a small part of the study
 AUTO = "auto"
 WORKING_POINT = "working_point"  # where a run starts by default
+CYCLE = "cycle:"  # begins a start on a limit cycle
 
 
 def _modes(values: tuple[int | float, ...]) -> tuple[int | float, ...]:
@@ -94,11 +95,19 @@ class TransientSection(Section):
     start: str = Field(
         default=WORKING_POINT,
         min_length=1,
-        description="'working_point', or a results directory whose final state goes on: "
-        "its deviation from steady sliding, about that of each design point",
+        description="'working_point'; a results directory whose final state goes on: its "
+        "deviation from steady sliding, about that of each design point; or 'cycle:DIRECTORY/ID' "
+        "of a limit cycle in results of limit cycles",
     )
     start_point: str | None = Field(
         default=None, description="point_id in that directory, where it has more than one"
+    )
+    start_scale: float = Field(
+        default=1.0,
+        gt=0,
+        le=1e3,
+        description="factor on the state that a run starts with: 0.9 and 1.1 of an unstable cycle "
+        "are below and above the kick that starts squeal",
     )
     perturbation: float = Field(
         default=1e-3,
@@ -194,6 +203,12 @@ class TransientSection(Section):
             raise ValueError(f"{self.duration / self.step:.3g} steps: at most {MOST_STEPS:.0g}")
         if self.start == WORKING_POINT and self.start_point is not None:
             raise ValueError("start_point needs a results directory as start")
+        if self.start_cycle and self.start_point is not None:
+            raise ValueError("start_point is not for a cycle: its id names its design point")
+        if self.start_cycle and self.representation == "hybrid":
+            raise ValueError('a cycle as start is for representation = "modal"')
+        if self.start == WORKING_POINT and self.start_scale != 1.0:
+            raise ValueError("start_scale needs a state to start with")
         if self.pod_vectors and self.modes_below is None:
             raise ValueError("pod_vectors repair a truncated basis: give modes_below too")
         if self.representation == "hybrid":
@@ -259,8 +274,13 @@ class TransientSection(Section):
 
     @property
     def continued(self) -> bool:
-        """Whether a run begins with the final state of another."""
+        """Whether a run begins with the final state of another, or on a cycle."""
         return self.start != WORKING_POINT
+
+    @property
+    def start_cycle(self) -> str:
+        """Directory and id of the limit cycle that a run begins on; empty without one."""
+        return self.start.removeprefix(CYCLE) if self.start.startswith(CYCLE) else ""
 
 
 class TransientDefinition(StudyDefinition):

@@ -1,0 +1,61 @@
+"""How cycles begin at an onset: beyond it and small, or before it and unstable."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.cycles.contact import ContactOscillator
+from squealstudy.cycles.curve import FINE
+from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.growth import linear_motion
+from squealstudy.cycles.harmonics import with_harmonics
+from squealstudy.cycles.projection import SIZE, Projection
+from squealstudy.errors import ConvergenceError
+
+SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"
+HARMONICS = 3
+VELOCITIES = (0.01, 0.02, 0.04)  # of contact points, over the sliding speed
+SMALLER = (1.0, 0.1, 0.01)  # times these, where larger ones do not agree
+LEAST = 1e-9  # change of added damping over omega that is told from none
+
+
+def criticality(contact: ContactOscillator, lam: complex, phi: np.ndarray) -> str:
+    """How cycles begin where a mode is neutral, by the sign of d xi/d(a^2) at a -> 0.
+
+    ``subcritical`` where small motions need more added damping than none at all, ``supercritical``
+    where they need less; empty where the sizes tried do not agree or nothing changes, as with
+    forces that are linear about steady sliding.
+
+    Parameters
+    ----------
+    contact : ContactOscillator
+        Of the design at the onset.
+    lam : complex
+        Its neutral root, rad/s.
+    phi : ndarray (n,) complex
+        Right vector.
+    """
+    projection = Projection(contact.oscillator, phi, lam.imag)
+    for smaller in SMALLER:
+        xi = [_added(contact, projection, lam, phi, smaller * v) for v in VELOCITIES]
+        changes = np.diff(xi)
+        if (changes > LEAST * lam.imag).all():
+            return SUBCRITICAL
+        if (changes < -LEAST * lam.imag).all():
+            return SUPERCRITICAL
+    return ""
+
+
+def _added(
+    contact: ContactOscillator, projection: Projection, lam: complex, phi: np.ndarray, share: float
+) -> float:
+    """Added damping [1/s] of a contact velocity over the sliding speed; NaN where there is none."""
+    velocity = contact.contact_velocity(linear_motion(phi, lam, projection.weight, 1.0))
+    size = share * abs(contact.point.speed) / velocity
+    motion = linear_motion(phi, lam, projection.weight, size)
+    motion = PeriodicMotion(with_harmonics(motion.Q, HARMONICS), motion.omega, motion.mu)
+    try:
+        motion, _, _ = projection.improve(motion, FINE, SIZE)
+    except ConvergenceError:
+        return np.nan
+    return motion.mu + projection.correction(motion).mu

@@ -1,0 +1,85 @@
+"""Limit cycles of a results directory as Fourier series, which runs in time can begin with.
+
+Series are about steady sliding, in component-mode coordinates, rows as of `cycles/harmonics.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from squealstudy.engine.store import STATES, Store
+from squealstudy.errors import ResultsError
+
+
+@dataclass(frozen=True, eq=False)
+class CycleSeries:
+    """A limit cycle.
+
+    Attributes
+    ----------
+    cycle_id : str
+        ``<point_id>-<mode>-<number>``.
+    prepared_key : str
+        Of the structure of its design point.
+    Q : ndarray (2 H + 1, n)
+    omega : float
+        rad/s.
+    """
+
+    cycle_id: str
+    prepared_key: str
+    Q: np.ndarray
+    omega: float
+
+    @property
+    def point_id(self) -> str:
+        """Of its design point."""
+        return self.cycle_id.partition("-")[0]
+
+
+def cycle_file(
+    name: str, prepared_key: str, cycles: Mapping[str, tuple[np.ndarray, float]]
+) -> dict[str, dict[str, Any]]:
+    """Series and frequencies of cycles by their ids as a file of a results directory, by its path.
+
+    `name` is as long as the id of a design point.
+    """
+    content: dict[str, Any] = {f"series_{k}": Q for k, (Q, _) in enumerate(cycles.values())}
+    content["cycle_id"] = np.array(list(cycles), dtype=str)
+    content["omega"] = np.array([omega for _, omega in cycles.values()])
+    return {f"{STATES}/{name}.npz": content | {"prepared_key": prepared_key}}
+
+
+def stored_cycles(store: Store) -> Iterator[CycleSeries]:
+    """All cycles of a results directory; ResultsError where a file is damaged."""
+    for name in store.names(STATES):
+        yield from _read(store, name)
+
+
+def stored_cycle(store: Store, cycle_id: str) -> CycleSeries:
+    """One of them; ResultsError where there is none."""
+    names = store.names(STATES)
+    own = f"{STATES}/{cycle_id.partition('-')[0]}.npz"
+    for name in sorted(names, key=lambda n: n != own):
+        for found in _read(store, name):
+            if found.cycle_id == cycle_id:
+                return found
+    raise ResultsError(f"{store.directory}: no cycle '{cycle_id}'")
+
+
+def _read(store: Store, name: str) -> list[CycleSeries]:
+    path = store.whole(name)
+    try:
+        with np.load(path) as data:
+            key, omega = str(data["prepared_key"]), data["omega"].tolist()
+            return [
+                CycleSeries(str(cycle_id), key, data[f"series_{k}"], omega[k])
+                for k, cycle_id in enumerate(data["cycle_id"])
+            ]
+    except (OSError, ValueError, KeyError, BadZipFile) as error:
+        raise ResultsError(f"{path}: no series of limit cycles ({error})") from error

@@ -1,0 +1,398 @@
+"""Cycles continued from one design to others: branches along a parameter, steps to neighbours.
+
+What workers do after all design points are solved by themselves.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from squealstudy.cycles.branch import (
+    HOPF,
+    RANGE,
+    SHRUNK,
+    TURN,
+    BranchPoint,
+    branch,
+    cycles_along,
+)
+from squealstudy.cycles.contact import ContactOscillator
+from squealstudy.cycles.curve import between
+from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.families import START, Cycle, cycle_near, linear_modes
+from squealstudy.cycles.growth import FAR
+from squealstudy.cycles.onset import criticality
+from squealstudy.cycles.projection import Projection
+from squealstudy.engine.cache import NewGaps
+from squealstudy.engine.design_points import DesignPoints
+from squealstudy.engine.rows import FAILURES
+from squealstudy.errors import ConvergenceError, SquealstudyError
+from squealstudy.kinds.limit_cycles.designs import CyclesRequest, Way
+from squealstudy.modes.tracking.onsets import SolvedLine, refine_onset
+from squealstudy.modes.tracking.refinement import Modes
+from squealstudy.study.design import DesignPoint
+
+TURNED = "turned"  # why a step to a neighbour ends: the cycle folds before it
+BACK = 0.2  # share of the way back after which it is given up
+NEAR_HZ, NEAR_LEVEL = 1e-3, 0.05  # relative: a branch may pass a cycle where it is as near as that
+SAME_FOLD = 1e-4  # of the range: two branches with a fold within it are one
+ONSET_PRECISION = 1e-9  # of the range
+WIDER = 8  # times that the bracket of an onset doubles
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A cycle that is continued.
+
+    Attributes
+    ----------
+    cycle_id : str
+    mode : int
+    value : float
+        Where it stands on the way.
+    Q : ndarray (2 H + 1, n)
+        In the shared modes.
+    omega : float
+        rad/s.
+    """
+
+    cycle_id: str
+    mode: int
+    value: float
+    Q: np.ndarray
+    omega: float
+
+    @property
+    def point_id(self) -> str:
+        """Of its design."""
+        return self.cycle_id.partition("-")[0]
+
+    @property
+    def motion(self) -> PeriodicMotion:
+        """With the value as `mu`."""
+        return PeriodicMotion(self.Q, self.omega, self.value)
+
+
+@dataclass(frozen=True)
+class LineTask:
+    """Branches along a parameter through the cycles of design points of one line.
+
+    Attributes
+    ----------
+    request : CyclesRequest
+    points : DesignPoints
+        Ascending in the parameter.
+    along : str
+    starts : tuple of Start
+        Those that are tried first come first.
+    """
+
+    request: CyclesRequest
+    points: DesignPoints
+    along: str
+    starts: tuple[Start, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class StepTask:
+    """A cycle of a design continued to a neighbour."""
+
+    request: CyclesRequest
+    points: DesignPoints  # of the cycle, and the neighbour
+    start: Start
+
+
+@dataclass(frozen=True, eq=False)
+class Continued:
+    """A cycle of a design point that was reached from another's.
+
+    Attributes
+    ----------
+    point_id : str
+    origin : Start
+    cycle : Cycle or None
+        None where the balance at the design itself did not converge.
+    """
+
+    point_id: str
+    origin: Start
+    cycle: Cycle | None
+
+
+@dataclass
+class Found:
+    """What was continued.
+
+    Attributes
+    ----------
+    branches : list of dict
+        Rows of the table of branches.
+    cycles : list of Continued
+    lost : list of str
+        Starts from which no branch could be followed, with the reasons.
+    """
+
+    branches: list[dict[str, Any]] = field(default_factory=list)
+    cycles: list[Continued] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
+
+
+def step_to_neighbour(task: StepTask) -> Found:
+    """The cycle at the neighbour, where it can be continued to it."""
+    found, points, gaps = Found(), task.points, NewGaps()
+    way, furthest = Way(task.request, points[0], points[1]), 0.0
+
+    def stop(motion: PeriodicMotion) -> str:
+        nonlocal furthest
+        furthest = max(furthest, motion.mu)
+        return TURNED if motion.mu < furthest - BACK else _ended(way, motion)
+
+    try:
+        _, curve, end = cycles_along(way.oscillator, task.start.motion, way.bounds, 1.0, stop)
+        last = curve[-1].motion
+        if end == RANGE and last.mu > 0.5:
+            _, contact = task.request.contact(points[1], gaps)
+            cycle = _cycle_at(contact, last, task.request)
+            found.cycles.append(Continued(points[1].point_id, task.start, cycle))
+        else:
+            found.lost.append(f"{task.start.cycle_id}: {end}")
+    except FAILURES as error:
+        found.lost.append(f"{task.start.cycle_id}: {error}")
+    gaps.save()
+    return found
+
+
+def follow_line(task: LineTask) -> Found:
+    """Branches through all cycles of a line, each once, and the cycles on them at its designs."""
+    values = task.points.column(task.along)
+    way = Way(task.request, task.points[0], task.points[-1], (float(values[0]), float(values[-1])))
+    found, known = Found(), []  # type: Found, list[Branch]
+    for start in task.starts:
+        level = way.contact(start.value).contact_velocity(start.motion)
+        if any(b.passes(way, start.value, start.omega, level) for b in known):
+            continue
+        try:
+            one = _branch(way, start)
+        except FAILURES as error:
+            found.lost.append(f"{start.cycle_id}: {error}")
+            continue
+        if any(one.same_as(other, way) for other in known):
+            continue
+        known.append(one)
+        found.branches += one.rows(way, task.along)
+    for point in task.points:
+        found.cycles += _cycles_of(task, way, known, point)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A branch from one end to the other.
+
+    Attributes
+    ----------
+    start : Start
+    points : list of BranchPoint
+    ends : (str, str)
+        Why it ends.
+    onsets : mapping of int -> (value, frequency, criticality)
+        Of the Hopf points among the points: as the house's onsets are found.
+    """
+
+    start: Start
+    points: list[BranchPoint]
+    ends: tuple[str, str]
+    onsets: dict[int, tuple[float, float, str]]
+
+    def crossings(self, value: float) -> list[PeriodicMotion]:
+        """Its motions at a value, between two points each."""
+        found = []
+        for one, other in pairwise(self.points):
+            a, b = one.motion, other.motion
+            if a.mu != b.mu and (value - a.mu) * (value - b.mu) <= 0.0 and value != b.mu:
+                found.append(between(a, b, (value - a.mu) / (b.mu - a.mu)))
+        last = self.points[-1].motion
+        return [*found, last] if value == last.mu else found
+
+    def passes(self, way: Way, value: float, omega: float, level: float) -> bool:
+        """Whether it passes a cycle of this frequency [rad/s] and contact velocity."""
+        contact = way.contact(value)
+        return any(
+            abs(m.omega / omega - 1.0) < NEAR_HZ
+            and abs(contact.contact_velocity(m) / level - 1.0) < NEAR_LEVEL
+            for m in self.crossings(value)
+        )
+
+    def same_as(self, other: Branch, way: Way) -> bool:
+        """Whether both have a fold in common."""
+        width = SAME_FOLD * abs(way.bounds[1] - way.bounds[0])
+        own, others = (
+            [(p.motion.mu, p.motion.omega) for p in b.points if p.event == TURN]
+            for b in (self, other)
+        )
+        return any(
+            abs(mu - x) < width and abs(omega / w - 1.0) < NEAR_HZ
+            for mu, omega in own
+            for x, w in others
+        )
+
+    def rows(self, way: Way, along: str) -> list[dict[str, Any]]:
+        """Of the table of branches."""
+        rows = [self._row(way, along, k, p) for k, p in enumerate(self.points)]
+        rows[0]["branch_end"], rows[-1]["branch_end"] = self.ends
+        return rows
+
+    def _row(self, way: Way, along: str, k: int, point: BranchPoint) -> dict[str, Any]:
+        motion, multipliers = point.motion, point.multipliers
+        contact = way.contact(motion.mu)
+        levels = contact.levels(motion)
+        largest = multipliers.multipliers[0] if len(multipliers.multipliers) > 1 else 0.0
+        row = {
+            "point_id": self.start.point_id,
+            "mode": self.start.mode,
+            "cycle_id": self.start.cycle_id,
+            "n_step": k,
+            "along": along,
+            "value": motion.mu,
+            "value_error": point.apart,
+            "event": point.event,
+            "criticality": "",
+            "branch_end": "",
+            "frequency_hz": motion.omega / (2 * np.pi),
+            "torque_rms": levels["torque_rms"],
+            "contact_velocity": levels["contact_velocity"],
+            "open_share_max": levels["open_share_max"],
+            "stable": multipliers.stable,
+            "n_unstable": multipliers.n_unstable,
+            "multiplier": float(np.abs(largest)),
+            "multiplier_error": multipliers.error,
+            "n_harmonics": motion.harmonics,
+            "harmonic_tail": motion.tail,
+            "basis_error": point.error,
+            "balance_residual": point.residual,
+        }
+        if k in self.onsets:  # the cycle is steady sliding there
+            value, hz, how = self.onsets[k]
+            row |= {"value": value, "frequency_hz": hz, "criticality": how}
+            row |= dict.fromkeys(("torque_rms", "contact_velocity", "open_share_max"), 0.0)
+        return row
+
+
+def _ended(way: Way, motion: PeriodicMotion) -> str:
+    """Whether a cycle has shrunk to steady sliding, or is as large as was asked."""
+    contact = way.contact(motion.mu)
+    velocity, speed = contact.contact_velocity(motion), abs(contact.point.speed)
+    if velocity < START * speed:
+        return SHRUNK
+    return FAR if velocity > way.asked.section.reach * speed else ""
+
+
+def _branch(way: Way, start: Start) -> Branch:
+    """The branch through a cycle, both ways."""
+    parts: list[list[BranchPoint]] = []
+    ends: list[str] = []
+    for direction in (-1.0, 1.0):
+        if start.value == way.bounds[0 if direction < 0 else 1]:
+            parts.append([])
+            ends.append(RANGE)
+            continue
+        points, end = branch(
+            way.oscillator,
+            start.motion,
+            way.bounds,
+            direction,
+            partial(_ended, way),
+            highest=way.asked.band[1],
+        )
+        parts.append(points)
+        ends.append(end)
+    points = [*parts[0][:0:-1], *(parts[1] or parts[0][:1])]
+    onsets = {}
+    for k, point in enumerate(points):
+        if point.event == HOPF:
+            neighbour = points[1] if k == 0 else points[k - 1]
+            with contextlib.suppress(SquealstudyError):  # it keeps what the curve has
+                onsets[k] = _onset(way, point, neighbour)
+    return Branch(start, points, (ends[0], ends[1]), onsets)
+
+
+def _onset(way: Way, point: BranchPoint, neighbour: BranchPoint) -> tuple[float, float, str]:
+    """Where the mode that a cycle shrinks to turns unstable, as onsets are refined.
+
+    Returns
+    -------
+    value, frequency in Hz, criticality
+    """
+
+    def modes(value: float) -> Modes:
+        lam, psi = linear_modes(way.contact(value), 2.0 * point.motion.omega)
+        return Modes(lam[lam.imag > 0], psi[:, lam.imag > 0].T)
+
+    def place(found: Modes) -> int:
+        return int(np.argmin(np.abs(np.abs(found.lam) - point.motion.omega)))
+
+    width = abs(way.bounds[1] - way.bounds[0])
+    half = max(abs(point.motion.mu - neighbour.motion.mu), 1e-6 * width)
+    for _ in range(WIDER):
+        low, high = point.motion.mu - half, point.motion.mu + half
+        ends = [modes(value) for value in (low, high)]
+        zeta = [-m.lam[place(m)].real / abs(m.lam[place(m)]) for m in ends]
+        if (zeta[0] + way.asked.tolerance) * (zeta[1] + way.asked.tolerance) < 0:
+            break
+        half *= 2.0
+    else:
+        raise ConvergenceError("no_onset", "no change of stability beside the end of a branch")
+    line = SolvedLine(low, ends[0], high, ends[1], modes)
+    places = [place(m) for m in ends]
+    found = refine_onset(line, places[0], places[1], way.asked.tolerance, ONSET_PRECISION * width)
+    neutral = modes(found.value)
+    k = place(neutral)
+    how = criticality(way.contact(found.value), complex(neutral.lam[k]), neutral.shapes[k])
+    return found.value, found.frequency_hz, how
+
+
+def _cycle_at(
+    contact: ContactOscillator, motion: PeriodicMotion, asked: CyclesRequest
+) -> Cycle | None:
+    """The cycle of a design near one that was continued to it; None where it is not confirmed."""
+    motion = replace(motion, mu=0.0)
+    projection = Projection.about(contact.oscillator, motion)
+    try:
+        return cycle_near(contact, projection, motion, asked.search(contact))
+    except FAILURES:
+        return None
+
+
+def _cycles_of(
+    task: LineTask, way: Way, known: Sequence[Branch], point: DesignPoint
+) -> list[Continued]:
+    """Cycles of branches at a design that its own curves have not led to."""
+    value = float(point.values[task.along])
+    contact = way.contact(value)
+    own = [
+        (s.omega, contact.contact_velocity(s.motion))
+        for s in task.starts
+        if s.point_id == point.point_id
+    ]
+    found: list[Continued] = []
+    for one in known:
+        for motion in one.crossings(value):
+            level = contact.contact_velocity(motion)
+            near = any(
+                abs(motion.omega / w - 1.0) < NEAR_HZ and abs(level / v - 1.0) < NEAR_LEVEL
+                for w, v in own
+            )
+            if near:
+                continue
+            cycle = _cycle_at(contact, motion, task.request)
+            found.append(Continued(point.point_id, one.start, cycle))
+            if cycle is not None:
+                own.append((cycle.motion.omega, cycle.levels["contact_velocity"]))
+    return found

@@ -1,0 +1,328 @@
+"""The tables of a study of limit cycles: rows of its design points, then cycles continued further.
+
+A design point's row is its own. What is continued from one to another joins the tables alone, so
+that rows do not depend on what else a study has.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from squealstudy.cycles.families import IF_KICKED, NO_CYCLE, OK, SQUEALS, UNDECIDED
+from squealstudy.engine.cycle_states import cycle_file, stored_cycles
+from squealstudy.engine.keys import content_hash
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.rows import (
+    FLAG,
+    REAL,
+    TEXT,
+    WHOLE,
+    WORKING_POINT_FIELDS,
+    nested,
+    planned_rows,
+    tabled,
+)
+from squealstudy.engine.store import BRANCHES, CURVES, CYCLES, VERDICTS, Store
+from squealstudy.engine.validity import write_points
+from squealstudy.engine.workers import Workers
+from squealstudy.kinds.limit_cycles.continued import (
+    Continued,
+    LineTask,
+    Start,
+    StepTask,
+    follow_line,
+    step_to_neighbour,
+)
+from squealstudy.kinds.limit_cycles.designs import request
+from squealstudy.kinds.limit_cycles.tables import (
+    CURVE_FIELDS,
+    CYCLE_FIELDS,
+    SCHEMA,
+    SUMMARY_FIELDS,
+    VERDICT_FIELDS,
+    cycle_row,
+    summary,
+)
+
+NEAREST = 3  # neighbours of a design that is on no grid
+SAME = 1e-2  # relative difference of frequency and levels of a cycle found twice, at most
+BRANCH_FIELDS = (
+    ("cycle_id", TEXT),
+    ("mode", WHOLE),
+    ("n_step", WHOLE),
+    ("along", TEXT),
+    ("value", REAL),
+    ("value_error", REAL),
+    ("event", TEXT),
+    ("criticality", TEXT),
+    ("branch_end", TEXT),
+    ("frequency_hz", REAL),
+    ("torque_rms", REAL),
+    ("contact_velocity", REAL),
+    ("open_share_max", REAL),
+    ("stable", FLAG),
+    ("n_unstable", WHOLE),
+    ("multiplier", REAL),
+    ("multiplier_error", REAL),
+    ("n_harmonics", WHOLE),
+    ("harmonic_tail", REAL),
+    ("basis_error", REAL),
+    ("balance_residual", REAL),
+)
+
+
+def build_tables(plan: Plan, store: Store, workers: Workers) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Continue cycles, write the tables; that of the points, and facts for the manifest.
+
+    Raises
+    ------
+    ResultsError
+        Where a point of the plan is in no chunk.
+    """
+    rows = planned_rows(plan, store, SCHEMA)
+    started = time.perf_counter()
+    work = Continuation(plan, store, rows, workers)
+    if plan.study.section.follow is not None:
+        work.follow(plan.study.section.follow)
+    if plan.study.section.neighbours:
+        work.try_neighbours()
+    work.keep()
+    seconds = time.perf_counter() - started
+    store.write_table(VERDICTS, nested(rows, "verdicts", VERDICT_FIELDS))
+    cycles = nested(rows, "cycles", CYCLE_FIELDS)
+    frame = cycles.to_pandas().astype({"stable": "boolean"})
+    store.write_table(CYCLES, pa.Table.from_pandas(frame, cycles.schema, preserve_index=False))
+    store.write_table(CURVES, nested(rows, "curves", CURVE_FIELDS))
+    schema = pa.schema([("point_id", TEXT), *BRANCH_FIELDS])
+    frame = pa.Table.from_pylist(work.branches, schema=schema).to_pandas()
+    frame = frame.astype({"stable": "boolean"})
+    store.write_table(BRANCHES, pa.Table.from_pandas(frame, schema, preserve_index=False))
+    points = write_points(plan, store, tabled(rows, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS)))
+    facts = {"seconds": {"continued_s": seconds}, "continued": work.facts}
+    return points, facts if work.facts["tried"] else {"seconds": {}}
+
+
+class Continuation:
+    """Continues the cycles of a study's design points to others.
+
+    Parameters
+    ----------
+    plan : Plan
+    store : Store
+    rows : list of dict
+        Chunk rows of all design points in the plan's order; cycles that are found join them.
+    workers : Workers
+
+    Attributes
+    ----------
+    branches : list of dict
+        Rows of the table of branches.
+    facts : dict
+        How many cycles were ``tried``, ``found`` at designs, and ``lost`` with their reasons.
+    """
+
+    def __init__(
+        self, plan: Plan, store: Store, rows: list[dict[str, Any]], workers: Workers
+    ) -> None:
+        self._plan, self._store, self._rows, self._workers = plan, store, rows, workers
+        self._request = request(plan)
+        self._numbers = {row["point_id"]: k for k, row in enumerate(rows)}
+        self._new: dict[str, tuple[np.ndarray, float]] = {}
+        self._structure: dict[str, str] = {}
+        self.branches: list[dict[str, Any]] = []
+        self.facts: dict[str, Any] = {"tried": 0, "found": 0, "lost": []}
+
+    # -- what is known --------------------------------------------------------------------------
+    def _starts(self) -> dict[str, Start]:
+        """All cycles of the study's design points, by id."""
+        wanted = {
+            c["cycle_id"]: c for row in self._rows for c in row["cycles"] if c["same_as"] == ""
+        }
+        found = {}
+        for series in stored_cycles(self._store):
+            if series.cycle_id in wanted:
+                mode = wanted[series.cycle_id]["mode"]
+                phi = self._request.reference(series.prepared_key).phi
+                found[series.cycle_id] = Start(
+                    series.cycle_id, mode, 0.0, series.Q @ phi, series.omega
+                )
+        for name, (Q, omega) in self._new.items():
+            found[name] = Start(name, wanted[name]["mode"], 0.0, Q, omega)
+        return found
+
+    # -- along a parameter ----------------------------------------------------------------------
+    def follow(self, along: str) -> None:
+        """Branches along a parameter, of all lines of design points."""
+        tasks = list(self._lines(along))
+        if not tasks:
+            return
+        self.facts["tried"] += sum(len(task.starts) for task in tasks)
+        for found in self._workers.each(follow_line, tasks, stage="branches"):
+            self.branches += found.branches
+            self._join(found.cycles, found.lost)
+
+    def _lines(self, along: str) -> Iterator[LineTask]:
+        plan, starts = self._plan, self._starts()
+        column = [s.name for s in plan.study.sweeps].index(along)
+        others = np.delete(plan.swept, column, axis=1)
+        keys = np.column_stack([others, plan.tasks.structure_index])
+        ok = np.array([row["status"] == "ok" for row in self._rows])
+        _, line = np.unique(keys, axis=0, return_inverse=True)
+        for number in range(int(line.max(initial=-1)) + 1):
+            on_line = np.flatnonzero((line == number) & ok)
+            on_line = on_line[np.argsort(plan.swept[on_line, column], kind="stable")]
+            if len(np.unique(plan.swept[on_line, column])) < 2:
+                continue
+            chosen = []
+            for k in on_line.tolist():
+                value = float(plan.tasks.column(along)[k])
+                chosen += [
+                    (c["contact_velocity"], replace(starts[c["cycle_id"]], value=value))
+                    for c in self._rows[k]["cycles"]
+                    if c["cycle_id"] in starts
+                ]
+            chosen.sort(key=lambda item: -item[0])
+            if chosen:
+                points = plan.tasks.at(on_line)
+                yield LineTask(self._request, points, along, tuple(s for _, s in chosen))
+
+    # -- to neighbours --------------------------------------------------------------------------
+    def try_neighbours(self) -> None:
+        """Designs without a stable cycle from those of neighbours, as long as any is found."""
+        tried: set[tuple[int, str]] = set()
+        while True:
+            tasks = list(self._steps(tried))
+            if not tasks:
+                return
+            self.facts["tried"] += len(tasks)
+            before = self.facts["found"]
+            for found in self._workers.each(step_to_neighbour, tasks, stage="neighbours"):
+                self._join(found.cycles, found.lost)
+            if self.facts["found"] == before:
+                return
+
+    def _steps(self, tried: set[tuple[int, str]]) -> Iterator[StepTask]:
+        """Each stable cycle of each neighbour of each design that has none."""
+        if all(map(_has_stable, self._rows)) or not any(map(_has_stable, self._rows)):
+            return
+        starts, tasks = self._starts(), self._plan.tasks
+        for k, row in enumerate(self._rows):
+            if row["status"] != "ok" or _has_stable(row):
+                continue
+            for other in self._neighbours(k):
+                for cycle in self._rows[other]["cycles"]:
+                    name = cycle["cycle_id"]
+                    if not cycle["stable"] or name not in starts or (k, name) in tried:
+                        continue
+                    tried.add((k, name))
+                    yield StepTask(self._request, tasks.at(np.array([other, k])), starts[name])
+
+    def _neighbours(self, k: int) -> list[int]:
+        """Design points of the same structure one step away on a grid; else the nearest."""
+        plan = self._plan
+        x, shape = plan.coordinates, plan.grid_shape
+        same = plan.tasks.structure_index == plan.tasks.structure_index[k]
+        if shape is not None:
+            place = np.array(np.unravel_index(np.arange(len(x)), shape, order="F")).T
+            away = np.abs(place - place[k]).sum(axis=1)
+            return [int(i) for i in np.flatnonzero((away == 1) & same)]
+        width = np.ptp(x, axis=0)
+        away = (((x - x[k]) / np.where(width > 0, width, 1.0)) ** 2).sum(axis=1)
+        away[~same] = np.inf
+        away[k] = np.inf
+        nearest = np.argsort(away, kind="stable")[:NEAREST]
+        return [int(i) for i in nearest if np.isfinite(away[i]) and away[i] > 0]
+
+    # -- what is found --------------------------------------------------------------------------
+    def _join(self, cycles: list[Continued], lost: list[str]) -> None:
+        self.facts["lost"] += lost
+        for found in cycles:
+            k = self._numbers[found.point_id]
+            row, point = self._rows[k], self._plan.tasks[k]
+            mode = _family(row, self._rows[self._numbers[found.origin.point_id]], found)
+            came = f"a cycle continued from {found.origin.cycle_id}"
+            if found.cycle is None:
+                self.facts["lost"].append(f"{found.origin.cycle_id}: at {found.point_id}")
+                _judge_again(row, mode, f"{came} could not be confirmed")
+                continue
+            number = 1 + sum(c["mode"] == mode for c in row["cycles"])
+            name = f"{found.point_id}-{mode}-{number}"
+            made = cycle_row(name, mode, found.cycle, point.law_kind)
+            made["continued_from"] = found.origin.cycle_id
+            if any(_same(made, known) for known in row["cycles"]):
+                continue
+            row["cycles"].append(made)
+            self._new[name] = (found.cycle.motion.Q, found.cycle.motion.omega)
+            self._structure[name] = point.structure
+            self.facts["found"] += 1
+            _judge_again(row, mode, came, made)
+
+    def keep(self) -> None:
+        """Write the series of the new cycles."""
+        files: dict[str, Any] = {}
+        for key in sorted(set(self._structure.values())):
+            phi = self._request.reference(key).phi
+            own = {
+                name: (Q @ phi.T, omega)
+                for name, (Q, omega) in self._new.items()
+                if self._structure[name] == key
+            }
+            files |= cycle_file(content_hash(["continued", key, self._plan.study_hash]), key, own)
+        if files:
+            self._store.write_files(files)
+
+
+def _has_stable(row: dict[str, Any]) -> bool:
+    return any(c["stable"] for c in row["cycles"])
+
+
+def _same(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Whether a design has a cycle already: as near as the errors of both allow."""
+    near = min(one["level_error"] + other["level_error"], SAME)
+    names = ("frequency_hz", "torque_rms", "contact_velocity")
+    return all(abs(one[n] - other[n]) <= near * abs(other[n]) for n in names)
+
+
+def _family(row: dict[str, Any], origin: dict[str, Any], found: Continued) -> int:
+    """Mode of a design to whose verdict a cycle from elsewhere belongs: nearest in frequency.
+
+    To the mode whose family it was at its own design; it is connected to that one, not to this.
+    """
+    known = {v["mode"]: v["frequency_hz"] for v in origin["verdicts"]}
+    hz = known.get(found.origin.mode, found.origin.omega / (2 * np.pi))
+    nearest = min(row["verdicts"], key=lambda v: abs(v["frequency_hz"] - hz), default=None)
+    return found.origin.mode if nearest is None else int(nearest["mode"])
+
+
+def _judge_again(
+    row: dict[str, Any], mode: int, came: str, cycle: dict[str, Any] | None = None
+) -> None:
+    """The verdicts of a design that a cycle more has, or may have: `came` says from where."""
+    for verdict in row["verdicts"]:
+        if verdict["mode"] != mode:
+            continue
+        stable = cycle is not None and bool(cycle["stable"])
+        if cycle is not None:
+            verdict["n_cycles"] += 1
+            if stable and not verdict["torque_rms"] >= cycle["torque_rms"]:
+                verdict["torque_rms"] = cycle["torque_rms"]
+                verdict["cycle_frequency_hz"] = cycle["frequency_hz"]
+        if verdict["verdict"] == SQUEALS:
+            if stable:
+                verdict["reason"] = f"unstable mode, with a stable cycle: {came}"
+        elif stable:
+            if verdict["verdict"] != IF_KICKED:
+                verdict["reason"] = f"{came} is stable beside a stable mode; no threshold"
+            verdict["verdict"] = IF_KICKED
+        elif verdict["verdict"] == NO_CYCLE:
+            if cycle is not None:
+                came += " is unstable" if cycle["status"] == OK else " is inaccurate"
+            verdict["verdict"], verdict["reason"] = UNDECIDED, came
+    row |= summary(row["verdicts"], row["cycles"], row["n_left_out"], bool(row["unstable_outside"]))

@@ -1,0 +1,134 @@
+"""Design points of a study of limit cycles as oscillators, and the designs between two of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from squealstudy.cycles.contact import ContactOscillator
+from squealstudy.cycles.families import Search
+from squealstudy.cycles.oscillator import Oscillator
+from squealstudy.engine.cache import NewGaps
+from squealstudy.engine.plan import Plan
+from squealstudy.errors import ConvergenceError
+from squealstudy.kinds.limit_cycles.section import AUTO, LimitCyclesSection
+from squealstudy.kinds.transient.batch import ALL_MODES, mode_keys, shared_reference
+from squealstudy.kinds.transient.worker import steady_motion
+from squealstudy.models.operating import ModeKey, OperatingPoint
+from squealstudy.modes.point import angular_band
+from squealstudy.motion.shared_modes import SharedModes
+from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.study.design import DesignPoint
+
+MOST = 2000  # coordinates: matrices of this size are factorised for every harmonic
+KEPT = 8  # designs on a way
+
+
+@dataclass(frozen=True)
+class CyclesRequest:
+    """What is asked of every design point.
+
+    Attributes
+    ----------
+    section : LimitCyclesSection
+    operating : OperatingPoint
+        Of the study's [parameters]: where the shared modes are made.
+    component_modes : tuple of (component, mode)
+    band_hz : (low, high)
+    tolerance : float
+        Damping ratio below minus which a mode is unstable.
+    """
+
+    section: LimitCyclesSection
+    operating: OperatingPoint
+    component_modes: tuple[ModeKey, ...]
+    band_hz: tuple[float, float]
+    tolerance: float
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """In rad/s."""
+        return angular_band(self.band_hz)
+
+    def search(self, contact: ContactOscillator) -> Search:
+        """What is looked for at a design point."""
+        section = self.section
+        return Search(
+            None if section.harmonics == AUTO else int(section.harmonics),
+            section.tolerance,
+            section.reach * abs(contact.point.speed),
+            self.band[1],
+        )
+
+    def reference(self, structure: str) -> SharedModes:
+        """Modes that all design points of a structure share; ConvergenceError for too many."""
+        found = shared_reference(structure, self.operating, self.component_modes, ALL_MODES)
+        if found.system.n > MOST:
+            raise ConvergenceError("too_large", too_large(found.system.n))
+        return found
+
+    def contact(
+        self, point: DesignPoint, gaps: NewGaps, forecast: bool = True
+    ) -> tuple[WorkingPoint, ContactOscillator]:
+        """Working point and oscillator of a design point; its unstable modes where `forecast`."""
+        reference = self.reference(point.structure)
+        band = self.band_hz if forecast else None
+        steady, made = steady_motion(
+            reference, point, self.section.friction, band, self.tolerance, gaps
+        )
+        return steady, ContactOscillator(reference.system, made)
+
+
+def request(plan: Plan) -> CyclesRequest:
+    """What the study asks of every design point."""
+    return CyclesRequest(
+        section=plan.study.section,
+        operating=plan.nominal,
+        component_modes=mode_keys(plan),
+        band_hz=plan.band_hz,
+        tolerance=plan.study.definition.modes.stability_tolerance,
+    )
+
+
+def too_large(n: int) -> str:
+    """What is said of a model of n coordinates."""
+    return f"the model has {n} coordinates, limit cycles are for {MOST} at most"
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The designs on the straight way between two of one structure.
+
+    Attributes
+    ----------
+    asked : CyclesRequest
+    first, last : DesignPoint
+    bounds : (low, high)
+        What is counted from the first to the last: values of a parameter, or 0 to 1.
+    """
+
+    asked: CyclesRequest
+    first: DesignPoint
+    last: DesignPoint
+    bounds: tuple[float, float] = (0.0, 1.0)
+    _known: dict[float, ContactOscillator] = field(default_factory=dict, init=False)
+
+    def design(self, value: float) -> DesignPoint:
+        """The design at a value; a little beyond the ends too."""
+        low, high = self.bounds
+        share = (value - low) / (high - low)
+        a, b = self.first.values, self.last.values
+        values = {k: a[k] if a[k] == b[k] else a[k] + share * (b[k] - a[k]) for k in a}
+        return self.first.with_values(values)
+
+    def contact(self, value: float) -> ContactOscillator:
+        """The oscillator at a value."""
+        if value not in self._known:
+            while len(self._known) >= KEPT:
+                del self._known[next(iter(self._known))]
+            found = self.asked.contact(self.design(value), NewGaps(), forecast=False)[1]
+            self._known[value] = found
+        return self._known[value]
+
+    def oscillator(self, value: float) -> Oscillator:
+        """Its equation of motion."""
+        return self.contact(value).oscillator

@@ -1,0 +1,95 @@
+"""Growth over amplitude of the mode families of a design: where it is zero there is a cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from squealstudy.engine.pictures import Choices, register_plot
+from squealstudy.errors import ResultsError
+from squealstudy.plots.style import (
+    COLOURS,
+    DARK,
+    GREY,
+    empty_figure,
+    finish,
+    growth_limits,
+    labelled,
+    legend_below,
+    new_figure,
+)
+from squealstudy.plots.tables import describe
+from squealstudy.tables.mode_ranking import parameter_columns
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+MOST = 8  # families with a colour and a name: those that grow fastest somewhere
+
+
+def _most_telling(results: Results) -> Iterator[tuple[str, Choices]]:
+    """The design that squeals if kicked least, else the first that has a cycle."""
+    points = results.points
+    kicked = points[points["threshold_velocity"].notna().to_numpy(bool)]
+    if len(kicked):
+        weakest = int(np.nanargmin(kicked["threshold_share"].to_numpy(float)))
+        yield "", {"point": kicked["point_id"].iloc[weakest]}
+    elif (some := points[(points["n_cycles"].fillna(0) > 0).to_numpy(bool)]).size:
+        yield "", {"point": some["point_id"].iloc[0]}
+
+
+@register_plot(_most_telling, points=("verdict",), curves=("added_damping",))
+def cycle_growth(results: Results, point: str) -> Figure:
+    """Growth rate over contact velocity of the families of one design.
+
+    Parameters
+    ----------
+    results : Results
+        Of a study of limit cycles.
+    point : str
+        Its point_id, or how that begins.
+
+    Raises
+    ------
+    ResultsError
+        Where no design point, or more than one, is called so.
+    """
+    points = results.points
+    chosen = points[points["point_id"].str.startswith(point).to_numpy(bool)]
+    if len(chosen) != 1:
+        raise ResultsError(f"'{point}' is the beginning of {len(chosen)} design points, not of one")
+    design = chosen.iloc[0]
+    curves = results.table("curves")
+    curves = curves[(curves["point_id"] == design["point_id"]).to_numpy(bool)]
+    if not len(curves):
+        return empty_figure("no curve of this design was followed")
+    rate = 0.5 * curves["added_damping"].to_numpy(float)
+    fastest = curves.assign(rate=rate).groupby("mode")["rate"].max().sort_values(ascending=False)
+    figure = new_figure(8.5, 5.4)
+    axes = figure.add_subplot()
+    for place, mode in enumerate(fastest.index):
+        own = (curves["mode"] == mode).to_numpy(bool)
+        x, y = curves["contact_velocity"].to_numpy(float)[own], rate[own]
+        hz = float(curves["frequency_hz"].to_numpy(float)[own][0])
+        named = place < MOST
+        style: dict[str, Any] = {"color": GREY}
+        if named:
+            style = {"color": COLOURS[place], "label": f"mode {mode}, {hz:.0f} Hz"}
+        axes.plot(x, y, linewidth=1.5, **style)
+        zero = (curves["event"].to_numpy(str) == "C")[own]
+        axes.plot(x[zero], y[zero], "o", color=DARK, markersize=6, markerfacecolor="white")
+    axes.axhline(0.0, color="0.2", linewidth=1.0, zorder=1)
+    axes.set_ylim(*growth_limits(rate))
+    axes.set_xlim(left=0.0)
+    finish(axes, "Contact velocity [m/s]", "Growth at this amplitude [1/s]")
+    others = len(fastest) - MOST
+    legend_below(figure, labelled(axes), 4)
+    verdict = str(design["verdict"]).replace("_", " ")
+    names = parameter_columns(points, varied=True)
+    at = describe(design, points, names, results.units)
+    title = f"{at}: {verdict}; circles are limit cycles" if at else f"{verdict}; circles are cycles"
+    axes.set_title(title + (f"; grey: {others} others" if others > 0 else ""), fontsize=10)
+    return figure

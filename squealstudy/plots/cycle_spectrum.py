@@ -1,0 +1,82 @@
+"""Harmonics of the friction torque of limit cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from squealstudy.engine.pictures import Choices, register_plot
+from squealstudy.errors import ResultsError
+from squealstudy.plots.over_time import friction_label
+from squealstudy.plots.style import COLOURS, GREY, finish, new_figure
+from squealstudy.plots.tables import describe
+from squealstudy.tables.mode_ranking import parameter_columns
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+SHOWN = 1e-5  # of the largest harmonic: lower ones are not drawn
+
+
+def _loudest(results: Results) -> Iterator[tuple[str, Choices]]:
+    """The loudest stable cycle of the study; the loudest of all where none is stable."""
+    cycles = results.table("cycles")
+    stable = cycles[cycles["stable"].fillna(False).to_numpy(bool)]
+    among = stable if len(stable) else cycles
+    if len(among):
+        loudest = int(np.nanargmax(among["torque_rms"].to_numpy(float)))
+        yield "", {"cycle": among["cycle_id"].iloc[loudest]}
+
+
+@register_plot(_loudest, cycles=("torque_harmonics",))
+def cycle_spectrum(results: Results, cycle: str) -> Figure:
+    """Amplitudes of the harmonics of the torque of one limit cycle.
+
+    Parameters
+    ----------
+    results : Results
+        Of a study of limit cycles.
+    cycle : str
+        Its cycle_id.
+
+    Raises
+    ------
+    ResultsError
+        For an unknown cycle.
+    """
+    cycles, points = results.table("cycles"), results.points
+    chosen = cycles[(cycles["cycle_id"] == cycle).to_numpy(bool)]
+    if not len(chosen):
+        raise ResultsError(f"no cycle '{cycle}'")
+    own = chosen.iloc[0]
+    level = np.asarray(own["torque_harmonics"], dtype=float)
+    order = np.arange(1, len(level) + 1)
+    hz = float(own["frequency_hz"])
+    what, unit = friction_label(results.units)
+    figure = new_figure(8.0, 4.4)
+    axes = figure.add_subplot()
+    axes.bar(order, level, width=0.7, color=COLOURS[1])
+    axes.set_yscale("log")
+    axes.set_ylim(SHOWN * level.max(), 2.0 * level.max())
+    error = float(own["level_error"]) * level.max()
+    if error > SHOWN * level.max():
+        axes.axhline(error, color=GREY, linestyle="--", linewidth=1.2)
+        place: dict[str, Any] = {
+            "transform": axes.get_yaxis_transform(),
+            "ha": "right",
+            "va": "bottom",
+        }
+        axes.text(0.995, error, "estimated error of the level", color="0.35", fontsize=9, **place)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlim(0.4, len(level) + 0.6)
+    finish(axes, f"Harmonic of {hz:.1f} Hz", f"{what.capitalize()} [{unit}]")
+    design = points[(points["point_id"] == own["point_id"]).to_numpy(bool)].iloc[0]
+    at = describe(design, points, parameter_columns(points, varied=True), results.units)
+    how = {True: "stable", False: "unstable"}.get(own["stable"], "stability not known")
+    title = f"{at}: {how} cycle" if at else f"{how.capitalize()} cycle"
+    axes.set_title(f"{title}, RMS {own['torque_rms']:.4g} {unit}", fontsize=10)
+    return figure

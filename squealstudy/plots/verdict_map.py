@@ -1,0 +1,135 @@
+"""Verdicts over two parameters, and how strong a kick must be where one is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from squealstudy.engine.pictures import Choices, register_plot
+from squealstudy.errors import ResultsError
+from squealstudy.plots.cycle_levels import VERDICTS
+from squealstudy.plots.plane import Plane
+from squealstudy.plots.style import finish, joined, legend_below, new_figure, quantity
+from squealstudy.plots.tables import describe
+from squealstudy.tables.mode_ranking import parameter_columns
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+LEVELS = 5  # contours
+PALE = 0.5  # share of white: lines and marks are drawn over it
+BORDERS = {"H": ("^", "Hopf point of a branch"), "F": ("D", "fold of a branch")}
+
+
+def _planes(results: Results) -> Iterator[tuple[str, Choices]]:
+    """One picture of a study in which two parameters or more vary."""
+    if len(parameter_columns(results.points, varied=True)) > 1:
+        yield "", {}
+
+
+@register_plot(
+    _planes, points=("verdict", "threshold_velocity"), branches=("along", "value", "event")
+)
+def verdict_map(
+    results: Results,
+    x: str | None = None,
+    y: str | None = None,
+    fixed: Mapping[str, float] | None = None,
+) -> Figure:
+    """Cells of a grid, or scattered points, coloured by verdict; contours of the threshold.
+
+    Hopf points and folds of branches along one of both parameters are marked where they are:
+    between them, verdicts do not change.
+
+    Parameters
+    ----------
+    results : Results
+        Of a study of limit cycles.
+    x, y : str or None
+        Two varied parameters; by default the first two.
+    fixed : mapping of parameter -> value or None
+        Of the others; by default the study's own.
+
+    Raises
+    ------
+    ResultsError
+        Where two parameters do not vary.
+    """
+    points, units = results.points, results.units
+    varied = parameter_columns(points, varied=True)
+    free = [n for n in varied if n not in (x, y)]
+    if [x, y].count(None) > len(free) or {x, y} - {None, *varied}:
+        raise ResultsError(f"{results.directory}: a map needs two parameters that vary")
+    across = x or free.pop(0)
+    up = y or free.pop(0)
+    others = [n for n in varied if n not in (across, up)]
+    held = {n: points[n].iloc[len(points) // 2] for n in others} | dict(fixed or {})
+    rows = points
+    for name, value in held.items():
+        rows = rows[np.isclose(rows[name], value, rtol=1e-6, atol=0.0)]
+    if not len(rows):
+        raise ResultsError(f"{results.directory}: no design point at these values")
+    first, second = (quantity(n, points[n], units) for n in (across, up))
+    plane = Plane(first, second, first.scaled(rows[across]), second.scaled(rows[up]))
+    codes = [*VERDICTS]
+    verdict = rows["verdict"].map({name: k for k, name in enumerate(codes)}).to_numpy(float)
+    verdict[(rows["status"] != "ok").to_numpy(bool)] = np.nan
+    figure = new_figure(8.5, 6.0)
+    axes = figure.add_subplot()
+    plane.frame(axes, rows)
+    pale = {name: PALE + (1.0 - PALE) * np.array(to_rgb(c)) for name, c in VERDICTS.items()}
+    colours = ListedColormap(list(pale.values()))
+    norm = BoundaryNorm(np.arange(len(codes) + 1) - 0.5, len(codes))
+    gridded = all(len(np.unique(v)) > 1 for v in (plane.x, plane.y)) and len(rows) > 3
+    if gridded:
+        plane.draw_cells(axes, verdict, cmap=colours, norm=norm)
+    else:
+        axes.scatter(plane.x, plane.y, c=verdict, cmap=colours, norm=norm)
+    threshold = rows["threshold_velocity"].to_numpy(float)
+    told = int(np.isfinite(threshold).sum())
+    if gridded and told > 3:
+        place = plane.cells(threshold)
+        lines = axes.contour(*place[:2], np.ma.masked_invalid(place[2]), LEVELS, colors="0.15")
+        axes.clabel(lines, fontsize=8, fmt="%.3g m/s")
+    borders = _borders(axes, results, plane, rows, (across, up))
+    present = {int(k) for k in verdict[np.isfinite(verdict)]}
+    handles = [
+        Patch(color=pale[name], label=name.replace("_", " "))
+        for k, name in enumerate(codes)
+        if k in present
+    ]
+    legend_below(figure, [*handles, *borders])
+    finish(axes, plane.across.label, plane.up.label)
+    axes.grid(False)
+    at = describe(rows.iloc[0], points, others, units)
+    lines_told = f"lines: contact velocity of the kick that is needed, at {told} designs"
+    failed = "" if np.isfinite(verdict).all() else "hatched: failed"
+    axes.set_title(joined(at, lines_told if told > 3 else "", failed), fontsize=9.5)
+    return figure
+
+
+def _borders(
+    axes: Axes, results: Results, plane: Plane, rows: pd.DataFrame, names: tuple[str, str]
+) -> list[Artist]:
+    """Hopf points and folds of the branches that begin at the designs shown; for a legend."""
+    branches = results.table("branches")
+    drawn: list[Artist] = []
+    for event, (marker, label) in BORDERS.items():
+        own = (branches["event"] == event) & branches["along"].isin(names)
+        found = branches[own.to_numpy(bool)].merge(rows[["point_id", *names]], on="point_id")
+        if not len(found):
+            continue
+        x, y = (found[name].where(found["along"] != name, found["value"]) for name in names)
+        style: dict[str, Any] = {"color": "black", "markersize": 6, "label": label}
+        drawn += axes.plot(
+            plane.across.scaled(x), plane.up.scaled(y), marker, linestyle="", **style
+        )
+    return drawn

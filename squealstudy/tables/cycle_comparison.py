@@ -1,0 +1,108 @@
+"""Limit cycles that were predicted beside what runs in time came to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.tables.comparison import OF_THE_RUN, OPEN, STABLE, join_points
+from squealstudy.wording import SUSTAINED
+
+SQUEALS, IF_KICKED, NO_CYCLE = "squeals", "squeals_if_kicked", "no_cycle_found"
+AGREES, DIFFERS, CANNOT = "agrees", "differs", "open"  # verdict and run
+COLUMNS = (
+    {"verdict": "str", "bistable": "boolean", "n_stable": "int64"}
+    | {"predicted_torque_rms": "f8", "predicted_frequency_hz": "f8", "threshold_velocity": "f8"}
+    | {"class": "str", "torque_rms": "f8", "dominant_frequency_hz": "f8"}
+    | {"level_deviation": "f8", "frequency_deviation": "f8", "agreement": "str"}
+    | {"cycle_id": "str", "cycles_point_id": "str", "time_point_id": "str"}
+)
+
+
+def compare_cycles(
+    points: pd.DataFrame,
+    cycles: pd.DataFrame,
+    time_points: pd.DataFrame,
+    parameters: Sequence[str],
+    time_parameters: Sequence[str],
+    nominal: Mapping[str, float],
+) -> pd.DataFrame:
+    """A row a design point that both studies have: verdict and level beside a run's.
+
+    Points join as of `tables.comparison.compare`.
+
+    Returns
+    -------
+    DataFrame
+        The parameters of both studies, then COLUMNS. `bistable`: a stable cycle was found beside
+        steady sliding without an unstable mode; missing where that is undecided. The predicted
+        cycle is, of the stable ones, that nearest in frequency to a run that lasts, else the
+        loudest. `level_deviation` and `frequency_deviation` are run / predicted - 1, of runs that
+        last. `agreement`: ``differs`` where a design of verdict squeals stays silent, or one
+        without a cycle vibrates; ``open`` where verdict or run is undecided. A design that squeals
+        if kicked agrees with both: it depends on the start.
+
+    Raises
+    ------
+    ResultsError
+        Where no design points join.
+    """
+    names = list(dict.fromkeys([*time_parameters, *parameters]))
+    own = cycles[(cycles["same_as"] == "").to_numpy(bool) & cycles["stable"].fillna(False)]
+    rows = []
+    for k, t in join_points(points, time_points, parameters, time_parameters, nominal):
+        design, run = points.iloc[k], time_points.iloc[t]
+        stable = own[(own["point_id"] == design["point_id"]).to_numpy()]
+        values = {n: float((run if n in time_parameters else design)[n]) for n in names}
+        ids = {"cycles_point_id": design["point_id"], "time_point_id": run["point_id"]}
+        rows.append(values | ids | _verdict(design, len(stable)) | _levels(stable, run))
+        rows[-1]["agreement"] = _agreement(str(design["verdict"]), str(run["class"]))
+    return pd.DataFrame(rows, columns=[*names, *COLUMNS]).astype(COLUMNS)
+
+
+def _verdict(design: pd.Series, n_stable: int) -> dict[str, object]:
+    ok = design["status"] == "ok"
+    verdict = str(design["verdict"]) if ok else str(design["status"])
+    quiet = ok and int(design["n_unstable"]) == 0 and not bool(design["unstable_outside"])
+    bistable: object = quiet and n_stable > 0
+    if not ok or (not bistable and verdict not in (SQUEALS, NO_CYCLE)):
+        bistable = None
+    return {
+        "verdict": verdict,
+        "bistable": bistable,
+        "n_stable": n_stable,
+        "threshold_velocity": design["threshold_velocity"],
+    }
+
+
+def _levels(stable: pd.DataFrame, run: pd.Series) -> dict[str, object]:
+    found: dict[str, object] = {name: run[name] for name in OF_THE_RUN}
+    found |= {"predicted_torque_rms": np.nan, "predicted_frequency_hz": np.nan, "cycle_id": ""}
+    found |= {"level_deviation": np.nan, "frequency_deviation": np.nan}
+    if not len(stable):
+        return found
+    lasts = run["class"] in SUSTAINED
+    hz, level = float(run["dominant_frequency_hz"]), float(run["torque_rms"])
+    if lasts and np.isfinite(hz):
+        cycle = stable.iloc[int(np.argmin(np.abs(stable["frequency_hz"] / hz - 1.0)))]
+    else:
+        cycle = stable.iloc[int(np.argmax(stable["torque_rms"]))]
+    found["cycle_id"] = cycle["cycle_id"]
+    found["predicted_torque_rms"] = cycle["torque_rms"]
+    found["predicted_frequency_hz"] = cycle["frequency_hz"]
+    if lasts:
+        found["level_deviation"] = level / float(cycle["torque_rms"]) - 1.0
+        found["frequency_deviation"] = hz / float(cycle["frequency_hz"]) - 1.0
+    return found
+
+
+def _agreement(verdict: str, run: str) -> str:
+    if run in OPEN or run not in (*SUSTAINED, STABLE):
+        return CANNOT
+    if verdict == IF_KICKED:
+        return AGREES
+    if verdict not in (SQUEALS, NO_CYCLE):
+        return CANNOT
+    return AGREES if (verdict == SQUEALS) == (run in SUSTAINED) else DIFFERS
