@@ -105,7 +105,7 @@ class ResultTables:
         found = self._loaded.get(name)
         for batch in batches(found, self.store, f"{name}.parquet", plain):
             if ROW in columns:
-                batch[ROW] = self.point_rows[batch.index]
+                batch = batch.assign(**{ROW: self.point_rows[batch.index]})
             yield batch[list(columns)]
 
     def rows(self, name: str, columns: Sequence[str], keep: Keep | None = None) -> pd.DataFrame:
