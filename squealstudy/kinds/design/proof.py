@@ -13,6 +13,7 @@ import numpy as np
 from squealstudy.kinds.design.plan import CYCLES, FULL, ROOTS, Ask, ask
 from squealstudy.kinds.design.state import KICK_WINDOW, Check, Extra
 from squealstudy.tables.robustness import probability_interval
+from squealstudy.wording import plural
 
 if TYPE_CHECKING:
     from squealstudy.kinds.design.loop import Loop
@@ -108,7 +109,8 @@ class Proof:
                 good = False
                 self.loop.state.extras.append(Extra(p, self.loop.margin + LACKING * (own - full)))
                 self.loop.state.view = sorted({*self.loop.state.view, p})
-        text = f"least damping ratio of {len(points)} operating points at full order{lost}"
+        least = f"{value:.4g}" if np.isfinite(value) else "not known"
+        text = f"least damping ratio {least} at {plural(len(points), 'operating point')}{lost}"
         self._told("full_order", design, asks, good, value, text)
         return good is not False
 
