@@ -233,7 +233,9 @@ def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:
         return "matrices", f"{n} terms read, parameters {', '.join(plan.study.values) or 'none'}"
     total = len(plan.structures)
     text = f"{total} needed, {cost.n_missing_structures} not in the cache"
-    if total > 1:
+    if plan.shared_range is not None:
+        text += f"; most by one basis, made for {plan.shared_range.text}"
+    elif total > 1:
         text += "; a swept mass or stiffness costs one reduction a value"
     if cost.n_missing_structures and cost.structure_s:
         text += f" ({duration(cost.structure_s)} each)"

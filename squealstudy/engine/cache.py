@@ -51,12 +51,14 @@ CLASSES = {
         "motion.shared_modes.Training",
         "reduction.cmt.Expansion",
         "reduction.cmt.ReducedModel",
+        "reduction.contact_space.ContactRows",
         "reduction.contact_space.ContactSpace",
         "reduction.hybrid.HybridBasis",
         "reduction.hybrid.HybridModel",
         "reduction.hybrid.Superelement",
         "reduction.prepared.PreparedFamily",
         "reduction.prepared.PreparedModel",
+        "reduction.shared_basis.SharedBasis",
     )
 }
 CSR = ("data", "indices", "indptr")

@@ -25,8 +25,9 @@ from squealstudy.engine.cache import (
     save_value,
 )
 from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.reduced import BuildTask, reduced_with_basis
 from squealstudy.engine.store import MANIFEST
-from squealstudy.engine.structures import BuildTask, build_task, reduced_with_basis
+from squealstudy.engine.structures import build_task
 from squealstudy.errors import ResultsError, SquealstudyError
 from squealstudy.machine import cores
 from squealstudy.models.assembly import Assembly
@@ -294,12 +295,12 @@ def expansion(plan: Plan, row: int, tell: Progress) -> Expansion:
         stage, space = "reduction, which the cache does not hold", None
     tell(stage, 0, 1)
     try:
-        prepared, basis = reduced_with_basis(task, space)
+        prepared, blocks = reduced_with_basis(task, space)
     except SquealstudyError as error:
         raise ResultsError(f"{plan.study.source.path}: {error}") from error
     if not known:
         save_prepared(key, prepared)
-    made = Expansion(prepared.model, basis.blocks)
+    made = Expansion(prepared.model, blocks)
     save_value(folder, made)
     tell(stage, 1, 1)
     return made

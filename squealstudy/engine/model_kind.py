@@ -13,6 +13,7 @@ from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.kind import Kind, Warn
 from squealstudy.engine.manifest import model_facts
 from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.reduced import shared_facts
 from squealstudy.engine.structures import build_structures, check_component_modes, check_shapes
 from squealstudy.engine.workers import Workers
 from squealstudy.models.components.definition import FileDefinition
@@ -127,6 +128,12 @@ class ModelKind(Kind):
             warn(text)
         check_component_modes(plan)
         failures = self.build(plan, workers)
+        if (shared := shared_facts(plan)) and not shared["shared_basis"]["used"]:
+            found = shared["shared_basis"]
+            warn(
+                f"no basis of {found['reductions']} reductions serves {found['range']}: each value "
+                "has a reduction of its own"
+            )
         self.check(plan)
         if (better := self.accurate(plan, failures, workers)) is not plan:
             plan = better
@@ -186,7 +193,7 @@ class ModelKind(Kind):
     # -- what is said of it ----------------------------------------------------------------------
     def manifest(self, plan: Plan) -> dict[str, Any]:
         """Model, parameters, design and structures."""
-        return model_facts(plan)
+        return model_facts(plan) | shared_facts(plan)
 
     def timings(self, plan: Plan, failures: Mapping[str, str]) -> dict[str, float]:
         """Seconds of each stage of a structure when it was made, the mean over structures."""

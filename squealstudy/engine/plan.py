@@ -12,6 +12,7 @@ import numpy as np
 from squealstudy.engine.design_points import DesignPoints, DesignValues, PlannedNames
 from squealstudy.engine.keys import NUMERIC_PACKAGES, content_hash, source_hash
 from squealstudy.engine.method import RungChoice, choose_method
+from squealstudy.engine.shared_range import SharedRange, shared_range
 from squealstudy.errors import StudyFileError
 from squealstudy.extensions import in_models
 from squealstudy.models.components.definition import FileDefinition
@@ -182,30 +183,50 @@ class Plan:
         once = section.enrichment and section.residual_responses and self.judged_to_hz is not None
         return int(once) + int(self.enriched)
 
+    @cached_property
+    def shared_range(self) -> SharedRange | None:
+        """Over which structures have one basis; None where each has its own."""
+        return shared_range(self.study, int(self._values.structure_index.max(initial=-1)) + 1)
+
     def structure_key(self, design: DesignPoint, enriched: bool | None = None) -> str:
         """Content hash of the prepared model that a design needs; StudyFileError without files."""
-        enriched = self.enriched if enriched is None else enriched
         if isinstance(self.study.model, FamilyDefinition):
             return self.family_key
+        values = design.structural_values()
+        shared = self.shared_range
+        if shared is None or not shared.holds(values):
+            return content_hash(self._structure(values, enriched))
+        return content_hash({**self._structure(values, enriched), "shared": shared.identity})
+
+    def shared_key(self, design: DesignPoint) -> str:
+        """Content hash of the basis of the range that a design's structure is in."""
+        assert self.shared_range is not None
+        fixed = design.structural_values()
+        for name in self.shared_range.names:
+            del fixed[name]
+        basis = {"basis": self.shared_range.identity, "band": list(self.band_hz)}
+        return content_hash([self._structure(fixed, None), basis])
+
+    def _structure(self, values: Mapping[str, float], enriched: bool | None) -> dict[str, Any]:
+        """All that decides a reduction, of structural values."""
+        enriched = self.enriched if enriched is None else enriched
         s, joined = self.settings, self.enriching - int(self.enriched) + int(enriched)
         scales = [sorted([*k, v.hex()] for k, v in x.items()) for x in self.trained_scales]
         model = self.study.model
         files = {"files": model.files} if isinstance(model, FileDefinition) else {}
-        return content_hash(
-            {
-                **files,
-                "source": [source_hash(STRUCTURE_SOURCES), *in_models(self.study.extensions)],
-                "model": self.study.model.name,
-                "options": {k: v for k, v in self.study.options.items() if k not in LAW_OPTIONS},
-                "structure": {k: float(v).hex() for k, v in design.structural_values().items()},
-                "trained at": [
-                    [*p.sliding_friction, p.brake_pressure, p.law.kind, *p.law.parameters]
-                    for p in (self.nominal, *self.training)
-                ],
-                "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
-                "finer": [source_hash(FINER_SOURCES), self.judged_to_hz, joined, scales],
-            }
-        )
+        return {
+            **files,
+            "source": [source_hash(STRUCTURE_SOURCES), *in_models(self.study.extensions)],
+            "model": self.study.model.name,
+            "options": {k: v for k, v in self.study.options.items() if k not in LAW_OPTIONS},
+            "structure": {k: float(v).hex() for k, v in values.items()},
+            "trained at": [
+                [*p.sliding_friction, p.brake_pressure, p.law.kind, *p.law.parameters]
+                for p in (self.nominal, *self.training)
+            ],
+            "basis": [s.component_cutoff, s.assembly_cutoff, s.load_cutoff, s.tolerance],
+            "finer": [source_hash(FINER_SOURCES), self.judged_to_hz, joined, scales],
+        }
 
     @cached_property
     def family_key(self) -> str:

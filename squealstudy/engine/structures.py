@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, load_prepared, save_prepared
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.reduced import (
+    BuildTask,
+    make_shared,
+    reduced_with_basis,
+    shared_task,
+)
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError, StudyFileError
-from squealstudy.linalg.factor import solve_threads
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.machine import give_back_memory
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
-from squealstudy.models.operating import ModeKey, OperatingPoint
-from squealstudy.modes.full_order.finer_model import ReductionRecord, with_finer_model
 from squealstudy.modes.point import angular_band
-from squealstudy.reduction.cmt import ComponentBasis, ReductionSettings
-from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.prepared import (
     PreparedFamily,
-    PreparedModel,
     prepare_family,
-    prepare_with_basis,
 )
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.family import read_family
@@ -54,11 +53,31 @@ def build_structures(
         plan.kind.begin(plan)
     threads = workers.threads(len(missing))
     tasks = [build_task(plan, point, threads) for point in missing]
+    failures = _make_shared(tasks, workers)
+    tasks = [task for task in tasks if task.point.structure not in failures]
     made = workers.each(build_structure, tasks, "reduction")
-    failures = {key: reason for key, reason in made if reason}
+    failures |= {key: reason for key, reason in made if reason}
     if len(failures) == len(plan.structures):
         raise SquealstudyError(f"{plan.study.source.path}: {next(iter(failures.values()))}")
     return failures
+
+
+def _make_shared(tasks: Sequence[BuildTask | FamilyTask], workers: Workers) -> dict[str, str]:
+    """Make the bases of the ranges that structures are in; reasons by structure of those without.
+
+    A range is reduced place by place, by one task with all threads.
+    """
+    of_range = {t.shared.key: t for t in tasks if isinstance(t, BuildTask) and t.shared}
+    if not of_range:
+        return {}
+    alone = [replace(t, threads=workers.threads(len(of_range))) for t in of_range.values()]
+    made = workers.each(make_shared, alone, "basis over a range")
+    lost = {key: reason for key, reason in made if reason}
+    return {
+        t.point.structure: lost[t.shared.key]
+        for t in tasks
+        if isinstance(t, BuildTask) and t.shared and t.shared.key in lost
+    }
 
 
 def with_files(plan: Plan, workers: Workers) -> Workers:
@@ -97,26 +116,6 @@ def check_shapes(plan: Plan) -> str:
 
 
 @dataclass(frozen=True)
-class BuildTask:
-    """The structure of a design point to assemble, reduce and store.
-
-    `top_hz` is that of the band of a reduction, None where no error of it is asked for.
-    `enriching` is how often what a finer model shows joins the basis (`with_finer_model`);
-    `coarse_key` that of the same structure with less of it, empty where there is none.
-    """
-
-    point: DesignPoint
-    nominal: OperatingPoint
-    training: tuple[OperatingPoint, ...]
-    settings: ReductionSettings
-    top_hz: float | None
-    scales: tuple[Mapping[ModeKey, float], ...]
-    enriching: int
-    coarse_key: str
-    threads: int
-
-
-@dataclass(frozen=True)
 class FamilyTask:
     """The family of matrices of a design point to read, prepare and store."""
 
@@ -136,10 +135,12 @@ def build_task(plan: Plan, point: DesignPoint, threads: int) -> BuildTask | Fami
         training=plan.training,
         settings=plan.settings,
         top_hz=plan.judged_to_hz,
+        band_hz=plan.band_hz,
         scales=plan.trained_scales,
         enriching=plan.enriching,
         coarse_key=plan.structure_key(point, False) if plan.enriched else "",
         threads=threads,
+        shared=shared_task(plan, point),
     )
 
 
@@ -155,7 +156,7 @@ def build_structure(task: BuildTask | FamilyTask) -> tuple[str, str]:
         if isinstance(task, FamilyTask):
             save_prepared(key, _prepared_family(task))
         else:
-            save_prepared(key, _reduced(task))
+            save_prepared(key, reduced_with_basis(task)[0])
     except StudyFileError:
         raise
     except SquealstudyError as error:
@@ -178,38 +179,6 @@ def _prepared_family(task: FamilyTask) -> PreparedFamily:
     except SquealstudyError as error:
         raise SquealstudyError(f"at the values of [parameters]: {error}") from error
     return replace(prepared, timings={"read_s": read_s, **prepared.timings})
-
-
-def _reduced(task: BuildTask) -> PreparedModel:
-    """Assemble and reduce."""
-    return reduced_with_basis(task)[0]
-
-
-def reduced_with_basis(
-    task: BuildTask, known: ContactSpace | None = None
-) -> tuple[PreparedModel, ComponentBasis]:
-    """Assemble and reduce.
-
-    `known` is the contact space of the same structure; that of a coarser model of it is looked for.
-    """
-    with threadpool_limits(1), solve_threads(task.threads):
-        started = time.perf_counter()
-        assembly = task.point.assembly()
-        assembly_s = time.perf_counter() - started
-        if known is None and is_prepared(task.coarse_key):
-            known = load_prepared(task.coarse_key).space
-        prepared, modes, basis = prepare_with_basis(
-            assembly, task.nominal, task.settings, task.training, known
-        )
-        timings = {"assembly_s": assembly_s, **prepared.timings}
-        started = time.perf_counter()
-        if task.top_hz is not None:
-            points = (task.nominal, *task.training)
-            cutoff = task.settings.damped_to
-            made = ReductionRecord(assembly, modes, points, task.top_hz, cutoff, task.scales)
-            prepared, basis = with_finer_model(prepared, basis, made, task.enriching)
-        timings["finer_model_s"] = time.perf_counter() - started
-    return replace(prepared, timings=timings), basis
 
 
 def mode_counts(plan: Plan) -> dict[str, int]:

@@ -17,6 +17,7 @@ from importlib.util import find_spec
 from typing import Any, Protocol
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
@@ -63,13 +64,16 @@ class Factor(Protocol):
         ...
 
 
-def factorise(A: sp.spmatrix, backend: str = "auto", definite: bool = False) -> RefinedFactor:
-    """Factorise a real sparse matrix of symmetric pattern.
+def factorise(
+    A: sp.spmatrix | np.ndarray, backend: str = "auto", definite: bool = False
+) -> RefinedFactor:
+    """Factorise a real sparse matrix of symmetric pattern, or a dense definite one.
 
     Parameters
     ----------
     A : sparse (n, n)
-        Definite, or nearly: pivots stay on the diagonal, refinement repairs the rest.
+        Definite, or nearly: pivots stay on the diagonal, refinement repairs the rest. A dense one
+        is LAPACK's, whatever the backend.
     backend : str
         ``pardiso``, ``cholmod`` (a definite A alone) or ``superlu``; ``auto``: PARDISO where it is
         installed, CHOLMOD where it is, the matrix is `definite` and has LARGE rows, else SuperLU.
@@ -79,8 +83,10 @@ def factorise(A: sp.spmatrix, backend: str = "auto", definite: bool = False) -> 
     Raises
     ------
     ConvergenceError
-        ``singular``, where SuperLU meets a zero pivot or CHOLMOD one that is not positive.
+        ``singular``, where SuperLU meets a zero pivot, CHOLMOD or LAPACK one that is not positive.
     """
+    if isinstance(A, np.ndarray):
+        return DenseCholesky(A)
     if backend == "auto":
         large = definite and A.shape[0] >= LARGE
         wanted = {"pardiso": True, "cholmod": large}
@@ -240,6 +246,22 @@ class CholmodFactor(RefinedFactor):
             found = np.empty_like(part)
             self._solver.solve(part, found)
             x[:, i : i + BLOCK] = found
+        return x
+
+
+class DenseCholesky(RefinedFactor):
+    """A Cholesky factorisation of a dense definite matrix (n, n) by LAPACK."""
+
+    def __init__(self, A: np.ndarray) -> None:
+        self.A = A
+        try:
+            self._factor = la.cho_factor(A)
+        except np.linalg.LinAlgError as error:
+            raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
+
+    def solve_once(self, b: np.ndarray) -> np.ndarray:
+        """See `RefinedFactor.solve_once`."""
+        x: np.ndarray = la.cho_solve(self._factor, b)
         return x
 
 

@@ -38,7 +38,7 @@ def real_modes(
 
     Parameters
     ----------
-    M, K : sparse (n, n)
+    M, K : sparse or ndarray (n, n)
         Positive definite and positive semi-definite.
     cutoff_hz : float
         Modes above are dropped.
@@ -59,7 +59,7 @@ def real_modes(
         phi = _space_below(M, held, limit)
         if phi is not None:  # from unrefined solves: what they lack is mended here
             return _clip(*_refine(M, K, held.lean()(M @ phi)), limit)
-    w2, phi = la.eigh(K.toarray(), M.toarray())
+    w2, phi = la.eigh(*(A if isinstance(A, np.ndarray) else A.toarray() for A in (K, M)))
     return _clip(w2, phi, limit)
 
 
@@ -86,7 +86,8 @@ def shifted(M: sp.spmatrix, K: sp.spmatrix, cutoff_hz: float) -> sp.csr_matrix:
     K itself where there is no cutoff: all modes are LAPACK's then.
     """
     shift = (SHIFT_SHARE * 2 * np.pi * cutoff_hz) ** 2 if np.isfinite(cutoff_hz) else 0.0
-    return (K + shift * M).tocsr()
+    total = K + shift * M
+    return total if isinstance(total, np.ndarray) else total.tocsr()
 
 
 def rigid_modes(M: sp.spmatrix, K: sp.spmatrix, omega: np.ndarray) -> int:

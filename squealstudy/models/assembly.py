@@ -345,8 +345,27 @@ class Assembly:
         kept = [s.matrix() for s in self.springs if s.in_static or not static]
         return sum(kept, sp.csr_matrix((self.n_dof, self.n_dof)))
 
+    def K_contact(self, tangent: float | np.ndarray) -> sp.csr_matrix:
+        """Stiffness (n_dof, n_dof) of the contact with tangents (n_points,) [Pa/m]."""
+        c = self.contact
+        return (c.N.T @ sp.diags(c.area * tangent) @ c.N).tocsr()
 
-def component_slices(components: Sequence[Component]) -> tuple[dict[str, slice], int]:
+
+class Sized(Protocol):
+    """What has a name and so many degrees of freedom."""
+
+    @property
+    def name(self) -> str:
+        """Of the component."""
+        ...
+
+    @property
+    def n_dof(self) -> int:
+        """Number of degrees of freedom."""
+        ...
+
+
+def component_slices(components: Sequence[Sized]) -> tuple[dict[str, slice], int]:
     """Degrees of freedom of each component, and their total, before an Assembly exists."""
     ends = np.cumsum([0, *(c.n_dof for c in components)])
     spans = {c.name: slice(a, b) for c, a, b in zip(components, ends, ends[1:], strict=False)}

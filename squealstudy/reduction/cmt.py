@@ -12,9 +12,9 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.linalg.factor import RefinedFactor, factorise
 from squealstudy.linalg.real_modes import real_modes, shifted
-from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import ModeKey
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
+from squealstudy.reduction.projected import AnyAssembly, Part
 from squealstudy.reduction.working_point import WorkingPoint
 
 
@@ -182,13 +182,13 @@ class Expansion:
         return expanded(self.blocks, x)
 
 
-def component_modes(assembly: Assembly, cutoff_hz: float) -> dict[str, ComponentModes]:
+def component_modes(assembly: AnyAssembly, cutoff_hz: float) -> dict[str, ComponentModes]:
     """Free-free modes of every component up to `cutoff_hz`."""
     return {c.name: ComponentModes(*real_modes(c.M, c.K, cutoff_hz)) for c in assembly.components}
 
 
 def momenta(
-    assembly: Assembly, modes: Mapping[str, ComponentModes], keys: Collection[ModeKey]
+    assembly: AnyAssembly, modes: Mapping[str, ComponentModes], keys: Collection[ModeKey]
 ) -> np.ndarray:
     """Rows phi^T M (k, n_dof) of component modes over the assembly.
 
@@ -207,7 +207,7 @@ def momenta(
 
 
 def reduce_cmt(
-    assembly: Assembly,
+    assembly: AnyAssembly,
     modes: Mapping[str, ComponentModes],
     nominal: WorkingPoint,
     settings: ReductionSettings,
@@ -217,7 +217,7 @@ def reduce_cmt(
 
     Parameters
     ----------
-    assembly : Assembly
+    assembly : AnyAssembly
     modes : mapping of component name -> ComponentModes
     nominal : WorkingPoint
         Whose contact tangents give the assembly modes.
@@ -230,9 +230,7 @@ def reduce_cmt(
     -------
     ReducedModel, Basis
     """
-    c = assembly.contact
-    K = assembly.K_el + assembly.K_springs()
-    K = (K + c.N.T @ sp.diags(c.area * nominal.tangent) @ c.N).tocsr()
+    K = assembly.K_el + assembly.K_springs() + assembly.K_contact(nominal.tangent)
     cutoff = settings.assembly_cutoff
     factor = factorise(shifted(assembly.M, K, cutoff), definite=True)
     omega, phi = real_modes(assembly.M, K, cutoff, factor)
@@ -250,7 +248,7 @@ def reduce_cmt(
 
 
 def _load_responses(
-    assembly: Assembly,
+    assembly: AnyAssembly,
     solve: Callable[[np.ndarray], np.ndarray],
     nominal: WorkingPoint,
     others: Sequence[WorkingPoint],
@@ -282,7 +280,7 @@ def _match_size(X: np.ndarray, phi: np.ndarray) -> np.ndarray:
 
 
 def project(
-    assembly: Assembly,
+    assembly: AnyAssembly,
     basis: ComponentBasis,
     diagonals: list[np.ndarray],
     modes: Mapping[str, ComponentModes],
@@ -317,12 +315,13 @@ def project(
     )
 
 
-def _own_damping(assembly: Assembly, basis: ComponentBasis) -> np.ndarray | None:
+def _own_damping(assembly: AnyAssembly, basis: ComponentBasis) -> np.ndarray | None:
     if assembly.C_el is None:
         return None
+    parts: Sequence[Part] = assembly.components
     blocks = [
         T.T @ (c.C @ T) if c.C is not None else np.zeros((T.shape[1],) * 2)
-        for c, T in zip(assembly.components, basis.blocks, strict=True)
+        for c, T in zip(parts, basis.blocks, strict=True)
     ]
     C: np.ndarray = la.block_diag(*blocks)
     return (C + C.T) / 2

@@ -20,7 +20,8 @@ from scipy.sparse.csgraph import connected_components
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.factor import SINGULAR, RefinedFactor, factorise
-from squealstudy.models.assembly import Assembly
+from squealstudy.models.assembly import ContactInterface
+from squealstudy.reduction.projected import AnyAssembly
 
 INDEPENDENT = 1e-13  # of contact rows: what one has outside the others' span
 WIDE = 512  # right-hand sides held at once: n_dof of them each
@@ -113,8 +114,48 @@ class ContactSpace:
         )
 
 
+@dataclass(frozen=True)
+class ContactRows:
+    """N = S_N Z_N and T = S_T Z_T over some coordinates.
+
+    Attributes
+    ----------
+    S_N, S_T : csr_matrix (nc, r), (nc, t)
+        As in ContactSpace.
+    normal : ndarray (k,) of int
+        Coordinates that Z_N is not zero at.
+    Z : ndarray (r, k)
+        Z_N there.
+    sliding : ndarray (t,) of int, or (t, n)
+        The coordinates that Z_T is, or Z_T itself.
+    """
+
+    S_N: sp.csr_matrix
+    S_T: sp.csr_matrix
+    normal: np.ndarray
+    Z: np.ndarray
+    sliding: np.ndarray
+
+    @staticmethod
+    def of(contact: ContactInterface) -> ContactRows:
+        """Of a contact over the degrees of freedom of meshes."""
+        normal, independent, Z = independent_columns(contact.N)
+        sliding = np.unique(contact.T.indices)
+        S_N, S_T = contact.N[:, normal[independent]], contact.T[:, sliding]
+        return ContactRows(S_N, S_T, normal, Z, sliding)
+
+    def slid(self, X: np.ndarray) -> np.ndarray:
+        """Z_T X (t, ...)."""
+        found: np.ndarray = X[self.sliding] if self.sliding.ndim == 1 else self.sliding @ X
+        return found
+
+
 def contact_space(
-    assembly: Assembly, k_c: float, shapes: np.ndarray | Callable[[], np.ndarray]
+    assembly: AnyAssembly,
+    k_c: float,
+    shapes: np.ndarray | Callable[[], np.ndarray],
+    rows: ContactRows | None = None,
+    told: Callable[[np.ndarray], None] = lambda X: None,
 ) -> ContactSpace:
     """Factor K0 once and back-solve the contact columns once.
 
@@ -122,12 +163,16 @@ def contact_space(
 
     Parameters
     ----------
-    assembly : Assembly
+    assembly : Assembly or ProjectedAssembly
     k_c : float
         Contact stiffness per area, Pa/m: about that of the working points to come.
     shapes : ndarray (n_dof, m)
         U = M phi of component modes that may change; m may be 0. Or what gives them, asked last:
         they may be found meanwhile.
+    rows : ContactRows or None
+        Of the assembly's coordinates, where they are known.
+    told : callable
+        Told the static responses (n_dof, k), some at a time.
 
     Raises
     ------
@@ -135,37 +180,37 @@ def contact_space(
         ``singular`` where neither springs nor contact hold some motion: no steady state.
     """
     c = assembly.contact
-    K0 = assembly.K_el + assembly.K_springs(static=True)
-    K0 = (K0 + k_c * (c.N.T @ sp.diags(c.area) @ c.N)).tocsr()
+    K0 = assembly.K_el + assembly.K_springs(static=True) + assembly.K_contact(k_c)
     factor = factorise(K0, definite=True)
     _check_held(factor)
     solve = factor.lean()
     loads = np.column_stack([assembly.load, assembly.constant_load])
-    normal, independent, Z = independent_columns(c.N)
-    sliding = np.unique(c.T.indices)
-    r = len(Z)
-    C_NN, C_TN, C_Nf = np.empty((r, r)), np.empty((len(sliding), r)), np.empty((r, 2))
+    rows = rows or ContactRows.of(c)
+    normal, Z, r = rows.normal, rows.Z, len(rows.Z)
+    C_NN, C_TN, C_Nf = np.empty((r, r)), np.empty((len(rows.sliding), r)), np.empty((r, 2))
     for i in range(0, r, WIDE):
         part = slice(i, min(i + WIDE, r))
         forces = np.zeros((assembly.n_dof, part.stop - i))
         forces[normal] = Z[part].T
         X = solve(forces)
-        C_NN[:, part], C_TN[:, part], C_Nf[part] = Z @ X[normal], X[sliding], X.T @ loads
+        told(X)
+        C_NN[:, part], C_TN[:, part], C_Nf[part] = Z @ X[normal], rows.slid(X), X.T @ loads
     shapes = shapes() if callable(shapes) else shapes
     X_U = solve(shapes) if shapes.shape[1] else shapes
+    told(X_U)
     return ContactSpace(
         k_c=k_c,
         area=c.area,
         gap0=c.gap0,
         frictional=c.frictional,
         speed_factor=c.speed_factor,
-        S_N=c.N[:, normal[independent]],
-        S_T=c.T[:, sliding],
+        S_N=rows.S_N,
+        S_T=rows.S_T,
         C_NN=(C_NN + C_NN.T) / 2,
         C_TN=C_TN,
         C_Nf=C_Nf,
         C_NU=Z @ X_U[normal],
-        C_TU=X_U[sliding],
+        C_TU=rows.slid(X_U),
         C_fU=loads.T @ X_U,
         C_UU=shapes.T @ X_U,
     )

@@ -109,9 +109,7 @@ class HybridModel:
 
 def assembly_stiffness(assembly: Assembly, point: WorkingPoint) -> sp.csr_matrix:
     """Elastic, springs and contact tangent (n_dof, n_dof), N/m: that of the assembly's modes."""
-    c = assembly.contact
-    tangent = c.N.T @ sp.diags(c.area * point.tangent) @ c.N
-    return (assembly.K_el + assembly.K_springs() + tangent).tocsr()
+    return assembly.K_el + assembly.K_springs() + assembly.K_contact(point.tangent)
 
 
 def hybrid_model(

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+ROUND_OFF = 1e-6  # of singular values: Gram matrices tell no smaller ones from round-off
 MODE_TOLERANCE = 1e-7  # of the assembly modes' singular values; 1e-6 costs them 3e-8 of frequency
 
 
@@ -79,3 +80,20 @@ def _gram(M: sp.spmatrix, X: np.ndarray) -> np.ndarray:
     G = X.T @ (M @ X)
     half: np.ndarray = (G + G.T) / 2
     return half
+
+
+def outside(
+    M: sp.spmatrix | np.ndarray, K: sp.spmatrix | np.ndarray, block: np.ndarray, own: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a component's displacements have outside of its block, and twice its elastic energies.
+
+    Directions (n, k) are orthogonal in K, those of round-off left out.
+    """
+    M_block = M @ block
+    largest = la.norm(own, axis=0).max(initial=0.0)
+    X = own - block @ (M_block.T @ own)
+    X = X - block @ (M_block.T @ X)
+    energy, y = la.eigh(X.T @ (K @ X))
+    X = X @ y
+    told = la.norm(X, axis=0) > ROUND_OFF * largest
+    return X[:, told], energy[told]

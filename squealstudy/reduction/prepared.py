@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,7 +13,6 @@ import scipy.linalg as la
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.band_roots import FIRST_ROOTS, roots_in_band
 from squealstudy.linalg.factor import side_by_side
-from squealstudy.models.assembly import Assembly
 from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import (
@@ -25,6 +24,7 @@ from squealstudy.reduction.cmt import (
     reduce_cmt,
 )
 from squealstudy.reduction.contact_space import ContactSpace, contact_space
+from squealstudy.reduction.projected import AnyAssembly
 from squealstudy.reduction.working_point import WorkingPoint, working_point
 
 
@@ -54,6 +54,9 @@ class PreparedModel:
     n_dof : int
         Degrees of freedom of the assembly.
     timings : mapping of stage -> seconds
+    basis_error : float
+        Largest relative error of a root by a basis that serves a range of structures; 0 for a
+        basis of its own.
     """
 
     space: ContactSpace
@@ -65,6 +68,7 @@ class PreparedModel:
     nominal_tangent: np.ndarray = field(default_factory=lambda: np.zeros(0))
     finer: ReducedModel | None = None
     n_dof: int = 0
+    basis_error: float = 0.0
 
     @property
     def shape_rows(self) -> np.ndarray:
@@ -80,7 +84,7 @@ def unit_shapes(coordinates: np.ndarray) -> np.ndarray:
 
 
 def prepare(
-    assembly: Assembly,
+    assembly: AnyAssembly,
     nominal: OperatingPoint,
     settings: ReductionSettings,
     others: Sequence[OperatingPoint] = (),
@@ -93,17 +97,17 @@ def prepare(
 
 
 def prepare_with_basis(
-    assembly: Assembly,
+    assembly: AnyAssembly,
     nominal: OperatingPoint,
     settings: ReductionSettings,
     others: Sequence[OperatingPoint] = (),
-    space: ContactSpace | None = None,
+    space: ContactSpace | Callable[[Mapping[str, ComponentModes]], ContactSpace] | None = None,
 ) -> tuple[PreparedModel, Mapping[str, ComponentModes], ComponentBasis]:
     """The prepared model, its component modes and its basis.
 
     `others` are operating points at the ends of the study's pressure and contact-law ranges; one
     without a working point is left out. `space` is that of the same assembly and component modes,
-    where it is there already.
+    where it is there already, or what makes it of the modes.
 
     Raises
     ------
@@ -119,6 +123,7 @@ def prepare_with_basis(
                 contact_space, assembly, stiffness, lambda: mode_shapes(assembly, found.result())
             ).result()
         modes = found.result()
+    space = space(modes) if callable(space) else space
     clock.stage("components_s")
     point = working_point(space, nominal)
     reached = _reachable(space, others)
@@ -130,7 +135,7 @@ def prepare_with_basis(
 
 
 def with_shapes(
-    assembly: Assembly,
+    assembly: AnyAssembly,
     space: ContactSpace,
     model: ReducedModel,
     basis: ComponentBasis,
@@ -150,7 +155,7 @@ def with_shapes(
 
 
 def shape_basis(
-    assembly: Assembly, model: ReducedModel, basis: ComponentBasis, tangent: np.ndarray
+    assembly: AnyAssembly, model: ReducedModel, basis: ComponentBasis, tangent: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """`shape_basis` and `sensor_shapes` of a prepared model with nominal tangents (nc,)."""
     K = contact_stiffness(model, tangent)
@@ -182,7 +187,7 @@ def _reachable(space: ContactSpace, points: Sequence[OperatingPoint]) -> list[Wo
     return found
 
 
-def mean_contact_stiffness(assembly: Assembly, nominal: OperatingPoint) -> float:
+def mean_contact_stiffness(assembly: AnyAssembly, nominal: OperatingPoint) -> float:
     """Contact stiffness per area of a uniform pressure under the nominal load, Pa/m."""
     force = np.abs(nominal.brake_pressure * assembly.load + assembly.constant_load).sum()
     pressure = max(force / assembly.contact.area.sum(), 1e-300)
@@ -190,7 +195,7 @@ def mean_contact_stiffness(assembly: Assembly, nominal: OperatingPoint) -> float
     return float(nominal.law.evaluate(gap)[1][0])
 
 
-def mode_shapes(assembly: Assembly, modes: Mapping[str, ComponentModes]) -> np.ndarray:
+def mode_shapes(assembly: AnyAssembly, modes: Mapping[str, ComponentModes]) -> np.ndarray:
     """U = M phi of all component modes over the assembly (n_dof, m), components in order."""
     columns = []
     for c in assembly.components:

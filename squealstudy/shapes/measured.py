@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from squealstudy.errors import ModelError
 from squealstudy.faults import named
 from squealstudy.linalg.real_modes import real_modes
-from squealstudy.models.components.inspection import rigid_count
+from squealstudy.models.components.free_modes import rigid_count
 from squealstudy.shapes.names import ALIKE
 
 NODES = (15, 2411)  # datasets of coordinates

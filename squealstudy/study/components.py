@@ -118,14 +118,19 @@ def inspected(model: FileDefinition) -> tuple[Inspection, Geometry]:
     from squealstudy.models.components.geometry import geometry_of
     from squealstudy.models.components.inspection import inspect
 
-    build, values = model.build, model.defaults()
-    assert isinstance(build, _Build)
+    build, values = build_of(model), model.defaults()
     assembly = build({option.name: option.choices[0] for option in model.options}, values)
     try:
         found = inspect(build.brake, assembly, values[PRESSURE.name])
         return found, geometry_of(build.brake)
     except PlacedError as error:
         raise placed(error, build.source) from error
+
+
+def build_of(model: FileDefinition) -> _Build:
+    """How a model is built, with the file that was read."""
+    assert isinstance(model.build, _Build)
+    return model.build
 
 
 def free_component(
@@ -141,8 +146,7 @@ def free_component(
     from squealstudy.models.components.geometry import geometry_of
     from squealstudy.models.components.point_masses import component_matrices
 
-    build = model.build
-    assert isinstance(build, _Build)
+    build = build_of(model)
     tables = build.brake.file.components
     if name not in tables:
         text = f"there is no component '{name}'{did_you_mean(name, tuple(tables))}"

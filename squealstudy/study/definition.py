@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.study.kinds import kind_named, kind_names, kind_of_file, model_kind
+from squealstudy.study.measured import measured_values
 from squealstudy.study.parameters import (
     StudyParameter,
     check_disjoint,
@@ -166,6 +167,8 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStud
     used += [(("sweep", i, "parameter"), s.parameter) for i, s in enumerate(sweeps)]
     _check_disjoint(used, source)
     _check_acting(used, model, options, source)
+    cutoff_hz = definition.reduction.component_cutoff_factor * definition.modes.band[1]
+    values |= measured_values(model, cutoff_hz, [parameter for _, parameter in used])
     study = ResolvedStudy(
         source=source,
         kind=kind,

@@ -257,6 +257,11 @@ class ReductionSection(Section):
         "swept friction, as is done for pressure: smaller errors far from the nominal friction, "
         "in a larger basis and a reduction for each range",
     )
+    shared_basis: bool = Field(
+        default=True,
+        description="where eight or more structures of a model file are swept, make one basis "
+        "over the range of their materials and springs instead of a reduction for each value",
+    )
 
 
 class StudyDefinition(Section):

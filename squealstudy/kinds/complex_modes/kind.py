@@ -93,7 +93,8 @@ class ComplexModes(ModelKind):
         What no rung of reanalysis can lower is lowered once for all points of the study. A basis
         that the study chooses itself, by any key of [reduction], stays as it is.
         """
-        if plan.enriched or plan.study.definition.reduction.model_fields_set:
+        given = plan.study.definition.reduction.model_fields_set
+        if plan.enriched or given - {"shared_basis"}:
             return plan
         from squealstudy.kinds.complex_modes.reduction_errors import make_samples
 

@@ -82,7 +82,8 @@ def solve_sample(task: ReductionErrorTask) -> None:
     except FAILURES as failure:
         save_value(task.path, reason(failure))
     else:
-        relative = np.maximum(SAFETY * error / np.abs(lam), ROUND_OFF)
+        relative = SAFETY * (error / np.abs(lam) + prepared.basis_error)
+        relative = np.maximum(relative, ROUND_OFF)
         save_value(task.path, ReductionErrors(lam, relative))
 
 

@@ -92,7 +92,7 @@ class Body:
 def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
     """All files that a model file reads, included ones too, with the keys that name them."""
     for name, table in file.components.items():
-        for key in ("mesh", "nodes", "K", "M", "C", "dof", "recovery"):
+        for key in ("mesh", "nodes", "K", "M", "C", "dof", "recovery", "measured"):
             given = table.file_of(key)
             if given is not None:
                 found = path.parent / given

@@ -115,6 +115,11 @@ class ComponentTable(Table):
     material_damping: dict[str, Damping] = Field(
         default={}, description="stiffness_damping of single materials, besides"
     )
+    measured: str | None = Field(
+        default=None,
+        description="CSV file of frequencies and damping ratios measured on the free part, which "
+        "its component modes have",
+    )
     translate: Vector = Field(default=(0.0, 0.0, 0.0), description="shift, after the turn")
     rotate: TurnTable | None = Field(default=None, description="turn")
 

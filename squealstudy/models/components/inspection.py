@@ -13,7 +13,11 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import Body, Brake
 from squealstudy.models.components.constraints import Tie
 from squealstudy.models.components.dimensions import LENGTH, MASS, STRESS, Dimension
-from squealstudy.models.components.file_matrices import least_frequency
+from squealstudy.models.components.free_modes import (
+    read_mode_table,
+    rigid_count,
+    tabled_modes,
+)
 from squealstudy.models.components.geometry import Geometry, geometry_of
 from squealstudy.models.components.model_file import (
     BY_MATERIAL,
@@ -33,6 +37,7 @@ RIGID = 1e-7  # K R over K and R: rigid motions that cost no energy
 FREE = 1e-9  # of the largest stiffness a mass: motions that nothing holds
 FIRST_CUTOFF, LAST_CUTOFF = 2000.0, 64_000.0  # Hz
 LISTED = 3  # elastic frequencies
+DOUBTFUL = 0.2  # of a frequency: measured and computed ones of another mode
 SPREAD = 0.3  # of the law's length: gaps that change the contact
 PARTLY = 0.95  # of a slave face
 BALANCE = 1e-6
@@ -143,6 +148,39 @@ def _component(found: Inspection, geometry: Geometry, body: Body) -> None:
     K, M = component_matrices(geometry, name, {})
     _weight(found, geometry.brake, body, M)
     _rigid(found, body, K, M)
+    _measured(found, geometry, name, K, M)
+
+
+def _measured(
+    found: Inspection, geometry: Geometry, name: str, K: sp.csr_matrix, M: sp.csr_matrix
+) -> None:
+    """What a table imposes on free modes, and where it is far from what is computed."""
+    table = geometry.file.components[name].measured
+    if table is None:
+        return
+    cutoff = FIRST_CUTOFF
+    modes = tabled_modes(geometry.brake, name, K, M, cutoff)
+    lines = len(read_mode_table(geometry.brake.located(table)))
+    while len(modes) < lines and 2 * cutoff <= LAST_CUTOFF:
+        cutoff = 2 * cutoff
+        modes = tabled_modes(geometry.brake, name, K, M, cutoff)
+    for mode in modes:
+        told = [f"{mode.computed_hz:.1f} Hz"]
+        if mode.frequency_scale is not None:
+            change = 100 * (mode.frequency_scale - 1)
+            told.append(f"measured {mode.frequency_hz:.1f} Hz ({change:+.2f} %)")
+            if abs(mode.frequency_scale - 1) > DOUBTFUL:
+                found.doubts.append(
+                    f"{name}: mode {mode.number} is measured at {mode.frequency_hz:.1f} Hz and "
+                    f"computed at {mode.computed_hz:.1f} Hz: is it this mode?"
+                )
+        if mode.damping_ratio is not None:
+            told.append(f"damping ratio {mode.damping_ratio:.3g}")
+        found.tell("", f"{table}: mode {mode.number}: {', '.join(told)}")
+    if len(modes) < lines:
+        found.doubts.append(
+            f"{name}: {plural(lines - len(modes), 'line')} of {table} above {cutoff:g} Hz"
+        )
 
 
 def _damping(found: Inspection, geometry: Geometry, name: str) -> None:
@@ -211,11 +249,6 @@ def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) ->
             f"{body.name}: {rigid} rigid modes of six: parts of it are not connected, or hang on a "
             "line or a point"
         )
-
-
-def rigid_count(K: sp.csr_matrix, M: sp.csr_matrix, omega: np.ndarray) -> int:
-    """Modes [rad/s] below 1 Hz, or that are zero to the ten digits of matrices in files."""
-    return int((omega < max(2 * np.pi, least_frequency(K, M))).sum())
 
 
 # -- what is between -----------------------------------------------------------------------------

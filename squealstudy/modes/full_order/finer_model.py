@@ -11,24 +11,29 @@ of both models is the error of the smaller one.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
-from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import DesignState, ModeKey, OperatingPoint
 from squealstudy.modes.point import PointModes, solve_point, state_working_point
-from squealstudy.reduction.cmt import ComponentBasis, ComponentModes, ReducedModel, project
-from squealstudy.reduction.orthonormal import new_directions
+from squealstudy.reduction.cmt import (
+    ComponentBasis,
+    ComponentModes,
+    ReducedModel,
+    momenta,
+    project,
+)
+from squealstudy.reduction.orthonormal import ROUND_OFF, new_directions, outside
 from squealstudy.reduction.prepared import PreparedModel, shape_basis
+from squealstudy.reduction.projected import AnyAssembly, Part
 from squealstudy.root_pairs import partner_distances
 from squealstudy.system.contact_weights import ContactWeights, contact_weights
-from squealstudy.system.linearise import component_frequencies, linearise, unreduced_structure
+from squealstudy.system.linearise import component_frequencies, linearise
 
 DIRECTIONS = 160  # static responses: with fewer some of what moves a root is left out
 FINER = 0.003  # smallest direction of the finer model, in the largest; of its square in energy
@@ -36,7 +41,6 @@ ENRICHING = 0.012  # and of what enriches a basis
 STRONG = 0.7  # least friction of the loads: they grow with it, and hold those of weaker friction
 EDGE = 0.02  # of the band: how far beyond it the finer model is looked at
 LOWEST = 0.02  # of the band's top: below it lies motion of nearly free bodies
-ROUND_OFF = 1e-6  # of singular values: Gram matrices tell no smaller ones from round-off
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class ReductionRecord:
 
     Attributes
     ----------
-    assembly : Assembly
+    assembly : AnyAssembly
     modes : mapping of component name -> ComponentModes
     points : tuple of OperatingPoint
         Residual loads are taken there, at strong friction and at none.
@@ -58,7 +62,7 @@ class ReductionRecord:
         of the finer model: that a reduced one has it of all its modes is part of its error.
     """
 
-    assembly: Assembly
+    assembly: AnyAssembly
     modes: Mapping[str, ComponentModes]
     points: tuple[OperatingPoint, ...]
     top_hz: float
@@ -206,8 +210,7 @@ class _ResidualSums:
         total = assembly.M @ basis.expand(self._inertia) + stiffness @ basis.expand(self._elastic)
         total += c.N.T @ self._normal + c.T.T @ self._sliding + c.T_perp.T @ self._across
         if self._changed:
-            changed = DesignState(made.points[0], dict.fromkeys(self._changed, 1.0))
-            U = np.asarray(unreduced_structure(assembly, made.modes, changed).shapes)
+            U = momenta(assembly, made.modes, list(self._changed))
             total += U.T @ np.vstack(list(self._changed.values()))
         loads: np.ndarray = total
         return loads
@@ -234,6 +237,27 @@ def reduction_errors(
     return found.lam, partner_distances(found.lam, finer.lam)
 
 
+def root_distances(
+    prepared: PreparedModel,
+    other: PreparedModel,
+    states: Sequence[DesignState],
+    band_hz: tuple[float, float],
+) -> float:
+    """Largest distance, relative, of roots in the band from those of another model of a structure.
+
+    States without a working point are left out; infinite where all are.
+    """
+    low, high = band_hz
+    margin = (low * (1.0 - EDGE), high * (1.0 + EDGE))
+    found = []
+    for state in states:
+        with contextlib.suppress(ConvergenceError):
+            own = solve_point(prepared, state, band_hz).lam
+            apart = partner_distances(own, solve_point(other, state, margin).lam)
+            found.append(float((apart / np.abs(own)).max(initial=0.0)))
+    return max(found, default=np.inf)
+
+
 def finer_modes(
     prepared: PreparedModel,
     state: DesignState,
@@ -255,7 +279,7 @@ def finer_modes(
 
 
 def extended_basis(
-    assembly: Assembly,
+    assembly: AnyAssembly,
     modes: Mapping[str, ComponentModes],
     basis: ComponentBasis,
     added: np.ndarray,
@@ -265,7 +289,7 @@ def extended_basis(
 
     Parameters
     ----------
-    assembly : Assembly
+    assembly : AnyAssembly
     modes : mapping of component name -> ComponentModes
         The first coordinates of each component, which stay what they are.
     basis : ComponentBasis
@@ -275,14 +299,14 @@ def extended_basis(
         Directions are kept whose elastic energy is more than share^2 of the largest one's, of all
         components together: a component that hardly deforms gets few.
     """
-    spans = [assembly.slices[name] for name in assembly.component_names]
+    parts: Sequence[Part] = assembly.components
     found = [
-        _outside(component.M, component.K, block, added[span])
-        for component, block, span in zip(assembly.components, basis.blocks, spans, strict=True)
+        outside(part.M, part.K, block, added[assembly.slices[part.name]])
+        for part, block in zip(parts, basis.blocks, strict=True)
     ]
     least = share**2 * max(energy.max(initial=0.0) for _, energy in found)
     blocks, diagonals = [], []
-    for component, block, (X, energy) in zip(assembly.components, basis.blocks, found, strict=True):
+    for component, block, (X, energy) in zip(parts, basis.blocks, found, strict=True):
         count = modes[component.name].phi.shape[1]
         phi, chosen = block[:, :count], X[:, energy > least]
         size = np.sqrt(np.einsum("ij,ij->j", chosen, component.M @ chosen))
@@ -294,20 +318,3 @@ def extended_basis(
         diagonals.append(np.concatenate([k_phi, k_rest]))
     larger = replace(basis, blocks=tuple(blocks))
     return project(assembly, larger, diagonals, modes), larger
-
-
-def _outside(
-    M: sp.spmatrix, K: sp.spmatrix, block: np.ndarray, own: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """What a component's displacements have outside of its block, and twice its elastic energies.
-
-    Directions (n, k) are orthogonal in K, those of round-off left out.
-    """
-    M_block = M @ block
-    largest = la.norm(own, axis=0).max(initial=0.0)
-    X = own - block @ (M_block.T @ own)
-    X = X - block @ (M_block.T @ X)
-    energy, y = la.eigh(X.T @ (K @ X))
-    X = X @ y
-    told = la.norm(X, axis=0) > ROUND_OFF * largest
-    return X[:, told], energy[told]

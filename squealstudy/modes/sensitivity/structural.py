@@ -169,7 +169,7 @@ class StaticResponse:
         self._full = full
         self._derivatives = StateDerivatives(design.prepared, design.state, design.point)
         K0 = full.assembly.K_el + full.assembly.K_springs(static=True)
-        K0 = K0 + k_c * (c.N.T @ sp.diags(c.area) @ c.N)
+        K0 = K0 + full.assembly.K_contact(k_c)
         shapes = np.asarray(full.structure.shapes)
         dk = np.broadcast_to(full.weights.shapes, len(shapes))
         self._factor = WoodburyFactor(LowRankSum(K0, shapes.T, dk))

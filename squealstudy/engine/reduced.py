@@ -1,0 +1,265 @@
+"""Reductions of structures: each from its meshes, or all of a range by one basis.
+
+A range is reduced at its ends and between, until what the basis of the reductions so far gives at
+the next place is what a reduction there gives. Where that does not come about, or where a structure
+has another contact, structures are reduced each for itself.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from squealstudy.engine.cache import (
+    is_prepared,
+    is_whole,
+    load_prepared,
+    load_value,
+    prepared_path,
+    save_value,
+)
+from squealstudy.engine.plan import Plan
+from squealstudy.errors import ConvergenceError, ModelError, SquealstudyError, StudyFileError
+from squealstudy.linalg.factor import solve_threads
+from squealstudy.machine import give_back_memory
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.operating import ModeKey, OperatingPoint
+from squealstudy.modes.full_order.finer_model import (
+    ReductionRecord,
+    root_distances,
+    with_finer_model,
+)
+from squealstudy.reduction.cmt import ComponentBasis, ComponentModes, ReductionSettings
+from squealstudy.reduction.contact_space import ContactSpace, contact_space
+from squealstudy.reduction.prepared import (
+    PreparedModel,
+    mean_contact_stiffness,
+    mode_shapes,
+    prepare_with_basis,
+)
+from squealstudy.reduction.projected import AnyAssembly, projected
+from squealstudy.reduction.shared_basis import (
+    TOLERANCE,
+    SharedBasis,
+    Snapshot,
+    joined,
+    shared_basis,
+)
+from squealstudy.study.design import DesignPoint
+
+SpaceOf = Callable[[Mapping[str, ComponentModes]], ContactSpace]
+
+
+@dataclass(frozen=True)
+class SharedTask:
+    """The range that a structure is in.
+
+    Attributes
+    ----------
+    key : str
+        Of its basis in the cache.
+    places : tuple of DesignPoint
+        Where reductions are made, in this order.
+    tests : int
+        How many in a row must be known before they are made.
+    """
+
+    key: str
+    places: tuple[DesignPoint, ...]
+    tests: int
+
+
+@dataclass(frozen=True)
+class BuildTask:
+    """The structure of a design point to assemble, reduce and store.
+
+    `top_hz` is that of the band of a reduction, None where no error of it is asked for; `band_hz`
+    the whole band. `enriching` is how often what a finer model shows joins the basis
+    (`with_finer_model`); `coarse_key` that of the same structure with less of it, empty where there
+    is none. `shared` is the range that it has one basis with; None: it has its own.
+    """
+
+    point: DesignPoint
+    nominal: OperatingPoint
+    training: tuple[OperatingPoint, ...]
+    settings: ReductionSettings
+    top_hz: float | None
+    band_hz: tuple[float, float]
+    scales: tuple[Mapping[ModeKey, float], ...]
+    enriching: int
+    coarse_key: str
+    threads: int
+    shared: SharedTask | None = None
+
+    def record(
+        self, assembly: AnyAssembly, modes: Mapping[str, ComponentModes], top_hz: float
+    ) -> ReductionRecord:
+        """What its prepared model was made from."""
+        return ReductionRecord(
+            assembly,
+            modes,
+            (self.nominal, *self.training),
+            top_hz,
+            self.settings.damped_to,
+            self.scales,
+        )
+
+
+def reduced_with_basis(
+    task: BuildTask, known: ContactSpace | None = None
+) -> tuple[PreparedModel, tuple[np.ndarray, ...]]:
+    """Assemble and reduce: the prepared model, and the blocks (n_component, k) of its basis.
+
+    `known` is the contact space of the same structure; that of a coarser model of it is looked for.
+    """
+    shared = None if task.shared is None else _shared_of(task, task.shared)
+    with threadpool_limits(1), solve_threads(task.threads):
+        started = time.perf_counter()
+        assembly = task.point.assembly()
+        assembly_s = time.perf_counter() - started
+        if known is None and is_prepared(task.coarse_key):
+            known = load_prepared(task.coarse_key).space
+        if shared is not None and shared.serves(assembly):
+            prepared, blocks = _by_shared(task, shared, assembly, known)
+        else:
+            prepared, basis = _reduced(task, assembly, known)
+            blocks = basis.blocks
+    return replace(prepared, timings={"assembly_s": assembly_s, **prepared.timings}), blocks
+
+
+def _reduced(
+    task: BuildTask, assembly: AnyAssembly, space: ContactSpace | SpaceOf | None
+) -> tuple[PreparedModel, ComponentBasis]:
+    """The prepared model of an assembly, with its finer one where it is asked for."""
+    prepared, modes, basis = prepare_with_basis(
+        assembly, task.nominal, task.settings, task.training, space
+    )
+    started, timings = time.perf_counter(), prepared.timings
+    if task.top_hz is not None:
+        made = task.record(assembly, modes, task.top_hz)
+        prepared, basis = with_finer_model(prepared, basis, made, task.enriching)
+    timings = {**timings, "finer_model_s": time.perf_counter() - started}
+    return replace(prepared, timings=timings), basis
+
+
+def _by_shared(
+    task: BuildTask, shared: SharedBasis, assembly: Assembly, known: ContactSpace | None = None
+) -> tuple[PreparedModel, tuple[np.ndarray, ...]]:
+    """As `_reduced`, of what the assembly is on the shared basis."""
+    started = time.perf_counter()
+    V = [np.asarray(block) for block in shared.blocks]
+    small = projected(assembly, V)
+    projection_s = time.perf_counter() - started
+    space = known or (lambda modes: shared.space(small, mode_shapes(small, modes)))
+    prepared, basis = _reduced(task, small, space)
+    blocks = tuple(block @ own for block, own in zip(V, basis.blocks, strict=True))
+    timings = {"projection_s": projection_s, **prepared.timings}
+    prepared = replace(prepared, basis_error=shared.error, n_dof=assembly.n_dof, timings=timings)
+    return prepared, blocks
+
+
+# -- the basis of a range --------------------------------------------------------------------------
+def shared_task(plan: Plan, point: DesignPoint) -> SharedTask | None:
+    """The range that the structure of a design point has one basis with; None where it has none."""
+    found = plan.shared_range
+    if found is None or not found.holds(point.values):
+        return None
+    places = [plan.design({**point.values, **place}) for place in found.places()]
+    return SharedTask(plan.shared_key(point), tuple(places), found.tests)
+
+
+def shared_facts(plan: Plan) -> dict[str, dict[str, Any]]:
+    """The range over which structures have one basis, and its error; nothing without one."""
+    if plan.shared_range is None or not is_whole(prepared_path(plan.shared_key(plan.first))):
+        return {}
+    basis: SharedBasis = load_value(prepared_path(plan.shared_key(plan.first)))
+    facts = {
+        "range": plan.shared_range.text,
+        "reductions": basis.reductions,
+        "error": basis.error if np.isfinite(basis.error) else None,
+        "used": basis.within,
+    }
+    return {"shared_basis": facts}
+
+
+def make_shared(task: BuildTask) -> tuple[str, str]:
+    """Make the basis of a task's range and keep it; (key, "") or (key, reason of failure)."""
+    assert task.shared is not None
+    try:
+        _shared_of(task, task.shared)
+    except StudyFileError:
+        raise
+    except SquealstudyError as error:
+        return task.shared.key, str(error)
+    finally:
+        give_back_memory()
+    return task.shared.key, ""
+
+
+def _shared_of(task: BuildTask, shared: SharedTask) -> SharedBasis:
+    """The basis of a task's range, from the cache or made now."""
+    folder = prepared_path(shared.key)
+    if not is_whole(folder):
+        with threadpool_limits(1), solve_threads(task.threads):
+            save_value(folder, _made(task, shared))
+    return _loaded(shared.key)
+
+
+@lru_cache(maxsize=1)
+def _loaded(key: str) -> SharedBasis:
+    found: SharedBasis = load_value(prepared_path(key))
+    return found
+
+
+def _made(task: BuildTask, shared: SharedTask) -> SharedBasis:
+    """Reduce places of the range until the last ones were known before."""
+    blocks: tuple[np.ndarray, ...] = ()
+    errors: list[float] = []
+    first: Assembly | None = None
+    stiffness, count, failure = 0.0, 0, None
+    for point in shared.places:
+        own = replace(task, point=point, shared=None, coarse_key="")
+        try:
+            assembly = point.assembly()
+            if first is None:
+                stiffness = mean_contact_stiffness(assembly, task.nominal)
+            snapshot = Snapshot(assembly)
+            prepared, basis = _reduced(own, assembly, _Told(assembly, stiffness, snapshot))
+        except (ConvergenceError, ModelError) as error:
+            failure = error  # moduli that no material has together, or no steady sliding
+            continue
+        first = assembly if first is None else first
+        if count > 1:
+            so_far = shared_basis(assembly, blocks, stiffness, count, 0.0)
+            found, _ = _by_shared(own, so_far, assembly)
+            made = task.record(assembly, {}, task.band_hz[1])
+            errors.append(root_distances(found, prepared, made.states, task.band_hz))
+        snapshot.blocks = basis.blocks
+        blocks, count = joined(first, blocks, snapshot), count + 1
+        last = errors[-shared.tests :]
+        if len(last) == shared.tests and max(last) <= TOLERANCE:
+            break
+    if first is None:
+        assert failure is not None
+        raise failure
+    worst = max(errors[-shared.tests :], default=np.inf)
+    return shared_basis(first, blocks, stiffness, count, float(worst))
+
+
+@dataclass(frozen=True)
+class _Told:
+    """Makes the contact space of an assembly and keeps its static responses."""
+
+    assembly: Assembly
+    k_c: float
+    snapshot: Snapshot
+
+    def __call__(self, modes: Mapping[str, ComponentModes]) -> ContactSpace:
+        shapes = mode_shapes(self.assembly, modes)
+        return contact_space(self.assembly, self.k_c, shapes, told=self.snapshot.add)

@@ -1,0 +1,208 @@
+"""Free modes of a component: which are rigid, and a table of what was measured of the others.
+
+The table is a CSV file with a header: ``frequency_hz``, ``damping_ratio`` or both, and ``mode``,
+the number of the component mode as in sweeps, rigid ones counted. Without ``mode`` a measured
+frequency belongs to the nearest elastic mode.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.linalg.real_modes import real_modes
+from squealstudy.models.components.bodies import Brake
+from squealstudy.models.components.file_matrices import least_frequency
+from squealstudy.models.components.model_file import PlacedError
+
+MODE, FREQUENCY, DAMPING_RATIO = COLUMNS = ("mode", "frequency_hz", "damping_ratio")
+FAR = 0.1  # of the frequency: a measured mode without number has no partner beyond
+
+
+@dataclass(frozen=True)
+class MeasuredLine:
+    """A line of the table.
+
+    Attributes
+    ----------
+    line : int
+    mode : int or None
+        None: it is found by its frequency.
+    frequency_hz, damping_ratio : float or None
+        None: as computed.
+    """
+
+    line: int
+    mode: int | None
+    frequency_hz: float | None
+    damping_ratio: float | None
+
+
+def read_mode_table(path: Path) -> tuple[MeasuredLine, ...]:
+    """The lines of a table.
+
+    Raises
+    ------
+    ModelError
+        With file and line.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{path.name}: expected text in UTF-8") from error
+    rows = csv.reader(text.splitlines())
+    header: list[str] = []
+    found: list[MeasuredLine] = []
+    for cells in rows:
+        cells = [cell.strip() for cell in cells]
+        if not any(cells) or cells[0].startswith("#"):
+            continue
+        where = f"{path.name}:{rows.line_num}"
+        if not header:
+            header = _header(cells, where)
+            continue
+        if len(cells) != len(header):
+            raise ModelError(f"{where}: expected {len(header)} values, got {len(cells)}")
+        found.append(_mode(dict(zip(header, cells, strict=True)), rows.line_num, where))
+    if not found:
+        raise ModelError(f"{path.name}: expected a header with {', '.join(COLUMNS)} and lines")
+    return tuple(found)
+
+
+def _header(cells: Sequence[str], where: str) -> list[str]:
+    unknown = [cell for cell in cells if cell not in COLUMNS]
+    if unknown or len(set(cells)) < len(cells) or not {FREQUENCY, DAMPING_RATIO} & set(cells):
+        got = ", ".join(cells)
+        raise ModelError(
+            f"{where}: expected the columns {FREQUENCY} or {DAMPING_RATIO}, and {MODE}; got {got}"
+        )
+    return [*cells]
+
+
+def _mode(cells: Mapping[str, str], line: int, where: str) -> MeasuredLine:
+    values = {}
+    for name, text in cells.items():
+        try:
+            values[name] = float(text) if text else None
+        except ValueError:
+            raise ModelError(f"{where}: {name}: expected a number, got '{text}'") from None
+    mode, hz, zeta = (values.get(name) for name in COLUMNS)
+    if mode is not None and (not mode >= 1 or mode % 1):
+        raise ModelError(f"{where}: {MODE}: expected a number from 1, got '{cells[MODE]}'")
+    if hz is not None and not 0 < hz < math.inf:
+        raise ModelError(f"{where}: {FREQUENCY}: expected a frequency above 0, got {hz:g}")
+    if zeta is not None and not 0 <= zeta < 1:
+        raise ModelError(
+            f"{where}: {DAMPING_RATIO}: expected a ratio from 0 to 1 (0.01 is 1 %), got {zeta:g}"
+        )
+    if mode is None and hz is None:
+        raise ModelError(f"{where}: expected {MODE} or {FREQUENCY}: which mode is it?")
+    return MeasuredLine(line, None if mode is None else int(mode), hz, zeta)
+
+
+def rigid_count(K: sp.csr_matrix, M: sp.csr_matrix, omega: np.ndarray) -> int:
+    """Modes [rad/s] below 1 Hz, or that are zero to the ten digits of matrices in files."""
+    return int((omega < max(2 * np.pi, least_frequency(K, M))).sum())
+
+
+@dataclass(frozen=True)
+class MeasuredMode:
+    """A component mode and what was measured of it.
+
+    Attributes
+    ----------
+    number : int
+        As in sweeps.
+    computed_hz : float
+    frequency_hz, damping_ratio : float or None
+        None: not measured.
+    """
+
+    number: int
+    computed_hz: float
+    frequency_hz: float | None
+    damping_ratio: float | None
+
+    @property
+    def frequency_scale(self) -> float | None:
+        """Factor on the computed frequency."""
+        return None if self.frequency_hz is None else self.frequency_hz / self.computed_hz
+
+
+def measured_modes(
+    path: Path, K: sp.csr_matrix, M: sp.csr_matrix, cutoff_hz: float
+) -> list[MeasuredMode]:
+    """What a table says of the free modes of a component up to a cutoff; no more of others.
+
+    Raises
+    ------
+    ModelError
+        With file and line: as `read_mode_table`; a rigid mode; two lines of one mode; a frequency
+        that no mode is near.
+    """
+    table = read_mode_table(path)
+    omega, _ = real_modes(M, K, (1.0 + FAR) * cutoff_hz)  # a measured one may be near the next
+    rigid, hz = rigid_count(K, M, omega), omega / (2 * np.pi)
+    found: dict[int, MeasuredLine] = {}
+    for row in table:
+        where = f"{path.name}:{row.line}"
+        number = row.mode if row.mode is not None else _nearest(row, hz, rigid, where)
+        if number is None or number > len(hz):
+            continue
+        if number <= rigid:
+            raise ModelError(
+                f"{where}: {MODE}: {number} is a rigid mode, the elastic ones begin at {rigid + 1}"
+            )
+        if number in found:
+            raise ModelError(f"{where}: mode {number} was in line {found[number].line} already")
+        found[number] = row
+    return [
+        MeasuredMode(number, float(hz[number - 1]), row.frequency_hz, row.damping_ratio)
+        for number, row in sorted(found.items())
+        if hz[number - 1] <= cutoff_hz
+    ]
+
+
+def tabled_modes(
+    brake: Brake, name: str, K: sp.csr_matrix, M: sp.csr_matrix, cutoff_hz: float
+) -> list[MeasuredMode]:
+    """As `measured_modes`, of a component of a model file; none where it has no table.
+
+    Raises
+    ------
+    PlacedError
+        What is wrong with the table, or a component that is held.
+    """
+    table, keys = brake.file.components[name].measured, ("components", name, "measured")
+    if table is None:
+        return []
+    for fixed in brake.file.fixed:
+        if fixed.set.partition(".")[0] == name:
+            text = f"[[fixed]] holds {fixed.set}: modes measured on a free part are not its own"
+            raise PlacedError(keys, text)
+    try:
+        return measured_modes(brake.located(table), K, M, cutoff_hz)
+    except ModelError as error:
+        raise PlacedError(keys, str(error)) from error
+
+
+def _nearest(row: MeasuredLine, hz: np.ndarray, rigid: int, where: str) -> int | None:
+    """Number of the elastic mode nearest in frequency; None where it may be beyond those known."""
+    assert row.frequency_hz is not None
+    away = np.abs(hz[rigid:] / row.frequency_hz - 1.0)
+    if len(away) and away.min() <= FAR:
+        return rigid + 1 + int(away.argmin())
+    if not len(away) or row.frequency_hz > hz[-1]:
+        return None
+    near = hz[rigid + int(away.argmin())]
+    raise ModelError(
+        f"{where}: no free mode is within {100 * FAR:g} % of {row.frequency_hz:g} Hz, the nearest "
+        f"is at {near:.1f} Hz: give its number in a column {MODE}"
+    )

@@ -1,0 +1,183 @@
+"""An assembly projected on a basis of displacements: all of it, as dense matrices.
+
+To what makes a reduction it is an assembly like the unreduced one, of far fewer degrees of freedom.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from squealstudy.models.assembly import (
+    Assembly,
+    Component,
+    ContactInterface,
+    component_slices,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectedComponent:
+    """Matrices of a component in coordinates of its block of the basis.
+
+    Attributes
+    ----------
+    name : str
+    M, K : ndarray (k, k)
+    C : ndarray (k, k) or None
+        Damping of its own.
+    """
+
+    name: str
+    M: np.ndarray
+    K: np.ndarray
+    C: np.ndarray | None
+
+    @property
+    def n_dof(self) -> int:
+        """Number of coordinates."""
+        return len(self.M)
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectedAssembly:
+    """What reductions ask of an `Assembly`, in coordinates of a basis (THEORY.md eq. (28a)).
+
+    Attributes
+    ----------
+    components : tuple of ProjectedComponent
+    contact : ContactInterface
+        Its N, T and T_perp are dense.
+    springs : (ndarray (n, n), ndarray (n, n))
+        Stiffness of the linear interfaces in vibration, and at rest.
+    load, constant_load : ndarray (n,)
+    correspondence : csr_matrix (s, n)
+        Of the coordinates, as of an assembly.
+    """
+
+    components: tuple[ProjectedComponent, ...]
+    contact: ContactInterface
+    springs: tuple[np.ndarray, np.ndarray] = field(repr=False)
+    load: np.ndarray = field(repr=False)
+    constant_load: np.ndarray = field(repr=False)
+    correspondence: sp.csr_matrix = field(repr=False)
+
+    @property
+    def component_names(self) -> tuple[str, ...]:
+        """Names in the order of the coordinates."""
+        return tuple(c.name for c in self.components)
+
+    @property
+    def n_dof(self) -> int:
+        """Number of coordinates."""
+        return len(self.load)
+
+    @cached_property
+    def slices(self) -> dict[str, slice]:
+        """Coordinates of each component."""
+        return component_slices(self.components)[0]
+
+    @cached_property
+    def M(self) -> np.ndarray:
+        """Mass (n, n)."""
+        return _block_diagonal([c.M for c in self.components])
+
+    @cached_property
+    def K_el(self) -> np.ndarray:
+        """Elastic stiffness (n, n) of the components."""
+        return _block_diagonal([c.K for c in self.components])
+
+    @cached_property
+    def C_el(self) -> np.ndarray | None:
+        """Damping (n, n) of the components' own; None for none."""
+        if all(c.C is None for c in self.components):
+            return None
+        return _block_diagonal([0 * c.K if c.C is None else c.C for c in self.components])
+
+    def K_springs(self, static: bool = False) -> np.ndarray:
+        """Stiffness (n, n) of the linear interfaces; `static` leaves out those absent at rest."""
+        return self.springs[int(static)]
+
+    def K_contact(self, tangent: float | np.ndarray) -> np.ndarray:
+        """Stiffness (n, n) of the contact with tangents (nc,) [Pa/m]."""
+        c = self.contact
+        K: np.ndarray = c.N.T @ ((c.area * tangent)[:, None] * c.N)
+        return K
+
+
+AnyAssembly = Assembly | ProjectedAssembly
+Part = Component | ProjectedComponent
+
+
+def projected(assembly: Assembly, blocks: Sequence[np.ndarray]) -> ProjectedAssembly:
+    """Project an assembly on one block (n_component, k) for each of its components."""
+    spans = [assembly.slices[name] for name in assembly.component_names]
+
+    def observed(A: sp.csr_matrix) -> np.ndarray:
+        return np.hstack([A[:, s] @ V for s, V in zip(spans, blocks, strict=True)])
+
+    def restricted(f: np.ndarray) -> np.ndarray:
+        return np.concatenate([V.T @ f[s] for s, V in zip(spans, blocks, strict=True)])
+
+    c = assembly.contact
+    seen = [part.seen @ V for part, V in zip(assembly.components, blocks, strict=True)]
+    return ProjectedAssembly(
+        components=tuple(
+            ProjectedComponent(
+                part.name,
+                _within(part.M, V),
+                _positive(_within(part.K, V)),
+                None if part.C is None else _within(part.C, V),
+            )
+            for part, V in zip(assembly.components, blocks, strict=True)
+        ),
+        contact=replace(c, N=observed(c.N), T=observed(c.T), T_perp=observed(c.T_perp)),
+        springs=(
+            _few_rows(assembly.K_springs(), spans, blocks),
+            _few_rows(assembly.K_springs(static=True), spans, blocks),
+        ),
+        load=restricted(assembly.load),
+        constant_load=restricted(assembly.constant_load),
+        correspondence=sp.block_diag(seen, format="csr"),
+    )
+
+
+def _few_rows(A: sp.csr_matrix, spans: Sequence[slice], blocks: Sequence[np.ndarray]) -> np.ndarray:
+    """A symmetric matrix (n_dof, n_dof) that is zero but for few rows, on the basis."""
+    found = []
+    for span, V in zip(spans, blocks, strict=True):
+        own = A[span]
+        rows = np.flatnonzero(np.diff(own.indptr))
+        parts = [own[rows][:, other] for other in spans]
+        found.append(
+            [
+                V[rows].T @ (part @ W) if part.nnz else np.zeros((V.shape[1], W.shape[1]))
+                for part, W in zip(parts, blocks, strict=True)
+            ]
+        )
+    return _symmetric(np.block(found))
+
+
+def _within(A: sp.csr_matrix, V: np.ndarray) -> np.ndarray:
+    return _symmetric(V.T @ (A @ V))
+
+
+def _symmetric(A: np.ndarray) -> np.ndarray:
+    half: np.ndarray = (A + A.T) / 2
+    return half
+
+
+def _positive(K: np.ndarray) -> np.ndarray:
+    """Without negative entries on the diagonal, which rigid motions have by round-off."""
+    np.fill_diagonal(K, np.maximum(np.diag(K), 0.0))
+    return K
+
+
+def _block_diagonal(blocks: Sequence[np.ndarray]) -> np.ndarray:
+    whole: np.ndarray = la.block_diag(*blocks)
+    return whole

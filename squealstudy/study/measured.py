@@ -1,0 +1,91 @@
+"""Modes measured on free components of a model file, as values of a study's mode parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+
+from squealstudy.models.components.definition import FileDefinition
+from squealstudy.models.components.free_modes import MeasuredMode, tabled_modes
+from squealstudy.models.components.model_file import PlacedError
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.study.parameters import (
+    DAMPING_RATIO,
+    FREQUENCY_SCALE,
+    ModeParameter,
+    StudyParameter,
+)
+
+
+def measured_values(
+    model: ModelDefinition, cutoff_hz: float, given: Iterable[StudyParameter]
+) -> dict[str, float]:
+    """Factors on frequencies and damping ratios of component modes that were measured.
+
+    Of modes up to a cutoff, at the model file's defaults: a factor stays what it is where a study
+    changes the component. What a study sets of a mode itself is left to it.
+
+    Parameters
+    ----------
+    model : ModelDefinition
+    cutoff_hz : float
+        Up to which a reduction holds component modes.
+    given : iterable of StudyParameter
+        What the study sets and sweeps.
+
+    Raises
+    ------
+    StudyFileError
+        About the model file: what is wrong with a table, or a component that is held.
+    """
+    if not isinstance(model, FileDefinition):
+        return {}
+    own = {
+        (p.component, mode, p.quantity)
+        for p in given
+        if isinstance(p, ModeParameter)
+        for mode in p.modes
+    }
+    values: dict[str, float] = {}
+    for name in _measured(model):
+        for mode in _free(_ByFiles(model), name, cutoff_hz):
+            quantities = {
+                FREQUENCY_SCALE: mode.frequency_scale,
+                DAMPING_RATIO: mode.damping_ratio,
+            }
+            for quantity, value in quantities.items():
+                if value is not None and (name, mode.number, quantity) not in own:
+                    values[f"{name}.modes[{mode.number}].{quantity}"] = value
+    return values
+
+
+def _measured(model: FileDefinition) -> list[str]:
+    from squealstudy.study.components import build_of  # imports scikit-fem
+
+    tables = build_of(model).brake.file.components
+    return [name for name, table in tables.items() if table.measured is not None]
+
+
+class _ByFiles:
+    """A model that is another one where its files are others."""
+
+    def __init__(self, model: FileDefinition) -> None:
+        self.model = model
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByFiles) and self.model.files == other.model.files
+
+    def __hash__(self) -> int:
+        return hash(self.model.files)
+
+
+@lru_cache(maxsize=16)
+def _free(of: _ByFiles, name: str, cutoff_hz: float) -> list[MeasuredMode]:
+    from squealstudy.study.components import build_of, free_component, placed  # imports scikit-fem
+
+    build = build_of(of.model)
+    _, (K, M), _ = free_component(of.model, name)
+    try:
+        return tabled_modes(build.brake, name, K, M, cutoff_hz)
+    except PlacedError as error:
+        raise placed(error, build.source) from error
