@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc
 
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.study.definition import ResolvedStudy
@@ -73,6 +72,8 @@ class SharedRange:
         if levels:
             X = np.array(list(itertools.product(np.linspace(0.0, 1.0, levels), repeat=d)))
         else:
+            from scipy.stats import qmc  # slow to load
+
             X = qmc.Sobol(d, scramble=False).random(MOST_LATTICE)
             X = np.vstack([X, np.ones(d)])  # its first point is the lower end
         chosen = X[farthest_points(X, self.most)]

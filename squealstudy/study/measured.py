@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
-from squealstudy.models.components.definition import FileDefinition
-from squealstudy.models.components.free_modes import MeasuredMode, tabled_modes
-from squealstudy.models.components.model_file import PlacedError
-from squealstudy.models.parameter import ModelDefinition
 from squealstudy.study.parameters import (
     DAMPING_RATIO,
     FREQUENCY_SCALE,
     ModeParameter,
     StudyParameter,
 )
+
+if TYPE_CHECKING:  # scipy and scikit-fem stay out of what computes nothing
+    from squealstudy.models.components.definition import FileDefinition
+    from squealstudy.models.components.free_modes import MeasuredMode
+    from squealstudy.models.parameter import ModelDefinition
 
 
 def measured_values(
@@ -38,6 +40,8 @@ def measured_values(
     StudyFileError
         About the model file: what is wrong with a table, or a component that is held.
     """
+    from squealstudy.models.components.definition import FileDefinition
+
     if not isinstance(model, FileDefinition):
         return {}
     own = {
@@ -81,6 +85,8 @@ class _ByFiles:
 
 @lru_cache(maxsize=16)
 def _free(of: _ByFiles, name: str, cutoff_hz: float) -> list[MeasuredMode]:
+    from squealstudy.models.components.free_modes import tabled_modes
+    from squealstudy.models.components.model_file import PlacedError
     from squealstudy.study.components import build_of, free_component, placed  # imports scikit-fem
 
     build = build_of(of.model)
