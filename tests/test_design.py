@@ -19,7 +19,7 @@ from squealstudy.engine.workers import Workers
 from squealstudy.errors import StudyFileError
 from squealstudy.kinds.design.loop import Loop
 from squealstudy.kinds.design.plan import MODES, Ask
-from squealstudy.kinds.design.state import IMPOSSIBLE, MET, Memory
+from squealstudy.kinds.design.state import MET, NONE_FOUND, Memory
 from squealstudy.kinds.design.study import DesignStudy
 
 MARGIN = 0.002
@@ -287,7 +287,7 @@ def test_slopes_are_those_of_finite_changes(tmp_path: Path) -> None:
 def test_nothing_in_the_bounds_is_enough(tmp_path: Path) -> None:
     results = _run(_hoffmann("damping_ratio", "[0.0, 0.01]", margin=0.05), tmp_path)
     facts = results.manifest["design_study"]
-    assert facts["outcome"] == IMPOSSIBLE
+    assert facts["outcome"] == NONE_FOUND
     assert "no design within the bounds was found" in facts["verdict"]
     assert "at their bounds: damping_ratio" in facts["verdict"]
     assert facts["changes"][0]["to"] == pytest.approx(0.02)

@@ -16,9 +16,9 @@ from squealstudy.kinds.design.plan import MODES, Ask, ask, operating_points
 from squealstudy.kinds.design.proof import Proof
 from squealstudy.kinds.design.search import Box, Judged, descend
 from squealstudy.kinds.design.state import (
-    IMPOSSIBLE,
     KICK_WINDOW,
     MET,
+    NONE_FOUND,
     NOTHING,
     STOPPED,
     TODAY,
@@ -186,7 +186,7 @@ class Loop:
             starts = self._search(starts)
             chosen = self._cheapest()
             if chosen is None:
-                state.outcome, state.chosen = IMPOSSIBLE, self._nearest()
+                state.outcome, state.chosen = NONE_FOUND, self._nearest()
                 return
             state.chosen = chosen
             if Proof(self).passed(chosen):

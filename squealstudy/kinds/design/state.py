@@ -14,7 +14,7 @@ from squealstudy.kinds.design.study import DesignStudy
 
 Rows = Mapping[Ask, Mapping[str, Any]]
 # all checks passed; some could not be told; the limit of designs; no design meets the margin
-MET, UNDECIDED, STOPPED, IMPOSSIBLE = "met", "undecided", "stopped", "impossible"
+MET, UNDECIDED, STOPPED, NONE_FOUND = "met", "undecided", "stopped", "none_found"
 KICK_WINDOW = 0.2  # of its frequency: modes that take on what a kicked one lacks
 UNPROVEN, NOTHING, TODAY = "unproven", "no_variables", "today"
 

@@ -29,8 +29,8 @@ from squealstudy.kinds.design.loop import Loop
 from squealstudy.kinds.design.plan import DesignPlan
 from squealstudy.kinds.design.rows import MODE_FIELDS, SCHEMA, SLOPE_FIELDS, SUMMARY_FIELDS
 from squealstudy.kinds.design.state import (
-    IMPOSSIBLE,
     MET,
+    NONE_FOUND,
     NOTHING,
     STOPPED,
     TODAY,
@@ -305,7 +305,7 @@ def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]])
         text = text if changes else "it meets the margin as it is"
         proof = "Proof" if state.outcome == MET else "Not all of the proof could be told"
         return f"{today}; {text} of {margin:g}: {mode}. {proof}: {_proof(loop)}. {searched}."
-    if state.outcome == IMPOSSIBLE:
+    if state.outcome == NONE_FOUND:
         nearest = change_text(changes) or "today's design"
         bound = [c["parameter"] for c in changes if c["at_bound"]]
         binds = f"; at their bounds: {', '.join(bound)}" if bound else "; no variable at a bound"
