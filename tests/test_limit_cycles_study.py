@@ -109,9 +109,9 @@ def test_silent_designs_and_outside_validity(tmp_path):
     [
         ("tolerance = 1e-3", 'harmonics = "many"', "limit_cycles.harmonics", '"auto" or a number'),
         ("tolerance = 1e-3", "harmonics = true", "limit_cycles.harmonics", '"auto" or a number'),
-        ("tolerance = 1e-3", "families = [0]", "limit_cycles.families", '"screened" or a list'),
-        ("tolerance = 1e-3", "families = []", "limit_cycles.families", '"screened" or a list'),
-        ("tolerance = 1e-3", "families = [1, 1]", "limit_cycles.families", "distinct"),
+        ("families = [1]", "families = [0]", "limit_cycles.families", '"screened" or a list'),
+        ("families = [1]", "families = []", "limit_cycles.families", '"screened" or a list'),
+        ("families = [1]", "families = [1, 1]", "limit_cycles.families", "distinct"),
         ("tolerance = 1e-3", "tolerance = 0.5", "limit_cycles.tolerance", "at most 0.1"),
         ("tolerance = 1e-3", "harmonic = 3", "limit_cycles.harmonic", "harmonics"),
         ("reach = 0.5", "reach = -1.0", "limit_cycles.reach", "more than 0"),

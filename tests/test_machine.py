@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from squealstudy import machine
-from squealstudy.engine import worker_count
+from squealstudy.engine import workers
 from squealstudy.engine.manifest import locked
 from squealstudy.errors import MachineError, ResultsError
 from squealstudy.machine import InterruptedRun, interruptible
@@ -179,11 +179,11 @@ def test_workers_are_as_many_as_cores_and_memory_allow(
     monkeypatch, jobs, cores, available, count, text
 ):
     earlier = {"peak_memory_mb": {"largest_worker": 500.0}}
-    monkeypatch.setattr(worker_count, "cores", lambda: cores)
-    monkeypatch.setattr(worker_count, "available_memory_mb", lambda: available)
-    monkeypatch.setattr(worker_count, "peak_memory_mb", lambda: 100.0)
+    monkeypatch.setattr(workers, "cores", lambda: cores)
+    monkeypatch.setattr(workers, "available_memory_mb", lambda: available)
+    monkeypatch.setattr(workers, "peak_memory_mb", lambda: 100.0)
     told = []
-    assert worker_count.worker_count(jobs, earlier, told.append) == count
+    assert workers.worker_count(jobs, earlier, told.append) == count
     assert len(told) == bool(text)
     assert not text or text in told[0]
 
