@@ -307,7 +307,10 @@ def test_what_a_kind_does_not_have_is_told(results):
         results["sensitivity"].modes  # noqa: B018
     with pytest.raises(ResultsError, match="a complex_modes study has no histories"):
         results["complex_modes"].history(0)
-    with pytest.raises(ResultsError, match="expected results of kinds complex_modes and transient"):
+    with pytest.raises(
+        ResultsError,
+        match="expected results of kind complex_modes or limit_cycles and of kind transient",
+    ):
         results["transient"].compare(results["transient"])
     with pytest.raises(AttributeError, match="there is no plot 'evoluton'"):
         results["complex_modes"].plot.evoluton()

@@ -226,7 +226,11 @@ def test_compare_joins_prediction_and_motion(there, capsys, swapped):
 @pytest.mark.parametrize(
     ("first", "second", "told"),
     [
-        ("results/belt", "results/belt", "expected results of kinds"),
+        (
+            "results/belt",
+            "results/belt",
+            "expected results of kind complex_modes or limit_cycles and of kind transient",
+        ),
         ("results/modes", "results/none", "no such results directory"),
         ("results", "results/belt", "no manifest.json"),
     ],

@@ -25,7 +25,7 @@ import numpy as np
 
 from squealstudy.engine import cluster_worker
 from squealstudy.engine.cache import contents, folders_of, keep_contents, prepared_path
-from squealstudy.engine.cluster_scheduler import client_of, few_deaths, quiet
+from squealstudy.engine.cluster_scheduler import ALONE, client_of, few_deaths, quiet
 from squealstudy.engine.cluster_worker import (
     SAME,
     Answer,
@@ -177,9 +177,9 @@ class Cluster:
         self._fresh.clear()
         self._shared = self._common()
 
-        def begin(some: Iterator[Item], most: int) -> None:
+        def begin(some: Iterator[Item], most: int, kind: str = "") -> None:
             for task in islice(some, max(0, most - len(begun))):
-                future = self._submit(function, task)
+                future = self._submit(function, task, kind)
                 begun[future] = task
                 future.add_done_callback(ended.put)
 
@@ -201,7 +201,7 @@ class Cluster:
                 begin(tasks, AHEAD * self.size)
                 yield found
             for task in suspects:  # others ended with a task only because they were beside it
-                begin(iter([task]), 1)
+                begin(iter([task]), 1, ALONE)
                 try:
                     (future,) = begun
                     self._wait_alone(future, ended)
@@ -266,12 +266,12 @@ class Cluster:
         self._setting = self._shared = None
 
     # -- what goes along -------------------------------------------------------------------------
-    def _submit(self, function: Callable[[Item], Found], task: Item) -> Future:
+    def _submit(self, function: Callable[[Item], Found], task: Item, kind: str = "") -> Future:
         call = _pickled((function, task))
         models = [self._model(key) for key in _keys(call) & self._present]
         held = frozenset().union(*(model.held for model in models))
         parcels = [parcel for model in models for parcel in model.parcels]
-        return self._send(answer, self._shared, parcels, held, call)
+        return self._send(answer, self._shared, parcels, held, call, kind=kind)
 
     def _common(self) -> Future:
         """What all tasks have in common; extensions may have come."""
@@ -297,9 +297,9 @@ class Cluster:
             del self._models[next(iter(self._models))]
         return model
 
-    def _send(self, function: Callable[..., Any], *arguments: Any) -> Future:
+    def _send(self, function: Callable[..., Any], *arguments: Any, kind: str = "") -> Future:
         self._count += 1
-        key = f"{self.run}-{self._count}"
+        key = f"{self.run}-{self._count}{kind}"
         with warnings.catch_warnings():  # of large ones: they are meant to go this way
             warnings.simplefilter("ignore", UserWarning)
             return self.client.submit(function, *arguments, key=key, pure=False)

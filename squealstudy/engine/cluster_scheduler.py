@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 CONNECT = 10.0  # s, for a scheduler to answer
 NAME = "squealstudy"
 DEATHS = 2  # of workers with a task, until it is kept back to be tried alone
+ALONE = "-alone"  # how the keys of such tasks end: the next death is their last
 
 
 @contextlib.contextmanager
@@ -55,10 +56,12 @@ def client_of(scheduler: str) -> Client:
 def few_deaths(client: Client, run: str) -> Iterator[None]:
     """Tasks of a run, whose keys begin with `run`, fail when DEATHS workers died with them.
 
+    Those whose keys end with ALONE fail with the first one.
+
     dask's own number (`allowed-failures`, 3 by default) is the scheduler's and holds for the tasks
     of others as well; it counts what a task has more to begin with.
     """
-    client.register_plugin(_suspicion(run, DEATHS), name=run)
+    client.register_plugin(_suspicion(run, DEATHS, ALONE), name=run)
     try:
         yield
     finally:
@@ -66,7 +69,7 @@ def few_deaths(client: Client, run: str) -> Iterator[None]:
             client.unregister_scheduler_plugin(run)
 
 
-def _suspicion(run: str, deaths: int) -> SchedulerPlugin:
+def _suspicion(run: str, deaths: int, alone: str) -> SchedulerPlugin:
     """What lets the scheduler count from more than zero for tasks whose keys begin with `run`.
 
     Its class is local so that it is sent as it stands: a scheduler need not have this package.
@@ -75,9 +78,10 @@ def _suspicion(run: str, deaths: int) -> SchedulerPlugin:
 
     class Suspicion(SchedulerPlugin):  # type: ignore[misc]
         def update_graph(self, scheduler: Any, *, tasks: list[str], **_: Any) -> None:
-            begin = max(0, scheduler.allowed_failures + 1 - deaths)
             for key in tasks:
                 if str(key).startswith(run):
+                    left = 1 if str(key).endswith(alone) else deaths
+                    begin = max(0, scheduler.allowed_failures + 1 - left)
                     task = scheduler.tasks[key]
                     task.suspicious = max(task.suspicious, begin)
 
