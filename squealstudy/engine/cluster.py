@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 AHEAD = 3  # tasks a worker that are drawn: one at work, others there before it is free
 CLOSE = 2.0  # s, for a scheduler to answer
-LOOK, GLANCE = 2.0, 0.2  # s between looks at who is there, and where a task may end a worker
+LOOK = 2.0  # s between looks at who is there
 ALL_DIED = "every worker that tried it died"
 MOST_MODELS = 8  # whose contents the scheduler keeps; tasks that wait keep theirs besides
 KEY = re.compile(rb"[0-9a-f]{%d,}" % LENGTH)
@@ -204,7 +204,8 @@ class Cluster:
                 begin(iter([task]), 1, ALONE)
                 try:
                     (future,) = begun
-                    self._wait_alone(future, ended)
+                    while self._next(ended) is not future:
+                        pass
                     found = self._result(future)
                 except _DiedError as error:
                     if lost is None:
@@ -217,19 +218,10 @@ class Cluster:
             if begun:
                 self._cancel([*begun])
 
-    def _wait_alone(self, future: Future, ended: queue.SimpleQueue[Future]) -> None:
-        """Wait for a task that was beside others when workers died; _DiedError where one does."""
-        worker = ""
-        while self._next(ended, GLANCE) is not future:
-            if worker and worker not in self._threads():
-                raise _DiedError(f"{ALL_DIED}, the last at {worker}: out of memory, or killed")
-            busy = self.client.processing()
-            worker = next((name for name, keys in busy.items() if future.key in keys), worker)
-
-    def _next(self, ended: queue.SimpleQueue[Future], wait: float = LOOK) -> Future | None:
+    def _next(self, ended: queue.SimpleQueue[Future]) -> Future | None:
         """The next task that has ended; None where none has for so many seconds."""
         try:
-            return ended.get(timeout=wait)
+            return ended.get(timeout=LOOK)
         except queue.Empty:
             if self.client.status != "running":
                 raise self._lost_scheduler() from None
