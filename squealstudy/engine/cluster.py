@@ -202,8 +202,8 @@ class Cluster:
                 yield found
             for task in suspects:  # others ended with a task only because they were beside it
                 begin(iter([task]), 1, ALONE)
+                (future,) = begun
                 try:
-                    (future,) = begun
                     while self._next(ended) is not future:
                         pass
                     found = self._result(future)
@@ -211,8 +211,9 @@ class Cluster:
                     if lost is None:
                         raise MachineError(str(error)) from None
                     found = lost(task, str(error))
-                    self._cancel([future])
+                self._cancel([future])  # errors of others may keep this frame, and it with it
                 begun.clear()
+                del future
                 yield found
         finally:
             if begun:
