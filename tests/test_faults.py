@@ -74,6 +74,20 @@ def test_a_full_disk(folder: Path, small_disk: Path) -> None:
     goes_on_to_the_same_tables(folder, small_disk / "out")
 
 
+@pytest.mark.parametrize(
+    "command",
+    ["plot out -o disk/new", "report out -o disk/new.html", "export study.toml -o disk/new"],
+)
+def test_other_commands_leave_nothing_half_written(
+    folder: Path, small_disk: Path, command: str
+) -> None:
+    if not command.startswith("export"):
+        assert shell("", *RUN, "out").returncode == 0
+    (small_disk / "others").write_bytes(bytes(24_000))
+    is_one_sentence(shell("", *command.split()), "disk/new", "the disk is full")
+    assert [path.name for path in small_disk.rglob("*") if path.is_file()] == ["others"]
+
+
 @needs_limits
 def test_a_limit_of_file_size(folder: Path) -> None:
     done = shell("ulimit -f 4;", *RUN, "out")

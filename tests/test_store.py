@@ -15,11 +15,11 @@ from study_texts import study_text, sweep_text
 import squealstudy
 from squealstudy.engine import cache
 from squealstudy.engine import store as store_module
-from squealstudy.engine.files import sealed, unsealed
 from squealstudy.engine.journal import JOURNAL
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.store import CHUNKS, MANIFEST, REFERENCES, SET_ASIDE, Store, read_manifest
 from squealstudy.errors import ResultsError
+from squealstudy.files import sealed, unsealed
 
 STUDY = (
     study_text("lockin", "complex_modes", "hulten")

@@ -9,7 +9,6 @@ from typing import Any
 
 import pyarrow as pa
 
-from squealstudy.engine.files import TEMPORARY
 from squealstudy.engine.journal import JOURNAL, UNFINISHED
 from squealstudy.engine.store import (
     LOCK,
@@ -21,6 +20,7 @@ from squealstudy.engine.store import (
     version_of,
 )
 from squealstudy.errors import ResultsError
+from squealstudy.files import TEMPORARY
 from squealstudy.screen import Rows
 from squealstudy.study.kinds import kind_named, kind_names
 from squealstudy.wording import failure_counts, plural, status_counts

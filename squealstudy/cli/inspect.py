@@ -10,7 +10,6 @@ from rich.console import RenderableType
 
 from squealstudy.engine.pictures import save_figure
 from squealstudy.errors import ModelError
-from squealstudy.faults import named
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.components.faces import boundary, facet_groups, facets
 from squealstudy.models.components.geometry import Geometry
@@ -58,8 +57,7 @@ def draw(geometry: Geometry, path: Path) -> None:
     axis = np.array([0.0, 0.0, 1.0])
     if geometry.rotation is not None:
         axis = geometry.rotation.direction
-    with named(path):
-        draw_assembly(bodies, axis).savefig(path, dpi=120)
+    save_figure(draw_assembly(bodies, axis), path)
 
 
 NEAR = 0.02  # of the part's largest side: distance of a measured point and its node

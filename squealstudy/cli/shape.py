@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from squealstudy.engine.files import write_text
 from squealstudy.engine.mode_names import keep_track_names, track_names
 from squealstudy.engine.mode_shapes import chosen_modes, point_shapes
 from squealstudy.engine.motion_shapes import EndMotion
 from squealstudy.engine.pictures import save_figure
 from squealstudy.engine.results import Results
 from squealstudy.errors import ResultsError
+from squealstudy.files import write_text
 from squealstudy.screen import Rows
 from squealstudy.shapes.files import write_uff, write_vtu
 from squealstudy.shapes.names import figures_of, name_of

@@ -20,7 +20,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.engine.files import (
+from squealstudy.engine.keys import content_hash
+from squealstudy.faults import named
+from squealstudy.files import (
     TEMPORARY,
     abandoned,
     file_hash,
@@ -29,8 +31,6 @@ from squealstudy.engine.files import (
     unsealed,
     write_bytes,
 )
-from squealstudy.engine.keys import content_hash
-from squealstudy.faults import named
 from squealstudy.paths import cache_directory
 from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint

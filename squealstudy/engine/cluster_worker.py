@@ -23,10 +23,10 @@ from threadpoolctl import threadpool_limits
 
 import squealstudy
 from squealstudy.engine.cache import contents, keep_contents, prepared_path, touched
-from squealstudy.engine.files import write_bytes
 from squealstudy.engine.keys import source_hash
 from squealstudy.errors import MachineError, SquealstudyError
 from squealstudy.extensions import THREADS, load_extension
+from squealstudy.files import write_bytes
 from squealstudy.machine import peak_memory_mb
 from squealstudy.paths import cache_directory
 

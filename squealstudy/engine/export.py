@@ -16,7 +16,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError
-from squealstudy.faults import named
+from squealstudy.files import write_arrays, write_atomic, write_text
 from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.reduction.working_point import working_point
@@ -44,16 +44,13 @@ def export_model(study: ResolvedStudy, folder: Path) -> list[Path]:
             f"{study.source.path}: only the model {GENERATED} can be written as a model file"
         )
     values = {name: float(study.values[name]) for name in study.model.defaults()}
-    with named(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        written = []
-        for name, mesh in brake_meshes(study.options, values).items():
-            written.append(folder / f"{name}.inp")
-            write_inp(mesh, written[-1])
-        files = {path.stem: path.name for path in written}
-        written.append(folder / MODEL_FILE)
-        text = toml_text(brake_tables(study.options, values, files))
-        written[-1].write_text(text, encoding="utf-8")
+    written = []
+    for name, mesh in brake_meshes(study.options, values).items():
+        written.append(folder / f"{name}.inp")
+        write_inp(mesh, written[-1])
+    files = {path.stem: path.name for path in written}
+    written.append(folder / MODEL_FILE)
+    write_text(written[-1], toml_text(brake_tables(study.options, values, files)))
     return written
 
 
@@ -102,8 +99,10 @@ def export_reduced(
     }
     content = {k: np.asarray(x) for k, x in content.items()}
     paths = [folder / f"{REDUCED}.npz", folder / f"{REDUCED}.mat"]
-    with named(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        np.savez_compressed(paths[0], **content)
-        savemat(paths[1], content, do_compression=True)
+    write_arrays(paths[0], content, compressed=True)
+    write_atomic(paths[1], lambda temporary: _savemat(temporary, content))
     return paths
+
+
+def _savemat(path: Path, content: dict[str, Any]) -> None:
+    savemat(path, content, appendmat=False, do_compression=True)

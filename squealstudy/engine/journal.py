@@ -15,8 +15,8 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
-from squealstudy.engine.files import file_hash, write_text
 from squealstudy.faults import named
+from squealstudy.files import file_hash, write_text
 
 JOURNAL = "journal.jsonl"
 Owner = tuple[str, str, str]  # name, kind and model of the study

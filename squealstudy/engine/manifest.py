@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import squealstudy
-from squealstudy.engine.files import TEMPORARY
 from squealstudy.engine.journal import JOURNAL, Journal
 from squealstudy.engine.kind import Planned
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import LOCK, OWN, read_manifest, version_of
 from squealstudy.errors import ModelError, ResultsError
+from squealstudy.files import TEMPORARY
 from squealstudy.machine import HeldError, cores, lock
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from squealstudy.engine.files import file_hash, sealed, unsealed, write_text
 from squealstudy.engine.mode_shapes import expect_complex_modes, point_shapes
 from squealstudy.errors import ResultsError
+from squealstudy.files import file_hash, sealed, unsealed, write_text
 from squealstudy.progress import progress
 from squealstudy.shapes.names import AND, name_of
 

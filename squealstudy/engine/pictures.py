@@ -16,10 +16,10 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from squealstudy.engine.files import write_atomic
 from squealstudy.engine.store import PICTURES, write_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.extensions import note_registered
+from squealstudy.files import write_atomic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,8 +17,8 @@ import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
-from squealstudy.engine.files import write_text
 from squealstudy.engine.pictures import pictures
+from squealstudy.files import write_text
 from squealstudy.screen import as_text
 from squealstudy.tables.validity import outside_validity
 from squealstudy.wording import duration, plural

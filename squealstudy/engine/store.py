@@ -20,7 +20,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from squealstudy.engine.files import (
+from squealstudy.engine.journal import DAMAGED, UNFINISHED, Journal, Owner
+from squealstudy.engine.keys import ID_TYPE, LENGTH, chunk_id, ids_of
+from squealstudy.errors import MachineError, ResultsError
+from squealstudy.files import (
     SEAL,
     TEMPORARY,
     sealed,
@@ -29,9 +32,6 @@ from squealstudy.engine.files import (
     write_atomic,
     write_text,
 )
-from squealstudy.engine.journal import DAMAGED, UNFINISHED, Journal, Owner
-from squealstudy.engine.keys import ID_TYPE, LENGTH, chunk_id, ids_of
-from squealstudy.errors import MachineError, ResultsError
 from squealstudy.wording import OF_THE_ONSET, listed, units_of
 
 if TYPE_CHECKING:

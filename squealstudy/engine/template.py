@@ -15,8 +15,8 @@ from typing import Any, get_args
 from pydantic import BaseModel, create_model
 from pydantic.fields import FieldInfo
 
-from squealstudy.engine.files import write_text
 from squealstudy.errors import SquealstudyError
+from squealstudy.files import write_text
 from squealstudy.models.catalogue import MODELS, model_names
 from squealstudy.models.components.definition import NAME as OF_FILE
 from squealstudy.models.matrices.family import NAME as MATRICES

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter
 
-from squealstudy.engine.files import sealed, unsealed, write_text
 from squealstudy.engine.keys import NUMERIC_PACKAGES, content_hash, source_hash
 from squealstudy.fidelity.ladders import Setting
 from squealstudy.fidelity.pilots import FidelityStudy
+from squealstudy.files import sealed, unsealed, write_text
 from squealstudy.paths import cache_directory
 
 CODE = (*NUMERIC_PACKAGES, "study", "engine", "kinds", "fidelity")

@@ -10,7 +10,7 @@ import meshio
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.faults import named
+from squealstudy.files import write_atomic, write_text
 from squealstudy.models.cells import NONE
 from squealstudy.shapes.shape import Shape
 
@@ -58,30 +58,32 @@ def write_vtu(shape: Shape, path: Path) -> list[Path]:
         "amplitude": shape.amplitude,
         "strain_energy_density": shape.density,
     }
-    with named(path):
-        _mesh(shape, still).write(path)
-        written = [path]
-        if len(shape.contact.points):
-            written.append(path.with_name(f"{path.stem}_contact.vtu"))
-            _contact(shape).write(written[-1])
-        folder = path.with_name(f"{path.stem}_phases")
-        folder.mkdir(exist_ok=True)
-        steps = []
-        for number in range(PHASES):
-            moved = {"displacement": shape.at(2 * np.pi * number / PHASES)}
-            file = folder / f"{number:02d}.vtu"
-            _mesh(shape, moved).write(file)
-            steps.append(
-                f'<DataSet timestep="{number / PHASES:.6f}" file="{folder.name}/{file.name}"/>'
-            )
-        written.append(path.with_suffix(".pvd"))
-        written[-1].write_text(
-            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
-            + "\n".join(steps)
-            + "\n</Collection>\n</VTKFile>\n",
-            encoding="utf-8",
+    _written(_mesh(shape, still), path)
+    written = [path]
+    if len(shape.contact.points):
+        written.append(path.with_name(f"{path.stem}_contact.vtu"))
+        _written(_contact(shape), written[-1])
+    folder = path.with_name(f"{path.stem}_phases")
+    steps = []
+    for number in range(PHASES):
+        moved = {"displacement": shape.at(2 * np.pi * number / PHASES)}
+        file = folder / f"{number:02d}.vtu"
+        _written(_mesh(shape, moved), file)
+        steps.append(
+            f'<DataSet timestep="{number / PHASES:.6f}" file="{folder.name}/{file.name}"/>'
         )
+    written.append(path.with_suffix(".pvd"))
+    write_text(
+        written[-1],
+        '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
+        + "\n".join(steps)
+        + "\n</Collection>\n</VTKFile>\n",
+    )
     return written
+
+
+def _written(mesh: meshio.Mesh, path: Path) -> None:
+    write_atomic(path, lambda temporary: mesh.write(temporary, file_format="vtu"))
 
 
 def _mesh(shape: Shape, values: Mapping[str, np.ndarray]) -> meshio.Mesh:
@@ -168,9 +170,7 @@ def write_uff(shape: Shape, path: Path) -> list[Path]:
             r3=u[:, 2],
         ),
     ]
-    with named(path):
-        path.unlink(missing_ok=True)
-        pyuff.UFF(str(path)).write_sets(sets, "add")
+    write_atomic(path, lambda temporary: pyuff.UFF(str(temporary)).write_sets(sets, "add"))
     return [path]
 
 

@@ -22,10 +22,10 @@ from squealstudy.engine.cache import (
     save_value,
 )
 from squealstudy.engine.design_points import DesignPoints
-from squealstudy.engine.files import sealed, unsealed, write_text
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ConvergenceError
+from squealstudy.files import sealed, unsealed, write_text
 from squealstudy.kinds.complex_modes.full_order_check import solve_unreduced
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.full_order.modes import solve_family_point

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.engine.files import temporary_name
 from squealstudy.faults import named
+from squealstudy.files import temporary_name
 
 SHAPES = "shapes"  # column of chunk files: (m, k) complex64 by rows, as bytes
 ITEM = np.dtype(np.complex64).itemsize

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from squealstudy.files import write_atomic
 from squealstudy.models.components.materials import Elastic, Orientation
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.fem.solid import Isotropic
@@ -52,9 +53,13 @@ def write_inp(mesh: SolidMesh, path: Path, steps: Sequence[str] = ()) -> None:
         for name in names:
             if not NAME.fullmatch(name):
                 raise mesh.error(f"'{name}' cannot be written as a name of a set or material")
-    with path.open("w", encoding="ascii", newline="\n") as handle:
-        for line in (*_lines(mesh), *steps):
-            handle.write(line + "\n")
+
+    def write(temporary: Path) -> None:
+        with temporary.open("w", encoding="ascii", newline="\n") as handle:
+            for line in (*_lines(mesh), *steps):
+                handle.write(line + "\n")
+
+    write_atomic(path, write)
 
 
 def number(x: float) -> str:

@@ -37,6 +37,7 @@ SEEDS = (
     *("fidelity/onset_scene", "fidelity/continuation_scene", "stability/explicit_limit"),
     *("stability/windows", "benchmarks/same_tables/hulten_work_precision"),
     *("benchmarks/same_tables/matrices_modes", "benchmarks/same_tables/brake_run_newmark"),
+    *("kicked_squeal", "cycles_from_onset", "kicked_design"),
 )
 VALUES = (
     *("0", "-0.0", "-1", "1e308", "-1e308", "1e-320", "nan", "inf", "-inf", "true", "false", '""'),

@@ -72,12 +72,13 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode())
 
 
-def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+def write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False) -> None:
     """Write arrays by name to an npz file atomically."""
+    save = np.savez_compressed if compressed else np.savez
 
     def write(temporary: Path) -> None:
         with temporary.open("wb") as handle:
-            np.savez(handle, **arrays)
+            save(handle, **arrays)
 
     write_atomic(path, write)
 
