@@ -128,6 +128,9 @@ def test_what_has_no_motion(results, tmp_path):
         results.with_tables(points=failed).end_motion()
     with pytest.raises(ResultsError, match="no equilibrium"):
         results.with_tables(points=failed).end_motion(0)
+    swapped = results.points.drop(columns="torque_rms")
+    with pytest.raises(ResultsError, match="has no column torque_rms"):
+        results.with_tables(points=swapped).end_motion()
     other = Results(results.directory, results.manifest | {"kind": "complex_modes"})
     with pytest.raises(ResultsError, match="is that of runs in time"):
         other.end_motion(0)

@@ -101,7 +101,8 @@ def _outcome(arguments: list[str]) -> int:
     except BrokenPipeError:  # a reader such as `head` has gone
         return DONE
     except InterruptedRun as signal:
-        _tell(f"{NAME}: interrupted; the same command goes on where it was")
+        goes_on = "; the same command goes on where it was" if run.__name__ in arguments else ""
+        _tell(f"{NAME}: interrupted{goes_on}")
         return signal.exit_code
     except Exception as error:
         if os.environ.get(DEBUG) and getattr(error, "exit_code", FAULT) == FAULT:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 END = "end of the run"
 MODAL = "modal"  # representation whose states are in component-mode coordinates
+LEVEL, FREQUENCY = "torque_rms", "dominant_frequency_hz"  # columns of points
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class EndMotion:
 def loudest(results: Results) -> int:
     """Row of the run with the largest RMS of the torque; ResultsError where there is none."""
     _expect_runs(results)
-    rms = results.points["torque_rms"].where(results.points["status"] == "ok")
+    rms = results.points[LEVEL].where(results.points["status"] == "ok")
     if rms.isna().all():
         raise ResultsError(f"{results.directory}: no run came to its end")
     return int(rms.to_numpy(float, na_value=-np.inf).argmax())
@@ -71,6 +72,11 @@ def _expect_runs(results: Results) -> None:
         raise ResultsError(
             f"{results.directory}: motion at the end is that of runs in time, these are results of "
             f"kind {results.kind}"
+        )
+    if missing := {LEVEL, FREQUENCY, "status"} - set(results.points):
+        raise ResultsError(
+            f"{results.directory}: its table points has no column {min(missing)}: it is not that of "
+            "runs in time; run the study again"
         )
 
 
@@ -85,7 +91,7 @@ def end_motion(results: Results, row: int) -> EndMotion:
     """
     _expect_runs(results)
     found = results.points.iloc[row]
-    hz = float(found["dominant_frequency_hz"])
+    hz = float(found[FREQUENCY])
     if found["status"] != "ok" or not hz > 0:
         reason = found["message"] or "it has no dominant frequency: nothing vibrates"
         raise ResultsError(

@@ -318,8 +318,8 @@ def _judged(
         return points
     messages = [
         f"the mode at {np.abs(lam[at[i]]) / (2 * np.pi):.5g} Hz may be wrong by "
-        f"{worst[i]:.1e} of its frequency or in its damping ratio, more than the tolerance "
-        f"{largest:g} of [modes]"
+        f"{f'{worst[i]:.1e}' if worst[i] < 1.0 else 'more than the whole'} of its frequency or in "
+        f"its damping ratio, more than the tolerance {largest:g} of [modes]"
         for i in np.flatnonzero(inaccurate)
     ]
     told = {"status": [INACCURATE] * len(messages), "message": messages}
