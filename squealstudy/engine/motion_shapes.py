@@ -75,8 +75,8 @@ def _expect_runs(results: Results) -> None:
         )
     if missing := {LEVEL, FREQUENCY, "status"} - set(results.points):
         raise ResultsError(
-            f"{results.directory}: its table points has no column {min(missing)}: it is not that of "
-            "runs in time; run the study again"
+            f"{results.directory}: its table points has no column {min(missing)}: it is not that "
+            "of runs in time; run the study again"
         )
 
 
