@@ -5,12 +5,22 @@ time of its points, what no worker spent on a point is overhead; the last line i
 do nothing. Scheduler and workers are processes of this machine, each worker with its own cache.
 
     python studies/benchmarks/cluster.py --points 4000
+
+With `--killed` a study is run on a cluster of two workers instead: its client is killed when half
+of the points are done, the same command is given again, and its tables are held against those of
+another run of the study, bit by bit but for the time of each point.
+
+    python studies/benchmarks/million.py --points 1e6 --keep F
+    python studies/benchmarks/cluster.py --killed F/points_1000000.toml --against F/results_1000000
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
+import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -18,6 +28,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import pyarrow.dataset as pads
 
 import squealstudy as sq
 from squealstudy.engine import model_kind
@@ -46,6 +58,7 @@ track = false
 reference_points = 0
 """
 EMPTY = 2000  # tasks that do nothing
+DONE = re.compile(r"design points: .*?([\d,]+) of ([\d,]+) done")
 
 
 @contextmanager
@@ -77,11 +90,58 @@ def per_task(workers: Workers) -> float:
     return (time.perf_counter() - began) / EMPTY
 
 
+def killed_and_resumed(study: Path, against: Path | None) -> int:
+    """Run a study on a cluster, kill its client halfway, go on; 1 where its tables differ."""
+    with tempfile.TemporaryDirectory() as folder, cluster_of(2) as client:
+        out = Path(folder) / "out"
+        line = [sys.executable, "-m", "squealstudy", "run", str(study), "-o", str(out)]
+        line += ["--no-pictures", "--scheduler", client.scheduler.address]
+        began = time.perf_counter()
+        with subprocess.Popen(line, stderr=subprocess.PIPE, text=True) as first:
+            for told in first.stderr or ():
+                found = DONE.search(told)
+                if found and 2 * count(found[1]) >= count(found[2]):
+                    first.kill()
+        half = time.perf_counter() - began
+        print(f"killed after {half:.0f} s: {told.strip()}", flush=True)
+        if first.returncode != -signal.SIGKILL:
+            print("it was not killed: too few points for a line of its progress in the middle")
+            return 1
+        began = time.perf_counter()
+        done = subprocess.run(line, capture_output=True, text=True, check=False)
+        print(f"again, exit {done.returncode} after {time.perf_counter() - began:.0f} s:")
+        print(*[line for line in done.stdout.splitlines() if "points  " in line], sep="\n")
+        if done.returncode or against is None:
+            return done.returncode
+        return sum(different(out, against, name) for name in ("points", "modes"))
+
+
+def count(text: str) -> int:
+    """A number as progress writes it."""
+    return int(text.replace(",", ""))
+
+
+def different(one: Path, other: Path, name: str) -> bool:
+    """Whether a table of two results differs in any column but the time of a point; told."""
+    tables = [pads.dataset(path / f"{name}.parquet").to_table() for path in (one, other)]
+    columns = [c for c in tables[0].column_names if c != "wall_s"]
+    unlike = [c for c in columns if not tables[0][c].equals(tables[1][c])]
+    print(
+        f"{name}: {tables[0].num_rows} rows, {len(columns)} columns, different: {unlike or 'none'}"
+    )
+    return bool(unlike) or tables[0].column_names != tables[1].column_names
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--points", type=int, default=4000)
-    points = parser.parse_args().points
+    parser.add_argument("--killed", type=Path, metavar="STUDY")
+    parser.add_argument("--against", type=Path, metavar="RESULTS", help="of the same study")
+    given = parser.parse_args()
+    if given.killed:
+        raise SystemExit(killed_and_resumed(given.killed, given.against))
+    points = given.points
     model_kind.PATIENCE = 0.0  # s: all points by workers
     found: dict[tuple[str, int], tuple[float, float]] = {}
     with tempfile.TemporaryDirectory() as cache:
