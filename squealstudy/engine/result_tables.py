@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import pandas as pd
 
-from squealstudy.engine.store import Store, column_units, onset_parameter
+from squealstudy.engine.store import Store, column_units
 from squealstudy.engine.table_rows import Keep, batches, chosen_rows, mode_points
 from squealstudy.errors import ResultsError
 from squealstudy.study.kinds import screen_of
+from squealstudy.study.parameters import onset_parameter
 from squealstudy.tables.point_rows import ROW
 
 if TYPE_CHECKING:

@@ -32,6 +32,7 @@ from squealstudy.files import (
     write_atomic,
     write_text,
 )
+from squealstudy.study.parameters import onset_parameter
 from squealstudy.wording import OF_THE_ONSET, listed, units_of
 
 if TYPE_CHECKING:
@@ -43,15 +44,10 @@ SENSITIVITIES = "sensitivities.parquet"
 MEASUREMENTS, ERRORS = "measurements.parquet", "errors.parquet"
 CELLS = "cells.parquet"
 CYCLES, VERDICTS, BRANCHES = "cycles.parquet", "verdicts.parquet", "branches.parquet"
-DESIGNS, MARGINS, SLOPES, PROOF = (
-    "designs.parquet",
-    "margins.parquet",
-    "slopes.parquet",
-    "proof.parquet",
-)
+DESIGNS, MARGINS = "designs.parquet", "margins.parquet"
+SLOPES, PROOF = "slopes.parquet", "proof.parquet"
 CURVES = "curves.parquet"
 HISTORIES, STATES, REFERENCES = "histories", "states", "references"
-ONSET_PARAMETER = "friction"
 PICTURES = "pictures"  # key of the manifest: those drawn beside the tables
 INACCURATE = "inaccurate"  # status of a point whose roots are there, with too large an error
 MANIFEST = "manifest.json"
@@ -67,13 +63,6 @@ PART_ROWS = 1_000_000  # rows of a table up to which it is one file
 GROUP_ROWS = 2**17  # rows of a table that are read together
 UNIT = b"unit"  # of a column, in the metadata of its field
 OWN_UNITS = {CELLS: {"cost": ""}}  # iterations or evaluations, elsewhere seconds
-
-
-def onset_parameter(swept: Sequence[str]) -> str | None:
-    """The parameter along which onsets are sought: friction if swept, else the first sweep."""
-    if ONSET_PARAMETER in swept:
-        return ONSET_PARAMETER
-    return swept[0] if swept else None
 
 
 def column_units(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:  # scipy stays out of `squealstudy schema`
     from squealstudy.models.parameter import ModelDefinition
 
 FREQUENCY_SCALE, DAMPING_RATIO = "frequency_scale", "damping_ratio"
+ONSET_PARAMETER = "friction"
 QUANTITIES = (FREQUENCY_SCALE, DAMPING_RATIO)
 LARGEST_MODE = 10_000
 MODE_NAME = re.compile(
@@ -204,3 +205,10 @@ def _parse_modes(name: str, text: str) -> tuple[int, ...]:
             raise ParameterError(name, f"a mode number appears twice in '[{text}]'")
         modes.update(numbers)
     return tuple(sorted(modes))
+
+
+def onset_parameter(swept: Sequence[str]) -> str | None:
+    """The parameter along which onsets are sought: friction if swept, else the first sweep."""
+    if ONSET_PARAMETER in swept:
+        return ONSET_PARAMETER
+    return swept[0] if swept else None

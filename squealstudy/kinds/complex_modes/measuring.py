@@ -20,7 +20,7 @@ from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.method import RungChoice
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, reason
-from squealstudy.engine.store import Store, onset_parameter
+from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.kind import ComplexModes
@@ -32,6 +32,7 @@ from squealstudy.kinds.complex_modes.tracked_modes import follow_modes
 from squealstudy.machine import memory_above
 from squealstudy.modes.full_order.finer_model import finer_modes
 from squealstudy.modes.rungs import rung_named
+from squealstudy.study.parameters import onset_parameter
 from squealstudy.tables.method_quality import onset_errors, root_errors
 from squealstudy.tables.stability import FIRST_SEEN, INTO
 

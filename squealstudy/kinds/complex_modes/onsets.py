@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import ONSET_PARAMETER
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.neighbourhood import FAILED, OnsetTask, refine_onsets
 from squealstudy.kinds.complex_modes.refinement_budget import RefinementBudget
@@ -18,6 +17,7 @@ from squealstudy.kinds.complex_modes.study_tracks import Follower
 from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset, cubic_onsets
 from squealstudy.modes.tracking.refinement import Modes
+from squealstudy.study.parameters import ONSET_PARAMETER
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.mode_ranking import (
     CUBIC,

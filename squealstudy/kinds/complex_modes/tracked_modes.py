@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import onset_parameter
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.onsets import OnsetSearch
 from squealstudy.kinds.complex_modes.refinement_budget import RefinementBudget
 from squealstudy.kinds.complex_modes.rows import ModeColumns
 from squealstudy.kinds.complex_modes.study_tracks import Follower
 from squealstudy.modes.tracking.labels import Tracks
+from squealstudy.study.parameters import onset_parameter
 
 
 class Followed(NamedTuple):

@@ -11,7 +11,6 @@ import numpy as np
 
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import onset_parameter
 from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.kinds.methods import MethodsFile
 from squealstudy.kinds.work_precision.section import (
@@ -25,6 +24,7 @@ from squealstudy.kinds.work_precision.section import (
 from squealstudy.motion.integrator import integrator
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.kinds import kind_named, kind_names
+from squealstudy.study.parameters import onset_parameter
 from squealstudy.study.sampling import design_points
 from squealstudy.study.toml_text import KeyPath
 
