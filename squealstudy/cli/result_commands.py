@@ -114,12 +114,19 @@ def report(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The page; it is written over.")
     ] = Path("report.html"),
+    shapes: Annotated[
+        bool,
+        typer.Option(
+            help="Show, moving, the mode that grows fastest, or the end of the loudest run, of "
+            "models with a mesh: that design point is solved again."
+        ),
+    ] = True,
 ) -> None:
     """One page of HTML that needs nothing else: verdicts, pictures, tables, errors, provenance."""
     from squealstudy import face, screen
     from squealstudy.engine.report import write_report
 
-    write_report([face.open_results(path) for path in results], output)
+    write_report([face.open_results(path) for path in results], output, shapes)
     screen.show(str(output))
 
 

@@ -14,6 +14,7 @@ from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ResultsError
 from squealstudy.study.source import SourceText
+from squealstudy.wording import plural
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -269,6 +270,11 @@ class KindScreen:
         return [
             grid(*titles, rows=([str(v) for v in row] for row in table.itertuples(index=False)))
         ]
+
+    def verdict(self, results: Results) -> str:
+        """What a study came to, in a sentence: by default the first words of its findings."""
+        told = next((part for part in self.findings(results) if isinstance(part, str)), "")
+        return told or f"{plural(int(results.manifest['n_points']), self.row_word)}."
 
     def facts(self, results: Results) -> Rows:
         """Lines on methods and errors beneath the findings."""

@@ -69,6 +69,7 @@ def versions() -> dict[str, str]:
 def model_facts(plan: Plan) -> dict[str, Any]:
     """What a manifest says of a study of a model: its parameters, design and structures."""
     study, parameters = plan.study, plan.study.shown_parameters
+    followed = [t.name for t in study.model.tables]
     units = {p.name: p.unit for p in study.model.parameters}
     return {
         "options": dict(study.options),
@@ -77,8 +78,10 @@ def model_facts(plan: Plan) -> dict[str, Any]:
         "band_hz": list(plan.band_hz),
         "parameters": list(parameters),
         "sweeps": [s.parameter.name for s in study.sweeps],
-        "units": {p: units.get(p, "") for p in parameters},  # empty for a pure number
+        # empty for a pure number
+        "units": {p: units.get(p, "") for p in (*parameters, *followed)},
         "nominal": {p: plan.nominal_values[p] for p in parameters},
+        "tables": {t.name: list(t.over) for t in study.model.tables},
         **_rotation(plan),
         "grid_shape": plan.grid_shape,
         "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),

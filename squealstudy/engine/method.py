@@ -76,7 +76,10 @@ def choose_method(study: ResolvedStudy, swept: np.ndarray) -> RungChoice:
             ("modes", "method"),
             f"a {study.kind.name} study has no choice of method: leave the key out",
         )
-    if refusal := rung_named(section.method).refusal(scope):
+    rung = rung_named(section.method)
+    if not rung.exact and (name := _followed(study)):
+        raise study.error(("modes", "method"), f"{name}: expected {AUTO} or {exact}")
+    if refusal := rung.refusal(scope):
         others = ", ".join(rung.name for rung in all_rungs() if not rung.refusal(scope))
         raise study.error(("modes", "method"), f"{refusal}: expected one of {others}")
     return RungChoice(section.method, section.tolerance, _who_says(study), exact)
@@ -108,6 +111,8 @@ def _cheapest(study: ResolvedStudy, scope: Scope, exact: str) -> tuple[str, str]
         return exact, "the only one of this kind of study"
     if scope.single:
         return exact, f"{scope.single} needs the real modes of each point"
+    if name := _followed(study):
+        return exact, name
     if study.definition.design.type == "boundary":
         return exact, "a boundary design has few points"
     if scope.reduced and not study.model.meshed:
@@ -120,6 +125,13 @@ def _cheapest(study: ResolvedStudy, scope: Scope, exact: str) -> tuple[str, str]
         return exact, "; ".join(offer.reason for _, offer in offers if offer.reason)
     rung, why = min(paying, key=lambda found: found[0].relative_cost(scope.points, scope.varied))
     return rung.name, why
+
+
+def _followed(study: ResolvedStudy) -> str:
+    """Which parameters follow a table over what is swept, in words; or ''."""
+    swept = {s.name for s in study.sweeps}
+    names = [t.name for t in study.model.tables if swept.intersection(t.over)]
+    return f"tables of {', '.join(names)} over what is swept bend at their knots" if names else ""
 
 
 def _single_mode_damping(study: ResolvedStudy, swept: np.ndarray) -> str:

@@ -72,7 +72,7 @@ class Plan:
         self._values = DesignValues.of(
             study.model,
             study.options,
-            self._resolved({**study.values, **columns}),
+            self._resolved(study.model.followed({**study.values, **columns})),
             len(self.swept),
         )
 
@@ -138,11 +138,13 @@ class Plan:
         trained = {"pressure", *(p.name for p in contact_parameters())}
         if self.study.definition.reduction.friction_training:
             trained.add("friction")
+        trained |= {name for t in self.study.model.tables if t.name in trained for name in t.over}
+        nominal = self.design(self.study.values)
         for sweep in self.study.sweeps:
             name = sweep.name
             if name in trained:
                 for value in sorted(set(self.ends(name))):
-                    design = self.design({**self.study.values, name: value})
+                    design = nominal.with_values({**self.study.values, name: value})
                     points.append(design.operating_point())
         return tuple(points)
 
@@ -295,6 +297,7 @@ class Plan:
                 hashlib.sha256(self.tasks.ids.tobytes()).hexdigest(),
                 list(self.study.shown_parameters),
                 self.study.definition.model_dump(mode="json"),
+                *([t.name, t.over, t.at, t.values] for t in self.study.model.tables),
                 *self.identity,
                 *self.kind.table_identity(self),
             ]

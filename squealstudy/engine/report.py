@@ -17,9 +17,15 @@ import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
+from squealstudy.engine.mode_shapes import plan_of
 from squealstudy.engine.pictures import pictures
+from squealstudy.engine.plan import has_mesh
+from squealstudy.errors import SquealstudyError
 from squealstudy.files import write_text
 from squealstudy.screen import as_text
+from squealstudy.shapes.page import page as shape_page
+from squealstudy.shapes.picture import draw, sources, title
+from squealstudy.study.tabled import TEMPERATURE
 from squealstudy.tables.validity import outside_validity
 from squealstudy.wording import duration, plural
 
@@ -32,45 +38,46 @@ TEMPLATE = Path(__file__).with_name("report.html")
 MOST_ROWS = 200  # of a table; the others are in its file
 MOST_BYTES = 9_000_000  # of all pictures of a page
 DIGITS = 6
+SHAPE_DPI = 75
 
 
-def write_report(results: Sequence[Results], path: Path) -> None:
+def write_report(results: Sequence[Results], path: Path, shapes: bool = True) -> None:
     """Write the page of one or more results; OSError where it cannot be written."""
-    write_text(path, report(results))
+    write_text(path, report(results, shapes))
 
 
-def report(results: Sequence[Results]) -> str:
+def report(results: Sequence[Results], shapes: bool = True) -> str:
     """The page: verdicts first, then what they rest on.
 
     Parameters
     ----------
     results : sequence of Results
         Whose tables are read and whose pictures are drawn; those beyond MOST_BYTES are named.
+    shapes : bool
+        Whether the fastest growing mode, or the end of the loudest run, of a model with a mesh is
+        shown, moving: the design point is solved again.
     """
     left = MOST_BYTES
     parts = [_overview(results)] if len(results) > 1 else []
     for number, one in enumerate(results, start=1):
+        shown = _shape(one) if shapes else []
+        left -= sum(map(len, shown))
         drawn, spent = _pictures(one, left)
         left -= spent
         parts += [
             f'<section id="r{number}">',
             *_head(one),
             *_findings(one),
+            *shown,
             *drawn,
             *_tables(one),
             *_errors(one),
             *_provenance(one),
             "</section>",
         ]
-    title = ", ".join(str(one.manifest["name"]) for one in results)
-    page = TEMPLATE.read_text(encoding="utf-8").replace("{{title}}", escape(title))
+    heading = ", ".join(str(one.manifest["name"]) for one in results)
+    page = TEMPLATE.read_text(encoding="utf-8").replace("{{title}}", escape(heading))
     return page.replace("{{body}}", "\n".join(parts))
-
-
-def verdict(results: Results) -> str:
-    """What a study came to, in a sentence: its kind's, or the first words of its findings."""
-    told = next((part for part in results.screen.findings(results) if isinstance(part, str)), "")
-    return told or f"{plural(int(results.manifest['n_points']), results.screen.row_word)}."
 
 
 def _overview(results: Sequence[Results]) -> str:
@@ -82,7 +89,7 @@ def _overview(results: Sequence[Results]) -> str:
 
 
 def _whose(one: Results) -> tuple[str, str, str]:
-    return str(one.kind), str(one.manifest["model"]), verdict(one)
+    return str(one.kind), str(one.manifest["model"]), one.screen.verdict(one)
 
 
 def _head(one: Results) -> Iterator[str]:
@@ -104,7 +111,7 @@ def _description(one: Results) -> str:
 
 
 def _findings(one: Results) -> Iterator[str]:
-    told = verdict(one)
+    told = one.screen.verdict(one)
     yield "<h2>Findings</h2>"
     for part in one.screen.findings(one):
         if part != told:
@@ -137,6 +144,38 @@ def _html_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return f'<div class="wide"><table>{inside}</table></div>'
 
 
+def _shape(one: Results) -> list[str]:
+    """How the fastest growing mode looks, or the end of the loudest run, and why it grows.
+
+    Nothing of kinds and models that have no shape.
+    """
+    if not (one.kind == "transient" or ("modes" in one.tables and one.kind == "complex_modes")):
+        return []
+    try:
+        if not has_mesh(plan_of(one).study):
+            return []
+        shape = one.end_motion().shape if one.kind == "transient" else one.shape()
+        moving, picture = shape_page([shape]), draw(shape)
+    except (SquealstudyError, OSError) as error:
+        return [f'<p class="note">No shape: {escape(str(error))}</p>']
+    image = BytesIO()
+    picture.savefig(image, format="png", dpi=SHAPE_DPI)
+    named, *values = title(shape)
+    told = "".join(f"<p>{escape(text)}</p>" for text in (*values, *sources(shape)))
+    return [
+        f"<h2>Shape: {escape(named)}</h2>{told}",
+        f'<iframe class="moving" title="{escape(named)}" srcdoc="{escape(moving)}"></iframe>',
+        _figure(escape(named), b64encode(image.getvalue()).decode(), "its amplitude and energy"),
+    ]
+
+
+def _figure(name: str, image: str, what: str) -> str:
+    return (
+        f'<figure><img alt="{name}" src="data:image/png;base64,{image}">'
+        f"<figcaption>{escape(what)} ({name})</figcaption></figure>"
+    )
+
+
 def _pictures(one: Results, room: int) -> tuple[list[str], int]:
     """Figures of all pictures that fit into so many bytes, and the bytes they take."""
     found, spent, left = [], 0, []
@@ -149,10 +188,7 @@ def _pictures(one: Results, room: int) -> tuple[list[str], int]:
             continue
         spent += len(text)
         what = (plot.draw.__doc__ or name).strip().splitlines()[0]
-        found.append(
-            f'<figure><img alt="{escape(name)}" src="data:image/png;base64,{text}">'
-            f"<figcaption>{escape(what)} ({escape(name)})</figcaption></figure>"
-        )
+        found.append(_figure(escape(name), text, what))
     if left:
         found.append(f'<p class="note">Left out for their size: {escape(", ".join(left))}.</p>')
     return (["<h2>Pictures</h2>", *found] if found else []), spent
@@ -189,6 +225,7 @@ def _cell(value: Any) -> str:
 
 def _errors(one: Results) -> Iterator[str]:
     rows = list(one.screen.facts(one))
+    rows += [("tables", text) for text in tables_text(one.manifest)]
     if "points" in one.tables and (text := outside_validity(one.points, "")):
         rows.append(("validity", text))
     if lost := one.manifest.get("n_failed", 0):
@@ -196,6 +233,15 @@ def _errors(one: Results) -> Iterator[str]:
     if rows:
         yield "<h2>Errors and validity</h2>"
         yield _pairs(rows)
+
+
+def tables_text(manifest: Mapping[str, Any]) -> Iterator[str]:
+    """Through what that which is no parameter of the model acts: tables alone."""
+    tables = manifest.get("tables", {})
+    for over in dict.fromkeys(name for follows in tables.values() for name in follows):
+        names = [name for name, follows in tables.items() if over in follows]
+        alone = " alone: it changes nothing else" if over == TEMPERATURE else ""
+        yield f"{over} acts through tables of {' and '.join(names)}{alone}"
 
 
 def _pairs(rows: Iterable[tuple[str, str]]) -> str:

@@ -102,7 +102,7 @@ def nested(rows: Sequence[Mapping[str, Any]], name: str, fields: Fields) -> pa.T
 
 
 def points_table(plan: Plan, found: pa.Table) -> pa.Table:
-    """One row a design point: HEAD, its parameters, then what else was found.
+    """One row a design point: HEAD, its parameters, what was found, what follows tables.
 
     Counts and flags are nullable (Int64, boolean): missing where the point has none.
 
@@ -116,8 +116,11 @@ def points_table(plan: Plan, found: pa.Table) -> pa.Table:
     columns += [pa.array(plan.tasks.column(p), REAL) for p in plan.study.shown_parameters]
     columns += found.columns[len(HEAD) :]
     parameters = [pa.field(p, REAL) for p in plan.study.shown_parameters]
+    followed = [t.name for t in plan.study.model.tables]
+    columns += [pa.array(plan.tasks.column(p), REAL) for p in followed]
     known = list(found.schema)
     fields = [*known[: len(HEAD)], *parameters, *known[len(HEAD) :]]
+    fields += [pa.field(p, REAL) for p in followed]
     return pa.Table.from_arrays(columns, schema=with_dtypes(pa.schema(fields)))
 
 

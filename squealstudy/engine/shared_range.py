@@ -98,8 +98,11 @@ def shared_range(study: ResolvedStudy, structures: int) -> SharedRange | None:
     """The range of a study with so many structures; None where each has a basis of its own.
 
     Model files alone have parameters that leave nodes and contact where they are, all of them.
+    What follows a table has no range of its own.
     """
     if not isinstance(study.model, FileDefinition) or not study.definition.reduction.shared_basis:
+        return None
+    if study.model.tables:
         return None
     structural = {p.name for p in study.model.parameters if p.structural}
     swept = [s for s in study.sweeps if s.name in structural and s.low < s.high]

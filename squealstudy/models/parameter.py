@@ -69,6 +69,51 @@ class Assumption:
 
 
 @dataclass(frozen=True)
+class ParameterTable:
+    """Values of a parameter over others, linear in each between its knots (THEORY.md eq. (116)).
+
+    Attributes
+    ----------
+    name : str
+        The parameter that follows.
+    over : tuple of str
+        What it follows.
+    at : tuple of tuple of float
+        Ascending knots of each, two or more.
+    values : tuple of float
+        At all knots, those of the last of `over` side by side.
+    """
+
+    name: str
+    over: tuple[str, ...]
+    at: tuple[tuple[float, ...], ...]
+    values: tuple[float, ...]
+
+    def value(self, given: Mapping[str, Any]) -> Any:
+        """The parameter at values of what it follows, each a number or an array (count,).
+
+        The last pieces go on beyond the ends.
+        """
+        columns = np.broadcast_arrays(*(np.asarray(given[name], float) for name in self.over))
+        count = columns[0].size
+        found = np.array(self.values).reshape([len(at) for at in self.at])
+        found = np.broadcast_to(found[..., None], (*found.shape, count))
+        for at, column in zip(reversed(self.at), reversed(columns), strict=True):
+            x, knots = column.reshape(count), np.array(at)
+            left = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
+            share = (x - knots[left]) / (knots[left + 1] - knots[left])
+            found = (1.0 - share) * _at(found, left) + share * _at(found, left + 1)
+        return found.reshape(columns[0].shape) if columns[0].ndim else float(found[0])
+
+
+def _at(table: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """The entries (..., count) of a table (..., knots, count) at a knot of each column."""
+    wanted = np.broadcast_to(place, (*table.shape[:-2], 1, len(place)))
+    found: np.ndarray = np.take_along_axis(table, wanted, axis=-2)[..., 0, :]
+    return found
+
+
+@dataclass(frozen=True)
 class ModelChange:
     """A version of squealstudy since which a model gives other numbers.
 
@@ -117,6 +162,8 @@ class ModelDefinition:
         the model turns; None where all contact points slide at one speed.
     changes : tuple of ModelChange
         Versions since which it gives other numbers, the latest first.
+    tables : tuple of ParameterTable
+        Of a study: what follows other parameters.
     """
 
     name: str
@@ -134,6 +181,20 @@ class ModelDefinition:
         field(default=lambda options, values: None, kw_only=True)
     )
     changes: tuple[ModelChange, ...] = field(default=(), kw_only=True)
+    tables: tuple[ParameterTable, ...] = field(default=(), kw_only=True)
+
+    def followed(
+        self, values: Mapping[str, Any], before: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
+        """Values of all parameters, numbers or arrays, in which what has a table follows it.
+
+        Where what it is over is as `before`, a value stays as it is given.
+        """
+        found = dict(values)
+        for table in self.tables:
+            if before is None or any(before[name] != values[name] for name in table.over):
+                found[table.name] = table.value(values)
+        return found
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

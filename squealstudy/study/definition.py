@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +27,15 @@ from squealstudy.study.source import (
     validate,
 )
 from squealstudy.study.sweeps import BOUNDARY, Sweep, resolve_sweeps
+from squealstudy.study.tabled import (
+    TEMPERATURE,
+    Found,
+    expect_sweeps,
+    expect_values,
+    read_parameter_tables,
+    taken,
+    with_temperature,
+)
 from squealstudy.study.toml_text import KeyPath
 from squealstudy.study.units import with_numbers
 
@@ -149,9 +158,14 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStud
 
     extensions = extensions_of(source, tables)
     kind = _kind(source, tables)
-    tables = with_numbers(tables, partial(_model_with_units, tables, source), source)
+    tables, found = taken(tables)
+    tables = with_numbers(tables, partial(_model_with_units, tables, source, found), source)
     definition = validate(kind.definition, source, tables)
     model = _model(definition, source)
+    followed = read_parameter_tables(with_temperature(model, found), found, source)
+    if any(TEMPERATURE in table.over for table in followed):
+        model = with_temperature(model, found)
+    model = replace(model, tables=followed)
     options = _options(definition.model, model, source)  # a law first, then its parameters
     values = model.defaults()
     used: list[tuple[KeyPath, StudyParameter]] = []
@@ -163,8 +177,15 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStud
         except ParameterError as e:
             raise source.error(keys, e.message) from None
         used.append((keys, parameter))
+    expect_values(followed, values, source)
+    values = model.followed(values)
+    for place, name, _ in found:
+        used.append((place[:-1], parse_parameter(name, model)))
+        if name in definition.parameters:
+            raise source.error(place, f"'{name}' is given twice")
     sweeps = resolve_sweeps(definition, model, source)
     used += [(("sweep", i, "parameter"), s.parameter) for i, s in enumerate(sweeps)]
+    expect_sweeps(followed, sweeps, source)
     _check_disjoint(used, source)
     _check_acting(used, model, options, source)
     cutoff_hz = definition.reduction.component_cutoff_factor * definition.modes.band[1]
@@ -204,7 +225,9 @@ def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelKind:
     return found
 
 
-def _model_with_units(tables: Mapping[str, Any], source: SourceText) -> ModelDefinition | None:
+def _model_with_units(
+    tables: Mapping[str, Any], source: SourceText, found: Sequence[Found]
+) -> ModelDefinition | None:
     """The model that a file names, whose parameters have units; None for matrices and no model."""
     from squealstudy.models.catalogue import MODELS
 
@@ -215,8 +238,9 @@ def _model_with_units(tables: Mapping[str, Any], source: SourceText) -> ModelDef
     if isinstance(file, str) and name is None and (source.path.parent / file).is_file():
         from squealstudy.study.components import read_model  # imports scikit-fem
 
-        return read_model(source.path.parent / file)
-    return MODELS.get(name) if isinstance(name, str) else None
+        return with_temperature(read_model(source.path.parent / file), found)
+    known = MODELS.get(name) if isinstance(name, str) else None
+    return known if known is None else with_temperature(known, found)
 
 
 def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:

@@ -49,7 +49,11 @@ class DesignPoint:
     structure: str = ""
 
     def with_values(self, values: Mapping[str, float]) -> DesignPoint:
-        """A point of other values: without id, without structure where that is another one."""
+        """A point of other values: without id, without structure where that is another one.
+
+        What follows a table follows it where what that is over has changed.
+        """
+        values = self.model.followed(values, self.values)
         other = replace(self, values=values, point_id="")
         same = other.structural_values() == self.structural_values()
         return other if same else replace(other, structure="")

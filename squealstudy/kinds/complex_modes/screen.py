@@ -118,11 +118,40 @@ class ComplexModesScreen(KindScreen):
         low, high = results.manifest["band_hz"]
         return [f"No mode lies between {low:g} and {high:g} Hz at any design point."]
 
+    def verdict(self, results: Results) -> str:
+        """How many modes are unstable, the most widespread, and the one that grows fastest."""
+        if not any(len(batch) for batch in results.batches("modes", ["mode"])):
+            return super().verdict(results)
+        table = self.rank(results, "share", None, None)
+        if not len(table):
+            return _nothing(results, None)
+        named = int((table["kind"] == group_kind(1)).sum())
+        others = len(table) - named
+        text = plural(named, "mode") if named else ""
+        text += " and " if named and others else ""
+        text += plural(others, "group of modes", "groups of modes") if others else ""
+        wide = table.iloc[0]
+        fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
+        text += f" {'is' if named + others == 1 else 'are'} unstable. Most widespread: "
+        text += f"{_told(wide)}, at {100 * wide['unstable_share']:.0f} % of "
+        text += f"{_counted(results, None)}. Fastest: {_told(fast)}, by "
+        text += f"{in_digits(fast['max_growth_rate'], 1)} 1/s"
+        where = ", ".join(f"{name} {value}" for name, value in settings_of(fast["at"]))
+        doubt = _doubt(results, None)
+        return f"{text}{f' at {where}' if where else ''}." + (f" But {doubt}." if doubt else "")
+
     def facts(self, results: Results) -> Rows:
         """Which rungs served the points, what an audit of them found, estimates and errors."""
         manifest = results.manifest
         error = _full_order_error(manifest) + _unseen(results)
         return [*_method(manifest), *_unrefined(manifest), ("error", error)]
+
+
+def _told(row: pd.Series) -> str:
+    """A line of the ranking in words."""
+    values = row.to_dict()
+    hz = frequency_text(values)
+    return f"{values['kind']} at {hz} Hz" if hz else str(values["kind"])
 
 
 def _unrefined(manifest: Mapping[str, Any]) -> Rows:

@@ -56,6 +56,15 @@ class LimitCyclesScreen(KindScreen):
         )
         return [shown, legend]
 
+    def verdict(self, results: Results) -> str:
+        """How many designs have which verdict."""
+        points = results.points
+        solved = points["status"] == "ok"
+        counts = points.loc[solved, "verdict"].value_counts()
+        told = [f"{n} {str(name).replace('_', ' ')}" for name, n in counts.items()]
+        told += [f"{n} failed" for n in [int((~solved).sum())] if n]
+        return f"{plural(len(points), 'design')}: {', '.join(told)}."
+
     def facts(self, results: Results) -> Rows:
         """Families and cycles; what the levels err by."""
         cycles, verdicts = results.table("cycles"), results.table("verdicts")

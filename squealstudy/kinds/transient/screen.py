@@ -13,7 +13,16 @@ from squealstudy.engine.kind import KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, facts, grid, notes
 from squealstudy.tables.energy_ranking import rank_energy
-from squealstudy.wording import FAILED, TORQUE, UNDECIDED, figure, in_digits, plural, with_unit
+from squealstudy.wording import (
+    FAILED,
+    SUSTAINED,
+    TORQUE,
+    UNDECIDED,
+    figure,
+    in_digits,
+    plural,
+    with_unit,
+)
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -64,6 +73,20 @@ class TransientScreen(KindScreen):
         unit = results.units.get(TORQUE, "N m")
         parts = points(results.points, results.parameters, results.units, unit)
         return [*parts, "", *self.ranking(results)]
+
+    def verdict(self, results: Results) -> str:
+        """How many runs came to what, and the loudest of those that last."""
+        table, unit = results.points, results.units.get(TORQUE, "N m")
+        counts = table["class"].value_counts()
+        told = ", ".join(f"{n} {str(name).replace('_', ' ')}" for name, n in counts.items())
+        text = f"{plural(len(table), 'run')}: {told}."
+        lasting = table[table["class"].isin(SUSTAINED).to_numpy()]
+        if len(lasting):
+            row = lasting.iloc[int(lasting["torque_rms"].to_numpy().argmax())]
+            what = "torque" if unit == "N m" else "force of friction"
+            text += f" The loudest that lasts: RMS of the {what} {in_digits(row['torque_rms'], 1)} "
+            text += f"{unit}, near {in_digits(row['dominant_frequency_hz'])} Hz."
+        return text
 
     def facts(self, results: Results) -> Rows:
         """What ending early has saved, the slope of friction and its error, the energy balance."""

@@ -1,0 +1,198 @@
+"""Values of parameters that follow a table over others, as friction over temperature.
+
+[parameters]
+temperature = "100 degC"
+
+[parameters.friction.table]
+temperature = ["20 degC", "200 degC", "300 degC"]
+friction = [0.42, 0.5, 0.38]
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from squealstudy.errors import ParameterError
+from squealstudy.parameter import Parameter
+from squealstudy.study.parameters import PlainParameter, parse_parameter
+from squealstudy.study.source import SourceText, shown
+from squealstudy.study.toml_text import DEEPEST, KeyPath
+from squealstudy.study.units import in_unit_of
+
+if TYPE_CHECKING:  # numpy stays out of `squealstudy schema`
+    from squealstudy.models.parameter import ModelDefinition, ParameterTable
+    from squealstudy.study.sweeps import Sweep
+
+SECTION, TABLE, VALUE = "parameters", "table", "value"
+TEMPERATURE = "temperature"
+ABOUT = "temperature, which acts through tables of other parameters only"
+LEAST_KNOTS = 2
+Found = tuple[KeyPath, str, Any]  # where a table stands, of which parameter, what it says
+
+
+def taken(tables: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[Found]]:
+    """A study file's tables without those in [parameters], and these."""
+    parameters = tables.get(SECTION)
+    if not isinstance(parameters, Mapping):
+        return tables, []
+    found: list[Found] = []
+    left = _without(parameters, (SECTION,), found)
+    return ({**tables, SECTION: left} if found else tables), found
+
+
+def _without(table: Mapping[str, Any], keys: KeyPath, found: list[Found]) -> dict[str, Any]:
+    left: dict[str, Any] = {}
+    for key, value in table.items():
+        here = (*keys, key)
+        if not isinstance(value, Mapping) or len(keys) > DEEPEST:
+            left[key] = value
+        elif set(value) == {TABLE}:
+            found.append(((*here, TABLE), ".".join(map(str, here[1:])), value[TABLE]))
+        else:
+            left[key] = _without(value, here, found)
+    return left
+
+
+def with_temperature(model: ModelDefinition, found: Sequence[Found]) -> ModelDefinition:
+    """The model with a parameter ``temperature``, where it has none and there are tables.
+
+    It is structural where one of the parameters that follow it is.
+    """
+    over = [name for _, name, table in found if isinstance(table, Mapping) and TEMPERATURE in table]
+    known = {p.name: p for p in model.parameters}
+    if TEMPERATURE in known or not found:
+        return model
+    structural = any(name in known and known[name].structural for name in over)
+    own = Parameter(TEMPERATURE, math.nan, "K", ABOUT, positive=True, structural=structural)
+    return replace(model, declared=(*model.declared, own))
+
+
+def read_parameter_tables(
+    model: ModelDefinition, found: Iterable[Found], source: SourceText
+) -> tuple[ParameterTable, ...]:
+    """The tables of a study file; StudyFileError for what they cannot say."""
+    read = tuple(_read(model, keys, name, table, source) for keys, name, table in found)
+    names = [table.name for table in read]
+    for (keys, *_), table in zip(found, read, strict=True):
+        for over in table.over:
+            if over in names:
+                text = f"'{over}' follows a table itself: expected a parameter that has a value"
+                raise source.error((*keys, over), text)
+    return read
+
+
+def _read(
+    model: ModelDefinition, keys: KeyPath, name: str, table: Any, source: SourceText
+) -> ParameterTable:
+    from squealstudy.models.parameter import ParameterTable
+
+    if not isinstance(table, Mapping):
+        text = f"expected a table of values over a parameter, got {shown(table)}"
+        raise source.error(keys, text)
+    own = _plain(model, name, keys, source)
+    over = [key for key in table if key not in (VALUE, own.name)]
+    if VALUE not in table and own.name not in table:
+        raise source.error(keys, f"expected a list '{VALUE}' of values of {own.name}")
+    if VALUE in table and own.name in table:
+        raise source.error((*keys, VALUE), f"'{VALUE}' and '{own.name}' are the same: give one")
+    if not over:
+        raise source.error(keys, f"expected a list of values of what {own.name} follows")
+    at = [
+        _knots(_plain(model, key, (*keys, key), source), table[key], keys, source) for key in over
+    ]
+    of = VALUE if VALUE in table else own.name
+    values = list(_numbers(own, table[of], (*keys, of), [len(x) for x in at], source))
+    return ParameterTable(own.name, tuple(over), tuple(map(tuple, at)), tuple(values))
+
+
+def _plain(model: ModelDefinition, name: str, keys: KeyPath, source: SourceText) -> Parameter:
+    try:
+        parameter = parse_parameter(name, model)
+    except ParameterError as error:
+        raise source.error(keys, error.message) from None
+    if not isinstance(parameter, PlainParameter):
+        raise source.error(keys, f"'{name}' is one of modes: expected a parameter of the model")
+    return parameter.parameter
+
+
+def _knots(parameter: Parameter, given: Any, keys: KeyPath, source: SourceText) -> list[float]:
+    """Values of what a table is over, ascending."""
+    here = (*keys, parameter.name)
+    if not isinstance(given, list) or len(given) < LEAST_KNOTS:
+        text = f"expected a list of {LEAST_KNOTS} or more values, got {shown(given)}"
+        raise source.error(here, text)
+    found = [_number(parameter, value, (*here, k), source) for k, value in enumerate(given)]
+    if any(b <= a for a, b in pairwise(found)):
+        raise source.error(here, f"expected values of {parameter.name} that ascend")
+    return found
+
+
+def _numbers(
+    parameter: Parameter, given: Any, keys: KeyPath, shape: Sequence[int], source: SourceText
+) -> Iterator[float]:
+    """Values of a table in the order of its first key, then of its second."""
+    if not shape:
+        yield _number(parameter, given, keys, source)
+        return
+    if not isinstance(given, list) or len(given) != shape[0]:
+        size = " lists of ".join(map(str, shape))
+        got = f"{len(given)}" if isinstance(given, list) else shown(given)
+        raise source.error(keys, f"expected {size} values of {parameter.name}, got {got}")
+    for k, value in enumerate(given):
+        yield from _numbers(parameter, value, (*keys, k), shape[1:], source)
+
+
+def _number(parameter: Parameter, value: Any, keys: KeyPath, source: SourceText) -> float:
+    try:
+        if isinstance(value, str):
+            value = in_unit_of(value, parameter.unit)
+        return parameter.check(value)
+    except ValueError as error:
+        raise source.error(keys, f"{parameter.name} {error}") from None
+    except ParameterError as error:
+        raise source.error(keys, error.message) from None
+
+
+def expect_values(
+    tables: Iterable[ParameterTable], given: Mapping[str, float], source: SourceText
+) -> None:
+    """StudyFileError where what a table is over has no value, or one beyond the table."""
+    for table in tables:
+        for name, at in zip(table.over, table.at, strict=True):
+            keys = (SECTION, name)
+            if math.isnan(given[name]):
+                text = f"expected a value of {name} in [parameters]: {table.name} follows it"
+                raise source.error((SECTION,), text)
+            _expect_within(table, at, (given[name],), keys, source)
+
+
+def expect_sweeps(
+    tables: Iterable[ParameterTable], sweeps: Iterable[Sweep], source: SourceText
+) -> None:
+    """StudyFileError for a sweep of what follows a table, or beyond one."""
+    for number, sweep in enumerate(sweeps):
+        for table in tables:
+            keys = ("sweep", number)
+            if sweep.name == table.name:
+                text = f"'{table.name}' follows a table over {' and '.join(table.over)}: sweep that"
+                raise source.error((*keys, "parameter"), text)
+            for name, at in zip(table.over, table.at, strict=True):
+                if name == sweep.name:
+                    _expect_within(table, at, (sweep.low, sweep.high), keys, source)
+
+
+def _expect_within(
+    table: ParameterTable,
+    at: Sequence[float],
+    values: Iterable[float],
+    keys: KeyPath,
+    source: SourceText,
+) -> None:
+    for value in values:
+        if not at[0] <= value <= at[-1]:
+            text = f"the table of {table.name} is from {at[0]:g} to {at[-1]:g}, got {value:g}"
+            raise source.error(keys, text)

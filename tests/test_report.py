@@ -1,0 +1,112 @@
+"""What a report says first, of each kind, against the tables; a shape that moves."""
+
+from __future__ import annotations
+
+import html
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_results import made
+from study_runs import solved
+from transient_tables import growth_table, modes_table, points_table
+
+from squealstudy.engine.report import report
+from squealstudy.kinds.limit_cycles.screen import SCREEN as CYCLES
+from squealstudy.kinds.transient.screen import SCREEN as RUNS
+from squealstudy.wording import in_digits
+
+HULTEN = """
+[study]
+name = "flutter"
+kind = "complex_modes"
+[model]
+name = "hulten"
+[[sweep]]
+parameter = "friction"
+values = {frictions}
+"""
+BRAKE = """
+[study]
+name = "brake"
+kind = "complex_modes"
+[model]
+name = "disc_brake"
+mesh = "coarse"
+contact_points = 2
+[parameters]
+damping_ratio = 0.0
+[reduction]
+enrichment = false
+[modes]
+band = [500.0, 4000.0]
+refine_tracking = false
+refine_onsets = false
+reference_points = 0
+"""
+
+
+def verdict(results):
+    """As it stands on the page."""
+    return html.unescape(re.findall(r'class="verdict">(.*?)</p>', report([results], False))[0])
+
+
+def test_of_complex_modes_it_is_the_ranking(tmp_path):
+    results = solved(HULTEN.format(frictions=[0.1, 0.2, 0.4, 0.5]), tmp_path / "r")
+    (row,) = results.rank().to_dict("records")
+    fastest = results.modes.loc[results.modes["growth_rate"].idxmax()]
+    hz, growth = in_digits(row["frequency_hz"]), in_digits(fastest["growth_rate"], 1)
+    assert verdict(results) == (
+        f"1 mode is unstable. Most widespread: mode at {hz} Hz, at 50 % of the 4 solved points. "
+        f"Fastest: mode at {hz} Hz, by {growth} 1/s at friction 0.5."
+    )
+
+
+def test_of_a_silent_brake_it_says_so(tmp_path):
+    results = solved(HULTEN.format(frictions=[0.1, 0.2]), tmp_path / "r")
+    assert verdict(results) == "No mode is unstable at any of the 2 solved points."
+
+
+def test_of_runs_it_counts_what_they_came_to():
+    kinds = ["limit_cycle", "limit_cycle", "failed", "stable", "growing"]
+    levels = {"torque_rms": [40.0, 60.0, 0.0, 0.1, 99.0], "dominant_frequency_hz": 3175.0}
+    points = points_table({"friction": np.linspace(0.3, 0.5, 5)}, kinds, **levels)
+    runs = made(kind="transient", points=points, modes=modes_table({}), growth=growth_table([]))
+    told = RUNS.verdict(runs)
+    assert told.startswith("5 runs: 2 limit cycle, 1 failed, 1 stable, 1 growing.")
+    assert "RMS of the torque 60.0 N m, near 3175 Hz." in told  # that which grows has no level yet
+
+
+def test_of_limit_cycles_it_counts_verdicts():
+    points = pd.DataFrame(
+        {
+            "status": ["ok", "ok", "ok", "not_converged"],
+            "verdict": ["squeals_if_kicked", "squeals_if_kicked", "undecided", None],
+        }
+    )
+    told = CYCLES.verdict(made(kind="limit_cycles", points=points))
+    assert told == "4 designs: 2 squeals if kicked, 1 undecided, 1 failed."
+
+
+@pytest.fixture(scope="module")
+def brake(tmp_path_factory):
+    return solved(BRAKE, tmp_path_factory.mktemp("brake") / "r")
+
+
+def test_a_model_with_a_mesh_moves(brake):
+    """The page of its fastest mode is inside, in quotes; it is small enough to be sent."""
+    page = report([brake])
+    (inside,) = re.findall(r'<iframe class="moving"[^>]* srcdoc="([^"]*)"', page)
+    assert html.unescape(inside).lstrip().lower().startswith("<!doctype html>")
+    assert "feeds" in page or "growth" in page
+    assert len(page) < 10_000_000
+    growth = float(brake.modes["growth_rate"].max())
+    assert f"{growth:.4g}" in html.unescape(page) or in_digits(growth, 1) in page
+
+
+def test_a_minimal_model_has_no_shape(tmp_path):
+    results = solved(HULTEN.format(frictions=[0.4]), tmp_path / "r")
+    page = report([results])
+    assert "<iframe" not in page
+    assert "No shape" not in page

@@ -1,0 +1,205 @@
+"""Parameters that follow a table over others: friction and materials over temperature."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.interpolate import RegularGridInterpolator
+from study_runs import plan_of, solved
+
+import squealstudy
+from squealstudy.engine.report import report
+from squealstudy.errors import StudyFileError
+from squealstudy.models.parameter import ParameterTable
+
+DEGREES = 273.15
+HEAD = """
+[study]
+name = "warm"
+kind = "complex_modes"
+[model]
+name = "hulten"
+[parameters]
+temperature = "50 degC"
+"""
+FRICTION = """
+[parameters.friction.table]
+temperature = ["20 degC", "120 degC", "320 degC"]
+friction = [0.1, 0.5, 0.2]
+"""
+OVER = """
+[[sweep]]
+parameter = "temperature"
+values = ["20 degC", "45 degC", "120 degC", "270 degC", "300 degC"]
+"""
+SWEPT = '[[sweep]]\nparameter = "friction"\nvalues = [0.1, 0.2]\n'
+AT = {20: 0.1, 45: 0.2, 120: 0.5, 270: 0.275, 300: 0.23}
+BRAKE = """
+[study]
+name = "hot_brake"
+kind = "complex_modes"
+[model]
+name = "disc_brake"
+mesh = "coarse"
+[parameters]
+temperature = 300.0
+[parameters.friction.table]
+temperature = [300.0, 500.0]
+pressure = ["2 bar", "12 bar", "30 bar"]
+value = [[0.4, 0.5, 0.45], [0.3, 0.35, 0.4]]
+[parameters."pad.lining_young_modulus".table]
+temperature = [300.0, 500.0]
+value = ["6 GPa", "4 GPa"]
+[[sweep]]
+parameter = "temperature"
+values = [300.0, 400.0, 500.0]
+[[sweep]]
+parameter = "pressure"
+values = ["7 bar", "12 bar"]
+"""
+
+
+def test_it_is_linear_between_knots_and_exact_at_them():
+    table = ParameterTable("y", ("x",), ((1.0, 2.0, 4.0),), (0.3, 0.7, -0.1))
+    assert [table.value({"x": x}) for x in (1.0, 2.0, 4.0)] == [0.3, 0.7, -0.1]
+    np.testing.assert_allclose(table.value({"x": np.array([1.5, 3.0])}), [0.5, 0.3], rtol=1e-15)
+
+
+def test_two_dimensions_against_scipy():
+    rng = np.random.default_rng(2)
+    at = (np.sort(rng.random(4)), np.sort(rng.random(3)))
+    values = rng.random((4, 3))
+    table = ParameterTable("y", ("a", "b"), tuple(map(tuple, at)), tuple(values.ravel()))
+    x = [low + (high - low) * rng.random(50) for low, high in ((k[0], k[-1]) for k in at)]
+    expected = RegularGridInterpolator(at, values)(np.column_stack(x))
+    np.testing.assert_allclose(table.value({"a": x[0], "b": x[1]}), expected, rtol=1e-13)
+    alone = table.value({"a": x[0][7], "b": x[1][7]})
+    assert isinstance(alone, float)
+    assert alone == pytest.approx(expected[7], rel=1e-13)
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    return solved(HEAD + FRICTION + OVER, tmp_path_factory.mktemp("warm") / "r")
+
+
+def test_modes_are_those_of_the_friction_of_each_temperature(warm, tmp_path):
+    """Beside the same study over friction itself."""
+    points = warm.points
+    np.testing.assert_allclose(points["temperature"], [t + DEGREES for t in AT], rtol=1e-14)
+    np.testing.assert_allclose(points["friction"], list(AT.values()), rtol=1e-12)
+    values = points["friction"].tolist()
+    plain = HEAD.replace('temperature = "50 degC"\n', "")
+    plain += f'[design]\ntype = "zip"\n[[sweep]]\nparameter = "friction"\nvalues = {values}\n'
+    other = solved(plain, tmp_path / "r")
+    for name in ("frequency_hz", "growth_rate"):
+        mine, its = (
+            [sorted(own) for _, own in r.modes.groupby("point_id", sort=False)[name]]
+            for r in (warm, other)
+        )
+        np.testing.assert_allclose(mine, its, rtol=1e-12, atol=1e-9)
+
+
+def test_onsets_over_temperature_are_where_the_table_has_the_onset_of_friction(warm):
+    """Hulten's model locks in at a friction of 7/24: points between follow the table too."""
+    found = warm.onsets[warm.onsets["status"].isin(["refined", "cubic"])]
+    onsets = np.sort(found["onset"].to_numpy()) - DEGREES
+    rising = 20 + 100 * (7 / 24 - 0.1) / 0.4
+    falling = 120 + 200 * (0.5 - 7 / 24) / 0.3
+    np.testing.assert_allclose(onsets, [rising, falling], atol=0.1)
+
+
+def test_exact_alone_serves_tables(warm):
+    assert set(warm.modes["method"]) == {"dense"}
+    assert "bend at their knots" in warm.manifest["method"]["reason"]
+
+
+def test_the_report_says_through_what_temperature_acts(warm):
+    assert "temperature acts through tables of friction alone" in report([warm])
+
+
+def test_a_changed_table_is_another_study():
+    one, other = (
+        plan_of(HEAD + text + OVER)
+        for text in (FRICTION, FRICTION.replace('"20 degC", "120', '"10 degC", "120'))
+    )
+    same = plan_of(HEAD + FRICTION + OVER)
+    assert one.study_hash == same.study_hash != other.study_hash
+
+
+def moved(design, **changes):
+    """Values of a design point with some changed."""
+    point = design.with_values(dict(design.values) | changes)
+    return dict(point.values)
+
+
+def test_points_of_a_brake_follow_two_tables():
+    """A structure a temperature, friction of temperature and pressure."""
+    plan = plan_of(BRAKE)
+    assert len(plan.structures) == 3
+    friction = plan.tasks.column("friction").reshape(2, 3)
+    np.testing.assert_allclose(friction[0], [0.45, 0.3875, 0.325], rtol=1e-12)
+    np.testing.assert_allclose(friction[1], [0.5, 0.425, 0.35], rtol=1e-12)
+    young = plan.tasks.column("pad.lining_young_modulus").reshape(2, 3)
+    np.testing.assert_allclose(young, [[6e9, 5e9, 4e9]] * 2, rtol=1e-12)
+    assert plan.nominal.friction == 0.5
+    first = plan.tasks[0]
+    assert moved(first, pressure=12e5)["friction"] == 0.5
+    assert moved(first, friction=0.46)["friction"] == 0.46  # the finite change of a sensitivity
+    assert moved(first, temperature=400.0)["pad.lining_young_modulus"] == 5e9
+    assert first.with_values(moved(first, temperature=400.0)).structure == ""
+    assert first.with_values(moved(first, pressure=12e5)).structure == first.structure
+
+
+def test_fields_of_results_and_what_can_be_read_again(warm):
+    again = squealstudy.open_results(warm.directory)
+    assert again.units["temperature"] == "K"
+    pd.testing.assert_frame_equal(again.points, warm.points)
+
+
+BAD = {
+    "temperature = [300.0]\nvalue = [0.4]": "2 or more values",
+    "temperature = [400.0, 300.0]\nvalue = [0.4, 0.5]": "ascend",
+    "temperature = [300.0, 400.0]\nvalue = [0.4, 0.5, 0.6]": "expected 2 values of friction, got 3",
+    "temperature = [300.0, 400.0]": "expected a list 'value'",
+    "value = [0.3, 0.4]": "of what friction follows",
+    "temperature = [300.0, 400.0]\nvalue = [0.4, -0.5]": "at least 0",
+    'temperature = [300.0, 400.0]\nvalue = [0.4, "2 bar"]': "is a pure number",
+    "temperature = [300.0, 310.0]\nvalue = [0.4, 0.5]": "from 300 to 310, got 323.15",
+    "temperatur = [300.0, 400.0]\nvalue = [0.4, 0.5]": "no parameter 'temperatur'",
+    "temperature = [300.0, 400.0]\nvalue = [0.4, 0.5]\nfriction = [0.4, 0.5]": "give one",
+    "temperature = [300.0, 400.0]\nvalue = [[0.4], [0.5]]": "expected a finite number",
+    "temperature = [300.0, 400.0]\nvalue = 0.4": "expected 2 values of friction, got 0.4",
+}
+
+
+@pytest.mark.parametrize("table", BAD, ids=list(BAD.values()))
+def test_what_a_table_cannot_say(table):
+    with pytest.raises(StudyFileError, match=BAD[table]) as caught:
+        plan_of(f"{HEAD}\n[parameters.friction.table]\n{table}\n")
+    assert "friction" in str(caught.value) or "temperature" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (HEAD + FRICTION + OVER.replace("300", "321"), "got 594.15"),
+        (HEAD + FRICTION + SWEPT, "follows a table over temperature: sweep that"),
+        (HEAD.replace("temperature", "#") + FRICTION, "expected a value of temperature"),
+        (HEAD + FRICTION + OVER + '[modes]\nmethod = "windows"\n', "expected auto or dense"),
+        (HEAD + "friction.table = 3\n", "expected a table of values"),
+        (HEAD, "no parameter 'temperature'"),
+    ],
+)
+def test_what_a_study_with_tables_cannot_ask(text, message):
+    with pytest.raises(StudyFileError, match=message):
+        plan_of(text).method  # noqa: B018
+
+
+def test_the_shipped_example_is_one(tmp_path: Path):
+    path = Path(__file__).parents[1] / "studies" / "warm_brake.toml"
+    study = squealstudy.read_study(path)
+    assert {t.name for t in study.resolved.model.tables} >= {"friction", "pad.lining_young_modulus"}
