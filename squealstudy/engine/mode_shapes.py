@@ -35,7 +35,7 @@ from squealstudy.models.components.definition import FileDefinition
 from squealstudy.modes.full_order.modes import FULL
 from squealstudy.modes.point import band_modes, state_working_point
 from squealstudy.progress import Progress, progress
-from squealstudy.reduction.cmt import Expansion
+from squealstudy.reduction.cmt import Expansion, ReducedModel
 from squealstudy.shapes.shape import Label, Shape, shape_of
 from squealstudy.study.definition import read_tables
 from squealstudy.study.source import SourceText, changed
@@ -172,6 +172,11 @@ class PointShapes:
         self.lam, self.psi, _ = band_modes(self.system, self._point, self._plan.band_hz)
         point_id = results.points["point_id"].iloc[row]
         self._modes = results.modes[results.modes["point_id"] == point_id]
+
+    @property
+    def model(self) -> ReducedModel:
+        """Whose coordinates `psi` has."""
+        return self._expansion.model
 
     @cached_property
     def _assembly(self) -> Assembly:
