@@ -40,8 +40,9 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"added_damping", "1/s"),
     (r"(friction|damping|belt)_power", "W"),
     (r"normal_force_rms", "N"),
-    (r"threshold_energy", "J"),
-    (r"multiplier\w*|(level|frequency)_error|power_imbalance|harmonic_tail", ""),
+    (r"(threshold|kick)_energy", "J"),
+    (r"kick_phase", "rad"),
+    (r"multiplier\w*|(level|frequency|kick)_error|power_imbalance|harmonic_tail", ""),
     (r"\w*frequency\w*_hz|hz", "Hz"),
     (r"d_frequency_hz", "Hz per unit of the row"),
     (

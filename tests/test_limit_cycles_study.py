@@ -80,6 +80,21 @@ def test_modes_are_those_of_a_study_of_complex_modes(kicked, tmp_path):
     # modal damping is that of the modes at the [parameters], as in time
 
 
+def test_kicks_along_the_mode_stand_beside_thresholds(tmp_path):
+    """Along the mode it takes more than along the cycle: part of the kick decays at once."""
+    changes = {"kick": ("tolerance = 1e-3", "tolerance = 1e-3\nkick_along_mode = true")}
+    results = solved(plan_of(study([0.6, 0.85], **changes), STUDY), tmp_path / "kicks")
+    verdicts = results.table("verdicts").set_index(["mode", "verdict"])
+    found = verdicts.loc[(1, "squeals_if_kicked")]
+    assert found["kick_status"] == "ok"
+    assert found["kick_velocity"] / found["threshold_velocity"] == pytest.approx(1.47, abs=0.03)
+    assert found["kick_error"] < 0.02
+    others = verdicts.drop(index=(1, "squeals_if_kicked"))
+    assert set(others["kick_status"]) == {""}
+    assert others["kick_velocity"].isna().all()
+    assert results.table("verdicts").attrs["units"]["kick_phase"] == "rad"
+
+
 def test_a_second_run_solves_nothing(kicked):
     again = solved(plan_of(study([0.4, 0.6, 0.85]), STUDY), kicked.directory)
     assert again.points["verdict"].tolist() == kicked.points["verdict"].tolist()

@@ -17,12 +17,18 @@ from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.curve import FINE, TARGET, CurveMotion
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
-from squealstudy.cycles.growth import FAR, ZERO, family_curve, linear_motion
+from squealstudy.cycles.growth import (
+    FAR,
+    SLOWEST,
+    STILL,
+    ZERO,
+    family_curve,
+    linear_modes,
+    linear_motion,
+)
 from squealstudy.cycles.harmonics import with_harmonics
-from squealstudy.cycles.oscillator import WHOLE
 from squealstudy.cycles.projection import ADDED, SIZE, Projection
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.dense_qep import dense_roots
 
 SQUEALS, IF_KICKED = "squeals", "squeals_if_kicked"
 NO_CYCLE, UNDECIDED = "no_cycle_found", "undecided"
@@ -113,7 +119,7 @@ class Family:
     cycles : tuple of Cycle
         In the order of the curve.
     lost : int
-        Zeros of the curve that more harmonics did not confirm.
+        Zeros of the curve that more harmonics did not confirm, or lead to another one's cycle.
     curve : list of dict
         ``contact_velocity`` m/s, ``frequency_hz``, ``added_damping`` 1/s, ``residual``,
         ``basis_error``, ``event``.
@@ -163,21 +169,6 @@ class Followed(NamedTuple):
     unstable_outside: bool
 
 
-def linear_modes(
-    contact: ContactOscillator, highest: float = np.inf
-) -> tuple[np.ndarray, np.ndarray]:
-    """Roots (m,) with positive or no imaginary part [rad/s], and right vectors (n, m).
-
-    All of a small model, up to `highest` [rad/s] of a large one.
-    """
-    osc = contact.oscillator
-    zero = np.zeros((1, osc.n))
-    C, K = osc.tangent(zero, zero)
-    lam, psi = dense_roots(C[0], K[0], (0.0, np.inf if osc.n <= WHOLE else highest))
-    order = [k for k in np.argsort(np.abs(lam), kind="stable") if lam[k].imag >= 0]
-    return lam[order], psi[:, order]
-
-
 def families(
     contact: ContactOscillator,
     band: tuple[float, float],
@@ -214,7 +205,8 @@ def families(
     any_unstable = bool(unstable.any()) or contact.point.growing.n_above > 0
     inside = (lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])
     places = np.flatnonzero(inside)
-    numbers = list(wanted) if wanted is not None else _screened(lam[places], screen)
+    slow = 1 + np.flatnonzero(lam[places].real > -screen)
+    numbers = slow.tolist() if wanted is None else list(wanted)
     if max(numbers, default=0) > len(places):
         count = len(places)
         raise ConvergenceError("no_mode", f"mode {max(numbers)} of {count} modes in the band")
@@ -230,11 +222,6 @@ def families(
     outside = any_unstable and not unstable[places].any()
     left_out = len(places) - sum(family.end != NOT_FOLLOWED for _, family in found)
     return Followed(found, left_out, outside)
-
-
-def _screened(lam: np.ndarray, screen: float) -> list[int]:
-    """Numbers (from 1) of modes that do not decay faster than `screen`."""
-    return [number for number, root in enumerate(lam, start=1) if root.real > -screen]
 
 
 def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: Search) -> Family:
@@ -258,14 +245,19 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
         )
     except ConvergenceError as error:
         return Family(lam, (), 0, [], error.status)
-    cycles, lost = [], 0
+    cycles: list[Cycle] = []
+    lost = 0
     for point in curve:
         if point.event != ZERO:
             continue
         try:
-            cycles.append(cycle_near(contact, projection, point.motion, search))
+            cycle = cycle_near(contact, projection, point.motion, search)
         except ConvergenceError:
             lost += 1
+            continue
+        twice = any(same_cycle(cycle, known) for known in cycles)
+        lost += twice
+        cycles += [] if twice else [cycle]
     return Family(lam, tuple(cycles), lost, _shown(contact, curve), end)
 
 
@@ -288,6 +280,7 @@ def cycle_near(
     contact: ContactOscillator, projection: Projection, motion: PeriodicMotion, search: Search
 ) -> Cycle:
     """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
+    slowest = SLOWEST * motion.omega
     tried: tuple[int, ...] = LADDER if projection.complete else PROJECTED_LADDER
     if search.harmonics is not None:
         tried = _pair(search.harmonics)
@@ -301,6 +294,8 @@ def cycle_near(
             if not np.isfinite(level_error):
                 raise
             break  # more harmonics are lost: what the last ones changed is the error
+        if motion.omega < slowest:
+            raise ConvergenceError(STILL, "a motion that comes to a standstill is no cycle")
         rougher, before = cycle, levels
         cycle = projection.corrected(motion)
         levels = contact.levels(cycle)
@@ -365,11 +360,10 @@ def _judged(family: Family, unstable: bool, any_unstable: bool, search: Search) 
     if unstable:
         return replace(family, verdict=SQUEALS, reason=f"unstable mode, {level}")
     if stable is not None:
-        threshold = None if any_unstable else _threshold(family, stable)
-        reason = "a stable cycle beside a stable mode"
-        if threshold is None:
-            why = "another mode is unstable" if any_unstable else "not one cycle between them"
-            reason += f"; no threshold: {why}"
+        threshold, why = None, "another mode is unstable"
+        if not any_unstable:
+            threshold, why = _threshold(family, stable)
+        reason = "a stable cycle beside a stable mode" + (f"; no threshold: {why}" if why else "")
         return replace(family, verdict=IF_KICKED, reason=reason, threshold=threshold)
     if inexact:
         reason = f"{inexact} cycles whose stability or level cannot be told"
@@ -386,13 +380,16 @@ def _judged(family: Family, unstable: bool, any_unstable: bool, search: Search) 
     return replace(family, reason=reason)
 
 
-def _threshold(family: Family, stable: Cycle) -> Cycle | None:
-    """The only cycle below the stable one on the curve, if it has one unstable direction."""
+def _threshold(family: Family, stable: Cycle) -> tuple[Cycle | None, str]:
+    """The only cycle below the stable one, if it is a saddle; why there is none."""
     below = family.cycles[: family.cycles.index(stable)]
     if family.lost or len(below) != 1:
-        return None
-    only = below[0]
-    return only if only.status == OK and only.multipliers.n_unstable == 1 else None
+        return None, "not one cycle between them"
+    if below[0].status != OK:
+        return None, "the cycle between them is inaccurate"
+    if not below[0].multipliers.saddle:
+        return None, "the cycle between them has not just one unstable direction for certain"
+    return below[0], ""
 
 
 def same_cycle(one: Cycle, other: Cycle) -> bool:

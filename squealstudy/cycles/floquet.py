@@ -87,6 +87,12 @@ class Floquet:
         return True if within.all() else None
 
     @property
+    def saddle(self) -> bool:
+        """Whether one multiplier is outside the circle for certain, and every other one inside."""
+        inside = np.abs(self.multipliers[:-1]) < 1.0 - self.errors[:-1]
+        return self.n_unstable == 1 and int(inside.sum()) == len(inside) - 1
+
+    @property
     def growth_rate(self) -> float:
         """Of the deviation that decides, 1/s."""
         size = float(np.abs(self.multipliers[self.deciding])) if len(self.multipliers) > 1 else 0.0

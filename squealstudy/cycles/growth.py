@@ -9,15 +9,35 @@ from collections.abc import Callable
 
 import numpy as np
 
+from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.continuation import Curve, Steps, follow, newton
 from squealstudy.cycles.curve import CurveMotion, Path
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
-from squealstudy.cycles.oscillator import Oscillator
+from squealstudy.cycles.oscillator import WHOLE, Oscillator
 from squealstudy.cycles.projection import SIZE, Projection
+from squealstudy.linalg.dense_qep import dense_roots
 
 ZERO = "C"  # event: a cycle, where no damping need be added
 FAR, OTHER = "far", "other_resonance"  # why curves end
+SHRUNK, STILL = "shrunk", "standstill"
+SLOWEST = 0.05  # of the mode's frequency: below it motions are on their way to another equilibrium
+BACK = 0.5  # of the size at which a curve began: where it comes back to that there is no more on it
 MOST_OTHERS = 2.0  # norm of all harmonics over that of the first
+
+
+def linear_modes(
+    contact: ContactOscillator, highest: float = np.inf
+) -> tuple[np.ndarray, np.ndarray]:
+    """Roots (m,) with positive or no imaginary part [rad/s], and right vectors (n, m).
+
+    All of a small model, up to `highest` [rad/s] of a large one.
+    """
+    osc = contact.oscillator
+    zero = np.zeros((1, osc.n))
+    C, K = osc.tangent(zero, zero)
+    lam, psi = dense_roots(C[0], K[0], (0.0, np.inf if osc.n <= WHOLE else highest))
+    order = [k for k in np.argsort(np.abs(lam), kind="stable") if lam[k].imag >= 0]
+    return lam[order], psi[:, order]
 
 
 def linear_motion(phi: np.ndarray, lam: complex, scale: np.ndarray, size: float) -> PeriodicMotion:
@@ -109,20 +129,30 @@ def family_curve(
         Zeros (event C) stand among them; on a projected model to a part of a step.
     end : str
         ``far`` where `stop` said so; ``other_resonance`` where the first harmonic is no more than
-        a part of the motion; ``basis`` where too many vectors would be needed; ``steps`` or
-        ``not_converged``.
+        a part of the motion; ``shrunk`` where it came back to no amplitude, ``standstill`` to no
+        frequency; ``basis`` where too many vectors would be needed; ``steps`` or ``not_converged``.
 
     Raises
     ------
     ConvergenceError
         Where the mode cannot be continued.
     """
+    least = BACK * _first(start)
 
     def ended(u: np.ndarray, motion: PeriodicMotion) -> str:
         if np.linalg.norm(u[projection.small.n : -3]) > MOST_OTHERS:
             return OTHER
+        if _first(motion) < least:
+            return SHRUNK
+        if motion.omega < SLOWEST * start.omega:
+            return STILL
         return FAR if stop(motion) else ""
 
     tests = {ZERO: lambda u, _: float(u[-1])}
     path = Path(projection, start.harmonics, (SIZE, 1.0), ended, steps, tests, watched=-1)
     return path.from_motion(start)
+
+
+def _first(motion: PeriodicMotion) -> float:
+    """Norm of the first harmonic."""
+    return float(np.linalg.norm(motion.Q[[1, motion.harmonics + 1]]))

@@ -23,7 +23,8 @@ import pandas as pd
 from cycle_truth import BRAKE, RANGES, swept
 
 from squealstudy.cycles.contact import ContactOscillator
-from squealstudy.cycles.families import Search, families, linear_modes
+from squealstudy.cycles.families import Search, families
+from squealstudy.cycles.growth import linear_modes
 from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task

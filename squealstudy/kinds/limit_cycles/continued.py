@@ -26,8 +26,8 @@ from squealstudy.cycles.branch import (
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.curve import between
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.families import START, Cycle, cycle_near, linear_modes
-from squealstudy.cycles.growth import FAR
+from squealstudy.cycles.families import START, Cycle, cycle_near
+from squealstudy.cycles.growth import FAR, linear_modes
 from squealstudy.cycles.onset import criticality
 from squealstudy.cycles.projection import Projection
 from squealstudy.engine.cache import NewGaps

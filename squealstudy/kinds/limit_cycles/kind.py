@@ -13,6 +13,7 @@ import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from squealstudy.cycles.families import families
+from squealstudy.cycles.kicked import kicks
 from squealstudy.engine.cache import NewGaps, is_prepared, load_prepared
 from squealstudy.engine.cycle_states import cycle_file
 from squealstudy.engine.design_points import DesignPoints
@@ -162,6 +163,8 @@ def cycles_row(
             asked.search(contact),
             section.screen if section.families == SCREENED else np.inf,
         )
+        reach = asked.search(contact).reach
+        kicked = kicks(contact, found, reach) if section.kick_along_mode else {}
     except ParameterError as error:
         why = f"{error.key}: {error.message}"
         return failed_row(SCHEMA, point.point_id, "parameter", why), {}
@@ -169,7 +172,7 @@ def cycles_row(
         wall_s = time.perf_counter() - started
         return failed_row(SCHEMA, point.point_id, *reason(error), wall_s), {}
     wall_s = time.perf_counter() - started
-    row = solved_row(point.point_id, wall_s, steady, point.law_kind, found)
+    row = solved_row(point.point_id, wall_s, steady, point.law_kind, found, kicked)
     motions = (cycle.motion for _, family in found.families for cycle in family.cycles)
     phi = asked.reference(point.structure).phi
     own = {

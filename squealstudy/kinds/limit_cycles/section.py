@@ -87,6 +87,11 @@ class LimitCyclesSection(Section):
         description="whether a design without a stable cycle of its own is tried from those of "
         "its neighbours in the study",
     )
+    kick_along_mode: bool = Field(
+        default=False,
+        description="whether the least kick along the mode that starts squeal is looked for in "
+        "time, where a design squeals if kicked: the worst of 8 phases, bisected",
+    )
     friction: Literal["regularised", "smooth"] = Field(
         default="regularised",
         description="friction below the bound: straight (Coulomb with a corner) or tanh",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from squealstudy.cycles.families import (
     Followed,
     same_cycle,
 )
+from squealstudy.cycles.kicked import Kick
 from squealstudy.engine.rows import (
     FLAG,
     HEAD,
@@ -62,6 +64,11 @@ VERDICT_FIELDS = (
     ("threshold_velocity", REAL),
     ("threshold_energy", REAL),
     ("threshold_share", REAL),
+    ("kick_velocity", REAL),
+    ("kick_phase", REAL),
+    ("kick_energy", REAL),
+    ("kick_error", REAL),
+    ("kick_status", TEXT),
 )
 LEVELS = (
     "torque_mean",
@@ -113,6 +120,7 @@ CURVE_FIELDS = (
     ("basis_error", REAL),
     ("balance_residual", REAL),
 )
+NOT_KICKED = Kick(np.nan, np.nan, np.nan, np.nan, "")
 SCHEMA = pa.schema(
     [
         pa.field(n, t, nullable=t in (WHOLE, FLAG))
@@ -132,11 +140,14 @@ def solved_row(
     steady: WorkingPoint,
     law_kind: str,
     followed: Followed,
+    kicked: Mapping[int, Kick],
 ) -> dict[str, Any]:
-    """Chunk row of a design point whose families were followed."""
+    """Chunk row of a design point whose families were followed, and some kicked, by their modes."""
     found = followed.families
     cycles = _cycles(point_id, law_kind, found)
-    verdicts = [_verdict(mode, family, law_kind) for mode, family in found]
+    verdicts = [
+        _verdict(mode, family, law_kind, kicked.get(mode, NOT_KICKED)) for mode, family in found
+    ]
     curves = [
         {"mode": mode, "n_step": k, "balance_residual": p["residual"], **_without(p, "residual")}
         for mode, family in found
@@ -196,7 +207,7 @@ def summary(
     }
 
 
-def _verdict(mode: int, family: Family, law_kind: str) -> dict[str, Any]:
+def _verdict(mode: int, family: Family, law_kind: str, kicked: Kick) -> dict[str, Any]:
     loud, kick = family.loudest, family.threshold
     velocity = np.nan if kick is None else kick.levels["contact_velocity"]
     reason = family.reason
@@ -222,6 +233,7 @@ def _verdict(mode: int, family: Family, law_kind: str) -> dict[str, Any]:
         "threshold_velocity": velocity,
         "threshold_energy": np.nan if kick is None else kick.levels["energy"],
         "threshold_share": share,
+        **{f"kick_{name}": value for name, value in asdict(kicked).items()},
     }
 
 
