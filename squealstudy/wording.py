@@ -36,9 +36,10 @@ OF_THE_ONSET = "unit of the parameter along which onsets are sought"
 OF_THE_ROW = "unit of the row"  # numbers of a table in which each row has a unit of its own
 # unit of a column of the result tables; the first pattern that fits it whole
 UNITS: tuple[tuple[str, str], ...] = (
-    (r"\w+_velocity", "m/s"),
+    (r"\w+_velocity|velocity_(rms|peak)", "m/s"),
+    (r"distance", "m"),
     (r"added_damping", "1/s"),
-    (r"(friction|damping|belt)_power", "W"),
+    (r"(friction|damping|belt|radiated)_power", "W"),
     (r"normal_force_rms", "N"),
     (r"(threshold|kick)_energy", "J"),
     (r"kick_phase", "rad"),

@@ -143,7 +143,7 @@ def belt():
 
 
 def crossings(contact, motion, lam, phi):
-    """Sizes at which rays of a mode's states, one a phase, cross a cycle of the belt: a plane curve.
+    """Sizes at which rays of a mode's states, one a phase, cross a cycle of the belt, in a plane.
 
     What is beyond it grows: the belt's mass moves along the belt alone.
     """

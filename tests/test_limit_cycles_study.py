@@ -44,6 +44,12 @@ def test_verdicts_of_the_shipped_study(kicked):
     assert points.loc[0.6, "threshold_velocity"] == pytest.approx(0.982, abs=1e-3)
     assert points.loc[0.6, "threshold_share"] == pytest.approx(0.394, abs=1e-3)
     assert np.isnan(points.loc[0.85, "threshold_velocity"])  # it needs no kick
+    verdicts = kicked.table("verdicts")
+    told = verdicts[verdicts["threshold_cycle"] != ""]
+    cycles = kicked.table("cycles").set_index("cycle_id").loc[told["threshold_cycle"]]
+    assert len(told) == 2
+    assert (cycles["contact_velocity"].to_numpy() == told["threshold_velocity"].to_numpy()).all()
+    assert (cycles["energy"].to_numpy() == told["threshold_energy"].to_numpy()).all()
     assert points.loc[0.85, "max_growth_rate"] > 0
 
 

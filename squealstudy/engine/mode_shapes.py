@@ -210,12 +210,7 @@ class PointShapes:
         own = self._expansion.model
         if prepared_key != self._design.structure or own.n != n:
             return False
-        run = load_prepared(prepared_key).model
-        return all(
-            np.allclose(getattr(own, name), getattr(run, name), rtol=0.0, atol=SAME * size)
-            for name in ("N", "T", "T_perp")
-            for size in [np.abs(getattr(run, name)).max()]
-        )
+        return same_coordinates(own, load_prepared(prepared_key).model)
 
     def _label(self, mode: int, track: int | None) -> Label:
         results, found = self._results, self._results.points.iloc[self._row]
@@ -254,6 +249,15 @@ class PointShapes:
     def _other(self, roots: np.ndarray, found: int) -> int:
         """Which root of the table is nearest to one found now."""
         return int(np.abs(roots - self.lam[found]).argmin())
+
+
+def same_coordinates(made: ReducedModel, kept: ReducedModel) -> bool:
+    """Whether a model that was made again has the coordinates of the one that is kept."""
+    return made.n == kept.n and all(
+        np.allclose(getattr(made, name), getattr(kept, name), rtol=0.0, atol=SAME * size)
+        for name in ("N", "T", "T_perp")
+        for size in [np.abs(getattr(kept, name)).max()]
+    )
 
 
 def plan_of(results: Results) -> Plan:

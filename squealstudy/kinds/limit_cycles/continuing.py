@@ -29,7 +29,7 @@ from squealstudy.engine.rows import (
     planned_rows,
     tabled,
 )
-from squealstudy.engine.store import BRANCHES, CURVES, CYCLES, VERDICTS, Store
+from squealstudy.engine.store import BRANCHES, CURVES, CYCLES, VELOCITIES, VERDICTS, Store
 from squealstudy.engine.validity import write_points
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.limit_cycles.continued import (
@@ -41,6 +41,7 @@ from squealstudy.kinds.limit_cycles.continued import (
     step_to_neighbour,
 )
 from squealstudy.kinds.limit_cycles.designs import request
+from squealstudy.kinds.limit_cycles.observed import VELOCITY_FIELDS, Observers
 from squealstudy.kinds.limit_cycles.tables import (
     CURVE_FIELDS,
     CYCLE_FIELDS,
@@ -94,6 +95,8 @@ def build_tables(plan: Plan, store: Store, workers: Workers) -> tuple[pd.DataFra
     if plan.study.section.neighbours:
         work.try_neighbours()
     work.keep()
+    observers = Observers(plan)
+    velocities = work.observed(observers) if observers.asked else []
     seconds = time.perf_counter() - started
     store.write_table(VERDICTS, nested(rows, "verdicts", VERDICT_FIELDS))
     cycles = nested(rows, "cycles", CYCLE_FIELDS)
@@ -104,9 +107,12 @@ def build_tables(plan: Plan, store: Store, workers: Workers) -> tuple[pd.DataFra
     frame = pa.Table.from_pylist(work.branches, schema=schema).to_pandas()
     frame = frame.astype({"stable": "boolean"})
     store.write_table(BRANCHES, pa.Table.from_pandas(frame, schema, preserve_index=False))
+    schema = pa.schema([("point_id", TEXT), *VELOCITY_FIELDS])
+    store.write_table(VELOCITIES, pa.Table.from_pylist(velocities, schema=schema))
     points = write_points(plan, store, tabled(rows, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS)))
     facts = {"seconds": {"continued_s": seconds}, "continued": work.facts}
-    return points, facts if work.facts["tried"] else {"seconds": {}}
+    told = {"not_observed": sorted(observers.unlike)} if observers.unlike else {}
+    return points, told | (facts if work.facts["tried"] else {"seconds": {}})
 
 
 class Continuation:
@@ -277,6 +283,22 @@ class Continuation:
             files |= cycle_file(content_hash(["continued", key, self._plan.study_hash]), key, own)
         if files:
             self._store.write_files(files)
+
+    def observed(self, observers: Observers) -> list[dict[str, Any]]:
+        """Radiated powers join the cycles; rows of the velocities of points, of all cycles."""
+        wanted = {c["cycle_id"]: c for row in self._rows for c in row["cycles"]}
+        rows = {}
+        for series in stored_cycles(self._store):
+            if series.cycle_id in wanted:
+                power, rows[series.cycle_id] = observers.observe(series)
+                wanted[series.cycle_id]["radiated_power"] = power
+        found = []
+        for name, cycle in wanted.items():  # the same cycle of another family, too
+            same = cycle["same_as"] or name
+            cycle["radiated_power"] = wanted[same]["radiated_power"]
+            own = {"point_id": name.partition("-")[0], "cycle_id": name, "mode": cycle["mode"]}
+            found += [row | own for row in rows.get(same, [])]
+        return found
 
 
 def _has_stable(row: dict[str, Any]) -> bool:

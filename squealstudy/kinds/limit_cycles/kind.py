@@ -21,11 +21,20 @@ from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import Columns, ModelKind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, failed_row, reason
-from squealstudy.engine.store import BRANCHES, CURVES, CYCLES, POINTS, VERDICTS, Store
+from squealstudy.engine.store import (
+    BRANCHES,
+    CURVES,
+    CYCLES,
+    POINTS,
+    VELOCITIES,
+    VERDICTS,
+    Store,
+)
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.limit_cycles.continuing import build_tables
 from squealstudy.kinds.limit_cycles.designs import MOST, CyclesRequest, request, too_large
+from squealstudy.kinds.limit_cycles.observed import not_observed
 from squealstudy.kinds.limit_cycles.section import (
     ALL,
     AUTO,
@@ -43,7 +52,12 @@ from squealstudy.study.source import SourceText
 if TYPE_CHECKING:
     import pandas as pd
 
-CONTINUED = ("follow", "neighbours")  # keys that change no design point's own row
+CONTINUED = (
+    "follow",
+    "neighbours",
+    "points",
+    "radiating",
+)  # keys that change no design point's own row
 SOURCES = ("kinds/limit_cycles", "kinds/transient", "cycles")  # the code that decides rows
 
 
@@ -57,15 +71,25 @@ class LimitCycles(ModelKind):
     description = "limit cycles, without time stepping"
     section = "limit_cycles"
     definition = LimitCyclesDefinition
-    tables: tuple[str, ...] = (POINTS, VERDICTS, CYCLES, BRANCHES, CURVES)
+    tables: tuple[str, ...] = (
+        POINTS,
+        VERDICTS,
+        CYCLES,
+        BRANCHES,
+        CURVES,
+        VELOCITIES,
+    )
     schema: pa.Schema = SCHEMA
     tells_reduction = False
 
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> ResolvedStudy:
-        """The study; StudyFileError for a parameter that cannot be followed, too."""
+        """The study; StudyFileError for what cannot be followed or observed, too."""
         study = super().read(source, tables)
         if why := _not_followed(study, study.section.follow):
             raise study.error(("limit_cycles", "follow"), why)
+        keys, why = not_observed(study)
+        if why:
+            raise study.error(("limit_cycles", *keys), why)
         return study
 
     def resolver(self, study: ResolvedStudy) -> Callable[[Columns], Columns]:

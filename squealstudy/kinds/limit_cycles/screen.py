@@ -24,7 +24,7 @@ MOST_COLUMNS = 2  # parameters with a column of their own
 class LimitCyclesScreen(KindScreen):
     """Whether each design squeals, squeals if kicked, or has no cycle that was found."""
 
-    tables = ("points", "verdicts", "cycles", "branches", "curves")
+    tables = ("points", "verdicts", "cycles", "branches", "curves", "velocities")
 
     def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
         """Refused: there are verdicts, no ranking."""

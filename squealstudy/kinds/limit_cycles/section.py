@@ -39,6 +39,33 @@ def _unchanged(value: int | str) -> int | str:
     return value
 
 
+def _at(value: object) -> object:
+    if isinstance(value, int) and not isinstance(value, bool) and value >= 1:
+        return value
+    numbers = list(value) if isinstance(value, list | tuple) else []
+    if len(numbers) == 3 and all(isinstance(v, int | float) for v in numbers):
+        return tuple(float(v) for v in numbers)
+    raise ValueError(f"expected [x, y, z] in m or a degree of freedom from 1, got {shown(value)}")
+
+
+def _distinct(points: tuple[NamedPoint, ...]) -> tuple[NamedPoint, ...]:
+    names = [point.name for point in points]
+    if len(set(names)) < len(names):
+        raise ValueError("expected distinct names of points")
+    return points
+
+
+class NamedPoint(Section):
+    """A point whose velocity is told."""
+
+    name: str = Field(min_length=1, max_length=100)
+    component: str
+    at: Annotated[tuple[float, float, float] | int, BeforeValidator(_at)] = Field(
+        description="[x, y, z] in m: the nearest node; of a model without a mesh the number of a "
+        "degree of freedom, from 1"
+    )
+
+
 class LimitCyclesSection(Section):
     """Which cycles are looked for, and how exactly."""
 
@@ -91,6 +118,13 @@ class LimitCyclesSection(Section):
         default=False,
         description="whether the least kick along the mode that starts squeal is looked for in "
         "time, where a design squeals if kicked: the worst of 8 phases, bisected",
+    )
+    radiating: Annotated[tuple[str, ...], Strict(False)] = Field(
+        default=(),
+        description="meshed components whose surfaces radiate: equivalent radiated power of cycles",
+    )
+    points: Annotated[tuple[NamedPoint, ...], Strict(False), AfterValidator(_distinct)] = Field(
+        default=(), description="points of components whose velocities are told of every cycle"
     )
     friction: Literal["regularised", "smooth"] = Field(
         default="regularised",

@@ -64,6 +64,7 @@ VERDICT_FIELDS = (
     ("threshold_velocity", REAL),
     ("threshold_energy", REAL),
     ("threshold_share", REAL),
+    ("threshold_cycle", TEXT),
     ("kick_velocity", REAL),
     ("kick_phase", REAL),
     ("kick_energy", REAL),
@@ -92,6 +93,7 @@ CYCLE_FIELDS = (
     ("status", TEXT),
     ("frequency_hz", REAL),
     *((name, REAL) for name in LEVELS),
+    ("radiated_power", REAL),
     ("torque_harmonics", pa.list_(REAL)),
     ("stable", FLAG),
     ("instability", TEXT),
@@ -146,7 +148,9 @@ def solved_row(
     found = followed.families
     cycles = _cycles(point_id, law_kind, found)
     verdicts = [
-        _verdict(mode, family, law_kind, kicked.get(mode, NOT_KICKED)) for mode, family in found
+        _verdict(point_id, mode, family, law_kind)
+        | {f"kick_{k}": v for k, v in asdict(kicked.get(mode, NOT_KICKED)).items()}
+        for mode, family in found
     ]
     curves = [
         {"mode": mode, "n_step": k, "balance_residual": p["residual"], **_without(p, "residual")}
@@ -207,7 +211,7 @@ def summary(
     }
 
 
-def _verdict(mode: int, family: Family, law_kind: str, kicked: Kick) -> dict[str, Any]:
+def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[str, Any]:
     loud, kick = family.loudest, family.threshold
     velocity = np.nan if kick is None else kick.levels["contact_velocity"]
     reason = family.reason
@@ -233,8 +237,14 @@ def _verdict(mode: int, family: Family, law_kind: str, kicked: Kick) -> dict[str
         "threshold_velocity": velocity,
         "threshold_energy": np.nan if kick is None else kick.levels["energy"],
         "threshold_share": share,
-        **{f"kick_{name}": value for name, value in asdict(kicked).items()},
+        "threshold_cycle": ""
+        if kick is None
+        else _cycle_id(point_id, mode, family.cycles.index(kick)),
     }
+
+
+def _cycle_id(point_id: str, mode: int, place: int) -> str:
+    return f"{point_id}-{mode}-{place + 1}"
 
 
 def _cycles(
@@ -244,8 +254,8 @@ def _cycles(
     known: list[tuple[str, Cycle]] = []
     rows = []
     for mode, family in found:
-        for number, cycle in enumerate(family.cycles, start=1):
-            name = f"{point_id}-{mode}-{number}"
+        for place, cycle in enumerate(family.cycles):
+            name = _cycle_id(point_id, mode, place)
             same = next((other for other, c in known if same_cycle(c, cycle)), "")
             rows.append(cycle_row(name, mode, cycle, law_kind) | {"same_as": same})
             if not same:
@@ -263,6 +273,7 @@ def cycle_row(name: str, mode: int, cycle: Cycle, law_kind: str) -> dict[str, An
         "status": cycle.status,
         "frequency_hz": motion.omega / (2 * np.pi),
         **{name: cycle.levels[name] for name in LEVELS},
+        "radiated_power": np.nan,
         "torque_harmonics": cycle.torque_harmonics.tolist(),
         "stable": cycle.attracts,
         "instability": multipliers.instability,

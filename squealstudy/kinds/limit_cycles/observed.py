@@ -1,0 +1,168 @@
+"""Cycles seen on the whole model: velocities of named points, power that surfaces radiate.
+
+The basis that leads to all nodes is made once for each structure, where a study asks for either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from squealstudy.cycles.harmonics import orders, series_at
+from squealstudy.engine.cache import load_prepared
+from squealstudy.engine.cycle_states import CycleSeries
+from squealstudy.engine.mode_shapes import expansion, same_coordinates
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.rows import REAL, TEXT, WHOLE
+from squealstudy.kinds.limit_cycles.section import NamedPoint
+from squealstudy.models.assembly import Assembly
+from squealstudy.reduction.cmt import Expansion
+from squealstudy.shapes.radiation import AIR, Place, mean_square_form, place
+from squealstudy.study.definition import ResolvedStudy
+from squealstudy.study.design import DesignPoint
+
+SAMPLES = 512  # a period
+VELOCITY_FIELDS = (
+    ("cycle_id", TEXT),
+    ("mode", WHOLE),
+    ("point", TEXT),
+    ("velocity_rms", REAL),
+    ("velocity_peak", REAL),
+    ("distance", REAL),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Observer:
+    """What is seen of the motions of a structure.
+
+    Attributes
+    ----------
+    form : ndarray (n, n) or None
+        `mean_square_form` of all surfaces that radiate; None where none does.
+    places : mapping of name -> Place
+    """
+
+    form: np.ndarray | None
+    places: Mapping[str, Place]
+
+    @classmethod
+    def of(
+        cls,
+        assembly: Assembly,
+        way: Expansion,
+        radiating: Sequence[str],
+        points: Sequence[NamedPoint],
+    ) -> Observer:
+        """Of an assembly and the way from its reduced model to all nodes."""
+        model = way.model
+        components = {c.name: (k, c) for k, c in enumerate(assembly.components)}
+        form = np.zeros((model.n, model.n)) if radiating else None
+        for name in radiating:
+            k, component = components[name]
+            own = slice(int(model.offsets[k]), int(model.offsets[k + 1]))
+            assert form is not None
+            form[own, own] = mean_square_form(component, np.asarray(way.blocks[k]))
+        places = {}
+        for point in points:
+            k, component = components[point.component]
+            seen = place(component, np.asarray(way.blocks[k]), point.at)
+            rows = np.zeros((len(seen.rows), model.n))
+            rows[:, int(model.offsets[k]) : int(model.offsets[k + 1])] = seen.rows
+            places[point.name] = Place(rows, seen.distance)
+        return cls(form, places)
+
+    def power(self, Q: np.ndarray, omega: float) -> float:
+        """Equivalent radiated power [W] of a series Q (2 H + 1, n), mean over the period."""
+        if self.form is None:
+            return np.nan
+        v = orders((len(Q) - 1) // 2)[:, None] * omega * Q
+        return float(AIR * 0.5 * np.einsum("hi,ij,hj->", v, self.form, v))
+
+    def velocities(self, Q: np.ndarray, omega: float) -> dict[str, tuple[float, float]]:
+        """RMS and largest speed [m/s] of each named point over the period."""
+        theta = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+        slope = series_at(theta, (len(Q) - 1) // 2)[1]
+        found = {}
+        for name, seen in self.places.items():
+            squared = ((omega * slope @ (Q @ seen.rows.T)) ** 2).sum(axis=1)
+            found[name] = float(np.sqrt(squared.mean())), float(np.sqrt(squared.max()))
+        return found
+
+
+class Observers:
+    """Observers of a study's structures, each made when it is first asked for.
+
+    Attributes
+    ----------
+    unlike : set of str
+        Structures whose basis, made again, has other coordinates: nothing is said of their cycles.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan, self._known = plan, dict[str, Observer | None]()
+        self.unlike: set[str] = set()
+
+    @property
+    def asked(self) -> bool:
+        """Whether the study asks for anything."""
+        section = self._plan.study.section
+        return bool(section.radiating or section.points)
+
+    def observe(self, series: CycleSeries) -> tuple[float, list[dict[str, Any]]]:
+        """Radiated power [W] of a cycle, NaN where it is not known; rows of its points."""
+        key = series.prepared_key
+        if key not in self._known:
+            self._known[key] = self._made(key)
+        observer = self._known[key]
+        if observer is None:
+            return np.nan, []
+        rows = [
+            {
+                "cycle_id": series.cycle_id,
+                "point": name,
+                "velocity_rms": rms,
+                "velocity_peak": peak,
+                "distance": observer.places[name].distance,
+            }
+            for name, (rms, peak) in observer.velocities(series.Q, series.omega).items()
+        ]
+        return observer.power(series.Q, series.omega), rows
+
+    def _made(self, key: str) -> Observer | None:
+        plan, section = self._plan, self._plan.study.section
+        row = next(int(rows[0]) for own, rows in plan.tasks.of_structures() if own == key)
+        way = expansion(plan, row, lambda *_: None)
+        if not same_coordinates(way.model, load_prepared(key).model):
+            self.unlike.add(key)
+            return None
+        return Observer.of(plan.tasks[row].assembly(), way, section.radiating, section.points)
+
+
+def not_observed(study: ResolvedStudy) -> tuple[tuple[str | int, ...], str]:
+    """Key and reason of what cannot be observed in a study; empty where all can be."""
+    section, names = study.section, study.model.components
+    known = ", ".join(f"'{name}'" for name in names) or "none"
+    for name in section.radiating:
+        if name not in names:
+            return ("radiating",), f"expected components ({known}), got '{name}'"
+        if not study.model.meshed:
+            return ("radiating",), f"the model {study.model.name} has no mesh, and so no surface"
+    for k, point in enumerate(section.points):
+        if point.component not in names:
+            where = ("points", k, "component")
+            return where, f"expected a component ({known}), got '{point.component}'"
+        if study.model.meshed != isinstance(point.at, tuple):
+            expected = "[x, y, z] in m" if study.model.meshed else "a degree of freedom from 1"
+            return ("points", k, "at"), f"expected {expected} of the model {study.model.name}"
+    if section.points and not study.model.meshed:
+        assembly = DesignPoint(study.model, study.options, study.values).assembly()
+        sizes = {c.name: c.n_dof for c in assembly.components}
+        for k, point in enumerate(section.points):
+            if point.at > sizes[point.component]:
+                said = f"'{point.component}' has degrees of freedom 1 to {sizes[point.component]}"
+                return ("points", k, "at"), f"{said}, got {point.at}"
+    return (), ""
