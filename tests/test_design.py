@@ -6,6 +6,7 @@ import html
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,14 +14,18 @@ from scipy import ndimage
 from scipy.stats import norm
 
 import squealstudy as sq
+from squealstudy.cli.check_results import check_results
 from squealstudy.engine.report import report, write_report
 from squealstudy.engine.results import Results
+from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import StudyFileError
 from squealstudy.kinds.design.loop import Loop
 from squealstudy.kinds.design.plan import MODES, Ask
-from squealstudy.kinds.design.state import MET, NONE_FOUND, Memory
+from squealstudy.kinds.design.rows import SCHEMA, design_row
+from squealstudy.kinds.design.state import MET_LINEAR, NONE_FOUND, Memory
 from squealstudy.kinds.design.study import DesignStudy
+from squealstudy.study.design import DesignPoint
 
 MARGIN = 0.002
 FRICTION = (0.1, 0.2, 0.3)
@@ -152,7 +157,7 @@ def test_least_cost_against_exhaustive_search(
     best, regions = _least(damping, study)
     assert regions >= 2
     loop, _ = _searched(study, damping)
-    assert loop.state.outcome == MET
+    assert loop.state.outcome == MET_LINEAR
     chosen = loop.state.chosen
     found = loop.box.price(loop.change(chosen))
     # a grid's cost is above the least by at most a step each way
@@ -303,7 +308,7 @@ def test_scatter_is_proven_by_samples(tmp_path: Path) -> None:
         "mean = 0.01\nstd = 0.002\n"
     )
     results = _run(text, tmp_path)
-    assert results.manifest["design_study"]["outcome"] == "met"
+    assert results.manifest["design_study"]["outcome"] == "met_linear"
     proof = results.table("proof").set_index("check")
     last = proof.loc[["scatter"]].iloc[-1]
     assert last["passed"]
@@ -347,6 +352,25 @@ def test_a_margin_above_what_modes_have_uncoupled_is_warned_of(tmp_path: Path) -
         ("cycles = 0", "cycle = 0", "goal.cycle", "unknown key"),
         ("damping_ratio = 0.002}", "damping_ratio = 0.002, probability = 0.9}", "goal", "nothing"),
         ('"k1"', '"alpha1"\ncost = 0.0', "variable[1].cost", "more than 0"),
+        ("[goal]", '[[variant]]\nname = "a"\n[goal]', "variant[1]", "that differ, got none"),
+        (
+            "[goal]",
+            '[[variant]]\nname = "a"\nparameters.k9 = 1.0\n[goal]',
+            "variant[1]",
+            "variant 'a': parameters.k9: model 'hoffmann' has no parameter 'k9'",
+        ),
+        (
+            "[goal]",
+            '[[variant]]\nname = "a"\nmodel.name = "hulten"\n[goal]',
+            "variant[1]",
+            "variant 'a': variable[1].parameter: model 'hulten' has no parameter 'k1'",
+        ),
+        (
+            "[goal]",
+            "".join(f'[[variant]]\nname = "a"\nparameters.k2 = {k}.0\n' for k in (1, 2)) + "[goal]",
+            "variant",
+            "'a' is given twice",
+        ),
     ],
 )
 def test_what_a_file_may_not_say(
@@ -367,6 +391,105 @@ def test_bounds_with_units_are_differences(tmp_path: Path) -> None:
     path.write_text(_hoffmann("k1", '["-2 N/mm", "+3 N/mm"]'))
     (variable,) = sq.read_study(path).resolved.variables
     assert (variable.low, variable.high) == (-2e3, 3e3)
+
+
+# -- variants ------------------------------------------------------------------------------------
+VARIANTS = """
+[[variant]]
+name = "soft"
+cost = 0.1
+parameters = {k1 = 0.3e6}
+[[variant]]
+name = "damped"
+cost = 2.0
+parameters = {damping_ratio = 0.3}"""
+
+
+@pytest.fixture(scope="module")
+def varied(tmp_path_factory: pytest.TempPathFactory) -> Results:
+    text = _hoffmann("damping_ratio", "[0.0, 0.2]", margin=0.02)
+    return _run(text + VARIANTS, tmp_path_factory.mktemp("v"))
+
+
+def test_variants_are_searched_and_proven_each_and_set_beside_each_other(varied) -> None:
+    table = varied.table("variants").set_index("variant")
+    assert list(table.index) == ["as in the file", "soft", "damped"]
+    facts = varied.manifest["design_study"]
+    assert (table["outcome"] == "met_linear").all()  # limit cycles were not asked for
+    for name, row in table.iterrows():
+        k1 = {} if name != "soft" else {"k1": 0.3e6}
+        today = 0.3 if name == "damped" else 0.01
+        assert row["today_damping_ratio"] == pytest.approx(
+            _least_damping(damping_ratio=today, **k1)
+        )
+        own = varied if not row["folder"] else sq.open_results(varied.directory / row["folder"])
+        chosen = own.table("designs").query("chosen").iloc[0]
+        assert row["change_cost"] == chosen["cost"]
+        least = _least_damping(damping_ratio=chosen["damping_ratio"], **k1)
+        assert row["min_damping_ratio"] == pytest.approx(least)
+        assert least >= 0.02
+        assert row["text"] == own.manifest["design_study"]["verdict"]
+    assert table["cost"].tolist() == pytest.approx(
+        (table["change_cost"] + [0.0, 0.1, 2.0]).tolist()
+    )
+    assert table.loc["damped", "change"] == ""  # it meets the margin as it is
+    best = table["cost"].idxmin()
+    assert f"{table['cost'].min():.4g}" in facts["choice"]
+    assert ("'soft'" if best == "soft" else "the file's own design") in facts["choice"]
+    assert facts["choice"].startswith("3 of 3 alternatives proven, limit cycles not looked for")
+    assert report([varied]).count("<section id=") == 3
+    held, whole = check_results(varied.directory)
+    assert whole
+    assert "variants/soft: study" in dict(held)
+
+
+def test_variants_go_on_where_they_were(varied) -> None:
+    study = varied.directory.parent / "study.toml"
+    before = varied.table("variants")
+    again = sq.run(study, varied.directory, jobs=1)
+    assert again.solved == 0
+    chunks = varied.directory / "variants" / "soft" / "chunks"
+    sorted(chunks.iterdir())[0].unlink()
+    assert not check_results(varied.directory)[1]
+    again = sq.run(study, varied.directory, jobs=1, warn=lambda _: None)
+    assert again.solved == 0
+    assert again.table("variants").equals(before)
+    assert check_results(varied.directory)[1]
+
+
+def test_a_variant_that_cannot_be_solved_leaves_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def row(point: DesignPoint, *others: Any) -> dict[str, Any]:
+        if point.values["k1"] == 0.3e6:
+            return failed_row(SCHEMA, point.point_id, "no_working_point", "it falls apart")
+        return design_row(point, *others)
+
+    monkeypatch.setattr("squealstudy.kinds.design.kind.design_row", row)
+    text = _hoffmann("damping_ratio", "[0.0, 0.2]", margin=0.02)
+    told: list[str] = []
+    path = tmp_path / "study.toml"
+    path.write_text(text + '[[variant]]\nname = "lost"\nparameters.k1 = 0.3e6\n')
+    found = sq.run(path, tmp_path / "results", jobs=1, warn=told.append)
+    row = found.table("variants").set_index("variant").loc["lost"]
+    assert row["outcome"] == "failed"
+    assert any(text.startswith("variants/lost: ") and row["text"] in text for text in told)
+    assert "1 of 2 alternatives proven" in found.manifest["design_study"]["choice"]
+
+
+def test_a_study_of_variants_alone_is_proven_too(tmp_path: Path) -> None:
+    text = _hoffmann("damping_ratio", "[0.0, 0.2]", margin=0.02)
+    start, end = text.index("[[variable]]"), text.index("[goal]")
+    found = _run(text[:start] + text[end:] + VARIANTS, tmp_path)
+    outcomes = found.table("variants").set_index("variant")["outcome"].to_dict()
+    assert outcomes == {
+        "as in the file": "no_variables",
+        "soft": "no_variables",
+        "damped": "met_linear",
+    }
+    assert "least cost 2 has 'damped' (no change)" in found.manifest["design_study"]["choice"]
+    proof = sq.open_results(found.directory / "variants" / "damped").table("proof")
+    assert list(proof["check"]) == ["matrix", "refined"]
 
 
 # -- the page to hand on -----------------------------------------------------------------------

@@ -10,6 +10,7 @@ from typing import Any
 import pyarrow as pa
 
 from squealstudy.engine.journal import JOURNAL, UNFINISHED
+from squealstudy.engine.manifest import BESIDE
 from squealstudy.engine.store import (
     LOCK,
     MANIFEST,
@@ -60,8 +61,21 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
         rows.append((JOURNAL, f"{text}: what only such a line names is made anew"))
     harmless = {FOREIGN} if finished else {FOREIGN, UNFINISHED}  # a killed run may leave these
     whole = faults.keys() <= harmless
+    for folder, reason in manifest.get(BESIDE, {}).items():
+        if not reason:
+            held, good = _of_beside(directory / folder)
+            rows += [(f"{folder}: {name}", text) for name, text in held]
+            whole &= good
     verdict = "yes" if whole else "no: run the study again, which makes anew what is not"
     return [*rows, ("whole", verdict)], whole
+
+
+def _of_beside(directory: Path) -> tuple[Rows, bool]:
+    """As `check_results`, of a study that was run with another."""
+    try:
+        return check_results(directory)
+    except ResultsError as error:
+        return [("whole", f"no: {error}")], False
 
 
 def _run(store: Store, manifest: Mapping[str, Any]) -> Rows:
@@ -104,9 +118,10 @@ def _in_no_journal(store: Store, manifest: Mapping[str, Any]) -> dict[str, list[
     if manifest.get("kind") in kind_names():
         own |= {*kind_named(manifest["kind"]).tables} - known
     found: dict[str, list[str]] = {}
+    elsewhere = tuple(f"{folder}/" for folder in (SET_ASIDE, *manifest.get(BESIDE, {})))
     for path in sorted(p for p in store.directory.rglob("*") if p.is_file()):
         name = path.relative_to(store.directory).as_posix()
-        if name not in known and not name.startswith(f"{SET_ASIDE}/"):
+        if name not in known and not name.startswith(elsewhere):
             ours = name in own or path.match(TEMPORARY)
             found.setdefault(UNFINISHED if ours else FOREIGN, []).append(name)
     return found

@@ -149,6 +149,10 @@ class Kind:
         """
         return plan, {}
 
+    def beside(self, plan: Any) -> Mapping[str, Planned]:
+        """Studies that are run before it, by the folders of their results below its own."""
+        return {}
+
     def grown(self, plan: Any, store: Store) -> Any:
         """The plan with all design points that the finished ones ask for; else the plan itself."""
         return plan

@@ -24,6 +24,7 @@ from squealstudy.models.operating import SLIDING_SPEED
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
 
+BESIDE = "beside"  # key: folders of studies run with it, and why one could not be
 PACKAGES = (
     "numpy",
     "scipy",

@@ -17,6 +17,7 @@ import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
+from squealstudy.engine.manifest import BESIDE
 from squealstudy.engine.mode_shapes import plan_of
 from squealstudy.engine.pictures import pictures
 from squealstudy.engine.plan import has_mesh
@@ -52,11 +53,13 @@ def report(results: Sequence[Results], shapes: bool = True) -> str:
     Parameters
     ----------
     results : sequence of Results
-        Whose tables are read and whose pictures are drawn; those beyond MOST_BYTES are named.
+        Whose tables are read and whose pictures are drawn; those beyond MOST_BYTES are named. Those
+        of studies that were run with one follow it.
     shapes : bool
         Whether the fastest growing mode, or the end of the loudest run, of a model with a mesh is
         shown, moving: the design point is solved again.
     """
+    results = [*_with_beside(results)]
     left = MOST_BYTES
     parts = [_overview(results)] if len(results) > 1 else []
     for number, one in enumerate(results, start=1):
@@ -78,6 +81,15 @@ def report(results: Sequence[Results], shapes: bool = True) -> str:
     heading = ", ".join(str(one.manifest["name"]) for one in results)
     page = TEMPLATE.read_text(encoding="utf-8").replace("{{title}}", escape(heading))
     return page.replace("{{body}}", "\n".join(parts))
+
+
+def _with_beside(results: Sequence[Results]) -> Iterator[Results]:
+    """The results, each followed by those of the studies that were run with it."""
+    for one in results:
+        yield one
+        for folder, reason in one.manifest.get(BESIDE, {}).items():
+            if not reason:
+                yield type(one).open(one.directory / folder)
 
 
 def _overview(results: Sequence[Results]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from squealstudy.engine.chunk_writer import ChunkWriter
 from squealstudy.engine.keys import ID_TYPE
 from squealstudy.engine.kind import Planned, Warn
 from squealstudy.engine.manifest import (
+    BESIDE,
     check_owner,
     identity_facts,
     locked,
@@ -24,7 +25,7 @@ from squealstudy.engine.manifest import (
 from squealstudy.engine.store import CHUNKS, INACCURATE, PICTURES, Store, write_manifest
 from squealstudy.engine.validity import SOLVED
 from squealstudy.engine.workers import Progress, Workers, lost_chunk, silent, solve_chunk
-from squealstudy.errors import ResultsError
+from squealstudy.errors import MachineError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.machine import peak_memory_mb
 from squealstudy.wording import failure_counts, plural
 
@@ -110,10 +111,12 @@ def run_study(
             found = None
         store.journal.begin(plan.owner)
         whole = store.repair(warn)
+        options = _Options(jobs, yes, progress, warn, fresh, cluster)
+        beside, changed = _run_beside(plan, directory, options)
         if (further := kind.grown(plan, store)) is not plan:
             plan = further
             failures |= kind.build(plan, workers)
-        if found and whole and _is_complete(found, plan, store):
+        if found and whole and not changed and _is_complete(found, plan, store):
             told = store.read_table(kind.tables[0], ["status", "message"])
             _expect_solved(plan, directory, told.to_pandas())
             return RunReport(directory, found, 0, len(plan.tasks))
@@ -125,6 +128,7 @@ def run_study(
             (directory / name).unlink(missing_ok=True)
         manifest = new_manifest(plan, jobs)
         manifest["timings"] = {"structures_s": prepared_s, **kind.timings(plan, failures)}
+        manifest |= {BESIDE: beside} if beside else {}
         write_manifest(directory, manifest)
         for text in kind.warnings(plan):
             warn(text)
@@ -141,6 +145,45 @@ def run_study(
         manifest["timings"]["reference_s"] = time.perf_counter() - verified
         _finish(plan, store, manifest, workers, started)
     return RunReport(directory, manifest, n_solved, len(plan.tasks) - n_solved)
+
+
+@dataclass(frozen=True)
+class _Options:
+    """How a study is run; see `run_study`."""
+
+    jobs: int
+    yes: bool
+    progress: Progress
+    warn: Warn
+    fresh: bool
+    cluster: Cluster | None
+
+
+def _run_beside(plan: Planned, directory: Path, options: _Options) -> tuple[dict[str, str], bool]:
+    """Run the studies beside one: why some could not be, by their folders; whether any changed.
+
+    A study file or a machine that is at fault ends the run; else the others go on.
+    """
+    failures, changed = {}, False
+    for folder, other in plan.kind.beside(plan).items():
+        own = replace(options, progress=partial(_told_of, options.progress, folder))
+        failures[folder] = ""
+        try:
+            report = run_study(other, directory / folder, **vars(own))
+        except (StudyFileError, MachineError):
+            raise
+        except SquealstudyError as error:
+            failures[folder], changed = str(error), True
+            options.warn(f"{folder}: {error}")
+        else:
+            changed |= report.n_solved > 0
+    return failures, changed
+
+
+def _told_of(
+    progress: Progress, folder: str, stage: str, done: int, total: int, failed: int = 0
+) -> None:
+    progress(f"{folder}: {stage}", done, total, failed)
 
 
 def _is_complete(found: dict[str, Any], plan: Planned, store: Store) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict
@@ -10,11 +11,16 @@ from squealstudy.study.source import shown
 
 
 def _flatten(tables: object) -> object:
-    """Dotted keys of [parameters] as they were written, whether quoted or not."""
-    if not isinstance(tables, dict):
-        return tables
-    flat: dict[str, object] = {}
-    pending = [(str(k), v) for k, v in reversed(tables.items())]
+    return flat_keys(tables) if isinstance(tables, dict) else tables
+
+
+def flat_keys(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Dotted keys of [parameters] as they were written, whether quoted or not.
+
+    ValueError where one is given twice.
+    """
+    flat: dict[str, Any] = {}
+    pending = [(str(k), v) for k, v in reversed([*tables.items()])]
     while pending:
         name, value = pending.pop()
         if isinstance(value, dict):

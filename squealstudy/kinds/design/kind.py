@@ -18,9 +18,18 @@ from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import Columns, ModelKind
 from squealstudy.engine.plan import Plan, has_mesh
-from squealstudy.engine.store import DESIGNS, MARGINS, POINTS, PROOF, SLOPES, Store
+from squealstudy.engine.store import (
+    DESIGNS,
+    MARGINS,
+    POINTS,
+    PROOF,
+    SLOPES,
+    VARIANTS,
+    Store,
+)
+from squealstudy.engine.structures import check_component_modes
 from squealstudy.engine.workers import Solved, Workers
-from squealstudy.errors import ParameterError, SquealstudyError
+from squealstudy.errors import ParameterError, SquealstudyError, StudyFileError
 from squealstudy.kinds.design.loop import Loop
 from squealstudy.kinds.design.plan import DesignPlan, first_plan
 from squealstudy.kinds.design.rows import (
@@ -32,7 +41,8 @@ from squealstudy.kinds.design.rows import (
 )
 from squealstudy.kinds.design.section import DesignStudyDefinition
 from squealstudy.kinds.design.state import Memory
-from squealstudy.kinds.design.study import DesignStudy, design_study
+from squealstudy.kinds.design.study import DesignStudy, of_variant, read_study
+from squealstudy.kinds.design.variants import plans
 from squealstudy.kinds.limit_cycles.designs import MOST, CyclesRequest
 from squealstudy.kinds.sensitivity.parameters import (
     RequestedParameter,
@@ -43,7 +53,7 @@ from squealstudy.kinds.transient.batch import mode_keys
 from squealstudy.kinds.transient.plan_facts import slowest_speed, with_speed
 from squealstudy.models.operating import DAMPING
 from squealstudy.modes.sensitivity.structural import check_structural
-from squealstudy.study.definition import ResolvedStudy, resolve_study
+from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.parameters import parse_parameter
 from squealstudy.study.source import SourceText
@@ -63,12 +73,12 @@ class Design(ModelKind):
     description = "which modes squeal, why, and the least change that silences them"
     section = "goal"
     definition = DesignStudyDefinition
-    tables: tuple[str, ...] = (POINTS, DESIGNS, MARGINS, SLOPES, PROOF)
+    tables: tuple[str, ...] = (POINTS, DESIGNS, MARGINS, SLOPES, PROOF, VARIANTS)
     schema: pa.Schema = SCHEMA
 
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> DesignStudy:
-        """The study with its variables and what scatters."""
-        return design_study(resolve_study(source, tables))
+        """The study with its variables, what scatters, and its variants."""
+        return read_study(source, tables)
 
     def plan(self, study: ResolvedStudy) -> DesignPlan:
         """Today's design; others are asked for once it is solved."""
@@ -88,8 +98,23 @@ class Design(ModelKind):
         cycles = _own(plan).design_study.limit_cycles.model_dump(mode="json")
         return [names, margin, tolerance, cycles, source_hash(SOURCES)]
 
+    def table_identity(self, plan: Plan) -> list[Any]:
+        """The variants as they begin: their files count as the study's own."""
+        return [[folder, other.study_hash] for folder, other in plans(_own(plan)).items()]
+
+    def beside(self, plan: Plan) -> dict[str, Plan]:
+        """The variants."""
+        return dict(plans(_own(plan)))
+
     def check(self, plan: Plan) -> None:
-        """Variables must be held by every basis, and leave the mesh as it is."""
+        """Variables must be held by every basis, and leave the mesh as it is; variants', too."""
+        study = _own(plan).design_study
+        for number, other in enumerate(plans(_own(plan)).values()):
+            try:
+                check_component_modes(other)
+                self.check(other)
+            except StudyFileError as error:
+                raise of_variant(study, number, error) from error
         asked = asked_parameters(_own(plan).design_study)
         try:
             for key, point in plan.structures.items():
@@ -182,7 +207,9 @@ class Design(ModelKind):
         text = f"damping ratio of {margin.damping_ratio:g} at every operating point"
         if margin.probability is not None:
             text += f", with probability {margin.probability:g}"
-        return [("goal", text)]
+        names = [one.name for one in _own(plan).design_study.alternatives]
+        beside = [("variants", f"each searched and proven likewise: {', '.join(names)}")]
+        return [("goal", text), *(beside if names else [])]
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
         """Seconds of one design point, with sensitivities."""

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 
 from squealstudy.kinds.design.plan import MODES, Ask, ask, operating_points
-from squealstudy.kinds.design.proof import Proof
+from squealstudy.kinds.design.proof import LIMIT_CYCLES, Proof
 from squealstudy.kinds.design.search import Box, Judged, descend
 from squealstudy.kinds.design.state import (
     KICK_WINDOW,
     MET,
+    MET_LINEAR,
     NONE_FOUND,
     NOTHING,
     STOPPED,
-    TODAY,
     UNDECIDED,
     UNPROVEN,
     Memory,
@@ -177,8 +177,9 @@ class Loop:
         if state.n_matrix > FEW:
             state.view = sorted(worst[:WORKING])
         if not self.study.variables:
-            state.outcome = TODAY if judged is not None and judged.worst >= 0 else NOTHING
             state.chosen = today
+            good = judged is not None and judged.worst >= 0
+            state.outcome = self._proven(today) if good else NOTHING
             return
         starts = self._starts(worst)
         for number in range(1, ROUNDS + 1):
@@ -189,15 +190,23 @@ class Loop:
                 state.outcome, state.chosen = NONE_FOUND, self._nearest()
                 return
             state.chosen = chosen
-            if Proof(self).passed(chosen):
-                told = all(c.passed for c in state.checks if c.round == number)
-                state.outcome = MET if told else UNDECIDED
+            state.outcome = self._proven(chosen)
+            if state.outcome != UNPROVEN:
                 return
             if len(state.designs) > self._limit():
                 state.outcome = STOPPED
                 return
             starts = self._distinct([*starts, self.change(chosen)])
-        state.outcome = UNPROVEN
+
+    def _proven(self, design: np.ndarray) -> str:
+        """What the proof of a design comes to."""
+        state = self.state
+        if not Proof(self).passed(design):
+            return UNPROVEN
+        checks = [c for c in state.checks if c.round == state.round]
+        if not all(c.passed for c in checks):
+            return UNDECIDED
+        return MET if any(c.kind == LIMIT_CYCLES for c in checks) else MET_LINEAR
 
     def _limit(self) -> int:
         return self.goal.designs + self._scanned()

@@ -25,6 +25,7 @@ LACKING = 1.1  # of what a check finds missing: what the next search is asked fo
 LEAST_LACK = 1e-4  # damping ratio
 SAFER = 1.25  # factor on the scatter that the search allows for where the proof was missed
 CONFIDENCE = 0.95
+LIMIT_CYCLES = "limit_cycles"  # the check
 
 
 class Proof:
@@ -143,7 +144,7 @@ class Proof:
         text = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in verdicts.items())
         if value > 0:
             text += f"; up to {100 * value:.2g} % of critical damping is missing at some amplitude"
-        self._told("limit_cycles", design, asks, known or (None if good else False), value, text)
+        self._told(LIMIT_CYCLES, design, asks, known or (None if good else False), value, text)
         return good
 
     @staticmethod

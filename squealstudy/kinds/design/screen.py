@@ -23,7 +23,7 @@ PER_RANGE = 3  # variables named
 class DesignScreen(KindScreen):
     """Verdict first."""
 
-    tables = ("points", "designs", "margins", "slopes", "proof")
+    tables = ("points", "designs", "margins", "slopes", "proof", "variants")
 
     def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
         """The modes of today's design, most squeal first; there is one order and no choice."""
@@ -42,6 +42,9 @@ class DesignScreen(KindScreen):
         facts = results.manifest["design_study"]
         modes = squealing_modes(results)
         found: list[RenderableType] = [facts["verdict"]]
+        if len(variants := results.table("variants")):
+            found = [f"{facts['choice']} The file's own design: {facts['verdict']}"]
+            found += _variants(variants)
         found += _modes(modes.head(LISTED)) if len(modes) else []
         return [*found, *_checks(results)]
 
@@ -171,6 +174,45 @@ def _modes(table: pd.DataFrame) -> list[RenderableType]:
         "over its whole range at the worst point, where a coalescence bends it"
     )
     return [shown, legend]
+
+
+def _variants(table: pd.DataFrame) -> list[RenderableType]:
+    titles = ("unstable", "damping %", "cost", "damping % then", "Hz")
+    shown = grid(
+        "text:variant",
+        "text:model",
+        "word:outcome",
+        *(f"value:{t}" for t in titles),
+        "text:change",
+        rows=(
+            [
+                str(r["variant"]),
+                str(r["model"]),
+                str(r["outcome"]).replace("_", " "),
+                _share(r["n_unstable"], r["n_operating_points"]),
+                _number(100 * r["today_damping_ratio"], ".3g"),
+                _number(r["cost"], ".4g"),
+                _number(100 * r["min_damping_ratio"], ".3g"),
+                _number(r["frequency_hz"], ".5g"),
+                str(r["change"]) or "none",
+            ]
+            for r in table.to_dict("records")
+        ),
+    )
+    legend = notes(
+        "unstable, damping: operating points with an unstable mode, least damping ratio, as it "
+        "stands; then cost with that of the variant, least damping ratio and its frequency after "
+        "the change; each has results of its own in the folder of its name below variants/"
+    )
+    return [shown, legend]
+
+
+def _share(part: Any, whole: Any) -> str:
+    return "" if pd.isna(whole) else f"{int(part)} of {int(whole)}"
+
+
+def _number(value: float, form: str) -> str:
+    return "" if pd.isna(value) else f"{value:{form}}"
 
 
 def _span(low: float, high: float) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, Strict
 
 from squealstudy.kinds.limit_cycles.section import LimitCyclesDefinition
 from squealstudy.study.design_sections import QUANTITY, SweepSection
-from squealstudy.study.section import Section
+from squealstudy.study.section import Changes, Section
 
 
 def _bounds(ends: tuple[float, ...]) -> tuple[float, ...]:
@@ -39,6 +39,37 @@ class VariableSection(Section):
         gt=0,
         description="of a change over the whole range between the bounds, either way; costs of all "
         "variables add",
+    )
+
+
+def _once(variants: tuple[VariantSection, ...]) -> tuple[VariantSection, ...]:
+    names = [v.name for v in variants]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"expected a name for each variant, '{name}' is given twice")
+    return variants
+
+
+class VariantSection(Section):
+    """A whole alternative: today's design is another one, with the same variables."""
+
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9_-]+$",
+        max_length=100,
+        description="of the folder of its results, too: letters, digits, _ and -",
+    )
+    cost: float = Field(
+        default=0.0, ge=0, description="of choosing it; costs of its changes are added"
+    )
+    description: str = Field(default="", description="free text, copied to its results")
+    model: dict[str, Any] = Field(
+        default={},
+        description="keys of [model] that differ; another name or file stands for the whole table",
+    )
+    parameters: Changes = Field(
+        default={},
+        description="keys of [parameters] that differ",
+        json_schema_extra={"additionalProperties": {"type": ["number", "string", "object"]}},
     )
 
 
@@ -118,6 +149,11 @@ class DesignStudyDefinition(LimitCyclesDefinition):
     uncertain: Annotated[tuple[SweepSection, ...], Strict(False)] = Field(
         default=(),
         description="what scatters about the values in [parameters] (kind = 'design' only)",
+    )
+    variant: Annotated[tuple[VariantSection, ...], Strict(False), AfterValidator(_once)] = Field(
+        default=(),
+        description="whole alternatives, each searched and proven beside the file's own design "
+        "(kind = 'design' only)",
     )
 
 

@@ -13,10 +13,12 @@ from squealstudy.kinds.design.search import Steps
 from squealstudy.kinds.design.study import DesignStudy
 
 Rows = Mapping[Ask, Mapping[str, Any]]
-# all checks passed; some could not be told; the limit of designs; no design meets the margin
-MET, UNDECIDED, STOPPED, NONE_FOUND = "met", "undecided", "stopped", "none_found"
+# all checks passed, with and without a look for limit cycles; some could not be told
+MET, MET_LINEAR, UNDECIDED = "met", "met_linear", "undecided"
+# the limit of designs; no design meets the margin; ten rounds; nothing may change
+STOPPED, NONE_FOUND, UNPROVEN, NOTHING = "stopped", "none_found", "unproven", "no_variables"
+PROVEN = (MET, MET_LINEAR)
 KICK_WINDOW = 0.2  # of its frequency: modes that take on what a kicked one lacks
-UNPROVEN, NOTHING, TODAY = "unproven", "no_variables", "today"
 
 
 class Wanted(Exception):  # noqa: N818 - no error

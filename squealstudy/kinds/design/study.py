@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
-from squealstudy.errors import ParameterError
-from squealstudy.kinds.design.section import DesignStudyDefinition, GoalSection, VariableSection
+from squealstudy.errors import ParameterError, StudyFileError
+from squealstudy.kinds.design.section import (
+    DesignStudyDefinition,
+    GoalSection,
+    VariableSection,
+    VariantSection,
+)
 from squealstudy.kinds.limit_cycles.section import LimitCyclesSection
 from squealstudy.models.operating import IN_TIME_ONLY
-from squealstudy.study.definition import ResolvedStudy
+from squealstudy.study.definition import ResolvedStudy, resolve_study
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.design_sections import DesignSection
 from squealstudy.study.laws import expect_acting
@@ -21,8 +27,10 @@ from squealstudy.study.parameters import (
     check_disjoint,
     parse_parameter,
 )
+from squealstudy.study.section import flat_keys
+from squealstudy.study.source import SourceText
 from squealstudy.study.sweeps import BOUNDARY, Sweep, read_sweep
-from squealstudy.study.toml_text import KeyPath
+from squealstudy.study.toml_text import KeyPath, toml_text
 
 SCATTERS = DesignSection(type="sobol", samples=1)  # what is read as the sweeps of a random design
 
@@ -60,6 +68,23 @@ class Variable:
 
 
 @dataclass(frozen=True)
+class Alternative:
+    """A variant of a study's model with its own study.
+
+    Attributes
+    ----------
+    name : str
+    cost : float
+        Of choosing it.
+    study : DesignStudy
+    """
+
+    name: str
+    cost: float
+    study: DesignStudy
+
+
+@dataclass(frozen=True)
 class DesignStudy(ResolvedStudy):
     """A design study: `sweeps` are those of the operation, of the variables, and what scatters.
 
@@ -68,10 +93,13 @@ class DesignStudy(ResolvedStudy):
     variables : tuple of Variable
     uncertain : tuple of Sweep
         Each with a distribution.
+    alternatives : tuple of Alternative
+        Of its variants.
     """
 
     variables: tuple[Variable, ...] = ()
     uncertain: tuple[Sweep, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
 
     @property
     def goal(self) -> GoalSection:
@@ -91,7 +119,8 @@ class DesignStudy(ResolvedStudy):
     @property
     def operation(self) -> ResolvedStudy:
         """The study of today's design over the matrix of operation alone."""
-        return replace(self, sweeps=self.sweeps[: self.n_operating], variables=(), uncertain=())
+        sweeps = self.sweeps[: self.n_operating]
+        return replace(self, sweeps=sweeps, variables=(), uncertain=(), alternatives=())
 
     @property
     def nominal(self) -> np.ndarray:
@@ -116,8 +145,54 @@ class DesignStudy(ResolvedStudy):
         return "parameters", name
 
 
+def read_study(source: SourceText, tables: Mapping[str, Any]) -> DesignStudy:
+    """The study of a file's tables, with those of its variants.
+
+    Raises
+    ------
+    StudyFileError
+        As `design_study`; a variant of which one of these is said.
+    """
+    found = design_study(resolve_study(source, tables))
+    sections = cast("DesignStudyDefinition", found.definition).variant
+    alternatives = tuple(_alternative(found, i, s, tables) for i, s in enumerate(sections))
+    return replace(found, alternatives=alternatives)
+
+
+def _alternative(
+    study: DesignStudy, number: int, section: VariantSection, tables: Mapping[str, Any]
+) -> Alternative:
+    """The study of a variant: the file with some keys changed, and with no variants."""
+    keys = ("variant", number)
+    if not section.model and not section.parameters:
+        raise study.error(keys, "expected keys of model or parameters that differ, got none")
+    own = {**tables, "study": {**tables["study"], "name": f"{study.name}_{section.name}"}}
+    if section.description:
+        own["study"]["description"] = section.description
+    del own["variant"]
+    other = {"name", "file"} & section.model.keys()
+    own["model"] = {**({} if other else tables["model"]), **section.model}
+    if section.parameters:
+        own["parameters"] = {**flat_keys(tables.get("parameters", {})), **section.parameters}
+    source = SourceText(study.source.path, toml_text(own))
+    try:
+        found = design_study(resolve_study(source, own))
+    except StudyFileError as error:
+        raise of_variant(study, number, error) from error
+    return Alternative(section.name, section.cost, found)
+
+
+def of_variant(study: DesignStudy, number: int, error: StudyFileError) -> StudyFileError:
+    """An error about a variant's study as one of the file; of another file, which it names."""
+    if error.path != study.source.path:
+        return error
+    name = cast("DesignStudyDefinition", study.definition).variant[number].name
+    at = f"{error.key}: " if error.key else ""
+    return study.error(("variant", number), f"variant '{name}': {at}{error.message}")
+
+
 def design_study(study: ResolvedStudy) -> DesignStudy:
-    """The study with its variables and what scatters.
+    """The study with its variables and what scatters, without those of its variants.
 
     Raises
     ------

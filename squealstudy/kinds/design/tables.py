@@ -23,20 +23,20 @@ from squealstudy.engine.rows import (
     tabled,
     with_dtypes,
 )
-from squealstudy.engine.store import DESIGNS, MARGINS, PROOF, SLOPES, Store
+from squealstudy.engine.store import DESIGNS, MARGINS, PROOF, SLOPES, VARIANTS, Store
 from squealstudy.engine.validity import write_points
 from squealstudy.kinds.design.loop import Loop
 from squealstudy.kinds.design.plan import DesignPlan
 from squealstudy.kinds.design.rows import MODE_FIELDS, SCHEMA, SLOPE_FIELDS, SUMMARY_FIELDS
 from squealstudy.kinds.design.state import (
-    MET,
     NONE_FOUND,
     NOTHING,
+    PROVEN,
     STOPPED,
-    TODAY,
     UNDECIDED,
     UNPROVEN,
 )
+from squealstudy.kinds.design.variants import VARIANT_FIELDS, choice, variant_rows
 from squealstudy.wording import plural, setting
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ PROOF_FIELDS = (
 
 
 def build_tables(plan: DesignPlan, store: Store, loop: Loop) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Write the five tables; that of the points, and the verdict for the manifest."""
+    """Write the six tables; that of the points, and the verdict for the manifest."""
     rows = planned_rows(plan, store, SCHEMA)
     numbers = {key: n for n, key in enumerate(loop.state.designs)}
     start = plan.design_study.n_operating
@@ -109,8 +109,12 @@ def build_tables(plan: DesignPlan, store: Store, loop: Loop) -> tuple[pd.DataFra
         for c in loop.state.checks
     ]
     _write(store, PROOF, checks, PROOF_FIELDS)
+    told = facts(plan, loop, designs)
+    variants = variant_rows(plan, store, told)
+    _write(store, VARIANTS, variants, VARIANT_FIELDS)
+    told["choice"] = choice(variants)
     found = tabled(rows, (*OWN_FIELDS, *SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
-    return write_points(plan, store, found), {"design_study": facts(plan, loop, designs)}
+    return write_points(plan, store, found), {"design_study": told}
 
 
 def _write(store: Store, name: str, rows: Sequence[Mapping[str, Any]], fields: Fields) -> None:
@@ -167,6 +171,7 @@ def facts(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]]) ->
     if state.chosen is not None:
         chosen = next(d for d in designs if d["chosen"])
     changes = [] if state.chosen is None else changed(loop, state.chosen)
+    least = (lambda k: None) if chosen is None else chosen.get
     return {
         "outcome": state.outcome,
         "verdict": sentence(plan, loop, designs),
@@ -174,6 +179,11 @@ def facts(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]]) ->
         "chosen": None if chosen is None else int(chosen["design"]),
         "cost": None if chosen is None else float(chosen["cost"]),
         "changes": changes,
+        "change": change_text(changes),
+        "n_unstable": designs[0]["n_unstable"],
+        "today_damping_ratio": designs[0]["min_damping_ratio"],
+        "min_damping_ratio": least("min_damping_ratio"),
+        "frequency_hz": least("frequency_hz"),
         "margin": study.goal.margin.damping_ratio,
         "probability": study.goal.margin.probability,
         "ranges": {v.name: v.range for v in study.variables},
@@ -292,18 +302,16 @@ def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]])
     assert state.chosen is not None
     chosen, margin = state.chosen, goal.margin.damping_ratio
     mode = _mode_text(plan, loop, chosen)
-    if state.outcome == TODAY:
-        return f"{today}; it meets the margin of {margin:g} everywhere: {mode}."
     if state.outcome == NOTHING:
         return f"{today}: {mode}. Nothing may change: the file has no [[variable]]."
     changes = changed(loop, chosen)
     price = loop.box.price(loop.change(chosen))
     change = change_text(changes) or "no change"
     searched = f"{plural(len(designs), 'design')} evaluated"
-    if state.outcome in (MET, UNDECIDED):
+    if state.outcome in (*PROVEN, UNDECIDED):
         text = f"at a cost of {price:.4g} ({change}) every operating point meets the margin"
         text = text if changes else "it meets the margin as it is"
-        proof = "Proof" if state.outcome == MET else "Not all of the proof could be told"
+        proof = "Proof" if state.outcome in PROVEN else "Not all of the proof could be told"
         return f"{today}; {text} of {margin:g}: {mode}. {proof}: {_proof(loop)}. {searched}."
     if state.outcome == NONE_FOUND:
         nearest = change_text(changes) or "today's design"

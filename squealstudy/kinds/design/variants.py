@@ -1,0 +1,114 @@
+"""Variants of a design study, which are studies of their own, set beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from squealstudy.engine.manifest import BESIDE
+from squealstudy.engine.rows import REAL, TEXT, WHOLE
+from squealstudy.engine.store import Store, read_manifest
+from squealstudy.kinds.design.plan import DesignPlan, first_plan
+from squealstudy.kinds.design.state import PROVEN
+from squealstudy.models.components.definition import FileDefinition
+from squealstudy.study.definition import ResolvedStudy
+from squealstudy.wording import plural
+
+FOLDER = "variants"
+AS_IN_FILE, FAILED = "as in the file", "failed"
+VARIANT_FIELDS = (
+    ("variant", TEXT),
+    ("model", TEXT),
+    ("outcome", TEXT),
+    ("n_operating_points", WHOLE),
+    ("n_unstable", WHOLE),
+    ("today_damping_ratio", REAL),
+    ("min_damping_ratio", REAL),
+    ("frequency_hz", REAL),
+    ("change", TEXT),
+    ("change_cost", REAL),
+    ("cost", REAL),
+    ("n_designs", WHOLE),
+    ("folder", TEXT),
+    ("text", TEXT),
+)
+OF_FACTS = VARIANT_FIELDS[3:8]  # that the facts of a study have under the same names
+
+
+def plans(plan: DesignPlan) -> dict[str, DesignPlan]:
+    """What is solved for each variant, by the folder of its results."""
+    return {f"{FOLDER}/{one.name}": first_plan(one.study) for one in plan.design_study.alternatives}
+
+
+def variant_rows(plan: DesignPlan, store: Store, facts: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The file's own design and every variant, a row each; none where there are no variants."""
+    study = plan.design_study
+    if not study.alternatives:
+        return []
+    rows = [_row(AS_IN_FILE, study, 0.0, "", facts, "")]
+    reasons = (read_manifest(store.directory) or {}).get(BESIDE, {})
+    for one in study.alternatives:
+        folder = f"{FOLDER}/{one.name}"
+        manifest = {} if reasons.get(folder) else read_manifest(store.directory / folder) or {}
+        found = manifest.get("design_study")
+        rows.append(
+            _row(one.name, one.study, one.cost, folder, found, str(reasons.get(folder, "")))
+        )
+    return rows
+
+
+def _row(
+    name: str,
+    study: ResolvedStudy,
+    cost: float,
+    folder: str,
+    facts: Mapping[str, Any] | None,
+    reason: str,
+) -> dict[str, Any]:
+    model = study.model
+    head = {
+        "variant": name,
+        "model": study.definition.model.file if isinstance(model, FileDefinition) else model.name,
+        "folder": folder,
+    }
+    if facts is None:
+        text = reason or "it has no results"
+        return {**dict.fromkeys(n for n, _ in VARIANT_FIELDS), **head, "outcome": FAILED} | {
+            "text": text,
+            "change": "",
+        }
+    own = facts["cost"]
+    return {
+        **head,
+        **{key: facts[key] for key, _ in OF_FACTS},
+        "outcome": facts["outcome"],
+        "change": facts["change"],
+        "change_cost": own,
+        "cost": None if own is None else cost + own,
+        "n_designs": facts["n_designs"],
+        "text": facts["verdict"],
+    }
+
+
+def cheapest(rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+    """Of those whose proof succeeded the one of least cost, the first where several have it."""
+    proven = [r for r in rows if r["outcome"] in PROVEN]
+    return min(proven, key=lambda r: r["cost"], default=None)
+
+
+def choice(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Which alternative costs least, in a sentence; empty where there are no variants."""
+    if not rows:
+        return ""
+    best = cheapest(rows)
+    proven = sum(r["outcome"] in PROVEN for r in rows)
+    counted = f"{proven} of {plural(len(rows), 'alternative')} proven"
+    if best is None:
+        return f"{counted}: none of the file's own design and its variants can be chosen."
+    name = "the file's own design" if best["variant"] == AS_IN_FILE else f"'{best['variant']}'"
+    how = best["change"] or "no change"
+    unlooked = "" if best["outcome"] == PROVEN[0] else ", limit cycles not looked for"
+    return (
+        f"{counted}{unlooked}: least cost {best['cost']:.4g} has {name} ({how}), with a least "
+        f"damping ratio of {best['min_damping_ratio']:.4g}."
+    )
