@@ -671,7 +671,7 @@ def test_schema_names_every_table_and_model():
     assert schema["$schema"].startswith("https://json-schema.org/")
     tables = {"study", "model", "parameters", "sweep", "design", "modes", "reduction"}
     tables |= {"transient", "sensitivity", "fidelity", "limit_cycles"}
-    tables |= {"goal", "variable", "uncertain"}
+    tables |= {"goal", "variable", "uncertain", "variant"}
     assert schema["properties"].keys() == tables
     model = schema["$defs"]["ModelSection"]["properties"]
     known = ["belt", "disc_brake", "hoffmann", "hulten", "matrices", "components"]

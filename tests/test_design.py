@@ -101,7 +101,7 @@ def _searched(study: DesignStudy, damping: Damping) -> tuple[Loop, int]:
             mu, x1, x2 = asked.values
             zeta, hz = damping(np.array(x1), np.array(x2), mu)
             by = [
-                (damping(np.array(a), np.array(b), mu) - damping(np.array(c), np.array(d), mu))[0]
+                (damping(np.array(a), np.array(b), mu) - damping(np.array(c), np.array(d), mu))
                 / (2 * h)
                 for a, b, c, d in ((x1 + h, x2, x1 - h, x2), (x1, x2 + h, x1, x2 - h))
             ]
@@ -111,8 +111,13 @@ def _searched(study: DesignStudy, damping: Damping) -> tuple[Loop, int]:
                     "damping_ratio": z,
                     "frequency_hz": f,
                     "slopes": [
-                        {"parameter": "frequency_1", "d_damping_ratio": by[0][k]},
-                        {"parameter": "frequency_2", "d_damping_ratio": by[1][k]},
+                        {
+                            "parameter": v.name,
+                            "d_damping_ratio": dz[k],
+                            "d_frequency_hz": df[k],
+                            "d_growth_rate": -2 * np.pi * (dz[k] * f + z * df[k]),
+                        }
+                        for v, (dz, df) in zip(study.variables, by, strict=True)
                     ],
                 }
                 for k, (z, f) in enumerate(zip(zeta, hz, strict=True))
@@ -166,6 +171,36 @@ def test_least_cost_against_exhaustive_search(
     assert zeta.min() >= MARGIN
     active = (zeta < MARGIN + 2e-4).any(axis=0)
     assert active.sum() == 2
+
+
+def test_targets_lead_to_what_can_be_built(tmp_path: Path) -> None:
+    """A frequency scale of a part, and the stiffness that moves the same frequency."""
+    text = TWO_VARIABLES.format(first=[-0.3, 0.3], second=[-40, 40], costs=(1.0, 2.0))
+    text = text.replace('"frequency_1"', '"mass.modes[1].frequency_scale"')
+    text = text.replace('"frequency_2"', '"frequency_1"')
+    study = _study(text, tmp_path)
+    today = study.nominal[1]
+
+    def damping(scale: np.ndarray, w: np.ndarray, mu: float) -> np.ndarray:
+        return _pair(np.asarray(scale) * w, np.full(np.shape(w), today + 1.0), mu, 0.005)
+
+    loop, _ = _searched(study, damping)
+    found, chosen = loop.state.realisation, loop.state.chosen
+    assert found is not None
+    assert found.enough
+    assert found.target[1] == today
+    assert found.target[0] != 1.0
+    # to first order the frequency is as well moved by one as by the other
+    assert found.begun[1] == pytest.approx(today * found.target[0], rel=1e-6)
+    assert found.begun[0] == 1.0
+    assert found.matched == pytest.approx(1.0, abs=1e-5)
+    assert loop.state.outcome == MET_LINEAR
+    assert chosen[0] == 1.0
+    assert chosen[1] != today
+    for x in (found.target, chosen):
+        assert min(damping(*map(np.array, x), mu)[0].min() for mu in FRICTION) >= MARGIN
+    first = next(x for k, x in loop.state.designs.items() if loop.state.roles[k][0] == "search 1")
+    assert np.array_equal(first, found.begun)
 
 
 # -- whole studies -----------------------------------------------------------------------------
@@ -300,6 +335,32 @@ def test_nothing_in_the_bounds_is_enough(tmp_path: Path) -> None:
     assert nearest["min_damping_ratio"] == pytest.approx(_least_damping(damping_ratio=0.02))
 
 
+def test_what_nobody_can_build_is_not_chosen(tmp_path: Path) -> None:
+    text = _hoffmann("stiffness_damping", "[0.0, 4e-4]")
+    targets = "".join(
+        f'[[variable]]\nparameter = "modes[{k}].damping_ratio"\nbounds = [0.0, 0.2]\n'
+        for k in (1, 2)
+    )
+    ratios = "".join(f'"modes[{k}].damping_ratio" = 0.01\n' for k in (1, 2))
+    text = text.replace("[[sweep]]", ratios + "[[sweep]]").replace("[goal]", targets + "[goal]")
+    results = _run(text, tmp_path)
+    facts = results.manifest["design_study"]
+    assert facts["outcome"] == "met_linear"
+    chosen = results.table("designs").query("chosen").iloc[0]
+    assert chosen["modes[1].damping_ratio"] == chosen["modes[2].damping_ratio"] == 0.01
+    least = _least_damping(stiffness_damping=chosen["stiffness_damping"])
+    assert least == pytest.approx(chosen["min_damping_ratio"])
+    assert least >= 0.002
+    targets = results.table("designs")
+    targets = targets[targets["role"].str.startswith("target").to_numpy(bool)]
+    assert (targets["stiffness_damping"] == 0.0).all()
+    told = facts["targets"]
+    assert told["enough"]
+    assert told["nearest"].startswith("stiffness_damping 0 -> ")
+    assert f"which nobody can build, {told['change']} would be enough" in facts["verdict"]
+    assert f"with {100 * told['matched']:.3g} % of their first-order effect" in facts["verdict"]
+
+
 def test_scatter_is_proven_by_samples(tmp_path: Path) -> None:
     more = ", probability = 0.9"
     text = _hoffmann("stiffness_damping", "[0.0, 4e-4]", margin=0.001, more=more)
@@ -354,6 +415,36 @@ def test_a_margin_above_what_modes_have_uncoupled_is_warned_of(tmp_path: Path) -
         ('"k1"', '"alpha1"\ncost = 0.0', "variable[1].cost", "more than 0"),
         ("[goal]", '[[variant]]\nname = "a"\n[goal]', "variant[1]", "that differ, got none"),
         (
+            "[[variable]]",
+            "[parameters.k1.table]\nnormal_force = [1e2, 1e3]\nk1 = [1e6, 2e6]\n[[variable]]",
+            "variable[1].parameter",
+            "'k1' follows a table",
+        ),
+        (
+            "[[variable]]",
+            "[parameters.k2.table]\nk1 = [1e5, 3e6]\nk2 = [1e6, 2e6]\n[[variable]]",
+            "variable[1].parameter",
+            "'k2' follows 'k1' by a table",
+        ),
+        (
+            "[goal]",
+            "[goal]\noccurrence = {friction = [1, 2, 3]}",
+            "goal.occurrence.friction",
+            "a weight for each of 2 values, got 3",
+        ),
+        (
+            "[goal]",
+            "[goal]\noccurrence = {frictio = [1, 2]}",
+            "goal.occurrence.frictio",
+            "is not swept; did you mean 'friction'?",
+        ),
+        (
+            "[goal]",
+            "[goal]\noccurrence = {friction = [1, -2]}",
+            "goal.occurrence.friction",
+            "at least 0, one of them above it",
+        ),
+        (
             "[goal]",
             '[[variant]]\nname = "a"\nparameters.k9 = 1.0\n[goal]',
             "variant[1]",
@@ -391,6 +482,50 @@ def test_bounds_with_units_are_differences(tmp_path: Path) -> None:
     path.write_text(_hoffmann("k1", '["-2 N/mm", "+3 N/mm"]'))
     (variable,) = sq.read_study(path).resolved.variables
     assert (variable.low, variable.high) == (-2e3, 3e3)
+
+
+def test_a_variant_has_tables_that_are_followed(tmp_path: Path) -> None:
+    table = "[parameters.k2.table]\nnormal_force = [100, 1e3]\nk2 = [1e6, {k2}]\n"
+    text = _hoffmann("damping_ratio", "[0.0, 0.2]").replace(
+        "[[sweep]]", table.format(k2=2e6) + "[[sweep]]"
+    )
+    own = table.format(k2=3e6).replace("[parameters", "[variant.parameters")
+    text += f'[[variant]]\nname = "stiff"\n{own}[[variant]]\nname = "fixed"\nparameters.k2 = 5e6\n'
+    study = _study(text, tmp_path)
+    force = study.values["normal_force"]
+    for found, end in ((study, 2e6), (study.alternatives[0].study, 3e6)):
+        expected = 1e6 + (force - 100) / 900 * (end - 1e6)
+        assert found.values["k2"] == pytest.approx(expected)
+    assert study.alternatives[1].study.values["k2"] == 5e6
+    again = sq.read_study(_written(study.alternatives[0].study, tmp_path)).resolved
+    assert again.values == study.alternatives[0].study.values
+
+
+def _written(study: DesignStudy, folder: Path) -> Path:
+    path = folder / "again.toml"
+    path.write_text(study.source.text)
+    return path
+
+
+# -- how often operating points occur ----------------------------------------------------------
+def test_shares_count_by_occurrence(tmp_path: Path) -> None:
+    text = _hoffmann("damping_ratio", "[0.0, 0.2]", margin=0.002)
+    pressures = '[[sweep]]\nparameter = "normal_force"\nvalues = [10.0, 20.0, 30.0]\n[[variable]]'
+    text = text.replace("[[variable]]", pressures).replace("[0.5, 0.8]", "[0.2, 0.8]")
+    weights = "occurrence = {friction = [1, 4], normal_force = [0.0, 1, 2]}\nscan = 0"
+    results = _run(text.replace("scan = 0", weights), tmp_path)
+    today = results.points[(results.points["design"] == 0).to_numpy(bool)]
+    expected = today["friction"].map({0.2: 1, 0.8: 4}) * (today["normal_force"] / 10 - 1) / 15
+    assert today["occurrence"].tolist() == pytest.approx(expected.tolist())
+    assert today["occurrence"].sum() == pytest.approx(1.0)
+    unstable = (today["n_unstable"] > 0).to_numpy(bool)
+    assert unstable.sum() == 3  # all of friction 0.8
+    first = results.table("designs").iloc[0]
+    assert first["unstable_share"] == pytest.approx(0.8)
+    assert results.table("designs").query("chosen").iloc[0]["unstable_share"] == 0.0
+    facts = results.manifest["design_study"]
+    assert "unstable mode at 3 of 6 operating points, 80 % of the operation" in facts["verdict"]
+    assert results.rank().iloc[0]["share"] == pytest.approx(0.8)
 
 
 # -- variants ------------------------------------------------------------------------------------

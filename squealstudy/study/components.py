@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from squealstudy.errors import ConvergenceError, ModelError, ParameterError, StudyFileError
+from squealstudy.errors import ConvergenceError, ModelError, StudyFileError
 from squealstudy.laws import ContactLaw
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import (
@@ -19,33 +18,20 @@ from squealstudy.models.components.bodies import (
     read_files,
 )
 from squealstudy.models.components.definition import DESCRIPTION, NAME, FileDefinition
-from squealstudy.models.components.file_tables import ParameterTable
 from squealstudy.models.components.model_file import (
-    NOT_NEGATIVE,
-    POSITIVE,
     KeyPath,
     ModelFile,
-    Numbers,
     PlacedError,
-    dimension_of,
-    kind_of,
 )
 from squealstudy.models.operating import (
     ASSUMPTIONS,
     CONTACT_OPTION,
-    DAMPING,
-    FRICTION,
     FRICTION_OPTION,
     PRESSURE,
-    SLIDING_SPEED,
-    STIFFNESS_DAMPING,
     OperatingPoint,
-    contact_parameters,
-    friction_parameters,
 )
-from squealstudy.models.parameter import Declared
-from squealstudy.parameter import Parameter
-from squealstudy.study.family import TAKEN
+from squealstudy.study.added_parts import AddedPart, with_parts
+from squealstudy.study.file_parameters import file_parameters, file_places
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText, validate
@@ -55,7 +41,6 @@ from squealstudy.study.stresses import (
     stressed_point,
     with_stresses,
 )
-from squealstudy.study.units import Unit, in_unit_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -63,8 +48,6 @@ if TYPE_CHECKING:
 
     from squealstudy.models.components.geometry import Geometry
     from squealstudy.models.components.inspection import Inspection
-
-OPERATING = (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING, STIFFNESS_DAMPING)
 
 
 def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefinition:
@@ -86,18 +69,21 @@ def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefini
         raise source.error(("model", "file"), f"there is no file {path}")
     for name in definition.model.family_keys:
         raise source.error(("model", name), f"unknown key of a model of a file: '{name}'")
-    return read_model(path)
+    return read_model(path, definition.added_parts(source))
 
 
-def read_model(path: Path) -> FileDefinition:
-    """The model of a model file; StudyFileError about what is wrong with it."""
+def read_model(path: Path, parts: Sequence[AddedPart] = ()) -> FileDefinition:
+    """The model of a model file with what a study adds; StudyFileError about what is wrong."""
     source = SourceText.read(path)
     file = validate(ModelFile, source, source.tables)
     digests = _digests(file, source)
-    brake = Brake(path, file, hashlib.sha256("".join(digests).encode()).hexdigest())
-    places = _places(file, source)
-    declared = _declared(file, source, places)
-    build = _Build(source, brake, digests, places, stressed_point(file), law_defaults(declared))
+    file, added = with_parts(file, parts)
+    own = (*digests, *(part.identity for part in parts))
+    brake = Brake(path, file, hashlib.sha256("".join(own).encode()).hexdigest())
+    places = file_places(file, source)
+    declared = file_parameters(file, source, places)
+    stressed, laws = stressed_point(file), law_defaults(declared)
+    build = _Build(source, brake, digests, places, stressed, laws, added)
     return FileDefinition(
         name=NAME,
         description=file.description or DESCRIPTION,
@@ -109,7 +95,7 @@ def read_model(path: Path) -> FileDefinition:
         torque_unit="N m",
         effective_radius=build.effective_radius,
         path=str(path.resolve()),
-        files=digests,
+        files=own,
     )
 
 
@@ -180,6 +166,8 @@ class _Build:
         Whose stresses stiffen what vibrates; None where none do.
     law_values : dict of str -> float
         Defaults of the parameters of contact laws.
+    added : dict of key -> AddedPart
+        What a study adds, by its place in the file.
     """
 
     source: SourceText
@@ -188,6 +176,7 @@ class _Build:
     places: Mapping[str, tuple[KeyPath, ...]]
     stressed: OperatingPoint | None
     law_values: Mapping[str, float]
+    added: Mapping[KeyPath, AddedPart] = field(default_factory=dict)
 
     def effective_radius(
         self,
@@ -221,6 +210,8 @@ class _Build:
         try:
             found = build_assembly(self.brake, law, given)
         except PlacedError as error:
+            if part := self.added.get(error.keys[:2]):
+                raise part.error(error.message + did_you_mean(error.word, error.known)) from error
             raise placed(error, self.source) from error
         if self.stressed is None:
             return found
@@ -268,133 +259,3 @@ def _digest(path: Path) -> str:
         with path.open("rb") as handle:
             _known[path] = seen, hashlib.file_digest(handle, "sha256").hexdigest()
     return _known[path][1]
-
-
-# -- parameters ----------------------------------------------------------------------------------
-def _places(file: ModelFile, source: SourceText) -> dict[str, tuple[KeyPath, ...]]:
-    """Where each parameter stands that points into the file."""
-    found: dict[str, tuple[KeyPath, ...]] = {}
-    owner: dict[KeyPath, str] = {}
-    for name, table in file.parameters.items():
-        places = []
-        for path in table.paths:
-            try:
-                keys = file.located(path)
-            except ModelError as error:
-                raise source.error(("parameters", name, "path"), str(error)) from None
-            if owner.setdefault(keys, name) != name:
-                text = f"'{path}' is the parameter '{owner[keys]}' already"
-                raise source.error(("parameters", name, "path"), text)
-            places.append(keys)
-        if places:
-            found[name] = tuple(places)
-    return found
-
-
-def _declared(
-    file: ModelFile, source: SourceText, places: Mapping[str, tuple[KeyPath, ...]]
-) -> Declared:
-    """Parameters of the operating point, with the file's defaults, and those of the file."""
-    operating = {p.name: p for p in (*OPERATING, *friction_parameters(), *contact_parameters())}
-    own = []
-    for name, table in file.parameters.items():
-        keys = ("parameters", name)
-        if name in operating:
-            operating[name] = _changed(operating[name], table, source, keys)
-        elif name in TAKEN or "[" in name:
-            raise source.error(keys, f"'{name}' has another meaning in tables: choose another name")
-        elif name not in places:
-            hint = did_you_mean(name, operating) or "; or one of the operating point"
-            raise source.error(keys, f'expected path = "..." of the number that it is{hint}')
-        else:
-            own.append(_parameter(name, table, file, source, places[name]))
-    first = [operating[p.name] for p in OPERATING]
-    changed = [operating[name] for name in file.parameters if name in operating]
-    return (*first, *changed, friction_parameters, contact_parameters, *own)
-
-
-def _changed(
-    parameter: Parameter, table: ParameterTable, source: SourceText, keys: KeyPath
-) -> Parameter:
-    """A parameter of the operating point with another default, SI units."""
-    if table.paths:
-        raise source.error(keys, "it belongs to the operating point: expected no path")
-    if table.default is None:
-        raise source.error(keys, "expected default = NUMBER")
-    factor = 1.0 if table.unit is None else _size(table.unit, parameter.unit, source, keys)
-    default = _default(table, factor, parameter.unit, source, keys)
-    try:
-        return replace(parameter, default=parameter.check(default))
-    except ParameterError as error:
-        raise source.error((*keys, "default"), error.message) from None
-
-
-def _size(unit: str, own: str, source: SourceText, keys: KeyPath) -> float:
-    """Size of a unit in that of a parameter, `own`; StudyFileError for one of something else."""
-    if unit == own:  # some are known to no table of units, such as Pa/m^n
-        return 1.0
-    with contextlib.suppress(KeyError):
-        given, wanted = Unit.named(unit), Unit.named(own or "1")
-        if given.powers == wanted.powers:
-            return float(given.size / wanted.size)
-    expected = f"a unit like '{own}'" if own else "no unit"
-    raise source.error((*keys, "unit"), f"expected {expected}, got '{unit}'")
-
-
-def _default(
-    table: ParameterTable, factor: float, own: str, source: SourceText, keys: KeyPath
-) -> float:
-    """The default in a parameter's own unit, of a bare number by the factor of its unit."""
-    if not isinstance(table.default, str):
-        assert table.default is not None
-        return factor * table.default
-    if table.unit is not None:
-        raise source.error((*keys, "unit"), f"the default has its own unit: '{table.default}'")
-    try:
-        return in_unit_of(table.default, own)
-    except ValueError as error:
-        raise source.error((*keys, "default"), f"{keys[-1]} {error}") from None
-
-
-def _parameter(
-    name: str,
-    table: ParameterTable,
-    file: ModelFile,
-    source: SourceText,
-    places: tuple[KeyPath, ...],
-) -> Parameter:
-    """A parameter that stands in the file, SI units."""
-    keys = ("parameters", name)
-    dimension = dimension_of(places[0])
-    for path, other in zip(table.paths[1:], places[1:], strict=True):
-        if dimension_of(other) != dimension:
-            message = f"'{path}' has another unit than '{table.paths[0]}'"
-            raise source.error((*keys, "path"), message)
-    factor = dimension.factor(file.units)
-    if table.unit is not None:
-        factor = _size(table.unit, dimension.unit, source, keys)
-    if table.default is not None:
-        default = _default(table, factor, dimension.unit, source, keys)
-    elif file.at(places[0]) is None or isinstance(file.at(places[0]), str):
-        raise source.error(keys, "expected default = NUMBER: it is not in this file, but in a mesh")
-    else:
-        default = Numbers(file, {}).at(*places[0])
-    kind = kind_of(places[0])
-    what = table.description or " and ".join(table.paths)
-    ratio = kind == "nu" and not isinstance(places[0][-1], int)
-    parameter = Parameter(
-        name,
-        default,
-        dimension.unit,
-        what,
-        positive=kind in POSITIVE,
-        minimum=0.0 if kind in NOT_NEGATIVE else -float("inf"),
-        above=-1.0 if ratio else -float("inf"),
-        below=0.5 if ratio else float("inf"),
-        structural=True,
-    )
-    try:
-        parameter.check(default)
-    except Exception as error:
-        raise source.error((*keys, "default"), getattr(error, "message", str(error))) from None
-    return parameter

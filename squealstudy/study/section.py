@@ -10,7 +10,8 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from squealstudy.study.source import shown
 
 
-def _flatten(tables: object) -> object:
+def flatten(tables: object) -> object:
+    """As `flat_keys`, of tables; anything else as it is."""
     return flat_keys(tables) if isinstance(tables, dict) else tables
 
 
@@ -51,8 +52,8 @@ FloatList = Annotated[tuple[float, ...], Strict(False)]
 Band = Annotated[
     tuple[float, float], Strict(False), BeforeValidator(_two), AfterValidator(_ascending)
 ]
-NumberTable = Annotated[dict[str, float], BeforeValidator(_flatten)]
-Changes = Annotated[dict[str, Any], BeforeValidator(_flatten)]  # dotted keys of a study file
+NumberTable = Annotated[dict[str, float], BeforeValidator(flatten)]
+Changes = Annotated[dict[str, Any], BeforeValidator(flatten)]  # dotted keys of a study file
 
 
 class Section(BaseModel):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, model_validator
 
@@ -13,7 +13,10 @@ from squealstudy.modes.rungs import AUTO, rung_names
 from squealstudy.study.design_sections import MOST_LEVELS, DesignSection, SweepSection
 from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.section import Band, NamedSection, NumberTable, Section
-from squealstudy.study.source import shown
+from squealstudy.study.source import SourceText, shown
+
+if TYPE_CHECKING:  # it imports models
+    from squealstudy.study.added_parts import AddedPart
 
 OF_FILE = "components"  # name of a model that a file describes
 # Hz; of other models the field's default
@@ -292,6 +295,10 @@ class StudyDefinition(Section):
         description="how accurate results must be: settings that are left out are then chosen "
         "(complex_modes and transient)",
     )
+
+    def added_parts(self, source: SourceText) -> tuple[AddedPart, ...]:
+        """What the study adds to its model file; of most kinds nothing."""
+        return ()
 
     @model_validator(mode="before")
     @classmethod

@@ -36,7 +36,6 @@ from squealstudy.kinds.design.rows import (
     SCHEMA,
     DesignRequest,
     design_row,
-    structure_of,
     uncoupled_modes,
 )
 from squealstudy.kinds.design.section import DesignStudyDefinition
@@ -46,6 +45,7 @@ from squealstudy.kinds.design.variants import plans
 from squealstudy.kinds.limit_cycles.designs import MOST, CyclesRequest
 from squealstudy.kinds.sensitivity.parameters import (
     RequestedParameter,
+    design_structure,
     state_parameters,
     structural_names,
 )
@@ -124,7 +124,8 @@ class Design(ModelKind):
                     for parameter in state_parameters(asked, component_frequencies(model)):
                         parameter.value(point.state())
             if names := structural_names(asked):
-                check_structural(structure_of(plan.tasks[0], plan.settings), names)
+                structure = design_structure(plan.tasks[0], plan.settings, sizes(study))
+                check_structural(structure, names)
         except ParameterError as error:
             raise plan.error(error.key, error.message) from None
 
@@ -257,7 +258,13 @@ def request(plan: Plan) -> DesignRequest:
             band_hz=plan.band_hz,
             tolerance=modes.stability_tolerance,
         ),
+        sizes=sizes(_own(plan).design_study),
     )
+
+
+def sizes(study: DesignStudy) -> dict[str, float]:
+    """Ranges of the structural variables."""
+    return {v.name: v.range for v in study.variables if v.parameter.structural}
 
 
 def cyclic(plan: Plan) -> bool:

@@ -32,6 +32,7 @@ from squealstudy.kinds.design.state import (
     seen_of,
 )
 from squealstudy.kinds.design.study import DesignStudy
+from squealstudy.kinds.design.targets import Realisation, is_target, nearest, part_of
 
 SCANNED = 16  # designs a variable, where a variable costs no reduction
 MOST_CORNERS = 6  # variables of a box whose corners are in the scan
@@ -84,6 +85,9 @@ class Loop:
             high=np.array([v.high for v in study.variables]) / ranges,
             cost=np.array([v.cost for v in study.variables], dtype=float),
         )
+        self.targets = np.array([is_target(v.parameter) for v in study.variables], dtype=bool)
+        self.both = bool(self.targets.any() and not self.targets.all())
+        self.whole, self.kept = self.box, np.ones(len(ranges), dtype=bool)
         self.margin = self.goal.margin.damping_ratio
         self.sigmas = {
             s.name: float(np.ptp(s.distribution.quantiles(np.array([0.1587, 0.8413]))) / 2)
@@ -181,10 +185,10 @@ class Loop:
             good = judged is not None and judged.worst >= 0
             state.outcome = self._proven(today) if good else NOTHING
             return
-        starts = self._starts(worst)
+        starts = self._realised(worst) if self.both else self._starts(worst)
         for number in range(1, ROUNDS + 1):
             state.round = number
-            starts = self._search(starts)
+            starts = self._search(starts, "search")
             chosen = self._cheapest()
             if chosen is None:
                 state.outcome, state.chosen = NONE_FOUND, self._nearest()
@@ -208,14 +212,35 @@ class Loop:
             return UNDECIDED
         return MET if any(c.kind == LIMIT_CYCLES for c in checks) else MET_LINEAR
 
+    def _realised(self, worst: Sequence[int]) -> list[np.ndarray]:
+        """Starts among what can be built: nearest to the best targets first."""
+        today = self.study.nominal
+        self._move(self.targets)
+        self._search(self._starts(worst), "target")
+        found = self._cheapest()
+        target = self._nearest() if found is None else found
+        self._move(~self.targets)
+        rows = [self.rows[self.ask(p, today)] for p in self.state.view]
+        names = [v.name for v in self.study.variables]
+        z, matched = nearest(rows, names, self.ranges, self.change(target), self.box)
+        begun = self.values(z)
+        self.state.realisation = Realisation(target, found is not None, begun, matched)
+        return self._distinct([self.change(begun), *self._starts(worst)])
+
+    def _move(self, kept: np.ndarray) -> None:
+        """Search over some of the variables (d,) from here on; the others stay as today."""
+        self.kept, self.box = kept, part_of(self.whole, kept)
+
     def _limit(self) -> int:
-        return self.goal.designs + self._scanned()
+        first = self.both and bool(self.kept[self.targets].all())  # the others need designs, too
+        return self.goal.designs // (2 if first else 1) + self._scanned()
 
     def _scanned(self) -> int:
         if self.goal.scan is not None:
             return self.goal.scan
-        costly = self.reduced and any(v.parameter.structural for v in self.study.variables)
-        return 0 if costly else SCANNED * len(self.study.variables)
+        moved = [v for v, kept in zip(self.study.variables, self.kept, strict=True) if kept]
+        costly = self.reduced and any(v.parameter.structural for v in moved)
+        return 0 if costly else SCANNED * len(moved)
 
     def by_margin(self, design: np.ndarray, points: Iterable[int]) -> list[int]:
         """Points by what a design has there, least first; those that failed come first."""
@@ -264,7 +289,7 @@ class Loop:
         if d > MOST_CORNERS:
             return np.zeros((0, d))
         ends = np.column_stack([self.box.low, self.box.high])
-        found = np.array(list(itertools.product(*ends)))
+        found = np.unique(np.array(list(itertools.product(*ends))), axis=0)
         return found[np.abs(found).max(axis=1) > 0]
 
     def _distinct(self, designs: Iterable[np.ndarray]) -> list[np.ndarray]:
@@ -275,7 +300,7 @@ class Loop:
                 kept.append(z)
         return kept[: self.goal.starts]
 
-    def _search(self, starts: Sequence[np.ndarray]) -> list[np.ndarray]:
+    def _search(self, starts: Sequence[np.ndarray], role: str) -> list[np.ndarray]:
         """Where the searches from all starts end; raises where rows are missing."""
         ends, most = [], self._limit()
         for number, start in enumerate(starts, start=1):
@@ -288,7 +313,7 @@ class Loop:
                         if len(self.state.designs) >= most:
                             ends.append(asked)
                             break
-                        self.note(design, f"search {number}")
+                        self.note(design, f"{role} {number}")
                     judged = self.judged(design, self.state.view)
                     if self._lacks(design):
                         break
@@ -303,8 +328,10 @@ class Loop:
         return any(self.ask(p, design) not in self.rows for p in self.state.view)
 
     def _evaluated(self) -> list[tuple[np.ndarray, Judged]]:
-        """Designs that are known at all points in view."""
-        known = ((x, self.judged(x, self.state.view, False)) for x in self.state.designs.values())
+        """Designs of the variables that move which are known at all points in view."""
+        fixed = self.study.nominal[~self.kept]
+        own = [x for x in self.state.designs.values() if np.array_equal(x[~self.kept], fixed)]
+        known = ((x, self.judged(x, self.state.view, False)) for x in own)
         return [(x, judged) for x, judged in known if judged is not None]
 
     def _cheapest(self) -> np.ndarray | None:

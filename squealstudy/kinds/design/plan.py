@@ -11,12 +11,14 @@ import numpy as np
 from squealstudy.engine.design_points import DesignPoints, DesignValues, PlannedNames
 from squealstudy.engine.keys import ID_TYPE, content_hash
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.shared_range import SharedRange, shared_range
 from squealstudy.errors import StudyFileError
 from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import design_points
 
 MODES, ROOTS, CYCLES, FULL = "modes", "roots", "cycles", "full_order"
+MANY = 1_000_000  # structures: a search may ask for as many
 STAGES = (MODES, ROOTS, CYCLES, FULL)  # with sensitivities, without, limit cycles, unreduced
 
 
@@ -119,6 +121,17 @@ class DesignPlan(Plan):
             self._values,
             StageNames(self._values, stages, self.structure_key, self._model_hash),
         )
+
+    @cached_property
+    def shared_range(self) -> SharedRange | None:
+        """Over which structures have one basis, whatever has been asked for so far."""
+        study = self.design_study
+        swept = [*study.sweeps[study.n_operating :]]
+        if any(s.parameter.structural for s in swept):
+            return shared_range(study, MANY)
+        matrix = operating_points(study)
+        own = [k for k, s in enumerate(study.operation.sweeps) if s.parameter.structural]
+        return shared_range(study, len(np.unique(matrix[:, own], axis=0)) if own else 1)
 
     @property
     def grid_shape(self) -> None:

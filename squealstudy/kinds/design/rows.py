@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -36,6 +35,7 @@ from squealstudy.kinds.limit_cycles.designs import CyclesRequest
 from squealstudy.kinds.limit_cycles.kind import cycles_row
 from squealstudy.kinds.sensitivity.parameters import (
     RequestedParameter,
+    design_structure,
     state_parameters,
     structural_names,
 )
@@ -43,7 +43,7 @@ from squealstudy.modes.point import band_modes, linearised_point
 from squealstudy.modes.sensitivity.mode_family import mode_family
 from squealstudy.modes.sensitivity.mode_sensitivities import figure_slopes, figures
 from squealstudy.modes.sensitivity.reduced import ChosenModes, point_sensitivities
-from squealstudy.modes.sensitivity.structural import StructureBuilder, structural_sensitivities
+from squealstudy.modes.sensitivity.structural import structural_sensitivities
 from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import (
@@ -117,6 +117,8 @@ class DesignRequest:
     band_hz : (low, high)
     settings : ReductionSettings
     cycles : CyclesRequest
+    sizes : mapping of str -> float
+        Ranges of the structural variables.
     """
 
     parameters: tuple[RequestedParameter, ...]
@@ -125,6 +127,7 @@ class DesignRequest:
     band_hz: tuple[float, float]
     settings: ReductionSettings
     cycles: CyclesRequest
+    sizes: Mapping[str, float]
 
 
 def design_row(
@@ -272,7 +275,7 @@ def _slopes(
     parameters = state_parameters(asked, component_frequencies(chosen.prepared.model))
     modes = point_sensitivities(chosen, parameters, 1e-3, top, reanalysis=False)
     names = structural_names(asked)
-    builder = structure_of(point, request.settings)
+    builder = design_structure(point, request.settings, request.sizes)
     more: Sequence[Any] = structural_sensitivities(chosen, builder, names, 1e-3, reanalysis=False)
     found = []
     for mode, own in zip(modes, more, strict=True):
@@ -284,16 +287,6 @@ def _slopes(
             rows.append(dict(zip((n for n, _ in SLOPE_FIELDS), cells, strict=True)))
         found.append(rows)
     return found
-
-
-def structure_of(point: DesignPoint, settings: ReductionSettings) -> StructureBuilder:
-    """How the assembly of a design is built."""
-    return StructureBuilder(
-        partial(point.model.build, point.options),
-        point.plain_values(),
-        settings.component_cutoff,
-        settings.damped_to,
-    )
 
 
 def _full(point: DesignPoint, request: DesignRequest) -> dict[str, Any]:

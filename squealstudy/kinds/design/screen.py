@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 SAME_MODE = 0.03  # relative distance of frequencies of one mode at neighbouring operating points
 PER_RANGE = 3  # variables named
+TINY = 1e-300
 
 
 class DesignScreen(KindScreen):
@@ -54,8 +55,12 @@ class DesignScreen(KindScreen):
         error = margins["damping_error"].max()
         text = f"{plural(facts['n_designs'], 'design')} in {plural(facts['rounds'], 'round')}"
         if facts["n_reductions"]:
-            text += f", {plural(facts['n_reductions'], 'reduction')}"
+            text += f", {plural(facts['n_structures'], 'structure')}"
+            text += f" by {plural(facts['n_reductions'], 'reduction')}"
         rows = [("search", text)]
+        if (shared := results.manifest.get("shared_basis", {})).get("used"):
+            text = f"made for {shared['range']}; roots to {shared['error']:.1e} where it was tested"
+            rows.append(("one basis", text))
         if np.isfinite(error):
             rows.append(("error", f"damping ratios of the reduced model to {error:.1e}"))
         return rows
@@ -77,10 +82,11 @@ def squealing_modes(results: Results) -> pd.DataFrame:
     -------
     DataFrame
         ``name``, ``frequency_low_hz``, ``frequency_high_hz``, ``n_points`` below the margin,
-        ``n_unstable``, ``share`` of the operating points that were solved, ``min_damping_ratio``,
-        ``max_growth_rate``, ``point_id`` of the least damping, the pair of real modes it is made
-        of with their part in it, ``uncoupled_damping``, and ``changes``: what each variable does
-        to the damping ratio there over its whole range, first order, largest first.
+        ``n_unstable``, ``share`` of the operation that was solved, by occurrence,
+        ``min_damping_ratio``, ``max_growth_rate``, ``point_id`` of the least damping, the pair of
+        real modes it is made of with their part in it, ``uncoupled_damping``, and ``changes``: what
+        each variable does to the damping ratio there over its whole range, first order, largest
+        first.
     """
     facts = results.manifest["design_study"]
     today = today_rows(results)
@@ -94,7 +100,8 @@ def squealing_modes(results: Results) -> pd.DataFrame:
     component = own["main_component"].to_numpy(object)
     new = np.ones(len(own), dtype=bool)
     new[1:] = (component[1:] != component[:-1]) | (hz[1:] > hz[:-1] * (1 + SAME_MODE))
-    solved = int((today["status"] == "ok").sum())
+    solved = today.set_index("point_id")["occurrence"]
+    solved = solved[(today["status"] == "ok").to_numpy(bool)]
     slopes = results.table("slopes")
     rows = [_mode(group, solved, slopes, facts) for _, group in own.groupby(np.cumsum(new))]
     table = pd.DataFrame(rows, columns=list(COLUMNS))
@@ -123,10 +130,10 @@ COLUMNS = (
 
 
 def _mode(
-    group: pd.DataFrame, solved: int, slopes: pd.DataFrame, facts: dict[str, Any]
+    group: pd.DataFrame, solved: pd.Series, slopes: pd.DataFrame, facts: dict[str, Any]
 ) -> dict[str, Any]:
     worst = group.iloc[int(group["damping_ratio"].to_numpy(float).argmin())]
-    unstable = group.loc[(group["growth_rate"] > 0).to_numpy(bool), "point_id"].nunique()
+    unstable = group.loc[(group["growth_rate"] > 0).to_numpy(bool), "point_id"].unique()
     own = slopes[(slopes["point_id"] == worst["point_id"]) & (slopes["mode"] == worst["mode"])]
     by = dict(zip(own["parameter"], own["d_damping_ratio"], strict=True))
     ranges = facts["ranges"]
@@ -138,8 +145,8 @@ def _mode(
         "frequency_low_hz": low,
         "frequency_high_hz": high,
         "n_points": group["point_id"].nunique(),
-        "n_unstable": unstable,
-        "share": unstable / max(solved, 1),
+        "n_unstable": len(unstable),
+        "share": float(solved[unstable].sum() / max(solved.sum(), TINY)),
         "max_growth_rate": group["growth_rate"].max(),
         **{name: worst[name] for name in ("point_id", "mode", "pair_first_hz", "pair_second_hz")},
         "min_damping_ratio": worst["damping_ratio"],
@@ -150,7 +157,7 @@ def _mode(
 
 
 def _modes(table: pd.DataFrame) -> list[RenderableType]:
-    titles = ("Hz", "points", "growth 1/s", "damping %", "pair Hz")
+    titles = ("Hz", "points", "unstable %", "growth 1/s", "damping %", "pair Hz")
     shown = grid(
         "text:mode",
         *(f"value:{t}" for t in titles),
@@ -160,6 +167,7 @@ def _modes(table: pd.DataFrame) -> list[RenderableType]:
                 str(r["name"]),
                 _span(r["frequency_low_hz"], r["frequency_high_hz"]),
                 str(r["n_points"]),
+                f"{100 * r['share']:.3g}",
                 figure(r["max_growth_rate"]),
                 f"{100 * r['min_damping_ratio']:.3g}",
                 f"{in_digits(r['pair_first_hz'], 1)}, {in_digits(r['pair_second_hz'], 1)}",
@@ -169,7 +177,8 @@ def _modes(table: pd.DataFrame) -> list[RenderableType]:
         ),
     )
     legend = notes(
-        "modes of today's design below the margin; points: of the operation, below it; pair: the "
+        "modes of today's design below the margin; points: of the operation, below it; "
+        "unstable: share of the operation, by occurrence; pair: the "
         "real modes without friction that it is made of; last: first-order effect of each variable "
         "over its whole range at the worst point, where a coalescence bends it"
     )

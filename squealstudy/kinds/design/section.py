@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, Strict
+from pydantic import AfterValidator, BeforeValidator, Field, Strict, model_validator
 
 from squealstudy.kinds.limit_cycles.section import LimitCyclesDefinition
 from squealstudy.study.design_sections import QUANTITY, SweepSection
-from squealstudy.study.section import Changes, Section
+from squealstudy.study.section import FloatList, Section, flatten
+from squealstudy.study.source import SourceText
+from squealstudy.study.units import in_unit_of
+
+if TYPE_CHECKING:  # it imports models
+    from squealstudy.study.added_parts import AddedPart
 
 
 def _bounds(ends: tuple[float, ...]) -> tuple[float, ...]:
@@ -22,16 +27,103 @@ def _bounds(ends: tuple[float, ...]) -> tuple[float, ...]:
     return ends
 
 
-class VariableSection(Section):
-    """One parameter that may be changed, how far, and what that costs."""
+def _in(unit: str) -> BeforeValidator:
+    """Of a number, or of a text with a unit like the given one."""
 
-    parameter: str = Field(
-        description="a parameter of the model, or <component>.modes[12-14].frequency_scale, "
-        "<component>.modes[3,7].damping_ratio"
+    def number(value: object) -> object:
+        return in_unit_of(value, unit) if isinstance(value, str) else value
+
+    return BeforeValidator(number)
+
+
+def _sets_name(names: tuple[str, ...]) -> str:
+    return ".".join(names).replace("[", "_").replace("]", "_")
+
+
+class AddedMassSection(Section):
+    """A mass that may be added on a named set of a component of a model file."""
+
+    on: str = Field(description="COMPONENT.SET that it moves with")
+    max: Annotated[float, _in("kg")] = Field(
+        gt=0,
+        description='largest one in all, kg or a text like "80 g"',
+        json_schema_extra={"type": list(QUANTITY)},
     )
-    bounds: Annotated[tuple[float, ...], Strict(False), AfterValidator(_bounds)] = Field(
-        description='changes from the value in [parameters] that are allowed, ["-3 mm", "+2 mm"]: '
-        "both ends as differences, in the unit of the parameter",
+    at: Annotated[tuple[float, float, float], Strict(False)] | None = Field(
+        default=None,
+        description="where it is, in the file's units, by the mean motion of the set; else spread "
+        "over it",
+    )
+
+    @property
+    def parameter(self) -> str:
+        """Name of the parameter that it is."""
+        return f"added_mass.{_sets_name((self.on,))}"
+
+    def part(self, source: SourceText, number: int) -> AddedPart:
+        """What is added, by the variable of a number."""
+        from squealstudy.models.components.file_tables import PointMassTable
+        from squealstudy.study.added_parts import AddedPart
+
+        table = PointMassTable(name="added", on=self.on, mass=0.0, at=self.at)
+        place = ("variable", number, "added_mass")
+        return AddedPart(self.parameter, table, ("mass",), source, place)
+
+
+class StiffenerSection(Section):
+    """Springs that may be added on a named set, to ground or between the means of two sets."""
+
+    between: Annotated[tuple[str, str], Strict(False)] = Field(
+        description='two of COMPONENT.SET, or one and "ground"'
+    )
+    max: Annotated[float, _in("N/m")] = Field(
+        gt=0,
+        description='largest stiffness in all, in each direction, N/m or a text like "5 kN/mm"',
+        json_schema_extra={"type": list(QUANTITY)},
+    )
+    axes: Literal["cartesian", "cylindrical"] = Field(
+        default="cartesian", description="x, y, z; or radial, around and along the axis of rotation"
+    )
+    directions: Annotated[tuple[Literal[1, 2, 3], ...], Strict(False)] = Field(
+        default=(1, 2, 3), min_length=1, description="those of the axes that it is stiff in"
+    )
+
+    @property
+    def parameter(self) -> str:
+        """Name of the parameter that it is."""
+        return f"stiffener.{_sets_name(self.between)}"
+
+    def part(self, source: SourceText, number: int) -> AddedPart:
+        """What is added, by the variable of a number."""
+        from squealstudy.models.components.file_tables import SpringTable
+        from squealstudy.study.added_parts import AddedPart
+
+        none = (0.0, 0.0, 0.0)
+        table = SpringTable(name="added", between=self.between, axes=self.axes, stiffness=none)
+        keys = tuple(f"stiffness[{k}]" for k in dict.fromkeys(self.directions))
+        return AddedPart(self.parameter, table, keys, source, ("variable", number, "stiffener"))
+
+
+class VariableSection(Section):
+    """What may be changed, how far, and what that costs: a parameter, or a part that is added."""
+
+    parameter: str | None = Field(
+        default=None,
+        description="a parameter of the model, or <component>.modes[12-14].frequency_scale, "
+        "<component>.modes[3,7].damping_ratio",
+    )
+    added_mass: AddedMassSection | None = Field(
+        default=None,
+        description="instead of a parameter a mass that is added, on a set of a model file",
+    )
+    stiffener: StiffenerSection | None = Field(
+        default=None,
+        description="instead of a parameter springs that are added, on sets of a model file",
+    )
+    bounds: Annotated[tuple[float, ...], Strict(False), AfterValidator(_bounds)] | None = Field(
+        default=None,
+        description="of a parameter: changes from the value in [parameters] that are allowed, "
+        '["-3 mm", "+2 mm"]: both ends as differences, in the unit of the parameter',
         json_schema_extra={"minItems": 2, "maxItems": 2, "items": {"type": list(QUANTITY)}},
     )
     cost: float = Field(
@@ -40,6 +132,40 @@ class VariableSection(Section):
         description="of a change over the whole range between the bounds, either way; costs of all "
         "variables add",
     )
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> VariableSection:
+        kinds = ("parameter", "added_mass", "stiffener")
+        given = [k for k in kinds if getattr(self, k) is not None]
+        if len(given) != 1:
+            got = " and ".join(given) or "none"
+            raise ValueError(f"expected one of parameter, added_mass and stiffener, got {got}")
+        if (self.bounds is None) == (given == ["parameter"]):
+            raise ValueError("expected bounds of a parameter, and of nothing else")
+        return self
+
+    @property
+    def added(self) -> AddedMassSection | StiffenerSection | None:
+        """The part that it adds; None of a parameter."""
+        return self.added_mass or self.stiffener
+
+    @property
+    def key(self) -> str:
+        """The key that says what it is."""
+        return "parameter" if self.parameter else "added_mass" if self.added_mass else "stiffener"
+
+    @property
+    def name(self) -> str:
+        """Of the parameter that it is."""
+        return self.parameter or (self.added.parameter if self.added else "")
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Least and largest change from today's value."""
+        if self.added is not None:
+            return 0.0, self.added.max
+        assert self.bounds is not None
+        return self.bounds[0], self.bounds[1]
 
 
 def _once(variants: tuple[VariantSection, ...]) -> tuple[VariantSection, ...]:
@@ -66,9 +192,9 @@ class VariantSection(Section):
         default={},
         description="keys of [model] that differ; another name or file stands for the whole table",
     )
-    parameters: Changes = Field(
+    parameters: dict[str, Any] = Field(
         default={},
-        description="keys of [parameters] that differ",
+        description="keys of [parameters] that differ, tables that they follow too",
         json_schema_extra={"additionalProperties": {"type": ["number", "string", "object"]}},
     )
 
@@ -94,6 +220,13 @@ class GoalSection(Section):
     """The [goal] of a design study, and how much is spent on it."""
 
     margin: MarginSection = Field(default=MarginSection(), description="what counts as silent")
+    occurrence: Annotated[dict[str, FloatList], BeforeValidator(flatten)] = Field(
+        default={},
+        description="how often the values of a sweep occur, in their order and in any unit, "
+        "{friction = [1, 4, 2]}: operating points count by the product in shares of squeal; by "
+        "default all alike",
+        json_schema_extra={"additionalProperties": {"type": ["array", "object"]}},
+    )
     starts: int = Field(
         default=8,
         ge=1,
@@ -155,6 +288,10 @@ class DesignStudyDefinition(LimitCyclesDefinition):
         description="whole alternatives, each searched and proven beside the file's own design "
         "(kind = 'design' only)",
     )
+
+    def added_parts(self, source: SourceText) -> tuple[AddedPart, ...]:
+        """The masses and springs among the variables."""
+        return tuple(v.added.part(source, i) for i, v in enumerate(self.variable) if v.added)
 
 
 DEFINITION = DesignStudyDefinition

@@ -11,6 +11,7 @@ import numpy as np
 from squealstudy.kinds.design.plan import Ask
 from squealstudy.kinds.design.search import Steps
 from squealstudy.kinds.design.study import DesignStudy
+from squealstudy.kinds.design.targets import Realisation
 
 Rows = Mapping[Ask, Mapping[str, Any]]
 # all checks passed, with and without a look for limit cycles; some could not be told
@@ -93,6 +94,8 @@ class State:
     outcome : str
         Empty while something is wanted.
     chosen : ndarray (d,) or None
+    realisation : Realisation or None
+        Of targets, where a study has other variables too.
     """
 
     points: list[np.ndarray]
@@ -106,6 +109,7 @@ class State:
     outcome: str = ""
     chosen: np.ndarray | None = None
     round: int = 0
+    realisation: Realisation | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -16,6 +17,7 @@ from squealstudy.kinds.design.section import (
     VariantSection,
 )
 from squealstudy.kinds.limit_cycles.section import LimitCyclesSection
+from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.operating import IN_TIME_ONLY
 from squealstudy.study.definition import ResolvedStudy, resolve_study
 from squealstudy.study.design import DesignPoint
@@ -25,12 +27,17 @@ from squealstudy.study.parameters import (
     ModeParameter,
     StudyParameter,
     check_disjoint,
+    did_you_mean,
     parse_parameter,
 )
+from squealstudy.study.sampling import design_points
 from squealstudy.study.section import flat_keys
 from squealstudy.study.source import SourceText
 from squealstudy.study.sweeps import BOUNDARY, Sweep, read_sweep
+from squealstudy.study.tabled import SECTION as PARAMETERS
+from squealstudy.study.tabled import TABLE, taken
 from squealstudy.study.toml_text import KeyPath, toml_text
+from squealstudy.wording import plural
 
 SCATTERS = DesignSection(type="sobol", samples=1)  # what is read as the sweeps of a random design
 
@@ -132,17 +139,38 @@ class DesignStudy(ResolvedStudy):
         """Values (k,) in [parameters] of what scatters."""
         return np.array([self.value_of(s.parameter) for s in self.uncertain], dtype=float)
 
+    @cached_property
+    def occurrence(self) -> np.ndarray:
+        """Share (m,) of each point of the matrix of operation, in all 1."""
+        matrix = design_points(self.operation)
+        weight = np.ones(len(matrix))
+        for column, sweep in zip(matrix.T, self.sweeps, strict=False):
+            if (own := self.goal.occurrence.get(sweep.name)) is not None:
+                places = [sweep.values.index(value) for value in column.tolist()]
+                weight = weight * np.array(own)[places]
+        share: np.ndarray = weight / weight.sum()
+        return share
+
     def value_of(self, parameter: StudyParameter) -> float:
         """Value of a parameter where nothing changes it."""
         return float(self.values.get(parameter.name, parameter.default))
 
     def place(self, name: str) -> KeyPath:
         """Where the file names a parameter."""
-        for table in ("sweep", "variable", "uncertain"):
-            for number, section in enumerate(getattr(self.definition, table)):
-                if section.parameter == name:
-                    return table, number, "parameter"
-        return "parameters", name
+        places = self._places(name)
+        return places[0] if places else ("parameters", name)
+
+    def last_place(self, name: str) -> KeyPath:
+        """Where it names it last."""
+        return self._places(name)[-1]
+
+    def _places(self, name: str) -> list[KeyPath]:
+        definition = cast("DesignStudyDefinition", self.definition)
+        named = [("sweep", i, s.parameter, "parameter") for i, s in enumerate(definition.sweep)]
+        named += [("variable", i, v.name, v.key) for i, v in enumerate(definition.variable)]
+        scatter = enumerate(definition.uncertain)
+        named += [("uncertain", i, s.parameter, "parameter") for i, s in scatter]
+        return [(table, number, key) for table, number, own, key in named if own == name]
 
 
 def read_study(source: SourceText, tables: Mapping[str, Any]) -> DesignStudy:
@@ -172,14 +200,28 @@ def _alternative(
     del own["variant"]
     other = {"name", "file"} & section.model.keys()
     own["model"] = {**({} if other else tables["model"]), **section.model}
-    if section.parameters:
-        own["parameters"] = {**flat_keys(tables.get("parameters", {})), **section.parameters}
+    given = _by_name(tables.get(PARAMETERS, {}))
+    try:
+        own[PARAMETERS] = {**given, **_by_name(section.parameters)}
+    except ValueError as error:
+        raise study.error((*keys, PARAMETERS), str(error)) from None
     source = SourceText(study.source.path, toml_text(own))
     try:
         found = design_study(resolve_study(source, own))
     except StudyFileError as error:
         raise of_variant(study, number, error) from error
     return Alternative(section.name, section.cost, found)
+
+
+def _by_name(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Values, and tables that are followed, by parameter; ValueError for one given twice."""
+    left, followed = taken({PARAMETERS: parameters})
+    found = flat_keys(left[PARAMETERS])
+    for _, name, table in followed:
+        if name in found:
+            raise ValueError(f"'{name}' is given twice")
+        found[name] = {TABLE: table}
+    return found
 
 
 def of_variant(study: DesignStudy, number: int, error: StudyFileError) -> StudyFileError:
@@ -235,18 +277,50 @@ def design_study(study: ResolvedStudy) -> DesignStudy:
         uncertain=uncertain,
     )
     _check_names(found)
+    _check_occurrence(found)
     return found
+
+
+def _expect_free(study: DesignStudy, name: str) -> None:
+    """StudyFileError for what follows a table, or what others follow by one: no slope knows it."""
+    for table in study.model.tables:
+        if name == table.name:
+            text = f"'{name}' follows a table in [parameters]: nothing else can change it"
+            raise study.error(study.place(name), text)
+        if name in table.over:
+            text = f"'{table.name}' follows '{name}' by a table: it can be swept, not searched"
+            raise study.error(study.place(name), text)
+
+
+def _check_occurrence(study: DesignStudy) -> None:
+    """Weights of all values of swept parameters of a grid, not negative, not all 0."""
+    swept = {s.name: s for s in study.sweeps[: study.n_operating]}
+    for name, weights in study.goal.occurrence.items():
+        keys = ("goal", "occurrence", name)
+        if study.definition.design.type != "grid":
+            raise study.error(keys, "weights of values need operating points that are a grid")
+        if name not in swept:
+            raise study.error(keys, f"'{name}' is not swept{did_you_mean(name, swept)}")
+        count = len(swept[name].values)
+        if len(weights) != count:
+            what = plural(count, "value")
+            raise study.error(keys, f"expected a weight for each of {what}, got {len(weights)}")
+        if min(weights) < 0 or max(weights) == 0:
+            raise study.error(keys, "expected weights of at least 0, one of them above it")
 
 
 def _variable(study: ResolvedStudy, number: int, section: VariableSection) -> Variable:
     keys = ("variable", number)
+    if section.added is not None and not isinstance(study.model, FileDefinition):
+        text = f"model '{study.model.name}' has no named sets: model files have, [model] file"
+        raise study.error((*keys, section.key), text)
     try:
-        parameter = parse_parameter(section.parameter, study.model)
+        parameter = parse_parameter(section.name, study.model)
     except ParameterError as error:
-        raise study.error((*keys, "parameter"), error.message) from None
+        raise study.error((*keys, section.key), error.message) from None
     nominal = float(study.values.get(parameter.name, parameter.default))
-    low, high = section.bounds
-    for place, end in enumerate(section.bounds):
+    low, high = section.ends
+    for place, end in enumerate(section.ends):
         try:
             parameter.check(nominal + end)
         except ParameterError as error:
@@ -262,12 +336,11 @@ def _check_names(study: DesignStudy) -> None:
     for sweep in study.sweeps:
         name = sweep.name
         if name in seen:
-            keys: KeyPath = study.place(name)
-            for table in ("variable", "uncertain"):  # the later place
-                for i, section in enumerate(getattr(study.definition, table)):
-                    keys = (table, i, "parameter") if section.parameter == name else keys
-            raise study.error(keys, f"'{name}' is swept, variable or uncertain already")
+            text = f"'{name}' is swept, variable or uncertain already"
+            raise study.error(study.last_place(name), text)
         seen.add(name)
+        if sweep in study.sweeps[study.n_operating :]:
+            _expect_free(study, name)
         if name in IN_TIME_ONLY:
             text = f"'{name}' acts in time only, complex modes do not see it"
             raise study.error(study.place(name), text)

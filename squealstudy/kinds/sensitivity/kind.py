@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -23,6 +22,7 @@ from squealstudy.errors import ParameterError
 from squealstudy.kinds.sensitivity.parameters import (
     RequestedParameter,
     asked_parameters,
+    design_structure,
     error_at_name,
     mode_choice,
     state_parameters,
@@ -33,7 +33,6 @@ from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables, solved_ro
 from squealstudy.modes.sensitivity.mode_sensitivities import ModeSensitivities, with_more
 from squealstudy.modes.sensitivity.reduced import ModeChoice, point_sensitivities, solve_families
 from squealstudy.modes.sensitivity.structural import (
-    StructureBuilder,
     check_structural,
     structural_sensitivities,
 )
@@ -192,16 +191,6 @@ def design_sensitivities(
     names = structural_names(request.asked)
     more = structural_sensitivities(solved, structure, names, request.change)
     return solved.point, [with_more(m, s) for m, s in zip(modes, more, strict=True)]
-
-
-def design_structure(design: DesignPoint, settings: ReductionSettings) -> StructureBuilder:
-    """How the assembly of a design is built."""
-    return StructureBuilder(
-        partial(design.model.build, design.options),
-        design.plain_values(),
-        settings.component_cutoff,
-        settings.damped_to,
-    )
 
 
 def point_seconds(point: DesignPoint, request: SensitivityRequest) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.kinds.sensitivity.section import UNSTABLE, SensitivitySection
@@ -15,6 +16,8 @@ from squealstudy.models.operating import (
 )
 from squealstudy.modes.sensitivity.reduced import ModeChoice
 from squealstudy.modes.sensitivity.state_derivatives import FREQUENCY, StateParameter
+from squealstudy.modes.sensitivity.structural import StructureBuilder
+from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.laws import expect_acting
@@ -147,6 +150,20 @@ def _expanded(item: RequestedParameter, omega: Mapping[ModeKey, float]) -> Itera
             item.name, f"{component} has modes 1 to {held} in this basis, got {highest}"
         )
     yield StateParameter(item.name, component, parameter.modes, quantity, maximum)
+
+
+def design_structure(
+    design: DesignPoint, settings: ReductionSettings, sizes: Mapping[str, float] | None = None
+) -> StructureBuilder:
+    """How the assembly of a design is built; `sizes` as of a StructureBuilder."""
+    return StructureBuilder(
+        partial(design.model.build, design.options),
+        design.plain_values(),
+        settings.component_cutoff,
+        settings.damped_to,
+        {p.name: 0.0 if p.positive else p.minimum for p in design.model.parameters},
+        sizes or {},
+    )
 
 
 def structural_names(asked: Sequence[RequestedParameter]) -> list[str]:

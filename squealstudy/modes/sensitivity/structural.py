@@ -6,13 +6,14 @@ The finite change is that of the assembly built anew, with its own working point
 
 Matrices change by central differences of those that the model builds. Stiffness is linear in moduli
 and spring stiffnesses, mass in densities: there the difference is exact but for round-off; Poisson
-ratios and angles leave an error of the step squared, about 1e-8.
+ratios and angles leave an error of the step squared, about 1e-8. What cannot be below its value, as
+a spring of no stiffness, has a difference to one side.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -59,12 +60,33 @@ class StructureBuilder:
         At the design point.
     component_cutoff_hz, damped_to_hz : float
         Component modes that the design may change; assembly modes that carry modal damping.
+    least : mapping of name -> float
+        Values below which some parameters cannot be.
+    sizes : mapping of name -> float
+        Of parameters that may be 0 or almost: what a change is small beside, at least.
     """
 
     build: Build
     values: Mapping[str, float]
     component_cutoff_hz: float
     damped_to_hz: float
+    least: Mapping[str, float] = field(default_factory=dict)
+    sizes: Mapping[str, float] = field(default_factory=dict)
+
+    def reference(self, name: str) -> float:
+        """What a change of a parameter is small beside."""
+        return max(abs(self.values[name]), self.sizes.get(name, 0.0)) or 1.0
+
+    def step(self, name: str, change: float) -> Step:
+        """The finite change of a structural parameter, relative."""
+        reference = self.reference(name)
+        return Step(name, self.values[name], reference, change * reference)
+
+    def ends(self, name: str) -> tuple[float, float]:
+        """Values to either side between which differences are taken, none that cannot be."""
+        value, step = self.values[name], RELATIVE_STEP * self.reference(name)
+        below = value - step
+        return (below if below >= self.least.get(name, -np.inf) else value), value + step
 
     def assembly(self, changed: Mapping[str, float] | None = None) -> Assembly:
         """The assembly, with some parameters at other values."""
@@ -96,8 +118,7 @@ def check_structural(structure: StructureBuilder, names: Sequence[str]) -> None:
     """Raise ParameterError for the first parameter that moves the mesh."""
     base = structure.assembly()
     for name in names:
-        value = structure.values[name]
-        check_same_mesh(name, base, structure.assembly({name: value + 1e-4 * (abs(value) or 1.0)}))
+        check_same_mesh(name, base, structure.assembly({name: structure.ends(name)[1]}))
 
 
 def structural_sensitivities(
@@ -139,10 +160,8 @@ def structural_sensitivities(
     gradients = [ModeGradient(family, full.structure, real) for family in families]
     response = StaticResponse(full, design)
     for name in names:
-        step = structural_step(name, structure.values[name], change)
-        by = assembly_change(
-            structure.build, structure.values, name, design.state, structure.component_cutoff_hz
-        )
+        step = structure.step(name, change)
+        by = assembly_change(structure, name, design.state)
         contact = response.change(by)
         changed = partial(_changed_pencil, design, structure, step)
         finite, reason = followed_roots(full.pencil, families, changed if reanalysis else None)
@@ -152,12 +171,6 @@ def structural_sensitivities(
             slope = slope_and_validity(family, products, step.size, complex(mass))
             found[number].append(Sensitivity(step, *slope, finite[number], reason))
     return found
-
-
-def structural_step(name: str, value: float, change: float) -> Step:
-    """The finite change of a structural parameter."""
-    reference = abs(value) or 1.0
-    return Step(name=name, value=value, reference=reference, size=change * reference)
 
 
 class StaticResponse:
@@ -248,26 +261,24 @@ class AssemblyChange:
     area: np.ndarray
 
 
-def assembly_change(
-    build: Build, values: Mapping[str, float], name: str, state: DesignState, cutoff_hz: float
-) -> AssemblyChange:
-    """Derivative of the assembly by the parameter `name` at `values`.
+def assembly_change(structure: StructureBuilder, name: str, state: DesignState) -> AssemblyChange:
+    """Derivative of the assembly by the parameter `name` at the structure's values.
 
     Raises
     ------
     ParameterError
         A parameter that moves the mesh or the contact; one that mixes a changed component mode.
     """
-    step = RELATIVE_STEP * (abs(values[name]) or 1.0)
-    ends = [build({**values, name: values[name] + sign * step}) for sign in (1.0, -1.0)]
+    low, high = structure.ends(name)
+    ends = [structure.assembly({name: value}) for value in (high, low)]
     check_same_mesh(name, *ends)
-    modes = [changed_modes(end, state, cutoff_hz) for end in ends]
+    modes = [changed_modes(end, state, structure.component_cutoff_hz) for end in ends]
     _check_same_modes(name, ends[0], modes[0], modes[1], state)
     own = [unreduced_structure(e, m, state) for e, m in zip(ends, modes, strict=True)]
     U = np.vstack([np.asarray(s.shapes) for s in own]).T
 
     def slope(of: Callable[[Assembly], sp.spmatrix | np.ndarray]) -> sp.spmatrix | np.ndarray:
-        return (of(ends[0]) - of(ends[1])) / (2 * step)
+        return (of(ends[0]) - of(ends[1])) / (high - low)
 
     def by_shapes(
         values_of: Callable[[Mapping[ModeKey, float]], Mapping[ModeKey, float]],
@@ -275,7 +286,7 @@ def assembly_change(
         parts = [
             np.broadcast_to(s.by_mode(values_of(s.frequencies))[1], len(s.places)) for s in own
         ]
-        quotient: np.ndarray = np.concatenate([parts[0], -parts[1]]) / (2 * step)
+        quotient: np.ndarray = np.concatenate([parts[0], -parts[1]]) / (high - low)
         return quotient
 
     changed = by_shapes(state.stiffness_changes)

@@ -1,0 +1,100 @@
+"""From targets to what can be built: the changes that do to the modes at the margin what they do.
+
+Frequencies and dampings of component modes say what a part should do, not how it is built. Where a
+study has both sorts of variables, targets are searched alone first. The search over what can be
+built then begins at the changes x that are nearest to the best targets t in what they do to the
+roots of today's design near its margin at all points in view, first order, within their bounds:
+
+    min over x of  sum |(d lambda_i/dx) x - (d lambda_i/dt) t|^2 / |lambda_i|^2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from squealstudy.kinds.design.search import Box
+from squealstudy.study.parameters import ModeParameter, StudyParameter
+
+
+@dataclass(frozen=True, eq=False)
+class Realisation:
+    """What targets alone come to, and where the search over changes begins.
+
+    Attributes
+    ----------
+    target : ndarray (d,)
+        Values of all variables, the others as today.
+    enough : bool
+        Whether it meets the margin at the points in view.
+    begun : ndarray (d,)
+        Values of the nearest changes, targets as today.
+    matched : float
+        Part of what the targets do to the roots that they do, first order: 1 is all of it; NaN
+        where the targets do nothing.
+    """
+
+    target: np.ndarray
+    enough: bool
+    begun: np.ndarray
+    matched: float
+
+
+def is_target(parameter: StudyParameter) -> bool:
+    """Whether nobody can build it: a frequency or damping of modes."""
+    return isinstance(parameter, ModeParameter)
+
+
+def part_of(box: Box, kept: np.ndarray) -> Box:
+    """The box in which only some of the variables (d,) move."""
+    return Box(np.where(kept, box.low, 0.0), np.where(kept, box.high, 0.0), box.cost)
+
+
+def nearest(
+    rows: Iterable[Mapping[str, Any]],
+    names: list[str],
+    ranges: np.ndarray,
+    target: np.ndarray,
+    box: Box,
+) -> tuple[np.ndarray, float]:
+    """Changes (d,) in units of the ranges nearest to a target (d,), and the part that they match.
+
+    Parameters
+    ----------
+    rows : iterable of mapping
+        Today's design at the points in view.
+    names : list of str
+        Of the variables.
+    ranges, target : ndarray (d,)
+    box : Box
+        Of what can be built.
+    """
+    from scipy.optimize import lsq_linear
+
+    S = slopes_of_roots(rows, names) * ranges
+    free = np.flatnonzero(box.high > box.low)
+    wanted = S @ target
+    size = float(np.linalg.norm(wanted))
+    z = np.zeros(len(ranges))
+    if not size:
+        return z, np.nan
+    found = lsq_linear(S[:, free], wanted, (box.low[free], box.high[free]))
+    z[free] = found.x
+    return z, 1.0 - float(np.linalg.norm(S @ z - wanted)) / size
+
+
+def slopes_of_roots(rows: Iterable[Mapping[str, Any]], names: list[str]) -> np.ndarray:
+    """Derivatives (2 m, d) of growth rates and frequencies by parameters, relative to |lambda|."""
+    found = []
+    for row in rows:
+        for mode in row["modes"]:
+            by = {s["parameter"]: s for s in mode["slopes"]}
+            size = 2.0 * np.pi * mode["frequency_hz"]
+            none = {"d_growth_rate": 0.0, "d_frequency_hz": 0.0}
+            own = [by.get(name, none) for name in names]
+            found.append([s["d_growth_rate"] / size for s in own])
+            found.append([s["d_frequency_hz"] / mode["frequency_hz"] for s in own])
+    return np.nan_to_num(np.array(found).reshape(-1, len(names)), posinf=0.0, neginf=0.0)

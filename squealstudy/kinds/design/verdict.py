@@ -1,0 +1,248 @@
+"""The verdict of a design study: its numbers, and the sentence whose words follow from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from squealstudy.engine.plan import has_mesh
+from squealstudy.engine.reduced import shared_facts
+from squealstudy.kinds.design.loop import Loop
+from squealstudy.kinds.design.plan import DesignPlan
+from squealstudy.kinds.design.state import (
+    NONE_FOUND,
+    NOTHING,
+    PROVEN,
+    STOPPED,
+    UNDECIDED,
+    UNPROVEN,
+)
+from squealstudy.wording import plural, setting
+
+Solved = tuple[int, Mapping[str, Any]]  # a point of the loop and its row
+ENDS = 1e-6  # of a range: a variable is at its bound
+
+
+def unstable_share(loop: Loop, ok: Mapping[int, Mapping[str, Any]]) -> float:
+    """Share of the operation with an unstable mode, by occurrence; NaN where one is not known."""
+    if not all(p in ok for p in range(loop.state.n_matrix)):
+        return float("nan")
+    unstable = [ok[p]["n_unstable"] > 0 for p in range(loop.state.n_matrix)]
+    return float(loop.study.occurrence[unstable].sum())
+
+
+def facts(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The verdict, its sentence and its numbers, for the manifest."""
+    state, study = loop.state, plan.design_study
+    chosen = None
+    if state.chosen is not None:
+        chosen = next(d for d in designs if d["chosen"])
+    changes = [] if state.chosen is None else changed(loop, state.chosen)
+    least = (lambda k: None) if chosen is None else chosen.get
+    return {
+        "outcome": state.outcome,
+        "verdict": sentence(plan, loop, designs) + _target_text(loop),
+        "today": 0,
+        "chosen": None if chosen is None else int(chosen["design"]),
+        "cost": None if chosen is None else float(chosen["cost"]),
+        "changes": changes,
+        "change": change_text(changes),
+        "n_unstable": designs[0]["n_unstable"],
+        "today_damping_ratio": designs[0]["min_damping_ratio"],
+        "min_damping_ratio": least("min_damping_ratio"),
+        "frequency_hz": least("frequency_hz"),
+        "margin": study.goal.margin.damping_ratio,
+        "probability": study.goal.margin.probability,
+        "ranges": {v.name: v.range for v in study.variables},
+        "operating": [s.name for s in study.sweeps[: study.n_operating]],
+        "n_operating_points": state.n_matrix,
+        "n_refined_points": len(state.points) - state.n_matrix,
+        "n_in_view": len(state.view),
+        "rounds": state.round,
+        "n_designs": len(designs),
+        **_reductions(plan),
+        "targets": _targets(loop),
+    }
+
+
+def _targets(loop: Loop) -> dict[str, Any] | None:
+    """What targets alone come to, and the nearest changes; None of one sort of variables."""
+    found = loop.state.realisation
+    if found is None:
+        return None
+    return {
+        "change": change_text(changed(loop, found.target)),
+        "cost": loop.box.price(loop.change(found.target)),
+        "enough": found.enough,
+        "nearest": change_text(changed(loop, found.begun)),
+        "matched": found.matched if np.isfinite(found.matched) else None,
+    }
+
+
+def _target_text(loop: Loop) -> str:
+    """The same in words, with a space before them; empty of one sort of variables."""
+    facts = _targets(loop)
+    if facts is None:
+        return ""
+    what = facts["change"] or "no change"
+    come = "would be enough" if facts["enough"] else "come nearest, and are not enough"
+    told = f" Of targets alone, which nobody can build, {what} {come}"
+    if not facts["nearest"] or facts["matched"] is None:
+        return f"{told}."
+    part = f"{100 * facts['matched']:.3g} %"
+    return (
+        f"{told}; nearest to them, with {part} of their first-order effect, is {facts['nearest']}."
+    )
+
+
+def _reductions(plan: DesignPlan) -> dict[str, int]:
+    """How many structures the designs have, and how many reductions those take."""
+    if not has_mesh(plan.study):
+        return {"n_structures": 0, "n_reductions": 0}
+    alone = list(plan.structures.values())
+    shared = shared_facts(plan).get("shared_basis", {"used": False})
+    held = plan.shared_range
+    if held is not None and shared["used"]:
+        alone = [point for point in alone if not held.holds(point.values)]
+    return {
+        "n_structures": len(plan.structures),
+        "n_reductions": len(alone) + (shared["reductions"] if shared["used"] else 0),
+    }
+
+
+def changed(loop: Loop, design: np.ndarray) -> list[dict[str, Any]]:
+    """Every variable that a design changes: from what to what, and whether to its bound."""
+    z, study = loop.change(design), loop.study
+    units = {p.name: p.unit for p in study.model.parameters}
+    return [
+        {
+            "parameter": v.name,
+            "from": v.nominal,
+            "to": float(value),
+            "unit": units.get(v.name, ""),
+            "at_bound": bool(min(z[k] - loop.whole.low[k], loop.whole.high[k] - z[k]) < ENDS),
+        }
+        for k, (v, value) in enumerate(zip(study.variables, design, strict=True))
+        if abs(z[k]) > ENDS
+    ]
+
+
+def change_text(changes: Sequence[Mapping[str, Any]]) -> str:
+    """Changes in words: ``k1 1.31e+06 -> 1.2e+06 N/m``."""
+    parts = [
+        f"{c['parameter']} {c['from']:.5g} -> {c['to']:.5g}{' ' + c['unit'] if c['unit'] else ''}"
+        for c in changes
+    ]
+    return ", ".join(parts)
+
+
+def _where(plan: DesignPlan, loop: Loop, p: int) -> str:
+    """An operating point in words."""
+    study = plan.design_study
+    units = {q.name: q.unit for q in study.model.parameters}
+    point = loop.state.points[p]
+    return ", ".join(
+        setting(s.name, float(v), units.get(s.name, ""), abs(float(v)) or 1.0)
+        for s, v in zip(study.sweeps[: study.n_operating], point, strict=True)
+    )
+
+
+def _worst(loop: Loop, design: np.ndarray) -> Solved | None:
+    """Where a design has the least damping ratio, of the points at which it was solved."""
+    asked = ((p, loop.ask(p, design)) for p in range(len(loop.state.points)))
+    known = [(p, loop.rows[a]) for p, a in asked if a in loop.rows]
+    return least_damped([(p, r) for p, r in known if r["status"] == "ok"])
+
+
+def least_damped(found: Sequence[Solved]) -> Solved | None:
+    """The point of least damping among those that have a mode in the band."""
+    some = [item for item in found if np.isfinite(item[1]["min_damping_ratio"])]
+    return min(some, key=lambda item: item[1]["min_damping_ratio"], default=None)
+
+
+def _mode_text(plan: DesignPlan, loop: Loop, design: np.ndarray) -> str:
+    """The mode of least damping of a design, with its place."""
+    found = _worst(loop, design)
+    if found is None:
+        return "no mode in the band where it was solved"
+    p, row = found
+    where = _where(plan, loop, p)
+    hz, zeta = row["frequency_hz"], row["min_damping_ratio"]
+    if hz == 0.0:
+        return f"steady sliding diverges without oscillation{' at ' + where if where else ''}"
+    text = f"least damping ratio {zeta:.4g}, mode at {hz:.5g} Hz ({row['main_component']})"
+    return f"{text}{' at ' + where if where else ''}"
+
+
+def _today(loop: Loop) -> str:
+    """How often today's design squeals."""
+    state, today = loop.state, loop.study.nominal
+    rows = [loop.rows[loop.ask(p, today)] for p in range(state.n_matrix)]
+    unstable = sum(r["status"] == "ok" and r["n_unstable"] > 0 for r in rows)
+    failed = sum(r["status"] != "ok" for r in rows)
+    text = f"Today's design has an unstable mode at {unstable} of {state.n_matrix} operating points"
+    if unstable and loop.goal.occurrence:
+        share = unstable_share(loop, {p: r for p, r in enumerate(rows) if r["status"] == "ok"})
+        text += f", {100 * share:.3g} % of the operation" if np.isfinite(share) else ""
+    return text + (f" ({failed} could not be solved)" if failed else "")
+
+
+def _proof(loop: Loop) -> str:
+    """The checks of the chosen design that passed, and what could not be told."""
+    assert loop.state.chosen is not None
+    last = {c.kind: c for c in loop.state.checks if np.array_equal(c.design, loop.state.chosen)}
+    words = {
+        "matrix": "the matrix",
+        "refined": "points between",
+        "full_order": "full order",
+        "limit_cycles": "limit cycles",
+        "scatter": "scatter",
+    }
+    parts = []
+    for kind, word in words.items():
+        if kind not in last:
+            continue
+        check = last[kind]
+        passed = {True: "", False: "FAILED, ", None: "undecided, "}[check.passed]
+        parts.append(f"{word}: {passed}{check.text}")
+    asked = ["limit_cycles", *(["full_order"] if loop.reduced else [])]
+    missing = [words[k] for k in asked if k not in last]
+    none = f"; not checked: {', '.join(missing)}" if missing else ""
+    return "; ".join(parts) + none
+
+
+def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]]) -> str:
+    """The verdict."""
+    state, goal = loop.state, plan.design_study.goal
+    today = _today(loop)
+    assert state.chosen is not None
+    chosen, margin = state.chosen, goal.margin.damping_ratio
+    mode = _mode_text(plan, loop, chosen)
+    if state.outcome == NOTHING:
+        return f"{today}: {mode}. Nothing may change: the file has no [[variable]]."
+    changes = changed(loop, chosen)
+    price = loop.box.price(loop.change(chosen))
+    change = change_text(changes) or "no change"
+    searched = f"{plural(len(designs), 'design')} evaluated"
+    if state.outcome in (*PROVEN, UNDECIDED):
+        text = f"at a cost of {price:.4g} ({change}) every operating point meets the margin"
+        text = text if changes else "it meets the margin as it is"
+        proof = "Proof" if state.outcome in PROVEN else "Not all of the proof could be told"
+        return f"{today}; {text} of {margin:g}: {mode}. {proof}: {_proof(loop)}. {searched}."
+    if state.outcome == NONE_FOUND:
+        nearest = change_text(changes) or "today's design"
+        bound = [c["parameter"] for c in changes if c["at_bound"]]
+        binds = f"; at their bounds: {', '.join(bound)}" if bound else "; no variable at a bound"
+        kicks = f" with {len(state.extras)} demands of the proof" if state.extras else ""
+        return (
+            f"{today}; no design within the bounds was found that meets the margin of "
+            f"{margin:g}{kicks}. Nearest comes {nearest}: {mode}{binds}. {searched}."
+        )
+    why = "the limit of designs was reached" if state.outcome == STOPPED else "no proof succeeded"
+    assert state.outcome in (STOPPED, UNPROVEN)
+    return (
+        f"{today}; {why}: the last candidate, at a cost of {price:.4g} ({change}), is not proven: "
+        f"{mode}. Checks: {_proof(loop)}. {searched}."
+    )

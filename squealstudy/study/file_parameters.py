@@ -1,0 +1,165 @@
+"""The parameters of a model file: places in it that studies may vary, and the operating point's."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from dataclasses import replace
+
+from squealstudy.errors import ModelError, ParameterError
+from squealstudy.models.components.file_tables import ParameterTable
+from squealstudy.models.components.model_file import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    KeyPath,
+    ModelFile,
+    Numbers,
+    dimension_of,
+    kind_of,
+)
+from squealstudy.models.operating import (
+    DAMPING,
+    FRICTION,
+    PRESSURE,
+    SLIDING_SPEED,
+    STIFFNESS_DAMPING,
+    contact_parameters,
+    friction_parameters,
+)
+from squealstudy.models.parameter import Declared
+from squealstudy.parameter import Parameter
+from squealstudy.study.family import TAKEN
+from squealstudy.study.parameters import did_you_mean
+from squealstudy.study.source import SourceText
+from squealstudy.study.units import Unit, in_unit_of
+
+OPERATING = (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING, STIFFNESS_DAMPING)
+
+
+def file_places(file: ModelFile, source: SourceText) -> dict[str, tuple[KeyPath, ...]]:
+    """Where each parameter stands that points into the file."""
+    found: dict[str, tuple[KeyPath, ...]] = {}
+    owner: dict[KeyPath, str] = {}
+    for name, table in file.parameters.items():
+        places = []
+        for path in table.paths:
+            try:
+                keys = file.located(path)
+            except ModelError as error:
+                raise source.error(("parameters", name, "path"), str(error)) from None
+            if owner.setdefault(keys, name) != name:
+                text = f"'{path}' is the parameter '{owner[keys]}' already"
+                raise source.error(("parameters", name, "path"), text)
+            places.append(keys)
+        if places:
+            found[name] = tuple(places)
+    return found
+
+
+def file_parameters(
+    file: ModelFile, source: SourceText, places: Mapping[str, tuple[KeyPath, ...]]
+) -> Declared:
+    """Parameters of the operating point, with the file's defaults, and those of the file."""
+    operating = {p.name: p for p in (*OPERATING, *friction_parameters(), *contact_parameters())}
+    own = []
+    for name, table in file.parameters.items():
+        keys = ("parameters", name)
+        if name in operating:
+            operating[name] = _changed(operating[name], table, source, keys)
+        elif name in TAKEN or "[" in name:
+            raise source.error(keys, f"'{name}' has another meaning in tables: choose another name")
+        elif name not in places:
+            hint = did_you_mean(name, operating) or "; or one of the operating point"
+            raise source.error(keys, f'expected path = "..." of the number that it is{hint}')
+        else:
+            own.append(_parameter(name, table, file, source, places[name]))
+    first = [operating[p.name] for p in OPERATING]
+    changed = [operating[name] for name in file.parameters if name in operating]
+    return (*first, *changed, friction_parameters, contact_parameters, *own)
+
+
+def _changed(
+    parameter: Parameter, table: ParameterTable, source: SourceText, keys: KeyPath
+) -> Parameter:
+    """A parameter of the operating point with another default, SI units."""
+    if table.paths:
+        raise source.error(keys, "it belongs to the operating point: expected no path")
+    if table.default is None:
+        raise source.error(keys, "expected default = NUMBER")
+    factor = 1.0 if table.unit is None else _size(table.unit, parameter.unit, source, keys)
+    default = _default(table, factor, parameter.unit, source, keys)
+    try:
+        return replace(parameter, default=parameter.check(default))
+    except ParameterError as error:
+        raise source.error((*keys, "default"), error.message) from None
+
+
+def _size(unit: str, own: str, source: SourceText, keys: KeyPath) -> float:
+    """Size of a unit in that of a parameter, `own`; StudyFileError for one of something else."""
+    if unit == own:  # some are known to no table of units, such as Pa/m^n
+        return 1.0
+    with contextlib.suppress(KeyError):
+        given, wanted = Unit.named(unit), Unit.named(own or "1")
+        if given.powers == wanted.powers:
+            return float(given.size / wanted.size)
+    expected = f"a unit like '{own}'" if own else "no unit"
+    raise source.error((*keys, "unit"), f"expected {expected}, got '{unit}'")
+
+
+def _default(
+    table: ParameterTable, factor: float, own: str, source: SourceText, keys: KeyPath
+) -> float:
+    """The default in a parameter's own unit, of a bare number by the factor of its unit."""
+    if not isinstance(table.default, str):
+        assert table.default is not None
+        return factor * table.default
+    if table.unit is not None:
+        raise source.error((*keys, "unit"), f"the default has its own unit: '{table.default}'")
+    try:
+        return in_unit_of(table.default, own)
+    except ValueError as error:
+        raise source.error((*keys, "default"), f"{keys[-1]} {error}") from None
+
+
+def _parameter(
+    name: str,
+    table: ParameterTable,
+    file: ModelFile,
+    source: SourceText,
+    places: tuple[KeyPath, ...],
+) -> Parameter:
+    """A parameter that stands in the file, SI units."""
+    keys = ("parameters", name)
+    dimension = dimension_of(places[0])
+    for path, other in zip(table.paths[1:], places[1:], strict=True):
+        if dimension_of(other) != dimension:
+            message = f"'{path}' has another unit than '{table.paths[0]}'"
+            raise source.error((*keys, "path"), message)
+    factor = dimension.factor(file.units)
+    if table.unit is not None:
+        factor = _size(table.unit, dimension.unit, source, keys)
+    if table.default is not None:
+        default = _default(table, factor, dimension.unit, source, keys)
+    elif file.at(places[0]) is None or isinstance(file.at(places[0]), str):
+        raise source.error(keys, "expected default = NUMBER: it is not in this file, but in a mesh")
+    else:
+        default = Numbers(file, {}).at(*places[0])
+    kind = kind_of(places[0])
+    what = table.description or " and ".join(table.paths)
+    ratio = kind == "nu" and not isinstance(places[0][-1], int)
+    parameter = Parameter(
+        name,
+        default,
+        dimension.unit,
+        what,
+        positive=kind in POSITIVE,
+        minimum=0.0 if kind in NOT_NEGATIVE else -float("inf"),
+        above=-1.0 if ratio else -float("inf"),
+        below=0.5 if ratio else float("inf"),
+        structural=True,
+    )
+    try:
+        parameter.check(default)
+    except Exception as error:
+        raise source.error((*keys, "default"), getattr(error, "message", str(error))) from None
+    return parameter

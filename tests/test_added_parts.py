@@ -1,0 +1,229 @@
+"""Masses and springs that a design study adds: as in the model file, and what they do to modes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from own_blocks import write_blocks
+
+import squealstudy as sq
+from squealstudy.engine.cache import NewGaps
+from squealstudy.engine.structures import build_structure, build_task
+from squealstudy.engine.workers import Workers
+from squealstudy.errors import StudyFileError
+from squealstudy.kinds.design.kind import request
+from squealstudy.kinds.design.rows import design_row
+
+MASS, STIFF = 1.5e-6, 4e6  # kg, N/m
+
+STUDY = """\
+[study]
+name = "blocks"
+kind = "design"
+[model]
+file = "blocks.toml"
+[[sweep]]
+parameter = "friction"
+values = [0.4, 0.6]
+[modes]
+band = [500.0, 60000.0]
+[goal]
+margin = {damping_ratio = 0.0}
+scan = 0
+cycles = 0
+full_order = 1
+"""
+PARTS = """\
+[[variable]]
+added_mass = {on = "slider.TOP", max = "2 mg"}
+[[variable]]
+stiffener = {between = ["slider.TOP", "plate.ENDS"], max = "5 kN/mm", directions = [1, 3]}
+[[variable]]
+stiffener = {between = ["slider.ENDS", "ground"], max = 5e6, axes = "cylindrical"}
+"""
+IN_FILE = """\
+[[point_mass]]
+name = "there"
+on = "slider.TOP"
+mass = 1.5e-9
+
+[[spring]]
+name = "brace"
+between = ["slider.TOP", "plate.ENDS"]
+stiffness = [4e3, 0.0, 4e3]
+
+[[spring]]
+name = "to_ground"
+between = ["slider.ENDS", "ground"]
+axes = "cylindrical"
+stiffness = [2e3, 2e3, 2e3]
+
+[parameters]
+"""
+NAMES = (
+    "added_mass.slider.TOP",
+    "stiffener.slider.TOP.plate.ENDS",
+    "stiffener.slider.ENDS.ground",
+)
+VALUES = dict(zip(NAMES, (MASS, STIFF, 2e6), strict=True))
+
+
+def read(folder, text=STUDY + PARTS, *changes):
+    return sq.read_study(write_blocks(folder, *changes, study=text)).resolved
+
+
+def _plan(study):
+    return study.kind.plan(study)
+
+
+def test_they_are_what_stands_in_a_model_file(tmp_path):
+    added = read(tmp_path / "added")
+    there = read(tmp_path / "there", STUDY, ("[parameters]\n", IN_FILE))
+    assert [v.name for v in added.variables] == list(NAMES)
+    assert added.variables[0].high == pytest.approx(2e-6)
+    assert added.variables[1].high == pytest.approx(5e6)
+    assert not added.nominal.any()
+    one = _plan(added).design({**added.values, **VALUES}).assembly()
+    other = _plan(there).design(there.values).assembly()
+    for a, b in ((one.M, other.M), (one.K_springs(), other.K_springs()), (one.K_el, other.K_el)):
+        assert abs(a - b).max() <= 1e-14 * abs(b).max()
+    bare = _plan(added).design(added.values).assembly()
+    plain = read(tmp_path / "plain", STUDY)
+    own = _plan(plain).design(plain.values).assembly()
+    assert abs(bare.M - own.M).max() == 0.0
+    assert abs(bare.K_springs() - own.K_springs()).max() == 0.0
+    assert added.model.files != plain.model.files
+
+
+def test_their_roots_are_those_of_the_model_file(tmp_path):
+    """Roots of the reduced model and of full order to 1e-8, and slopes beside differences."""
+    found, stages = [], ("modes", "full_order")
+    texts = (STUDY + PARTS, STUDY)
+    for text, changes in zip(texts, ((), (("[parameters]\n", IN_FILE),)), strict=True):
+        study = read(tmp_path / str(len(found)), text, *changes)
+        given = VALUES if study.variables else {}
+        plan = study.kind.plan(study)
+        values = {**study.values, **given, "friction": 0.6}
+        point = plan.design(values)
+        found.append(_solved(plan, point, *stages))
+    for stage in stages:
+        mine, theirs = (f[stage] for f in found)
+        assert mine["status"] == theirs["status"] == "ok"
+        for key in ("max_growth_rate", "min_damping_ratio"):
+            assert mine[key] == pytest.approx(
+                theirs[key], abs=1e-8 * 2 * np.pi * mine["frequency_hz"]
+            )
+        assert mine["frequency_hz"] == pytest.approx(theirs["frequency_hz"], rel=1e-8)
+
+
+def _solved(plan, point, *stages):
+    key = plan.structure_key(point)
+    point = replace(point, structure=key, point_id="x")
+    assert build_structure(build_task(plan, point, 1)) == (key, "")
+    return {s: design_row(point, s, request(plan), NewGaps()) for s in stages}
+
+
+def test_slopes_at_none_are_those_of_small_ones(tmp_path):
+    """Damping to 3e-3 of the complex derivative: both structures are reduced for themselves."""
+    study = read(tmp_path)
+    plan = study.kind.plan(study)
+    given = {**study.values, "friction": 1.2, "damping_ratio": 0.01}
+    today = _solved(plan, plan.design(given), "modes")["modes"]
+    for variable in study.variables:
+        step = 2e-3 * variable.high
+        point = plan.design({**given, variable.name: step})
+        changed = _solved(plan, point, "modes")["modes"]["modes"]
+        slopes = [
+            next(s for s in mode["slopes"] if s["parameter"] == variable.name)
+            for mode in today["modes"]
+        ]
+        most = max(abs(s["d_frequency_hz"]) for s in slopes)
+        for mode, by in zip(today["modes"], slopes, strict=True):
+            hz = mode["frequency_hz"]
+            near = min(changed, key=lambda m, hz=hz: abs(m["frequency_hz"] - hz))
+            df, dz = ((near[k] - mode[k]) / step for k in ("frequency_hz", "damping_ratio"))
+            assert by["d_frequency_hz"] == pytest.approx(df, rel=0.05, abs=0.01 * most)
+            noise = 3e-3 * np.hypot(df / hz, dz)
+            assert by["d_damping_ratio"] == pytest.approx(dz, rel=0.05, abs=noise)
+
+
+def test_structures_of_a_search_have_one_basis(tmp_path):
+    """Few reductions; the design is held against full order at a place that is in none of them."""
+    text = STUDY.replace(
+        "damping_ratio = 0.0}", "damping_ratio = 0.0096}\ndesigns = 12\nstarts = 1"
+    )
+    text = text.replace("[0.4, 0.6]", "[0.8, 1.2]")
+    text = text.replace("[[sweep]]", "[parameters]\ndamping_ratio = 0.01\n[[sweep]]")
+    part = PARTS.split("[[variable]]")[2]
+    text += f'[[variable]]{part}[[variable]]\nparameter = "lining.E3"\nbounds = [-5e8, 2e9]\n'
+    results = sq.run(write_blocks(tmp_path, study=text), tmp_path / "results", jobs=1)
+    facts, shared = results.manifest["design_study"], results.manifest["shared_basis"]
+    assert shared["used"]
+    assert facts["n_reductions"] == shared["reductions"] <= 4 + 3 * 2
+    assert facts["outcome"] == "met_linear"
+    assert facts["n_structures"] > 2
+    assert results.solved == len(results.points)  # none twice, though structures join
+    chosen = results.points[(results.points["design"] == facts["chosen"]).to_numpy(bool)]
+    full = chosen[(chosen["stage"] == "full_order").to_numpy(bool)]
+    assert len(full)
+    own = chosen[(chosen["stage"] == "modes").to_numpy(bool)].set_index("friction")
+    for row in full.itertuples():
+        there = own.loc[row.friction]
+        assert row.min_damping_ratio == pytest.approx(there["min_damping_ratio"], abs=1e-4)
+        assert row.frequency_hz == pytest.approx(there["frequency_hz"], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "message"),
+    [
+        ('"2 mg"', '"2 mm"', "variable[1].added_mass.max", "is in kg"),
+        ('"2 mg"', "0.0", "variable[1].added_mass.max", "more than 0"),
+        ('on = "slider.TOP", max', "max", "variable[1].added_mass.on", "missing"),
+        (
+            ', max = "2 mg"}',
+            ', max = "2 mg"}\nbounds = [0, 1]',
+            "variable[1]",
+            "expected bounds of a",
+        ),
+        (
+            "added_mass =",
+            'parameter = "bed.normal"\nadded_mass =',
+            "variable[1]",
+            "got parameter and",
+        ),
+        ("directions = [1, 3]", "directions = [4]", "variable[2].stiffener.directions[1]", "1"),
+        (
+            '["slider.ENDS", "ground"]',
+            '["slider.TOP", "plate.ENDS"]',
+            "variable[3].stiffener",
+            "there is a parameter 'stiffener.slider.TOP.plate.ENDS' already",
+        ),
+    ],
+)
+def test_what_a_file_may_not_say(tmp_path, old, new, key, message):
+    text = STUDY + PARTS
+    assert text.count(old) == 1
+    with pytest.raises(StudyFileError) as caught:
+        read(tmp_path, text.replace(old, new))
+    assert message in str(caught.value)
+    assert caught.value.key == key
+
+
+def test_a_set_that_is_not_there_is_said_with_its_place_in_the_study(tmp_path):
+    study = read(tmp_path, STUDY + PARTS.replace("slider.TOP", "slider.TOPP", 1))
+    plan = study.kind.plan(study)
+    with pytest.raises(StudyFileError, match="did you mean 'TOP'") as caught:
+        study.kind.build(plan, Workers())
+    assert caught.value.path == tmp_path / "study.toml"
+    assert caught.value.key == "variable[1].added_mass"
+
+
+def test_other_models_have_no_sets(tmp_path):
+    path = tmp_path / "study.toml"
+    model = '[model]\nname = "hoffmann"\n'
+    path.write_text((STUDY + PARTS).replace('[model]\nfile = "blocks.toml"\n', model))
+    with pytest.raises(StudyFileError, match="has no named sets") as caught:
+        sq.read_study(path)
+    assert caught.value.key == "variable[1].added_mass"
