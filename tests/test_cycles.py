@@ -55,16 +55,17 @@ def contact_case(kind, opened):
 
 
 @pytest.mark.parametrize(
-    ("osc", "size"),
+    ("osc", "size", "error"),
     [
-        (models.scalar_oscillator(models.quintic, 0.1), 0.4),
-        (models.scalar_oscillator(models.pulled, 0.7), 0.6),
-        (contact_case("regularised", False), 1e-4),
-        (contact_case("smooth", True), 2e-4),
+        (models.scalar_oscillator(models.quintic, 0.1), 0.4, 2e-7),
+        (models.scalar_oscillator(models.pulled, 0.7), 0.6, 2e-7),
+        (contact_case("regularised", False), 1e-4, 2e-7),
+        (replace(contact_case("smooth", True), turning=None), 2e-4, 2e-7),
+        (contact_case("smooth", True), 2e-4, 5e-4),  # shares of cells are interpolated
     ],
-    ids=["quintic", "pulled", "sliding", "sticking"],
+    ids=["quintic", "pulled", "sliding", "sticking", "turning"],
 )
-def test_jacobian_is_that_of_differences(osc, size):
+def test_jacobian_is_that_of_differences(osc, size, error):
     rng = np.random.default_rng(2)
     w = float(np.sqrt(np.diag(osc.K)).max())
     Q, omega, xi = rng.normal(size=(7, osc.n)) * size, 1.03 * w, 0.02 * w
@@ -77,14 +78,14 @@ def test_jacobian_is_that_of_differences(osc, size):
         step[k] = h
         step = step.reshape(Q.shape)
         ends = [imbalance(osc, Q + s * step, omega, xi).ravel() for s in (1, -1)]
-        np.testing.assert_allclose(found.J[:, k], (ends[0] - ends[1]) / (2 * h), atol=2e-7 * scale)
+        np.testing.assert_allclose(found.J[:, k], (ends[0] - ends[1]) / (2 * h), atol=error * scale)
     h = 1e-6 * w
     ends = [imbalance(osc, Q, omega + s * h, xi) for s in (1, -1)]
     by = (ends[0] - ends[1]) / (2 * h)
-    np.testing.assert_allclose(found.by_omega, by, atol=1e-6 * np.abs(by).max())
+    np.testing.assert_allclose(found.by_omega, by, atol=5 * error * np.abs(by).max())
     ends = [imbalance(osc, Q, omega, xi + s * h) for s in (1, -1)]
     by = (ends[0] - ends[1]) / (2 * h)
-    np.testing.assert_allclose(found.by_xi, by, atol=1e-6 * np.abs(by).max())
+    np.testing.assert_allclose(found.by_xi, by, atol=5 * error * np.abs(by).max())
 
 
 def test_added_damping_is_twice_the_growth_where_motions_are_small():

@@ -7,13 +7,12 @@ import pytest
 
 import squealstudy.cycles.projection as projected
 from squealstudy.cycles.continuation import Steps
-from squealstudy.cycles.curve import FINE
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import floquet, floquet_on, monodromy, trapezoidal
 from squealstudy.cycles.growth import family_curve, linear_motion
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
-from squealstudy.cycles.projection import ADDED, SIZE, Projection
+from squealstudy.cycles.projection import ADDED, FINE, SIZE, Projection
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
@@ -76,7 +75,15 @@ def test_a_projected_cycle_is_that_of_all_coordinates(both):
     assert residual < projected.PROJECTED
     assert distance(few, cycle, exact) < FINE
     assert few.corrected(cycle).omega == pytest.approx(exact.omega, abs=5e-6)
-    assert abs(cycle.omega - exact.omega) > 1e-5
+
+
+def test_a_cycle_of_another_size_is_not_that_of_a_motion(both):
+    _, exact, few, near = both
+    cycle, _ = few.cycle_near(near, 7)
+    assert distance(few, cycle, exact) < 1e-2
+    with pytest.raises(ConvergenceError) as caught:
+        few.cycle_near(PeriodicMotion(1.4 * near.Q, near.omega), 5)
+    assert caught.value.status == "another_cycle"
 
 
 def test_the_error_of_a_basis_is_told(both):

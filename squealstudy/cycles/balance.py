@@ -47,7 +47,7 @@ def sampled(osc: Oscillator, rule: Sampling, Q: np.ndarray, omega: float) -> Loc
     """Forces at the samples of a period."""
     seen = Q @ osc.rows.T
     shape = (len(rule.synthesis), *osc.B.shape[:2])
-    return osc.forces(
+    return (osc.turning or osc.forces)(
         (rule.synthesis @ seen).reshape(shape), (omega * (rule.slope @ seen)).reshape(shape)
     )
 

@@ -17,6 +17,7 @@ from squealstudy.errors import ModelError
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.cycle_forces import sampled_forces, sampled_rows
 from squealstudy.kernels.laws import law_row
+from squealstudy.kernels.turns import resolve_turns
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
 LEVEL_SAMPLES = 512  # a period, of levels and shares
@@ -43,6 +44,12 @@ class ContactForces:
         by_y, by_w = np.zeros((*y.shape, 3)), np.zeros((*y.shape, 3))
         sampled_forces(self.points, self.law, y, w, f, by_y, by_w)
         return LocalForces(f, by_y, by_w)
+
+    def turning(self, y: np.ndarray, w: np.ndarray) -> LocalForces:
+        """The same at even samples of a whole period, with what friction does between them."""
+        found = self(y, w)
+        resolve_turns(self.points, self.law, y, w, *found)
+        return found
 
 
 @dataclass(frozen=True)
@@ -72,12 +79,14 @@ class ContactOscillator:
             raise ModelError("harmonic balance is about steady sliding, without other loads")
         U, m = system.shapes, len(system.shapes)
         d, s = (np.zeros(m) if x is None else x for x in (point.d, point.s))
+        forces = ContactForces(point.points(system), law_row(point.contact, point.friction))
         return Oscillator(
             C=np.diag(point.c) + U.T @ (d[:, None] * U),
             K=np.diag(system.omega2) + U.T @ (s[:, None] * U),
             B=np.stack([system.N, system.T1, system.T2], axis=1),
-            forces=ContactForces(point.points(system), law_row(point.contact, point.friction)),
+            forces=forces,
             samples=LEAST_SAMPLES if system.n <= WHOLE else FEWER_SAMPLES,
+            turning=forces.turning,
         )
 
     def contact_velocity(self, motion: PeriodicMotion) -> float:

@@ -17,11 +17,13 @@ from squealstudy.errors import ConvergenceError
 
 TOLERANCE = 1e-9  # of the equations, and of the square of the last Newton step; scaled to one
 NEWTON = 20  # steps at most
+PATIENCE, HALF = 5, 0.5  # steps in which the equations shall be better by that, or are lost
 ASTRAY = 10.0  # a longer one leads nowhere: unknowns are scaled to one
 SHORTEST = 0.1  # share of a Newton step
 NEARER = 0.1  # by what share of a Newton step the equations shall be better after it
 FAST, SLOW = 2, 5  # Newton steps at which the arc-length grows, shrinks
 TURN = 0.9  # cosine between tangents below which a step was too long
+BEND = 0.3  # rad: what the next step may turn if the curve goes on to bend
 FAR_OFF = 0.4  # of a step: a longer correction may have met another curve
 CORNER = 0.03  # arc-length of steps that may turn: friction that reverses bends curves sharply
 LOCATED = 1e-10  # of an event, relative to the step in which it is
@@ -100,9 +102,12 @@ class Steps:
 
 
 def newton(
-    equations: Equations, u: np.ndarray, normal: np.ndarray, offset: float = 0.0
+    equations: Equations, u: np.ndarray, normal: np.ndarray, offset: float | None = 0.0
 ) -> tuple[np.ndarray, float, int, np.ndarray]:
     """Solution on the plane normal . u = offset; its residual, Newton steps, and Jacobian.
+
+    Without an offset the plane turns with the curve: steps are the shortest that solve the
+    linearised equations (Moore & Penrose), and find the curve where the first plane misses it.
 
     Raises
     ------
@@ -110,6 +115,7 @@ def newton(
         Not converged, or not finite.
     """
     last, tolerance = np.inf, equations.tolerance
+    before = [np.inf] * PATIENCE
     for step in range(NEWTON + 1):
         F, J = equations.jacobian(u)
         residual = float(np.abs(F).max())
@@ -117,12 +123,18 @@ def newton(
             raise ConvergenceError("not_finite", "the forces of a periodic motion are not finite")
         if residual < tolerance and last**2 < tolerance:
             return u, residual, step, J
-        A = np.vstack([J, normal])
-        change = solve(A, np.append(F, normal @ u - offset))
+        if residual > max(HALF * before[step], tolerance):
+            break
+        before.append(residual)
+        plane = 0.0 if offset is None else float(normal @ u - offset)
+        change = solve(np.vstack([J, normal]), np.append(F, plane))
+        if offset is None:
+            normal = tangent_of(J, normal)
+            change = change - (normal @ change) * normal
         last = float(np.abs(change).max())
         if not last <= ASTRAY:
             break
-        u = _searched(equations, u, change, F, float(normal @ u - offset))
+        u = _searched(equations, u, change, F, plane)
     raise ConvergenceError(
         "not_converged", f"the balance did not converge: {residual:.1e} after {step} Newton steps"
     )
@@ -207,15 +219,18 @@ def follow(
         if reason := stop(there.u):
             curve.end = reason
             return curve
+        h = grown(taken, iterations, steps, float(here.tangent @ there.tangent))
         here = there
-        h = grown(taken, iterations, steps)
     return curve
 
 
-def grown(taken: float, iterations: int, steps: Steps) -> float:
-    """Arc-length of the next step after one that took so many Newton steps."""
-    h = taken * (1.5 if iterations <= FAST else 0.6 if iterations >= SLOW else 1.0)
-    return min(h, steps.largest)
+def grown(taken: float, iterations: int, steps: Steps, turn: float) -> float:
+    """Arc-length of the next step after one of so many Newton steps, that turned by a cosine."""
+    factor = 1.5 if iterations <= FAST else 0.6 if iterations >= SLOW else 1.0
+    bent = float(np.arccos(np.clip(turn, -1.0, 1.0)))
+    if bent > BEND / factor:
+        factor = max(BEND / bent, 0.5)
+    return min(taken * factor, steps.largest)
 
 
 def next_point(

@@ -24,15 +24,16 @@ from squealstudy.cycles.continuation import (
     tangent_of,
 )
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
-from squealstudy.cycles.projection import SIZE
+from squealstudy.cycles.projection import SIZE, TARGET
 from squealstudy.errors import ConvergenceError
 
 BASIS = "basis"  # the basis errs by too much, or is too large
 LOST = "not_converged"
-WORST, TARGET = 5e-2, 1e-2  # error of the basis on the curve; where it grows
-FINE = 1e-3  # and of cycles
+WORST = 2e-2  # error of the basis on the curve
 TRIES = 6  # enrichments for one step, before it is halved
 ROUGHLY = 2e-2  # of a step: where an event is, if it is corrected anyhow
+BACK = 4  # points that are taken back at most where a larger basis does not have them
+AHEAD = 1e-2  # arc-length of the place that tells which way a curve goes on in another basis
 
 Ended = Callable[[np.ndarray, PeriodicMotion], str]  # of unknowns and the motion; why it ends there
 
@@ -195,16 +196,17 @@ class Path:
         """Why the curve on from the first motion ended; what is found on it is added."""
         projection, steps = self.projection, self.steps
         h, tries = steps.first, 0
-        equations, here = self._here(found)
+        equations, here = self._here(found[0].motion)
         while len(found) < steps.count:
             step = next_point(
                 equations, here, h, steps.least, self.tests, ROUGHLY, watched=self.watched
             )
             if step is None:  # what the last motion has missing may be what its successor needs
-                if tries or not self._grown(found[-1].motion, True):
+                way = None if tries else self._grown(equations, here, found[-1].motion, True)
+                if way is None:
                     return LOST
                 tries, h = tries + 1, steps.first
-                equations, here = self._here(found)
+                equations, here = self._again(found, *way)
                 continue
             there, events, taken, iterations = step
             motion = projection.lifted(equations.motion(there.u))
@@ -214,9 +216,10 @@ class Path:
                 h = taken if tries % TRIES else 0.5 * taken
                 if h < steps.least:
                     return BASIS
-                self._grown(motion, True)
-                equations, here = self._here(found)
+                if way := self._grown(equations, here, motion, True):
+                    equations, here = self._again(found, *way)
                 continue
+            h = grown(taken, iterations, steps, float(here.tangent @ there.tangent))
             tries, here = 0, there
             equations.accepted(there.u)
             for p in (*events, there):
@@ -225,30 +228,62 @@ class Path:
             projection.remember(motion)
             if reason := self.ended(there.u, motion):
                 return reason
-            h = grown(taken, iterations, steps)
-            if error > TARGET:
-                self._grown(motion, False)
-                equations, here = self._here(found)
+            if error > TARGET and (way := self._grown(equations, here, motion, False)):
+                count = len(found)
+                equations, here = self._again(found, *way)
+                h = h if len(found) == count else min(h, 0.5 * taken)
         return "steps"
 
-    def _grown(self, motion: PeriodicMotion, fresh: bool) -> bool:
-        """Whether what a motion has missing in the basis has joined it."""
-        self.projection.compact(motion)
-        before = self.projection.size
-        self.projection.join(motion, self.projection.correction(motion, fresh))
-        return self.projection.size > before
+    def _grown(
+        self, equations: CycleEquations, here: CurvePoint, motion: PeriodicMotion, fresh: bool
+    ) -> tuple[PeriodicMotion, PeriodicMotion] | None:
+        """What a motion has missing joins the basis; None where that is nothing.
 
-    def _here(self, found: list[CurveMotion]) -> tuple[CycleEquations, CurvePoint]:
-        """The last motion of the curve, in the basis as it is."""
-        plain = [m.motion for m in found if not m.event][-2:]
+        The point where the curve is, and one ahead of it, of all coordinates.
+        """
+        projection = self.projection
+        start, ahead = (
+            projection.lifted(equations.motion(here.u + length * here.tangent))
+            for length in (0.0, AHEAD)
+        )
+        projection.remember(ahead)
+        projection.compact(motion)
+        before = projection.size
+        projection.join(motion, projection.correction(motion, fresh))
+        return (start, ahead) if projection.size > before else None
+
+    def _again(
+        self, found: list[CurveMotion], start: PeriodicMotion, ahead: PeriodicMotion
+    ) -> tuple[CycleEquations, CurvePoint]:
+        """The last point in the basis as it is now.
+
+        One that the larger basis does not have was made by what the smaller one lacked: it is taken
+        from the curve, which goes on from the one before it.
+        """
+        for _ in range(BACK):
+            try:
+                return self._here(start, ahead)
+            except ConvergenceError:
+                plain = [k for k, m in enumerate(found) if not m.event]
+                if len(plain) < 3:
+                    raise
+                ahead = found[plain[-1]].motion
+                del found[plain[-2] + 1 :]
+                start = found[-1].motion
+        raise ConvergenceError(LOST, "the curve was lost in a larger basis")
+
+    def _here(
+        self, motion: PeriodicMotion, ahead: PeriodicMotion | None = None
+    ) -> tuple[CycleEquations, CurvePoint]:
+        """A motion of the curve, in the basis as it is, and the way on to the side of `ahead`."""
         equations = self.projection.equations(self.harmonics)
-        u = equations.pack(self.projection.lowered(plain[-1]))
+        u = equations.pack(self.projection.lowered(motion))
         equations.accepted(u)
         along = self._along(u)
-        if len(plain) > 1:  # as it came
-            along = u - equations.pack(self.projection.lowered(plain[0]))
+        if ahead is not None:
+            along = equations.pack(self.projection.lowered(ahead)) - u
             along /= np.linalg.norm(along)
-        u, residual, _, J = newton(equations, u, along, float(along @ u))
+        u, residual, _, J = newton(equations, u, along, None)
         return equations, CurvePoint(u, tangent_of(J, along), residual)
 
 

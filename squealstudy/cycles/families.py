@@ -14,7 +14,7 @@ import numpy as np
 
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.continuation import Steps
-from squealstudy.cycles.curve import FINE, TARGET, CurveMotion
+from squealstudy.cycles.curve import CurveMotion
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.growth import (
@@ -27,7 +27,7 @@ from squealstudy.cycles.growth import (
     linear_motion,
 )
 from squealstudy.cycles.harmonics import with_harmonics
-from squealstudy.cycles.projection import ADDED, SIZE, Projection
+from squealstudy.cycles.projection import Projection
 from squealstudy.errors import ConvergenceError
 
 SQUEALS, IF_KICKED = "squeals", "squeals_if_kicked"
@@ -289,7 +289,7 @@ def cycle_near(
     level_error = frequency_error = basis_error = residual = np.inf
     for harmonics in tried:
         try:
-            motion, residual = _with(projection, motion, harmonics)
+            motion, residual = projection.cycle_near(motion, harmonics)
         except ConvergenceError:
             if not np.isfinite(level_error):
                 raise
@@ -322,21 +322,6 @@ def cycle_near(
         residual,
         status,
     )
-
-
-def _with(
-    projection: Projection, motion: PeriodicMotion, harmonics: int
-) -> tuple[PeriodicMotion, float]:
-    """The cycle near a motion with a number of harmonics, and its residual; ConvergenceError."""
-    motion = replace(motion, Q=with_harmonics(motion.Q, harmonics))
-    try:
-        motion, _, residual = projection.improve(motion, FINE, ADDED)
-    except ConvergenceError:  # nearer on the curve, on a basis that holds it
-        if projection.complete:
-            raise
-        motion = replace(projection.improve(motion, TARGET, SIZE)[0], mu=0.0)
-        motion, _, residual = projection.improve(motion, FINE, ADDED)
-    return motion, residual
 
 
 def _pair(harmonics: int) -> tuple[int, int]:

@@ -8,14 +8,16 @@ the multiplier that must be one.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 
+from squealstudy.cycles.balance import sampled
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.harmonics import series_at
+from squealstudy.cycles.harmonics import sampling, series_at
 from squealstudy.cycles.oscillator import Oscillator
 
 STEPS = 256  # a period, at least
@@ -23,7 +25,7 @@ STEPS_A_HARMONIC = 16
 LARGE = 60  # coordinates above which the trapezoidal rule takes over
 TRAPEZOIDAL_STEPS = 192
 NEAR = 0.97  # size of multipliers of which the trapezoidal rule's error is told
-BLOCK = 32  # steps of which the tangents are made together
+FINER = 4  # samples a step, of the tangents of contact points
 CHUNK_BYTES = 64_000_000
 FLIP, FOLD, TORUS = (
     "flip",
@@ -201,16 +203,39 @@ def trapezoidal(osc: Oscillator, cycle: PeriodicMotion, steps: int) -> np.ndarra
     """
     n, h = osc.n, 2 * np.pi / steps
     one, q, p = np.eye(n), np.eye(n, 2 * n), np.eye(n, 2 * n, n)
-    C, K = _stiffness(osc, cycle, np.zeros(1))
-    pull = -(C[0] @ p + K[0] @ q)
-    for first in range(0, steps, BLOCK):
-        theta = h * np.arange(first + 1, min(first + BLOCK, steps) + 1)
-        for C1, K1 in zip(*_stiffness(osc, cycle, theta), strict=True):
-            middle = q + 0.5 * h * p
-            known = p + 0.5 * h * (pull - K1 @ middle)
-            p1 = la.solve(one + 0.5 * h * C1 + 0.25 * h**2 * K1, known, check_finite=False)
-            q, pull, p = middle + 0.5 * h * p1, 2.0 / h * (p1 - p) - pull, p1
+    C, K = _averaged(osc, cycle, steps)
+    pull = -(C(0) @ p + K(0) @ q)
+    for step in range(1, steps + 1):
+        C1, K1 = C(step % steps), K(step % steps)
+        middle = q + 0.5 * h * p
+        known = p + 0.5 * h * (pull - K1 @ middle)
+        p1 = la.solve(one + 0.5 * h * C1 + 0.25 * h**2 * K1, known, check_finite=False)
+        q, pull, p = middle + 0.5 * h * p1, 2.0 / h * (p1 - p) - pull, p1
     return np.vstack([q, p])
+
+
+Matrices = Callable[[int], np.ndarray]
+
+
+def _averaged(osc: Oscillator, cycle: PeriodicMotion, steps: int) -> tuple[Matrices, Matrices]:
+    """Damping over omega and stiffness over omega^2 (n, n) of a step, by its number.
+
+    Of contact points they are means about the step, with weights that fall to the steps beside it:
+    where points open and close within a step, or stick, no share of that is left out.
+    """
+    local = sampled(osc, sampling(cycle.harmonics, FINER * steps), cycle.Q, cycle.omega)
+    finer = len(local.f) // steps
+    weights = (finer - np.abs(np.arange(1 - finer, finer))) / finer**2
+    places = np.arange(1 - finer, finer)
+
+    def mean(D: np.ndarray, step: int) -> np.ndarray:
+        near = D[(finer * step + places) % len(D)]
+        return osc.projected(np.tensordot(weights, near, 1))
+
+    return (
+        lambda step: (osc.C - mean(local.by_w, step)) / cycle.omega,
+        lambda step: (osc.K - mean(local.by_y, step)) / cycle.omega**2,
+    )
 
 
 def _stiffness(

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.cycles.contact import ContactOscillator
-from squealstudy.cycles.curve import FINE
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.growth import linear_motion
 from squealstudy.cycles.harmonics import with_harmonics
-from squealstudy.cycles.projection import SIZE, Projection
+from squealstudy.cycles.projection import FINE, SIZE, Projection
 from squealstudy.errors import ConvergenceError
 
 SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"

@@ -9,7 +9,7 @@ of a small oscillator. q = 0 is the steady state.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +52,9 @@ class Oscillator:
         All that is not linear, `LocalForces` of (S, g, b) displacements and velocities.
     samples : int
         Least number of samples of a period.
+    turning : callable or None
+        The same as `forces` at even samples of a whole period, each with its share of what is
+        between them; None where `forces` alone are smooth enough.
 
     Raises
     ------
@@ -64,6 +67,7 @@ class Oscillator:
     B: np.ndarray
     forces: Forces
     samples: int = LEAST_SAMPLES
+    turning: Forces | None = None
 
     def __post_init__(self) -> None:
         n = self.B.shape[-1]
@@ -99,7 +103,7 @@ class Oscillator:
     def on(self, basis: np.ndarray) -> Oscillator:
         """The same on orthonormal columns (n, r): what moves in their span, balanced there."""
         K, C = (basis.T @ A @ basis for A in (self.K, self.C))
-        return Oscillator(C, K, self.B @ basis, self.forces, self.samples)
+        return replace(self, C=C, K=K, B=self.B @ basis)
 
     def projected(self, D: np.ndarray) -> np.ndarray:
         """B^T D B (.., n, n) of local derivatives D (.., g, b, b)."""

@@ -17,21 +17,24 @@ from squealstudy.cycles.balance import imbalance, sampled
 from squealstudy.cycles.continuation import TOLERANCE, newton
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet, floquet, floquet_on
+from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import WHOLE, Oscillator
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
-MOST = 160  # vectors
-COMPACT = 80  # vectors above which a basis begins anew, with the last motions
+MOST = 220  # vectors
+COMPACT = 150  # vectors above which a basis begins anew, with the last motions
 FEW = 30  # and where one motion is corrected: its own harmonics and what they lack are enough
-REMEMBERED = 4  # motions
+REMEMBERED = 6  # motions
 DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability is judged
 ALIKE = 1e-2  # of the largest direction of modes of unit energy: what is less is there already
 RANK = 1e-6  # of the largest direction of these motions
 PASSES = 12  # enrichments at one motion
 BY_BLOCKS = 3  # of them at most after Newton's method has failed
 LEAST = 0.1  # of the largest direction of a correction: what is less does not join
-PROJECTED = 1e-6  # of the equations in a basis, which errs by more
+NEARBY = 0.15  # change of size by more harmonics, beyond which it is another cycle
+TARGET, FINE = 1e-2, 1e-3  # error of the basis above which it grows along curves, and of cycles
+PROJECTED = 1e-5  # of the equations in a basis, which errs by more
 SIZE, ADDED = -2, -1  # what is held while a motion is corrected: places among the unknowns
 
 
@@ -250,6 +253,29 @@ class Projection:
             self.join(motion, change)
         raise ConvergenceError("basis", f"the basis errs by {last:.1e} with {self.size} vectors")
 
+    def cycle_near(self, motion: PeriodicMotion, harmonics: int) -> tuple[PeriodicMotion, float]:
+        """The cycle near a motion with a number of harmonics, and its residual.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is none, or one of another size alone.
+        """
+        start = replace(motion, Q=with_harmonics(motion.Q, harmonics))
+        try:
+            found, _, residual = self.improve(start, FINE, ADDED)
+            if self.complete or _of_one_size(start, found):
+                return found, residual
+        except ConvergenceError:
+            if self.complete:
+                raise
+        # nearer on the curve, on a basis that holds it
+        held = replace(self.improve(start, TARGET, SIZE)[0], mu=0.0)
+        found, _, residual = self.improve(held, FINE, ADDED)
+        if not _of_one_size(start, found):
+            raise ConvergenceError("another_cycle", "more harmonics lead to another cycle")
+        return found, residual
+
     def _nearer(self, motion: PeriodicMotion, held: int) -> PeriodicMotion:
         """A motion after a step of iteration by blocks in all coordinates; the basis holds it."""
         change = self.correction(motion, True)
@@ -304,3 +330,10 @@ class Projection:
         _, turn = la.eigh(Q.T @ self.whole.K @ Q)
         self.basis = Q @ turn
         self.small = self.whole.on(self.basis)
+
+
+def _of_one_size(one: PeriodicMotion, other: PeriodicMotion) -> bool:
+    """Whether the first harmonics of two motions of as many harmonics are nearly of one size."""
+    rows = [1, 1 + one.harmonics]
+    ratio = float(la.norm(other.Q[rows]) / la.norm(one.Q[rows]))
+    return abs(ratio - 1.0) < NEARBY
