@@ -116,6 +116,13 @@ def test_a_brake_that_does_not_is_said_to_differ(script, found):
     assert told["16"][0] == "cannot be told"
 
 
+def test_a_mode_that_the_reduced_model_misses_is_told(script, found):
+    found.stability.manifest["reference"] = [{"missed_modes": 0}, {"missed_modes": 1}]
+    (told,) = (t["x"] for c, t in script.compared({"x": found}) if c.figure == "section 1.2")
+    assert told[0] == "partly"
+    assert told[1].endswith("1 of its modes missed")
+
+
 def test_failed_points_answer_nothing(script, found):
     lost = found.damping.points.assign(status="not_converged")
     none = found.damping.with_tables(points=lost, modes=found.damping.modes.iloc[:0])

@@ -100,6 +100,7 @@ def test_a_model_with_a_mesh_moves(brake):
     (inside,) = re.findall(r'<iframe class="moving"[^>]* srcdoc="([^"]*)"', page)
     assert html.unescape(inside).lstrip().lower().startswith("<!doctype html>")
     assert "feeds" in page or "growth" in page
+    assert ",," not in inside.split("places")[0]  # values of the design point, wrapped
     assert len(page) < 10_000_000
     growth = float(brake.modes["growth_rate"].max())
     assert f"{growth:.4g}" in html.unescape(page) or in_digits(growth, 1) in page

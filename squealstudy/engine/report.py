@@ -173,7 +173,7 @@ def _shape(one: Results) -> list[str]:
     image = BytesIO()
     picture.savefig(image, format="png", dpi=SHAPE_DPI)
     named, *values = title(shape)
-    told = "".join(f"<p>{escape(text)}</p>" for text in (*values, *sources(shape)))
+    told = "".join(f"<p>{escape(text)}</p>" for text in (" ".join(values), *sources(shape)))
     return [
         f"<h2>Shape: {escape(named)}</h2>{told}",
         f'<iframe class="moving" title="{escape(named)}" srcdoc="{escape(moving)}"></iframe>',

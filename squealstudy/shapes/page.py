@@ -73,7 +73,7 @@ def page(shapes: Sequence[Shape]) -> str:
     label = first.label
     data = {
         "title": f"{label.study}, design point {label.row}",
-        "point": ", ".join(title(first)[1:]),
+        "point": " ".join(title(first)[1:]),
         "view": VIEW,
         "grain": grain,
         "size": float(np.linalg.norm(np.ptp(places, axis=0))),

@@ -9,6 +9,7 @@ import pandas as pd
 from found import (
     AGREES,
     ALONE,
+    CLOSE,
     DAMPING,
     DIFFERS,
     GROUP,
@@ -192,10 +193,13 @@ def small_and_exact(found: Found) -> Answer:
     checked = points.dropna(subset="reference_frequency_error")
     if checked.empty:
         return OPEN, "no point was solved at full order"
+    checks = found.stability.manifest.get("reference", [])
+    missed = sum(check.get("missed_modes", 0) for check in checks)
     f, z = (checked[f"reference_{n}_error"].max() for n in ("frequency", "damping"))
     text = (
         f"at {len(checked)} points against full order: frequencies within {f:.1g}, damping ratios "
     )
     text += f"within {z:.1g}, after the basis is enriched by responses to friction; "
     text += f"{found.squeal.points['n_coordinates'].iloc[0]:.0f} coordinates in time"
-    return (AGREES if f < 1e-3 else DIFFERS), text
+    text += f"; {missed} of its modes missed" if missed else ""
+    return (DIFFERS if f >= CLOSE else PARTLY if missed else AGREES), text
