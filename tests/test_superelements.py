@@ -197,13 +197,14 @@ def test_a_study_of_a_superelement(tmp_path):
         ("word", "components.slider.dof", "expected 'node.direction' or 'modal', got 'mode'"),
         ("shape", "components.slider.recovery", "R.npz is 3 x 3: expected three rows for each"),
         ("other", "components.slider.recovery", "does it belong to them"),
+        ("same", "components.slider.recovery", "depend on each other"),
         ("text", "components.slider.recovery", "expected a file .npz or .mat"),
         ("mesh", "components.slider", "expected mesh, or K, M and nodes; got mesh and recovery"),
         ("held", "fixed[1].set", None),
     ],
 )
 def test_what_is_wrong_is_said_with_its_key(tmp_path, what, key, message):
-    _, _, R, _ = write_superelement(tmp_path, 5, recovery=True, shift=what == "dof")
+    _, b, R, order = write_superelement(tmp_path, 5, recovery=True, shift=what == "dof")
     path = tmp_path / "blocks.toml"
     text = path.read_text()
     if what == "word":
@@ -213,6 +214,10 @@ def test_what_is_wrong_is_said_with_its_key(tmp_path, what, key, message):
         np.savez(tmp_path / "R.npz", R=np.eye(3))
     elif what == "other":
         np.savez(tmp_path / "R.npz", R=R[::-1])
+    elif what == "same":
+        modal = np.flatnonzero(order >= len(b))
+        R[:, modal[1]] = 2 * R[:, modal[0]]
+        np.savez(tmp_path / "R.npz", R=R)
     elif what == "text":
         path.write_text(text.replace("R.npz", "R.mtx"))
         (tmp_path / "R.mtx").write_text("")

@@ -125,7 +125,8 @@ def different(one: Path, other: Path, name: str) -> bool:
     """Whether a table of two results differs in any column but the time of a point; told."""
     tables = [pads.dataset(path / f"{name}.parquet").to_table() for path in (one, other)]
     columns = [c for c in tables[0].column_names if c != "wall_s"]
-    unlike = [c for c in columns if not tables[0][c].equals(tables[1][c])]
+    pairs = {c: [table[c].to_pandas() for table in tables] for c in columns}  # NaN is NaN there
+    unlike = [c for c, (a, b) in pairs.items() if not a.equals(b)]
     print(
         f"{name}: {tables[0].num_rows} rows, {len(columns)} columns, different: {unlike or 'none'}"
     )

@@ -82,6 +82,24 @@ FIGURES = {  # name of a figure -> its title and the limit that is asked for at 
     "resume_cpu_s": ("run again when finished, CPU s", 10.0),
     "resume_mb": ("run again, MB", 1500.0),
 }
+DRAWN = (  # seconds, MB -> names in the chart
+    {
+        "check_s": "check",
+        "first_point_s": "to the first point",
+        "tables_s": "tables with tracking",
+        "screen_s": "ranking and findings",
+        "pictures_s": "pictures",
+        "after_s": "these three and the rest after the last point",
+        "resume_s": "run again when finished",
+    },
+    {
+        "check_mb": "check",
+        "points_mb": "run until the last point",
+        "worker_mb": "largest worker",
+        "peak_mb": "run at any moment",
+        "resume_mb": "run again when finished",
+    },
+)
 EVERY = 0.05  # s between looks at memory
 
 
@@ -222,17 +240,18 @@ def draw(found: dict[int, dict[str, float]], path: Path) -> None:
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-    for axis, unit in zip(axes, ("_s", "_mb"), strict=True):
-        for name, (title, limit) in FIGURES.items():
-            if name.endswith(unit):
-                values = [figures.get(name, float("nan")) for figures in found.values()]
-                (line,) = axis.plot(list(found), values, "o-", label=title)
-                if limit:
-                    axis.plot(max(1e6, *found), limit, "_", ms=14, color=line.get_color())
+    figure, axes = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained")
+    for axis, drawn in zip(axes, DRAWN, strict=True):
+        for name, title in drawn.items():
+            values = [figures.get(name, float("nan")) for figures in found.values()]
+            (line,) = axis.plot(list(found), values, "o-", label=title)
+            if limit := FIGURES[name][1]:
+                axis.plot(max(1e6, *found), limit, "_", ms=18, mew=3, color=line.get_color())
         axis.set(xscale="log", yscale="log", xlabel="design points")
-        axis.legend(fontsize=7)
-    figure.suptitle("Costs of a study beside its solving; bars: asked at 1,000,000")
+        axis.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0.0, -0.14), ncols=2)
+    axes[0].set_ylabel("s")
+    axes[1].set_ylabel("MB")
+    figure.suptitle("Costs of a study beside its solving; bars: the limit at 1,000,000, by colour")
     figure.savefig(path, dpi=150)
 
 

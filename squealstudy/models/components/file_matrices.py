@@ -19,6 +19,7 @@ from squealstudy.models.matrices.files import read_component_matrix, read_recove
 from squealstudy.models.matrices.labelled import LabelledMatrix
 
 Matrices = tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix | None]  # K, M, C
+INDEPENDENT = 1e-12  # least eigenvalue of the products of such columns, each of length one
 IDENTITY = 1e-6  # how far a recovery matrix may be off for the nodes of the rows themselves
 ROUND_OFF = 1e-14
 DIGITS = 2e-5  # of the highest frequency of a freedom: what ten digits leave of rigid motions
@@ -120,6 +121,16 @@ def _recovered(
             keys,
             f"{path.name} moves the nodes of the matrices' own rows otherwise than these rows (by "
             f"{off:.1g}): does it belong to them, and are its rows in the order of {table.nodes}?",
+        )
+    modal = R[:, np.flatnonzero(np.diff(E.tocsc().indptr) == 0)].astype(float)
+    modal = modal[:, np.flatnonzero(modal.count_nonzero(axis=0))]
+    gram = (modal.T @ modal).toarray()
+    size = np.sqrt(np.diag(gram))
+    if len(gram) and np.linalg.eigvalsh(gram / np.outer(size, size))[0] < INDEPENDENT:
+        raise PlacedError(
+            keys,
+            f"{path.name}: its columns of degrees of freedom that are at no node depend on each "
+            "other: expected a motion of its own for each",
         )
     R = R.tolil()
     R[of_nodes] = E[of_nodes]
