@@ -3,9 +3,8 @@
 Frequencies and dampings of component modes say what a part should do, not how it is built. Where a
 study has both sorts of variables, targets are searched alone first. The search over what can be
 built then begins at the changes x that are nearest to the best targets t in what they do to the
-roots of today's design near its margin at all points in view, first order, within their bounds:
-
-    min over x of  sum |(d lambda_i/dx) x - (d lambda_i/dt) t|^2 / |lambda_i|^2.
+roots of today's design near its margin at all points in view, first order, within their bounds
+(THEORY.md eq. (115a)).
 """
 
 from __future__ import annotations

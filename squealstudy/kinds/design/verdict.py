@@ -87,7 +87,8 @@ def _target_text(loop: Loop) -> str:
     if facts is None:
         return ""
     what = facts["change"] or "no change"
-    come = "would be enough" if facts["enough"] else "come nearest, and are not enough"
+    met = "would meet the margin at the points in view, unproven"
+    come = met if facts["enough"] else "comes nearest to the margin, and misses it"
     told = f" Of targets alone, which nobody can build, {what} {come}"
     if not facts["nearest"] or facts["matched"] is None:
         return f"{told}."
