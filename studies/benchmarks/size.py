@@ -1,16 +1,17 @@
 """What a study costs as the mesh grows: a model of files to a ranked study, from a cold cache.
 
-    python studies/benchmarks/size.py run [--sizes 15k 49k] [--jobs 2] [--table size.csv]
+    python studies/benchmarks/size.py run [--sizes 15k 49k] [--jobs 2]
     python studies/benchmarks/size.py points [--sizes 15k 49k]
-    python studies/benchmarks/size.py chart size.csv size.png
+    python studies/benchmarks/size.py chart
 
 The generated brake is written as a model file (meshes in .inp) at growing densities: 15k, 29k, 49k,
 116k and 500k degrees of freedom. Each is read, reduced, solved at 29 frictions x 6 pressures,
 checked at full order, tracked, ranked and drawn by a process of its own with its workers, whose
 cache is empty, kernels to compile included. Printed are for each stage the seconds, the processor
 seconds and the largest memory of all its processes together (resident; what they share counts for
-each), then the parts of the reduction and what a point takes. Rows go to the table, where `chart`
-finds them; the last of each size counts. `points` solves steady sliding alone at some of the design
+each), then the parts of the reduction and what a point takes. Each stage that ends is written to
+results/size.json at once, so that an interrupted run keeps what it measured; `chart` draws what is
+there. `points` solves steady sliding alone at some of the design
 points: its processor seconds, and the factors it made.
 """
 
@@ -27,6 +28,7 @@ import time
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import one_thread  # noqa: F401
 
@@ -52,10 +54,12 @@ from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.models.fem.grid import Interval
 from squealstudy.study.toml_text import toml_text
 
-ASKED, ASKED_AT = (720.0, 6144.0), 116_000  # s and MB of the study, from files; degrees of freedom
+ASKED, ASKED_AT = (2 * 720.0, 6144.0), 116_000  # CPU s (12 min of two cores) and MB; DOF
+RECORD, CHART = Path("results/size.json"), Path("results/charts/size.png")
 EVERY = 0.25  # s between looks: one takes some 10 ms
 EXPORT, START, ALL, POINT = "files written", "start", "all, from files", "a point"
 CHECK = "full-order check"
+POINTS = 29 * 6  # design points of the study
 DRAWN = ("reduction", "design points", CHECK, "tracking", ALL, POINT)  # stages on the chart
 STUDY = """
 [study]
@@ -202,24 +206,30 @@ def run_here(path: Path, directory: Path, jobs: int) -> None:
 KEPT = ("status", "frequency_error", "damping_error", "missed_modes", "wall_s")
 
 
-def measure(size: str, jobs: int, keep: Path | None) -> pd.DataFrame:
-    """All figures of a size."""
+def keep(record: Path, size: str, facts: dict[str, object]) -> None:
+    """Put what is known of a size into the record; an interrupted run leaves what it had."""
+    known = json.loads(record.read_text()) if record.exists() else {}
+    known[size] = facts
+    record.parent.mkdir(parents=True, exist_ok=True)
+    record.write_text(json.dumps(known, indent=1) + "\n")
+
+
+def measure(size: str, jobs: int, record: Path, files: Path | None) -> None:
+    """Measure all figures of a size, print and keep them."""
     with tempfile.TemporaryDirectory() as made:
-        folder = (keep or Path(made)) / size
+        folder = (files or Path(made)) / size
         folder.mkdir(parents=True, exist_ok=True)
         started, used = time.perf_counter(), time.process_time()
         path, dof = write_model(folder, size)
-        rows = [
-            {
-                "stage": EXPORT,
-                "wall_s": time.perf_counter() - started,
-                "cpu_s": time.process_time() - used,
-                "peak_mb": psutil.Process().memory_info().rss / 2**20,
-            }
-        ]
+        written = {
+            "stage": EXPORT,
+            "wall_s": time.perf_counter() - started,
+            "cpu_s": time.process_time() - used,
+            "peak_mb": psutil.Process().memory_info().rss / 2**20,
+        }
         command = [sys.executable, __file__, "child", str(path), str(Path(made) / "results")]
         environment = {**os.environ, "SQUEALSTUDY_CACHE": str(Path(made) / "cache")}
-        load = os.getloadavg()[0]
+        figures: dict[str, Any] = {"dof": dof, "jobs": jobs, "load_before": os.getloadavg()[0]}
         started = time.perf_counter()
         with subprocess.Popen(
             [*command, str(jobs)], stdout=subprocess.PIPE, text=True, env=environment
@@ -233,32 +243,32 @@ def measure(size: str, jobs: int, keep: Path | None) -> pd.DataFrame:
                     watch.stage = line[6:].strip()
                 elif line.startswith("{"):
                     facts = json.loads(line)
+                keep(record, size, {**figures, "finished": False, "rows": [written, *watch.rows()]})
             watch.ended = True
         if child.returncode:
             raise SystemExit(f"{size}: the study failed, exit code {child.returncode}")
         total = time.perf_counter() - started
-    found = watch.rows()
+    rows, times = watch.rows(), facts["timings"]
     whole = {
         "stage": ALL,
         "wall_s": total,
-        "cpu_s": sum(float(r["cpu_s"]) for r in found),  # type: ignore[arg-type]
+        "cpu_s": sum(watch.cpu.values()),
         "peak_mb": max(watch.peak.values()),
     }
-    parts = {
-        f"  {name.removeprefix('structure_').removesuffix('_s')}": value
-        for name, value in facts["timings"].items()
+    parts = [
+        {"stage": f"  {name.removeprefix('structure_').removesuffix('_s')}", "wall_s": value}
+        for name, value in times.items()
         if name.startswith("structure_")
-    }
-    times = facts["timings"]
+    ]
     point = {"stage": POINT, "wall_s": times["points_worker_s"] / times["points_solved"]}
-    inner = [{"stage": name, "wall_s": value} for name, value in parts.items()]
-    table = pd.DataFrame([*rows, *found, whole, *inner, point])
-    print(f"\n{size}, {jobs} workers, load before {load:.1f}")
-    print(table.to_string(index=False, float_format=lambda x: f"{x:.1f}", na_rep=""))
+    rows = [written, *rows, whole, *parts, point]
+    figures |= {"load_after": os.getloadavg()[0], "full_order": facts["reference"]}
+    keep(record, size, {**figures, "finished": True, "rows": rows})
+    print(f"\n{size}, {jobs} workers, load before {figures['load_before']:.1f}")
+    print(pd.DataFrame(rows).to_string(index=False, float_format=lambda x: f"{x:.1f}", na_rep=""))
     for reference in facts["reference"]:
         print("full order:", reference)
     print(facts["ranked"], flush=True)
-    return table.assign(size=size, dof=dof, jobs=jobs, load=load)
 
 
 def sliding(size: str) -> None:
@@ -297,25 +307,30 @@ def sliding(size: str) -> None:
     print(f"a point {each:.3f} s, {len(made) / n:.1f} factors of {np.mean(made):.3f} s each")
 
 
-def draw(table: pd.DataFrame, path: Path) -> None:
-    """Seconds, processor seconds and memory of the stages over degrees of freedom."""
+def draw(record: Path, path: Path) -> None:
+    """Processor seconds and memory of the stages over degrees of freedom.
+
+    Of a run that was interrupted, the stages that ended.
+    """
     from squealstudy.plots.style import COLOURS, DARK, finish, new_figure
 
-    table = table.drop_duplicates(["size", "stage"], keep="last").sort_values("dof")
-    table = table[~table["stage"].str.startswith("  ")]
-    figure = new_figure(12.0, 4.4)
-    panels = figure.subplots(1, 3)
-    titles = {"wall_s": "time [s]", "cpu_s": "processor time [s]", "peak_mb": "memory [MB]"}
-    shown = [s for s in table["stage"].unique() if s in DRAWN]
-    for axes, (column, title) in zip(panels, titles.items(), strict=True):
+    known = json.loads(record.read_text()).values()
+    table = pd.DataFrame([{**row, "dof": size["dof"]} for size in known for row in size["rows"]])
+    solved = table[table["stage"] == "design points"]
+    point = solved.assign(stage=POINT, cpu_s=solved["cpu_s"] / POINTS, peak_mb=np.nan)
+    table = pd.concat([table[table["stage"] != POINT], point]).sort_values("dof")
+    figure = new_figure(10.0, 4.6)
+    panels = figure.subplots(1, 2)
+    titles = {"cpu_s": "processor time [s]", "peak_mb": "memory of all processes [MB]"}
+    shown = [s for s in DRAWN if (table["stage"] == s).any()]
+    for axes, (column, title), limit in zip(panels, titles.items(), ASKED, strict=True):
         for number, stage in enumerate(shown):
             own = table[(table["stage"] == stage) & table[column].notna()]
             look = {"color": DARK, "lw": 2.2} if stage == ALL else {"color": COLOURS[number]}
             axes.plot(own["dof"], own[column], "o-", label=stage, **look)
+        axes.plot(ASKED_AT, limit, "v", color=DARK, ms=9, mfc="none", label="at most, as asked")
         axes.set(xscale="log", yscale="log")
         finish(axes, "degrees of freedom", title)
-    for axes, limit in zip((panels[0], panels[2]), ASKED, strict=True):
-        axes.plot(ASKED_AT, limit, "v", color=DARK, ms=9, mfc="none", label="asked, two cores")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
     figure.savefig(path, dpi=130)
@@ -328,13 +343,13 @@ def main() -> None:
     run = commands.add_parser("run")
     run.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["15k", "49k"])
     run.add_argument("--jobs", type=int, default=2)
-    run.add_argument("--table", type=Path, default=Path("size.csv"))
     run.add_argument("--keep", type=Path, help="folder where the model files stay")
     points = commands.add_parser("points")
     points.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["15k", "49k"])
     chart = commands.add_parser("chart")
-    chart.add_argument("table", type=Path)
-    chart.add_argument("png", type=Path)
+    chart.add_argument("png", type=Path, nargs="?", default=CHART)
+    for one in (run, chart):
+        one.add_argument("--record", type=Path, default=RECORD)
     child = commands.add_parser("child")
     child.add_argument("study", type=Path)
     child.add_argument("results", type=Path)
@@ -344,14 +359,13 @@ def main() -> None:
         run_here(given.study, given.results, given.jobs)
         return
     if given.command == "chart":
-        draw(pd.read_csv(given.table), given.png)
+        draw(given.record, given.png)
         return
     for size in given.sizes:
         if given.command == "points":
             sliding(size)
             continue
-        rows = measure(size, given.jobs, given.keep)
-        rows.to_csv(given.table, mode="a", header=not given.table.exists(), index=False)
+        measure(size, given.jobs, given.record, given.keep)
 
 
 if __name__ == "__main__":
