@@ -58,8 +58,8 @@ def _distinct(points: tuple[NamedPoint, ...]) -> tuple[NamedPoint, ...]:
 class NamedPoint(Section):
     """A point whose velocity is told."""
 
-    name: str = Field(min_length=1, max_length=100)
-    component: str
+    name: str = Field(min_length=1, max_length=100, description="as tables call it")
+    component: str = Field(description="component of the model that it is on")
     at: Annotated[tuple[float, float, float] | int, BeforeValidator(_at)] = Field(
         description="[x, y, z] in m: the nearest node; of a model without a mesh the number of a "
         "degree of freedom, from 1"
