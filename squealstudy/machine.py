@@ -40,6 +40,10 @@ class HeldError(Exception):
     """A lock that another process or thread holds."""
 
 
+MMAP_THRESHOLD = -3  # number of this setting in <malloc.h>
+MAPPED, MAPPED_LATER = 2**20, 2**25  # bytes; the latter is where glibc's own setting would end
+
+
 @contextlib.contextmanager
 def lock(path: Path, wait: bool = True) -> Iterator[None]:
     """Hold a lock file, made with its directory; the lock dies with its process.
@@ -173,10 +177,28 @@ def give_back_memory() -> None:
 
     The C library keeps it otherwise, gigabytes after a factorisation of a large matrix.
     """
-    if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc has it, others need not
-        if trim is not None:
-            trim(0)
+    _of_glibc("malloc_trim", 0)
+
+
+@contextlib.contextmanager
+def memory_returned() -> Iterator[None]:
+    """Give back all memory that is freed within; Linux only.
+
+    Arrays are mapped one by one meanwhile: the C library would soon take them from one heap, in
+    which what stays between them keeps them all.
+    """
+    _of_glibc("mallopt", MMAP_THRESHOLD, MAPPED)
+    try:
+        yield
+    finally:
+        _of_glibc("mallopt", MMAP_THRESHOLD, MAPPED_LATER)
+        give_back_memory()
+
+
+def _of_glibc(name: str, *arguments: int) -> None:
+    function = getattr(ctypes.CDLL(None), name, None) if sys.platform == "linux" else None
+    if function is not None:  # other C libraries need not have it
+        function(*arguments)
 
 
 @dataclass

@@ -51,6 +51,16 @@ def test_free_memory_goes_back_below_what_is_in_use():
     assert float(done.stdout) > 150  # of 192 MB
 
 
+def test_arrays_are_mapped_one_by_one_within_alone(monkeypatch):
+    """What that saves is measured: 150 MB beside a reduction of the coarse brake."""
+    asked = []
+    monkeypatch.setattr(machine, "_of_glibc", lambda *call: asked.append(call))
+    with pytest.raises(ZeroDivisionError), machine.memory_returned():
+        assert asked == [("mallopt", -3, 2**20)]
+        1 / 0  # noqa: B018
+    assert asked[1:] == [("mallopt", -3, 2**25), ("malloc_trim", 0)]
+
+
 def test_a_lock_dies_with_its_process(tmp_path):
     path = tmp_path / ".lock"
     command = [sys.executable, "-c", HOLD, str(path)]

@@ -19,7 +19,7 @@ from squealstudy.engine.reduced import (
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.linalg.real_modes import real_modes
-from squealstudy.machine import give_back_memory
+from squealstudy.machine import memory_returned
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.modes.point import angular_band
@@ -152,17 +152,16 @@ def build_structure(task: BuildTask | FamilyTask) -> tuple[str, str]:
     key = task.point.structure
     if is_prepared(key):
         return key, ""
-    try:
-        if isinstance(task, FamilyTask):
-            save_prepared(key, _prepared_family(task))
-        else:
-            save_prepared(key, reduced_with_basis(task)[0])
-    except StudyFileError:
-        raise
-    except SquealstudyError as error:
-        return key, str(error)
-    finally:
-        give_back_memory()  # assembly and factors are no longer in use
+    with memory_returned():  # assembly and factors are not used again
+        try:
+            if isinstance(task, FamilyTask):
+                save_prepared(key, _prepared_family(task))
+            else:
+                save_prepared(key, reduced_with_basis(task)[0])
+        except StudyFileError:
+            raise
+        except SquealstudyError as error:
+            return key, str(error)
     return key, ""
 
 
