@@ -55,7 +55,7 @@ def test_arrays_are_mapped_one_by_one_within_alone(monkeypatch):
     """What that saves is measured: 150 MB beside a reduction of the coarse brake."""
     asked = []
     monkeypatch.setattr(machine, "_of_glibc", lambda *call: asked.append(call))
-    with pytest.raises(ZeroDivisionError), machine.memory_returned():
+    with pytest.raises(ZeroDivisionError), machine.memory_returned():  # noqa: PT012 - as of failures
         assert asked == [("mallopt", -3, 2**20)]
         1 / 0  # noqa: B018
     assert asked[1:] == [("mallopt", -3, 2**25), ("malloc_trim", 0)]
