@@ -27,6 +27,7 @@ SCENES = (
     *("hulten_modes", "hulten_latin_windows", "hulten_boundary", "hulten_sensitivity"),
     *("hulten_fidelity", "hulten_work_precision", "matrices_modes", "stability_impact_energy"),
     *("belt_newmark", "brake_run", "brake_geometry", "own_blocks", "hoffmann_cycles"),
+    "hoffmann_design",
 )
 ON_TWO_CORES = ("--jobs", "2")  # where the points are solved
 # what no user should ever read
