@@ -10,8 +10,9 @@ points go to workers); peak memory of parent and largest worker until then; seco
 what comes after it, tables with tracking, ranking and pictures; seconds and memory of the command
 that finds all done. Processor time stands beside seconds, for machines that are not idle. With
 `--batched` all points of a task are solved at once (million_kind.py), to save time: solving is no
-part of these figures. `--keep` keeps the results; `--png` draws the growth, also of figures that
-`--json` kept.
+part of these figures. With `--brake` it is the coarse brake by windows over friction and pressure,
+from the cache that there is. `--keep` keeps the results; `--png` draws the growth, also of figures
+that `--json` kept.
 """
 
 from __future__ import annotations
@@ -61,6 +62,34 @@ reference_points = 0
 refine_tracking = false
 refine_onsets = false
 """
+BRAKE = """
+[study]
+name = "many_points"
+kind = "complex_modes"
+[model]
+name = "disc_brake"
+mesh = "coarse"
+[parameters]
+sliding_speed = 0.5
+[design]
+limit = 1_000_000_000
+[[sweep]]
+parameter = "friction"
+start = 0.1
+stop = 0.6
+num = {friction}
+[[sweep]]
+parameter = "pressure"
+start = 5e5
+stop = 3e6
+num = {speed}
+[modes]
+band = [500.0, 6000.0]
+method = "windows"
+reference_points = 0
+refine_tracking = false
+refine_onsets = false
+"""
 FIGURES = {  # name of a figure -> its title and the limit that is asked for at a million points
     "check_s": ("check, s", 3.0),
     "check_cpu_s": ("check, CPU s", 3.0),
@@ -100,14 +129,16 @@ DRAWN = (  # seconds, MB -> names in the chart
         "resume_mb": "run again when finished",
     },
 )
+BATCHED, BY_WINDOWS = "batched", "brake"
 EVERY = 0.05  # s between looks at memory
 
 
-def study_file(folder: Path, points: int, batched: bool) -> Path:
+def study_file(folder: Path, points: int, kind_of: str) -> Path:
     """A study of so many points, in a grid as square as their divisors allow."""
     friction = next(n for n in range(int(points**0.5), 0, -1) if points % n == 0)
     kind = Path(__file__).with_name("million_kind.py")
-    text = STUDY.format(
+    batched = kind_of == BATCHED
+    text = (BRAKE if kind_of == BY_WINDOWS else STUDY).format(
         kind="batched_modes" if batched else "complex_modes",
         extensions=f'extensions = ["{kind}"]' if batched else "",
         friction=friction,
@@ -216,9 +247,9 @@ def check_here(path: Path, directory: Path) -> dict[str, float]:
     }
 
 
-def measure(folder: Path, points: int, jobs: int, batched: bool) -> dict[str, float]:
+def measure(folder: Path, points: int, jobs: int, kind_of: str) -> dict[str, float]:
     """All figures of a number of points."""
-    path, directory = study_file(folder, points, batched), folder / f"results_{points}"
+    path, directory = study_file(folder, points, kind_of), folder / f"results_{points}"
     place = [str(path), str(directory), str(jobs)]
     found = in_child("--child", "check", *place)
     run = in_child("--child", "run", *place)
@@ -260,7 +291,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--points", type=float, nargs="*", default=[1e4, 1e5, 1e6])
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--batched", action="store_true")
+    kinds = parser.add_mutually_exclusive_group()
+    kinds.add_argument("--batched", dest="kind_of", action="store_const", const=BATCHED, default="")
+    kinds.add_argument("--brake", dest="kind_of", action="store_const", const=BY_WINDOWS)
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="of studies and results")
     parser.add_argument("--json", type=Path, help="figures, which join those that are there")
     parser.add_argument("--png", type=Path)
@@ -281,7 +314,7 @@ def main() -> None:
         made = given.keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
         made.mkdir(parents=True, exist_ok=True)
         for points in sorted(int(n) for n in given.points):
-            found[points] = measure(made, points, given.jobs, given.batched)
+            found[points] = measure(made, points, given.jobs, given.kind_of)
             print(f"{points:,} points: {found[points]}", flush=True)
             if given.json:
                 given.json.write_text(json.dumps(found, indent=1) + "\n")
