@@ -458,6 +458,24 @@ def test_a_margin_above_what_modes_have_uncoupled_is_warned_of(tmp_path: Path) -
         ),
         (
             "[goal]",
+            '[[variant]]\nname = "a"\nparameters.friction = 0.3\n[goal]',
+            "variant[1].parameters",
+            "'friction' is swept, alike in every variant",
+        ),
+        (
+            "[goal]",
+            '[[variant]]\nname = "a"\nparameters.k2 = {}\n[goal]',
+            "variant[1]",
+            "that differ, got none",
+        ),
+        (
+            "[goal]",
+            "".join(f'[[variant]]\nname = "{n}"\nparameters.k2 = 1e6\n' for n in "aA") + "[goal]",
+            "variant",
+            "'a' is given twice",
+        ),
+        (
+            "[goal]",
             "".join(f'[[variant]]\nname = "a"\nparameters.k2 = {k}.0\n' for k in (1, 2)) + "[goal]",
             "variant",
             "'a' is given twice",
@@ -528,6 +546,12 @@ def test_shares_count_by_occurrence(tmp_path: Path) -> None:
     assert results.rank().iloc[0]["share"] == pytest.approx(0.8)
 
 
+def test_weights_of_any_size_are_shares(tmp_path: Path) -> None:
+    more = "[goal]\noccurrence = {friction = [1e308, 1.5e308]}"
+    text = _hoffmann("k1", "[-1e3, 1e3]").replace("[goal]", more)
+    assert _study(text, tmp_path).occurrence == pytest.approx([0.4, 0.6])
+
+
 # -- variants ------------------------------------------------------------------------------------
 VARIANTS = """
 [[variant]]
@@ -590,6 +614,47 @@ def test_variants_go_on_where_they_were(varied) -> None:
     assert again.solved == 0
     assert again.table("variants").equals(before)
     assert check_results(varied.directory)[1]
+
+
+def test_what_scatters_is_alike_in_variants(tmp_path: Path) -> None:
+    """Its samples are the file's: about another value they would prove nothing."""
+    text = _hoffmann("k1", "[-1e3, 1e3]", more=", probability = 0.9")
+    text += '[[uncertain]]\nparameter = "damping_ratio"\n'
+    text += 'distribution = "normal"\nmean = 0.01\nstd = 0.002\n'
+    text += '[[variant]]\nname = "a"\nparameters.damping_ratio = 0.3\n'
+    with pytest.raises(StudyFileError, match="'damping_ratio' scatters, alike in every variant"):
+        _study(text, tmp_path)
+
+
+def test_variants_that_are_named_no_more_are_told_and_removed_by_fresh(tmp_path: Path) -> None:
+    text = _hoffmann("damping_ratio", "[0.0, 0.2]", margin=0.02)
+    path, folder = tmp_path / "study.toml", tmp_path / "results"
+    own = folder / "variants" / "gone"
+    variant = '[[variant]]\nname = "{}"\nparameters.k1 = 0.3e6\n'
+    path.write_text(text + variant.format("gone") + variant.format("kept"))
+    told: list[str] = []
+    sq.run(path, folder, jobs=1, warn=told.append)
+    (own / "note.txt").write_text("of the user")
+    other = folder / "variants" / "other"
+    path.write_text(text.replace('"small"', '"another"'))
+    sq.run(path, other, jobs=1, warn=told.append)
+    path.write_text(text + variant.format("kept"))
+    told.clear()
+    sq.run(path, folder, jobs=1, warn=told.append)
+    assert [t for t in told if "no more" in t] == [
+        f"{own}: it belongs to this study no more (--fresh removes it)"
+    ]
+    assert (own / "points.parquet").is_file()
+    told.clear()
+    sq.run(path, folder, jobs=1, fresh=True, warn=told.append)
+    assert not any("no more" in t for t in told)
+    assert [p.name for p in own.iterdir()] == ["note.txt"]
+    assert (other / "points.parquet").is_file()
+    assert (folder / "variants" / "kept" / "points.parquet").is_file()
+    (own / "note.txt").unlink()
+    path.write_text(text)
+    sq.run(path, folder, jobs=1, fresh=True, warn=told.append)
+    assert not (folder / "variants" / "kept").exists()
 
 
 def test_a_variant_that_cannot_be_solved_leaves_the_others(

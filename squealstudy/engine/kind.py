@@ -150,7 +150,10 @@ class Kind:
         return plan, {}
 
     def beside(self, plan: Any) -> Mapping[str, Planned]:
-        """Studies that are run before it, by the folders of their results below its own."""
+        """Studies that are run before it, by the folders of their results below its own.
+
+        A folder ``variants/a`` is that of the study of its name, ``_`` and ``a``.
+        """
         return {}
 
     def grown(self, plan: Any, store: Store) -> Any:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from squealstudy.engine.chunk_writer import ChunkWriter
+from squealstudy.engine.journal import JOURNAL, Journal
 from squealstudy.engine.keys import ID_TYPE
 from squealstudy.engine.kind import Planned, Warn
 from squealstudy.engine.manifest import (
@@ -22,7 +25,14 @@ from squealstudy.engine.manifest import (
     new_manifest,
     outdated,
 )
-from squealstudy.engine.store import CHUNKS, INACCURATE, PICTURES, Store, write_manifest
+from squealstudy.engine.store import (
+    CHUNKS,
+    INACCURATE,
+    LOCK,
+    PICTURES,
+    Store,
+    write_manifest,
+)
 from squealstudy.engine.validity import SOLVED
 from squealstudy.engine.workers import Progress, Workers, lost_chunk, silent, solve_chunk
 from squealstudy.errors import MachineError, ResultsError, SquealstudyError, StudyFileError
@@ -105,10 +115,12 @@ def run_study(
     with locked(directory):
         store = Store(directory)
         found = check_owner(directory, plan.owner, store.journal)
-        pictures = [Path(name).name for name in found.get(PICTURES, [])] if found else []
+        pictures, left = _pictures(found), _left_beside(plan, directory)
         if fresh and (found or store.journal.begun):
             store.clear(plan.owner, [*kind.tables, *pictures])
             found = None
+            while left:
+                _remove(left.pop(), kind.tables)
         store.journal.begin(plan.owner)
         whole = store.repair(warn)
         options = _Options(jobs, yes, progress, warn, fresh, cluster)
@@ -124,6 +136,8 @@ def run_study(
             warn(f"{text}; all {kind.rows_word} are solved again")
         if text := _left_over(plan, store, done := store.finished_points(kind.schema)):
             warn(text)
+        for other in left:
+            warn(f"{other}: it belongs to this study no more (--fresh removes it)")
         for name in pictures:  # of tables that are made anew
             (directory / name).unlink(missing_ok=True)
         manifest = new_manifest(plan, jobs)
@@ -178,6 +192,38 @@ def _run_beside(plan: Planned, directory: Path, options: _Options) -> tuple[dict
         else:
             changed |= report.n_solved > 0
     return failures, changed
+
+
+def _left_beside(plan: Planned, directory: Path) -> list[Path]:
+    """Results of studies that were run beside one, and are no more: their journals tell whose."""
+    name, kind, _ = plan.owner
+    known = {directory / folder for folder in plan.kind.beside(plan)}
+    begun = {path.parent for path in directory.glob(f"*/*/{JOURNAL}")} - known
+    return [p for p in sorted(begun) if _begun_by(p)[:2] == (f"{name}_{p.name}", kind)]
+
+
+def _begun_by(directory: Path) -> tuple[str, ...]:
+    return Journal(directory).owner or ()
+
+
+def _remove(directory: Path, tables: Sequence[str]) -> None:
+    """Remove what a study wrote in a directory, which its journal tells; files of others stay."""
+    store = Store(directory)
+    owner = store.journal.owner
+    assert owner is not None
+    with locked(directory):
+        found = check_owner(directory, owner, store.journal)
+        store.clear(owner, [*tables, *_pictures(found)])
+        (directory / JOURNAL).unlink()
+    (directory / LOCK).unlink(missing_ok=True)
+    for folder in (directory, directory.parent):
+        with contextlib.suppress(OSError):  # it holds what is not ours
+            folder.rmdir()
+
+
+def _pictures(found: dict[str, Any] | None) -> list[str]:
+    """Names of the pictures that a manifest lists."""
+    return [Path(name).name for name in found.get(PICTURES, [])] if found else []
 
 
 def _told_of(

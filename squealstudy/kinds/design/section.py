@@ -169,10 +169,10 @@ class VariableSection(Section):
 
 
 def _once(variants: tuple[VariantSection, ...]) -> tuple[VariantSection, ...]:
-    names = [v.name for v in variants]
-    for name in names:
+    names = [v.name.casefold() for v in variants]  # folders of some systems know one case
+    for variant, name in zip(variants, names, strict=True):
         if names.count(name) > 1:
-            raise ValueError(f"expected a name for each variant, '{name}' is given twice")
+            raise ValueError(f"expected a name for each variant, '{variant.name}' is given twice")
     return variants
 
 
@@ -222,7 +222,7 @@ class GoalSection(Section):
     margin: MarginSection = Field(default=MarginSection(), description="what counts as silent")
     occurrence: Annotated[dict[str, FloatList], BeforeValidator(flatten)] = Field(
         default={},
-        description="how often the values of a sweep occur, in their order and in any unit, "
+        description="how often the values of a sweep occur, in their order and on any scale, "
         "{friction = [1, 4, 2]}: operating points count by the product in shares of squeal; by "
         "default all alike",
         json_schema_extra={"additionalProperties": {"type": ["array", "object"]}},

@@ -147,7 +147,7 @@ class DesignStudy(ResolvedStudy):
         for column, sweep in zip(matrix.T, self.sweeps, strict=False):
             if (own := self.goal.occurrence.get(sweep.name)) is not None:
                 places = [sweep.values.index(value) for value in column.tolist()]
-                weight = weight * np.array(own)[places]
+                weight = weight * (np.array(own) / max(own))[places]
         share: np.ndarray = weight / weight.sum()
         return share
 
@@ -192,19 +192,24 @@ def _alternative(
 ) -> Alternative:
     """The study of a variant: the file with some keys changed, and with no variants."""
     keys = ("variant", number)
-    if not section.model and not section.parameters:
-        raise study.error(keys, "expected keys of model or parameters that differ, got none")
     own = {**tables, "study": {**tables["study"], "name": f"{study.name}_{section.name}"}}
     if section.description:
         own["study"]["description"] = section.description
     del own["variant"]
     other = {"name", "file"} & section.model.keys()
     own["model"] = {**({} if other else tables["model"]), **section.model}
-    given = _by_name(tables.get(PARAMETERS, {}))
     try:
-        own[PARAMETERS] = {**given, **_by_name(section.parameters)}
+        changes = _by_name(section.parameters)
     except ValueError as error:
         raise study.error((*keys, PARAMETERS), str(error)) from None
+    if not section.model and not changes:
+        raise study.error(keys, "expected keys of model or parameters that differ, got none")
+    sweeps, varied = study.sweeps, {v.name for v in study.variables}
+    for name in (s.name for s in sweeps if s.name in changes and s.name not in varied):
+        how = "scatters" if name in {s.name for s in study.uncertain} else "is swept"
+        text = f"'{name}' {how}, alike in every variant: it cannot differ"
+        raise study.error((*keys, PARAMETERS), text)
+    own[PARAMETERS] = {**_by_name(tables.get(PARAMETERS, {})), **changes}
     source = SourceText(study.source.path, toml_text(own))
     try:
         found = design_study(resolve_study(source, own))
@@ -240,7 +245,8 @@ def design_study(study: ResolvedStudy) -> DesignStudy:
     ------
     StudyFileError
         A model without contact; an unknown or repeated parameter; bounds beyond what one can take;
-        a boundary design; a probability without scatter, or the other way round.
+        a value of a part that is added; a boundary design; a probability without scatter, or the
+        other way round.
     """
     definition = cast("DesignStudyDefinition", study.definition)
     if not study.model.components:
@@ -319,6 +325,9 @@ def _variable(study: ResolvedStudy, number: int, section: VariableSection) -> Va
     except ParameterError as error:
         raise study.error((*keys, section.key), error.message) from None
     nominal = float(study.values.get(parameter.name, parameter.default))
+    if section.added is not None and nominal:
+        text = f"'{parameter.name}' is added, from 0 on: expected no value of it"
+        raise study.error((PARAMETERS, parameter.name), text)
     low, high = section.ends
     for place, end in enumerate(section.ends):
         try:

@@ -32,7 +32,16 @@ VARIANT_FIELDS = (
     ("folder", TEXT),
     ("text", TEXT),
 )
-OF_FACTS = VARIANT_FIELDS[3:8]  # that the facts of a study have under the same names
+OF_FACTS = (  # that the facts of a study have under the same names
+    "outcome",
+    "n_operating_points",
+    "n_unstable",
+    "today_damping_ratio",
+    "min_damping_ratio",
+    "frequency_hz",
+    "change",
+    "n_designs",
+)
 
 
 def plans(plan: DesignPlan) -> dict[str, DesignPlan]:
@@ -72,20 +81,15 @@ def _row(
         "folder": folder,
     }
     if facts is None:
-        text = reason or "it has no results"
-        return {**dict.fromkeys(n for n, _ in VARIANT_FIELDS), **head, "outcome": FAILED} | {
-            "text": text,
-            "change": "",
-        }
+        none = dict.fromkeys(name for name, _ in VARIANT_FIELDS)
+        told = {"outcome": FAILED, "change": "", "text": reason or "it has no results"}
+        return {**none, **head, **told}
     own = facts["cost"]
     return {
         **head,
-        **{key: facts[key] for key, _ in OF_FACTS},
-        "outcome": facts["outcome"],
-        "change": facts["change"],
+        **{key: facts[key] for key in OF_FACTS},
         "change_cost": own,
         "cost": None if own is None else cost + own,
-        "n_designs": facts["n_designs"],
         "text": facts["verdict"],
     }
 
