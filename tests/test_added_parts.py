@@ -211,6 +211,33 @@ def test_what_a_file_may_not_say(tmp_path, old, new, key, message):
     assert caught.value.key == key
 
 
+def test_what_is_added_has_no_value_before(tmp_path):
+    """Else there could be more of it than max."""
+    value = f'[parameters]\n"{NAMES[0]}" = 1e-6\n[[sweep]]'
+    with pytest.raises(StudyFileError, match="from 0 on: expected no value") as caught:
+        read(tmp_path, STUDY.replace("[[sweep]]", value) + PARTS)
+    assert caught.value.key == f"parameters.{NAMES[0]}"
+    variant = f'[[variant]]\nname = "a"\nparameters = {{"{NAMES[0]}" = 1e-6}}\n'
+    with pytest.raises(StudyFileError, match=r"variant 'a': .* expected no value"):
+        read(tmp_path, STUDY + PARTS + variant)
+
+
+def test_springs_of_a_set_to_itself_are_refused(tmp_path):
+    study = read(tmp_path, STUDY + PARTS.replace("plate.ENDS", "slider.TOP"))
+    with pytest.raises(StudyFileError, match=r"got 'slider\.TOP' twice") as caught:
+        study.kind.build(study.kind.plan(study), Workers())
+    assert caught.value.key == "variable[2].stiffener"
+
+
+def test_a_frequency_may_be_scaled_that_nothing_varies(tmp_path):
+    scaled = '[parameters]\n"slider.modes[1].frequency_scale" = 1.1\n[[sweep]]'
+    study = read(tmp_path, STUDY.replace("[[sweep]]", scaled))
+    plan = _plan(study)
+    assert plan.trained_scales == ({("slider", 1): 1.1},)
+    point = plan.design({**study.values, "friction": 0.6})
+    assert _solved(plan, point, "modes")["modes"]["status"] == "ok"
+
+
 def test_a_set_that_is_not_there_is_said_with_its_place_in_the_study(tmp_path):
     study = read(tmp_path, STUDY + PARTS.replace("slider.TOP", "slider.TOPP", 1))
     plan = study.kind.plan(study)

@@ -140,8 +140,9 @@ class DesignPlan(Plan):
 
     def ends(self, name: str) -> tuple[float, float]:
         """Ends of the study's ranges: bases do not change as designs are added."""
-        sweep = next(s for s in self.study.sweeps if s.name == name)
-        return float(sweep.low), float(sweep.high)
+        found = next(((s.low, s.high) for s in self.study.sweeps if s.name == name), None)
+        low, high = found or (self.study.values[name],) * 2
+        return float(low), float(high)
 
     def error(self, parameter: str, message: str) -> StudyFileError:
         """A StudyFileError at the place where the study names a parameter."""

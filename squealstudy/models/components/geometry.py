@@ -324,8 +324,10 @@ def geometry_of(brake: Brake) -> Geometry:
 
 
 def between(names: Sequence[str], keys: KeyPath) -> tuple[str, str | None]:
-    """A set and another one, None in place of ground; PlacedError where both are ground."""
+    """A set and another one, None in place of ground; PlacedError where both are the same."""
     found = [name for name in names if name.casefold() != GROUND]
     if not found:
         raise PlacedError((*keys, "between"), "expected COMPONENT.SET, got ground twice")
+    if len(found) > 1 and found[0] == found[1]:
+        raise PlacedError((*keys, "between"), f"expected two sets, got '{found[0]}' twice")
     return found[0], found[1] if len(found) > 1 else None
