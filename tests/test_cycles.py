@@ -61,7 +61,7 @@ def contact_case(kind, opened):
         (models.scalar_oscillator(models.pulled, 0.7), 0.6, 2e-7),
         (contact_case("regularised", False), 1e-4, 2e-7),
         (replace(contact_case("smooth", True), turning=None), 2e-4, 2e-7),
-        (contact_case("smooth", True), 2e-4, 5e-4),  # shares of cells are interpolated
+        (contact_case("smooth", True), 2e-4, 5e-4),  # without the moving of nodes (test_turns.py)
     ],
     ids=["quintic", "pulled", "sliding", "sticking", "turning"],
 )

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq
+from test_cycles import contact_case
 
+from squealstudy.cycles.balance import balanced, imbalance
 from squealstudy.cycles.contact import ContactForces
 from squealstudy.cycles.continuation import Steps, newton
 from squealstudy.cycles.equations import CycleEquations
@@ -18,6 +24,7 @@ from squealstudy.cycles.harmonics import series_at, with_harmonics
 from squealstudy.cycles.oscillator import Oscillator
 from squealstudy.errors import ConvergenceError
 from squealstudy.kernels import newmark_layout as layout
+from squealstudy.kernels import turns
 from squealstudy.kernels.laws import law_row
 from squealstudy.laws.contact_law import contact_law
 from squealstudy.laws.friction_law import FrictionLaw
@@ -105,6 +112,21 @@ def cycle(osc, harmonics):
     return refined(equations, replace(motion, Q=with_harmonics(motion.Q, harmonics)))[0]
 
 
+def derivatives_off(osc, seed):
+    """Off central differences, relative; these have converged at steps of 1e-4 to 1e-8."""
+    w, size = float(np.sqrt(np.diag(osc.K)).max()), 2e-4
+    Q = size * np.random.default_rng(seed).normal(size=(7, osc.n))
+    found = balanced(osc, Q, 1.03 * w, 0.0).J
+    exact = np.empty_like(found)
+    for k in range(Q.size):
+        step = np.zeros(Q.size)
+        step[k] = 1e-6 * size
+        step = step.reshape(Q.shape)
+        ends = [imbalance(osc, Q + sign * step, 1.03 * w, 0.0).ravel() for sign in (1, -1)]
+        exact[:, k] = (ends[0] - ends[1]) / (2e-6 * size)
+    return np.abs(found - exact).max() / np.abs(found).max()
+
+
 # -- forces ----------------------------------------------------------------------------------------
 @pytest.mark.parametrize("across", [0.0, 5e-4, 0.03], ids=["straight", "in the zone", "aside"])
 def test_harmonics_of_reversing_friction_are_those_of_dense_samples(across):
@@ -125,6 +147,47 @@ def test_harmonics_of_reversing_friction_are_those_of_dense_samples(across):
     assert off < 2e-3 * FRICTION
     assert off < 0.2 * np.abs(plain - exact).max()
     assert np.abs(found_slopes - slopes).max() < 0.1 * np.abs(slopes).max()
+
+
+def test_derivatives_are_those_of_differences_where_nodes_stay():
+    """Shares and nodes move with the motion: what Gauss's rule errs by changes with them.
+
+    In a process of plain Python, where the kernel's parts can be replaced.
+    """
+    osc = contact_case("smooth", True)
+    assert osc.samples == 256
+    for seed in (2, 3):
+        off = derivatives_off(osc, seed)
+        assert 1e-5 < off < 2e-3  # more than interpolation
+    code = "import test_turns; test_turns.check_where_nodes_stay()"
+    env = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    subprocess.run([sys.executable, "-c", code], env=env, check=True, cwd=Path(__file__).parent)
+
+
+def check_where_nodes_stay():
+    osc = contact_case("smooth", True)
+    for seed in (2, 3):
+        with pytest.MonkeyPatch.context() as patch:
+            for name in ("_turning", "_nodes"):
+                patch.setattr(turns, name, first_answers(getattr(turns, name)))
+            assert derivatives_off(osc, seed) < 1e-6
+
+
+def first_answers(made):
+    """A function of a cell (s, i) that goes on to say what it said of it at first."""
+    known = {}
+
+    def told(points, law, y, w, s, *rest):
+        i = rest[1] if made.__name__ == "_turning" else rest[0]
+        nodes = rest[-1]
+        if (s, i) not in known:
+            known[s, i] = made(points, law, y, w, s, *rest), np.copy(nodes)
+        answer, kept = known[s, i]
+        if np.ndim(nodes):
+            nodes[:] = kept
+        return answer
+
+    return told
 
 
 def test_friction_that_does_not_turn_is_left_as_it_was():

@@ -2,7 +2,8 @@
 
 Forces are evaluated at samples of a period and projected on the harmonics (Cameron & Griffin
 1989). With the Fourier coefficients of their derivatives D(theta) the Jacobian is exact for these
-samples: products of two harmonics are sums of harmonics at every sample.
+samples: products of two harmonics are sums of harmonics at every sample. Where friction turns
+between samples it is nearly so (`kernels/turns.py`).
 
 The added damping xi of `C + xi I` is an unknown: with it every amplitude is periodic (extended
 periodic motion concept, Krack 2015, doi 10.1016/j.compstruc.2015.03.008), and xi = 0 is a cycle.

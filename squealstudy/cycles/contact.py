@@ -48,7 +48,7 @@ class ContactForces:
     def turning(self, y: np.ndarray, w: np.ndarray) -> LocalForces:
         """The same at even samples of a whole period, with what friction does between them."""
         found = self(y, w)
-        resolve_turns(self.points, self.law, y, w, *found)
+        resolve_turns(self.points, self.law, y, w, (found.f, found.by_y, found.by_w))
         return found
 
 

@@ -6,6 +6,7 @@ the other within a sample: the share of such a cell is integrated instead, and g
 Between the samples a cubic (Catmull & Rom 1974) leads through them. About the time of least sliding
 the integral goes by tau - tau_0 = eps sinh(xi), which makes w / |w| as smooth as tanh (Johnston &
 Elliott 2005), in pieces that end where the point begins and ceases to stick, by Gauss's rule.
+Derivatives are those at nodes that do not move with the motion.
 """
 
 from __future__ import annotations
@@ -25,21 +26,18 @@ TURNED, WHOLLY = 0.02, 0.08  # 1 - cosine of the turn of sliding within a cell: 
 FLATTEST = 1e-3  # least eps
 SEARCH = 3  # Newton steps to the time of least sliding
 
+Sums = tuple[np.ndarray, np.ndarray, np.ndarray]  # forces, their derivatives by y and by w
+
 
 @entry_kernel
 def resolve_turns(
-    points: np.ndarray,
-    law: np.ndarray,
-    y: np.ndarray,
-    w: np.ndarray,
-    f: np.ndarray,
-    by_y: np.ndarray,
-    by_w: np.ndarray,
+    points: np.ndarray, law: np.ndarray, y: np.ndarray, w: np.ndarray, sums: Sums
 ) -> None:
     """Give forces at even samples of a whole period, and derivatives, the shares of their cells.
 
-    Arguments are those of `cycle_forces.sampled_forces`, which has filled the last three.
+    Arguments are those of `cycle_forces.sampled_forces`, which has filled the last three: `sums`.
     """
+    f, by_y, by_w = sums
     S, nc = y.shape[0], points.shape[1]
     point, share, nodes = np.zeros((at.N_POINT, nc)), np.zeros(S), np.zeros((3 * len(NODES), 2))
     for i in range(nc):
@@ -63,7 +61,7 @@ def resolve_turns(
             if share[s] > 0.0:
                 for m in range(_nodes(points, law, y, w, s, i, nodes)):
                     tau, weight = nodes[m, 0], share[s] * nodes[m, 1]
-                    _add(points, law, y, w, s, i, tau, weight, point, f, by_y, by_w)
+                    _add(points, law, y, w, (s, i), (tau, weight), point, sums)
 
 
 @fast_kernel
@@ -190,21 +188,19 @@ def _add(
     law: np.ndarray,
     y: np.ndarray,
     w: np.ndarray,
-    s: int,
-    i: int,
-    tau: float,
-    weight: float,
+    place: tuple[int, int],
+    node: tuple[float, float],
     point: np.ndarray,
-    f: np.ndarray,
-    by_y: np.ndarray,
-    by_w: np.ndarray,
+    sums: Sums,
 ) -> None:
-    """Forces at a node, and their derivatives, to the samples about it."""
-    S, h = f.shape[0], _cubic(tau)
+    """Forces at a node of a cell and point, and their derivatives, to the samples about it."""
+    (s, i), (tau, weight) = place, node
+    S, h = w.shape[0], _cubic(tau)
     point[at.OUT_X, i] = _mixed(y, s, i, 0, h)
     point[at.OUT_W1, i], point[at.OUT_W2, i] = _mixed(w, s, i, 1, h), _mixed(w, s, i, 2, h)
     point_forces(points, law, point, i, i + 1)
     kn, k1, k2, d11, d12, d22 = tangents(law, points, point, i)
+    f, by_y, by_w = sums
     for k in range(4):
         r, share = (s - 1 + k) % S, weight * h[k]
         for c in range(3):
