@@ -11,6 +11,7 @@ import pytest
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import (
     IF_KICKED,
+    NO_CYCLE,
     Cycle,
     Family,
     Followed,
@@ -121,6 +122,13 @@ def test_a_threshold_is_one_saddle(below, told):
     unstable = _judged(family, False, True, Search(None, 1e-2, 1.0))
     assert unstable.threshold is None
     assert "another mode is unstable" in unstable.reason
+
+
+def test_where_none_was_found_the_reason_says_what_was_searched():
+    found = _judged(Family(-1 + 10j, (), 0, [], "far"), False, False, Search(None, 1e-2, 1.5))
+    assert found.verdict == NO_CYCLE
+    assert "none on this mode's curve up to 1.5 m/s" in found.reason
+    assert "a cycle apart from it is not excluded" in found.reason
 
 
 def test_motions_that_come_to_a_standstill_are_no_cycles():

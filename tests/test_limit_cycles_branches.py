@@ -18,6 +18,7 @@ from squealstudy.cycles.growth import growth_curve
 from squealstudy.cycles.onset import SUBCRITICAL, SUPERCRITICAL, criticality
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.limit_cycles import continued
+from squealstudy.kinds.limit_cycles.continuing import _judge_again, _same
 from squealstudy.kinds.limit_cycles.screen import SCREEN
 from squealstudy.screen import as_text
 from squealstudy.tables.cycle_comparison import compare_cycles
@@ -333,3 +334,52 @@ def test_verdicts_and_runs_agree_or_differ():
     assert not row("no_cycle_found", "stable")["bistable"]
     assert pd.isna(row("undecided", "stable")["bistable"])
     assert row("undecided", "limit_cycle")["agreement"] == "open"
+
+
+# -- one cycle or two ------------------------------------------------------------------------------
+QUIET = {
+    "stable": True,
+    "status": "ok",
+    "same_as": "",
+    "torque_rms": 10.0,
+    "contact_velocity": 2.0,
+    "frequency_hz": 100.0,
+    "level_error": 1e-9,
+}
+
+
+def test_level_and_share_of_the_threshold_are_of_one_cycle():
+    """Of a louder one from elsewhere too, in the row of its family and of its design."""
+    kicked = {
+        "mode": 1,
+        "verdict": "squeals_if_kicked",
+        "reason": "",
+        "unstable": False,
+        "n_cycles": 2,
+        "growth_rate": -1.0,
+        "torque_rms": 10.0,
+        "cycle_frequency_hz": 100.0,
+        "threshold_velocity": 0.5,
+        "threshold_share": 0.25,
+    }
+    silent = kicked | {"mode": 2, "verdict": "no_cycle_found", "n_cycles": 0}
+    silent |= dict.fromkeys(("torque_rms", "threshold_velocity", "threshold_share"), np.nan)
+    for mode, shares in ((1, [0.1, np.nan]), (2, [0.25, np.nan])):
+        row = {"verdicts": [dict(kicked), dict(silent)], "cycles": [QUIET], "n_left_out": 0}
+        row["unstable_outside"] = False
+        loud = QUIET | {"torque_rms": 20.0, "contact_velocity": 5.0}
+        row["cycles"] = [QUIET, loud]
+        _judge_again(row, mode, "a cycle continued from another", loud)
+        assert row["torque_rms"] == 20.0
+        assert row["threshold_share"] == pytest.approx(0.1)
+        np.testing.assert_allclose([v["threshold_share"] for v in row["verdicts"]], shares)
+
+
+@pytest.mark.parametrize(
+    ("error", "apart", "same"),
+    [(1e-9, 5e-6, True), (1e-9, 5e-5, False), (1e-3, 1e-3, True), (1.0, 2e-2, False)],
+)
+@pytest.mark.parametrize("name", ["torque_rms", "contact_velocity", "frequency_hz"])
+def test_a_cycle_is_known_as_nearly_as_errors_allow(name, error, apart, same):
+    one = QUIET | {"level_error": error}
+    assert _same(one | {name: (1 + apart) * one[name]}, one) == same

@@ -41,7 +41,9 @@ PROJECTED_LADDER = LADDER[:3]  # on projected models, where more cost seconds ea
 HOPELESS = 2.5  # times the tolerance: an error that half as many harmonics again do not mend
 SAFETY = 2.0  # error over the last change: series that converge like 1/H are bounded too
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
-SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice
+LEVELS = ("torque_rms", "contact_velocity")  # by which cycles are told apart, and errors told
+SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice, beside errors
+MOST_APART = 1e-2  # and the most of it, however large the errors are
 STEPS = Steps(first=0.3, largest=0.5, count=200)
 PROJECTED_STEPS = Steps(first=0.5, least=2e-3, largest=1.0, count=60)
 
@@ -331,8 +333,7 @@ def _pair(harmonics: int) -> tuple[int, int]:
 
 def _change(before: dict[str, float], now: dict[str, float]) -> float:
     """Relative change of the level of the friction torque and of the contact velocity."""
-    names = ("torque_rms", "contact_velocity")
-    return max(abs(before[n] - now[n]) / now[n] if now[n] > 0 else 0.0 for n in names)
+    return max(abs(before[n] - now[n]) / now[n] if now[n] > 0 else 0.0 for n in LEVELS)
 
 
 def _judged(family: Family, unstable: bool, any_unstable: bool, search: Search) -> Family:
@@ -360,7 +361,10 @@ def _judged(family: Family, unstable: bool, any_unstable: bool, search: Search) 
         reason = "grows at some amplitude, no cycle found"
     else:
         return replace(
-            family, verdict=NO_CYCLE, reason=f"none up to {search.reach:.3g} m/s on the curve"
+            family,
+            verdict=NO_CYCLE,
+            reason=f"none on this mode's curve up to {search.reach:.3g} m/s; "
+            "a cycle apart from it is not excluded",
         )
     return replace(family, reason=reason)
 
@@ -379,7 +383,11 @@ def _threshold(family: Family, stable: Cycle) -> tuple[Cycle | None, str]:
 
 def same_cycle(one: Cycle, other: Cycle) -> bool:
     """Whether two families have found one cycle."""
-    pairs = [(one.motion.omega, other.motion.omega)]
-    pairs += [(one.levels[n], other.levels[n]) for n in ("torque_rms", "contact_velocity")]
-    errors = SAME + one.level_error + other.level_error
-    return all(abs(a - b) <= min(errors, 1e-2) * abs(b) for a, b in pairs)
+    a, b = ([c.motion.omega, *(c.levels[n] for n in LEVELS)] for c in (one, other))
+    return alike(a, b, one.level_error + other.level_error)
+
+
+def alike(one: Sequence[float], other: Sequence[float], errors: float) -> bool:
+    """Whether frequencies and `LEVELS` are those of one cycle, by the relative errors of both."""
+    near = min(SAME + errors, MOST_APART)
+    return all(abs(a - b) <= near * abs(b) for a, b in zip(one, other, strict=True))

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.cycles.families import IF_KICKED, NO_CYCLE, OK, SQUEALS, UNDECIDED
+from squealstudy.cycles.families import IF_KICKED, LEVELS, NO_CYCLE, OK, SQUEALS, UNDECIDED, alike
 from squealstudy.engine.cycle_states import cycle_file, stored_cycles
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.plan import Plan
@@ -53,7 +53,6 @@ from squealstudy.kinds.limit_cycles.tables import (
 )
 
 NEAREST = 3  # neighbours of a design that is on no grid
-SAME = 1e-2  # relative difference of frequency and levels of a cycle found twice, at most
 BRANCH_FIELDS = (
     ("cycle_id", TEXT),
     ("mode", WHOLE),
@@ -307,9 +306,8 @@ def _has_stable(row: dict[str, Any]) -> bool:
 
 def _same(one: dict[str, Any], other: dict[str, Any]) -> bool:
     """Whether a design has a cycle already: as near as the errors of both allow."""
-    near = min(one["level_error"] + other["level_error"], SAME)
-    names = ("frequency_hz", "torque_rms", "contact_velocity")
-    return all(abs(one[n] - other[n]) <= near * abs(other[n]) for n in names)
+    a, b = ([row["frequency_hz"], *(row[n] for n in LEVELS)] for row in (one, other))
+    return alike(a, b, one["level_error"] + other["level_error"])
 
 
 def _family(row: dict[str, Any], origin: dict[str, Any], found: Continued) -> int:
@@ -336,6 +334,9 @@ def _judge_again(
             if stable and not verdict["torque_rms"] >= cycle["torque_rms"]:
                 verdict["torque_rms"] = cycle["torque_rms"]
                 verdict["cycle_frequency_hz"] = cycle["frequency_hz"]
+                verdict["threshold_share"] = (
+                    verdict["threshold_velocity"] / cycle["contact_velocity"]
+                )
         if verdict["verdict"] == SQUEALS:
             if stable:
                 verdict["reason"] = f"unstable mode, with a stable cycle: {came}"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 from rich.console import RenderableType
 
+from squealstudy.cycles.families import NO_CYCLE
 from squealstudy.engine.kind import KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, grid, notes
@@ -52,7 +53,12 @@ class LimitCyclesScreen(KindScreen):
             f"{more} more in the points table" if more else "",
             "growth: fastest complex mode that was followed; RMS, Hz: of the loudest stable cycle; "
             "kick: contact velocity of the unstable cycle that a disturbance must exceed, share of "
-            "that of the stable one",
+            "that of the loudest stable one",
+            "no cycle found: none on the curves of growth over amplitude of the modes followed, up "
+            "to `reach`; cycles on a branch apart from these curves are not excluded, and a kick "
+            "may start squeal"
+            if (points["verdict"] == NO_CYCLE).any()
+            else "",
         )
         return [shown, legend]
 

@@ -207,8 +207,14 @@ def summary(
         "torque_rms": loudest["torque_rms"],
         "frequency_hz": loudest["cycle_frequency_hz"],
         "threshold_velocity": shown["threshold_velocity"],
-        "threshold_share": shown["threshold_share"],
+        "threshold_share": shown["threshold_velocity"] / _velocity(loudest, cycles),
     }
+
+
+def _velocity(verdict: Mapping[str, Any], cycles: Sequence[Mapping[str, Any]]) -> float:
+    """Contact velocity [m/s] of the cycle whose level a verdict has; NaN where it has none."""
+    own = (c for c in cycles if c["stable"] and c["torque_rms"] == verdict["torque_rms"])
+    return max((float(c["contact_velocity"]) for c in own), default=np.nan)
 
 
 def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[str, Any]:
