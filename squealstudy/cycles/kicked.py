@@ -106,7 +106,7 @@ class Kick:
     energy : float
         Of the start, kinetic and in the reference stiffness, J.
     error : float
-        Half the width of the bracket, relative.
+        Width of the bracket, relative.
     status : str
         ``ok``; ``none`` where no phase of the largest kick tried leads to the cycle;
         ``undecided`` where a run that decides came to nothing that can be named.

@@ -142,6 +142,8 @@ class Proof:
                 self.loop.state.view = sorted({*self.loop.state.view, p})
         known = good and set(verdicts) <= {"no_cycle_found"}
         text = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in verdicts.items())
+        if "no_cycle_found" in verdicts:
+            text += " (on the curves searched; a cycle apart from them is not excluded)"
         if value > 0:
             text += f"; up to {100 * value:.2g} % of critical damping is missing at some amplitude"
         self._told(LIMIT_CYCLES, design, asks, known or (None if good else False), value, text)
