@@ -116,6 +116,44 @@ def test_a_brake_that_does_not_is_said_to_differ(script, found):
     assert told["16"][0] == "cannot be told"
 
 
+def answers_of(script, found, *figures):
+    """Verdicts and sentences of these figures, in the order of the claims."""
+    return [told["x"] for c, told in script.compared({"x": found}) if c.figure in figures]
+
+
+def test_a_mode_unstable_at_the_lowest_friction_comes_before_the_first_onset(script, found):
+    found.stability.onsets.loc[1] = (1, float("nan"), "in", "below_range")
+    ((_, said),) = answers_of(script, found, "5")
+    assert "1 is so at a friction of 0.3 already; the next turns unstable at a friction of" in said
+
+
+def test_a_brake_that_is_silent_between_two_levels_is_so_in_part(script, found):
+    """Unstable again with most damping; a lost track is not called stable."""
+    damping = found.damping
+    grid = pd.DataFrame({f"{ALONE}.damping_ratio": [0.0, 0.2, 0.5]}).assign(
+        **{f"{GROUP}.damping_ratio": [0.0, 0.2, 0.5]}
+    )
+    again = of_modes(grid, [(90.0, -5.0), (-2.0, -3.0), (-2.0, 4.0)])
+    assert answers_of(script, replace(found, damping=again), "10")[0][0] == "partly"
+    shifted = found.frequency
+    known = shifted.modes[(shifted.modes["track"] != 0) | (shifted.modes["growth_rate"] > 0)]
+    lost = shifted.with_tables(points=shifted.points, modes=known)
+    told = answers_of(script, replace(found, frequency=lost, damping=damping), "8, left")
+    assert told[0] == ("cannot be told", "stable at 0 of 2 values; not followed to -50 %")
+
+
+def test_a_cycle_goes_on_at_its_level_whatever_its_first_run_is_called(script, found):
+    damped = found.damped
+    undecided = damped.points.assign(**{"class": ["undecided", *damped.points["class"][1:]]})
+    named = replace(found, damped=damped.with_tables(points=undecided, modes=damped.modes))
+    assert answers_of(script, named, "14, above")[0][0] == "agrees"
+    louder = undecided.assign(torque_rms=[70.0, *undecided["torque_rms"][1:]])
+    other = replace(found, damped=damped.with_tables(points=louder, modes=damped.modes))
+    verdict, said = answers_of(script, other, "14, above")[0]
+    assert verdict == "cannot be told"
+    assert said.startswith("there is no cycle to damp; 0 %: undecided, 70.0 N m")
+
+
 def test_a_mode_that_the_reduced_model_misses_is_told(script, found):
     found.stability.manifest["reference"] = [{"missed_modes": 0}, {"missed_modes": 1}]
     (told,) = (t["x"] for c, t in script.compared({"x": found}) if c.figure == "section 1.2")

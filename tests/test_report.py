@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from made_results import made
 from study_runs import solved
+from study_texts import study_text
 from transient_tables import growth_table, modes_table, points_table
 
 from squealstudy.engine.report import report
@@ -17,16 +18,8 @@ from squealstudy.kinds.limit_cycles.screen import SCREEN as CYCLES
 from squealstudy.kinds.transient.screen import SCREEN as RUNS
 from squealstudy.wording import in_digits
 
-HULTEN = """
-[study]
-name = "flutter"
-kind = "complex_modes"
-[model]
-name = "hulten"
-[[sweep]]
-parameter = "friction"
-values = {frictions}
-"""
+HULTEN = study_text("flutter", "complex_modes", "hulten")
+HULTEN += '[[sweep]]\nparameter = "friction"\nvalues = {frictions}\n'
 BRAKE = """
 [study]
 name = "brake"
@@ -66,6 +59,14 @@ def test_of_complex_modes_it_is_the_ranking(tmp_path):
 def test_of_a_silent_brake_it_says_so(tmp_path):
     results = solved(HULTEN.format(frictions=[0.1, 0.2]), tmp_path / "r")
     assert verdict(results) == "No mode is unstable at any of the 2 solved points."
+
+
+def test_of_a_silent_brake_whose_errors_are_large_it_says_that_it_is_not_certain(tmp_path):
+    results = solved(HULTEN.format(frictions=[0.1, 0.2]), tmp_path / "r")
+    doubtful = results.modes.assign(stability="uncertain")
+    tables = {name: results.table(name) for name in results.tables}
+    told = results.screen.verdict(results.with_tables(**tables | {"modes": doubtful}))
+    assert told.startswith("No mode is unstable at any of the 2 solved points. But at 2 solved ")
 
 
 def test_of_runs_it_counts_what_they_came_to():

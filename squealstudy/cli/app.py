@@ -85,6 +85,7 @@ def main() -> None:
 
 def _outcome(arguments: list[str]) -> int:
     """Exit code of a command line; what goes wrong is told."""
+    context = None
     try:
         with (
             interruptible(),
@@ -101,7 +102,8 @@ def _outcome(arguments: list[str]) -> int:
     except BrokenPipeError:  # a reader such as `head` has gone
         return DONE
     except InterruptedRun as signal:
-        goes_on = "; the same command goes on where it was" if run.__name__ in arguments else ""
+        command = context.invoked_subcommand if context else None
+        goes_on = "; the same command goes on where it was" if command == run.__name__ else ""
         _tell(f"{NAME}: interrupted{goes_on}")
         return signal.exit_code
     except Exception as error:

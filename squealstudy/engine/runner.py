@@ -36,7 +36,7 @@ from squealstudy.engine.store import (
 from squealstudy.engine.validity import SOLVED
 from squealstudy.engine.workers import Progress, Workers, lost_chunk, silent, solve_chunk
 from squealstudy.errors import MachineError, ResultsError, SquealstudyError, StudyFileError
-from squealstudy.machine import peak_memory_mb
+from squealstudy.machine import give_back_memory, peak_memory_mb
 from squealstudy.wording import failure_counts, plural
 
 if TYPE_CHECKING:
@@ -310,6 +310,7 @@ def _finish(
     plan: Planned, store: Store, manifest: dict[str, Any], workers: Workers, started: float
 ) -> None:
     """Build the tables and close the manifest."""
+    give_back_memory()  # what came from workers is written
     workers.report("tables", 0, 1)
     tables_started = time.perf_counter()
     points, facts = plan.kind.build_tables(plan, store, workers)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 HEIGHT = 0.36
 HATCH = "////"
 PREDICTED, FINITE = "predicted_growth_change", "finite_growth_change"
+LINE = 80  # characters of the title
 MOST_PICTURES = 8  # modes that get a picture, the fastest growing first
 
 
@@ -106,7 +108,7 @@ def sensitivity_bars(mode: pd.DataFrame, title: str = "", top: int = 20) -> Figu
     text += f"{in_digits(first['growth_rate'], 1)} 1/s, condition {first['condition']:.1f}"
     if len(mode) > len(shown):
         text += f"; first {len(shown)} of {len(mode)} parameters"
-    head(axes, text, title)
+    head(axes, text, *wrap(title, LINE))
     _legend(figure, any(hatches))
     return figure
 

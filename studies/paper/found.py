@@ -17,6 +17,7 @@ GONE = 0.01  # of a mode's energy in the cycle before
 SAME_LEVEL = 0.05  # of the torque's RMS
 SEEN = 0.01  # of the dominant line: a harmonic
 SAME_SHAPE = 0.99  # MAC
+NOTHING = 1e-12  # of the kinetic energy: rounding
 CLOSE = 1e-3  # relative error of frequencies
 Answer = tuple[str, str]
 

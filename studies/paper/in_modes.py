@@ -51,8 +51,13 @@ def several_unstable(found: Found) -> Answer:
         text += ": " + ", ".join(_mode(row) for row in unstable.to_dict("records"))
     onsets = found.stability.onsets
     into = onsets[(onsets["direction"] == "in") & onsets["status"].isin(["refined", "cubic"])]
+    known = int((onsets["status"] == "below_range").sum())
+    if known:
+        lowest = found.stability.points["friction"].min()
+        text += f"; {known} {'is' if known == 1 else 'are'} so at a friction of {lowest:g} already"
     if len(into):
-        text += f"; the first turns unstable at a friction of {into['onset'].min():.3f}"
+        which = "the next" if known else "the first"
+        text += f"; {which} turns unstable at a friction of {into['onset'].min():.3f}"
     verdict = AGREES if len(unstable) > 1 else PARTLY if len(unstable) else DIFFERS
     return verdict, f"{text}. Estimated errors are at most {error:.2g} 1/s"
 
@@ -139,10 +144,13 @@ def target_stabilised(what: str, together: bool, claimed: bool) -> Callable[[Fou
         target = modes[modes["target"]]
         if target.empty:
             return OPEN, UNCHANGED
-        unstable = target.loc[target["unstable"], "x"]
-        stable = points.loc[~points["x"].isin(unstable), "x"]
+        stable = target.loc[~target["unstable"], "x"]
         text = f"stable at {len(stable)} of {len(points)} values"
         text += f" ({_values(stable, what)})" if len(stable) else ""
+        lost = points.loc[~points["x"].isin(target["x"]), "x"]
+        text += f"; not followed to {_values(lost, what)}" if len(lost) else ""
+        if not len(stable) and len(lost):
+            return OPEN, text
         return (AGREES if bool(len(stable)) == claimed else DIFFERS), text
 
     return answer
@@ -160,9 +168,14 @@ def handed_on(what: str, together: bool, claimed: bool) -> Callable[[Found], Ans
             return OPEN, UNCHANGED
         new = modes[modes["unstable"] & ~modes["track"].isin(before) & (modes["track"] >= 0)]
         if new.empty:
+            lost = modes["unstable"] & (modes["track"] < 0)
+            if lost.any():
+                return OPEN, f"unstable modes without a track at {_values(modes.x[lost], what)}"
             return (DIFFERS if claimed else AGREES), "no mode that was stable turns unstable"
         worst = new.loc[new["growth_rate"].idxmax()]
-        text = f"{new['track'].nunique()} that were stable turn unstable, at "
+        n = new["track"].nunique()
+        text = "1 mode that was stable turns" if n == 1 else f"{n} modes that were stable turn"
+        text += " unstable, at "
         text += f"{_values(new['x'].unique(), what)}; fastest {_mode(worst)} at "
         text += _values([worst["x"]], what)
         doubt = int(new["track_ambiguous"].sum())
@@ -182,7 +195,9 @@ def silent_by_group_damping(found: Found) -> Answer:
     if 0.0 in set(silent):
         return OPEN, "nothing is unstable without it"
     if len(silent):
-        return AGREES, f"no mode is unstable at {_values(silent, DAMPING)}"
+        lasts = not unstable or max(unstable) < silent.min()
+        text = f"no mode is unstable at {_values(silent, DAMPING)}"
+        return (AGREES if lasts else PARTLY), text
     last = modes[np.isclose(modes["x"], points["x"].max())].nlargest(1, "growth_rate").iloc[0]
     return DIFFERS, f"at {_values([last['x']], DAMPING)} {_mode(last)} still grows"
 
@@ -197,9 +212,9 @@ def small_and_exact(found: Found) -> Answer:
     missed = sum(check.get("missed_modes", 0) for check in checks)
     f, z = (checked[f"reference_{n}_error"].max() for n in ("frequency", "damping"))
     text = (
-        f"at {len(checked)} points against full order: frequencies within {f:.1g}, damping ratios "
+        f"at {len(checked)} points against full order: frequencies err by {f:.1g} of their value, "
     )
-    text += f"within {z:.1g}, after the basis is enriched by responses to friction; "
+    text += f"damping ratios by {z:.1g}, after the basis is enriched by responses to friction; "
     text += f"{found.squeal.points['n_coordinates'].iloc[0]:.0f} coordinates in time"
-    text += f"; {missed} of its modes missed" if missed else ""
+    text += f"; of the full order, {missed} of its modes missed" if missed else ""
     return (DIFFERS if f >= CLOSE else PARTLY if missed else AGREES), text

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 from found import (
@@ -11,6 +13,7 @@ from found import (
     DIFFERS,
     GONE,
     GROUP,
+    NOTHING,
     OPEN,
     PARTLY,
     SAME_LEVEL,
@@ -28,13 +31,17 @@ def _level(row: pd.Series) -> str:
     return f"{row['torque_rms']:.1f} N m ({low:.1f} to {high:.1f})"
 
 
+def _class(row: Mapping[str, object]) -> str:
+    return str(row["class"]).replace("_", " ")
+
+
 def grows_and_saturates(found: Found) -> Answer:
     """VdR 2010, figure 11."""
     row = found.squeal.points.iloc[0]
     if row["status"] != "ok":
         return OPEN, f"the run failed: {row['message']}"
     text = f"growth {row['growth_rate']:.1f} 1/s as fitted, {row['predicted_growth_rate']:.1f} as "
-    text += f"predicted; {str(row['class']).replace('_', ' ')} of a torque's RMS of {_level(row)}"
+    text += f"predicted; {_class(row)} of a torque's RMS of {_level(row)}"
     if row["settled"]:
         text += f", settled from {1e3 * row['settled_time']:.0f} ms on"
     text += f"; energy balance {abs(row['energy_balance']):.1g}"
@@ -45,7 +52,7 @@ def grows_and_saturates(found: Found) -> Answer:
 def robust_to_the_start(found: Found) -> Answer:
     """VdR 2010, section 3.2."""
     rows = [results.points.iloc[0] for results in (found.squeal, found.kicked)]
-    text = " and ".join(f"{row['class'].replace('_', ' ')}, {_level(row)}" for row in rows)
+    text = " and ".join(f"{_class(row)}, {_level(row)}" for row in rows)
     text += f", from starts of {rows[0]['perturbation']:g} and {rows[1]['perturbation']:g} m/s"
     if any(row["status"] != "ok" or row["class"] not in SUSTAINED for row in rows):
         return OPEN, text
@@ -83,12 +90,14 @@ def same_shape(found: Found) -> Answer:
     """VdR 2010, figure 12 and 13."""
     table = found.projection
     rows = [
-        f"{row['basis']}: MAC {row['mac']:.4f}, {100 * row['outer_pad']:.2g} % of the kinetic "
-        f"energy on the outer pad"
+        f"{row['basis']}: MAC {row['mac']:.4f}, "
+        f"{100 * row['outer_pad'] * (row['outer_pad'] > NOTHING):.2g} % of the kinetic energy on "
+        "the outer pad"
         for row in table.to_dict("records")
     ]
-    best = table[table["truncated"]]["mac"].max()
-    return (AGREES if best >= SAME_SHAPE else DIFFERS), "; ".join(rows)
+    kept = table[table["truncated"] & (table["mac"] >= SAME_SHAPE)]
+    residual = (kept["outer_pad"] > NOTHING).any()
+    return (AGREES if residual else PARTLY if len(kept) else DIFFERS), "; ".join(rows)
 
 
 def damped_runs(found: Found, group: bool) -> pd.DataFrame:
@@ -106,24 +115,48 @@ def damped_runs(found: Found, group: bool) -> pd.DataFrame:
 def _runs(rows: pd.DataFrame) -> str:
     told = []
     for row in rows.to_dict("records"):
-        text = f"{100 * row['x']:.0f} %: {str(row['class']).replace('_', ' ')}"
+        text = f"{100 * row['x']:.0f} %: {_class(row)}"
         if row["status"] == "ok":
-            text += f", {row['torque_rms']:.1f} N m, mostly R{row['dominant_mode']:.0f}"
+            text += f", {_level(row)}, {_largest(row)}"
         told.append(text)
     return "; ".join(told)
 
 
-def _begins(rows: pd.DataFrame) -> bool:
-    """Whether all runs were solved and the undamped one goes on as a cycle."""
-    return bool((rows["status"] == "ok").all() and rows["class"].iloc[0] in SUSTAINED)
+def _largest(row: Mapping[str, float]) -> str:
+    return f"R{row['dominant_mode']:.0f} with {100 * row['dominant_share']:.0f} % of the energy"
+
+
+def _open(found: Found, rows: pd.DataFrame) -> str:
+    """Why damped runs answer nothing; empty where they do.
+
+    All must be solved, and the undamped one be a cycle: as it is called, or as the run is that it
+    goes on from, at the same level.
+    """
+    if not (rows["status"] == "ok").all():
+        return f"a run failed; {_runs(rows)}"
+    before, first = found.squeal.points.iloc[0], rows.iloc[0]
+    goes_on = before["status"] == "ok" and before["class"] in SUSTAINED
+    far = abs(first["torque_rms"] - before["torque_rms"])
+    goes_on &= bool(far <= SAME_LEVEL * before["torque_rms"])
+    if first["class"] in SUSTAINED or goes_on:
+        return ""
+    return f"there is no cycle to damp; {_runs(rows)}"
+
+
+def _last(rows: pd.DataFrame) -> tuple[bool, str]:
+    """Whether another mode has the largest energy with most damping than without, and in words."""
+    last, first = rows.iloc[-1], rows.iloc[0]
+    text = f"at {100 * last['x']:.0f} % it is {_largest(last)}, without {_largest(first)}; the "
+    text += f"run is called {_class(last)}"
+    return bool(last["dominant_mode"] != first["dominant_mode"]), text
 
 
 def quieter_not_silent(found: Found) -> Answer:
     """VdR 2010, figure 14, above: little damping of mode 7."""
     rows = damped_runs(found, False)
+    if why := _open(found, rows):
+        return OPEN, why
     text = _runs(rows)
-    if not _begins(rows):
-        return OPEN, text
     little = rows.iloc[1:3]
     if (little["class"] == STABLE).any():
         return DIFFERS, text
@@ -135,23 +168,20 @@ def quieter_not_silent(found: Found) -> Answer:
 def handed_on_in_time(found: Found) -> Answer:
     """VdR 2010, figure 15: more damping of mode 7 alone."""
     rows = damped_runs(found, False)
-    if not _begins(rows):
-        return OPEN, _runs(rows)
-    last, first = rows.iloc[-1], rows.iloc[0]
-    other = last["dominant_mode"] != first["dominant_mode"]
-    text = f"at {100 * last['x']:.0f} % R{last['dominant_mode']:.0f} has most of the energy, "
-    text += f"R{first['dominant_mode']:.0f} without; the run is called "
-    text += str(last["class"]).replace("_", " ")
-    rises = last["torque_rms"] > rows["torque_rms"].iloc[1:-1].min()
+    if why := _open(found, rows):
+        return OPEN, why
+    other, text = _last(rows)
+    rises = rows["torque_rms"].iloc[-1] > rows["torque_rms"].iloc[1:-1].min()
+    text += "; the torque rises again" if rises else "; the torque does not rise again"
     return (AGREES if other and rises else PARTLY if other or rises else DIFFERS), text
 
 
 def group_threshold(found: Found) -> Answer:
     """VdR 2010, figure 14, below, and 16: the energy of the first mode is dissipated."""
     rows = damped_runs(found, True)
+    if why := _open(found, rows):
+        return OPEN, why
     text = _runs(rows)
-    if not _begins(rows):
-        return OPEN, text
     share = (rows["first_energy"] / rows["first_energy"].iloc[0]).to_numpy()
     gone = np.flatnonzero(share < GONE)
     text += "; energy of the first's mode, of that without: "
@@ -162,14 +192,9 @@ def group_threshold(found: Found) -> Answer:
 def another_takes_over(found: Found) -> Answer:
     """VdR 2010, figure 16: another unstable mode expresses itself."""
     rows = damped_runs(found, True)
-    if not _begins(rows):
-        return OPEN, _runs(rows)
-    last, first = rows.iloc[-1], rows.iloc[0]
-    other = last["dominant_mode"] != first["dominant_mode"]
-    text = f"at {100 * last['x']:.0f} % R{last['dominant_mode']:.0f} has "
-    text += f"{100 * last['dominant_share']:.0f} % of the energy, "
-    text += f"R{first['dominant_mode']:.0f} without; the run is called "
-    text += str(last["class"]).replace("_", " ")
-    if other and last["class"] in LASTING:
+    if why := _open(found, rows):
+        return OPEN, why
+    other, text = _last(rows)
+    if other and rows["class"].iloc[-1] in LASTING:
         return AGREES, text
     return (PARTLY if other else DIFFERS), text

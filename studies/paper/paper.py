@@ -51,7 +51,7 @@ SHIPPED = {
 SETTINGS = {"band": "none in the band, as in VdR 2010", "shipped": "as shipped"}
 MODE = 7  # of the caliper: 13 of VdR 2010
 TOPS = (8e3, 16e3, 24e3)  # Hz: bases of real modes of the assembly
-WIDTH, KEPT = 640, 64  # of the small copies: pixels, colours
+WIDTH, KEPT = 640, 128  # of the small copies: pixels, colours
 
 
 class Runs:
@@ -208,7 +208,7 @@ def _projections(table: pd.DataFrame) -> Figure:
             100 * table[name],
             0.25,
             color=COLOURS[number + 2],
-            label=name,
+            label=name.replace("_", " "),
         )
     finish(right, "Share of the kinetic energy [%]", "")
     right.legend()
@@ -226,7 +226,8 @@ def _torques(found: Found) -> Figure:
             axis = axes[place, column]
             axis.plot(1e3 * history["time"], history["torque"], color=COLOURS[1], linewidth=0.3)
             which = ("mode 7", "modes 7 to 9")[column]
-            axis.set_title(f"{100 * row['x']:.0f} % on {which}: {row['class']}", fontsize=9)
+            told = str(row["class"]).replace("_", " ")
+            axis.set_title(f"{100 * row['x']:.0f} % on {which}: {told}", fontsize=9)
             finish(axis, "Time [ms]" if place == len(rows) - 1 else "", "Torque [N m]")
     return figure
 
@@ -240,7 +241,7 @@ def save(setting: str, number: str, figure: Figure) -> Path:
     with Image.open(path) as image:
         size = WIDTH, round(image.height * WIDTH / image.width)
         copied = image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-        copied.quantize(KEPT, Image.Quantize.MAXCOVERAGE).save(small, optimize=True)
+        copied.quantize(KEPT, Image.Quantize.FASTOCTREE).save(small, optimize=True)
     return small
 
 

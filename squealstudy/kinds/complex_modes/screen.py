@@ -122,9 +122,11 @@ class ComplexModesScreen(KindScreen):
         """How many modes are unstable, the most widespread, and the one that grows fastest."""
         if not any(len(batch) for batch in results.batches("modes", ["mode"])):
             return super().verdict(results)
+        doubt = _doubt(results, None)
+        but = f" But {doubt}." if doubt else ""
         table = self.rank(results, "share", None, None)
         if not len(table):
-            return _nothing(results, None)
+            return _nothing(results, None) + but
         named = int((table["kind"] == group_kind(1)).sum())
         others = len(table) - named
         text = plural(named, "mode") if named else ""
@@ -137,8 +139,7 @@ class ComplexModesScreen(KindScreen):
         text += f"{_counted(results, None)}. Fastest: {_told(fast)}, by "
         text += f"{in_digits(fast['max_growth_rate'], 1)} 1/s"
         where = ", ".join(f"{name} {value}" for name, value in settings_of(fast["at"]))
-        doubt = _doubt(results, None)
-        return f"{text}{f' at {where}' if where else ''}." + (f" But {doubt}." if doubt else "")
+        return f"{text}{f' at {where}' if where else ''}.{but}"
 
     def facts(self, results: Results) -> Rows:
         """Which rungs served the points, what an audit of them found, estimates and errors."""
