@@ -610,6 +610,23 @@ def test_of_points_that_cannot_be_told_apart_the_largest_is_seen(monkeypatch, sc
     assert any(f"a cell: the largest of {what}" in text for text in drawn(figure))
 
 
+def test_the_boundary_between_very_many_points_is_that_of_all_their_triangles(monkeypatch):
+    rng = np.random.default_rng(1)
+    mu, p = rng.uniform(0.0, 0.7, 6000), 1e6 * rng.lognormal(0.0, 0.6, 6000)
+    points = points_table(mu, p, failed=range(0, 6000, 17))
+    modes = modes_table(points)
+    at = points.set_index("point_id").loc[modes["point_id"]]
+    modes["unstable"] = (np.sin(9 * at["friction"]) > 0.2 * at["pressure"] / 1e6).to_numpy()
+    found = []
+    for most in (500, 10_000):
+        monkeypatch.setattr(plane, "MOST_DOTS", most)
+        of = study_plane(results_of(points, modes, UNITS), ("friction", "pressure"))
+        found.append({tuple(sorted(corners)) for corners in of.polygons()})
+        assert (of.near_changes.sum() < 0.7 * of.known.sum()) == (most == 500)
+    assert len(found[0]) > 100
+    assert found[0] == found[1]
+
+
 def test_scattered_points_in_three_parameters_are_dots_only():
     rng = np.random.default_rng(0)
     a, b, c = rng.uniform(0.1, 1, (3, 40))

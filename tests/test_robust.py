@@ -97,6 +97,19 @@ def test_indices_are_those_of_scipy_and_the_same_every_time():
     pd.testing.assert_frame_equal(table, sobol_table(*tables(x, f.ravel()), NAMES))
 
 
+@pytest.mark.parametrize("offset", [0.0, 1e3])
+def test_resamples_by_means_are_those_of_the_gathered_values(offset):
+    rng = np.random.default_rng(8)
+    groups = sobol.Groups(*rng.normal(offset, size=(2, 40)), rng.normal(offset, size=(3, 40)))
+    groups.a[:3] = groups.b[:3] = offset + 2.0
+    groups.ab[:, :3] = offset + 2.0
+    moments = sobol._moments(groups)
+    for rows in (*rng.integers(40, size=(20, 40)), np.full(40, 1)):
+        found = sobol._from_moments(np.bincount(rows, minlength=40) @ moments / 40)
+        a, b, ab = groups.a[rows], groups.b[rows], groups.ab[:, rows]
+        np.testing.assert_allclose(found, saltelli_estimate(a, b, ab), rtol=1e-9, atol=1e-11)
+
+
 def test_intervals_do_not_depend_on_how_many_resamples_are_drawn_at_once(monkeypatch):
     rng = np.random.default_rng(5)
     groups = sobol.Groups(*rng.normal(size=(2, 101)), rng.normal(size=(3, 101)))

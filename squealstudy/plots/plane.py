@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.tri import TriAnalyzer, Triangulation
+from scipy.ndimage import maximum_filter
 
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import Quantity, joined, quantity, set_scales, set_ticks
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 MEASURES = {"count": "Unstable modes", "growth": "Largest growth rate [1/s]"}
 MOST_CELLS = (450, 300)  # of a picture, about 2 pixels each
 BINS = (150, 100)  # cells in which scattered points are gathered that would cover one another
+MOST_DOTS = 20_000  # of scattered points: more cover one another
+IN_A_CELL, BESIDE = 8, 2  # points, and cells on each side, that are looked at for another state
 FLAT = 0.01  # radius of the inscribed circle over that of the circumscribed one
 FILLED = 0.5  # share of the cells with a design point from which on a plane is a grid
 
@@ -140,12 +143,34 @@ class StudyPlane(Plane):
             found = np.stack([c.ravel() for c in corners], axis=1)
             found = found[np.isfinite(found).all(axis=1)].astype(int)
         else:
-            mesh = self.triangles(np.where(self.known, 0.0, np.nan))
-            rows = np.flatnonzero(self.known)
+            rows = np.flatnonzero(self.near_changes)
+            mesh = self.triangles(np.where(self.near_changes, 0.0, np.nan))
             found = np.zeros((0, 3), dtype=int) if mesh is None else rows[mesh.triangles]
         state = self.unstable[found]
         mixed = state.any(axis=1) & ~state.all(axis=1) & self.known[found].all(axis=1)
         yield from found[mixed]
+
+    @cached_property
+    def near_changes(self) -> np.ndarray:
+        """Solved points (n,); of very many those at the edge, or with both states around, alone.
+
+        Triangles over where others were have corners of one state. Around: in cells with equal
+        shares of the values of each axis, the point's own and BESIDE on each side.
+        """
+        known, many = self.known, int(self.known.sum())
+        if many <= MOST_DOTS:
+            return known
+        count = int(np.sqrt(many / IN_A_CELL))
+        ranks = [np.searchsorted(np.sort(v[known]), v) for v in (self.x, self.y)]
+        cell = [np.minimum(rank * count // many, count - 1) for rank in ranks]
+        around = np.ones((count, count), dtype=bool)
+        for state in (self.unstable, ~self.unstable):
+            here = np.zeros_like(around)
+            here[tuple(c[known & state] for c in cell)] = True
+            around &= maximum_filter(here, 2 * BESIDE + 1)
+        around = np.pad(around[BESIDE:-BESIDE, BESIDE:-BESIDE], BESIDE, constant_values=True)
+        near: np.ndarray = known & around[tuple(cell)]
+        return near
 
     def triangles(self, values: np.ndarray) -> Triangulation | None:
         """Triangles between the points with a value; None where they span no area.
@@ -155,8 +180,10 @@ class StudyPlane(Plane):
         known = np.isfinite(values)
         if self.others_vary or known.sum() < 3:
             return None
-        even = [q.even(v[known]) for q, v in ((self.across, self.x), (self.up, self.y))]
-        place = [(e - e.min()) / (np.ptp(e) or 1.0) for e in even]
+        place = []
+        for shown, drawn in ((self.across, self.x), (self.up, self.y)):
+            even = shown.even(drawn[self.known])  # the same scale whatever has a value
+            place.append((shown.even(drawn[known]) - even.min()) / (np.ptp(even) or 1.0))
         if np.linalg.matrix_rank(np.array([p - p.mean() for p in place]), 1e-6) < 2:
             return None
         even_mesh = Triangulation(*place)

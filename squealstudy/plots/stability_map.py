@@ -18,7 +18,7 @@ from matplotlib.patheffects import withTickedStroke
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.boundary_lines import Boundary, stability_boundary
-from squealstudy.plots.plane import MEASURES, StudyPlane, study_plane
+from squealstudy.plots.plane import MEASURES, MOST_DOTS, StudyPlane, study_plane
 from squealstudy.plots.style import (
     COLOURS,
     finish,
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 BOUNDARY = COLOURS[1]
 STABLE = "#EFEFEF"
 SEVERITY = "YlOrBr"
-MOST_DOTS = 20_000  # of scattered points: more cover one another
 MOST_CLASSES = 12  # counts beyond share colours
 TITLE = 90  # characters in a line of the title
 

@@ -154,6 +154,29 @@ def saltelli_estimate(f_A: np.ndarray, f_B: np.ndarray, f_AB: np.ndarray) -> np.
     return np.stack([first, total])
 
 
+def _moments(groups: Groups) -> np.ndarray:
+    """What the estimators are means of (n, 2 + 3 d), a row a group.
+
+    A resample is then a weighted sum of rows: a tenth of the time of gathering all values anew.
+    """
+    middle = np.concatenate([groups.a, groups.b]).mean()
+    a, b, ab = (values - middle for values in groups)
+    both = np.stack([a + b, a**2 + b**2]) / 2
+    found: np.ndarray = np.vstack([both, ab - a, b * (ab - a), (a - ab) ** 2]).T
+    return np.ascontiguousarray(found)
+
+
+def _from_moments(m: np.ndarray) -> np.ndarray:
+    """`saltelli_estimate` (2, d) from the means (2 + 3 d,) of `_moments`."""
+    mean, square = m[:2]
+    step, product, distance = m[2:].reshape(3, -1)
+    variance = square - mean**2
+    if variance <= 1e-12 * square:  # rounding: all values of this resample are equal
+        return np.zeros((2, len(step)))
+    found: np.ndarray = np.stack([product - mean * step, distance / 2]) / variance
+    return found
+
+
 def _enough(whole: int, dropped: int) -> bool:
     return whole >= LEAST_GROUPS and whole >= LEAST_SHARE * (whole + dropped)
 
@@ -165,10 +188,12 @@ def _indices(groups: Groups, confidence: float) -> pd.DataFrame:
     a, b, ab = groups
     n = len(a)
 
-    def resampled(rows: np.ndarray) -> np.ndarray:
-        return saltelli_estimate(a[rows], b[rows], ab[:, rows])
+    moments = _moments(groups)
 
-    value = resampled(np.arange(n))
+    def resampled(rows: np.ndarray) -> np.ndarray:
+        return _from_moments(np.bincount(rows, minlength=n) @ moments / n)
+
+    value = saltelli_estimate(a, b, ab)
     if n & (n - 1) == 0 and value.any():  # nothing was dropped, or by chance a power of two is left
         found = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": ab[:, None]}, n=n)
         value = np.stack([found.first_order, found.total_order])

@@ -1,8 +1,9 @@
 """What handing out work costs: processes of this machine against a cluster on the loopback device.
 
-A study of a model of two degrees of freedom is run by each, with one worker and with two. Of the
-time of its points, what no worker spent on a point is overhead; the last line is that of tasks that
-do nothing. Scheduler and workers are processes of this machine, each worker with its own cache.
+A study of a model of two degrees of freedom is run by each, with one worker and with two, in turn;
+medians are shown. Of the time of its points, what no worker spent on a point is overhead; the last
+column is that of tasks that do nothing. Scheduler and workers are processes of this machine, each
+worker with its own cache.
 
     python studies/benchmarks/cluster.py --points 4000
 
@@ -25,10 +26,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow.dataset as pads
 
 import squealstudy as sq
@@ -82,12 +84,14 @@ def measured(points: int, jobs: int, client: Any = None) -> tuple[float, float]:
     return found["points_s"], found["points_worker_s"]
 
 
-def per_task(workers: Workers) -> float:
+def per_task(number: int, client: Any = None) -> float:
     """Seconds of a task that does nothing."""
-    list(workers.each(abs, range(10)))  # they start
-    began = time.perf_counter()
-    list(workers.each(abs, range(EMPTY)))
-    return (time.perf_counter() - began) / EMPTY
+    with connected(client, print) if client else nullcontext() as place:
+        workers = Workers(number, cluster=place)
+        list(workers.each(abs, range(10)))  # they start
+        began = time.perf_counter()
+        list(workers.each(abs, range(EMPTY)))
+        return (time.perf_counter() - began) / EMPTY
 
 
 def killed_and_resumed(study: Path, against: Path | None) -> int:
@@ -137,6 +141,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--points", type=int, default=4000)
+    parser.add_argument("--repeats", type=int, default=5, help="of which the medians are shown")
     parser.add_argument("--killed", type=Path, metavar="STUDY")
     parser.add_argument("--against", type=Path, metavar="RESULTS", help="of the same study")
     given = parser.parse_args()
@@ -144,36 +149,28 @@ def main() -> None:
         raise SystemExit(killed_and_resumed(given.killed, given.against))
     points = given.points
     model_kind.PATIENCE = 0.0  # s: all points by workers
-    found: dict[tuple[str, int], tuple[float, float]] = {}
-    with tempfile.TemporaryDirectory() as cache:
+    with tempfile.TemporaryDirectory() as cache, ExitStack() as stack:
         os.environ["SQUEALSTUDY_CACHE"] = cache
-        print(f"{'':10} workers  points s  at work s  overhead ms a point  ms an empty task")
-        for workers in (1, 2):
-            measured(10, workers)
-            found["processes", workers] = measured(points, workers)
-            show("processes", workers, points, found, per_task(Workers(workers)))
-        for workers in (1, 2):
-            with cluster_of(workers) as client:
-                measured(10, workers, client)
-                found["cluster", workers] = measured(points, workers, client)
-                with connected(client, print) as place:
-                    empty = per_task(Workers(workers, cluster=place))
-            show("cluster", workers, points, found, empty)
+        places = {("processes", workers): None for workers in (1, 2)}
+        places |= {("cluster", n): stack.enter_context(cluster_of(n)) for n in (1, 2)}
+        found: dict[tuple[str, int], list[tuple[float, ...]]] = {place: [] for place in places}
+        for (_, workers), client in places.items():
+            measured(points, workers, client)  # they start, and have all in their caches
+        for _ in range(given.repeats):  # in turn: the speed of a machine changes
+            for (name, workers), client in places.items():
+                spent = measured(points, workers, client)
+                found[name, workers].append((*spent, per_task(workers, client)))
+    print(f"{'':10} workers  points s  at work s  overhead ms a point  ms an empty task")
+    for (name, workers), each in found.items():
+        spent_s, busy_s, empty_s = np.transpose(each)
+        overhead = 1e3 * np.median(spent_s * workers - busy_s) / points
+        print(
+            f"{name:10} {workers:7} {np.median(spent_s):9.2f} {np.median(busy_s):10.2f} "
+            f"{overhead:20.3f} {1e3 * np.median(empty_s):17.2f}"
+        )
     for name in ("processes", "cluster"):
-        gain = found[name, 1][0] / found[name, 2][0] / 2
-        print(f"{name}: efficiency of two workers against one {100 * gain:.0f} %")
-
-
-def show(
-    name: str, workers: int, points: int, found: dict[tuple[str, int], Any], empty: float
-) -> None:
-    """Print a line."""
-    spent, busy = found[name, workers]
-    overhead = 1e3 * (spent * workers - busy) / points
-    print(
-        f"{name:10} {workers:7} {spent:9.2f} {busy:10.2f} {overhead:20.3f} {1e3 * empty:17.2f}",
-        flush=True,
-    )
+        alone, both = (np.array(found[name, n])[:, 0] for n in (1, 2))
+        print(f"{name}: efficiency of two workers against one {50 * np.median(alone / both):.0f} %")
 
 
 if __name__ == "__main__":

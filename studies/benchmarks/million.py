@@ -6,13 +6,15 @@ For each number of points a grid of Hulten's model (two degrees of freedom, fric
 speed) is checked, run, and run again when it is finished, as the command does it and each in a
 process of its own: seconds and peak memory of `check`; seconds until the first point is solved;
 processor time of the parent a point until the last one is solved (planning, ids, storing; all
-points go to workers); peak memory of parent and largest worker until then; seconds and memory of
-what comes after it, tables with tracking, ranking and pictures; seconds and memory of the command
-that finds all done. Processor time stands beside seconds, for machines that are not idle. With
-`--batched` all points of a task are solved at once (million_kind.py), to save time: solving is no
-part of these figures. With `--brake` it is the coarse brake by windows over friction and pressure,
-from the cache that there is. `--keep` keeps the results; `--png` draws the growth, also of figures
-that `--json` kept.
+points go to workers), and that before the first point apart from it (reduction, basis); peak memory
+of parent and largest worker until then; seconds and memory of what comes after it, tables with
+tracking, ranking and pictures; seconds and memory of the command that finds all done. Processor
+time stands beside seconds, for machines that are not idle. With `--batched` all points of a task
+are solved at once (million_kind.py), to save time: solving is no part of these figures. With
+`--brake` it is the coarse brake by windows over friction and pressure, from the cache that there
+is. `--design` takes another design than a grid: of sobol_indices the points are all of its groups,
+of a boundary design those of its full grid. `--keep` keeps the results; `--png` draws the growth,
+also of figures that `--json` kept.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import resource
 import subprocess
 import sys
@@ -46,16 +49,17 @@ name = "hulten"
 damping_ratio = 0.001
 [design]
 limit = 1_000_000_000
+{design}
 [[sweep]]
 parameter = "friction"
 start = 0.0
 stop = 0.9
-num = {friction}
+{friction}
 [[sweep]]
 parameter = "sliding_speed"
 start = 0.1
 stop = 2.0
-num = {speed}
+{speed}
 [modes]
 band = [1.0, 1000.0]
 reference_points = 0
@@ -73,16 +77,17 @@ mesh = "coarse"
 sliding_speed = 0.5
 [design]
 limit = 1_000_000_000
+{design}
 [[sweep]]
 parameter = "friction"
 start = 0.1
 stop = 0.6
-num = {friction}
+{friction}
 [[sweep]]
 parameter = "pressure"
 start = 5e5
 stop = 3e6
-num = {speed}
+{speed}
 [modes]
 band = [500.0, 6000.0]
 method = "windows"
@@ -95,7 +100,10 @@ FIGURES = {  # name of a figure -> its title and the limit that is asked for at 
     "check_cpu_s": ("check, CPU s", 3.0),
     "check_mb": ("check, MB", 400.0),
     "first_point_s": ("to the first point, s", 10.0),
+    "first_point_cpu_s": ("to the first point, CPU s", None),
+    "solved": ("points solved", None),
     "parent_ms": ("planning, ids, storing, CPU-ms a point", 0.3),
+    "later_ms": ("of these after the first point, CPU-ms", None),
     "points_mb": ("parent until the last point, MB", 1500.0),
     "worker_mb": ("largest worker, MB", None),
     "tables_s": ("tables with tracking, s", None),
@@ -130,19 +138,32 @@ DRAWN = (  # seconds, MB -> names in the chart
     },
 )
 BATCHED, BY_WINDOWS = "batched", "brake"
+DESIGNS = ("grid", "sobol", "sobol_indices", "boundary")
+HALVINGS = 6  # of each step of the grid that a boundary design begins with
 EVERY = 0.05  # s between looks at memory
 
 
-def study_file(folder: Path, points: int, kind_of: str) -> Path:
-    """A study of so many points, in a grid as square as their divisors allow."""
+def study_file(folder: Path, points: int, kind_of: str, design: str = "grid") -> Path:
+    """A study of so many points, those of grids as square as their divisors allow."""
     friction = next(n for n in range(int(points**0.5), 0, -1) if points % n == 0)
+    steps = (friction, points // friction)
     kind = Path(__file__).with_name("million_kind.py")
     batched = kind_of == BATCHED
+    text = f'type = "{design}"'
+    ranges = [f"num = {n}" for n in steps]
+    if design == "boundary":
+        text += f"\nlevels = {HALVINGS}"
+        ranges = [f"num = {(n - 1) // 2**HALVINGS + 1}" for n in steps]
+    elif design != "grid":
+        groups = 4 if design == "sobol_indices" else 1
+        text += f"\nsamples = {2 ** round(math.log2(points / groups)) if groups > 1 else points}"
+        ranges = ['distribution = "uniform"'] * 2
     text = (BRAKE if kind_of == BY_WINDOWS else STUDY).format(
         kind="batched_modes" if batched else "complex_modes",
         extensions=f'extensions = ["{kind}"]' if batched else "",
-        friction=friction,
-        speed=points // friction,
+        design=text,
+        friction=ranges[0],
+        speed=ranges[1],
     )
     path = folder / f"points_{points}.toml"
     path.write_text(text)
@@ -154,7 +175,7 @@ class Watch:
 
     def __init__(self) -> None:
         self.started, self.first_s, self.begun = time.perf_counter(), 0.0, -1
-        self.phase, self.cpu_s = "points", 0.0
+        self.phase, self.cpu_s, self.first_cpu_s = "points", 0.0, 0.0
         self.ends: dict[str, float] = {}
         self.peaks = {"workers": 0.0}
         self.process = psutil.Process()
@@ -163,9 +184,11 @@ class Watch:
     def __call__(self, stage: str, done: int, total: int, failed: int = 0) -> None:
         """What a run tells of its stages."""
         if stage == "design points":
+            self.phase = "points"  # again, where a boundary design has found more of them
             self.begun = done if self.begun < 0 else self.begun
             if done > self.begun and not self.first_s:
                 self.first_s = time.perf_counter() - self.started
+                self.first_cpu_s = time.process_time()
             if done == total:
                 self.cpu_s = time.process_time()
                 self.next("tables")
@@ -217,7 +240,10 @@ def run_here(path: Path, directory: Path, jobs: int) -> dict[str, float]:
     return found | {
         "first_point_s": watch.first_s,
         "points_s": watch.ends["points"],
+        "first_point_cpu_s": watch.first_cpu_s,
+        "solved": points,
         "parent_ms": 1e3 * watch.cpu_s / points,
+        "later_ms": 1e3 * (watch.cpu_s - watch.first_cpu_s) / points,
         "points_mb": watch.peaks["points"],
         "worker_mb": watch.peaks["workers"],
         "after_s": whole - watch.ends["points"],
@@ -247,10 +273,9 @@ def check_here(path: Path, directory: Path) -> dict[str, float]:
     }
 
 
-def measure(folder: Path, points: int, jobs: int, kind_of: str) -> dict[str, float]:
-    """All figures of a number of points."""
-    path, directory = study_file(folder, points, kind_of), folder / f"results_{points}"
-    place = [str(path), str(directory), str(jobs)]
+def measure(folder: Path, study: Path, points: int, jobs: int) -> dict[str, float]:
+    """All figures of a study."""
+    place = [str(study), str(folder / f"results_{points}"), str(jobs)]
     found = in_child("--child", "check", *place)
     run = in_child("--child", "run", *place)
     return found | in_child("--child", "run", *place) | run
@@ -294,6 +319,7 @@ def main() -> None:
     kinds = parser.add_mutually_exclusive_group()
     kinds.add_argument("--batched", dest="kind_of", action="store_const", const=BATCHED, default="")
     kinds.add_argument("--brake", dest="kind_of", action="store_const", const=BY_WINDOWS)
+    parser.add_argument("--design", choices=DESIGNS, default=DESIGNS[0])
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="of studies and results")
     parser.add_argument("--json", type=Path, help="figures, which join those that are there")
     parser.add_argument("--png", type=Path)
@@ -314,7 +340,8 @@ def main() -> None:
         made = given.keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
         made.mkdir(parents=True, exist_ok=True)
         for points in sorted(int(n) for n in given.points):
-            found[points] = measure(made, points, given.jobs, given.kind_of)
+            study = study_file(made, points, given.kind_of, given.design)
+            found[points] = measure(made, study, points, given.jobs)
             print(f"{points:,} points: {found[points]}", flush=True)
             if given.json:
                 given.json.write_text(json.dumps(found, indent=1) + "\n")

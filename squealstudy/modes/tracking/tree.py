@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 DENSE_LIMIT = 2000  # points up to which every pair is an edge
 NEIGHBOURS = 12  # edges a point beyond that
+BLOCK = 2**16  # points whose neighbours are sought at once
 
 
 def tracking_tree(
@@ -70,13 +71,8 @@ def cross_edges(
         ]
         edges = np.vstack([np.zeros((0, 2), dtype=int), *found])
     else:
-        from scipy.spatial import cKDTree
-
         x = _unit_box(np.asarray(coordinates, dtype=float))
-        count = min(2 * x.shape[1] + 1, n)
-        near = cKDTree(x).query(x, count)[1].reshape(n, count) if n else np.zeros((0, 1), int)
-        edges = np.column_stack([np.repeat(np.arange(n), near.shape[1]), near.ravel()])
-        edges = np.unique(np.sort(edges[edges[:, 0] != edges[:, 1]], axis=1), axis=0)
+        edges = np.column_stack(_numbers(_nearest(x, 2 * x.shape[1]), n))
     a, b = edges.T
     apart: np.ndarray = edges[(parents[a] != b) & (parents[b] != a)]
     return apart
@@ -122,16 +118,47 @@ def _neighbour_graph(x: np.ndarray) -> sp.csr_matrix:
 
     Lengths are raised by one, which changes no spanning tree: a sparse zero would be no edge.
     """
+    n = len(x)
+    chains = [np.lexsort((*x.T, column)) for column in x.T]
+    keys = [_keys(c[:-1], c[1:], n) for c in chains]
+    a, b = _numbers(_once(np.concatenate([_nearest(x, NEIGHBOURS), *keys])), n)
+    length = np.sqrt(sum((column[a] - column[b]) ** 2 for column in x.T)) + 1.0
+    return sp.csr_matrix((length, (a, b)), shape=(n, n))
+
+
+def _nearest(x: np.ndarray, count: int) -> np.ndarray:
+    """Each point of x (n, p) with its `count` nearest others: sorted keys of the pairs (e,).
+
+    Some points at a time, and a number a pair: a million points have 12 million neighbours.
+    """
     from scipy.spatial import cKDTree
 
-    n = len(x)
-    near = cKDTree(x).query(x, NEIGHBOURS + 1)[1]
-    chains = [np.lexsort((*x.T, column)) for column in x.T]
-    a = np.concatenate([np.repeat(np.arange(n), NEIGHBOURS + 1), *(c[:-1] for c in chains)])
-    b = np.concatenate([near.ravel(), *(c[1:] for c in chains)])
-    edges = np.unique(np.sort(np.column_stack([a, b])[a != b], axis=1), axis=0)
-    length = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) + 1.0
-    return sp.csr_matrix((length, (edges[:, 0], edges[:, 1])), shape=(n, n))
+    n, tree = len(x), cKDTree(x)
+    found = [np.zeros(0, dtype=np.int64)]
+    for i in range(0, n, BLOCK):
+        block = np.arange(i, min(i + BLOCK, n))
+        near = tree.query(x[block], min(count + 1, n))[1].reshape(len(block), -1)
+        found.append(_keys(np.repeat(block, near.shape[1]), near.ravel(), n))
+    return _once(np.concatenate(found))
+
+
+def _keys(a: np.ndarray, b: np.ndarray, n: int) -> np.ndarray:
+    """One number for each pair of two of n points, the same in both directions, sorted (e,)."""
+    key = np.minimum(a, b) * n + np.maximum(a, b)
+    return _once(key[a != b])
+
+
+def _once(key: np.ndarray) -> np.ndarray:
+    """The numbers sorted, each once: np.unique hashes them, which takes several times as long."""
+    key.sort()
+    first = np.ones(len(key), dtype=bool)
+    np.not_equal(key[1:], key[:-1], out=first[1:])
+    return key[first]
+
+
+def _numbers(key: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Both points of each pair, the smaller number first."""
+    return np.divmod(key, max(n, 1))
 
 
 def tree_of_modes(parents: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
