@@ -33,6 +33,7 @@ band = [500.0, 60000.0]
 margin = {damping_ratio = 0.0}
 scan = 0
 cycles = 0
+in_time = 0
 full_order = 1
 """
 PARTS = """\

@@ -21,7 +21,7 @@ from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import StudyFileError
 from squealstudy.kinds.design.loop import Loop
-from squealstudy.kinds.design.plan import MODES, Ask
+from squealstudy.kinds.design.plan import MODES, ROOTS, Ask
 from squealstudy.kinds.design.rows import SCHEMA, design_row
 from squealstudy.kinds.design.state import MET_LINEAR, NONE_FOUND, Memory
 from squealstudy.kinds.design.study import DesignStudy
@@ -105,7 +105,7 @@ def _searched(study: DesignStudy, damping: Damping) -> tuple[Loop, int]:
                 / (2 * h)
                 for a, b, c, d in ((x1 + h, x2, x1 - h, x2), (x1, x2 + h, x1, x2 - h))
             ]
-            assert asked.stage == MODES
+            assert asked.stage in (MODES, ROOTS)
             modes = [
                 {
                     "damping_ratio": z,
@@ -223,6 +223,7 @@ bounds = {bounds}
 margin = {{damping_ratio = {margin}{probability}}}
 scan = 0
 cycles = 0
+in_time = 0
 """
 
 
@@ -270,6 +271,31 @@ def test_the_loop_does_not_choose_what_squeals_when_kicked(trap) -> None:
     points = trap.points
     cycles = points[(points["stage"] == "cycles") & (points["design"] == chosen["design"])]
     assert set(cycles["verdict"]) == {"no_cycle_found"}
+
+
+def test_runs_in_time_refuse_what_squeals_when_kicked(trap, tmp_path: Path) -> None:
+    """Without limit cycles: none below the damping from which on no cycle stands there."""
+    text = SHIPPED.read_text(encoding="utf-8").replace("[0.5, 0.7, 0.9]", "[0.9]")
+    results = _run(text.replace("scan = 0", "scan = 0\ncycles = 0\nin_time = 1"), tmp_path)
+    facts, proof = results.manifest["design_study"], results.table("proof")
+    enough = trap.table("designs").query("chosen")["damping_ratio"].iloc[0]
+    assert facts["outcome"] == "met"
+    runs = proof[proof["check"] == "in_time"].merge(results.table("designs"), on="design")
+    assert list(runs["passed"]) == [False] * (len(runs) - 1) + [True]
+    assert (runs["damping_ratio"].iloc[:-1] < enough).all()
+    assert enough < runs["damping_ratio"].iloc[-1] < 1.5 * enough
+    assert runs["min_damping_ratio"].iloc[0] == pytest.approx(0.002, abs=1e-5)
+    assert (runs["value"].iloc[:-1] < 1.0).all()
+    points = results.points[(results.points["stage"] == "in_time").to_numpy(bool)]
+    assert set(points["verdict"]) == {"lasts", "decays"}
+    for row, check in zip(points.itertuples(), runs.itertuples(), strict=True):
+        assert row.n_modes == row.reason.count(";") + 1
+        assert row.n_modes - row.n_unstable == row.reason.count(": decays")
+        assert f"{row.n_modes - row.n_unstable} of {row.n_modes} runs decay" in check.text
+        assert ("from today's vibration at 1 of them" in check.text) == ("today" in row.reason)
+    last = runs.iloc[-1]["text"]
+    assert f"runs in time: {last}" in facts["verdict"]
+    assert "not checked: limit cycles" in facts["verdict"]
 
 
 def test_the_verdict_says_what_the_tables_say(trap) -> None:
@@ -595,7 +621,7 @@ def test_variants_are_searched_and_proven_each_and_set_beside_each_other(varied)
     best = table["cost"].idxmin()
     assert f"{table['cost'].min():.4g}" in facts["choice"]
     assert ("'soft'" if best == "soft" else "the file's own design") in facts["choice"]
-    assert facts["choice"].startswith("3 of 3 alternatives proven, limit cycles not looked for")
+    assert facts["choice"].startswith("3 of 3 alternatives proven, large motions not looked at")
     assert report([varied]).count("<section id=") == 3
     held, whole = check_results(varied.directory)
     assert whole

@@ -24,6 +24,7 @@ DENSE_LIMIT = 40  # coordinates of models too small for Arnoldi
 LEAST_SPACE = 20  # vectors of an Arnoldi space
 TOLERANCE = 1e-12  # of 1 / (lambda - sigma): of a change of lambda, as sigma is beside the old root
 SAME = 1e-4  # relative distance within which a right and a left root are one
+TURNS = 8  # of inverse iteration for the one nearest root; Arnoldi where they do not suffice
 Solve = Callable[[np.ndarray], np.ndarray]
 
 
@@ -209,12 +210,26 @@ def _nearest(
     x = np.random.default_rng(0).standard_normal(n) if start is None else start
     operator = spla.LinearOperator((2 * n, 2 * n), matvec=invert, dtype=complex)
     v0 = np.concatenate([x, sigma / size * x]).astype(complex)
+    if count == 1 and (found := _iterated(invert, v0)) is not None:
+        return _sorted(sigma + 1 / found[0], found[1][:n], sigma, count)
     ncv = min(2 * n, max(2 * count + 4, LEAST_SPACE))
     try:
         theta, z = spla.eigs(operator, k=count, which="LM", v0=v0, ncv=ncv, tol=TOLERANCE)
     except spla.ArpackNoConvergence as error:
         raise ConvergenceError("not_converged", f"roots near a shift: {error}") from error
     return _sorted(sigma + 1 / theta, z[:n], sigma, count)
+
+
+def _iterated(invert: Solve, start: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Value (1,) and vector (m, 1) of largest value by iteration; None where it does not settle."""
+    z = start / np.linalg.norm(start)
+    for _ in range(TURNS):
+        image = invert(z)
+        theta = np.vdot(z, image)
+        if np.linalg.norm(image - theta * z) <= TOLERANCE * np.abs(theta):
+            return np.array([theta]), z[:, None]
+        z = image / np.linalg.norm(image)
+    return None
 
 
 def _dense(pencil: QuadraticPencil, sigma: complex, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -288,6 +288,11 @@ class LinearisedModel:
     weights: StructureWeights
     C_modal: np.ndarray | float = 0.0
 
+    @cached_property
+    def real_modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Squares of frequencies (n,) [(rad/s)^2] and shapes (n, n) of K_sym."""
+        return la.eigh(self.K_sym)
+
     @property
     def pencil(self) -> QuadraticPencil:
         """The identity, C and K."""

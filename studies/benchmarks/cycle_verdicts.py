@@ -1,10 +1,12 @@
 """Verdicts and levels of limit cycles against the truth set, which is of runs in time alone.
 
-Run:  python studies/benchmarks/cycle_verdicts.py [--designs 3 5 20] [--modes 2]
+Run:  python studies/benchmarks/cycle_verdicts.py [--designs 3 5 20] [--modes 2] [--in-time]
 
 Of each design of `cycle_truth.csv` the modes of the band that grow fastest or decay slowest between
 2.9 and 5.3 kHz, where this brake squeals, are followed as by a study of limit cycles. A design has
-the verdict of these families alone. A line a family is printed as it is found.
+the verdict of these families alone. A line a family is printed as it is found. With `--in-time`
+those without an unstable mode are run in time as the proof of a design study runs them instead,
+today's design being that of the same friction and pressure.
 """
 
 from __future__ import annotations
@@ -22,39 +24,47 @@ import numpy as np
 import pandas as pd
 from cycle_truth import BRAKE, RANGES, swept
 
-from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.families import Search, families
 from squealstudy.cycles.growth import linear_modes
 from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task
-from squealstudy.kinds.limit_cycles.designs import request
-from squealstudy.kinds.transient.batch import ALL_MODES, shared_reference
-from squealstudy.kinds.transient.worker import steady_motion
+from squealstudy.kinds.design.in_time import runs_in_time
+from squealstudy.kinds.limit_cycles.designs import CyclesRequest, request
 from squealstudy.modes.point import angular_band
 from squealstudy.study.definition import parse_study
+from squealstudy.study.design import DesignPoint
+from squealstudy.wording import STABLE
 
 WINDOW = (2.9e3, 5.3e3)  # Hz
 TRUTH = Path(__file__).with_name("cycle_truth.csv")
 
 
-def oscillators(truth: pd.DataFrame) -> Iterator[ContactOscillator]:
-    """The designs, in the basis of the runs in time."""
+def designs(truth: pd.DataFrame) -> Iterator[tuple[CyclesRequest, DesignPoint]]:
+    """The designs, and what is asked of each, in the basis of the runs in time."""
     text = '[study]\nname = "verdicts"\nkind = "limit_cycles"\n' + BRAKE + swept(truth[[*RANGES]])
     plan = Plan(parse_study(text, Path("verdicts.toml")))
     for key, point in plan.structures.items():
         if not is_prepared(key):
             build_structure(build_task(plan, point, 1))
     asked = request(plan)
-    for point in list(plan.tasks)[: len(truth)]:
-        reference = shared_reference(
-            point.structure, asked.operating, asked.component_modes, ALL_MODES
+    yield from ((asked, point) for point in list(plan.tasks)[: len(truth)])
+
+
+def run_in_time(truth: pd.DataFrame) -> None:
+    """A line a design: its truth, whether all runs decay, what each came to, seconds."""
+    scales = {name: 1.0 for name in RANGES if name.endswith("frequency_scale")}
+    silent = truth[truth["truth"] != "squeals"]
+    for (number, design), (asked, point) in zip(silent.iterrows(), designs(silent), strict=True):
+        began = time.process_time()
+        today = point.with_values({**point.values, **scales})  # noqa: PD011 - no pandas
+        _, runs = runs_in_time(point, today, asked, NewGaps())
+        decayed = sum(run.found == STABLE for run in runs)
+        print(
+            f"{number}: {design['truth']} | {decayed} of {len(runs)} decay; "
+            f"{'; '.join(run.text for run in runs)}; {time.process_time() - began:.1f} CPU-s",
+            flush=True,
         )
-        friction = asked.section.friction
-        _, made = steady_motion(
-            reference, point, friction, asked.band_hz, asked.tolerance, NewGaps()
-        )
-        yield ContactOscillator(reference.system, made)
 
 
 def main() -> None:
@@ -62,11 +72,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--designs", type=int, nargs="*", help="numbers of the truth set")
     parser.add_argument("--modes", type=int, default=4, help="families of a design")
+    parser.add_argument("--in-time", action="store_true", help="runs in place of families")
     arguments = parser.parse_args()
     truth = pd.read_csv(TRUTH).set_index("design")
     truth = truth.loc[arguments.designs] if arguments.designs else truth
+    if arguments.in_time:
+        run_in_time(truth)
+        return
     band = angular_band((500.0, 8e3))
-    for (number, design), contact in zip(truth.iterrows(), oscillators(truth), strict=True):
+    for (number, design), (asked, point) in zip(truth.iterrows(), designs(truth), strict=True):
+        _, contact = asked.contact(point, NewGaps())
         lam, _ = linear_modes(contact, band[1])
         lam = lam[(lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])]
         hz = lam.imag / (2 * np.pi)

@@ -31,7 +31,7 @@ from squealstudy.engine.structures import check_component_modes
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError, SquealstudyError, StudyFileError
 from squealstudy.kinds.design.loop import Loop
-from squealstudy.kinds.design.plan import DesignPlan, first_plan
+from squealstudy.kinds.design.plan import IN_TIME, DesignPlan, first_plan
 from squealstudy.kinds.design.rows import (
     SCHEMA,
     DesignRequest,
@@ -53,6 +53,7 @@ from squealstudy.kinds.transient.batch import mode_keys
 from squealstudy.kinds.transient.plan_facts import slowest_speed, with_speed
 from squealstudy.models.operating import DAMPING
 from squealstudy.modes.sensitivity.structural import check_structural
+from squealstudy.motion.warmup import begin_warming, warm_kernels
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.parameters import parse_parameter
@@ -62,7 +63,13 @@ from squealstudy.system.linearise import component_frequencies
 if TYPE_CHECKING:
     import pandas as pd
 
-SOURCES = ("kinds/design/rows.py", "kinds/limit_cycles", "kinds/transient", "cycles")
+SOURCES = (
+    "kinds/design/rows.py",
+    "kinds/design/in_time.py",
+    "kinds/limit_cycles",
+    "kinds/transient",
+    "cycles",
+)
 NAMED = 3  # modes named in a warning
 
 
@@ -133,6 +140,11 @@ class Design(ModelKind):
         """Sensitivities to materials and springs, and full order, need what is assembled."""
         return has_mesh(plan.study)
 
+    def begin(self, plan: Plan) -> None:
+        """Compile the kernels before workers start."""
+        if _own(plan).design_study.goal.in_time:
+            begin_warming()
+
     def warnings(self, plan: Plan) -> list[str]:
         """Modes that have less damping than the margin without any coupling by friction."""
         margin = _own(plan).design_study.goal.margin.damping_ratio
@@ -175,6 +187,8 @@ class Design(ModelKind):
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[DesignTask]:
         """Tasks of consecutive design points."""
         asked = request(plan)
+        if any(a.stage == IN_TIME for a in _own(plan).asked):
+            warm_kernels()
         stages = dict(
             zip(plan.tasks.ids.tolist(), (a.stage for a in _own(plan).asked), strict=True)
         )
@@ -259,6 +273,7 @@ def request(plan: Plan) -> DesignRequest:
             tolerance=modes.stability_tolerance,
         ),
         sizes=sizes(_own(plan).design_study),
+        today=today_values(_own(plan).design_study),
     )
 
 
@@ -267,8 +282,15 @@ def sizes(study: DesignStudy) -> dict[str, float]:
     return {v.name: v.range for v in study.variables if v.parameter.structural}
 
 
+def today_values(study: DesignStudy) -> dict[str, float] | None:
+    """Today's values of the variables; None where one of them is of the structure."""
+    if any(v.parameter.structural for v in study.variables):
+        return None
+    return {v.name: v.nominal for v in study.variables}
+
+
 def cyclic(plan: Plan) -> bool:
-    """Whether limit cycles can be looked for: of models that are small enough."""
+    """Whether limit cycles and runs can be looked for: of models that are small enough."""
     first = plan.tasks[0].structure
     return is_prepared(first) and load_prepared(first).model.n <= MOST
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.kinds.design.plan import MODES, Ask, ask, operating_points
-from squealstudy.kinds.design.proof import LIMIT_CYCLES, Proof
+from squealstudy.kinds.design.plan import MODES, ROOTS, Ask, ask, operating_points
+from squealstudy.kinds.design.proof import AMPLITUDES, Proof
 from squealstudy.kinds.design.search import Box, Judged, descend
 from squealstudy.kinds.design.state import (
     KICK_WINDOW,
@@ -53,7 +53,7 @@ class Loop:
     reduced : bool
         The model is a reduced one: there is a full order to hold it against.
     cyclic : bool
-        Limit cycles can be looked for.
+        Limit cycles and runs can be looked for.
     memory : Memory
         What was made of rows before.
 
@@ -98,6 +98,7 @@ class Loop:
             from scipy.stats import norm
 
             self.state.safety = max(float(norm.ppf(self.goal.margin.probability)), 0.0)
+        self.plain = MODES if self.sigmas else ROOTS  # what scatters needs its slopes
         try:
             self._run()
         except Wanted:
@@ -131,6 +132,19 @@ class Loop:
         """One design at one of the points."""
         return ask(self.study, self.state.points[point], design, stage)
 
+    def judging(self, point: int, design: np.ndarray) -> Ask:
+        """What tells whether a design meets the margin at a point, at least cost.
+
+        Sensitivities are for today's design, for the search, and for a scatter.
+        """
+        searched = point in self.state.view or np.array_equal(design, self.study.nominal)
+        return self.ask(point, design, MODES if searched else self.plain)
+
+    def known(self, point: int, design: np.ndarray) -> tuple[Ask, Mapping[str, Any]] | None:
+        """A design's modes at one of the points, with sensitivities where there are any."""
+        both = (self.ask(point, design, stage) for stage in (MODES, ROOTS))
+        return next(((a, self.rows[a]) for a in both if a in self.rows), None)
+
     def note(self, design: np.ndarray, role: str) -> None:
         """Keep a design, with why it was first asked for."""
         key = design.tobytes()
@@ -138,20 +152,25 @@ class Loop:
         self.state.roles.setdefault(key, (role, self.state.round))
 
     def judged(
-        self, design: np.ndarray, points: Iterable[int], complete: bool = True
+        self, design: np.ndarray, points: Iterable[int], stage: str | None = MODES
     ) -> Judged | None:
-        """What a design's rows say at some points; `complete` adds what is missing to the wanted.
+        """What a design's rows of a stage say at some points; what is missing joins the wanted.
 
-        None where one is missing, or a point of it could not be solved.
+        Without a stage, rows of any are good and nothing is wanted. None where one is missing, or a
+        point of it could not be solved.
         """
         excess, slopes, whole = [], [], True
         for p in points:
-            asked = self.ask(p, design)
-            row = self.row(asked) if complete else self.rows.get(asked)
-            if row is None or row["status"] != "ok":
+            if stage is None:
+                found = self.known(p, design)
+            else:
+                asked = self.ask(p, design, stage)
+                row = self.row(asked)
+                found = None if row is None else (asked, row)
+            if found is None or found[1]["status"] != "ok":
                 whole = False
                 continue
-            seen = self._seen(asked, row)
+            seen = self._seen(*found)
             needed = self.margin + self.state.safety * seen.scatter
             for extra in self.state.extras:
                 if extra.point == p:
@@ -210,7 +229,7 @@ class Loop:
         checks = [c for c in state.checks if c.round == state.round]
         if not all(c.passed for c in checks):
             return UNDECIDED
-        return MET if any(c.kind == LIMIT_CYCLES for c in checks) else MET_LINEAR
+        return MET if any(c.kind in AMPLITUDES for c in checks) else MET_LINEAR
 
     def _realised(self, worst: Sequence[int]) -> list[np.ndarray]:
         """Starts among what can be built: nearest to the best targets first."""
@@ -246,7 +265,7 @@ class Loop:
         """Points by what a design has there, least first; those that failed come first."""
         found = []
         for p in points:
-            row = self.rows[self.ask(p, design)]
+            row = self.rows[self.judging(p, design)]
             ok = row["status"] == "ok" and np.isfinite(row["min_damping_ratio"])
             none = np.inf if row["status"] == "ok" else -np.inf
             found.append((row["min_damping_ratio"] if ok else none, p))
@@ -269,7 +288,7 @@ class Loop:
         found = []
         for design in designs:
             self.note(design, "scan")
-            found.append(self.judged(design, looked))
+            found.append(self.judged(design, looked, self.plain))
         if self.wanted:
             raise Wanted
         weight = 1e2 * float(self.box.cost.sum())
@@ -331,7 +350,7 @@ class Loop:
         """Designs of the variables that move which are known at all points in view."""
         fixed = self.study.nominal[~self.kept]
         own = [x for x in self.state.designs.values() if np.array_equal(x[~self.kept], fixed)]
-        known = ((x, self.judged(x, self.state.view, False)) for x in own)
+        known = ((x, self.judged(x, self.state.view, None)) for x in own)
         return [(x, judged) for x, judged in known if judged is not None]
 
     def _cheapest(self) -> np.ndarray | None:

@@ -17,9 +17,10 @@ from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import design_points
 
-MODES, ROOTS, CYCLES, FULL = "modes", "roots", "cycles", "full_order"
+MODES, ROOTS, CYCLES, FULL, IN_TIME = "modes", "roots", "cycles", "full_order", "in_time"
 MANY = 1_000_000  # structures: a search may ask for as many
-STAGES = (MODES, ROOTS, CYCLES, FULL)  # with sensitivities, without, limit cycles, unreduced
+# with sensitivities, without, limit cycles, unreduced, runs
+STAGES = (MODES, ROOTS, CYCLES, FULL, IN_TIME)
 
 
 class Ask(NamedTuple):

@@ -1,4 +1,4 @@
-"""The proof of a design: the matrix, points between, full order, limit cycles, scatter.
+"""The proof of a design: the matrix, points between, full order, limit cycles, runs, scatter.
 
 What a check refutes joins what the next search is asked for.
 """
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from squealstudy.kinds.design.plan import CYCLES, FULL, ROOTS, Ask, ask
+from squealstudy.kinds.design.in_time import DECAYS, LASTS, TODAY
+from squealstudy.kinds.design.plan import CYCLES, FULL, IN_TIME, ROOTS, Ask, ask
 from squealstudy.kinds.design.state import KICK_WINDOW, Check, Extra
 from squealstudy.tables.robustness import probability_interval
 from squealstudy.wording import plural
@@ -26,6 +27,8 @@ LEAST_LACK = 1e-4  # damping ratio
 SAFER = 1.25  # factor on the scatter that the search allows for where the proof was missed
 CONFIDENCE = 0.95
 LIMIT_CYCLES = "limit_cycles"  # the check
+AMPLITUDES = (LIMIT_CYCLES, IN_TIME)  # checks of large motions
+MORE_DAMPING = (1.5, 1e-3)  # of modes that a run shows to last: a factor, at least so much
 
 
 class Proof:
@@ -41,7 +44,14 @@ class Proof:
 
     def passed(self, design: np.ndarray) -> bool:
         """Whether a design passes all checks; else what it has shown joins what is asked."""
-        steps = (self._matrix, self._refined, self._full_order, self._cycles, self._scatter)
+        steps = (
+            self._matrix,
+            self._refined,
+            self._full_order,
+            self._cycles,
+            self._in_time,
+            self._scatter,
+        )
         return all(step(design) for step in steps)
 
     def _told(
@@ -59,9 +69,9 @@ class Proof:
 
     def _over(self, kind: str, design: np.ndarray, points: Sequence[int]) -> bool:
         """Whether a design meets the margin at some points; those where not join the view."""
-        asks = [self.loop.ask(p, design) for p in points]
+        asks = [self.loop.judging(p, design) for p in points]
         rows = self.loop.rows_of(asks)
-        found = [self.loop.judged(design, [p]) for p in points]
+        found = [self.loop.judged(design, [p], a.stage) for p, a in zip(points, asks, strict=True)]
         excess = np.array([-1.0 if j is None else j.worst for j in found])
         least = np.array([r["min_damping_ratio"] for r in rows if r["status"] == "ok"])
         bad = [points[i] for i in np.argsort(excess, kind="stable") if excess[i] < 0]
@@ -102,7 +112,7 @@ class Proof:
                 good, lost = None if good else good, f"; {row['message']}"
                 continue
             own, full = (
-                self.loop.rows[self.loop.ask(p, design)]["min_damping_ratio"],
+                self.loop.rows[self.loop.judging(p, design)]["min_damping_ratio"],
                 row["min_damping_ratio"],
             )
             value = min(value, full)
@@ -136,7 +146,7 @@ class Proof:
             if missing > 0 or name in ("squeals", "squeals_if_kicked"):
                 good = False
                 hz = float(row["frequency_hz"])
-                own = self._damping_near(self.loop.rows[self.loop.ask(p, design)], hz)
+                own = self._damping_near(self.loop.rows[self.loop.judging(p, design)], hz)
                 more = own + LACKING * max(missing, LEAST_LACK)
                 self.loop.state.extras.append(Extra(p, more, hz))
                 self.loop.state.view = sorted({*self.loop.state.view, p})
@@ -147,6 +157,42 @@ class Proof:
         if value > 0:
             text += f"; up to {100 * value:.2g} % of critical damping is missing at some amplitude"
         self._told(LIMIT_CYCLES, design, asks, known or (None if good else False), value, text)
+        return good
+
+    def _in_time(self, design: np.ndarray) -> bool:
+        """All runs decay: from today's vibration, and from kicks."""
+        loop = self.loop
+        if not loop.cyclic or not loop.goal.in_time:
+            return True
+        own = self._worst(design, loop.goal.in_time)
+        was = loop.by_margin(loop.study.nominal, range(loop.state.n_matrix))
+        both = dict.fromkeys(p for pair in zip(own, was, strict=False) for p in pair)
+        points = list(both)[: loop.goal.in_time]
+        asks = [loop.ask(p, design, IN_TIME) for p in points]
+        rows = loop.rows_of(asks)
+        good, ok = True, [r for r in rows if r["status"] == "ok"]
+        for p, row in zip(points, rows, strict=True):
+            if row["status"] != "ok" or row["verdict"] != LASTS:
+                continue
+            good, hz = False, float(np.nan_to_num(row["frequency_hz"]))
+            near = self._damping_near(loop.rows[loop.judging(p, design)], hz)
+            factor, least = MORE_DAMPING
+            loop.state.extras.append(Extra(p, max(factor * near, near + least), hz))
+            loop.state.view = sorted({*loop.state.view, p})
+        known = len(ok) == len(rows) and all(r["verdict"] == DECAYS for r in rows)
+        runs = sum(r["n_modes"] for r in ok)
+        decayed = runs - sum(r["n_unstable"] for r in ok)
+        today = sum(TODAY in r["reason"] for r in ok)
+        text = (
+            f"{decayed} of {plural(runs, 'run')} decay, from kicks at "
+            f"{plural(len(ok), 'operating point')}, from today's vibration at {today} of them"
+        )
+        others = [t for r in ok for t in r["reason"].split("; ") if not t.endswith(f": {DECAYS}")]
+        text += f"; {others[0]}" if others else ""
+        if len(ok) < len(rows):
+            text += f"; {plural(len(rows) - len(ok), 'point')} could not be run"
+        share = decayed / runs if runs else np.nan
+        self._told(IN_TIME, design, asks, known or (None if good else False), share, text)
         return good
 
     @staticmethod

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import scipy.linalg as la
 
 from squealstudy.engine.cache import NewGaps, known_gap, prepared_model
 from squealstudy.engine.rows import (
@@ -25,12 +24,14 @@ from squealstudy.engine.rows import (
     structs,
     working_point_cells,
 )
+from squealstudy.errors import ParameterError
 from squealstudy.kinds.complex_modes.full_order_check import (
     FullOrderTask,
     check_reference,
     reference_roots,
 )
-from squealstudy.kinds.design.plan import CYCLES, FULL, MODES
+from squealstudy.kinds.design.in_time import DECAYS, LASTS, UNDECIDED, runs_in_time
+from squealstudy.kinds.design.plan import CYCLES, FULL, IN_TIME, MODES
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest
 from squealstudy.kinds.limit_cycles.kind import cycles_row
 from squealstudy.kinds.sensitivity.parameters import (
@@ -51,6 +52,7 @@ from squealstudy.system.linearise import (
     component_frequencies,
     reduced_energy_shares,
 )
+from squealstudy.wording import LASTING, STABLE
 
 SLOPE_FIELDS = (
     ("parameter", TEXT),
@@ -119,6 +121,8 @@ class DesignRequest:
     cycles : CyclesRequest
     sizes : mapping of str -> float
         Ranges of the structural variables.
+    today : mapping of str -> float or None
+        Today's values of the variables; None where one of them is of the structure.
     """
 
     parameters: tuple[RequestedParameter, ...]
@@ -128,6 +132,7 @@ class DesignRequest:
     settings: ReductionSettings
     cycles: CyclesRequest
     sizes: Mapping[str, float]
+    today: Mapping[str, float] | None
 
 
 def design_row(
@@ -138,7 +143,13 @@ def design_row(
     try:
         if stage == CYCLES:
             return _of_cycles(point, request, gaps)
-        found = _full(point, request) if stage == FULL else _modes(point, stage, request, gaps)
+        if stage == IN_TIME:
+            found = _in_time(point, request, gaps)
+        else:
+            found = _full(point, request) if stage == FULL else _modes(point, stage, request, gaps)
+    except ParameterError as error:
+        why = f"{error.key}: {error.message}"
+        return failed_row(SCHEMA, point.point_id, "parameter", why)
     except FAILURES as error:
         wall_s = time.perf_counter() - started
         return failed_row(SCHEMA, point.point_id, *reason(error), wall_s)
@@ -199,7 +210,7 @@ def _modes(point: DesignPoint, stage: str, request: DesignRequest, gaps: NewGaps
         own["main_share"] = float(energies[:, k].max())
         found["modes"].append({**own, **real.pair(psi[:, k]), "slopes": []})
     if stage == MODES:
-        families = tuple(mode_family(system.pencil, complex(lam[k])) for k in near)
+        families = tuple(mode_family(system.pencil, complex(lam[k]), 1) for k in near)
         chosen = ChosenModes(prepared, state, steady, system, families)
         for own, slopes in zip(found["modes"], _slopes(point, chosen, request), strict=True):
             own["slopes"] = slopes
@@ -231,7 +242,7 @@ class _RealModes:
 
     @classmethod
     def of(cls, system: LinearisedModel) -> _RealModes:
-        w2, phi = la.eigh(system.K_sym)
+        w2, phi = system.real_modes
         omega = np.sqrt(np.maximum(w2, 0.0))
         damping = np.einsum("ij,ij->j", phi, system.C @ phi)
         zeta = damping / np.maximum(2.0 * omega, np.finfo(float).tiny)
@@ -299,6 +310,25 @@ def _full(point: DesignPoint, request: DesignRequest) -> dict[str, Any]:
     lam, _ = reference_roots(result)
     summary = _summary(lam[_judged(lam)], request.tolerance)
     return {**summary, **working_point_cells(None), "modes": []}
+
+
+def _in_time(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[str, Any]:
+    """Whether all runs of a design decay; modes are starts here, unstable those that do not."""
+    values = {**point.values, **(request.today or {})}
+    today = point.with_values(values) if values != point.values else None
+    steady, runs = runs_in_time(point, today, request.cycles, gaps)
+    lasting = [run for run in runs if run.found in LASTING]
+    others = sum(run.found != STABLE for run in runs)
+    return {
+        **_summary(np.zeros(0, dtype=complex), request.tolerance),
+        **working_point_cells(steady),
+        "n_modes": len(runs),
+        "n_unstable": others,
+        "frequency_hz": lasting[0].frequency_hz if lasting else np.nan,
+        "verdict": LASTS if lasting else UNDECIDED if others else DECAYS,
+        "reason": "; ".join(run.text for run in runs),
+        "modes": [],
+    }
 
 
 def _of_cycles(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[str, Any]:

@@ -251,6 +251,13 @@ class GoalSection(Section):
         description="operating points of least margin at which limit cycles of the chosen design "
         "are looked for; by default 4, none of a brake, where each takes minutes",
     )
+    in_time: int = Field(
+        default=4,
+        ge=0,
+        le=1000,
+        description="operating points at which the chosen design runs in time, from today's "
+        "vibration and from kicks: those of its least margin, and those of today's",
+    )
     full_order: int = Field(
         default=2,
         ge=0,

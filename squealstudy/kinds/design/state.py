@@ -14,7 +14,7 @@ from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.kinds.design.targets import Realisation
 
 Rows = Mapping[Ask, Mapping[str, Any]]
-# all checks passed, with and without a look for limit cycles; some could not be told
+# all checks passed, with and without a look at large motions; some could not be told
 MET, MET_LINEAR, UNDECIDED = "met", "met_linear", "undecided"
 # the limit of designs; no design meets the margin; ten rounds; nothing may change
 STOPPED, NONE_FOUND, UNPROVEN, NOTHING = "stopped", "none_found", "unproven", "no_variables"
@@ -52,14 +52,14 @@ class Check:
     ----------
     round : int
     kind : str
-        ``matrix``, ``refined``, ``full_order``, ``limit_cycles`` or ``scatter``.
+        ``matrix``, ``refined``, ``full_order``, ``limit_cycles``, ``in_time`` or ``scatter``.
     design : ndarray (d,)
     asks : tuple of Ask
     passed : bool or None
         None where it cannot be told.
     value : float
-        Least damping ratio; of limit cycles the damping that is missing; of scatter the share that
-        meets the margin.
+        Least damping ratio; of limit cycles the damping that is missing; of runs in time the share
+        that decays; of scatter that which meets the margin.
     text : str
     """
 

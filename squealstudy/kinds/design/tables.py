@@ -130,11 +130,12 @@ def design_rows(plan: DesignPlan, loop: Loop) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for key, design in state.designs.items():
         role, number = state.roles[key]
-        asked = [loop.ask(p, design) for p in range(len(state.points))]
-        known = [(p, loop.rows[a]) for p, a in enumerate(asked) if a in loop.rows]
+        found = {p: loop.known(p, design) for p in range(len(state.points))}
+        asked = {p: own[0] for p, own in found.items() if own is not None}
+        known = [(p, loop.rows[a]) for p, a in asked.items()]
         ok = [(p, r) for p, r in known if r["status"] == "ok"]
         worst = least_damped(ok)
-        judged = loop.judged(design, [p for p, _ in known], False)
+        judged = loop.judged(design, [p for p, _ in known], None)
         margin = np.nan if judged is None else judged.worst
         everywhere = {p for p, _ in known} >= set(state.view)
         z = loop.change(design)
@@ -152,7 +153,7 @@ def design_rows(plan: DesignPlan, loop: Loop) -> list[dict[str, Any]]:
                 "min_damping_ratio": np.nan if worst is None else worst[1]["min_damping_ratio"],
                 "frequency_hz": np.nan if worst is None else worst[1]["frequency_hz"],
                 "main_component": "" if worst is None else worst[1]["main_component"],
-                "worst_point": "" if worst is None else ids.get(loop.ask(worst[0], design), ""),
+                "worst_point": "" if worst is None else ids.get(asked[worst[0]], ""),
                 "margin": margin,
                 "meets": False if margin < 0 or len(ok) < len(known) else everywhere or None,
                 "chosen": key == chosen,

@@ -111,7 +111,7 @@ def choice(rows: Sequence[Mapping[str, Any]]) -> str:
         return f"{counted}: none of the file's own design and its variants can be chosen."
     name = "the file's own design" if best["variant"] == AS_IN_FILE else f"'{best['variant']}'"
     how = best["change"] or "no change"
-    unlooked = "" if best["outcome"] == PROVEN[0] else ", limit cycles not looked for"
+    unlooked = "" if best["outcome"] == PROVEN[0] else ", large motions not looked at"
     return (
         f"{counted}{unlooked}: least cost {best['cost']:.4g} has {name} ({how}), with a least "
         f"damping ratio of {best['min_damping_ratio']:.4g}."

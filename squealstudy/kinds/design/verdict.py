@@ -152,8 +152,8 @@ def _where(plan: DesignPlan, loop: Loop, p: int) -> str:
 
 def _worst(loop: Loop, design: np.ndarray) -> Solved | None:
     """Where a design has the least damping ratio, of the points at which it was solved."""
-    asked = ((p, loop.ask(p, design)) for p in range(len(loop.state.points)))
-    known = [(p, loop.rows[a]) for p, a in asked if a in loop.rows]
+    found = ((p, loop.known(p, design)) for p in range(len(loop.state.points)))
+    known = [(p, own[1]) for p, own in found if own is not None]
     return least_damped([(p, r) for p, r in known if r["status"] == "ok"])
 
 
@@ -199,6 +199,7 @@ def _proof(loop: Loop) -> str:
         "refined": "points between",
         "full_order": "full order",
         "limit_cycles": "limit cycles",
+        "in_time": "runs in time",
         "scatter": "scatter",
     }
     parts = []
@@ -208,7 +209,7 @@ def _proof(loop: Loop) -> str:
         check = last[kind]
         passed = {True: "", False: "FAILED, ", None: "undecided, "}[check.passed]
         parts.append(f"{word}: {passed}{check.text}")
-    asked = ["limit_cycles", *(["full_order"] if loop.reduced else [])]
+    asked = ["limit_cycles", "in_time", *(["full_order"] if loop.reduced else [])]
     missing = [words[k] for k in asked if k not in last]
     none = f"; not checked: {', '.join(missing)}" if missing else ""
     return "; ".join(parts) + none

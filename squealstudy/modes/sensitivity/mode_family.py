@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,14 +78,22 @@ def relative_residual(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> f
     return float(np.linalg.norm(parts[0] + parts[1] + parts[2])) / max(size, 1e-300)
 
 
-def biorthogonality(
-    pencil: QuadraticPencil, first: ModeNeighbourhood, second: ModeNeighbourhood
-) -> float:
-    """|y_1^H ((lambda_1 + lambda_2) M + C) x_2| / sqrt(|norm_1 norm_2|): 0 for different modes."""
-    x, y = second.X[:, 0], first.Y[:, 0]
-    total = first.lam[0] + second.lam[0]
-    product = np.vdot(y, total * (pencil.M @ x) + pencil.C @ x)
-    return float(np.abs(product) / np.sqrt(np.abs(first.norm[0] * second.norm[0])))
+def biorthogonality(pencil: QuadraticPencil, families: Sequence[ModeNeighbourhood]) -> np.ndarray:
+    """|y_i^H ((lambda_i + lambda_j) M + C) x_j| / sqrt(|norm_i norm_j|), (m, m), of first modes.
+
+    0 for different modes, 1 for a mode with itself.
+    """
+    X, Y = (
+        np.column_stack(columns)
+        for columns in zip(*((f.X[:, 0], f.Y[:, 0]) for f in families), strict=True)
+    )
+    lam, norm = (
+        np.array(own) for own in zip(*((f.lam[0], f.norm[0]) for f in families), strict=True)
+    )
+    by_mass, by_damping = Y.conj().T @ (pencil.M @ X), Y.conj().T @ (pencil.C @ X)
+    products = (lam[:, None] + lam) * by_mass + by_damping
+    found: np.ndarray = np.abs(products) / np.sqrt(np.abs(norm[:, None] * norm))
+    return found
 
 
 def _unit_mass(pencil: QuadraticPencil, V: np.ndarray) -> np.ndarray:

@@ -14,8 +14,9 @@ frequency have no derivative; the part of F from their difference is left out.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,8 @@ from squealstudy.system.parametric import DAMPING, Columns, ParametricSystem, Te
 EQUAL = 1e-9  # relative distance of frequencies that count as equal
 
 
-class RealModes(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class RealModes:
     """Real modes that modal damping is put on.
 
     Attributes
@@ -45,6 +47,11 @@ class RealModes(NamedTuple):
     phi: np.ndarray
     momenta: np.ndarray
     zeta: np.ndarray
+
+    @cached_property
+    def factors(self) -> tuple[np.ndarray, np.ndarray]:
+        """F and H (m, m) of the module's formula."""
+        return damping_factors(self.omega, self.zeta)
 
 
 class ModeGradient:
@@ -76,10 +83,7 @@ class ModeGradient:
             terms = (*terms, Term(DAMPING, rows, rows))
             if real.zeta.any():
                 left, right = rows @ family.Y[:, 0].conj(), rows @ family.X[:, 0]
-                lam = complex(family.lam[0])
-                self.damping = DampingGradient(
-                    omega=real.omega, zeta=real.zeta, lam=lam, left=left, right=right
-                )
+                self.damping = DampingGradient(real, complex(family.lam[0]), left, right)
         self._system = ParametricSystem(structure.n, terms)
 
     def products(self, by: StructureWeights, ratios: np.ndarray | None = None) -> np.ndarray:
@@ -96,7 +100,7 @@ class ModeGradient:
             if np.ndim(by.normal):
                 found[0, 0] += self._by_normal @ by.normal
             if np.ndim(by.elastic):
-                found[0, 0] += self._by_elastic @ by.elastic
+                found[0, 0] += self._by_elastic(np.asarray(by.elastic))
         return found
 
     @cached_property
@@ -106,12 +110,12 @@ class ModeGradient:
         assert self._real is not None
         return self.damping.by_rows(np.asarray(self._N @ self._real.phi))
 
-    @cached_property
-    def _by_elastic(self) -> np.ndarray:
-        """Of modal damping by the elastic diagonal (n,)."""
+    def _by_elastic(self, change: np.ndarray) -> complex:
+        """Of modal damping by a change of the elastic diagonal (n,), few of which move."""
         assert self.damping is not None
         assert self._real is not None
-        return self.damping.by_rows(self._real.phi)
+        moved = np.flatnonzero(change)
+        return complex(self.damping.by_rows(self._real.phi[moved]) @ change[moved])
 
 
 class DampingGradient:
@@ -119,29 +123,23 @@ class DampingGradient:
 
     Parameters
     ----------
-    omega : ndarray (m,)
-        Real modes, rad/s.
-    zeta : ndarray (m,)
-        Their damping ratios.
+    real : RealModes
     lam : complex
     left, right : ndarray (m,) complex
         phi^T M conj(y) and phi^T M x.
     """
 
-    def __init__(
-        self,
-        omega: np.ndarray,
-        zeta: np.ndarray,
-        lam: complex,
-        left: np.ndarray,
-        right: np.ndarray,
-    ) -> None:
+    def __init__(self, real: RealModes, lam: complex, left: np.ndarray, right: np.ndarray) -> None:
         self._pairs = lam * np.outer(left, right)
-        self._F, self._H = damping_factors(omega, zeta)
+        self._F, self._H = real.factors
+
+    @cached_property
+    def _G(self) -> np.ndarray:
+        return self._pairs * self._F
 
     def by_stiffness(self, dK: np.ndarray) -> complex:
         """Change of y^H lambda C_d x by a change of stiffness, given as phi^T dK phi (m, m)."""
-        return complex((self._pairs * self._F * dK).sum())
+        return complex((self._G * dK).sum())
 
     def by_mass(self, dM: np.ndarray) -> complex:
         """Change of y^H lambda C_d x by a change of mass, given as phi^T dM phi (m, m)."""
@@ -149,8 +147,7 @@ class DampingGradient:
 
     def by_rows(self, rows: np.ndarray) -> np.ndarray:
         """By the weights w (r,) of a stiffness R^T diag(w) R, rows = R phi (r, m)."""
-        G = self._pairs * self._F
-        by_weight: np.ndarray = np.einsum("ri,ri->r", rows @ G, rows)
+        by_weight: np.ndarray = np.einsum("ri,ri->r", rows @ self._G, rows)
         return by_weight
 
 

@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as la
 
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
@@ -156,24 +155,20 @@ def _gradients(
     asked = any(p.name == DAMPING.name or (p.modes and not p.component) for p in parameters)
     zeta, real = design.state.assembly_damping_ratios(design.prepared.model.n), None
     if design.families and (asked or zeta.any()):
-        w2, phi = la.eigh(design.system.K_sym)
+        w2, phi = design.system.real_modes
         real = RealModes(np.sqrt(np.maximum(w2, 0.0)), phi, momenta=phi, zeta=zeta)
     return [ModeGradient(family, derivatives.structure, real) for family in design.families]
 
 
 def _facts(design: ChosenModes) -> list[tuple[float, np.ndarray]]:
     """Biorthogonality and energy shares of each chosen mode."""
-    found = []
-    for family in design.families:
-        others = [
-            biorthogonality(design.system.pencil, family, other)
-            for other in design.families
-            if other is not family
-        ]
-        model, weights = design.prepared.model, design.system.weights
-        energies = reduced_energy_shares(model, weights, family.X[:, :1])
-        found.append((max(others, default=0.0), energies[:, 0]))
-    return found
+    if not design.families:
+        return []
+    products = biorthogonality(design.system.pencil, design.families)
+    np.fill_diagonal(products, 0.0)
+    X = np.hstack([family.X[:, :1] for family in design.families])
+    energies = reduced_energy_shares(design.prepared.model, design.system.weights, X)
+    return list(zip(products.max(axis=1).tolist(), energies.T, strict=True))
 
 
 @dataclass(frozen=True)
