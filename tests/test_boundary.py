@@ -442,6 +442,20 @@ def test_the_map_is_drawn_with_its_cells_and_nodes(directories, tmp_path):
     save_figure(figure, tmp_path / "map.png")
 
 
+def test_pictures_of_many_nodes_stay_as_a_finished_run_finds_them(tmp_path, monkeypatch):
+    path, out = tmp_path / "map.toml", tmp_path / "out"
+    path.write_text(BOUNDARY)
+    squealstudy.run(path, out, jobs=1).draw()
+    again = squealstudy.run(path, out, jobs=1)
+    assert len(again.points) < 1000
+    for fewest, kept in ((1026, False), (1025, True)):  # nodes of the full grid: 1025
+        monkeypatch.setattr("squealstudy.engine.results.KEEP_PICTURES", fewest)
+        assert bool(again.drawn) is kept
+    assert {path.name for path in again.drawn} == {path.name for path in out.glob("*.png")}
+    again.drawn[0].unlink()
+    assert not again.drawn
+
+
 def test_check_gives_a_range_and_plot_draws(directories, monkeypatch, capsys, tmp_path):
     study = tmp_path / "map.toml"
     study.write_text(BOUNDARY)

@@ -164,13 +164,14 @@ class Results(ResultTables):
 
     @property
     def drawn(self) -> list[Path]:
-        """Pictures of very many points that a run found as it had left them; else none.
+        """Pictures of very many points, or nodes, that a run found as it had left them; else none.
 
         Those of fewer points are drawn anew in seconds.
         """
         names = self.manifest.get(PICTURES, [])
         paths = [self.directory / name for name in names]
-        kept = self.solved == 0 and self.manifest["n_points"] >= KEEP_PICTURES
+        shown = (self.boundary or {}).get("full_grid_points", self.manifest["n_points"])
+        kept = self.solved == 0 and shown >= KEEP_PICTURES
         return paths if kept and all(path.is_file() for path in paths) else []
 
     def file_word(self, parameter: str) -> str:

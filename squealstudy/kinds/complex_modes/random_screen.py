@@ -125,5 +125,6 @@ def _indices(row: Row, new: bool) -> list[str]:
     cells = [name, _figure(row["frequency_hz"], 0, unknown="")] if new else ["", ""]
     cells.append(str(row["parameter"]))
     for index in ("first", "total"):
-        cells += [f"{row[index]:.3f}", f"{row[f'{index}_low']:.3f} to {row[f'{index}_high']:.3f}"]
+        value, low, high = (f"{row[index + end]:z.3f}" for end in ("", "_low", "_high"))
+        cells += [value, f"{low} to {high}"]
     return cells
