@@ -86,6 +86,7 @@ band = [1.0, 1000.0]
 """
 )
 CYCLES = (STUDIES / "kicked_squeal.toml").read_text(encoding="utf-8").replace("num = 25", "num = 3")
+DESIGN = (STUDIES / "kicked_design.toml").read_text(encoding="utf-8")
 SENSITIVITY = (
     study_text("slopes", "sensitivity", "hulten")
     + """\
@@ -302,7 +303,10 @@ def gone(cluster: Loopback, kept: int = 0) -> bool:
 # -- the same tables -------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     "text",
-    [HULTEN, BOUNDARY, INDICES, SENSITIVITY, BELT, CYCLES, STABILITY],
+    [
+        *(HULTEN, BOUNDARY, INDICES, SENSITIVITY, BELT, CYCLES, STABILITY),
+        pytest.param(DESIGN, marks=pytest.mark.full_size),
+    ],
     ids=lambda t: t.split('"')[1],
 )
 def test_tables_are_those_of_a_local_run(cluster, here, text):
