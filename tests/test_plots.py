@@ -289,7 +289,7 @@ def test_diagram_with_nothing_unstable_or_no_modes_at_all():
     points, modes = stable(grid())
     figure = stability_diagram(points, modes)
     assert dots(figure.axes[0]) == [len(modes), 0]
-    assert "0 unstable tracks" in figure.axes[0].get_title(loc="left")
+    assert "no unstable mode" in figure.axes[0].get_title(loc="left")
     empty = stability_diagram(points.assign(status="failed"), modes.iloc[:0])
     assert "no modes" in drawn(empty)
 

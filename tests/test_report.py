@@ -13,7 +13,9 @@ from study_runs import solved
 from study_texts import study_text
 from transient_tables import growth_table, modes_table, points_table
 
+import squealstudy as sq
 from squealstudy.engine.report import report
+from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.limit_cycles.screen import SCREEN as CYCLES
 from squealstudy.kinds.transient.screen import SCREEN as RUNS
 from squealstudy.wording import in_digits
@@ -38,6 +40,16 @@ refine_tracking = false
 refine_onsets = false
 reference_points = 0
 """
+
+
+def run_failing(text, folder):
+    """The results of a study of which every point fails."""
+    folder.mkdir(exist_ok=True)
+    path = folder / "study.toml"
+    path.write_text(text)
+    with pytest.raises(SquealstudyError, match="every design point"):
+        sq.run(path, folder / "r", jobs=1, fresh=True)
+    return folder / "r"
 
 
 def verdict(results):
@@ -67,6 +79,58 @@ def test_of_a_silent_brake_whose_errors_are_large_it_says_that_it_is_not_certain
     tables = {name: results.table(name) for name in results.tables}
     told = results.screen.verdict(results.with_tables(**tables | {"modes": doubtful}))
     assert told.startswith("No mode is unstable at any of the 2 solved points. But at 2 solved ")
+
+
+SOFTENS = """
+[study]
+name = "softens"
+kind = "{kind}"
+[model]
+name = "hoffmann"
+contact_law = "cubic"
+[parameters]
+k1 = 1.31e6
+k2 = 1.356e6
+contact_stiffness = 2.6e6
+"contact.cubic_stiffness" = -5.4e17
+damping_ratio = 0.01
+friction = 0.6
+sliding_speed = 10.0
+[[sweep]]
+parameter = "normal_force"
+values = {forces}
+"""
+
+
+def test_points_without_a_result_are_told_beside_the_verdict(tmp_path):
+    text = SOFTENS.format(kind="complex_modes", forces=[500.0, 1000.0, 2500.0])
+    results = solved(text, tmp_path / "r")
+    (lost,) = results.points[(results.points["status"] != "ok").to_numpy(bool)].itertuples()
+    page = report([results])
+    told = f"1 of 3 points is not ok (1 {lost.status})."
+    assert verdict(results) == f"No mode is unstable at any of the 2 solved points. {told}"
+    assert html.escape(f"{told} The first: {lost.message}") in page
+    assert "stability_diagram_worst" not in page  # it is the failed one, if any
+    assert "(ranking)" not in page  # nothing to see
+
+
+def test_of_a_study_without_any_result_it_says_so(tmp_path):
+    text = SOFTENS.format(kind="complex_modes", forces=[2500.0, 5000.0])
+    results = sq.open_results(run_failing(text, tmp_path))
+    assert verdict(results).startswith("No design point is solved. 2 of 2 points are not ok (2 ")
+    page = report([results])
+    assert "no unstable mode" not in page
+    cycles = sq.open_results(
+        run_failing(text.replace("complex_modes", "limit_cycles"), tmp_path / "c")
+    )
+    assert verdict(cycles) == "2 designs: 2 failed. 2 of 2 points are not ok (2 diverges)."
+    assert not re.search(r"\bnan\b", re.sub(r"base64,[^\"]*", "", report([cycles])))
+
+
+def test_a_heading_without_findings_is_left_out(tmp_path):
+    page = report([solved(HULTEN.format(frictions=[0.1, 0.2]), tmp_path / "r")])
+    assert "<h2>Findings</h2>" not in page
+    assert "<h2>Pictures</h2>" in page
 
 
 def test_of_runs_it_counts_what_they_came_to():

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 DPI = 130
+NOTHING = "nothing to see"  # label of a figure that only says why
 FOLDER = "squealstudy.plots"
 Draw = Callable[..., "Figure"]
 Choices = Mapping[str, Any]  # arguments of a plot beside the results

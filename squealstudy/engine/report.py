@@ -19,7 +19,7 @@ from rich.text import Text
 
 from squealstudy.engine.manifest import BESIDE
 from squealstudy.engine.mode_shapes import plan_of
-from squealstudy.engine.pictures import pictures
+from squealstudy.engine.pictures import NOTHING, pictures
 from squealstudy.engine.plan import has_mesh
 from squealstudy.errors import SquealstudyError
 from squealstudy.files import write_text
@@ -28,7 +28,7 @@ from squealstudy.shapes.page import page as shape_page
 from squealstudy.shapes.picture import draw, sources, title
 from squealstudy.study.tabled import TEMPERATURE
 from squealstudy.tables.validity import outside_validity
-from squealstudy.wording import duration, plural
+from squealstudy.wording import duration, failure_counts, plural
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -101,7 +101,18 @@ def _overview(results: Sequence[Results]) -> str:
 
 
 def _whose(one: Results) -> tuple[str, str, str]:
-    return str(one.kind), str(one.manifest["model"]), one.screen.verdict(one)
+    told = " ".join(text for text in (one.screen.verdict(one), _lost(one)) if text)
+    return str(one.kind), str(one.manifest["model"]), told
+
+
+def _lost(one: Results) -> str:
+    """How many design points of a study have no result, in a sentence; empty where all have."""
+    status = one.points["status"] if "points" in one.tables else pd.Series(dtype=str)
+    lost = int((status != "ok").sum())
+    if not lost:
+        return ""
+    verb = "is" if lost == 1 else "are"
+    return f"{lost} of {plural(len(status), 'point')} {verb} not ok ({failure_counts(status)})."
 
 
 def _head(one: Results) -> Iterator[str]:
@@ -124,10 +135,9 @@ def _description(one: Results) -> str:
 
 def _findings(one: Results) -> Iterator[str]:
     told = one.screen.verdict(one)
-    yield "<h2>Findings</h2>"
-    for part in one.screen.findings(one):
-        if part != told:
-            yield _html(part)
+    parts = [text for part in one.screen.findings(one) if part != told and (text := _html(part))]
+    if parts:
+        yield from ("<h2>Findings</h2>", *parts)
 
 
 def _html(part: RenderableType) -> str:
@@ -140,7 +150,7 @@ def _html(part: RenderableType) -> str:
     if isinstance(part, Text):
         return f'<p class="note">{escape(part.plain)}</p>' if part.plain else ""
     if isinstance(part, str):
-        return f"<p>{escape(part)}</p>"
+        return f"<p>{escape(part)}</p>" if part else ""
     return f"<pre>{escape(as_text([part]))}</pre>"
 
 
@@ -192,8 +202,10 @@ def _pictures(one: Results, room: int) -> tuple[list[str], int]:
     """Figures of all pictures that fit into so many bytes, and the bytes they take."""
     found, spent, left = [], 0, []
     for name, plot, choices in pictures(one):
-        image = BytesIO()
-        plot(one, **choices).savefig(image, format="png", dpi=110)
+        image, drawn = BytesIO(), plot(one, **choices)
+        if drawn.get_label() == NOTHING:
+            continue
+        drawn.savefig(image, format="png", dpi=110)
         text = b64encode(image.getvalue()).decode()
         if spent + len(text) > room:
             left.append(name)
@@ -240,8 +252,10 @@ def _errors(one: Results) -> Iterator[str]:
     rows += [("tables", text) for text in tables_text(one.manifest)]
     if "points" in one.tables and (text := outside_validity(one.points, "")):
         rows.append(("validity", text))
-    if lost := one.manifest.get("n_failed", 0):
-        rows.append(("failed", f"{lost} of {one.manifest['n_points']}"))
+    if lost := _lost(one):
+        failed = one.points[(one.points["status"] != "ok").to_numpy(bool)].iloc[0]
+        said = failed.get("message", "")
+        rows.append(("failed", f"{lost}{f' The first: {said}' if said else ''}"))
     if rows:
         yield "<h2>Errors and validity</h2>"
         yield _pairs(rows)
@@ -269,7 +283,7 @@ def _provenance(one: Results) -> Iterator[str]:
     rows = [
         ("results", f"{one.directory}, {m.get('status', '')}"),
         ("study hash", str(m.get("study_hash", ""))),
-        ("points", f"{m['n_points']}, {m.get('n_failed', 0)} failed"),
+        ("points", str(m["n_points"])),
         ("versions", f"{versions}, Python {m.get('python', '')}"),
         ("machine", machine),
         ("time", duration(seconds) if seconds is not None else "not known"),

@@ -117,6 +117,8 @@ def cycle_levels(
     line = _line(points, along, fixed)
     if not len(line):
         return empty_figure("no design points")
+    if (line["status"] != "ok").all():
+        return empty_figure(f"{plural(len(line), 'point')}, all failed")
     over = quantity(along, points[along], units)
     cycles = results.table("cycles")
     cycles = cycles[(cycles["same_as"] == "").to_numpy(bool)].merge(

@@ -173,9 +173,11 @@ def _finish(upper: Axes, lower: Axes, line: StudyLine, show: str) -> None:
 def _title(line: StudyLine) -> str:
     n = len(line.unstable_tracks)
     loose, failed = int(line.untracked["unstable"].sum()), int(line.failed.sum())
+    none = "no unstable mode where it is solved" if failed else "no unstable mode"
+    none = "no design point is solved" if failed and line.failed.all() else none
     return joined(
         line.elsewhere,
-        plural(n, "unstable track") if n or loose else "no unstable mode",
+        plural(n, "unstable track") if n or loose else none,
         f"{plural(loose, 'unstable mode')} without track (x)" if loose else "",
         f"{plural(failed, 'point')} failed (x)" if failed else "",
     )

@@ -54,7 +54,9 @@ def _all_and_worst(results: Results) -> Iterator[tuple[str, Choices]]:
     """All design points, and the one of fastest growth."""
     yield "", {}
     if len(results.points) > 1:
-        modes = results.rows("modes", [ROW, "unstable", "growth_rate"])
+        ok = (results.points["status"] == "ok").to_numpy(bool)
+        columns = [ROW, "unstable", "growth_rate"]
+        modes = results.rows("modes", columns, lambda modes: ok[modes[ROW].to_numpy()])
         if modes["unstable"].any():
             fastest = int(modes["growth_rate"].to_numpy().argmax())
             row = int(modes[ROW].iloc[fastest])
@@ -207,9 +209,10 @@ def _summary(points: pd.DataFrame, modes: pd.DataFrame) -> str:
         text = f"{len(unstable)} of {plural(len(drawn), 'mode')} unstable"
     else:
         n = len(worst_tracks(drawn))
-        text = f"{plural(n, 'unstable track')}, named where growth is fastest"
+        text = f"{plural(n, 'unstable track')}, named where growth is fastest" if n else ""
         loose = int((unstable["track"] <= 0).sum())
-        text += f"; {plural(loose, 'unstable mode')} without track" if loose else ""
+        text = joined(text, f"{plural(loose, 'unstable mode')} without track" if loose else "")
+        text = text or "no unstable mode that oscillates"
     high = damping_limits(100 * drawn["damping_ratio"].to_numpy())[1]
     heavy = int((100 * drawn["damping_ratio"] > high).sum())
     failed = int((points["status"] != "ok").sum())

@@ -16,6 +16,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
+from squealstudy.engine.pictures import NOTHING
 from squealstudy.wording import in_digits, mostly, prefixed
 
 # Okabe and Ito: told apart by colour-blind readers
@@ -130,6 +131,7 @@ def new_figure(width: float = 9.0, height: float = 5.5) -> Figure:
 def empty_figure(message: str) -> Figure:
     """A figure that says why there is nothing to see."""
     figure = new_figure(7.0, 2.5)
+    figure.set_label(NOTHING)
     axes = figure.add_subplot()
     axes.set_axis_off()
     axes.text(0.5, 0.5, message, ha="center", va="center", fontsize=12, color="0.3")
@@ -209,7 +211,7 @@ def damping_limits(zeta_percent: np.ndarray) -> tuple[float, float]:
     zeta = zeta_percent[np.isfinite(zeta_percent)]
     low = min(float(zeta.min(initial=0.0)) * 1.15, 0.0)
     high = max(-1.5 * low, min(float(zeta.max(initial=0.0)) * 1.1, 3.0), 0.5)
-    return (low if low < 0 else -0.1 * high), high
+    return min(low, -0.1 * high), high
 
 
 def growth_limits(growth: np.ndarray) -> tuple[float, float]:

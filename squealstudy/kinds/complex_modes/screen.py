@@ -116,7 +116,11 @@ class ComplexModesScreen(KindScreen):
         if any(len(batch) for batch in results.batches("modes", ["mode"])):
             return self.ranking(results)
         low, high = results.manifest["band_hz"]
-        return [f"No mode lies between {low:g} and {high:g} Hz at any design point."]
+        lost = _left_out(results)
+        if not (results.points["status"] == "ok").any():
+            return [_nothing(results, None), notes(lost)]
+        where = "solved design point" if lost else "design point"
+        return [f"No mode lies between {low:g} and {high:g} Hz at any {where}.", notes(lost)]
 
     def verdict(self, results: Results) -> str:
         """How many modes are unstable, the most widespread, and the one that grows fastest."""
@@ -181,8 +185,10 @@ def _counted_points(results: Results, where: str | None) -> int:
 
 def _counted(results: Results, where: str | None) -> str:
     """What a ranking is over, in words."""
-    what = "nodes of the map" if results.boundary is not None else "solved points"
-    return f"the {_counted_points(results, where)} {what}"
+    count = _counted_points(results, where)
+    if results.boundary is not None:
+        return f"the {plural(count, 'node')} of the map"
+    return f"the {plural(count, 'solved point')}"
 
 
 def _doubt(results: Results, where: str | None) -> str:
@@ -295,7 +301,8 @@ def _estimates(manifest: Mapping[str, Any]) -> Rows:
     errors = manifest.get("errors")
     if not errors or errors["largest_rung"] is None:
         return []
-    text = f"method {errors['largest_rung']:.1e}, "
+    largest = errors["largest_rung"]
+    text = f"method {largest:.1e}, " if largest < 1.0 else "method above the root itself, "
     if unknown := errors.get("unknown_rung"):
         text += f"of {plural(unknown, 'mode')} not known, "
     if not errors["reduced"]:

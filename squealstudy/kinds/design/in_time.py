@@ -30,7 +30,7 @@ from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
 from squealstudy.wording import FAILED, LASTING, STABLE
 
-STEPS = 64  # a period of the top of the band
+STEPS = 64  # a period of the highest assembly mode of the band
 LONGEST = 3000  # such periods
 LOOKS = 40  # at a run, evenly over the longest time
 TOLERANCE = 0.02  # of levels, at which a run that lasts may end
@@ -141,7 +141,11 @@ def _run(
     asked: CyclesRequest,
 ) -> list[Motion]:
     """Runs until their outcome is known, or to the longest time."""
-    top = asked.band_hz[1]
+    reference = asked.reference(point.structure)
+    omega2 = contact.system.omega2[: reference.n_exact]
+    section = TransientSection(friction=asked.section.friction)
+    system = replace(contact.system, sensed=sensed_modes(section, omega2, asked.band_hz))
+    top = float(np.sqrt(omega2[system.sensed[-1] - 1])) / (2 * np.pi)
     settings = MotionSettings(
         duration=LONGEST / top,
         step=1.0 / (STEPS * top),
@@ -149,10 +153,6 @@ def _run(
         integrator=ExactFreeMotion(),
         tolerance=ExactFreeMotion.tolerance,
     )
-    reference = asked.reference(point.structure)
-    omega2 = contact.system.omega2[: reference.n_exact]
-    section = TransientSection(friction=asked.section.friction)
-    system = replace(contact.system, sensed=sensed_modes(section, omega2, asked.band_hz))
 
     def judge(_: int, motion: Motion) -> str:
         return known_outcome(motion, settings.duration, TOLERANCE)

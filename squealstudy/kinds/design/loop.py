@@ -361,4 +361,9 @@ class Loop:
     def _nearest(self) -> np.ndarray:
         """The design of largest margin at the points in view."""
         found = max(self._evaluated(), key=lambda item: item[1].worst, default=None)
-        return self.study.nominal if found is None else found[0]
+        if found is not None:
+            return found[0]
+        known = (self.known(p, self.study.nominal) for p in self.state.view)
+        failed = (own[1] for own in known if own is not None and own[1]["status"] != "ok")
+        self.state.failure = next((str(row["message"] or row["status"]) for row in failed), "")
+        return self.study.nominal

@@ -53,7 +53,8 @@ class DesignScreen(KindScreen):
         """How much was evaluated, and how far the modes of the table may be off."""
         facts, margins = results.manifest["design_study"], results.table("margins")
         error = margins["damping_error"].max()
-        text = f"{plural(facts['n_designs'], 'design')} in {plural(facts['rounds'], 'round')}"
+        text = plural(facts["n_designs"], "design")
+        text += f" in {plural(facts['rounds'], 'round')}" if facts["rounds"] else ""
         if facts["n_reductions"]:
             text += f", {plural(facts['n_structures'], 'structure')}"
             text += f" by {plural(facts['n_reductions'], 'reduction')}"
@@ -62,7 +63,9 @@ class DesignScreen(KindScreen):
             text = f"made for {shared['range']}; roots to {shared['error']:.1e} where it was tested"
             rows.append(("one basis", text))
         if np.isfinite(error):
-            rows.append(("error", f"damping ratios of the reduced model to {error:.1e}"))
+            text = f"damping ratios of the reduced model to {error:.1e}"
+            known = error < 1.0
+            rows.append(("error", text if known else "damping ratios of some modes not known"))
         return rows
 
 

@@ -96,6 +96,8 @@ class State:
     chosen : ndarray (d,) or None
     realisation : Realisation or None
         Of targets, where a study has other variables too.
+    failure : str
+        Why no design is known at all points in view; empty where one is.
     """
 
     points: list[np.ndarray]
@@ -110,6 +112,7 @@ class State:
     chosen: np.ndarray | None = None
     round: int = 0
     realisation: Realisation | None = None
+    failure: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -230,7 +230,7 @@ def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]])
     searched = f"{plural(len(designs), 'design')} evaluated"
     if state.outcome in (*PROVEN, UNDECIDED):
         text = f"at a cost of {price:.4g} ({change}) every operating point meets the margin"
-        text = text if changes else "it meets the margin as it is"
+        text = text if changes else "as it is it meets the margin"
         proof = "Proof" if state.outcome in PROVEN else "Not all of the proof could be told"
         return f"{today}; {text} of {margin:g}: {mode}. {proof}: {_proof(loop)}. {searched}."
     if state.outcome == NONE_FOUND:
@@ -238,6 +238,11 @@ def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]])
         bound = [c["parameter"] for c in changes if c["at_bound"]]
         binds = f"; at their bounds: {', '.join(bound)}" if bound else "; no variable at a bound"
         kicks = f" with {len(state.extras)} demands of the proof" if state.extras else ""
+        if state.failure:
+            return (
+                f"{today}; no design could be held against the margin of {margin:g}{kicks}, for "
+                f"operating points of it could not be solved ({state.failure}). {searched}."
+            )
         return (
             f"{today}; no design within the bounds was found that meets the margin of "
             f"{margin:g}{kicks}. Nearest comes {nearest}: {mode}{binds}. {searched}."

@@ -81,7 +81,8 @@ class LimitCyclesScreen(KindScreen):
         if len(own):
             bad = int((own["status"] != "ok").sum())
             error = own.loc[own["status"] == "ok", "level_error"].max()
-            said = f"{plural(len(own), 'cycle')}, levels to {100 * error:.2g} % at worst"
+            said = plural(len(own), "cycle")
+            said += f", levels to {100 * error:.2g} % at worst" if bad < len(own) else ""
             if bad:
                 said += f"; {bad} inaccurate"
             rows.append(("cycles", said))

@@ -93,6 +93,7 @@ class TransientScreen(KindScreen):
         solved = results.points[(results.points["status"] == "ok").to_numpy()]
         balance = solved["energy_balance"].abs().max()
         text = f"energy balance closed to {balance:.1e} of the work of friction, at the worst point"
+        text = text if np.isfinite(balance) else "energy balance not known: no run reached its end"
         manifest = results.manifest
         slope = regularisation(manifest.get("regularisation"))
         return [*_ended_early(manifest.get("simulated_time")), *slope, ("error", text)]
