@@ -181,6 +181,18 @@ def test_structures_of_a_search_have_one_basis(tmp_path):
     [
         ('"2 mg"', '"2 mm"', "variable[1].added_mass.max", "is in kg"),
         ('"2 mg"', "0.0", "variable[1].added_mass.max", "more than 0"),
+        (
+            'max = "2 mg"',
+            'max = "2 mg", at = [1.0]',
+            "variable[1].added_mass.at",
+            "expected 3 values, got 1",
+        ),
+        (
+            '"slider.TOP", "plate.ENDS"',
+            '"slider.TOP"',
+            "variable[2].stiffener.between",
+            "expected 2 values, got 1",
+        ),
         ('on = "slider.TOP", max', "max", "variable[1].added_mass.on", "missing"),
         (
             ', max = "2 mg"}',

@@ -429,6 +429,9 @@ def test_a_margin_above_what_modes_have_uncoupled_is_warned_of(tmp_path: Path) -
     assert plan.kind.warnings(plan) == []
 
 
+GOAL = "[goal]\nmargin = {damping_ratio = 0.002}"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "key", "message"),
     [
@@ -469,6 +472,25 @@ def test_a_margin_above_what_modes_have_uncoupled_is_warned_of(tmp_path: Path) -
             "[goal]\noccurrence = {friction = [1, -2]}",
             "goal.occurrence.friction",
             "at least 0, one of them above it",
+        ),
+        (
+            GOAL,
+            "[[uncertain]]\nparameter = 'damping_ratio'\ndistribution = 'normal'\nmean = 0.013\n"
+            f"std = 0.002\n{GOAL[:-1]}, probability = 0.9}}",
+            "uncertain[1]",
+            "a scatter about damping_ratio = 0.01 of [parameters], got one that is from 0.011 to",
+        ),
+        (
+            GOAL,
+            f"[[uncertain]]\nparameter = 'damping'\nstart = 0.0\nstop = 0.1\n{GOAL}",
+            "uncertain[1].parameter",
+            "model 'hoffmann' has no parameter 'damping'; did you mean 'damping_ratio'?",
+        ),
+        (
+            "damping_ratio = 0.01",
+            "damping_ratio = 0.01\n'added_mass.disc.RIM' = 0.1",
+            "parameters.added_mass.disc.RIM",
+            "'added_mass.disc.RIM' is nothing that a [[variable]]",
         ),
         (
             "[goal]",

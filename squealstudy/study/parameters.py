@@ -18,6 +18,7 @@ FREQUENCY_SCALE, DAMPING_RATIO = "frequency_scale", "damping_ratio"
 ONSET_PARAMETER = "friction"
 QUANTITIES = (FREQUENCY_SCALE, DAMPING_RATIO)
 LARGEST_MODE = 10_000
+ADDED = ("added_mass", "stiffener")  # begins of names of what a variable adds
 MODE_NAME = re.compile(
     r"(?:(?P<component>[^\[\]]+)\.)?modes\[(?P<modes>[^\[\]]*)\]\.(?P<quantity>\w+)"
 )
@@ -134,6 +135,10 @@ def parse_parameter(name: str, model: ModelDefinition) -> StudyParameter:
         raise ParameterError(name, f"model '{model.name}' has no components whose modes to change")
     if "modes[" in name or ".modes" in name:
         return _parse_mode_parameter(name, model)
+    if name.split(".")[0] in ADDED:
+        what = "a [[variable]] of a design study"
+        text = f"'{name}' is nothing that {what} adds, which is from 0 on: expected no value of it"
+        raise ParameterError(name, text)
     hint = did_you_mean(name, plain) or "; 'squealstudy models' lists its parameters"
     raise ParameterError(name, f"model '{model.name}' has no parameter '{name}'{hint}")
 

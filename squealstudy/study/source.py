@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sized
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -214,7 +214,8 @@ def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
     if problem["type"] == "value_error":
         return str(context["error"])
     if problem["type"] == "missing":
-        return _missing(kind, loc)
+        whole = not isinstance(loc[-1], int)
+        return _missing(kind, loc) if whole else _too_few(kind, loc, found)
     if problem["type"] == "extra_forbidden":
         known = list((_section(kind, loc[:-1]) or kind).model_fields)
         closest = did_you_mean(str(loc[-1]), known)
@@ -231,6 +232,14 @@ def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
         hint = did_you_mean(str(found), re.findall(r"'([^']*)'", expected))
         expected = expected if " or " not in expected else f"one of {expected}"
     return f"expected {expected}, got {shown(found)}{hint}"
+
+
+def _too_few(kind: type[BaseModel], loc: KeyPath, found: object) -> str:
+    """Of a list of fixed length whose value of a number, the last of `loc`, is not there."""
+    section = _section(kind, loc[:-2]) or kind
+    parts = list(_parts(section.model_fields[str(loc[-2])].annotation))
+    count = next(len(get_args(p)) for p in parts if get_origin(p) is tuple)
+    return f"expected {count} values, got {len(found) if isinstance(found, Sized) else loc[-1]}"
 
 
 def _missing(kind: type[BaseModel], loc: KeyPath) -> str:

@@ -31,6 +31,7 @@ from squealstudy.study.design import DesignPoint
 from squealstudy.wording import FAILED, LASTING, STABLE
 
 STEPS = 64  # a period of the highest assembly mode of the band
+FINER = 4  # times as many where a run fails, as impacts of a strong kick make it
 LONGEST = 3000  # such periods
 LOOKS = 40  # at a run, evenly over the longest time
 TOLERANCE = 0.02  # of levels, at which a run that lasts may end
@@ -157,8 +158,15 @@ def _run(
     def judge(_: int, motion: Motion) -> str:
         return known_outcome(motion, settings.duration, TOLERANCE)
 
-    watch = Watch([settings.n_steps // LOOKS] * len(starts), judge)
-    return simulate(system, starts, settings, watch)
+    def run(some: Sequence[MotionPoint], how: MotionSettings) -> list[Motion]:
+        return simulate(system, some, how, Watch([how.n_steps // LOOKS] * len(some), judge))
+
+    found = run(starts, settings)
+    bad = [k for k, motion in enumerate(found) if motion.outcome != "ok"]
+    finer = replace(settings, step=settings.step / FINER, save_every=settings.save_every * FINER)
+    for k, motion in zip(bad, run([starts[k] for k in bad], finer), strict=True):
+        found[k] = motion
+    return found
 
 
 def _told(motion: Motion) -> tuple[str, float]:

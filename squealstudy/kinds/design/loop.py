@@ -31,7 +31,7 @@ from squealstudy.kinds.design.state import (
     Wanted,
     seen_of,
 )
-from squealstudy.kinds.design.study import DesignStudy
+from squealstudy.kinds.design.study import DesignStudy, one_sigma
 from squealstudy.kinds.design.targets import Realisation, is_target, nearest, part_of
 
 SCANNED = 16  # designs a variable, where a variable costs no reduction
@@ -89,11 +89,7 @@ class Loop:
         self.both = bool(self.targets.any() and not self.targets.all())
         self.whole, self.kept = self.box, np.ones(len(ranges), dtype=bool)
         self.margin = self.goal.margin.damping_ratio
-        self.sigmas = {
-            s.name: float(np.ptp(s.distribution.quantiles(np.array([0.1587, 0.8413]))) / 2)
-            for s in study.uncertain
-            if s.distribution is not None
-        }
+        self.sigmas = {s.name: float(np.ptp(one_sigma(s))) / 2 for s in study.uncertain}
         if self.goal.margin.probability is not None:
             from scipy.stats import norm
 

@@ -245,8 +245,8 @@ def design_study(study: ResolvedStudy) -> DesignStudy:
     ------
     StudyFileError
         A model without contact; an unknown or repeated parameter; bounds beyond what one can take;
-        a value of a part that is added; a boundary design; a probability without scatter, or the
-        other way round.
+        a value of a part that is added; a scatter that is not about the value in [parameters]; a
+        boundary design; a probability without scatter, or the other way round.
     """
     definition = cast("DesignStudyDefinition", study.definition)
     if not study.model.components:
@@ -283,8 +283,28 @@ def design_study(study: ResolvedStudy) -> DesignStudy:
         uncertain=uncertain,
     )
     _check_names(found)
+    _check_scatter(found)
     _check_occurrence(found)
     return found
+
+
+def one_sigma(sweep: Sweep) -> tuple[float, float]:
+    """Values between which what scatters is as often as a normal one within a deviation."""
+    assert sweep.distribution is not None
+    low, high = sweep.distribution.quantiles(np.array([0.1587, 0.8413]))
+    return float(low), float(high)
+
+
+def _check_scatter(study: DesignStudy) -> None:
+    """What scatters does so about its value in [parameters], where the search has it."""
+    for number, (sweep, value) in enumerate(zip(study.uncertain, study.middles, strict=True)):
+        low, high = one_sigma(sweep)
+        if not low <= value <= high:
+            text = (
+                f"expected a scatter about {sweep.name} = {value:g} of [parameters], got one that "
+                f"is from {low:.4g} to {high:.4g} in two thirds of all cases"
+            )
+            raise study.error(("uncertain", number), text)
 
 
 def _expect_free(study: DesignStudy, name: str) -> None:
