@@ -260,10 +260,13 @@ def test_a_set_that_is_not_there_is_said_with_its_place_in_the_study(tmp_path):
     assert caught.value.key == "variable[1].added_mass"
 
 
-def test_other_models_have_no_sets(tmp_path):
+@pytest.mark.parametrize(
+    ("name", "said"), [("hoffmann", "file$"), ("disc_brake", "export writes this brake as one$")]
+)
+def test_other_models_have_no_sets(tmp_path, name, said):
     path = tmp_path / "study.toml"
-    model = '[model]\nname = "hoffmann"\n'
+    model = f'[model]\nname = "{name}"\n'
     path.write_text((STUDY + PARTS).replace('[model]\nfile = "blocks.toml"\n', model))
-    with pytest.raises(StudyFileError, match="has no named sets") as caught:
+    with pytest.raises(StudyFileError, match=f"has no named sets.*{said}") as caught:
         sq.read_study(path)
     assert caught.value.key == "variable[1].added_mass"

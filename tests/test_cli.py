@@ -15,6 +15,7 @@ from squealstudy import open_results
 from squealstudy.errors import ConvergenceError
 from squealstudy.modes.point import solve_point
 
+STUDIES = Path(__file__).parents[1] / "studies"
 STUDY = """[study]
 name = "lockin"
 kind = "complex_modes"
@@ -229,6 +230,19 @@ def test_check_counts_and_estimates(study, capsys, tmp_path):
     assert "an exact point takes" in screen
     assert "up to about 20 points between those of the study" in screen
     assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("shipped", "said"),
+    [
+        ("kicked_design", "damping_ratio 0.01 to 0.21, searched"),
+        ("robust_brake", "friction 0.2 to 0.7, truncated_normal"),
+        ("first_brake", "friction 0.1 to 0.7, 7 values"),
+    ],
+)
+def test_check_says_how_values_are_chosen(shipped, said, capsys):
+    assert command("check", str(STUDIES / f"{shipped}.toml")) == 0
+    assert said in " ".join(capsys.readouterr().out.split())
 
 
 def test_check_says_why_it_cannot_estimate(study, monkeypatch, capsys, tmp_path):

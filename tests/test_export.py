@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,11 @@ from study_runs import command
 
 import squealstudy as sq
 from squealstudy.engine.export import export_model
+from squealstudy.models.components.inp import read_inp
 from squealstudy.study.components import read_model
 from squealstudy.study.definition import parse_study
 
+ROOT = Path(__file__).parents[1]
 STUDY = """\
 [study]
 name = "generated"
@@ -56,6 +59,25 @@ def test_components_are_the_same(both):
     same(one.K_el, two.K_el, 1e-11)
     for a, b in zip(one.components, two.components, strict=True):
         np.testing.assert_allclose(a.coordinates, b.coordinates, atol=1e-14)
+
+
+def test_sets_of_the_meshes_are_those_of_the_page_and_where_they_are_named(tmp_path):
+    study = parse_study(STUDY, Path("generated.toml"))
+    export_model(study, tmp_path)
+    v = {n: study.values[n] for n in study.model.defaults()}
+    page = (ROOT / "studies" / "own_brake.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"`((?:disc|inner_pad|outer_pad|caliper)\.[A-Z]+)`", page))
+    meshes = {path.stem: read_inp(path) for path in tmp_path.glob("*.inp")}
+    assert told == {f"{name}.{label}" for name, mesh in meshes.items() for label in mesh.surfaces}
+    mesh = meshes["caliper"]
+    (block,) = mesh.blocks
+    faces = [block.nodes[e, block.kind.shape.faces[k - 1]] for e, k in mesh.surfaces["BRIDGE"]]
+    nodes = mesh.nodes[np.unique(np.concatenate(faces))]
+    np.testing.assert_allclose(np.hypot(*nodes.T[:2]), v["caliper.outer_radius"], rtol=1e-9)
+    thickness = v["disc.thickness"] + 2 * (v["pad.lining_thickness"] + v["pad.plate_thickness"])
+    half = np.deg2rad(v["caliper.bridge_half_angle"])
+    assert np.ptp(nodes[:, 2]) == pytest.approx(thickness)
+    assert np.ptp(np.arctan2(nodes[:, 1], nodes[:, 0])) == pytest.approx(2 * half)
 
 
 def test_contact_layers_springs_and_load_are_the_same(both):

@@ -32,6 +32,7 @@ from squealstudy.progress import progress
 from squealstudy.screen import Rows, warning
 from squealstudy.study.kinds import definition_of, kind_names
 from squealstudy.study.sections import StudyDefinition
+from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.validity import broken_rules
 from squealstudy.wording import duration, plural
 
@@ -218,7 +219,9 @@ def _design(plan: Plan, missing: int, directory: Path) -> str:
 def _range(plan: Plan, index: int) -> str:
     sweep = plan.study.sweeps[index]
     values = sweep.values
-    scatter = "random" if sweep.distribution is None else sweep.distribution.text
+    drawn = plan.study.definition.design.type in RANDOM_DESIGNS
+    scatter = "random" if drawn else "searched"  # the variables of a design study
+    scatter = scatter if sweep.distribution is None else sweep.distribution.text
     count = plural(len(values), "value") if values else scatter
     unit = f" {sweep.parameter.unit}" if sweep.parameter.unit else ""
     if sweep.low == sweep.high:

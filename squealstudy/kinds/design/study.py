@@ -339,6 +339,8 @@ def _variable(study: ResolvedStudy, number: int, section: VariableSection) -> Va
     keys = ("variable", number)
     if section.added is not None and not isinstance(study.model, FileDefinition):
         text = f"model '{study.model.name}' has no named sets: model files have, [model] file"
+        if study.model.name == "disc_brake":
+            text += "; squealstudy export writes this brake as one"
         raise study.error((*keys, section.key), text)
     try:
         parameter = parse_parameter(section.name, study.model)

@@ -39,6 +39,7 @@ def brake_meshes(
         ("caliper", "body", z_in),
     ):
         faces[component][face] = _on_plane(plane)
+    faces["caliper"]["bridge"] = _top_of_bridge(mesher)
     found = {}
     for name in COMPONENTS:
         mesh = mesh_of_grid(name, mesher.component(name).grid, mesher.materials(name), "C3D20R")
@@ -49,6 +50,14 @@ def brake_meshes(
 
 def _on_plane(plane: float) -> FacetFilter:
     return lambda r, t, z: abs(z - plane) < EDGE
+
+
+def _top_of_bridge(mesher: BrakeMesher) -> FacetFilter:
+    """The outer face of the bridge, between its ends: facets are flat there, and lie lower."""
+    inner, outer = (mesher.v(f"caliper.{n}_radius") for n in ("bridge_inner", "outer"))
+    end, (z_in, z_out) = mesher.angle("caliper.bridge_half_angle"), mesher.plate_z
+    low = inner + 0.75 * (outer - inner)
+    return lambda r, t, z: (r > low) & (abs(t) < end - EDGE) & (z > z_in) & (z < z_out)
 
 
 def _kept(mesh: SolidMesh, keep: FacetFilter) -> np.ndarray:
