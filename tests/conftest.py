@@ -197,11 +197,11 @@ def reduce_brake(brake, top=TOP) -> tuple[ReducedModel, ComponentBasis]:
     return reduce_cmt(brake.assembly, brake.modes, brake.point, settings, ends)
 
 
-def full_order(assembly, modes, point, state, band_hz, cutoff, expected=None) -> BandRoots:
+def full_order(assembly, modes, point, state, band_hz, cutoff) -> BandRoots:
     """Roots of the unreduced equations about a working point, in a band in Hz."""
     system = full_order_system(assembly, modes, point, state, cutoff)
     low, high = band_hz
-    return full_order_roots(system, (2 * np.pi * low, 2 * np.pi * high), expected)
+    return full_order_roots(system, (2 * np.pi * low, 2 * np.pi * high))
 
 
 @pytest.fixture(scope="session")

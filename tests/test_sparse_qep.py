@@ -20,10 +20,12 @@ from squealstudy.linalg.sparse_qep import (
     DENSE_LIMIT,
     LowRankSum,
     WoodburyFactor,
+    roots_below,
     smallest_roots,
 )
 
 SPARSE = DENSE_LIMIT + 30  # degrees of freedom that go the ARPACK way
+KRYLOV = 300  # and those of which a block Krylov space is small beside all states
 
 
 def chain(n, seed, rank):
@@ -71,6 +73,23 @@ def test_conjugates_are_roots_too():
     assert (lam.imag > 0).sum() >= 5
     assert reference.residuals(M, C, K, lam.conj(), psi.conj()).max() < 1e-10
     assert (np.diff(np.abs(lam)) >= 0).all()
+
+
+@pytest.mark.parametrize("limit", [3.0, 250.0, 600.0])  # rad/s: above none, some, most of n = 20
+@pytest.mark.parametrize("n", [20, SPARSE, KRYLOV])
+@pytest.mark.parametrize("rank", [0, 3])
+def test_all_roots_below_a_limit(n, rank, limit):
+    M, C, K = chain(n, 3, rank)
+    C.sparse = C.sparse + sp.diags(np.r_[4e4, np.zeros(n - 1)])  # an overdamped one, near -20
+    lam, psi = roots_below(M, C, K, limit)
+    exact = reference.quadratic_roots(M.toarray(), dense(C), dense(K))
+    upper = exact[(exact.imag >= 0) & (np.abs(exact) <= limit)]
+    assert len(lam) == len(upper)
+    assert np.abs(lam[:, None] - upper).min(axis=0, initial=np.inf).max(initial=0.0) < 1e-6
+    assert (np.diff(np.abs(lam)) >= 0).all()
+    assert (lam.imag == 0).any() == (limit > 100.0)
+    assert reference.residuals(M, C, K, lam, psi).max(initial=0.0) < 1e-9
+    np.testing.assert_allclose(np.linalg.norm(psi, axis=0), 1.0, rtol=1e-12)
 
 
 @pytest.mark.parametrize("n", [4, 20])
@@ -248,6 +267,47 @@ def test_krylov_space_of_few_eigenvalues_goes_on_with_other_states():
     np.testing.assert_allclose(2.0 * V.T @ (values[:, None] * V), space.projected, atol=1e-12)
     found = np.linalg.eigvalsh(space.projected)[::-1]
     assert (np.abs(found[:20] - 3.0) < 1e-12).all()
+
+
+def test_krylov_space_of_an_unsymmetric_matrix_without_a_mass():
+    A = np.random.default_rng(0).standard_normal((150, 150))
+    space = BlockKrylov(lambda x: A @ x, 150, None)
+    space.grow(80)
+    V, H = space.vectors, space.projected
+    np.testing.assert_allclose(V.T @ V, np.eye(80), atol=1e-12)
+    np.testing.assert_allclose(V.T @ A @ V, H, atol=1e-12)
+    outside = A @ V - V @ H
+    assert np.abs(outside[:, :-4]).max() < 1e-12  # of all but the last block
+    y = np.random.default_rng(1).standard_normal((80, 3))
+    np.testing.assert_allclose(space.left_out(y), np.linalg.norm(outside @ y, axis=0), rtol=1e-9)
+
+
+@pytest.mark.parametrize("softness", [1e3, 1.0, 1e-6])
+def test_real_modes_about_no_shift_of_a_body_that_is_held_softly(softness):
+    """Of 1/omega^2 the first one drowns the others' residuals: they end at round-off."""
+    n, cutoff = 1500, 10.0
+    K = symmetric_chain(n) - 1e6 * sp.diags(np.r_[1.0 - 1e-6 * softness, np.zeros(n - 2), 1.0])
+    M = sp.identity(n, format="csr")
+    asked = []
+
+    class Counted:
+        def __init__(self):
+            self.factor = factorise(K)
+
+        def solve_once(self, b):
+            asked.append(b.shape[1])
+            return self.factor.solve_once(b)
+
+        def lean(self):
+            return self.factor.solve
+
+    omega, phi = real_modes(M, K, cutoff, Counted(), 0.0)
+    expected, _ = real_modes(M, K, cutoff)
+    assert len(omega) == len(expected) > 20
+    assert sum(asked) < (150 if softness > 1e-3 else 60)  # then about another shift
+    np.testing.assert_allclose(omega, expected, rtol=1e-6, atol=1e-9 * omega[-1])
+    residual = np.linalg.norm(K @ phi - M @ phi * omega**2, axis=0)
+    assert residual.max() < 1e-8 * omega[-1] ** 2
 
 
 def test_dense_roots_agree_with_the_twin():

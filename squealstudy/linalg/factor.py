@@ -88,13 +88,17 @@ def factorise(
     if isinstance(A, np.ndarray):
         return DenseCholesky(A)
     if backend == "auto":
-        large = definite and A.shape[0] >= LARGE
-        wanted = {"pardiso": True, "cholmod": large}
-        found = (name for name, use in wanted.items() if use and find_spec(MODULES[name]))
-        backend = next(found, "superlu")
+        backend = automatic_backend(A.shape[0], definite)
     if backend == "pardiso":
         return PardisoFactor(A, definite)
     return CholmodFactor(A) if backend == "cholmod" else SuperLUFactor(A)
+
+
+def automatic_backend(n: int, definite: bool) -> str:
+    """What ``auto`` is for a sparse matrix of n rows."""
+    wanted = {"pardiso": True, "cholmod": definite and n >= LARGE}
+    found = (name for name, use in wanted.items() if use and find_spec(MODULES[name]))
+    return next(found, "superlu")
 
 
 def is_definite(A: sp.spmatrix) -> bool:

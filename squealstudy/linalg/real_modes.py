@@ -23,6 +23,8 @@ DENSE_LIMIT = 400
 FIRST, STEP = 48, 12  # states before the first test of convergence, and 1 in so many between two
 LARGEST = 0.4  # of the degrees of freedom: a Krylov space that is larger costs more than LAPACK
 CONVERGED = 1e-10  # residual of a mode, of its theta = 1 / (omega^2 - shift); squared by refining
+ROUND_OFF = 1e-14  # and of the largest theta: without a shift no residual gets below
+DROWNED = 1e-6  # of theta: where that is more than this of it, another shift is needed
 RIGID = 1e-6  # of the highest frequency of a single degree of freedom: far above round-off
 BLOCK = 4  # states at a time: more make a larger space, fewer use a factor worse
 DEPENDENT = 1e-28  # of an image's squared size: what is outside the space by less is round-off
@@ -30,7 +32,11 @@ PASSES = 2  # of Gram and Schmidt
 
 
 def real_modes(
-    M: sp.spmatrix, K: sp.spmatrix, cutoff_hz: float, factor: RefinedFactor | None = None
+    M: sp.spmatrix,
+    K: sp.spmatrix,
+    cutoff_hz: float,
+    factor: RefinedFactor | None = None,
+    shift: float | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """All modes up to `cutoff_hz`, mass-normalised and ascending.
 
@@ -43,7 +49,10 @@ def real_modes(
     cutoff_hz : float
         Modes above are dropped.
     factor : RefinedFactor or None
-        Of `shifted`, where it is there already.
+        Of K + shift M, where it is there already.
+    shift : float or None
+        (rad/s)^2; None: that of `shifted`, which is used, too, where this one is too far from the
+        modes.
 
     Returns
     -------
@@ -56,25 +65,35 @@ def real_modes(
     limit = (2 * np.pi * cutoff_hz) ** 2
     if n > DENSE_LIMIT:
         held = factorise(shifted(M, K, cutoff_hz), definite=True) if factor is None else factor
-        phi = _space_below(M, held, limit)
+        phi = _space_below(M, held, limit, SHIFT_SHARE**2 * limit if shift is None else shift)
         if phi is not None:  # from unrefined solves: what they lack is mended here
             return _clip(*_refine(M, K, held.lean()(M @ phi)), limit)
+        if shift is not None:
+            return real_modes(M, K, cutoff_hz)
     w2, phi = la.eigh(*(A if isinstance(A, np.ndarray) else A.toarray() for A in (K, M)))
     return _clip(w2, phi, limit)
 
 
-def _space_below(M: sp.spmatrix, factor: RefinedFactor, limit: float) -> np.ndarray | None:
-    """Modes (n, m) with omega^2 <= limit and the next; None where they are most of all."""
+def _space_below(
+    M: sp.spmatrix, factor: RefinedFactor, limit: float, shift: float
+) -> np.ndarray | None:
+    """Modes (n, m) with omega^2 <= limit and the next; None where they are most of all.
+
+    And where they drown in round-off of the softest one.
+    """
     space = BlockKrylov(factor.solve_once, M.shape[0], M)
     size = FIRST
     while size <= LARGEST * M.shape[0]:
         space.grow(size)
         theta, y = la.eigh((space.projected + space.projected.T) / 2)
         theta, y = theta[::-1], y[:, ::-1]
-        inside = int((theta >= 1.0 / (limit + SHIFT_SHARE**2 * limit)).sum())
+        if ROUND_OFF * theta[0] > DROWNED / (limit + shift):
+            return None
+        inside = int((theta >= 1.0 / (limit + shift)).sum())
         if inside < space.size:
             y = y[:, : inside + 1]
-            if (space.left_out(y) <= CONVERGED * theta[: inside + 1]).all():
+            allowed = np.maximum(CONVERGED * theta[: inside + 1], ROUND_OFF * theta[0])
+            if (space.left_out(y) <= allowed).all():
                 return space.vectors @ y
         size = space.size + max(2 * BLOCK, space.size // STEP)
     return None
@@ -115,26 +134,26 @@ def _clip(w2: np.ndarray, phi: np.ndarray, limit: float) -> tuple[np.ndarray, np
 
 
 class BlockKrylov:
-    """Orthonormal states V with V^T M A V, grown a block at a time.
+    """Orthonormal states V with V^T M A V, grown a block at a time (Arnoldi's method, of blocks).
 
     Parameters
     ----------
     apply : callable
         Product (n, b) of S with real (n, b); A = S M.
     n : int
-    mass : sparse (n, n)
-        M of the inner product.
+    mass : sparse (n, n) or None
+        M of the inner product; None is the identity.
     """
 
     def __init__(
         self,
         apply: Callable[[np.ndarray], np.ndarray],
         n: int,
-        mass: sp.spmatrix,
+        mass: sp.spmatrix | None,
     ) -> None:
         self._apply, self._mass, self.size = apply, mass, 0
         self._V = np.empty((n, 16 * BLOCK), order="F")
-        self._MV = np.empty_like(self._V)
+        self._MV = self._V if mass is None else np.empty_like(self._V)
         self._H = np.zeros((16 * BLOCK, 16 * BLOCK))
         self._random = np.random.default_rng(0)  # the same operator has the same space
         self._append(*self._orthonormal(self._random.standard_normal((n, BLOCK)))[:2])
@@ -171,7 +190,7 @@ class BlockKrylov:
         held = self.size + BLOCK
         if held > self._V.shape[1]:
             self._V = _wider(self._V)
-            self._MV = _wider(self._MV)
+            self._MV = self._V if self._mass is None else _wider(self._MV)
             self._H = np.pad(self._H, (0, len(self._H)))
         self._V[:, self.size : held] = Q
         self._MV[:, self.size : held] = MQ
@@ -183,12 +202,11 @@ class BlockKrylov:
         """
         V, MV = self._V[:, : self.size], self._MV[:, : self.size]
         along, R = np.zeros((self.size, BLOCK)), np.eye(BLOCK)
-        least = DEPENDENT * max(float(np.trace(W.T @ (self._mass @ W))), 0.0)
+        least = DEPENDENT * max(float(np.trace(W.T @ self._weigh(W))), 0.0)
         for _ in range(PASSES):
             h = MV.T @ W
             W = W - V @ h
-            MW = self._mass @ W
-            d, y = la.eigh(W.T @ MW)
+            d, y = la.eigh(W.T @ self._weigh(W))
             kept = d > least
             scale = np.where(kept, 1.0 / np.sqrt(np.where(kept, d, 1.0)), 0.0)
             along = along + h @ R
@@ -198,14 +216,19 @@ class BlockKrylov:
                 W[:, ~kept] = self._random.standard_normal((len(W), int((~kept).sum())))
                 W[:, ~kept] = self._outside(W[:, ~kept], W[:, kept])
             least = 0.0
-        return W, (self._mass @ W), along, R
+        return W, self._weigh(W), along, R
+
+    def _weigh(self, W: np.ndarray) -> np.ndarray:
+        """M W."""
+        weighed: np.ndarray = W if self._mass is None else self._mass @ W
+        return weighed
 
     def _outside(self, X: np.ndarray, others: np.ndarray) -> np.ndarray:
         """Unit states of the span of X outside of V and of other unit states."""
         V, MV = self._V[:, : self.size], self._MV[:, : self.size]
         for _ in range(PASSES):
-            X = X - V @ (MV.T @ X) - others @ (others.T @ (self._mass @ X))
-            d, y = la.eigh(X.T @ (self._mass @ X))
+            X = X - V @ (MV.T @ X) - others @ (others.T @ self._weigh(X))
+            d, y = la.eigh(X.T @ self._weigh(X))
             X = X @ (y / np.sqrt(d))
         return X
 

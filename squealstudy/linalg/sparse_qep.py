@@ -6,15 +6,22 @@ K; real arithmetic gives conjugate pairs (THEORY.md eq. (31)).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import one_of_each_pair, right_pairs
-from squealstudy.linalg.factor import Factor, factorise
+from squealstudy.linalg.factor import Factor, RefinedFactor, factorise
+from squealstudy.linalg.real_modes import BLOCK, FIRST, BlockKrylov
 
 DENSE_LIMIT = 100  # degrees of freedom solved by LAPACK
+STEP = 10  # 1 in so many states between two tests of convergence
+LARGEST = 0.4  # of the states: a Krylov space that is larger costs more than LAPACK
+CONVERGED = 1e-11  # residual of a root, of its theta
 
 
 class LowRankSum:
@@ -46,10 +53,14 @@ class WoodburyFactor:
     A : LowRankSum (n, n)
     refined : bool
         Where False, solutions are left unrefined if a trial shows that they lose nothing.
+    factor : RefinedFactor or None
+        Of the sparse part, where it is there already.
     """
 
-    def __init__(self, A: LowRankSum, refined: bool = True) -> None:
-        self._factor = factorise(A.sparse)
+    def __init__(
+        self, A: LowRankSum, refined: bool = True, factor: RefinedFactor | None = None
+    ) -> None:
+        self._factor = factorise(A.sparse) if factor is None else factor
         self._once = self._factor.solve if refined else self._factor.lean()
         self._A = A
         if len(A.d):
@@ -63,6 +74,61 @@ class WoodburyFactor:
         if len(self._A.d):
             x = x - self._X @ (self._core @ (self._A.U.T @ x))
         return x
+
+
+def roots_below(
+    M: sp.spmatrix, C: LowRankSum, K: LowRankSum, limit: float, factor: Factor | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """All roots with |lambda| <= limit [rad/s].
+
+    A Krylov space of the companion form (THEORY.md eq. (31)) grows, some states at a time, which
+    share passes through the factor, until all these roots and the next one have converged.
+
+    Parameters
+    ----------
+    M, C, K, factor
+        As for `smallest_roots`.
+
+    Returns
+    -------
+    lam : ndarray (m,) complex
+        Roots with a non-negative imaginary part, ascending in modulus, rad/s.
+    psi : ndarray (n, m) complex
+        Right eigenvectors of unit 2-norm.
+    """
+    n, scale = M.shape[0], limit / 2
+    size = FIRST if n > DENSE_LIMIT else 2 * n
+    if size <= LARGEST * 2 * n:
+        solver: Factor = WoodburyFactor(K, refined=False) if factor is None else factor
+        space = BlockKrylov(_companion_inverse(M, C, solver, scale), 2 * n, None)
+    while size <= LARGEST * 2 * n:
+        space.grow(size)
+        theta, y = la.eig(space.projected)
+        order = np.argsort(-np.abs(theta))
+        inside = int((np.abs(theta) >= scale / limit).sum())
+        if inside < space.size:
+            theta, y = theta[order[: inside + 1]], y[:, order[: inside + 1]]
+            if (space.left_out(y) <= CONVERGED * np.abs(theta)).all():
+                lam, y = scale / theta[:inside], y[:, :inside]
+                kept, lower = lam.imag >= 0, space.vectors[n:]
+                y = y[:, kept]
+                return one_of_each_pair(lam[kept], lower @ y.real + 1j * (lower @ y.imag))
+        size = space.size + max(2 * BLOCK, space.size // STEP)
+    return _dense_roots(M, C, K, 2 * n, limit)
+
+
+def _companion_inverse(
+    M: sp.spmatrix, C: LowRankSum, factor: Factor, scale: float
+) -> Callable[[np.ndarray], np.ndarray]:
+    """The map of [x; y] to theta [x; y] of THEORY.md eq. (31), for vectors and blocks."""
+    n = M.shape[0]
+
+    def apply(z: np.ndarray) -> np.ndarray:
+        # theta x = y,  K (theta y) = -(s C y + s^2 M x), in time scaled by s
+        x, y = z[:n], z[n:]
+        return np.concatenate([y, -factor.solve(scale * (C @ y) + scale**2 * (M @ x))])
+
+    return apply
 
 
 def smallest_roots(
@@ -103,12 +169,7 @@ def smallest_roots(
     if n <= DENSE_LIMIT:
         return _dense_roots(M, C, K, n_roots)
     solver: Factor = WoodburyFactor(K, refined=False) if factor is None else factor
-
-    def apply(z: np.ndarray) -> np.ndarray:
-        # theta x = y,  K (theta y) = -(s C y + s^2 M x), in time scaled by s
-        x, y = z[:n], z[n:]
-        return np.concatenate([y, -solver.solve(scale * (C @ y) + scale**2 * (M @ x))])
-
+    apply = _companion_inverse(M, C, solver, scale)
     operator = spla.LinearOperator((2 * n, 2 * n), matvec=apply, dtype=float)
     v0 = np.random.default_rng(0).standard_normal(2 * n)
     try:
@@ -121,10 +182,10 @@ def smallest_roots(
 
 
 def _dense_roots(
-    M: sp.spmatrix, C: LowRankSum, K: LowRankSum, n_roots: int
+    M: sp.spmatrix, C: LowRankSum, K: LowRankSum, n_roots: int, limit: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same by LAPACK, for models too small for ARPACK."""
+    """The `n_roots` smallest roots up to a limit by LAPACK, for models too small for the others."""
     one = np.eye(M.shape[0])
     lam, psi = right_pairs(C @ one, K @ one, M.toarray())
     first = np.argsort(np.abs(lam))[:n_roots]
-    return one_of_each_pair(lam[first], psi[:, first])
+    return one_of_each_pair(lam[first], psi[:, first], (0.0, limit))

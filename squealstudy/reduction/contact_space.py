@@ -186,15 +186,13 @@ def contact_space(
     solve = factor.lean()
     loads = np.column_stack([assembly.load, assembly.constant_load])
     rows = rows or ContactRows.of(c)
-    normal, Z, r = rows.normal, rows.Z, len(rows.Z)
-    C_NN, C_TN, C_Nf = np.empty((r, r)), np.empty((len(rows.sliding), r)), np.empty((r, 2))
-    for i in range(0, r, WIDE):
-        part = slice(i, min(i + WIDE, r))
-        forces = np.zeros((assembly.n_dof, part.stop - i))
-        forces[normal] = Z[part].T
-        X = solve(forces)
+    of_loads: list[np.ndarray] = []
+
+    def seen(X: np.ndarray) -> None:
         told(X)
-        C_NN[:, part], C_TN[:, part], C_Nf[part] = Z @ X[normal], rows.slid(X), X.T @ loads
+        of_loads.append(X.T @ loads)
+
+    C_NN, C_TN = contact_compliances(rows, solve, assembly.n_dof, seen)
     shapes = shapes() if callable(shapes) else shapes
     X_U = solve(shapes) if shapes.shape[1] else shapes
     told(X_U)
@@ -206,14 +204,36 @@ def contact_space(
         speed_factor=c.speed_factor,
         S_N=rows.S_N,
         S_T=rows.S_T,
-        C_NN=(C_NN + C_NN.T) / 2,
+        C_NN=C_NN,
         C_TN=C_TN,
-        C_Nf=C_Nf,
-        C_NU=Z @ X_U[normal],
+        C_Nf=np.vstack(of_loads),
+        C_NU=rows.Z @ X_U[rows.normal],
         C_TU=rows.slid(X_U),
         C_fU=loads.T @ X_U,
         C_UU=shapes.T @ X_U,
     )
+
+
+def contact_compliances(
+    rows: ContactRows,
+    solve: Callable[[np.ndarray], np.ndarray],
+    n_dof: int,
+    told: Callable[[np.ndarray], None] = lambda X: None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Z_N A^-1 Z_N^T (r, r) and Z_T A^-1 Z_N^T (t, r) of a symmetric A, by its solves.
+
+    `told` is told the responses A^-1 Z_N^T (n_dof, k), some columns at a time.
+    """
+    normal, Z, r = rows.normal, rows.Z, len(rows.Z)
+    C_NN, C_TN = np.empty((r, r)), np.empty((len(rows.sliding), r))
+    for i in range(0, r, WIDE):
+        part = slice(i, min(i + WIDE, r))
+        forces = np.zeros((n_dof, part.stop - i))
+        forces[normal] = Z[part].T
+        X = solve(forces)
+        told(X)
+        C_NN[:, part], C_TN[:, part] = Z @ X[normal], rows.slid(X)
+    return (C_NN + C_NN.T) / 2, C_TN
 
 
 def independent_columns(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -13,10 +13,11 @@ from squealstudy.engine.cache import Prepared, load_any
 from squealstudy.errors import SquealstudyError
 from squealstudy.machine import give_back_memory
 from squealstudy.models.assembly import Assembly
+from squealstudy.modes.full_order.contact_factor import HeldStiffness
 from squealstudy.modes.full_order.modes import full_order_modes, solve_family_point
 from squealstudy.modes.point import PointModes
 from squealstudy.reduction.cmt import ComponentModes, ReductionSettings, component_modes
-from squealstudy.reduction.prepared import PreparedFamily
+from squealstudy.reduction.prepared import PreparedFamily, mean_contact_stiffness
 from squealstudy.root_pairs import FullOrderPairs, paired_with_full_order
 from squealstudy.study.design import DesignPoint
 
@@ -82,6 +83,7 @@ def reference_roots(reference: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarra
 
 # by structure, and whether component modes go with it
 _built: dict[tuple[str, bool], tuple[Assembly, Mapping[str, ComponentModes]]] = {}
+_held: dict[str, HeldStiffness] = {}  # by structure: of large ones
 
 
 def solve_unreduced(
@@ -109,7 +111,14 @@ def solve_unreduced(
         return solve_family_point(prepared, design.plain_values(), band_hz, check)
     assembly, modes = unreduced_assembly(design, settings)
     state, cutoff = design.state(), settings.damped_to
-    return full_order_modes(prepared, assembly, modes, state, band_hz, cutoff)
+    held = None
+    if HeldStiffness.pays(assembly):
+        if design.structure not in _held:
+            _held.clear()
+            stiffness = mean_contact_stiffness(assembly, state.operating)
+            _held[design.structure] = HeldStiffness.of(assembly, stiffness)
+        held = _held[design.structure]
+    return full_order_modes(prepared, assembly, modes, state, band_hz, cutoff, held)
 
 
 def unreduced_assembly(

@@ -16,26 +16,26 @@ from squealstudy.linalg.band_roots import (
     pair_residuals,
     roots_in_band,
 )
-from squealstudy.linalg.factor import factorise
+from squealstudy.linalg.factor import RefinedFactor, factorise
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.sparse_qep import (
     DENSE_LIMIT,
     LowRankSum,
     WoodburyFactor,
-    smallest_roots,
+    roots_below,
 )
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.matrices.expression import ExpressionError
 from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.models.operating import DesignState
+from squealstudy.modes.full_order.contact_factor import ContactFactor, HeldStiffness
 from squealstudy.modes.point import PointModes, angular_band, oscillating_first, state_working_point
-from squealstudy.reduction.cmt import ComponentModes, ReducedModel
+from squealstudy.reduction.cmt import ComponentModes
 from squealstudy.reduction.orthonormal import new_directions
 from squealstudy.reduction.prepared import (
     PreparedFamily,
     PreparedModel,
-    contact_stiffness,
     unit_shapes,
 )
 from squealstudy.reduction.working_point import WorkingPoint
@@ -50,8 +50,6 @@ from squealstudy.system.linearise import (
 from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights
 
 FULL = "full"
-FIRST_ROOTS = 120  # asked for where their number is not known
-MORE_ROOTS = 10  # than expected, at least: one must lie beyond the band
 DEPENDENT = 1e-6  # static responses that add less to real modes, of the largest, are left out
 CHECK_SHIFT = 0.013  # of the band's top: about which the check factorises, off the solution's own
 UNDEFINED = "undefined"  # status of a point where a coefficient has no value
@@ -73,6 +71,8 @@ class FullOrderSystem:
         Damping, modal damping among it, and non-symmetric stiffness.
     omega, phi : ndarray (m,), (n_dof, m)
         Real modes whose modal damping is their own, mass-normalised; none without it.
+    factor : RefinedFactor or None
+        Of the sparse part of K, where it is there already.
     """
 
     assembly: Assembly
@@ -84,6 +84,7 @@ class FullOrderSystem:
     K: LowRankSum
     omega: np.ndarray
     phi: np.ndarray
+    factor: RefinedFactor | None = None
 
     @property
     def pencil(self) -> QuadraticPencil:
@@ -97,6 +98,7 @@ def full_order_system(
     point: WorkingPoint,
     state: DesignState,
     damped_to_hz: float,
+    held: HeldStiffness | None = None,
 ) -> FullOrderSystem:
     """The unreduced assembly about a working point (THEORY.md eq. (17), (19)).
 
@@ -108,6 +110,8 @@ def full_order_system(
     ----------
     modes : mapping of component -> ComponentModes
         Of the components whose modes the state changes or damps.
+    held : HeldStiffness or None
+        Of the assembly, in place of factors of this design point's own.
 
     Raises
     ------
@@ -120,7 +124,8 @@ def full_order_system(
     terms, M = structure.system.terms, assembly.M
     omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
     if state.damping_ratio or any(state.assembly_damping.values()):
-        omega, phi = _real_modes(M, structure.system.sparse_sum(named, SYMMETRIC), damped_to_hz)
+        K_sym = structure.system.sparse_sum(named, SYMMETRIC)
+        omega, phi = _real_modes(M, K_sym, damped_to_hz, _factor(held, K_sym, named, 0.0))
         dampers, beyond = 2.0 * state.assembly_damping_ratios(len(omega)) * omega, 0.0
         if len(omega) < assembly.n_dof:  # the others have one coefficient
             beyond = 4.0 * np.pi * state.damping_ratio * damped_to_hz
@@ -138,21 +143,32 @@ def full_order_system(
         K=K,
         omega=omega,
         phi=phi,
+        factor=_factor(held, K, named, 1.0),
     )
 
 
+def _factor(
+    held: HeldStiffness | None, K: LowRankSum, weights: StructureWeights, friction: float
+) -> RefinedFactor | None:
+    """A factor of the sparse part of a stiffness with or without friction (1 or 0)."""
+    if held is None:
+        return None
+    return ContactFactor(held, K.sparse, weights.normal, friction * weights.coupling)
+
+
 def _real_modes(
-    M: sp.csr_matrix, K_sym: LowRankSum, cutoff_hz: float
+    M: sp.csr_matrix, K_sym: LowRankSum, cutoff_hz: float, factor: RefinedFactor | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Real modes (omega, phi) up to a cutoff.
+    """Real modes (omega, phi) up to a cutoff; the factor, if any, is that of the sparse stiffness.
 
     With a low-rank part U diag(d) U^T of the stiffness by Rayleigh-Ritz, on the modes without it
     and on its static responses K^-1 U.
     """
-    omega, phi = real_modes(M, K_sym.sparse, cutoff_hz)
+    shift = None if factor is None else 0.0
+    omega, phi = real_modes(M, K_sym.sparse, cutoff_hz, factor, shift)
     if not len(K_sym.d):
         return omega, phi
-    static = factorise(K_sym.sparse).solve(K_sym.U)
+    static = (factor or factorise(K_sym.sparse)).solve(K_sym.U)
     static = static / np.sqrt(np.einsum("ij,ij->j", static, M @ static))
     X = np.hstack([phi, new_directions(M, phi, static, DEPENDENT)])
     w2, y = la.eigh(X.T @ (K_sym @ X))
@@ -160,50 +176,16 @@ def _real_modes(
     return np.sqrt(np.maximum(w2[kept], 0.0)), X @ y[:, kept]
 
 
-def full_order_roots(
-    system: FullOrderSystem, band: tuple[float, float], expected: int | None = None
-) -> BandRoots:
-    """All roots of the unreduced equations in a band.
-
-    Parameters
-    ----------
-    system : FullOrderSystem
-    band : (low, high)
-        rad/s.
-    expected : int or None
-        How many roots the band's top may have below it, conjugates included: all are found
-        whatever it says, soonest where it is close.
-
-    Raises
-    ------
-    ConvergenceError
-        Where ARPACK does not converge.
-    """
-    M = system.assembly.M
+def full_order_roots(system: FullOrderSystem, band: tuple[float, float]) -> BandRoots:
+    """All roots of the unreduced equations in a band (low, high), rad/s."""
+    M, C, K = system.assembly.M, system.C, system.K
     for refined in (False, True):  # the solves, where the roots without are not accurate
-        lam, psi = _roots_to(system, band[1], expected, refined)
-        found, doubt = judged_roots(M, system.C, system.K, lam, psi, band)
+        large = system.assembly.n_dof > DENSE_LIMIT
+        factor = WoodburyFactor(K, refined, system.factor) if large else None
+        found, doubt = judged_roots(M, C, K, *roots_below(M, C, K, band[1], factor), band)
         if doubt <= 1.0:
             break
     return found
-
-
-def _roots_to(
-    system: FullOrderSystem, limit: float, expected: int | None, refined: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """All roots up to `limit` [rad/s]: ask for more until one lies beyond."""
-    M, n = system.assembly.M, system.assembly.n_dof
-    most = 2 * n if n <= DENSE_LIMIT else 2 * n - 2
-    first = FIRST_ROOTS if expected is None else int(1.05 * expected) + MORE_ROOTS
-    n_roots = min(first, most)
-    factor = WoodburyFactor(system.K, refined) if n > DENSE_LIMIT else None
-    while True:
-        lam, psi = smallest_roots(M, system.C, system.K, n_roots, limit / 2, factor)
-        if np.abs(lam).max() > limit or n_roots >= most:
-            kept = np.abs(lam) <= limit
-            return lam[kept], psi[:, kept]
-        growth = (limit / np.abs(lam).max()) ** 1.5
-        n_roots = min(int(n_roots * growth) + 20, most)
 
 
 def full_order_modes(
@@ -213,6 +195,7 @@ def full_order_modes(
     state: DesignState,
     band_hz: tuple[float, float],
     damped_to_hz: float,
+    held: HeldStiffness | None = None,
 ) -> PointModes:
     """Complex modes of the unreduced assembly in a band, read as those of the reduced rungs.
 
@@ -223,14 +206,13 @@ def full_order_modes(
     Raises
     ------
     ConvergenceError
-        Where there is no working point, or ARPACK does not converge.
+        Where there is no working point.
     ParameterError
         Damping of an assembly mode beyond `damped_to_hz`.
     """
     point = state_working_point(prepared, state)
-    system = full_order_system(assembly, modes, point, state, damped_to_hz)
-    expected = expected_roots(prepared.model, point, band_hz[1])
-    found = full_order_roots(system, angular_band(band_hz), expected)
+    system = full_order_system(assembly, modes, point, state, damped_to_hz, held)
+    found = full_order_roots(system, angular_band(band_hz))
     order = oscillating_first(found.lam)
     lam, psi = found.lam[order], found.psi[:, order]
     seen = assembly.correspondence @ psi  # which may have no column: LAPACK alone refuses that
@@ -244,13 +226,6 @@ def full_order_modes(
         error_rung=found.error[order],
         method=FULL,
     )
-
-
-def expected_roots(model: ReducedModel, point: WorkingPoint, top_hz: float) -> int:
-    """How many roots lie below a frequency: twice the real modes of the reduced model."""
-    K = contact_stiffness(model, point.tangent)
-    limit = (2 * np.pi * top_hz) ** 2
-    return 2 * len(la.eigvalsh(K, subset_by_value=(-np.inf, limit)))
 
 
 def stiffness_residuals(system: FullOrderSystem, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:
