@@ -14,14 +14,18 @@ from scipy import ndimage
 from scipy.stats import norm
 
 import squealstudy as sq
+from squealstudy.cli import app as cli
 from squealstudy.cli.check_results import check_results
+from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.report import report, write_report
 from squealstudy.engine.results import Results
 from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import StudyFileError
+from squealstudy.kinds.design import in_time, rows
+from squealstudy.kinds.design.kind import request
 from squealstudy.kinds.design.loop import Loop
-from squealstudy.kinds.design.plan import MODES, ROOTS, Ask
+from squealstudy.kinds.design.plan import MODES, ROOTS, Ask, first_plan
 from squealstudy.kinds.design.rows import SCHEMA, design_row
 from squealstudy.kinds.design.state import MET_LINEAR, NONE_FOUND, Memory
 from squealstudy.kinds.design.study import DesignStudy
@@ -298,6 +302,36 @@ def test_runs_in_time_refuse_what_squeals_when_kicked(trap, tmp_path: Path) -> N
     assert "not checked: limit cycles" in facts["verdict"]
 
 
+@pytest.mark.parametrize(
+    ("friction", "damping", "starts"),
+    [
+        (0.9, 0.02, {in_time.TODAY: (0.9, 0.01), in_time.ELSEWHERE: (0.6, 0.01)}),
+        (0.6, 0.02, {in_time.TODAY: (0.6, 0.01)}),
+        (0.9, 0.01, {in_time.ELSEWHERE: (0.6, 0.01)}),  # it is today's design itself
+    ],
+)
+def test_runs_begin_on_vibrations_of_today(
+    tmp_path: Path, monkeypatch, friction: float, damping: float, starts: dict
+) -> None:
+    told = {}
+
+    def runs(point: DesignPoint, today: dict, *_: object) -> object:
+        told.update(
+            {k: (d.values["friction"], d.values["damping_ratio"]) for k, d in today.items()}
+        )
+        return None, []
+
+    monkeypatch.setattr(rows, "runs_in_time", runs)
+    plan = _study(SHIPPED.read_text(encoding="utf-8"), tmp_path)
+    plan = first_plan(plan)
+    plan.kind.build(plan, Workers())
+    point = plan.tasks[0]
+    values = {**point.values, "friction": friction, "damping_ratio": damping}
+    row = design_row(point.with_values(values), "in_time", request(plan), NewGaps())
+    assert told == starts
+    assert (row["verdict"], row["n_modes"]) == ("decays", 0)
+
+
 def test_the_verdict_says_what_the_tables_say(trap) -> None:
     text, designs = trap.manifest["design_study"]["verdict"], trap.table("designs")
     chosen = designs[designs["chosen"].to_numpy(bool)].iloc[0]
@@ -541,6 +575,16 @@ def test_what_a_file_may_not_say(
         sq.read_study(path)
     assert message in str(caught.value)
     assert key in str(caught.value)
+
+
+def test_check_tells_variables_from_what_scatters(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "study.toml"
+    text = _hoffmann("k1", "[-1e5, 1e5]", more=", probability = 0.9")
+    text += '[[uncertain]]\nparameter = "damping_ratio"\ndistribution = "normal"\n'
+    path.write_text(f"{text}mean = 0.01\nstd = 0.002\n")
+    cli.check(path, tmp_path / "results", jobs=1)
+    shown = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"k1 \S+ to \S+ N/m, searched damping_ratio \S+ to \S+, normal", shown)
 
 
 def test_bounds_with_units_are_differences(tmp_path: Path) -> None:

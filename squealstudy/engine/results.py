@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -24,7 +24,7 @@ from squealstudy.screen import as_text
 from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
 from squealstudy.tables.boundary_map import full_points, full_tables
 from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.wording import plural
+from squealstudy.wording import SUSTAINED, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.motion_shapes import EndMotion
@@ -209,6 +209,39 @@ class Results(ResultTables):
         self._give_units(table)
         table.attrs |= kept
         return table
+
+    def occurrence(
+        self,
+        bins_hz: Sequence[float],
+        bins: Sequence[float],
+        weights: Sequence[float] | None = None,
+    ) -> pd.DataFrame:
+        """At how many design points something squeals, by bins of frequency and level.
+
+        Of complex modes unstable ones, the level being their growth rate [1/s]; in time the leading
+        line of vibrations that last, the level being the RMS of the torque. See
+        tables.occurrence.occurrence.
+
+        Raises
+        ------
+        ResultsError
+            A kind of study without either; edges or weights that cannot be used.
+        """
+        from squealstudy.tables.occurrence import occurrence
+
+        points = self.points
+        if self.kind == "complex_modes" and self.boundary is None:
+            level, columns = "growth_rate", ["point_id", "frequency_hz", "growth_rate", "unstable"]
+            squeals = self.rows("modes", columns, lambda modes: modes["unstable"].to_numpy(bool))
+        elif self.kind == "transient":
+            level, own = "torque_rms", points[points["class"].isin(SUSTAINED).to_numpy(bool)]
+            squeals = own.rename(columns={"dominant_frequency_hz": "frequency_hz"})
+        else:
+            raise ResultsError(
+                f"{self.directory}: occurrence is of complex modes or of runs in time at design "
+                f"points, this is {self.kind} of a {self.design} design"
+            )
+        return occurrence(points, squeals, level, bins_hz, bins, weights)
 
     def compare(self, other: Results) -> pd.DataFrame:
         """What is predicted beside what happens in time: one study of each, in any order.

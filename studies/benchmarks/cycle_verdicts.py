@@ -6,7 +6,7 @@ Of each design of `cycle_truth.csv` the modes of the band that grow fastest or d
 2.9 and 5.3 kHz, where this brake squeals, are followed as by a study of limit cycles. A design has
 the verdict of these families alone. A line a family is printed as it is found. With `--in-time`
 those without an unstable mode are run in time as the proof of a design study runs them instead,
-today's design being that of the same friction and pressure.
+today's design being that of the same friction and pressure, and that of the nominal ones.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ import one_thread  # noqa: F401
 
 import numpy as np
 import pandas as pd
-from cycle_truth import BRAKE, RANGES, swept
+from cycle_truth import BRAKE, NOMINAL, RANGES, swept
 
 from squealstudy.cycles.families import Search, families
 from squealstudy.cycles.growth import linear_modes
 from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task
-from squealstudy.kinds.design.in_time import runs_in_time
+from squealstudy.kinds.design.in_time import ELSEWHERE, TODAY, runs_in_time
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest, request
 from squealstudy.modes.point import angular_band
 from squealstudy.study.definition import parse_study
@@ -58,7 +58,8 @@ def run_in_time(truth: pd.DataFrame) -> None:
     for (number, design), (asked, point) in zip(silent.iterrows(), designs(silent), strict=True):
         began = time.process_time()
         today = point.with_values({**point.values, **scales})  # noqa: PD011 - no pandas
-        _, runs = runs_in_time(point, today, asked, NewGaps())
+        starts = {TODAY: today, ELSEWHERE: today.with_values({**today.values, **NOMINAL})}  # noqa: PD011
+        _, runs = runs_in_time(point, starts, asked, NewGaps())
         decayed = sum(run.found == STABLE for run in runs)
         print(
             f"{number}: {design['truth']} | {decayed} of {len(runs)} decay; "

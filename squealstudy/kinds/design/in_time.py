@@ -1,4 +1,4 @@
-"""A design in time at one operating point: from today's vibration, and kicked.
+"""A design in time at one operating point: from today's vibrations, and kicked.
 
 Complex modes cannot tell that a design which decays from small motions lasts from large ones, and
 what is found of limit cycles may leave out a cycle apart. Each start here is a run: it decays, or
@@ -7,7 +7,7 @@ it does not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,8 +37,10 @@ LOOKS = 40  # at a run, evenly over the longest time
 TOLERANCE = 0.02  # of levels, at which a run that lasts may end
 LEAD = 0.02  # of the sliding speed: where the run of today's design begins
 SIZES = (1.0, 0.25)  # of kicks, of the reach of [limit_cycles]
-KICKED = 3  # modes
+KICKED = 4  # modes
 TODAY = "today's vibration"
+ELSEWHERE = f"{TODAY} of [parameters]"
+TURN = 2 * np.pi
 LASTS, DECAYS, UNDECIDED = "lasts", "decays", "undecided"  # what all runs of a point come to
 
 
@@ -70,7 +72,7 @@ class Run:
 
 
 def runs_in_time(
-    point: DesignPoint, today: DesignPoint | None, asked: CyclesRequest, gaps: NewGaps
+    point: DesignPoint, today: Mapping[str, DesignPoint], asked: CyclesRequest, gaps: NewGaps
 ) -> tuple[WorkingPoint, list[Run]]:
     """A design at an operating point, from every start.
 
@@ -80,8 +82,8 @@ def runs_in_time(
     Parameters
     ----------
     point : DesignPoint
-    today : DesignPoint or None
-        Today's design there, where it has the same structure.
+    today : mapping of str -> DesignPoint
+        Today's design there and elsewhere, of the same structure, by what its vibration is called.
 
     Raises
     ------
@@ -90,12 +92,12 @@ def runs_in_time(
     """
     steady, contact = asked.contact(point, gaps)
     names, starts, near = [], [], []
-    if today is not None:
-        _, was = asked.contact(today, gaps)
-        near = (np.abs(was.point.growing.lam) / (2 * np.pi)).tolist()
+    for name, design in today.items():
+        _, was = asked.contact(design, gaps)
+        near += (np.abs(was.point.growing.lam[: was.point.growing.n_unstable]) / TURN).tolist()
         motion = _today(point, was, asked)
         if motion is not None:
-            names.append(TODAY)
+            names.append(name)
             starts.append(replace(contact.point, q0=motion.q, v0=motion.v, continued=True))
     for name, start in _kicks(contact, near, asked):
         names.append(name)
@@ -121,7 +123,7 @@ def _kicks(
     inside = np.flatnonzero((np.abs(lam) >= low) & (np.abs(lam) <= high) & (lam.imag > 0))
     if not len(inside):
         return
-    zeta, hz = -lam.real / np.abs(lam), np.abs(lam) / (2 * np.pi)
+    zeta, hz = -lam.real / np.abs(lam), np.abs(lam) / TURN
     wanted = [int(inside[np.argmin(np.abs(hz[inside] - f))]) for f in near]
     wanted += [int(k) for k in inside[np.argsort(zeta[inside], kind="stable")]]
     largest = asked.section.reach * abs(contact.point.speed)
@@ -146,7 +148,7 @@ def _run(
     omega2 = contact.system.omega2[: reference.n_exact]
     section = TransientSection(friction=asked.section.friction)
     system = replace(contact.system, sensed=sensed_modes(section, omega2, asked.band_hz))
-    top = float(np.sqrt(omega2[system.sensed[-1] - 1])) / (2 * np.pi)
+    top = float(np.sqrt(omega2[system.sensed[-1] - 1])) / TURN
     settings = MotionSettings(
         duration=LONGEST / top,
         step=1.0 / (STEPS * top),

@@ -274,6 +274,7 @@ def request(plan: Plan) -> DesignRequest:
         ),
         sizes=sizes(_own(plan).design_study),
         today=today_values(_own(plan).design_study),
+        operation=nominal_operation(_own(plan).design_study),
     )
 
 
@@ -287,6 +288,12 @@ def today_values(study: DesignStudy) -> dict[str, float] | None:
     if any(v.parameter.structural for v in study.variables):
         return None
     return {v.name: v.nominal for v in study.variables}
+
+
+def nominal_operation(study: DesignStudy) -> dict[str, float]:
+    """Values in [parameters] of what is swept and not of the structure."""
+    swept = (s.parameter for s in study.sweeps[: study.n_operating])
+    return {p.name: study.value_of(p) for p in swept if not p.structural}
 
 
 def cyclic(plan: Plan) -> bool:

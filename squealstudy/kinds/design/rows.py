@@ -30,7 +30,14 @@ from squealstudy.kinds.complex_modes.full_order_check import (
     check_reference,
     reference_roots,
 )
-from squealstudy.kinds.design.in_time import DECAYS, LASTS, UNDECIDED, runs_in_time
+from squealstudy.kinds.design.in_time import (
+    DECAYS,
+    ELSEWHERE,
+    LASTS,
+    TODAY,
+    UNDECIDED,
+    runs_in_time,
+)
 from squealstudy.kinds.design.plan import CYCLES, FULL, IN_TIME, MODES
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest
 from squealstudy.kinds.limit_cycles.kind import cycles_row
@@ -123,6 +130,8 @@ class DesignRequest:
         Ranges of the structural variables.
     today : mapping of str -> float or None
         Today's values of the variables; None where one of them is of the structure.
+    operation : mapping of str -> float
+        Values in [parameters] of what is swept and not of the structure.
     """
 
     parameters: tuple[RequestedParameter, ...]
@@ -133,6 +142,7 @@ class DesignRequest:
     cycles: CyclesRequest
     sizes: Mapping[str, float]
     today: Mapping[str, float] | None
+    operation: Mapping[str, float]
 
 
 def design_row(
@@ -314,8 +324,12 @@ def _full(point: DesignPoint, request: DesignRequest) -> dict[str, Any]:
 
 def _in_time(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[str, Any]:
     """Whether all runs of a design decay; modes are starts here, unstable those that do not."""
-    values = {**point.values, **(request.today or {})}
-    today = point.with_values(values) if values != point.values else None
+    today: dict[str, DesignPoint] = {}
+    if request.today is not None:
+        values = {**point.values, **request.today}
+        for name, own in ((TODAY, values), (ELSEWHERE, {**values, **request.operation})):
+            if own != point.values and all(own != known.values for known in today.values()):
+                today[name] = point.with_values(own)
     steady, runs = runs_in_time(point, today, request.cycles, gaps)
     lasting = [run for run in runs if run.found in LASTING]
     others = sum(run.found != STABLE for run in runs)
