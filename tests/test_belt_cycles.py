@@ -11,8 +11,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
 from squealstudy.cycles.branch import TURN, branch
+from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.families import Search, families
+from squealstudy.cycles.families import families
 
 W, FORCE, XI = 200 * np.pi, 200 * np.pi, 0.05  # the model's defaults, mass 1 kg
 DYNAMIC, RATIO, FALL = 0.5, 2.0, 0.5

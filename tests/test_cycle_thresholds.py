@@ -8,29 +8,24 @@ import cycle_models as models
 import numpy as np
 import pytest
 
+from squealstudy.cycles.curve import CurveMotion
+from squealstudy.cycles.cycle import Cycle, Search
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import (
     IF_KICKED,
     NO_CYCLE,
-    Cycle,
+    SQUEALS,
+    UNDECIDED,
     Family,
     Followed,
-    Search,
     _judged,
     families,
 )
 from squealstudy.cycles.floquet import Floquet
-from squealstudy.cycles.growth import STILL, linear_modes
+from squealstudy.cycles.growth import STILL, SecondLook, linear_modes
 from squealstudy.cycles.harmonics import series_at
-from squealstudy.cycles.kicked import (
-    DECAYS,
-    GROWS,
-    PHASES,
-    Trials,
-    kick_along_mode,
-    kicks,
-    state_of,
-)
+from squealstudy.cycles.in_time import DECAYS, GROWS, LASTS, Trials, lasting, state_of
+from squealstudy.cycles.kicked import PHASES, decided_in_time, kick_along_mode, kicks
 
 SEED = 11
 DRAWN = {  # values, contact law, ranges of what is drawn, saturation [m/s], kind of friction
@@ -92,10 +87,66 @@ def test_below_a_threshold_motions_decay_and_above_it_they_grow(name, count):
         assert trials.outcomes(starts) == [DECAYS, GROWS]
 
 
-def cycle(multipliers, errors, status="ok"):
+MOTION = PeriodicMotion(np.array([[0.0], [1.0], [0.0]]), 1.0, 1.0)
+
+
+def cycle(multipliers, errors, status="ok", error=0.0):
     found = Floquet(np.array([*multipliers, 1.0]), np.eye(2), np.array([*errors, 1e-6]), 1.0)
     levels = {"contact_velocity": 1.0, "torque_rms": 1.0}
-    return Cycle(None, found, levels, np.zeros(0), 0.0, 0.0, 0.0, 2, 0.0, status)
+    return Cycle(None, found, levels, np.zeros(0), error, 0.0, 0.0, 2, 0.0, status)
+
+
+@pytest.fixture(scope="module")
+def hoffmann():
+    """Hoffmann's model with a saddle below a stable cycle, and the family of both."""
+    contact = models.Designs("hoffmann", models.BISTABLE).at()
+    search = Search(None, 1e-2, 1.2 * abs(contact.point.speed))
+    found = families(contact, (1.0, 1e6), None, 1e-9, search)
+    return contact, found, next(f for _, f in found.families if f.threshold is not None)
+
+
+def test_a_run_from_a_cycle_lasts_or_decays(hoffmann):
+    contact, _, family = hoffmann
+    level, hz = family.loudest.levels["torque_rms"], family.loudest.motion.omega / (2 * np.pi)
+    for motion, factor in ((family.loudest.motion, 1.0), (family.threshold.motion, 1.1)):
+        run = lasting(contact, motion, "", factor)
+        assert run.outcome == LASTS
+        assert run.torque_rms == pytest.approx(level, rel=5e-3)
+        assert run.spread < 1e-2
+        assert run.frequency_hz == pytest.approx(hz, rel=1e-3)
+    gone = lasting(contact, family.threshold.motion, "", 0.9)
+    assert gone.outcome == DECAYS
+    assert np.isnan(gone.torque_rms)
+
+
+def test_what_cycles_leave_open_runs_decide(hoffmann):
+    """A cycle too inexact to be called stable lasts in time; above a saddle alone, too."""
+    contact, found, family = hoffmann
+    vague = replace(family.loudest, level_error=0.5, status="inaccurate")
+    faint = replace(family.threshold, level_error=0.5, status="inaccurate")
+    quiet = replace(family, cycles=(faint,), verdict=UNDECIDED, reason="?", threshold=None)
+    small = replace(quiet.cycles[0], motion=replace(faint.motion, Q=0.3 * faint.motion.Q))
+    for cycles, verdict, told in (
+        ((vague,), IF_KICKED, "a run in time from the cycle lasts"),
+        ((family.threshold,), IF_KICKED, "above the unstable cycle lasts"),
+        ((small,), UNDECIDED, "a run from the cycle decays"),
+    ):
+        open_ = found._replace(families=[(1, replace(quiet, cycles=cycles))])
+        ((_, judged),) = decided_in_time(contact, open_).families
+        assert judged.verdict == verdict
+        assert told in judged.reason
+        assert "?" in judged.reason
+        assert np.isfinite(judged.run.torque_rms) == (verdict == IF_KICKED)
+        assert kicks(contact, found._replace(families=[(1, judged)]), 1.0) == {}
+    look = SecondLook(7, 3, open=[replace(family.loudest.motion, mu=-1.0)])
+    open_ = found._replace(families=[(1, replace(quiet, cycles=(), look=look))])
+    ((_, judged),) = decided_in_time(contact, open_).families
+    assert "from the motion that lacks least damping lasts" in judged.reason
+    for unstable in (
+        found._replace(unstable_outside=True),
+        found._replace(families=[*open_.families, (2, replace(quiet, verdict=SQUEALS))]),
+    ):
+        assert decided_in_time(contact, unstable) is unstable
 
 
 @pytest.mark.parametrize(
@@ -113,22 +164,53 @@ def test_a_threshold_is_one_saddle(below, told):
     """Of a multiplier within its error of the circle nobody knows on which side it is."""
     stable = cycle([0.5, 0.4], [1e-3, 1e-3])
     family = Family(-1 + 10j, (*below, stable), 0, [], "far")
-    found = _judged(family, False, False, Search(None, 1e-2, 1.0))
+    found = _judged(family, False, False)
     assert found.verdict == IF_KICKED
     assert (found.threshold is None) == bool(told)
     assert told in found.reason
-    lost = _judged(replace(family, lost=1), False, False, Search(None, 1e-2, 1.0))
+    lost = _judged(replace(family, lost=1), False, False)
     assert lost.threshold is None
-    unstable = _judged(family, False, True, Search(None, 1e-2, 1.0))
+    unstable = _judged(family, False, True)
     assert unstable.threshold is None
     assert "another mode is unstable" in unstable.reason
 
 
+@pytest.mark.parametrize(("error", "attracts"), [(1e-3, True), (0.09, True), (0.11, None)])
+def test_a_cycle_that_is_too_inexact_is_neither_stable_nor_not(error, attracts):
+    """Its level has a status of its own, and a threshold has no share of it."""
+    stable = cycle([0.5, 0.4], [1e-3, 1e-3], "ok" if error < 1e-2 else "inaccurate", error)
+    assert stable.attracts is attracts
+    saddle = cycle([1.2, 0.5], [1e-3, 1e-3])
+    found = _judged(Family(-1 + 10j, (saddle, stable), 0, [], "far"), False, False)
+    assert found.verdict == (IF_KICKED if attracts else UNDECIDED)
+    assert (found.threshold is not None) == (error < 1e-2)
+
+
 def test_where_none_was_found_the_reason_says_what_was_searched():
-    found = _judged(Family(-1 + 10j, (), 0, [], "far"), False, False, Search(None, 1e-2, 1.5))
+    curve = [{"contact_velocity": 1.5, "added_damping": -1.0}]
+    family = Family(-1 + 10j, (), 0, curve, "far", SecondLook(7, 4))
+    found = _judged(family, False, False)
     assert found.verdict == NO_CYCLE
-    assert "none on this mode's curve up to 1.5 m/s" in found.reason
+    assert "none on this mode's curve up to 1.5 m/s, 4 places of it with up to 7" in found.reason
     assert "a cycle apart from it is not excluded" in found.reason
+    left = _judged(replace(family, end="damped"), False, False)
+    assert "2 % of damping missing" in left.reason
+
+
+@pytest.mark.parametrize(
+    ("look", "end", "told"),
+    [
+        (None, "far", "grows at some amplitude"),
+        (SecondLook(7, 4, open=[MOTION]), "far", "1 amplitudes at which more harmonics leave"),
+        (SecondLook(7, 4, [[CurveMotion(MOTION, 0.0, 0.0)]]), "far", "grows at some amplitude"),
+        (SecondLook(7, 4), "steps", "lost at 1.5 m/s: steps"),
+    ],
+)
+def test_what_was_not_searched_with_more_harmonics_is_undecided(look, end, told):
+    curve = [{"contact_velocity": 1.5, "added_damping": -1.0}]
+    found = _judged(Family(-1 + 10j, (), 0, curve, end, look), False, False)
+    assert found.verdict == UNDECIDED
+    assert told in found.reason
 
 
 def test_motions_that_come_to_a_standstill_are_no_cycles():

@@ -8,15 +8,24 @@ import cycle_models as models
 import numpy as np
 import pytest
 import scipy.linalg as la
+from scipy.integrate import solve_ivp
 
 from squealstudy.cycles.balance import balanced, imbalance
 from squealstudy.cycles.branch import HOPF, TURN, branch
 from squealstudy.cycles.continuation import Steps, follow
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
 from squealstudy.cycles.floquet import floquet, monodromy
-from squealstudy.cycles.growth import FAR, growth_curve, refined
+from squealstudy.cycles.growth import (
+    FAR,
+    family_curve,
+    growth_curve,
+    linear_motion,
+    looked_again,
+    refined,
+)
 from squealstudy.cycles.harmonics import derivative, sampling, series_at, with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
+from squealstudy.cycles.projection import Projection
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
@@ -251,6 +260,53 @@ def test_quintic_oscillator_folds():
     assert fold.motion.mu == pytest.approx(0.124993, abs=5e-7)
     assert hopf.motion.mu == pytest.approx(0.0, abs=1e-8)
     assert fold.multipliers.stable is None  # two multipliers at one: neither can be said
+
+
+def stiffened(x, v, nu, k):
+    """x'' + (nu - x^2 + x^4) x' + x + k x^3 = 0."""
+    f, by_x, by_v = models.quintic(x, v, nu)
+    return f - k * x**3, by_x - 3 * k * x**2, by_v
+
+
+@pytest.mark.parametrize(("k", "lasting"), [(2.0, True), (-0.4, False)])
+def test_more_harmonics_see_a_cycle_that_one_does_not(k, lasting):
+    """The third harmonic of the stiffness feeds or damps what one harmonic calls all but neutral.
+
+    By one harmonic added damping is a^2 / 4 - a^4 / 8 - nu, whatever k: no cycle beyond nu = 1/8.
+    """
+    nu = 0.127
+    osc = models.scalar_oscillator(stiffened, nu, k)
+
+    def motion(_, y):
+        return [y[1], -y[0] + float(stiffened(y[0], y[1], nu, k)[0])]
+
+    run = solve_ivp(motion, (0.0, 600.0), [1.15, 0.0], rtol=1e-9, atol=1e-11, max_step=0.1)
+    late = run.y[0][run.t > 585.0]
+    assert (np.abs(late).max() > 0.5) == lasting
+    lam, psi = models.linear_modes(osc)
+    projection = Projection(osc, psi[:, 0], lam[0].imag)
+    start = linear_motion(psi[:, 0], lam[0], projection.weight, 1e-3)
+
+    def stop(motion):
+        return FAR if np.abs(motion.Q).max() > 1.4 else ""
+
+    curve, end = family_curve(projection, start, stop, Steps(0.1, largest=0.2))
+    assert end == FAR
+    assert 1 / 8 - nu - 0.01 < max(p.motion.mu for p in curve) < 1 / 8 - nu + 1e-6
+    look = looked_again(projection, curve, (5, 9))
+    assert look.grows == lasting
+    assert not look.open
+    assert look.harmonics >= 5
+    cycles = [p.motion for piece in look.pieces for p in piece if p.event == "C"]
+    assert len(cycles) == 2 * lasting
+    if lasting:
+        inner, outer = (refined(CycleEquations(osc, 25, c.omega), c)[0] for c in cycles)
+        theta = 2 * np.pi * np.arange(4096) / 4096
+        peaks = [np.abs(series_at(theta, 25)[0] @ c.Q).max() for c in (inner, outer)]
+        assert peaks[0] < peaks[1]
+        assert peaks[1] == pytest.approx(np.abs(late).max(), rel=1e-3)
+        assert floquet(osc, outer).stable
+        assert floquet(osc, inner).instability == "fold"
 
 
 def test_monodromy_of_a_linear_oscillator_is_an_exponential():

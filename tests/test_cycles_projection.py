@@ -49,7 +49,11 @@ def found(osc, harmonics=5):
     projection, lam, phi = of_fastest_mode(osc)
     start = linear_motion(phi, lam, projection.weight, 1e-3)
     start = PeriodicMotion(with_harmonics(start.Q, harmonics), start.omega, start.mu)
-    curve, end = family_curve(projection, start, lambda m: np.abs(m.Q).max() > 4.0, STEPS)
+
+    def far(motion):
+        return "far" if np.abs(motion.Q).max() > 4.0 else ""
+
+    curve, end = family_curve(projection, start, far, STEPS)
     assert end == "far"
     (zero,) = [p for p in curve if p.event == "C"]
     return projection, zero.motion

@@ -122,7 +122,8 @@ def test_silent_designs_and_outside_validity(tmp_path):
     }
     quiet = solved(plan_of(study([0.2], **changes), STUDY), tmp_path / "quiet").points.iloc[0]
     assert quiet["verdict"] == "no_cycle_found"
-    assert "up to 0.2 m/s" in quiet["reason"]
+    assert "up to 0.2" in quiet["reason"]  # a step further
+    assert "with up to 7 harmonics" in quiet["reason"]
 
 
 @pytest.mark.parametrize(
@@ -160,7 +161,19 @@ def test_points_that_cannot_be_searched_say_why(tmp_path):
     results = solved(plan_of(study([0.6], **changes), STUDY), tmp_path / "few")
     assert set(results.table("cycles")["status"]) == {"inaccurate"}
     assert results.table("cycles")["stable"].isna().all()
+    assert results.points["verdict"].tolist() == ["squeals_if_kicked"]  # by a run in time
+    decided = results.table("verdicts").set_index("run_status").loc["lasts"]
+    assert "a run in time from the cycle lasts" in decided["reason"]
+    exact = solved(plan_of(study([0.6]), STUDY), tmp_path / "exact").points.iloc[0]
+    for name in ("torque_rms", "frequency_hz"):
+        assert results.points[name].iloc[0] == pytest.approx(exact[name], rel=5e-3)
+    assert results.points["level_error"].iloc[0] < 1e-2
+    off = {
+        "few": ("tolerance = 1e-3", "harmonics = 2\ntolerance = 1e-6\nundecided_in_time = false")
+    }
+    results = solved(plan_of(study([0.6], **off), STUDY), tmp_path / "off")
     assert results.points["verdict"].tolist() == ["undecided"]
+    assert set(results.table("verdicts")["run_status"]) == {""}
 
 
 def test_modes_that_were_not_followed_are_told(tmp_path):
@@ -202,7 +215,7 @@ def test_cycles_of_which_more_harmonics_are_lost_are_inaccurate(tmp_path, monkey
     assert set(lost["n_harmonics"]) == {7}
     assert (lost["level_error"] > 1e-7).all()
     assert np.isfinite(lost["level_error"]).all()
-    assert lost["stable"].isna().all()
+    assert (lost["stable"].notna() == (lost["level_error"] < 0.1)).all()
     monkeypatch.setattr(Projection, "improve", failing(5))
     results = solved(plan_of(study([0.6], **changes), STUDY), tmp_path / "five")
     assert len(results.table("cycles")) == 0

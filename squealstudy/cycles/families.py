@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,99 +16,34 @@ import numpy as np
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.curve import CurveMotion
+from squealstudy.cycles.cycle import LADDER, OK, Cycle, Search, cycle_near, same_cycle
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.growth import (
+    DAMPED,
     FAR,
-    SLOWEST,
-    STILL,
     ZERO,
+    SecondLook,
     family_curve,
     linear_modes,
     linear_motion,
+    looked_again,
 )
 from squealstudy.cycles.harmonics import with_harmonics
+from squealstudy.cycles.in_time import Lasting
 from squealstudy.cycles.projection import Projection
 from squealstudy.errors import ConvergenceError
 
 SQUEALS, IF_KICKED = "squeals", "squeals_if_kicked"
 NO_CYCLE, UNDECIDED = "no_cycle_found", "undecided"
 VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NO_CYCLE)  # of a design the first of its families'
-OK, INACCURATE = "ok", "inaccurate"
 NOT_FOLLOWED = "not_followed"  # end of a curve that was not asked for
+SEARCHED = (FAR, DAMPED)  # ends of curves that were followed as far as there is hope
+HOPELESS = 0.02  # damping ratio missing, beyond small motions', at which large models are left
+MORE = 2  # numbers of harmonics with which they are looked at again
 CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of projected ones
-LADDER = (5, 7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
-PROJECTED_LADDER = LADDER[:3]  # on projected models, where more cost seconds each
-HOPELESS = 2.5  # times the tolerance: an error that half as many harmonics again do not mend
-SAFETY = 2.0  # error over the last change: series that converge like 1/H are bounded too
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
-LEVELS = ("torque_rms", "contact_velocity")  # by which cycles are told apart, and errors told
-SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice, beside errors
-MOST_APART = 1e-2  # and the most of it, however large the errors are
 STEPS = Steps(first=0.3, largest=0.5, count=200)
 PROJECTED_STEPS = Steps(first=0.5, least=2e-3, largest=1.0, count=60)
-
-
-@dataclass(frozen=True)
-class Search:
-    """What is looked for.
-
-    Attributes
-    ----------
-    harmonics : int or None
-        None: as many as the tolerance asks for.
-    tolerance : float
-        Of levels, relative.
-    reach : float
-        Contact velocity [m/s] up to which curves are followed.
-    highest : float
-        rad/s: complex modes up to it are in what the stability of cycles is judged on.
-    """
-
-    harmonics: int | None
-    tolerance: float
-    reach: float
-    highest: float = np.inf
-
-
-@dataclass(frozen=True, eq=False)
-class Cycle:
-    """A limit cycle.
-
-    Attributes
-    ----------
-    motion : PeriodicMotion
-    multipliers : Floquet
-    levels : mapping
-        `ContactOscillator.levels`.
-    torque_harmonics : ndarray (H,)
-        N m.
-    level_error, frequency_error : float
-        Estimates, relative: from fewer harmonics, and of the basis.
-    basis_error : float
-        The basis's share of the level's error: by how much it was corrected in all coordinates.
-    n_vectors : int
-        Size of the basis.
-    residual : float
-    status : str
-        ``ok`` or ``inaccurate``: the level's error is beyond the tolerance.
-    """
-
-    motion: PeriodicMotion
-    multipliers: Floquet
-    levels: dict[str, float]
-    torque_harmonics: np.ndarray
-    level_error: float
-    frequency_error: float
-    basis_error: float
-    n_vectors: int
-    residual: float
-    status: str
-
-    @property
-    def attracts(self) -> bool | None:
-        """Whether it is stable; None where that cannot be said."""
-        return self.multipliers.stable if self.status == OK else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +63,13 @@ class Family:
         ``basis_error``, ``event``.
     end : str
         Why the curve ended: ``far`` where it was followed as far as asked.
+    look : SecondLook or None
+        With more harmonics, of a curve on which damping is nowhere missing.
     verdict, reason : str
     threshold : Cycle or None
         The unstable cycle that a kick must exceed.
+    run : Lasting or None
+        In time, of a family that was undecided without.
     """
 
     lam: complex
@@ -137,9 +77,11 @@ class Family:
     lost: int
     curve: list[dict[str, Any]]
     end: str
+    look: SecondLook | None = None
     verdict: str = UNDECIDED
     reason: str = ""
     threshold: Cycle | None = None
+    run: Lasting | None = None
 
     @property
     def reached(self) -> float:
@@ -217,10 +159,10 @@ def families(
         grows = bool(unstable[k])
         if number in numbers:
             family = _family(contact, complex(lam[k]), psi[:, k], search)
-            found.append((number, _judged(family, grows, any_unstable, search)))
+            found.append((number, _judged(family, grows, any_unstable)))
         elif grows:
             family = Family(complex(lam[k]), (), 0, [], NOT_FOLLOWED)
-            found.append((number, _judged(family, grows, any_unstable, search)))
+            found.append((number, _judged(family, grows, any_unstable)))
     outside = any_unstable and not unstable[places].any()
     left_out = len(places) - sum(family.end != NOT_FOLLOWED for _, family in found)
     return Followed(found, left_out, outside)
@@ -238,18 +180,28 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
     size = START * speed * float(np.linalg.norm(phi * scale)) / velocity
     harmonics = search.harmonics or (CURVE_HARMONICS if whole else PROJECTED_HARMONICS)
     start = linear_motion(phi, lam, scale, size)
+
+    def stop(motion: PeriodicMotion) -> str:
+        if contact.contact_velocity(motion) > search.reach:
+            return FAR
+        missing = (min(start.mu, 0.0) - motion.mu) / (2.0 * start.omega)
+        return DAMPED if not whole and missing > HOPELESS else ""
+
     try:
         curve, end = family_curve(
             projection,
             replace(start, Q=with_harmonics(start.Q, harmonics)),
-            lambda m: contact.contact_velocity(m) > search.reach,
+            stop,
             STEPS if whole else PROJECTED_STEPS,
         )
     except ConvergenceError as error:
         return Family(lam, (), 0, [], error.status)
+    look = None
+    if end in SEARCHED and all(p.motion.mu <= 0.0 for p in curve):
+        look = looked_again(projection, curve, [h for h in LADDER if h > harmonics][:MORE])
     cycles: list[Cycle] = []
     lost = 0
-    for point in curve:
+    for point in chain(curve, *(look.pieces if look else ())):
         if point.event != ZERO:
             continue
         try:
@@ -258,9 +210,9 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
             lost += 1
             continue
         twice = any(same_cycle(cycle, known) for known in cycles)
-        lost += twice
+        lost += twice and look is None  # pieces of one curve may pass one cycle
         cycles += [] if twice else [cycle]
-    return Family(lam, tuple(cycles), lost, _shown(contact, curve), end)
+    return Family(lam, tuple(cycles), lost, _shown(contact, curve), end, look)
 
 
 def _shown(contact: ContactOscillator, curve: list[CurveMotion]) -> list[dict[str, Any]]:
@@ -278,65 +230,7 @@ def _shown(contact: ContactOscillator, curve: list[CurveMotion]) -> list[dict[st
     ]
 
 
-def cycle_near(
-    contact: ContactOscillator, projection: Projection, motion: PeriodicMotion, search: Search
-) -> Cycle:
-    """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
-    slowest = SLOWEST * motion.omega
-    tried: tuple[int, ...] = LADDER if projection.complete else PROJECTED_LADDER
-    if search.harmonics is not None:
-        tried = _pair(search.harmonics)
-    cycle = rougher = motion
-    levels = dict[str, float]()
-    level_error = frequency_error = basis_error = residual = np.inf
-    for harmonics in tried:
-        try:
-            motion, residual = projection.cycle_near(motion, harmonics)
-        except ConvergenceError:
-            if not np.isfinite(level_error):
-                raise
-            break  # more harmonics are lost: what the last ones changed is the error
-        if motion.omega < slowest:
-            raise ConvergenceError(STILL, "a motion that comes to a standstill is no cycle")
-        rougher, before = cycle, levels
-        cycle = projection.corrected(motion)
-        levels = contact.levels(cycle)
-        if before:
-            basis_error = _change(contact.levels(motion), levels)
-            level_error = SAFETY * _change(before, levels) + basis_error
-            frequency_error = SAFETY * abs(cycle.omega / rougher.omega - 1.0)
-            frequency_error += abs(cycle.omega / motion.omega - 1.0)
-            if level_error < search.tolerance:
-                break
-            if not projection.complete and level_error > HOPELESS * search.tolerance:
-                break
-    status = OK if level_error < search.tolerance else INACCURATE
-    found = projection.stability(cycle, search.highest, rougher)
-    return Cycle(
-        cycle,
-        found,
-        levels,
-        contact.torque_harmonics(cycle),
-        level_error,
-        frequency_error,
-        basis_error,
-        projection.size,
-        residual,
-        status,
-    )
-
-
-def _pair(harmonics: int) -> tuple[int, int]:
-    """The number asked for, after two thirds of it to tell its error."""
-    return max(1, min(harmonics - 1, round(harmonics / 1.5))), harmonics
-
-
-def _change(before: dict[str, float], now: dict[str, float]) -> float:
-    """Relative change of the level of the friction torque and of the contact velocity."""
-    return max(abs(before[n] - now[n]) / now[n] if now[n] > 0 else 0.0 for n in LEVELS)
-
-
-def _judged(family: Family, unstable: bool, any_unstable: bool, search: Search) -> Family:
+def _judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
     """The family with its verdict."""
     stable = family.loudest
     inexact = sum(c.attracts is None for c in family.cycles) + family.lost
@@ -355,18 +249,25 @@ def _judged(family: Family, unstable: bool, any_unstable: bool, search: Search) 
         reason = f"{inexact} cycles whose stability or level cannot be told"
     elif family.cycles:
         reason = "unstable cycles alone: what is beyond them was not found"
-    elif family.end != FAR:
+    elif family.end not in SEARCHED:
         reason = f"growth over amplitude was lost at {family.reached:.3g} m/s: {family.end}"
-    elif max((p["added_damping"] for p in family.curve), default=0.0) > 0:
+    elif family.look is None or family.look.grows:
         reason = "grows at some amplitude, no cycle found"
+    elif family.look.open:
+        reason = f"{len(family.look.open)} amplitudes at which more harmonics leave growth open"
     else:
-        return replace(
-            family,
-            verdict=NO_CYCLE,
-            reason=f"none on this mode's curve up to {search.reach:.3g} m/s; "
-            "a cycle apart from it is not excluded",
-        )
+        return replace(family, verdict=NO_CYCLE, reason=_searched(family, family.look))
     return replace(family, reason=reason)
+
+
+def _searched(family: Family, look: SecondLook) -> str:
+    """What was searched where no cycle was found."""
+    left = f" (left there, {100 * HOPELESS:g} % of damping missing)" if family.end == DAMPED else ""
+    places = f"{look.checked} places of it with up to {look.harmonics} harmonics"
+    return (
+        f"none on this mode's curve up to {family.reached:.3g} m/s{left}, {places}; "
+        "a cycle apart from it is not excluded"
+    )
 
 
 def _threshold(family: Family, stable: Cycle) -> tuple[Cycle | None, str]:
@@ -374,20 +275,9 @@ def _threshold(family: Family, stable: Cycle) -> tuple[Cycle | None, str]:
     below = family.cycles[: family.cycles.index(stable)]
     if family.lost or len(below) != 1:
         return None, "not one cycle between them"
-    if below[0].status != OK:
-        return None, "the cycle between them is inaccurate"
+    if below[0].status != OK or stable.status != OK:
+        which = "stable cycle" if below[0].status == OK else "cycle between them"
+        return None, f"the {which} is inaccurate"
     if not below[0].multipliers.saddle:
         return None, "the cycle between them has not just one unstable direction for certain"
     return below[0], ""
-
-
-def same_cycle(one: Cycle, other: Cycle) -> bool:
-    """Whether two families have found one cycle."""
-    a, b = ([c.motion.omega, *(c.levels[n] for n in LEVELS)] for c in (one, other))
-    return alike(a, b, one.level_error + other.level_error)
-
-
-def alike(one: Sequence[float], other: Sequence[float], errors: float) -> bool:
-    """Whether frequencies and `LEVELS` are those of one cycle, by the relative errors of both."""
-    near = min(SAME + errors, MOST_APART)
-    return all(abs(a - b) <= near * abs(b) for a, b in zip(one, other, strict=True))

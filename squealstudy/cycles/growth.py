@@ -5,7 +5,8 @@ A model of many coordinates is followed on a basis that grows with the motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,16 +14,24 @@ from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.continuation import Curve, Steps, follow, newton
 from squealstudy.cycles.curve import CurveMotion, Path
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
+from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import WHOLE, Oscillator
-from squealstudy.cycles.projection import SIZE, Projection
+from squealstudy.cycles.projection import SIZE, TARGET, Projection
+from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
 ZERO = "C"  # event: a cycle, where no damping need be added
 FAR, OTHER = "far", "other_resonance"  # why curves end
+DAMPED = "damped"
 SHRUNK, STILL = "shrunk", "standstill"
 SLOWEST = 0.05  # of the mode's frequency: below it motions are on their way to another equilibrium
 BACK = 0.5  # of the size at which a curve began: where it comes back to that there is no more on it
 MOST_OTHERS = 2.0  # norm of all harmonics over that of the first
+OCTAVES = 5  # of sizes, down from the largest, in each of which a curve is looked at again
+LOOKS = 3  # at least, where motions with more harmonics are found
+SAFETY = 2.0  # times the change by more harmonics: what still more may change
+PIECE_STEPS = Steps(first=0.2, least=2e-3, largest=0.5, count=25)  # with more harmonics, each way
+ALIKE = 0.05, 1e-3  # log of sizes and relative frequencies of motions of one place
 
 
 def linear_modes(
@@ -118,7 +127,7 @@ def refined(equations: CycleEquations, motion: PeriodicMotion) -> tuple[Periodic
 def family_curve(
     projection: Projection,
     start: PeriodicMotion,
-    stop: Callable[[PeriodicMotion], bool],
+    stop: Callable[[PeriodicMotion], str],
     steps: Steps,
 ) -> tuple[list[CurveMotion], str]:
     """Added damping over amplitude from a small motion along a complex mode on.
@@ -128,9 +137,9 @@ def family_curve(
     motions : list of CurveMotion
         Zeros (event C) stand among them; on a projected model to a part of a step.
     end : str
-        ``far`` where `stop` said so; ``other_resonance`` where the first harmonic is no more than
-        a part of the motion; ``shrunk`` where it came back to no amplitude, ``standstill`` to no
-        frequency; ``basis`` where too many vectors would be needed; ``steps`` or ``not_converged``.
+        What `stop` said; ``other_resonance`` where the first harmonic is no more than a part of
+        the motion; ``shrunk`` where it came back to no amplitude, ``standstill`` to no frequency;
+        ``basis`` where too many vectors would be needed; ``steps`` or ``not_converged``.
 
     Raises
     ------
@@ -146,7 +155,7 @@ def family_curve(
             return SHRUNK
         if motion.omega < SLOWEST * start.omega:
             return STILL
-        return FAR if stop(motion) else ""
+        return stop(motion)
 
     tests = {ZERO: lambda u, _: float(u[-1])}
     path = Path(projection, start.harmonics, (SIZE, 1.0), ended, steps, tests, watched=-1)
@@ -156,3 +165,158 @@ def family_curve(
 def _first(motion: PeriodicMotion) -> float:
     """Norm of the first harmonic."""
     return float(np.linalg.norm(motion.Q[[1, motion.harmonics + 1]]))
+
+
+@dataclass
+class SecondLook:
+    """What more harmonics make of a curve on which damping is nowhere missing.
+
+    Attributes
+    ----------
+    harmonics : int
+        Most of those with which motions of the curve were balanced.
+    checked : int
+        Motions of the curve that were balanced with more.
+    pieces : list of list of CurveMotion
+        Curves with more harmonics through those that might grow.
+    open : list of PeriodicMotion
+        Motions of which more harmonics leave open whether they grow.
+    """
+
+    harmonics: int
+    checked: int = 0
+    pieces: list[list[CurveMotion]] = field(default_factory=list)
+    open: list[PeriodicMotion] = field(default_factory=list)
+
+    @property
+    def grows(self) -> bool:
+        """Whether a motion with more harmonics does."""
+        return any(p.motion.mu > 0.0 for piece in self.pieces for p in piece)
+
+    def holds(self, motion: PeriodicMotion) -> bool:
+        """Whether a piece passes a motion."""
+        return any(_in_one_place(motion, p.motion) for piece in self.pieces for p in piece)
+
+
+def looked_again(
+    projection: Projection, curve: Sequence[CurveMotion], ladder: Sequence[int]
+) -> SecondLook:
+    """A curve whose motions all lack damping, at its likeliest motions with more harmonics.
+
+    Few harmonics miss resonances of higher ones, which feed a motion or damp it. So the motions
+    that lack least in each octave of sizes, and all that lack less than their neighbours, are
+    balanced with more, until the rest is clear by `SAFETY` times the largest change seen. From
+    those that might grow the curve is followed with more harmonics.
+
+    Parameters
+    ----------
+    projection : Projection
+    curve : sequence of CurveMotion
+        Without a zero, all of negative added damping.
+    ladder : sequence of int
+        Numbers of harmonics to go on with, ascending.
+    """
+    found, largest = SecondLook(curve[0].motion.harmonics), 0.0
+    failed: list[PeriodicMotion] = []
+    for motion, rise in _likeliest(curve):
+        if found.checked >= LOOKS and motion.mu + SAFETY * (rise + largest) < 0.0:
+            break
+        if found.holds(motion):
+            continue
+        try:
+            better = _with_more(projection, motion, ladder[0])
+        except ConvergenceError:
+            failed.append(motion)
+            continue
+        found.checked += 1
+        found.harmonics = max(found.harmonics, ladder[0])
+        largest = max(largest, change := abs(better.mu - motion.mu))
+        margin = SAFETY * (rise + change)
+        if better.mu + margin < 0.0 or found.holds(better):
+            continue
+        try:
+            _piece(projection, better, margin, ladder[1:], found)
+        except ConvergenceError:
+            failed.append(motion)
+    found.open += [m for m in failed if m.mu + SAFETY * largest >= 0.0 and not found.holds(m)]
+    if not found.checked:
+        found.open = failed
+    return found
+
+
+def _likeliest(curve: Sequence[CurveMotion]) -> list[tuple[PeriodicMotion, float]]:
+    """Motions of a curve that may grow if any does, those that lack least damping first.
+
+    With each, how much less [1/s] is lacking beside it, by the parabola through three points.
+    """
+    motions = [p.motion for p in curve]
+    sizes = np.log2([_first(m) for m in motions])
+    octaves = np.floor(sizes.max() - sizes)
+    mu = np.array([m.mu for m in motions])
+    ends = np.concatenate([[-np.inf], mu, [-np.inf]])
+    before, behind = mu - ends[:-2], mu - ends[2:]
+    tops = set(np.flatnonzero((before > 0) & (behind >= 0)).tolist())
+    for octave in range(OCTAVES):
+        inside = np.flatnonzero(octaves == octave)
+        if len(inside):
+            tops.add(int(inside[np.argmax(mu[inside])]))
+    found = []
+    for k in sorted(tops, key=lambda k: -mu[k]):
+        drops = before[k], behind[k]
+        rise = 0.0
+        if min(drops) >= 0.0 and 0.0 < sum(drops) < np.inf:
+            rise = (drops[0] - drops[1]) ** 2 / (8.0 * sum(drops))
+        found.append((motions[k], float(rise)))
+    return found
+
+
+def _with_more(projection: Projection, motion: PeriodicMotion, harmonics: int) -> PeriodicMotion:
+    """The motion of the same size with more harmonics; ConvergenceError."""
+    start = replace(motion, Q=with_harmonics(motion.Q, harmonics))
+    return projection.improve(start, TARGET, SIZE)[0]
+
+
+def _piece(
+    projection: Projection,
+    start: PeriodicMotion,
+    clear: float,
+    ladder: Sequence[int],
+    found: SecondLook,
+) -> None:
+    """The curve both ways from a motion until damping is missing by more than `clear` [1/s].
+
+    Where it stays below zero its top is looked at with still more harmonics.
+    """
+
+    def ended(_: np.ndarray, motion: PeriodicMotion) -> str:
+        return DAMPED if motion.mu < -clear else ""
+
+    tests = {ZERO: lambda u, _: float(u[-1])}
+    piece: list[CurveMotion] = []
+    for way in (-1.0, 1.0):
+        path = Path(projection, start.harmonics, (SIZE, way), ended, PIECE_STEPS, tests, watched=-1)
+        part, _ = path.from_motion(start)
+        piece = [*piece[:0:-1], *part]
+    found.pieces.append(
+        piece if _first(piece[0].motion) < _first(piece[-1].motion) else piece[::-1]
+    )
+    top = max((p.motion for p in piece), key=lambda m: m.mu)
+    if top.mu > 0.0:
+        return
+    for harmonics in ladder:
+        try:
+            better = _with_more(projection, top, harmonics)
+        except ConvergenceError:
+            break
+        found.harmonics, change = max(found.harmonics, harmonics), abs(better.mu - top.mu)
+        if better.mu + SAFETY * change < 0.0:
+            return
+        top = better
+    found.open.append(top)
+
+
+def _in_one_place(one: PeriodicMotion, other: PeriodicMotion) -> bool:
+    """Whether two motions are nearly of one size and frequency."""
+    size, frequency = ALIKE
+    apart = abs(np.log(_first(one) / _first(other)))
+    return bool(apart < size and abs(one.omega / other.omega - 1.0) < frequency)

@@ -1,96 +1,25 @@
-"""What becomes of kicks, by runs in time beside a stable cycle; the least that starts squeal.
-
-A run is judged by the means over windows of its energy: it squeals where that has become the stable
-cycle's, it has decayed where it is a small part of it, and else nothing is said of it.
-"""
+"""The least kick along a mode that starts squeal; designs that runs in time decide."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.families import IF_KICKED, SQUEALS, Family, Followed
+from squealstudy.cycles.families import IF_KICKED, SQUEALS, UNDECIDED, Family, Followed
 from squealstudy.cycles.growth import linear_modes
-from squealstudy.cycles.harmonics import series_at
-from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
-from squealstudy.motion.motion import Motion
-from squealstudy.motion.settings import MotionSettings
-from squealstudy.motion.simulate import Watch, simulate
+from squealstudy.cycles.in_time import DECAYS, GROWS, LASTS, OPEN, State, Trials, lasting
 
-GROWS, DECAYS, OPEN = "grows", "decays", "undecided"
-STEPS = 200  # a period
-SAVED = 10  # steps between rows: 20 rows a period
-WINDOW = 20  # periods between looks
-LONGEST = 1000  # periods
-SILENT = 1e-2  # of the least energy that is known of a cycle: what is below it has decayed
-NEAR = 0.02  # relative: an energy that is that of the cycle
 PHASES = 8
 LEAST = 1e-3  # of the largest kick tried: smaller ones are not looked for
 CLOSE = 0.02  # relative width of the bracket at which a search ends
+ABOVE = 1.1  # times an unstable cycle: where a run begins that shall tell what is beyond it
 # status of a search
 FOUND, NONE, UNCLEAR = "ok", "none", "undecided"
 
 WIDER = 1.01  # of the frequency of a mode that is looked for
-
-State = tuple[np.ndarray, np.ndarray]  # q, q' (n,)
-
-
-@dataclass(frozen=True)
-class Trials:
-    """Runs in time beside a stable cycle.
-
-    Parameters
-    ----------
-    contact : ContactOscillator
-    cycle : PeriodicMotion
-        Stable.
-    smallest : PeriodicMotion or None
-        The smallest cycle that is known, where that is another one.
-    periods : int
-        Of the cycle: longest time of a run.
-    """
-
-    contact: ContactOscillator
-    cycle: PeriodicMotion
-    smallest: PeriodicMotion | None = None
-    periods: int = LONGEST
-
-    def outcomes(self, starts: Sequence[State]) -> list[str]:
-        """What each start comes to: ``grows`` to the cycle, ``decays``, or ``undecided``."""
-        period = 2 * np.pi / self.cycle.omega
-        settings = MotionSettings(
-            self.periods * period, period / STEPS, SAVED, integrator=ExactFreeMotion()
-        )
-        level = self._energy(self.cycle)
-        silent = SILENT * (level if self.smallest is None else self._energy(self.smallest))
-
-        def judge(_: int, motion: Motion) -> str:
-            energy = float(motion.modal_energy[-WINDOW * STEPS // SAVED :].mean())
-            if energy < silent:
-                return DECAYS
-            return GROWS if abs(energy / level - 1.0) < NEAR else ""
-
-        points = [replace(self.contact.point, q0=q, v0=v) for q, v in starts]
-        watch = Watch([WINDOW * STEPS] * len(points), judge)
-        motions = simulate(self.contact.system, points, settings, watch)
-        return [motion.stopped or OPEN for motion in motions]
-
-    def _energy(self, motion: PeriodicMotion) -> float:
-        """Mean energy [J] of a periodic motion, as runs in time tell it."""
-        theta = 2 * np.pi * np.arange(STEPS) / STEPS
-        synthesis, slope = series_at(theta, motion.harmonics)
-        q, v = synthesis @ motion.Q, motion.omega * (slope @ motion.Q)
-        return float(0.5 * (v**2 + self.contact.system.omega2 * q**2).sum(axis=1).mean())
-
-
-def state_of(motion: PeriodicMotion, factor: float = 1.0, theta: float = 0.0) -> State:
-    """Displacements and velocities (n,) of a periodic motion at an angle, times a factor."""
-    synthesis, slope = series_at(np.array([theta]), motion.harmonics)
-    return factor * (synthesis @ motion.Q)[0], factor * motion.omega * (slope @ motion.Q)[0]
 
 
 @dataclass(frozen=True)
@@ -171,6 +100,51 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
     return Kick(high, float(phases[worst]), energy, (high - low) / high, FOUND)
 
 
+def decided_in_time(contact: ContactOscillator, found: Followed) -> Followed:
+    """The families of a design whose modes are all stable, those undecided after a run in time.
+
+    It begins with what was found: the loudest cycle, above it where it is unstable for certain, or
+    the motion that lacks least damping. Where that lasts the design squeals if kicked; where it
+    decays that is told, and the verdict stays open.
+    """
+    if found.unstable_outside or contact.point.growing.n_above > 0:
+        return found
+    if any(family.verdict == SQUEALS for _, family in found.families):
+        return found
+    return found._replace(families=[(k, _decided(contact, f)) for k, f in found.families])
+
+
+def _decided(contact: ContactOscillator, family: Family) -> Family:
+    start = None if family.verdict != UNDECIDED else _uncertain(family)
+    if start is None:
+        return family
+    run = lasting(contact, *start)
+    if run.outcome != LASTS:
+        told = "decays" if run.outcome == DECAYS else "came to nothing that can be named"
+        return replace(family, run=run, reason=f"{family.reason}; a run from {run.start} {told}")
+    return replace(
+        family,
+        run=run,
+        verdict=IF_KICKED,
+        reason=f"a run in time from {run.start} lasts beside a stable mode; no threshold: "
+        f"{family.reason}",
+    )
+
+
+def _uncertain(family: Family) -> tuple[PeriodicMotion, str, float] | None:
+    """Where a run begins: a motion, what it is, and times what."""
+    if family.cycles:
+        cycle = max(family.cycles, key=lambda c: c.levels["contact_velocity"])
+        if cycle.attracts is False and cycle.multipliers.saddle:
+            return cycle.motion, "above the unstable cycle", ABOVE
+        return cycle.motion, "the cycle", 1.0
+    if family.look is None:
+        return None
+    open_ = [*family.look.open, *(p.motion for piece in family.look.pieces for p in piece)]
+    top = max(open_, key=lambda m: m.mu, default=None)
+    return None if top is None else (replace(top, mu=0.0), "the motion that lacks least damping", 1)
+
+
 def kicks(contact: ContactOscillator, found: Followed, largest: float) -> dict[int, Kick]:
     """`kick_along_mode` of the families that squeal if kicked, by the numbers of their modes.
 
@@ -183,7 +157,7 @@ def kicks(contact: ContactOscillator, found: Followed, largest: float) -> dict[i
     return {
         mode: _kick(contact, family, largest)
         for mode, family in found.families
-        if family.verdict == IF_KICKED
+        if family.verdict == IF_KICKED and family.loudest is not None
     }
 
 

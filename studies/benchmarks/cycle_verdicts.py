@@ -24,7 +24,8 @@ import numpy as np
 import pandas as pd
 from cycle_truth import BRAKE, NOMINAL, RANGES, swept
 
-from squealstudy.cycles.families import Search, families
+from squealstudy.cycles.cycle import Search
+from squealstudy.cycles.families import families
 from squealstudy.cycles.growth import linear_modes
 from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan

@@ -25,8 +25,9 @@ from squealstudy.cycles.branch import (
 )
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.curve import between
+from squealstudy.cycles.cycle import Cycle, cycle_near
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.families import START, Cycle, cycle_near
+from squealstudy.cycles.families import START
 from squealstudy.cycles.growth import FAR, linear_modes
 from squealstudy.cycles.onset import criticality
 from squealstudy.cycles.projection import Projection

@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.cycles.families import IF_KICKED, LEVELS, NO_CYCLE, OK, SQUEALS, UNDECIDED, alike
+from squealstudy.cycles.cycle import LEVELS, OK, alike
+from squealstudy.cycles.families import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
 from squealstudy.engine.cycle_states import cycle_file, stored_cycles
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.plan import Plan
@@ -333,6 +334,7 @@ def _judge_again(
             verdict["n_cycles"] += 1
             if stable and not verdict["torque_rms"] >= cycle["torque_rms"]:
                 verdict["torque_rms"] = cycle["torque_rms"]
+                verdict["level_error"] = cycle["level_error"]
                 verdict["cycle_frequency_hz"] = cycle["frequency_hz"]
                 verdict["threshold_share"] = (
                     verdict["threshold_velocity"] / cycle["contact_velocity"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from squealstudy.cycles.contact import ContactOscillator
-from squealstudy.cycles.families import Search
+from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.oscillator import Oscillator
 from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.plan import Plan

@@ -13,7 +13,7 @@ import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from squealstudy.cycles.families import families
-from squealstudy.cycles.kicked import kicks
+from squealstudy.cycles.kicked import decided_in_time, kicks
 from squealstudy.engine.cache import NewGaps, is_prepared, load_prepared
 from squealstudy.engine.cycle_states import cycle_file
 from squealstudy.engine.design_points import DesignPoints
@@ -64,7 +64,7 @@ SOURCES = ("kinds/limit_cycles", "kinds/transient", "cycles")  # the code that d
 class LimitCycles(ModelKind):
     """Limit cycles of every mode family of a design point, and a verdict: does it squeal?
 
-    Nothing is run in time, and nothing is checked at full order.
+    Runs in time decide where cycles leave it open; nothing is checked at full order.
     """
 
     name = "limit_cycles"
@@ -187,6 +187,8 @@ def cycles_row(
             asked.search(contact),
             section.screen if section.families == SCREENED else np.inf,
         )
+        if section.undecided_in_time:
+            found = decided_in_time(contact, found)
         reach = asked.search(contact).reach
         kicked = kicks(contact, found, reach) if section.kick_along_mode else {}
     except ParameterError as error:

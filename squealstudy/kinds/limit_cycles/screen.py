@@ -40,7 +40,7 @@ class LimitCyclesScreen(KindScreen):
         own = varied if len(varied) <= MOST_COLUMNS else []
         listed = points.head(MOST_POINTS)
         unit = units.get(TORQUE, "N m")
-        columns = ("growth 1/s", f"RMS {unit}", "Hz", "kick m/s", "kick %")
+        columns = ("growth 1/s", f"RMS {unit}", "+- %", "Hz", "kick m/s", "kick %")
         shown = grid(
             *(f"value:{with_unit(p, units)}" for p in own),
             "word:verdict",
@@ -51,12 +51,12 @@ class LimitCyclesScreen(KindScreen):
         more = len(points) - len(listed)
         legend = notes(
             f"{more} more in the points table" if more else "",
-            "growth: fastest complex mode that was followed; RMS, Hz: of the loudest stable cycle; "
-            "kick: contact velocity of the unstable cycle that a disturbance must exceed, share of "
-            "that of the loudest stable one",
-            "no cycle found: none on the curves of growth over amplitude of the modes followed, up "
-            "to `reach`; cycles on a branch apart from these curves are not excluded, and a kick "
-            "may start squeal"
+            "growth: fastest complex mode that was followed; RMS, Hz: of the loudest stable cycle, "
+            "or of a run in time that lasts; kick: contact velocity of the unstable cycle that a "
+            "disturbance must exceed, share of that of the loudest stable one",
+            "no cycle found: none on the curves of growth over amplitude of the modes followed, "
+            "looked at again with more harmonics; cycles on a branch apart from these curves are "
+            "not excluded, and a kick may start squeal"
             if (points["verdict"] == NO_CYCLE).any()
             else "",
         )
@@ -116,13 +116,14 @@ def _branches(branches: pd.DataFrame) -> Rows:
 def _cells(row: dict[Hashable, Any], own: list[str]) -> list[str]:
     place = [f"{row[p]:.6g}" for p in own]
     if row["status"] != "ok":
-        return [*place, f"failed: {row['status']}", *[""] * 5, str(row["message"])]
+        return [*place, f"failed: {row['status']}", *[""] * 6, str(row["message"])]
     hz = row["frequency_hz"]
     return [
         *place,
         str(row["verdict"]).replace("_", " "),
         figure(row["max_growth_rate"]),
         figure(row["torque_rms"]),
+        figure(100 * row["level_error"], ".2g"),
         in_digits(hz, 1) if hz == hz else "-",
         figure(row["threshold_velocity"]),
         figure(100 * row["threshold_share"], ".0f"),

@@ -114,6 +114,11 @@ class LimitCyclesSection(Section):
         description="whether a design without a stable cycle of its own is tried from those of "
         "its neighbours in the study",
     )
+    undecided_in_time: bool = Field(
+        default=True,
+        description="whether a design of stable modes that stays undecided beside cycles is run in "
+        "time from the loudest of them",
+    )
     kick_along_mode: bool = Field(
         default=False,
         description="whether the least kick along the mode that starts squeal is looked for in "

@@ -9,15 +9,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.cycles.families import (
-    IF_KICKED,
-    UNDECIDED,
-    VERDICTS,
-    Cycle,
-    Family,
-    Followed,
-    same_cycle,
-)
+from squealstudy.cycles.cycle import Cycle, same_cycle
+from squealstudy.cycles.families import IF_KICKED, UNDECIDED, VERDICTS, Family, Followed
 from squealstudy.cycles.kicked import Kick
 from squealstudy.engine.rows import (
     FLAG,
@@ -43,6 +36,7 @@ SUMMARY_FIELDS = (
     ("n_cycles", WHOLE),
     ("max_growth_rate", REAL),
     ("torque_rms", REAL),
+    ("level_error", REAL),
     ("frequency_hz", REAL),
     ("threshold_velocity", REAL),
     ("threshold_share", REAL),
@@ -60,6 +54,7 @@ VERDICT_FIELDS = (
     ("reached_velocity", REAL),
     ("curve_end", TEXT),
     ("torque_rms", REAL),
+    ("level_error", REAL),
     ("cycle_frequency_hz", REAL),
     ("threshold_velocity", REAL),
     ("threshold_energy", REAL),
@@ -70,6 +65,7 @@ VERDICT_FIELDS = (
     ("kick_energy", REAL),
     ("kick_error", REAL),
     ("kick_status", TEXT),
+    ("run_status", TEXT),
 )
 LEVELS = (
     "torque_mean",
@@ -205,6 +201,7 @@ def summary(
         "n_cycles": sum(c["same_as"] == "" for c in cycles),
         "max_growth_rate": max(v["growth_rate"] for v in verdicts),
         "torque_rms": loudest["torque_rms"],
+        "level_error": loudest["level_error"],
         "frequency_hz": loudest["cycle_frequency_hz"],
         "threshold_velocity": shown["threshold_velocity"],
         "threshold_share": shown["threshold_velocity"] / _velocity(loudest, cycles),
@@ -223,7 +220,12 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
     reason = family.reason
     if loud is not None and (broken := open_reason(law_kind, loud.levels["open_share_max"])):
         reason += f"; outside validity: {broken}"
-    share = np.nan
+    level, share = (np.nan, np.nan, np.nan), np.nan
+    if loud is not None:
+        hz = loud.motion.omega / (2 * np.pi)
+        level = (loud.levels["torque_rms"], loud.level_error, hz)
+    elif family.run is not None:
+        level = (family.run.torque_rms, family.run.spread, family.run.frequency_hz)
     if kick is not None and loud is not None:
         share = velocity / loud.levels["contact_velocity"]
     return {
@@ -238,8 +240,8 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
         "n_lost": family.lost,
         "reached_velocity": family.reached,
         "curve_end": family.end,
-        "torque_rms": np.nan if loud is None else loud.levels["torque_rms"],
-        "cycle_frequency_hz": np.nan if loud is None else loud.motion.omega / (2 * np.pi),
+        **dict(zip(("torque_rms", "level_error", "cycle_frequency_hz"), level, strict=True)),
+        "run_status": "" if family.run is None else family.run.outcome,
         "threshold_velocity": velocity,
         "threshold_energy": np.nan if kick is None else kick.levels["energy"],
         "threshold_share": share,

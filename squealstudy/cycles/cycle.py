@@ -1,0 +1,157 @@
+"""One limit cycle of a design: as many harmonics as its level asks for, errors, stability."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.cycles.contact import ContactOscillator
+from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.floquet import Floquet
+from squealstudy.cycles.growth import SLOWEST, STILL
+from squealstudy.cycles.projection import Projection
+from squealstudy.errors import ConvergenceError
+
+OK, INACCURATE = "ok", "inaccurate"
+LADDER = (5, 7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
+PROJECTED_LADDER = LADDER[:3]  # on projected models, where more cost seconds each
+HOPELESS = 2.5  # times the tolerance: an error that half as many harmonics again do not mend
+SURE = 0.1  # error of a level up to which the stability of a cycle is told
+SAFETY = 2.0  # error over the last change: series that converge like 1/H are bounded too
+LEVELS = ("torque_rms", "contact_velocity")  # by which cycles are told apart, and errors told
+SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice, beside errors
+MOST_APART = 1e-2  # and the most of it, however large the errors are
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is looked for.
+
+    Attributes
+    ----------
+    harmonics : int or None
+        None: as many as the tolerance asks for.
+    tolerance : float
+        Of levels, relative.
+    reach : float
+        Contact velocity [m/s] up to which curves are followed.
+    highest : float
+        rad/s: complex modes up to it are in what the stability of cycles is judged on.
+    """
+
+    harmonics: int | None
+    tolerance: float
+    reach: float
+    highest: float = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """A limit cycle.
+
+    Attributes
+    ----------
+    motion : PeriodicMotion
+    multipliers : Floquet
+    levels : mapping
+        `ContactOscillator.levels`.
+    torque_harmonics : ndarray (H,)
+        N m.
+    level_error, frequency_error : float
+        Estimates, relative: from fewer harmonics, and of the basis.
+    basis_error : float
+        The basis's share of the level's error: by how much it was corrected in all coordinates.
+    n_vectors : int
+        Size of the basis.
+    residual : float
+    status : str
+        ``ok`` or ``inaccurate``: the level's error is beyond the tolerance.
+    """
+
+    motion: PeriodicMotion
+    multipliers: Floquet
+    levels: dict[str, float]
+    torque_harmonics: np.ndarray
+    level_error: float
+    frequency_error: float
+    basis_error: float
+    n_vectors: int
+    residual: float
+    status: str
+
+    @property
+    def attracts(self) -> bool | None:
+        """Whether it is stable; None where that cannot be said, or the cycle is too inexact."""
+        return self.multipliers.stable if self.level_error < SURE else None
+
+
+def cycle_near(
+    contact: ContactOscillator, projection: Projection, motion: PeriodicMotion, search: Search
+) -> Cycle:
+    """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
+    slowest = SLOWEST * motion.omega
+    tried: tuple[int, ...] = LADDER if projection.complete else PROJECTED_LADDER
+    if search.harmonics is not None:
+        tried = _pair(search.harmonics)
+    cycle = rougher = motion
+    levels = dict[str, float]()
+    level_error = frequency_error = basis_error = residual = np.inf
+    for harmonics in tried:
+        try:
+            motion, residual = projection.cycle_near(motion, harmonics)
+        except ConvergenceError:
+            if not np.isfinite(level_error):
+                raise
+            break  # more harmonics are lost: what the last ones changed is the error
+        if motion.omega < slowest:
+            raise ConvergenceError(STILL, "a motion that comes to a standstill is no cycle")
+        rougher, before = cycle, levels
+        cycle = projection.corrected(motion)
+        levels = contact.levels(cycle)
+        if before:
+            basis_error = _change(contact.levels(motion), levels)
+            level_error = SAFETY * _change(before, levels) + basis_error
+            frequency_error = SAFETY * abs(cycle.omega / rougher.omega - 1.0)
+            frequency_error += abs(cycle.omega / motion.omega - 1.0)
+            if level_error < search.tolerance:
+                break
+            if not projection.complete and level_error > HOPELESS * search.tolerance:
+                break
+    status = OK if level_error < search.tolerance else INACCURATE
+    found = projection.stability(cycle, search.highest, rougher)
+    return Cycle(
+        cycle,
+        found,
+        levels,
+        contact.torque_harmonics(cycle),
+        level_error,
+        frequency_error,
+        basis_error,
+        projection.size,
+        residual,
+        status,
+    )
+
+
+def _pair(harmonics: int) -> tuple[int, int]:
+    """The number asked for, after two thirds of it to tell its error."""
+    return max(1, min(harmonics - 1, round(harmonics / 1.5))), harmonics
+
+
+def _change(before: dict[str, float], now: dict[str, float]) -> float:
+    """Relative change of the level of the friction torque and of the contact velocity."""
+    return max(abs(before[n] - now[n]) / now[n] if now[n] > 0 else 0.0 for n in LEVELS)
+
+
+def same_cycle(one: Cycle, other: Cycle) -> bool:
+    """Whether two families have found one cycle."""
+    a, b = ([c.motion.omega, *(c.levels[n] for n in LEVELS)] for c in (one, other))
+    return alike(a, b, one.level_error + other.level_error)
+
+
+def alike(one: Sequence[float], other: Sequence[float], errors: float) -> bool:
+    """Whether frequencies and `LEVELS` are those of one cycle, by the relative errors of both."""
+    near = min(SAME + errors, MOST_APART)
+    return all(abs(a - b) <= near * abs(b) for a, b in zip(one, other, strict=True))
