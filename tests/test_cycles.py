@@ -18,6 +18,7 @@ from squealstudy.cycles.floquet import floquet, monodromy
 from squealstudy.cycles.growth import (
     FAR,
     family_curve,
+    found_again,
     growth_curve,
     linear_motion,
     looked_again,
@@ -293,7 +294,7 @@ def test_more_harmonics_see_a_cycle_that_one_does_not(k, lasting):
     curve, end = family_curve(projection, start, stop, Steps(0.1, largest=0.2))
     assert end == FAR
     assert 1 / 8 - nu - 0.01 < max(p.motion.mu for p in curve) < 1 / 8 - nu + 1e-6
-    look = looked_again(projection, curve, (5, 9))
+    look = looked_again(osc, curve, (5, 9))
     assert look.grows == lasting
     assert not look.open
     assert look.harmonics >= 5
@@ -307,6 +308,20 @@ def test_more_harmonics_see_a_cycle_that_one_does_not(k, lasting):
         assert peaks[1] == pytest.approx(np.abs(late).max(), rel=1e-3)
         assert floquet(osc, outer).stable
         assert floquet(osc, inner).instability == "fold"
+
+
+def test_zeros_that_more_harmonics_move_are_found_again():
+    """From those of one harmonic, which has them where a^2 / 4 - a^4 / 8 = nu."""
+    nu, k = 0.12, 2.0
+    osc = models.scalar_oscillator(stiffened, nu, k)
+    for size in np.sqrt(np.roots([1 / 8, -1 / 4, nu])):
+        zero = PeriodicMotion(np.array([[0.0], [size], [0.0]]), np.sqrt(1 + 0.75 * k * size**2))
+        longer = replace(zero, Q=with_harmonics(zero.Q, 25))
+        exact, _ = refined(CycleEquations(osc, 25, zero.omega), longer)
+        assert abs(zero.omega / exact.omega - 1.0) > 1e-3
+        found = found_again(osc, zero, 9)
+        assert min(abs(m.omega / exact.omega - 1.0) for m in found) < 1e-5
+        assert all(abs(m.mu) < 1e-6 for m in found)
 
 
 def test_monodromy_of_a_linear_oscillator_is_an_exponential():

@@ -24,6 +24,7 @@ from squealstudy.cycles.growth import (
     ZERO,
     SecondLook,
     family_curve,
+    found_again,
     linear_modes,
     linear_motion,
     looked_again,
@@ -198,21 +199,33 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
         return Family(lam, (), 0, [], error.status)
     look = None
     if end in SEARCHED and all(p.motion.mu <= 0.0 for p in curve):
-        look = looked_again(projection, curve, [h for h in LADDER if h > harmonics][:MORE])
+        look = looked_again(contact.oscillator, curve, [h for h in LADDER if h > harmonics][:MORE])
     cycles: list[Cycle] = []
     lost = 0
     for point in chain(curve, *(look.pieces if look else ())):
         if point.event != ZERO:
             continue
-        try:
-            cycle = cycle_near(contact, projection, point.motion, search)
-        except ConvergenceError:
-            lost += 1
-            continue
-        twice = any(same_cycle(cycle, known) for known in cycles)
-        lost += twice and look is None  # pieces of one curve may pass one cycle
-        cycles += [] if twice else [cycle]
+        near = _cycles_at(contact, point.motion, search)
+        new = [c for c in near if not any(same_cycle(c, known) for known in cycles)]
+        lost += not new and look is None  # pieces of one curve may pass one cycle
+        cycles += new
     return Family(lam, tuple(cycles), lost, _shown(contact, curve), end, look)
+
+
+def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search) -> list[Cycle]:
+    """The cycle at a zero of a curve; where more harmonics move it away, those next to it."""
+    osc, found = contact.oscillator, list[Cycle]()
+    try:
+        return [cycle_near(contact, Projection.about(osc, zero), zero, search)]
+    except ConvergenceError:
+        pass
+    try:
+        more = search.harmonics or next(h for h in LADDER if h > zero.harmonics)
+        for motion in found_again(osc, zero, more):
+            found += [cycle_near(contact, Projection.about(osc, motion), motion, search)]
+    except ConvergenceError:
+        pass
+    return found
 
 
 def _shown(contact: ContactOscillator, curve: list[CurveMotion]) -> list[dict[str, Any]]:

@@ -22,7 +22,7 @@ from squealstudy.linalg.dense_qep import dense_roots
 
 ZERO = "C"  # event: a cycle, where no damping need be added
 FAR, OTHER = "far", "other_resonance"  # why curves end
-DAMPED = "damped"
+DAMPED, OUTSIDE = "damped", "outside"
 SHRUNK, STILL = "shrunk", "standstill"
 SLOWEST = 0.05  # of the mode's frequency: below it motions are on their way to another equilibrium
 BACK = 0.5  # of the size at which a curve began: where it comes back to that there is no more on it
@@ -199,7 +199,7 @@ class SecondLook:
 
 
 def looked_again(
-    projection: Projection, curve: Sequence[CurveMotion], ladder: Sequence[int]
+    osc: Oscillator, curve: Sequence[CurveMotion], ladder: Sequence[int]
 ) -> SecondLook:
     """A curve whose motions all lack damping, at its likeliest motions with more harmonics.
 
@@ -210,7 +210,7 @@ def looked_again(
 
     Parameters
     ----------
-    projection : Projection
+    osc : Oscillator
     curve : sequence of CurveMotion
         Without a zero, all of negative added damping.
     ladder : sequence of int
@@ -224,7 +224,7 @@ def looked_again(
         if found.holds(motion):
             continue
         try:
-            better = _with_more(projection, motion, ladder[0])
+            projection, better = _with_more(osc, motion, ladder[0])
         except ConvergenceError:
             failed.append(motion)
             continue
@@ -235,9 +235,14 @@ def looked_again(
         if better.mu + margin < 0.0 or found.holds(better):
             continue
         try:
-            _piece(projection, better, margin, ladder[1:], found)
+            piece = _piece(projection, better, -margin)
         except ConvergenceError:
             failed.append(motion)
+            continue
+        found.pieces.append(piece)
+        top = max((p.motion for p in piece), key=lambda m: m.mu)
+        if top.mu <= 0.0:
+            _settle(osc, top, ladder[1:], found)
     found.open += [m for m in failed if m.mu + SAFETY * largest >= 0.0 and not found.holds(m)]
     if not found.checked:
         found.open = failed
@@ -270,42 +275,20 @@ def _likeliest(curve: Sequence[CurveMotion]) -> list[tuple[PeriodicMotion, float
     return found
 
 
-def _with_more(projection: Projection, motion: PeriodicMotion, harmonics: int) -> PeriodicMotion:
-    """The motion of the same size with more harmonics; ConvergenceError."""
+def _with_more(
+    osc: Oscillator, motion: PeriodicMotion, harmonics: int
+) -> tuple[Projection, PeriodicMotion]:
+    """The motion of the same size with more harmonics, on a basis of its own; ConvergenceError."""
+    projection = Projection.about(osc, motion)
     start = replace(motion, Q=with_harmonics(motion.Q, harmonics))
-    return projection.improve(start, TARGET, SIZE)[0]
+    return projection, projection.improve(start, TARGET, SIZE)[0]
 
 
-def _piece(
-    projection: Projection,
-    start: PeriodicMotion,
-    clear: float,
-    ladder: Sequence[int],
-    found: SecondLook,
-) -> None:
-    """The curve both ways from a motion until damping is missing by more than `clear` [1/s].
-
-    Where it stays below zero its top is looked at with still more harmonics.
-    """
-
-    def ended(_: np.ndarray, motion: PeriodicMotion) -> str:
-        return DAMPED if motion.mu < -clear else ""
-
-    tests = {ZERO: lambda u, _: float(u[-1])}
-    piece: list[CurveMotion] = []
-    for way in (-1.0, 1.0):
-        path = Path(projection, start.harmonics, (SIZE, way), ended, PIECE_STEPS, tests, watched=-1)
-        part, _ = path.from_motion(start)
-        piece = [*piece[:0:-1], *part]
-    found.pieces.append(
-        piece if _first(piece[0].motion) < _first(piece[-1].motion) else piece[::-1]
-    )
-    top = max((p.motion for p in piece), key=lambda m: m.mu)
-    if top.mu > 0.0:
-        return
+def _settle(osc: Oscillator, top: PeriodicMotion, ladder: Sequence[int], found: SecondLook) -> None:
+    """A top below zero with still more harmonics, until it is clear; else it is left open."""
     for harmonics in ladder:
         try:
-            better = _with_more(projection, top, harmonics)
+            _, better = _with_more(osc, top, harmonics)
         except ConvergenceError:
             break
         found.harmonics, change = max(found.harmonics, harmonics), abs(better.mu - top.mu)
@@ -313,6 +296,38 @@ def _piece(
             return
         top = better
     found.open.append(top)
+
+
+def found_again(osc: Oscillator, zero: PeriodicMotion, harmonics: int) -> list[PeriodicMotion]:
+    """Zeros next to one of a curve, with more harmonics, which have none at its place.
+
+    Raises
+    ------
+    ConvergenceError
+        Where no motion of its size is found with so many.
+    """
+    projection, start = _with_more(osc, zero, harmonics)
+    high = np.inf if start.mu > 0.0 else 0.0
+    piece = _piece(projection, start, -SAFETY * abs(start.mu), high)
+    return [p.motion for p in piece if p.event == ZERO]
+
+
+def _piece(
+    projection: Projection, start: PeriodicMotion, low: float, high: float = np.inf
+) -> list[CurveMotion]:
+    """The curve both ways from a motion while its added damping [1/s] is between bounds."""
+
+    def ended(_: np.ndarray, motion: PeriodicMotion) -> str:
+        return "" if low <= motion.mu <= high else OUTSIDE
+
+    tests = {ZERO: lambda u, _: float(u[-1])}
+    piece: list[CurveMotion] = []
+    for way in (-1.0, 1.0):
+        path = Path(projection, start.harmonics, (SIZE, way), ended, PIECE_STEPS, tests, watched=-1)
+        part, _ = path.from_motion(start)
+        piece = [*piece[:0:-1], *part]
+    back = _first(piece[0].motion) > _first(piece[-1].motion)
+    return piece[::-1] if back else piece
 
 
 def _in_one_place(one: PeriodicMotion, other: PeriodicMotion) -> bool:

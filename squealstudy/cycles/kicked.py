@@ -103,7 +103,7 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
 def decided_in_time(contact: ContactOscillator, found: Followed) -> Followed:
     """The families of a design whose modes are all stable, those undecided after a run in time.
 
-    It begins with what was found: the loudest cycle, above it where it is unstable for certain, or
+    It begins with what was found: the loudest cycle, above it where it is unstable, or
     the motion that lacks least damping. Where that lasts the design squeals if kicked; where it
     decays that is told, and the verdict stays open.
     """
@@ -135,7 +135,7 @@ def _uncertain(family: Family) -> tuple[PeriodicMotion, str, float] | None:
     """Where a run begins: a motion, what it is, and times what."""
     if family.cycles:
         cycle = max(family.cycles, key=lambda c: c.levels["contact_velocity"])
-        if cycle.attracts is False and cycle.multipliers.saddle:
+        if cycle.attracts is False:
             return cycle.motion, "above the unstable cycle", ABOVE
         return cycle.motion, "the cycle", 1.0
     if family.look is None:

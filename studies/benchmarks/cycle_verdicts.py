@@ -4,7 +4,8 @@ Run:  python studies/benchmarks/cycle_verdicts.py [--designs 3 5 20] [--modes 2]
 
 Of each design of `cycle_truth.csv` the modes of the band that grow fastest or decay slowest between
 2.9 and 5.3 kHz, where this brake squeals, are followed as by a study of limit cycles. A design has
-the verdict of these families alone. A line a family is printed as it is found. With `--in-time`
+the verdict of these families alone, those undecided after a run in time. A line a family is
+printed as it is found. With `--in-time`
 those without an unstable mode are run in time as the proof of a design study runs them instead,
 today's design being that of the same friction and pressure, and that of the nominal ones.
 """
@@ -25,8 +26,9 @@ import pandas as pd
 from cycle_truth import BRAKE, NOMINAL, RANGES, swept
 
 from squealstudy.cycles.cycle import Search
-from squealstudy.cycles.families import families
+from squealstudy.cycles.families import SQUEALS, VERDICTS, Family, Followed, families
 from squealstudy.cycles.growth import linear_modes
+from squealstudy.cycles.kicked import decided_in_time
 from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task
@@ -73,7 +75,7 @@ def main() -> None:
     """A line a family: the design's truth, the verdict, levels and frequencies, seconds."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--designs", type=int, nargs="*", help="numbers of the truth set")
-    parser.add_argument("--modes", type=int, default=4, help="families of a design")
+    parser.add_argument("--modes", type=int, default=5, help="families of a design")
     parser.add_argument("--in-time", action="store_true", help="runs in place of families")
     arguments = parser.parse_args()
     truth = pd.read_csv(TRUTH).set_index("design")
@@ -90,11 +92,13 @@ def main() -> None:
         near = np.flatnonzero((hz > WINDOW[0]) & (hz < WINDOW[1]))
         chosen = sorted((near[np.argsort(-lam[near].real)][: arguments.modes] + 1).tolist())
         speed = abs(contact.point.speed)
+        followed: list[tuple[int, Family]] = []
         for k in chosen:
             began = time.process_time()
             search = Search(None, 1e-2, 2.0 * speed, band[1])
             found = families(contact, band, [k], 1e-9, search).families
             family = next(family for mode, family in found if mode == k)
+            followed.append((k, family))
             print(
                 f"{number}: {design['truth']}, {design['torque_rms']:.4g} N m, "
                 f"{design['dominant_frequency_hz']:.1f} Hz | mode {k}, {hz[k - 1]:.0f} Hz, "
@@ -112,6 +116,15 @@ def main() -> None:
                     f"+- {multipliers.error / multipliers.period:.1f}",
                     flush=True,
                 )
+        began, unstable = time.process_time(), contact.point.growing.n_unstable > 0
+        decided = decided_in_time(contact, Followed(followed, 0, unstable)).families
+        for k, family in decided:
+            if family.run is not None:
+                print(f"   mode {k}: {family.reason}; {family.run.torque_rms:.4g} N m")
+        verdicts = [SQUEALS] * unstable + [f.verdict for _, f in decided]
+        verdict = min(verdicts, key=VERDICTS.index)
+        spent = time.process_time() - began
+        print(f"{number}: {design['truth']} | {verdict}, runs {spent:.1f} CPU-s", flush=True)
 
 
 if __name__ == "__main__":
