@@ -89,7 +89,6 @@ def test_a_range_that_no_basis_serves_is_reduced_value_by_value(tmp_path, monkey
         )
     )
     monkeypatch.setattr(shared_basis, "TOLERANCE", 0.0)
-    monkeypatch.setattr(reduced, "TOLERANCE", 0.0)
     monkeypatch.setattr(SharedRange, "most", 3)
     _, (prepared, V), (_, own_V) = both(plan, list(plan.structures)[1])
     assert shared_facts(plan)["shared_basis"]["used"] is False
@@ -100,6 +99,24 @@ def test_a_range_that_no_basis_serves_is_reduced_value_by_value(tmp_path, monkey
     monkeypatch.setattr(plan.kind, "accurate", lambda plan, failures, workers: plan)
     plan.kind.ready(plan, None, warnings.append)
     assert "no basis of 3 reductions serves lining.E3 from 1.51e+09 to 2.5e+09" in warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("tests", "needed", "known"),
+    [
+        ([(5e-5, 9e-6)], 1, True),  # agrees with a reduction
+        ([(1e-9, 2e-5)], 1, False),
+        ([(1e-9, 2e-5)] * 2, 1, True),  # joins nothing twice, reductions are a little off
+        ([(1e-9, 2e-5), (4e-5, 2e-5)], 1, False),
+        ([(1e-9, 2e-4)] * 5, 1, False),  # far from reductions
+        ([(4e-5, 9e-6), (4e-5, 2e-5)], 2, False),
+        ([(4e-5, 2e-5), (4e-5, 9e-6), (4e-5, 9e-6)], 2, True),
+        ([(4e-5, 2e-5)] + [(1e-9, 2e-5)] * 2, 2, False),
+        ([(4e-5, 2e-5)] + [(1e-9, 2e-5)] * 3, 2, True),
+    ],
+)
+def test_a_range_is_known_by_reductions_or_by_what_they_add(tests, needed, known):
+    assert shared_basis.within(*reduced._worst(tests, needed)) is known
 
 
 def test_the_range_is_part_of_the_identity(blocks, tmp_path):

@@ -45,11 +45,11 @@ from squealstudy.reduction.prepared import (
 )
 from squealstudy.reduction.projected import AnyAssembly, projected
 from squealstudy.reduction.shared_basis import (
-    TOLERANCE,
     SharedBasis,
     Snapshot,
     joined,
     shared_basis,
+    within,
 )
 from squealstudy.study.design import DesignPoint
 
@@ -220,7 +220,7 @@ def _loaded(key: str) -> SharedBasis:
 def _made(task: BuildTask, shared: SharedTask) -> SharedBasis:
     """Reduce places of the range until the last ones were known before."""
     blocks: tuple[np.ndarray, ...] = ()
-    errors: list[float] = []
+    tests: list[tuple[float, float]] = []  # what was lacking, and how far from a reduction it was
     first: Assembly | None = None
     stiffness, count, failure = 0.0, 0, None
     for point in shared.places:
@@ -235,21 +235,33 @@ def _made(task: BuildTask, shared: SharedTask) -> SharedBasis:
             failure = error  # moduli that no material has together, or no steady sliding
             continue
         first = assembly if first is None else first
-        if count > 1:
-            so_far = shared_basis(assembly, blocks, stiffness, count, 0.0)
-            found, _ = _by_shared(own, so_far, assembly)
-            made = task.record(assembly, {}, task.band_hz[1])
-            errors.append(root_distances(found, prepared, made.states, task.band_hz))
         snapshot.blocks = basis.blocks
-        blocks, count = joined(first, blocks, snapshot), count + 1
-        last = errors[-shared.tests :]
-        if len(last) == shared.tests and max(last) <= TOLERANCE:
+        wider = joined(first, blocks, snapshot)
+        if count > 1:
+            states = task.record(assembly, {}, task.band_hz[1]).states
+            found, again = (
+                _by_shared(own, shared_basis(assembly, V, stiffness, count), assembly)[0]
+                for V in (blocks, wider)
+            )
+            others = (again, prepared)
+            lacking, apart = (root_distances(found, o, states, task.band_hz) for o in others)
+            tests.append((lacking, apart))
+        blocks, count = wider, count + 1
+        if within(*_worst(tests, shared.tests)):
             break
     if first is None:
         assert failure is not None
         raise failure
-    worst = max(errors[-shared.tests :], default=np.inf)
-    return shared_basis(first, blocks, stiffness, count, float(worst))
+    return shared_basis(first, blocks, stiffness, count, *_worst(tests, shared.tests))
+
+
+def _worst(tests: list[tuple[float, float]], needed: int) -> tuple[float, float]:
+    """The most that was lacking in the last tests, one more than needed, and the largest distance.
+
+    Infinite where there were too few: one place more has to be spanned where reductions differ.
+    """
+    lacking, error = np.array([(np.inf, np.inf)] * (needed + 1) + tests).T
+    return float(lacking[-needed - 1 :].max()), float(error[-needed:].max())
 
 
 @dataclass(frozen=True)

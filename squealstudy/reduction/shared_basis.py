@@ -23,7 +23,8 @@ from squealstudy.reduction.projected import ProjectedAssembly
 
 TRACES = 1e-4  # smallest direction that another reduction adds, in M, of unit shapes
 STATIC = 1e-3  # and of static responses, of the square root of the largest elastic energy
-TOLERANCE = 1e-5  # of roots at a place that is not spanned yet, relative to a reduction there
+TOLERANCE = 1e-5  # of roots at a place that is not spanned yet, relative to a basis that spans it
+AGREEMENT = 1e-4  # of these with a reduction there, whose own error is part of the difference
 
 
 @dataclass(frozen=True)
@@ -42,9 +43,11 @@ class SharedBasis:
         Hash of the contact's rows.
     reductions : int
         How many it is made of.
+    lacking : float
+        Largest relative change of a root in the last tests by what was tested, as it joined.
     error : float
-        Largest relative error of a root in the last tests, before what was tested joined; infinite
-        where there was none.
+        Largest relative distance of a root there, before, from that of a reduction of its own. Both
+        are infinite where there were too few tests.
     """
 
     blocks: tuple[np.ndarray, ...] = field(repr=False)
@@ -52,12 +55,13 @@ class SharedBasis:
     rows: ContactRows = field(repr=False)
     contact: str
     reductions: int
+    lacking: float
     error: float
 
     @property
     def within(self) -> bool:
         """Whether the last tests were passed."""
-        return self.error <= TOLERANCE
+        return within(self.lacking, self.error)
 
     def serves(self, assembly: Assembly) -> bool:
         """Whether it is within its tolerance, and made for the contact of an assembly."""
@@ -66,6 +70,14 @@ class SharedBasis:
     def space(self, small: ProjectedAssembly, shapes: np.ndarray) -> ContactSpace:
         """Contact compliances of an assembly that is projected on it, and shapes U (n, m)."""
         return contact_space(small, self.k_c, shapes, self.rows)
+
+
+def within(lacking: float, error: float) -> bool:
+    """Whether tests were passed: roots agree with reductions, or change no more and come near them.
+
+    Reductions differ from each other, of damped modes more than of light ones.
+    """
+    return error <= TOLERANCE or (lacking <= TOLERANCE and error <= AGREEMENT)
 
 
 def contact_hash(assembly: Assembly) -> str:
@@ -146,7 +158,8 @@ def shared_basis(
     blocks: Sequence[np.ndarray],
     k_c: float,
     reductions: int,
-    error: float,
+    lacking: float = np.inf,
+    error: float = np.inf,
 ) -> SharedBasis:
     """The basis of some blocks, ready for the assemblies of a range, of which one is given."""
     rows, n = ContactRows.of(assembly.contact), assembly.n_dof
@@ -164,5 +177,6 @@ def shared_basis(
         rows=replace(rows, normal=np.arange(Z.shape[1]), Z=Z, sliding=Z_T),
         contact=contact_hash(assembly),
         reductions=reductions,
+        lacking=lacking,
         error=error,
     )
