@@ -27,6 +27,7 @@ from squealstudy.study.units import quantity
 if TYPE_CHECKING:
     import pandas as pd
 
+    from squealstudy.models.assembly import Assembly
     from squealstudy.models.parameter import ModelDefinition
 
 MODEL_FILE = ".toml"
@@ -163,12 +164,8 @@ class Model:
 
         from squealstudy.linalg.real_modes import real_modes, rigid_modes
 
-        defaults = self.definition.defaults()
-        options = {str(name): value for name, value in self.options["value"].items()}
-        values = defaults | {k: v for k, v in self.given.items() if k in defaults}
-        assembly = self.definition.build(options, values)
         rows = []
-        for c in assembly.components:
+        for c in self._assembly({}).components:
             omega, _ = real_modes(c.M, c.K, cutoff_hz)
             rigid = rigid_modes(c.M, c.K, omega)
             rows += [
@@ -179,6 +176,78 @@ class Model:
         table = pd.DataFrame(rows, columns=names)
         table.attrs["units"] = {"n_dof": "", "mode": "", "frequency_hz": "Hz"}
         return table
+
+    def loss_damping(
+        self, factors: Mapping[str | tuple[str, ...], float], cutoff_hz: float = 8000.0
+    ) -> pd.DataFrame:
+        """Damping ratios of component modes that stand for loss factors of materials.
+
+        A mode with the share e_m of its elastic energy in the material m gets
+        zeta = sum of eta_m e_m / 2 (THEORY.md eq. (19a)).
+
+        Parameters
+        ----------
+        factors : mapping of str or tuple of str -> float
+            Loss factor eta of a material, by the parameter that is its modulus; of one that has
+            several moduli by all of them.
+        cutoff_hz : float
+            Modes up to here, Hz.
+
+        Returns
+        -------
+        DataFrame
+            A row an elastic mode of a component that has one of the materials: ``parameter``, its
+            damping ratio as study files call it, ``component``, ``mode``, ``frequency_hz``,
+            ``energy_share`` in these materials, ``damping_ratio``.
+
+        Raises
+        ------
+        ParameterError
+            What is no modulus of a component, or a negative factor.
+        """
+        import numpy as np
+        import pandas as pd
+
+        from squealstudy.linalg.real_modes import real_modes, rigid_modes
+
+        parts, rows = self._assembly({}).components, []
+        moduli = {(m,) if isinstance(m, str) else tuple(m): eta for m, eta in factors.items()}
+        own = {names: self._assembly(dict.fromkeys(names, 2.0)).components for names in moduli}
+        for names, eta in moduli.items():
+            pairs = zip(parts, own[names], strict=True)
+            if not any(abs(b.K - a.K).max() > 0 for a, b in pairs):
+                raise ParameterError(" and ".join(names), "expected moduli of a component")
+            if not eta >= 0:
+                raise ParameterError(" and ".join(names), f"expected a loss factor, got {eta}")
+        for k, c in enumerate(parts):
+            K = {names: found[k].K - c.K for names, found in own.items()}
+            if not any(abs(part).max() > 0 for part in K.values()):
+                continue
+            omega, phi = real_modes(c.M, c.K, cutoff_hz)
+            for j in range(rigid_modes(c.M, c.K, omega), len(omega)):
+                u = phi[:, j]
+                share = {names: float(u @ (part @ u)) / omega[j] ** 2 for names, part in K.items()}
+                zeta = sum(0.5 * moduli[names] * e for names, e in share.items())
+                name = f"{c.name}.modes[{j + 1}].damping_ratio"
+                hz = float(omega[j] / (2 * np.pi))
+                rows.append((name, c.name, j + 1, hz, sum(share.values()), zeta))
+        columns = ["parameter", "component", "mode", "frequency_hz"]
+        columns += ["energy_share", "damping_ratio"]
+        table = pd.DataFrame(rows, columns=columns)
+        table.attrs["units"] = dict.fromkeys(columns[2:], "") | {"frequency_hz": "Hz"}
+        return table
+
+    def _assembly(self, factors: Mapping[str, float]) -> Assembly:
+        """The model as it is assembled, with factors on some of its parameters."""
+        defaults = self.definition.defaults()
+        options = {str(name): value for name, value in self.options["value"].items()}
+        values = defaults | {k: v for k, v in self.given.items() if k in defaults}
+        for name, factor in factors.items():
+            if name not in values:
+                parse_parameter(name, self.definition)
+                raise ParameterError(name, "expected moduli of a component")
+            values[name] *= factor
+        return self.definition.build(options, values)
 
 
 def model(name: str, **values: Any) -> Model:
