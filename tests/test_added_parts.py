@@ -174,6 +174,32 @@ def test_structures_of_a_search_have_one_basis(tmp_path):
         there = own.loc[row.friction]
         assert row.min_damping_ratio == pytest.approx(there["min_damping_ratio"], abs=1e-4)
         assert row.frequency_hz == pytest.approx(there["frequency_hz"], rel=1e-4)
+    _slopes_are_those_of_all_degrees_of_freedom(read(tmp_path, text))
+
+
+def _slopes_are_those_of_all_degrees_of_freedom(study):
+    """Derivatives on the basis against those of the unreduced assembly."""
+    plan = study.kind.plan(study)
+    asked = request(plan)
+    assert asked.basis
+    point = plan.design({**study.values, "friction": 1.2})
+    point = replace(point, structure=plan.structure_key(point), point_id="x")
+    build_structure(build_task(plan, point, 1))
+    rows = [
+        design_row(point, "modes", r, NewGaps())["modes"] for r in (asked, replace(asked, basis=""))
+    ]
+    by, full = (
+        {
+            (name, column): [mode["slopes"][k][column] for mode in modes]
+            for k, name in enumerate(s["parameter"] for s in modes[0]["slopes"])
+            for column in ("d_frequency_hz", "d_growth_rate", "d_damping_ratio")
+        }
+        for modes in rows
+    )
+    assert by != full
+    for key, own in by.items():
+        size = np.abs(full[key]).max()
+        np.testing.assert_allclose(own, full[key], rtol=0, atol=1e-3 * size, err_msg=str(key))
 
 
 @pytest.mark.parametrize(

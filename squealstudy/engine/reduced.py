@@ -174,6 +174,37 @@ def shared_task(plan: Plan, point: DesignPoint) -> SharedTask | None:
     return SharedTask(plan.shared_key(point), tuple(places), found.tests)
 
 
+def shared_key(plan: Plan) -> str:
+    """Key of the basis that serves the structures of a plan; empty where there is none."""
+    if plan.shared_range is None or not is_whole(prepared_path(plan.shared_key(plan.first))):
+        return ""
+    key = plan.shared_key(plan.first)
+    return key if _loaded(key).within else ""
+
+
+@dataclass(frozen=True)
+class BuiltOnBasis:
+    """Builds assemblies of a range on its basis (some hundred degrees of freedom).
+
+    Attributes
+    ----------
+    build : callable
+        (values of all the model's parameters) -> Assembly.
+    key : str
+        Of the basis.
+    """
+
+    build: Callable[[Mapping[str, float]], Assembly]
+    key: str
+
+    def __call__(self, values: Mapping[str, float]) -> Assembly:
+        """The assembly at values of parameters, in coordinates of the basis if that serves it."""
+        assembly, basis = self.build(values), _loaded(self.key)
+        if not basis.serves(assembly):
+            return assembly
+        return projected(assembly, [np.asarray(block) for block in basis.blocks]).sparse()
+
+
 def shared_facts(plan: Plan) -> dict[str, dict[str, Any]]:
     """The range over which structures have one basis, and its error; nothing without one."""
     if plan.shared_range is None or not is_whole(prepared_path(plan.shared_key(plan.first))):

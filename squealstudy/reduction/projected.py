@@ -19,6 +19,7 @@ from squealstudy.models.assembly import (
     ContactInterface,
     component_slices,
 )
+from squealstudy.models.linear_interfaces import StressStiffness
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +109,31 @@ class ProjectedAssembly:
         c = self.contact
         K: np.ndarray = c.N.T @ ((c.area * tangent)[:, None] * c.N)
         return K
+
+    def sparse(self) -> Assembly:
+        """The same as an assembly, for what solves unreduced ones; it has no nodes."""
+        both, rest = self.springs
+        return Assembly(
+            components=tuple(
+                Component(
+                    c.name,
+                    sp.csr_matrix(c.M),
+                    sp.csr_matrix(c.K),
+                    C=None if c.C is None else sp.csr_matrix(c.C),
+                )
+                for c in self.components
+            ),
+            contact=replace(
+                self.contact,
+                **{n: sp.csr_matrix(getattr(self.contact, n)) for n in ("N", "T", "T_perp")},
+            ),
+            springs=(
+                StressStiffness(sp.csr_matrix(rest), "springs", in_static=True),
+                StressStiffness(sp.csr_matrix(both - rest), "springs_in_vibration"),
+            ),
+            load=self.load,
+            constant_load=self.constant_load,
+        )
 
 
 AnyAssembly = Assembly | ProjectedAssembly

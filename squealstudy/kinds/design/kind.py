@@ -18,6 +18,7 @@ from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import Columns, ModelKind
 from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.reduced import shared_key
 from squealstudy.engine.store import (
     DESIGNS,
     MARGINS,
@@ -275,6 +276,7 @@ def request(plan: Plan) -> DesignRequest:
         sizes=sizes(_own(plan).design_study),
         today=today_values(_own(plan).design_study),
         operation=nominal_operation(_own(plan).design_study),
+        basis=shared_key(plan),
     )
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from squealstudy.engine.cache import NewGaps, known_gap, prepared_model
+from squealstudy.engine.reduced import BuiltOnBasis
 from squealstudy.engine.rows import (
     FAILURES,
     HEAD,
@@ -132,6 +133,9 @@ class DesignRequest:
         Today's values of the variables; None where one of them is of the structure.
     operation : mapping of str -> float
         Values in [parameters] of what is swept and not of the structure.
+    basis : str
+        Key of the basis that structures have in common, empty where there is none: derivatives by
+        structural variables are then those of the assembly on it.
     """
 
     parameters: tuple[RequestedParameter, ...]
@@ -143,6 +147,7 @@ class DesignRequest:
     sizes: Mapping[str, float]
     today: Mapping[str, float] | None
     operation: Mapping[str, float]
+    basis: str
 
 
 def design_row(
@@ -297,6 +302,8 @@ def _slopes(
     modes = point_sensitivities(chosen, parameters, 1e-3, top, reanalysis=False)
     names = structural_names(asked)
     builder = design_structure(point, request.settings, request.sizes)
+    if request.basis:
+        builder = replace(builder, build=BuiltOnBasis(builder.build, request.basis))
     more: Sequence[Any] = structural_sensitivities(chosen, builder, names, 1e-3, reanalysis=False)
     found = []
     for mode, own in zip(modes, more, strict=True):
