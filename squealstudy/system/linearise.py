@@ -14,7 +14,7 @@ each user adds its own term.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -312,7 +312,9 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> L
     K_sym = symmetric_stiffness(structure, weights)
     coupling = StructureWeights._fields.index("coupling")
     K = K_sym + structure.system.summed(weights, [coupling])
-    C = structure.system.summed(weights, structure.system.numbers(DAMPING))
+    beta = state.stiffness_damping
+    rest = structure.weights(point, replace(state, stiffness_damping=0.0)) if beta else weights
+    C = structure.system.summed(rest, structure.system.numbers(DAMPING)) + beta * K_sym
     modal = assembly_damping(K_sym, state, model.damped_to)
     C += modal
     return LinearisedModel(C=C, K=K, K_sym=K_sym, weights=weights, C_modal=modal)

@@ -264,6 +264,9 @@ def _add_dense(A: np.ndarray, term: Term, w: Any) -> None:
         A += w
     elif term.left is None and term.right is None:
         A[np.diag_indices_from(A)] += w
+    elif np.ndim(w) and term.left is term.right and np.all(w >= 0):
+        half = np.sqrt(w)[:, None] * _dense(term.right)
+        A += half.T @ half  # half the work: BLAS sees that this is symmetric
     elif np.ndim(w) or w:
         right = np.eye(len(A)) if term.right is None else _dense(term.right)
         scaled = (np.asarray(w)[:, None] if np.ndim(w) else w) * right
