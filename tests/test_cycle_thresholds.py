@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from squealstudy.cycles.curve import CurveMotion
-from squealstudy.cycles.cycle import Cycle, Search
+from squealstudy.cycles.cycle import LEVELS, Cycle, Search, _changes, cycle_near
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import (
     IF_KICKED,
@@ -26,6 +26,7 @@ from squealstudy.cycles.growth import STILL, SecondLook, linear_modes
 from squealstudy.cycles.harmonics import series_at
 from squealstudy.cycles.in_time import DECAYS, GROWS, LASTS, Trials, lasting, state_of
 from squealstudy.cycles.kicked import PHASES, decided_in_time, kick_along_mode, kicks
+from squealstudy.cycles.projection import Projection
 
 SEED = 11
 DRAWN = {  # values, contact law, ranges of what is drawn, saturation [m/s], kind of friction
@@ -90,10 +91,10 @@ def test_below_a_threshold_motions_decay_and_above_it_they_grow(name, count):
 MOTION = PeriodicMotion(np.array([[0.0], [1.0], [0.0]]), 1.0, 1.0)
 
 
-def cycle(multipliers, errors, status="ok", error=0.0):
+def cycle(multipliers, errors, status="ok", error=0.0, faint=0.0):
     found = Floquet(np.array([*multipliers, 1.0]), np.eye(2), np.array([*errors, 1e-6]), 1.0)
     levels = {"contact_velocity": 1.0, "torque_rms": 1.0}
-    return Cycle(None, found, levels, np.zeros(0), error, 0.0, 0.0, 2, 0.0, status)
+    return Cycle(None, found, levels, np.zeros(0), error, faint, 0.0, 0.0, 2, 0.0, status)
 
 
 @pytest.fixture(scope="module")
@@ -149,12 +150,45 @@ def test_what_cycles_leave_open_runs_decide(hoffmann):
         assert decided_in_time(contact, unstable) is unstable
 
 
+@pytest.mark.parametrize("harmonics", [3, 5, 7])
+def test_levels_and_velocities_err_by_no_more_than_is_told(hoffmann, harmonics):
+    """Each by its own error: a peak converges more slowly than a mean square."""
+    contact, _, family = hoffmann
+    exact = cycle_near(
+        contact,
+        Projection.about(contact.oscillator, family.loudest.motion),
+        family.loudest.motion,
+        Search(25, 1e-9, 1.0),
+    )
+    few = cycle_near(
+        contact,
+        Projection.about(contact.oscillator, exact.motion),
+        exact.motion,
+        Search(harmonics, 1e-9, 1.0),
+    )
+    off = {n: abs(few.levels[n] / exact.levels[n] - 1.0) for n in LEVELS}
+    assert off["torque_rms"] <= few.level_error
+    assert off["contact_velocity"] <= few.velocity_error
+    assert few.error == max(few.level_error, few.velocity_error)
+    assert few.error > 1e-9
+
+
+def test_a_level_is_that_of_velocity_where_friction_has_none():
+    now = {"torque_rms": 2.0, "contact_velocity": 1.0}
+    np.testing.assert_allclose(
+        _changes({"torque_rms": 2.2, "contact_velocity": 1.5}, now), [0.1, 0.5]
+    )
+    none = {"torque_rms": 0.0, "contact_velocity": 1.0}
+    np.testing.assert_allclose(_changes({"torque_rms": 0.0, "contact_velocity": 1.5}, none), 0.5)
+
+
 @pytest.mark.parametrize(
     ("below", "told"),
     [
         ([], "not one cycle between them"),
         ([cycle([1.2, 0.5], [1e-3, 1e-3])] * 2, "not one cycle between them"),
         ([cycle([1.2, 0.5], [1e-3, 1e-3], "inaccurate")], "inaccurate"),
+        ([cycle([1.2, 0.5], [1e-3, 1e-3], faint=0.06)], "inaccurate"),
         ([cycle([1.2, 1.1], [1e-3, 1e-3])], "not just one unstable direction"),
         ([cycle([1.2, 0.99], [1e-3, 2e-2])], "not just one unstable direction"),
         ([cycle([1.2, 0.5], [1e-3, 1e-3])], ""),

@@ -345,6 +345,7 @@ QUIET = {
     "contact_velocity": 2.0,
     "frequency_hz": 100.0,
     "level_error": 1e-9,
+    "velocity_error": 0.0,
 }
 
 

@@ -20,7 +20,7 @@ PROJECTED_LADDER = LADDER[:3]  # on projected models, where more cost seconds ea
 HOPELESS = 2.5  # times the tolerance: an error that half as many harmonics again do not mend
 SURE = 0.1  # error of a level up to which the stability of a cycle is told
 SAFETY = 2.0  # error over the last change: series that converge like 1/H are bounded too
-LEVELS = ("torque_rms", "contact_velocity")  # by which cycles are told apart, and errors told
+LEVELS = ("torque_rms", "contact_velocity")  # by which cycles are told apart
 SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice, beside errors
 MOST_APART = 1e-2  # and the most of it, however large the errors are
 
@@ -59,8 +59,10 @@ class Cycle:
         `ContactOscillator.levels`.
     torque_harmonics : ndarray (H,)
         N m.
-    level_error, frequency_error : float
-        Estimates, relative: from fewer harmonics, and of the basis.
+    level_error, velocity_error, frequency_error : float
+        Estimates, relative: from fewer harmonics, and of the basis. The level is the RMS of the
+        torque, or the contact velocity where friction has none; the velocity is a peak, to which
+        harmonics converge more slowly.
     basis_error : float
         The basis's share of the level's error: by how much it was corrected in all coordinates.
     n_vectors : int
@@ -75,11 +77,17 @@ class Cycle:
     levels: dict[str, float]
     torque_harmonics: np.ndarray
     level_error: float
+    velocity_error: float
     frequency_error: float
     basis_error: float
     n_vectors: int
     residual: float
     status: str
+
+    @property
+    def error(self) -> float:
+        """Of level and contact velocity, the larger."""
+        return max(self.level_error, self.velocity_error)
 
     @property
     def attracts(self) -> bool | None:
@@ -97,7 +105,7 @@ def cycle_near(
         tried = _pair(search.harmonics)
     cycle = rougher = motion
     levels = dict[str, float]()
-    level_error = frequency_error = basis_error = residual = np.inf
+    level_error = velocity_error = frequency_error = basis_error = residual = np.inf
     for harmonics in tried:
         try:
             motion, residual = projection.cycle_near(motion, harmonics)
@@ -111,8 +119,9 @@ def cycle_near(
         cycle = projection.corrected(motion)
         levels = contact.levels(cycle)
         if before:
-            basis_error = _change(contact.levels(motion), levels)
-            level_error = SAFETY * _change(before, levels) + basis_error
+            own, harmonic = (_changes(b, levels) for b in (contact.levels(motion), before))
+            basis_error = float(own[0])
+            level_error, velocity_error = (SAFETY * harmonic + own).tolist()
             frequency_error = SAFETY * abs(cycle.omega / rougher.omega - 1.0)
             frequency_error += abs(cycle.omega / motion.omega - 1.0)
             if level_error < search.tolerance:
@@ -127,6 +136,7 @@ def cycle_near(
         levels,
         contact.torque_harmonics(cycle),
         level_error,
+        velocity_error,
         frequency_error,
         basis_error,
         projection.size,
@@ -140,15 +150,17 @@ def _pair(harmonics: int) -> tuple[int, int]:
     return max(1, min(harmonics - 1, round(harmonics / 1.5))), harmonics
 
 
-def _change(before: dict[str, float], now: dict[str, float]) -> float:
-    """Relative change of the level of the friction torque and of the contact velocity."""
-    return max(abs(before[n] - now[n]) / now[n] if now[n] > 0 else 0.0 for n in LEVELS)
+def _changes(before: dict[str, float], now: dict[str, float]) -> np.ndarray:
+    """Relative changes of the level and of the contact velocity (2,)."""
+    torque, velocity = (abs(before[n] - now[n]) / now[n] if now[n] > 0 else np.nan for n in LEVELS)
+    velocity = np.nan_to_num(velocity)
+    return np.array([velocity if np.isnan(torque) else torque, velocity])
 
 
 def same_cycle(one: Cycle, other: Cycle) -> bool:
     """Whether two families have found one cycle."""
     a, b = ([c.motion.omega, *(c.levels[n] for n in LEVELS)] for c in (one, other))
-    return alike(a, b, one.level_error + other.level_error)
+    return alike(a, b, one.error + other.error)
 
 
 def alike(one: Sequence[float], other: Sequence[float], errors: float) -> bool:

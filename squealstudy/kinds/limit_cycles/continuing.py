@@ -308,7 +308,8 @@ def _has_stable(row: dict[str, Any]) -> bool:
 def _same(one: dict[str, Any], other: dict[str, Any]) -> bool:
     """Whether a design has a cycle already: as near as the errors of both allow."""
     a, b = ([row["frequency_hz"], *(row[n] for n in LEVELS)] for row in (one, other))
-    return alike(a, b, one["level_error"] + other["level_error"])
+    errors = (max(row["level_error"], row["velocity_error"]) for row in (one, other))
+    return alike(a, b, sum(errors))
 
 
 def _family(row: dict[str, Any], origin: dict[str, Any], found: Continued) -> int:
