@@ -769,6 +769,25 @@ def test_a_variant_that_cannot_be_solved_leaves_the_others(
     assert "1 of 2 alternatives proven" in found.manifest["design_study"]["choice"]
 
 
+def test_an_operating_point_without_a_result_is_no_search_that_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def row(point: DesignPoint, *others: Any) -> dict[str, Any]:
+        if point.values["friction"] == 0.8:
+            return failed_row(SCHEMA, point.point_id, "no_working_point", "it falls apart")
+        return design_row(point, *others)
+
+    monkeypatch.setattr("squealstudy.kinds.design.kind.design_row", row)
+    found = _run(_hoffmann("damping_ratio", "[0.0, 0.2]", margin=0.02), tmp_path)
+    facts = found.manifest["design_study"]
+    assert facts["outcome"] == NONE_FOUND
+    assert "operating points (1 could not be solved); no design could be held" in facts["verdict"]
+    assert "could not be solved (it falls apart)" in facts["verdict"]
+    assert "Nearest" not in facts["verdict"]
+    told = html.unescape(report([found], shapes=False))
+    assert f"{facts['verdict']} 1 of 2 points is not ok (1 no_working_point)." in told
+
+
 def test_a_study_of_variants_alone_is_proven_too(tmp_path: Path) -> None:
     text = _hoffmann("damping_ratio", "[0.0, 0.2]", margin=0.02)
     start, end = text.index("[[variable]]"), text.index("[goal]")
