@@ -29,6 +29,7 @@ from squealstudy.kinds.design.plan import MODES, ROOTS, Ask, first_plan
 from squealstudy.kinds.design.rows import SCHEMA, design_row
 from squealstudy.kinds.design.state import MET_LINEAR, NONE_FOUND, Memory
 from squealstudy.kinds.design.study import DesignStudy
+from squealstudy.plots.operating_matrix import chosen_word, operating_matrix
 from squealstudy.study.design import DesignPoint
 
 MARGIN = 0.002
@@ -300,6 +301,22 @@ def test_runs_in_time_refuse_what_squeals_when_kicked(trap, tmp_path: Path) -> N
     last = runs.iloc[-1]["text"]
     assert f"runs in time: {last}" in facts["verdict"]
     assert "not checked: limit cycles" in facts["verdict"]
+
+
+def test_the_chosen_design_is_drawn_at_every_operating_point(trap) -> None:
+    """With sensitivities where the search had it in view, without elsewhere."""
+    points, facts = trap.points.copy(), trap.manifest["design_study"]
+    own = (points["design"] == facts["chosen"]).to_numpy(bool)
+    first = points.index[own & (points["stage"] == "modes").to_numpy(bool)][0]
+    points.loc[first, "stage"] = "roots"
+    tables = {name: trap.table(name) for name in trap.tables}
+    figure = operating_matrix(trap.with_tables(**tables | {"points": points}))
+    (stars,) = (line for line in figure.axes[0].lines if line.get_label() == "chosen")
+    damping = points.loc[own & (points["stage"].isin(["modes", "roots"])).to_numpy(bool)]
+    damping = damping.set_index("friction")["min_damping_ratio"].loc[[0.5, 0.7, 0.9]]
+    assert stars.get_ydata() == pytest.approx(100 * damping.to_numpy())
+    assert chosen_word({"outcome": "met"}) == "chosen"
+    assert chosen_word({"outcome": NONE_FOUND}) == "comes nearest"
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from squealstudy.engine.pictures import register_plot
+from squealstudy.plots.operating_matrix import chosen_word
 from squealstudy.plots.style import COLOURS, DARK, GREY, finish, labelled, legend_below, new_figure
 from squealstudy.wording import plural
 
@@ -32,18 +33,24 @@ def design_history(results: Results) -> Figure:
     chosen = designs["chosen"].to_numpy(bool)
     today = (designs["role"] == "today").to_numpy(bool)
     damping = 100.0 * designs["min_damping_ratio"].to_numpy(float)
-    margin = 100.0 * float(results.manifest["design_study"]["margin"])
+    facts = results.manifest["design_study"]
+    margin, targets = 100.0 * float(facts["margin"]), designs["role"].str.startswith("target")
+    alone = targets.to_numpy(bool) & ~scan
     figure = new_figure(9.0, 6.4)
     axes = figure.subplots(2, 1)
     groups: list[tuple[np.ndarray, dict[str, Any]]] = [
         (scan, {"marker": ".", "color": GREY, "label": "scan, at few operating points"}),
         (
-            ~scan & ~meets,
+            ~scan & ~meets & ~alone,
             {"marker": "o", "color": COLOURS[0], "label": "does not meet the demands"},
         ),
-        (~scan & meets, {"marker": "o", "color": COLOURS[2], "label": "meets them"}),
+        (~scan & meets & ~alone, {"marker": "o", "color": COLOURS[2], "label": "meets them"}),
+        (alone, {"marker": "^", "color": COLOURS[3], "label": "targets alone"}),
         (today, {"marker": "s", "color": DARK, "label": "today"}),
-        (chosen, {"marker": "*", "color": COLOURS[1], "markersize": 13, "label": "chosen"}),
+        (
+            chosen,
+            {"marker": "*", "color": COLOURS[1], "markersize": 13, "label": chosen_word(facts)},
+        ),
     ]
     for panel, x in zip(axes, (designs["cost"], designs["design"]), strict=True):
         for own, style in groups:

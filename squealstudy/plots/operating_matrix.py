@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 MOST_NAMED = 24  # operating points with their values beneath
+CALLED = {  # the design that a study ends with, where its outcome is no proof
+    "none_found": "comes nearest",
+    "stopped": "last candidate, not proven",
+    "unproven": "last candidate, not proven",
+}
 
 
 @register_plot(
@@ -31,7 +36,9 @@ def operating_matrix(results: Results) -> Figure:
         Of a design study.
     """
     facts, points = results.manifest["design_study"], results.points
-    solved = points[(points["stage"] == "modes").to_numpy(bool)]
+    # of a design that scatters, roots are those of samples
+    stages = ["modes", "roots"] if facts["probability"] is None else ["modes"]
+    solved = points[points["stage"].isin(stages).to_numpy(bool)]
     names, number = list(facts["operating"]), int(facts["n_operating_points"])
     today = solved[(solved["design"] == facts["today"]).to_numpy(bool)].iloc[:number]
     figure = new_figure(9.0, 5.4)
@@ -40,9 +47,10 @@ def operating_matrix(results: Results) -> Figure:
     axes.plot(range(len(today)), _percent(today), marker="s", color=DARK, label="today", **style)
     if facts["chosen"] not in (None, facts["today"]):
         own = solved[(solved["design"] == facts["chosen"]).to_numpy(bool)]
+        own = own.drop_duplicates(names) if names else own.iloc[:1]
         chosen = today[names].merge(own, on=names, how="left") if names else own
         look: dict[str, Any] = {"marker": "*", "color": COLOURS[1], **style, "markersize": 11}
-        axes.plot(range(len(chosen)), _percent(chosen), label="chosen", **look)
+        axes.plot(range(len(chosen)), _percent(chosen), label=chosen_word(facts), **look)
     margin = 100.0 * float(facts["margin"])
     axes.axhline(margin, color=DARK, linewidth=0.8, linestyle="--", label="margin")
     if len(today) <= MOST_NAMED and names:
@@ -52,6 +60,11 @@ def operating_matrix(results: Results) -> Figure:
     legend_below(figure, labelled(axes), 3)
     figure.suptitle(plural(len(today), "operating point"), fontsize=9.5)
     return figure
+
+
+def chosen_word(facts: Mapping[str, Any]) -> str:
+    """What the design is called that a study ends with."""
+    return CALLED.get(facts["outcome"], "chosen")
 
 
 def _percent(points: pd.DataFrame) -> np.ndarray:

@@ -235,6 +235,8 @@ def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]])
         return f"{today}; {text} of {margin:g}: {mode}. {proof}: {_proof(loop)}. {searched}."
     if state.outcome == NONE_FOUND:
         nearest = change_text(changes) or "today's design"
+        seen = len(state.view)
+        where = "" if seen >= len(state.points) else f", of {seen} operating points in view"
         bound = [c["parameter"] for c in changes if c["at_bound"]]
         binds = f"; at their bounds: {', '.join(bound)}" if bound else "; no variable at a bound"
         kicks = f" with {len(state.extras)} demands of the proof" if state.extras else ""
@@ -245,7 +247,7 @@ def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]])
             )
         return (
             f"{today}; no design within the bounds was found that meets the margin of "
-            f"{margin:g}{kicks}. Nearest comes {nearest}: {mode}{binds}. {searched}."
+            f"{margin:g}{kicks}. Nearest comes {nearest}: {mode}{where}{binds}. {searched}."
         )
     why = "the limit of designs was reached" if state.outcome == STOPPED else "no proof succeeded"
     assert state.outcome in (STOPPED, UNPROVEN)
