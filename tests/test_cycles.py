@@ -98,6 +98,22 @@ def test_jacobian_is_that_of_differences(osc, size, error):
     np.testing.assert_allclose(found.by_xi, by, atol=5 * error * np.abs(by).max())
 
 
+def test_forces_that_are_kept_are_those_of_the_motion_asked_for():
+    """A Jacobian after a residual has its forces, to the last bit, and of no other motion."""
+    osc = models.scalar_oscillator(models.pulled, 0.7)
+    kept, fresh = (CycleEquations(osc, 4, 1.0) for _ in range(2))
+    u = kept.pack(PeriodicMotion(np.random.default_rng(3).normal(size=(9, 1)), 1.1, 0.1))
+    F = kept.residual(u)
+    for _ in range(2):
+        again, J = kept.jacobian(u)
+        expected, J_expected = fresh.jacobian(u)
+        np.testing.assert_array_equal(again, expected)
+        np.testing.assert_array_equal(J, J_expected)
+        np.testing.assert_array_equal(F[:-2], again[:-2])
+        u[0] += 0.1  # in place
+        F, fresh = kept.residual(u), CycleEquations(osc, 4, 1.0)
+
+
 def test_added_damping_is_twice_the_growth_where_motions_are_small():
     contact = models.Designs("hoffmann", models.BISTABLE).at(friction=0.85)
     lam, psi = models.linear_modes(contact.oscillator)

@@ -36,10 +36,15 @@ class Balanced(NamedTuple):
     by_xi: np.ndarray
 
 
-def imbalance(osc: Oscillator, Q: np.ndarray, omega: float, xi: float) -> np.ndarray:
-    """R (2 H + 1, n): what is missing to q'' + (C + xi I) q' + K q = forces, by harmonics."""
+def imbalance(
+    osc: Oscillator, Q: np.ndarray, omega: float, xi: float, local: LocalForces | None = None
+) -> np.ndarray:
+    """R (2 H + 1, n): what is missing to q'' + (C + xi I) q' + K q = forces, by harmonics.
+
+    `local` are the forces `sampled` at this motion, where they are known.
+    """
     rule = osc.sampling((len(Q) - 1) // 2)
-    local = sampled(osc, rule, Q, omega)
+    local = sampled(osc, rule, Q, omega) if local is None else local
     C = osc.C + xi * np.eye(osc.n)
     return _linear(rule, C, osc.K, Q, omega) - _harmonics(osc, rule, local.f)
 
@@ -53,11 +58,13 @@ def sampled(osc: Oscillator, rule: Sampling, Q: np.ndarray, omega: float) -> Loc
     )
 
 
-def balanced(osc: Oscillator, Q: np.ndarray, omega: float, xi: float) -> Balanced:
+def balanced(
+    osc: Oscillator, Q: np.ndarray, omega: float, xi: float, local: LocalForces | None = None
+) -> Balanced:
     """`imbalance` of a series Q (2 H + 1, n) at omega [rad/s], xi [1/s], with derivatives."""
     H = (len(Q) - 1) // 2
     rule = osc.sampling(H)
-    local = sampled(osc, rule, Q, omega)
+    local = sampled(osc, rule, Q, omega) if local is None else local
     C = osc.C + xi * np.eye(osc.n)
     R = _linear(rule, C, osc.K, Q, omega) - _harmonics(osc, rule, local.f)
     rates = (rule.slope @ (Q @ osc.rows.T)).reshape(local.f.shape)

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.cycles.balance import balanced, imbalance
+from squealstudy.cycles.balance import balanced, imbalance, sampled
 from squealstudy.cycles.continuation import TOLERANCE
 from squealstudy.cycles.harmonics import derivative, with_harmonics
-from squealstudy.cycles.oscillator import Oscillator
+from squealstudy.cycles.oscillator import LocalForces, Oscillator
 
 PARAMETER_STEP = 1e-6  # of central differences, of the range
 KEPT = 4  # oscillators
@@ -76,6 +76,8 @@ class CycleEquations:
         self._osc = osc
         self._phase = np.zeros((2 * harmonics + 1) * osc.n)
         self._reference = np.zeros_like(self._phase)
+        self._at_u = np.zeros(0)
+        self._local: LocalForces
 
     # -- what mu is ------------------------------------------------------------------------------
     def oscillator(self, u: np.ndarray) -> Oscillator:
@@ -134,16 +136,25 @@ class CycleEquations:
         values = [0.5 * (first @ first - 1.0), self._phase @ (Z - self._reference)]
         return np.array(values), np.vstack([first, self._phase])
 
+    def _forces(self, u: np.ndarray) -> LocalForces:
+        """Forces at u; kept, for a line search ends where the next Jacobian is asked for."""
+        if not np.array_equal(u, self._at_u):
+            Q, omega, _ = self.unpack(u)
+            osc = self.oscillator(u)
+            self._at_u, self._local = u.copy(), sampled(osc, osc.sampling(self.harmonics), Q, omega)
+        return self._local
+
     def residual(self, u: np.ndarray) -> np.ndarray:
         """All equations (m,) at u (m + 1,)."""
         Q, omega, a = self.unpack(u)
-        R = imbalance(self.oscillator(u), Q, omega, self.added(u)) / (a * self.scale)
+        R = imbalance(self.oscillator(u), Q, omega, self.added(u), self._forces(u))
+        R /= a * self.scale
         return np.append(R.ravel(), self._closing(u[:-3])[0])
 
     def jacobian(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same and their derivatives (m, m + 1)."""
         Q, omega, a = self.unpack(u)
-        found = balanced(self.oscillator(u), Q, omega, self.added(u))
+        found = balanced(self.oscillator(u), Q, omega, self.added(u), self._forces(u))
         per = a * self.scale
         R, size = (found.R / per).ravel(), Q.size
         s = np.tile(self.scale, len(Q))
