@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -169,11 +170,15 @@ def test_structures_of_a_search_have_one_basis(tmp_path):
     chosen = results.points[(results.points["design"] == facts["chosen"]).to_numpy(bool)]
     full = chosen[(chosen["stage"] == "full_order").to_numpy(bool)]
     assert len(full)
+    told = dict(results.screen.facts(results))["error"]
+    apart = float(re.search(r"least damping ratios within (\S+) of full order at 1 point", told)[1])
     own = chosen[(chosen["stage"] == "modes").to_numpy(bool)].set_index("friction")
     for row in full.itertuples():
         there = own.loc[row.friction]
         assert row.min_damping_ratio == pytest.approx(there["min_damping_ratio"], abs=1e-4)
         assert row.frequency_hz == pytest.approx(there["frequency_hz"], rel=1e-4)
+        difference = abs(row.min_damping_ratio - there["min_damping_ratio"])
+        assert apart == pytest.approx(difference, rel=0.05)
     _slopes_are_those_of_all_degrees_of_freedom(read(tmp_path, text))
 
 

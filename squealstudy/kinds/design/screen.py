@@ -63,10 +63,28 @@ class DesignScreen(KindScreen):
             text = f"made for {shared['range']}; roots to {shared['error']:.1e} where it was tested"
             rows.append(("one basis", text))
         if np.isfinite(error):
-            text = f"damping ratios of the reduced model to {error:.1e}"
-            known = error < 1.0
-            rows.append(("error", text if known else "damping ratios of some modes not known"))
+            text = f"solver: damping ratios to {error:.1e}"
+            text = text if error < 1.0 else "solver: damping ratios of some modes not known"
+            rows.append(("error", text + _of_reduction(results)))
         return rows
+
+
+def _of_reduction(results: Results) -> str:
+    """How far least damping ratios of the reduced model are from those at full order, if it is."""
+    if not results.manifest["design_study"]["n_reductions"]:
+        return ""
+    points, by = results.points, [*results.parameters, "design"]
+    solved = points[(points["status"] == "ok").to_numpy(bool)]
+    full, reduced = (
+        solved[solved["stage"].isin(stages)][[*by, "min_damping_ratio"]].dropna()
+        for stages in (["full_order"], ["modes", "roots"])
+    )
+    both = full.merge(reduced.drop_duplicates(by), on=by, suffixes=("", "_reduced"))
+    if not len(both):
+        return "; the reduced model was not held against full order"
+    apart = (both["min_damping_ratio"] - both["min_damping_ratio_reduced"]).abs().max()
+    where = plural(len(both), "point")
+    return f"; reduction: least damping ratios within {apart:.1e} of full order at {where}"
 
 
 def today_rows(results: Results) -> pd.DataFrame:
