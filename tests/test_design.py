@@ -27,7 +27,7 @@ from squealstudy.kinds.design.kind import request
 from squealstudy.kinds.design.loop import Loop
 from squealstudy.kinds.design.plan import MODES, ROOTS, Ask, first_plan
 from squealstudy.kinds.design.rows import SCHEMA, design_row
-from squealstudy.kinds.design.state import MET_LINEAR, NONE_FOUND, Memory
+from squealstudy.kinds.design.state import MET_LINEAR, NONE_FOUND, UNDECIDED, Memory
 from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.plots.operating_matrix import chosen_word, operating_matrix
 from squealstudy.study.design import DesignPoint
@@ -797,7 +797,9 @@ def test_an_operating_point_without_a_result_is_no_search_that_failed(
     monkeypatch.setattr("squealstudy.kinds.design.kind.design_row", row)
     found = _run(_hoffmann("damping_ratio", "[0.0, 0.2]", margin=0.02), tmp_path)
     facts = found.manifest["design_study"]
-    assert facts["outcome"] == NONE_FOUND
+    assert facts["outcome"] == UNDECIDED
+    assert facts["failure"] == "it falls apart"
+    assert chosen_word(facts) == "not judged"
     assert "operating points (1 could not be solved); no design could be held" in facts["verdict"]
     assert "could not be solved (it falls apart)" in facts["verdict"]
     assert "Nearest" not in facts["verdict"]

@@ -206,7 +206,8 @@ class Loop:
             starts = self._search(starts, "search")
             chosen = self._cheapest()
             if chosen is None:
-                state.outcome, state.chosen = NONE_FOUND, self._nearest()
+                state.chosen = self._nearest()
+                state.outcome = UNDECIDED if state.failure else NONE_FOUND
                 return
             state.chosen = chosen
             state.outcome = self._proven(chosen)

@@ -43,6 +43,7 @@ def facts(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]]) ->
     least = (lambda k: None) if chosen is None else chosen.get
     return {
         "outcome": state.outcome,
+        "failure": state.failure,
         "verdict": sentence(plan, loop, designs) + _target_text(loop),
         "today": 0,
         "chosen": None if chosen is None else int(chosen["design"]),
@@ -228,6 +229,12 @@ def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]])
     price = loop.box.price(loop.change(chosen))
     change = change_text(changes) or "no change"
     searched = f"{plural(len(designs), 'design')} evaluated"
+    kicks = f" with {len(state.extras)} demands of the proof" if state.extras else ""
+    if state.failure:
+        return (
+            f"{today}; no design could be held against the margin of {margin:g}{kicks}, for "
+            f"operating points of it could not be solved ({state.failure}). {searched}."
+        )
     if state.outcome in (*PROVEN, UNDECIDED):
         text = f"at a cost of {price:.4g} ({change}) every operating point meets the margin"
         text = text if changes else "as it is it meets the margin"
@@ -239,12 +246,6 @@ def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]])
         where = "" if seen >= len(state.points) else f", of {seen} operating points in view"
         bound = [c["parameter"] for c in changes if c["at_bound"]]
         binds = f"; at their bounds: {', '.join(bound)}" if bound else "; no variable at a bound"
-        kicks = f" with {len(state.extras)} demands of the proof" if state.extras else ""
-        if state.failure:
-            return (
-                f"{today}; no design could be held against the margin of {margin:g}{kicks}, for "
-                f"operating points of it could not be solved ({state.failure}). {searched}."
-            )
         return (
             f"{today}; no design within the bounds was found that meets the margin of "
             f"{margin:g}{kicks}. Nearest comes {nearest}: {mode}{where}{binds}. {searched}."
