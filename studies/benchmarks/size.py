@@ -1,7 +1,6 @@
 """What a study costs as the mesh grows: a model of files to a ranked study, from a cold cache.
 
     python studies/benchmarks/size.py run [--sizes 15k 49k] [--jobs 2]
-    python studies/benchmarks/size.py points [--sizes 15k 49k]
     python studies/benchmarks/size.py chart
 
 The generated brake is written as a model file (meshes in .inp) at growing densities: 15k, 29k, 49k,
@@ -11,8 +10,7 @@ cache is empty, kernels to compile included. Printed are for each stage the seco
 seconds and the largest memory of all its processes together (resident; what they share counts for
 each), then the parts of the reduction and what a point takes. Each stage that ends is written to
 results/size.json at once, so that an interrupted run keeps what it measured; `chart` draws what is
-there. `points` solves steady sliding alone at some of the design
-points: its processor seconds, and the factors it made.
+there.
 """
 
 from __future__ import annotations
@@ -271,42 +269,6 @@ def measure(size: str, jobs: int, record: Path, files: Path | None) -> None:
     print(facts["ranked"], flush=True)
 
 
-def sliding(size: str) -> None:
-    """Processor seconds of steady sliding at every 13th design point."""
-    from squealstudy.reduction import working_point as solver
-    from squealstudy.reduction.contact_space import contact_space
-    from squealstudy.reduction.prepared import mean_contact_stiffness
-    from squealstudy.study.definition import load_study
-
-    made: list[float] = []
-
-    class Counted(solver.GapJacobian):
-        def __init__(self, *given: object) -> None:
-            started = time.process_time()
-            super().__init__(*given)  # type: ignore[arg-type]
-            made.append(time.process_time() - started)
-
-    solver.GapJacobian = Counted  # type: ignore[misc]
-    with tempfile.TemporaryDirectory() as folder:
-        study = load_study(write_model(Path(folder), size)[0])
-        points = study.kind.plan(study).tasks
-        assembly = points[0].assembly()
-    states = [points[i].state().operating for i in range(0, len(points), 13)]
-    nominal = replace(states[0], friction=0.35, brake_pressure=12e5)
-    started = time.process_time()
-    stiffness = mean_contact_stiffness(assembly, nominal)
-    space = contact_space(assembly, stiffness, np.zeros((assembly.n_dof, 0)))
-    print(f"{size}: {len(space.area)} contact points, {len(space.C_NN)} independent rows; ", end="")
-    print(f"compliances in {time.process_time() - started:.1f} s of a processor")
-    start = solver.working_point(space, nominal).gap
-    made.clear()
-    started = time.process_time()
-    for state in states:
-        solver.working_point(space, state, start)
-    each, n = (time.process_time() - started) / len(states), len(states)
-    print(f"a point {each:.3f} s, {len(made) / n:.1f} factors of {np.mean(made):.3f} s each")
-
-
 def draw(record: Path, path: Path) -> None:
     """Processor seconds and memory of the stages over degrees of freedom.
 
@@ -344,8 +306,6 @@ def main() -> None:
     run.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["15k", "49k"])
     run.add_argument("--jobs", type=int, default=2)
     run.add_argument("--keep", type=Path, help="folder where the model files stay")
-    points = commands.add_parser("points")
-    points.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["15k", "49k"])
     chart = commands.add_parser("chart")
     chart.add_argument("png", type=Path, nargs="?", default=CHART)
     for one in (run, chart):
@@ -362,9 +322,6 @@ def main() -> None:
         draw(given.record, given.png)
         return
     for size in given.sizes:
-        if given.command == "points":
-            sliding(size)
-            continue
         measure(size, given.jobs, given.record, given.keep)
 
 

@@ -1,0 +1,108 @@
+"""Parts of a study that grow with the mesh, each alone: steady sliding, and checks at full order.
+
+    python studies/benchmarks/size_parts.py points [--sizes 15k 49k]
+    python studies/benchmarks/size_parts.py checks [--sizes 15k 49k]
+
+Of the studies of `size.py`. `points` solves steady sliding at every 13th design point: its
+processor seconds, and the factors it made. `checks` solves the first and the last one at full order
+about a uniform contact pressure, by the one factor that large models share.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import one_thread  # noqa: F401
+
+# isort: split
+
+import numpy as np
+from size import SIZES, write_model
+
+from squealstudy.engine.plan import Plan
+from squealstudy.machine import peak_memory_mb
+from squealstudy.models.assembly import Assembly
+from squealstudy.modes.full_order.contact_factor import HeldStiffness
+from squealstudy.modes.full_order.modes import full_order_roots, full_order_system
+from squealstudy.modes.point import angular_band
+from squealstudy.reduction import working_point as solver
+from squealstudy.reduction.contact_space import contact_space
+from squealstudy.reduction.prepared import mean_contact_stiffness
+from squealstudy.study.definition import load_study
+
+
+def built(size: str) -> tuple[Plan, Assembly]:
+    """The plan of the study of a size, and its assembly."""
+    with tempfile.TemporaryDirectory() as folder:
+        study = load_study(write_model(Path(folder), size)[0])
+        plan = study.kind.plan(study)
+        return plan, plan.tasks[0].assembly()
+
+
+def checks(size: str) -> None:
+    """Processor seconds and memory of full-order checks about a uniform contact pressure."""
+    plan, assembly = built(size)
+    area, n, started = assembly.contact.area, assembly.n_dof, time.process_time()
+    k_c = mean_contact_stiffness(assembly, plan.nominal)
+    held = HeldStiffness.of(assembly, k_c)
+    print(f"{size}, {n} DOF: shared factor and compliances {time.process_time() - started:.0f} s")
+    for state in (plan.tasks[0].state(), plan.tasks[len(plan.tasks) - 1].state()):
+        law, started = state.operating.law, time.process_time()
+        load = np.abs(state.operating.brake_pressure * assembly.load + assembly.constant_load)
+        gap = np.full(len(area), law.gap_at(load.sum() / area.sum()))
+        contact = (gap, *law.evaluate(gap), 0, 0.0, np.zeros(len(area)))
+        point = solver.working_point_result(area, *contact)
+        system = full_order_system(assembly, {}, point, state, plan.settings.damped_to, held)
+        modes_s, started = time.process_time() - started, time.process_time()
+        found = full_order_roots(system, angular_band(plan.band_hz))
+        roots_s, error = time.process_time() - started, (found.error / np.abs(found.lam)).max()
+        print(f"  {len(system.omega)} real modes {modes_s:.0f} s; ", end="")
+        print(f"{len(found.lam)} complex ones {roots_s:.0f} s, error {error:.0e}; ", end="")
+        print(f"{peak_memory_mb():.0f} MB at most so far", flush=True)
+
+
+def sliding(size: str) -> None:
+    """Processor seconds of steady sliding at every 13th design point."""
+    made: list[float] = []
+
+    class Counted(solver.GapJacobian):
+        def __init__(self, *given: object) -> None:
+            started = time.process_time()
+            super().__init__(*given)  # type: ignore[arg-type]
+            made.append(time.process_time() - started)
+
+    solver.GapJacobian = Counted  # type: ignore[misc]
+    plan, assembly = built(size)
+    states = [plan.tasks[i].state().operating for i in range(0, len(plan.tasks), 13)]
+    nominal = replace(states[0], friction=0.35, brake_pressure=12e5)
+    started = time.process_time()
+    stiffness = mean_contact_stiffness(assembly, nominal)
+    space = contact_space(assembly, stiffness, np.zeros((assembly.n_dof, 0)))
+    print(f"{size}: {len(space.area)} contact points, {len(space.C_NN)} independent rows; ", end="")
+    print(f"compliances in {time.process_time() - started:.1f} s of a processor")
+    start = solver.working_point(space, nominal).gap
+    made.clear()
+    started = time.process_time()
+    for state in states:
+        solver.working_point(space, state, start)
+    each, n = (time.process_time() - started) / len(states), len(states)
+    print(f"a point {each:.3f} s, {len(made) / n:.1f} factors of {np.mean(made):.3f} s each")
+
+
+def main() -> None:
+    """Measure and print."""
+    apart = {"points": sliding, "checks": checks}
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("part", choices=list(apart))
+    parser.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["15k", "49k"])
+    given = parser.parse_args()
+    for size in given.sizes:
+        apart[given.part](size)
+
+
+if __name__ == "__main__":
+    main()
