@@ -151,3 +151,7 @@ def test_large_models_hold_one_factor_for_all_points(monkeypatch, brake):
         assert len(made) == len(expected)
     assert used[-1] is held
     assert list(full_order_check._held) == ["b"]
+    monkeypatch.setattr(full_order_check, "_built", {("b", False): (brake.assembly, {})})
+    full_order_check.forget()
+    assert not full_order_check._held
+    assert not full_order_check._built

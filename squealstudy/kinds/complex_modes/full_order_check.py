@@ -86,6 +86,13 @@ _built: dict[tuple[str, bool], tuple[Assembly, Mapping[str, ComponentModes]]] = 
 _held: dict[str, HeldStiffness] = {}  # by structure: of large ones
 
 
+def forget() -> None:
+    """Let go of the unreduced model that this process holds, and of its factor."""
+    _built.clear()
+    _held.clear()
+    give_back_memory()
+
+
 def solve_unreduced(
     prepared: Prepared,
     design: DesignPoint,

@@ -165,6 +165,7 @@ class ComplexModes(ModelKind):
             FullOrderTask,
             at_once,
             check_reference,
+            forget,
         )
 
         chosen = [plan.tasks[i] for i in checked_points(plan)]
@@ -181,6 +182,8 @@ class ComplexModes(ModelKind):
             workers = replace(workers, jobs=min(workers.jobs, at_once(tasks)))
         for result in workers.each(check_reference, tasks, "full-order check"):
             store.write_json(f"{REFERENCES}/{result['point_id']}.json", result)
+        if not plan.method.rung.unreduced:  # nothing that follows needs it
+            forget()
         ids = {t.point_id for t in chosen}
         return [r for i, r in store.references().items() if i in ids]
 
