@@ -28,7 +28,7 @@ from squealstudy.motion.simulate import Watch, simulate
 from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
-from squealstudy.wording import FAILED, LASTING, STABLE
+from squealstudy.wording import FAILED, STABLE
 
 STEPS = 64  # a period of the highest assembly mode of the band
 FINER = 4  # times as many where a run fails, as impacts of a strong kick make it
@@ -107,12 +107,12 @@ def runs_in_time(
 
 
 def _today(point: DesignPoint, was: ContactOscillator, asked: CyclesRequest) -> Motion | None:
-    """Today's design on its lasting vibration; None where it has none from a small start."""
+    """Today's design where a small start has led it; None where that decays or fails."""
     if not was.point.growing.n_unstable:
         return None
     start = perturbed(was.system, was.point, LEAD * abs(was.point.speed))
     (motion,) = _run(point, was, [start], asked)
-    return motion if _told(motion)[0] in LASTING else None
+    return None if _told(motion)[0] in (STABLE, FAILED) else motion
 
 
 def _kicks(
