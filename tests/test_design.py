@@ -349,6 +349,21 @@ def test_runs_begin_on_vibrations_of_today(
     assert (row["verdict"], row["n_modes"]) == ("decays", 0)
 
 
+def test_runs_are_not_of_what_grows_above_the_band(tmp_path: Path) -> None:
+    """A design stable in its band, unstable above it: undecided, and why."""
+    text = _hoffmann("k1", "[-1e3, 1e3]").replace("in_time = 0", "in_time = 1")
+    text = text.replace("values = [0.5, 0.8]", "values = [1.2]")
+    unstable = sq.model("hoffmann", friction=1.2, damping_ratio=0.01).modes().query("unstable")
+    top = 0.9 * float(unstable["frequency_hz"].min())
+    results = _run(f"{text}[modes]\nband = [1.0, {top}]\n", tmp_path)
+    facts = results.manifest["design_study"]
+    row = results.points[(results.points["stage"] == "in_time").to_numpy(bool)].iloc[0]
+    assert (facts["outcome"], row["status"]) == ("undecided", "unstable_above_band")
+    hz = float(unstable["frequency_hz"].iloc[0])
+    assert row["message"] == f"a mode above the band grows by itself in time, at {hz:.4g} Hz"
+    assert f"1 point could not be run: {row['message']}" in facts["verdict"]
+
+
 def test_the_verdict_says_what_the_tables_say(trap) -> None:
     text, designs = trap.manifest["design_study"]["verdict"], trap.table("designs")
     chosen = designs[designs["chosen"].to_numpy(bool)].iloc[0]

@@ -15,6 +15,7 @@ import numpy as np
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.growth import linear_modes
 from squealstudy.engine.cache import NewGaps
+from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest
 from squealstudy.kinds.transient.batch import SAMPLES_A_PERIOD, sensed_modes
 from squealstudy.kinds.transient.section import TransientSection
@@ -38,6 +39,7 @@ TOLERANCE = 0.02  # of levels, at which a run that lasts may end
 LEAD = 0.02  # of the sliding speed: where the run of today's design begins
 SIZES = (1.0, 0.25)  # of kicks, of the reach of [limit_cycles]
 KICKED = 4  # modes
+OUTSIDE = 0.5  # share of the energy beyond the band's modes from which on none of these leads
 TODAY = "today's vibration"
 ELSEWHERE = f"{TODAY} of [parameters]"
 TURN = 2 * np.pi
@@ -88,9 +90,14 @@ def runs_in_time(
     Raises
     ------
     ConvergenceError
-        No steady sliding, or a model too large; ParameterError for a value that cannot be used.
+        No steady sliding, a mode above the band that grows, or a model too large; ParameterError
+        for a value that cannot be used.
     """
     steady, contact = asked.contact(point, gaps)
+    growing = contact.point.growing
+    if growing.n_above:  # every run comes to it, whatever is asked about
+        text = f"a mode above the band grows by itself in time, at {growing.frequency_above:.4g} Hz"
+        raise ConvergenceError("unstable_above_band", text)
     names, starts, near = [], [], []
     for name, design in today.items():
         _, was = asked.contact(design, gaps)
@@ -102,8 +109,8 @@ def runs_in_time(
     for name, start in _kicks(contact, near, asked):
         names.append(name)
         starts.append(start)
-    found = [_told(motion) for motion in _run(point, contact, starts, asked)]
-    return steady, [Run(name, *own) for name, own in zip(names, found, strict=True)]
+    ends = [_told(motion) for motion in _run(point, contact, starts, asked)]
+    return steady, [Run(name, *own) for name, own in zip(names, ends, strict=True)]
 
 
 def _today(point: DesignPoint, was: ContactOscillator, asked: CyclesRequest) -> Motion | None:
@@ -172,9 +179,11 @@ def _run(
 
 
 def _told(motion: Motion) -> tuple[str, float]:
-    """Class of a run, and the frequency of its leading mode [Hz]."""
+    """Class of a run, and the frequency of its leading mode [Hz]; NaN of one outside the band."""
     if motion.outcome != "ok":
         return FAILED, np.nan
     summary = summarise(motion)
-    leader = max(summary.modes, key=lambda m: m["energy_share"], default=None)
-    return summary.point["class"], np.nan if leader is None else float(leader["frequency_hz"])
+    shares = {float(m["frequency_hz"]): m["energy_share"] for m in summary.modes}
+    outside = summary.point.get("energy_outside_share", 0.0) > OUTSIDE
+    leader = max(shares, key=lambda hz: shares[hz], default=np.nan)
+    return summary.point["class"], np.nan if outside else leader

@@ -190,7 +190,8 @@ class Proof:
         others = [t for r in ok for t in r["reason"].split("; ") if not t.endswith(f": {DECAYS}")]
         text += f"; {others[0]}" if others else ""
         if len(ok) < len(rows):
-            text += f"; {plural(len(rows) - len(ok), 'point')} could not be run"
+            lost = next(r["message"] for r in rows if r["status"] != "ok")
+            text += f"; {plural(len(rows) - len(ok), 'point')} could not be run: {lost}"
         share = decayed / runs if runs else np.nan
         self._told(IN_TIME, design, asks, known or (None if good else False), share, text)
         return good
