@@ -151,6 +151,13 @@ def test_large_models_hold_one_factor_for_all_points(monkeypatch, brake):
         assert len(made) == len(expected)
     assert used[-1] is held
     assert list(full_order_check._held) == ["b"]
+
+    def refused(*_):
+        raise ConvergenceError("singular", "not definite")
+
+    monkeypatch.setattr(HeldStiffness, "of", staticmethod(refused))
+    solve("c")  # by a factor of each matrix then
+    assert used[-1] is None
     monkeypatch.setattr(full_order_check, "_built", {("b", False): (brake.assembly, {})})
     full_order_check.forget()
     assert not full_order_check._held

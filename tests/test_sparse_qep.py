@@ -7,12 +7,14 @@ import pickle
 import numpy as np
 import pytest
 import reference
+import scipy.linalg as la
 import scipy.sparse as sp
 from conftest import build_model
 from hypothesis import given
 from hypothesis import strategies as st
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.band_roots import judged_roots
 from squealstudy.linalg.dense_qep import backward_error, dense_roots
 from squealstudy.linalg.factor import MODULES, PLAIN_ERROR, factorise
 from squealstudy.linalg.real_modes import BlockKrylov, real_modes
@@ -90,6 +92,33 @@ def test_all_roots_below_a_limit(n, rank, limit):
     assert (lam.imag == 0).any() == (limit > 100.0)
     assert reference.residuals(M, C, K, lam, psi).max(initial=0.0) < 1e-9
     np.testing.assert_allclose(np.linalg.norm(psi, axis=0), 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("softness", [1.0, 1e-6, 1e-12])
+def test_roots_of_a_body_that_is_held_softly_need_no_larger_space(softness):
+    """1/lambda of its first root drowns what the others leave: they end at round-off."""
+    n, asked = 2000, []
+    free = np.r_[1.0, np.full(n - 2, 2.0), 1.0] + softness * np.eye(1, n)[0]
+    K = 1e6 * sp.diags([-1.0, free, -1.0], [-1, 0, 1], shape=(n, n)).tocsr()
+    M, C = sp.identity(n, format="csr"), LowRankSum(1e-2 * sp.identity(n, format="csr"))
+    factor = factorise(K)
+
+    class Counted:
+        def solve(self, b):
+            asked.append(b.shape[1])
+            return factor.solve(b)
+
+    limit = 40.0
+    lam, psi = roots_below(M, C, LowRankSum(K), limit, Counted())
+    assert sum(asked) <= 200
+    w2 = la.eigvalsh_tridiagonal(1e6 * free, np.full(n - 1, -1e6))
+    exact = np.concatenate([np.roots([1.0, 1e-2, x]) for x in w2[w2 < limit**2]])
+    exact = exact[exact.imag >= 0]
+    assert len(lam) == len(exact) > 20
+    found, _ = judged_roots(M, C, LowRankSum(K), lam, psi, (0.1, limit))
+    distance = np.abs(found.lam[:, None] - exact).min(axis=1)
+    assert (distance <= found.error).all()  # which is told, however large
+    assert distance.max() < (1e-9 if softness > 1e-8 else 1.0)
 
 
 @pytest.mark.parametrize("n", [4, 20])

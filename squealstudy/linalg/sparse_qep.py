@@ -16,7 +16,7 @@ import scipy.sparse.linalg as spla
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import one_of_each_pair, right_pairs
 from squealstudy.linalg.factor import Factor, RefinedFactor, factorise
-from squealstudy.linalg.real_modes import BLOCK, FIRST, BlockKrylov
+from squealstudy.linalg.real_modes import BLOCK, FIRST, ROUND_OFF, BlockKrylov
 
 DENSE_LIMIT = 100  # degrees of freedom solved by LAPACK
 STEP = 10  # 1 in so many states between two tests of convergence
@@ -82,7 +82,8 @@ def roots_below(
     """All roots with |lambda| <= limit [rad/s].
 
     A Krylov space of the companion form (THEORY.md eq. (31)) grows, some states at a time, which
-    share passes through the factor, until all these roots and the next one have converged.
+    share passes through the factor, until all these roots and the next one have converged, as far
+    as round-off of the one next to zero allows.
 
     Parameters
     ----------
@@ -108,7 +109,8 @@ def roots_below(
         inside = int((np.abs(theta) >= scale / limit).sum())
         if inside < space.size:
             theta, y = theta[order[: inside + 1]], y[:, order[: inside + 1]]
-            if (space.left_out(y) <= CONVERGED * np.abs(theta)).all():
+            allowed = np.maximum(CONVERGED * np.abs(theta), ROUND_OFF * np.abs(theta[0]))
+            if (space.left_out(y) <= allowed).all():
                 lam, y = scale / theta[:inside], y[:, :inside]
                 kept, lower = lam.imag >= 0, space.vectors[n:]
                 y = y[:, kept]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.engine.cache import Prepared, load_any
-from squealstudy.errors import SquealstudyError
+from squealstudy.errors import ConvergenceError, SquealstudyError
 from squealstudy.machine import give_back_memory
 from squealstudy.models.assembly import Assembly
 from squealstudy.modes.full_order.contact_factor import HeldStiffness
@@ -83,7 +84,7 @@ def reference_roots(reference: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarra
 
 # by structure, and whether component modes go with it
 _built: dict[tuple[str, bool], tuple[Assembly, Mapping[str, ComponentModes]]] = {}
-_held: dict[str, HeldStiffness] = {}  # by structure: of large ones
+_held: dict[str, HeldStiffness | None] = {}  # by structure: of large ones that are definite
 
 
 def forget() -> None:
@@ -123,7 +124,9 @@ def solve_unreduced(
         if design.structure not in _held:
             _held.clear()
             stiffness = mean_contact_stiffness(assembly, state.operating)
-            _held[design.structure] = HeldStiffness.of(assembly, stiffness)
+            with contextlib.suppress(ConvergenceError):  # the weight of stresses may be negative
+                held = HeldStiffness.of(assembly, stiffness)
+            _held[design.structure] = held
         held = _held[design.structure]
     return full_order_modes(prepared, assembly, modes, state, band_hz, cutoff, held)
 
