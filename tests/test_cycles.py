@@ -10,9 +10,11 @@ import pytest
 import scipy.linalg as la
 from scipy.integrate import solve_ivp
 
+from squealstudy.cycles import growth
 from squealstudy.cycles.balance import balanced, imbalance
 from squealstudy.cycles.branch import HOPF, TURN, branch
 from squealstudy.cycles.continuation import Steps, follow
+from squealstudy.cycles.curve import CurveMotion
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
 from squealstudy.cycles.floquet import floquet, monodromy
 from squealstudy.cycles.growth import (
@@ -324,6 +326,28 @@ def test_more_harmonics_see_a_cycle_that_one_does_not(k, lasting):
         assert peaks[1] == pytest.approx(np.abs(late).max(), rel=1e-3)
         assert floquet(osc, outer).stable
         assert floquet(osc, inner).instability == "fold"
+
+
+@pytest.mark.parametrize(("large", "seen"), [(-0.008, True), (-0.02, False)])
+def test_small_motions_tell_nothing_of_larger_ones(large, seen, monkeypatch):
+    """Three that more harmonics do not change come first; a larger one is still looked at."""
+
+    def motion(size, mu):
+        return PeriodicMotion(np.array([[0.0], [size], [0.0]]), 1.0, mu)
+
+    sizes = (1 / 16, 1 / 8, 1 / 4, 1.0)
+    curve = [CurveMotion(motion(a, -0.001 * (1 + a)), 0.0, 0.0) for a in sizes[:3]]
+    curve.append(CurveMotion(motion(1.0, large), 0.0, 0.0))
+
+    def more(osc, m, harmonics):
+        return None, motion(m.Q[1, 0], m.mu + (0.01 if m.Q[1, 0] == 1.0 else 0.0))
+
+    monkeypatch.setattr(growth, "_with_more", more)
+    monkeypatch.setattr(growth, "_piece", lambda _, m, low: [CurveMotion(m, 0.0, 0.0)])
+    look = looked_again(None, curve, (5,))
+    assert look.checked == 3 + seen
+    assert look.grows == seen
+    assert not look.open
 
 
 def test_zeros_that_more_harmonics_move_are_found_again():

@@ -30,6 +30,7 @@ MOST_OTHERS = 2.0  # norm of all harmonics over that of the first
 OCTAVES = 5  # of sizes, down from the largest, in each of which a curve is looked at again
 LOOKS = 3  # at least, where motions with more harmonics are found
 SAFETY = 2.0  # times the change by more harmonics: what still more may change
+DOUBT = 0.0025  # damping ratio by which more harmonics are thought to change a motion at least
 PIECE_STEPS = Steps(first=0.2, least=2e-3, largest=0.5, count=25)  # with more harmonics, each way
 ALIKE = 0.05, 1e-3  # log of sizes and relative frequencies of motions of one place
 
@@ -205,8 +206,9 @@ def looked_again(
 
     Few harmonics miss resonances of higher ones, which feed a motion or damp it. So the motions
     that lack least in each octave of sizes, and all that lack less than their neighbours, are
-    balanced with more, until the rest is clear by `SAFETY` times the largest change seen. From
-    those that might grow the curve is followed with more harmonics.
+    balanced with more, until the rest is clear by `SAFETY` times the largest change seen, and
+    `DOUBT` at least: small motions change little, and tell nothing of larger ones. From those that
+    might grow the curve is followed with more harmonics.
 
     Parameters
     ----------
@@ -216,7 +218,8 @@ def looked_again(
     ladder : sequence of int
         Numbers of harmonics to go on with, ascending.
     """
-    found, largest = SecondLook(curve[0].motion.harmonics), 0.0
+    found = SecondLook(curve[0].motion.harmonics)
+    largest = 2.0 * DOUBT * curve[0].motion.omega
     failed: list[PeriodicMotion] = []
     for motion, rise in _likeliest(curve):
         if found.checked >= LOOKS and motion.mu + SAFETY * (rise + largest) < 0.0:

@@ -75,7 +75,7 @@ def main() -> None:
     """A line a family: the design's truth, the verdict, levels and frequencies, seconds."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--designs", type=int, nargs="*", help="numbers of the truth set")
-    parser.add_argument("--modes", type=int, default=5, help="families of a design")
+    parser.add_argument("--modes", type=int, default=6, help="families of a design")
     parser.add_argument("--in-time", action="store_true", help="runs in place of families")
     arguments = parser.parse_args()
     truth = pd.read_csv(TRUTH).set_index("design")
