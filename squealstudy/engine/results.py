@@ -21,7 +21,7 @@ from squealstudy.engine.store import (
 from squealstudy.engine.table_rows import ranked_modes
 from squealstudy.errors import ResultsError
 from squealstudy.screen import as_text
-from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
+from squealstudy.study.sweeps import BOUNDARY, RANDOM_DESIGNS, SOBOL_INDICES
 from squealstudy.tables.boundary_map import full_points, full_tables
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.wording import SUSTAINED, plural
@@ -170,7 +170,9 @@ class Results(ResultTables):
         """
         names = self.manifest.get(PICTURES, [])
         paths = [self.directory / name for name in names]
-        shown = (self.boundary or {}).get("full_grid_points", self.manifest["n_points"])
+        shown = self.manifest["n_points"]
+        if self.design == BOUNDARY and self.boundary is not None:
+            shown = self.boundary["full_grid_points"]
         kept = self.solved == 0 and shown >= KEEP_PICTURES
         return paths if kept and all(path.is_file() for path in paths) else []
 
