@@ -24,9 +24,9 @@ from squealstudy.cycles.families import (
 from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.growth import STILL, SecondLook, linear_modes
 from squealstudy.cycles.harmonics import series_at
-from squealstudy.cycles.in_time import DECAYS, GROWS, LASTS, Trials, lasting, state_of
 from squealstudy.cycles.kicked import PHASES, decided_in_time, kick_along_mode, kicks
 from squealstudy.cycles.projection import Projection
+from squealstudy.cycles.trials import DECAYS, GROWS, LASTS, Trials, lasting, state_of
 
 SEED = 11
 DRAWN = {  # values, contact law, ranges of what is drawn, saturation [m/s], kind of friction

@@ -30,8 +30,8 @@ from squealstudy.cycles.growth import (
     looked_again,
 )
 from squealstudy.cycles.harmonics import with_harmonics
-from squealstudy.cycles.in_time import Lasting
 from squealstudy.cycles.projection import Projection
+from squealstudy.cycles.trials import Lasting
 from squealstudy.errors import ConvergenceError
 
 SQUEALS, IF_KICKED = "squeals", "squeals_if_kicked"

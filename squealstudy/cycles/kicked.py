@@ -10,7 +10,7 @@ from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import IF_KICKED, SQUEALS, UNDECIDED, Family, Followed
 from squealstudy.cycles.growth import linear_modes
-from squealstudy.cycles.in_time import DECAYS, GROWS, LASTS, OPEN, State, Trials, lasting
+from squealstudy.cycles.trials import DECAYS, GROWS, LASTS, OPEN, State, Trials, lasting
 
 PHASES = 8
 LEAST = 1e-3  # of the largest kick tried: smaller ones are not looked for

@@ -310,8 +310,7 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> L
     structure = reduced_structure(model)
     weights = structure.weights(point, state)
     K_sym = symmetric_stiffness(structure, weights)
-    coupling = StructureWeights._fields.index("coupling")
-    K = K_sym + structure.system.summed(weights, [coupling])
+    K = K_sym + structure.system.summed(weights, [StructureWeights._fields.index("coupling")])
     beta = state.stiffness_damping
     rest = structure.weights(point, replace(state, stiffness_damping=0.0)) if beta else weights
     C = structure.system.summed(rest, structure.system.numbers(DAMPING)) + beta * K_sym
@@ -385,8 +384,7 @@ def component_energies(
 ) -> np.ndarray:
     """Elastic energy (n_components, m) of shapes (n, m) in component-mode coordinates."""
     by_coordinate = weights.elastic[:, None] * squared(psi)
-    energies: np.ndarray = np.add.reduceat(by_coordinate, model.offsets[:-1], axis=0)
-    return energies
+    return np.asarray(np.add.reduceat(by_coordinate, model.offsets[:-1], axis=0))
 
 
 def reduced_energy_shares(
@@ -399,5 +397,4 @@ def reduced_energy_shares(
 
 def squared(X: np.ndarray) -> np.ndarray:
     """|X|^2 entry by entry, without a square root."""
-    size: np.ndarray = X.real**2 + X.imag**2
-    return size
+    return np.asarray(X.real**2 + X.imag**2)
