@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,10 +27,11 @@ from squealstudy.study.units import quantity
 if TYPE_CHECKING:
     import pandas as pd
 
-    from squealstudy.models.assembly import Assembly
+    from squealstudy.models.assembly import Assembly, Component
     from squealstudy.models.parameter import ModelDefinition
 
 MODEL_FILE = ".toml"
+LINEAR = 1e-9  # relative: what a stiffness may miss to be linear in its moduli
 LEFT_OUT = ("point_id", "track", "track_mac", "track_ambiguous")  # of the modes of one design point
 
 
@@ -203,7 +204,7 @@ class Model:
         Raises
         ------
         ParameterError
-            What is no modulus of a component, or a negative factor.
+            What is no modulus of a component or not all of a material's, or a negative factor.
         """
         import numpy as np
         import pandas as pd
@@ -214,9 +215,10 @@ class Model:
         moduli = {(m,) if isinstance(m, str) else tuple(m): eta for m, eta in factors.items()}
         own = {names: self._assembly(dict.fromkeys(names, 2.0)).components for names in moduli}
         for names, eta in moduli.items():
-            pairs = zip(parts, own[names], strict=True)
-            if not any(abs(b.K - a.K).max() > 0 for a, b in pairs):
-                raise ParameterError(" and ".join(names), "expected moduli of a component")
+            thrice = self._assembly(dict.fromkeys(names, 3.0)).components
+            if not _scale_stiffness(parts, own[names], thrice):
+                text = "expected moduli of a component, all of those that a material has"
+                raise ParameterError(" and ".join(names), text)
             if not eta >= 0:
                 raise ParameterError(" and ".join(names), f"expected a loss factor, got {eta}")
         for k, c in enumerate(parts):
@@ -248,6 +250,23 @@ class Model:
                 raise ParameterError(name, "expected moduli of a component")
             values[name] *= factor
         return self.definition.build(options, values)
+
+
+def _scale_stiffness(
+    once: Sequence[Component], twice: Sequence[Component], thrice: Sequence[Component]
+) -> bool:
+    """Whether components at one, two and three times some values differ in stiffness, linearly."""
+    import numpy as np
+
+    most = 0.0
+    for a, b, c in zip(once, twice, thrice, strict=True):
+        if not np.array_equal(a.coordinates, b.coordinates):
+            return False
+        change = abs(b.K - a.K).max()
+        if abs(c.K - 2 * b.K + a.K).max() > LINEAR * max(change, abs(a.K).max() * LINEAR):
+            return False
+        most = max(most, change)
+    return most > 0
 
 
 def model(name: str, **values: Any) -> Model:

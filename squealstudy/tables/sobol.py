@@ -157,7 +157,7 @@ def saltelli_estimate(f_A: np.ndarray, f_B: np.ndarray, f_AB: np.ndarray) -> np.
 def _moments(groups: Groups) -> np.ndarray:
     """What the estimators are means of (n, 2 + 3 d), a row a group.
 
-    A resample is then a weighted sum of rows: a tenth of the time of gathering all values anew.
+    A resample is then a weighted sum of rows: its values need not be gathered.
     """
     middle = np.concatenate([groups.a, groups.b]).mean()
     a, b, ab = (values - middle for values in groups)
