@@ -31,7 +31,7 @@ from squealstudy.cycles.growth import (
 )
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.projection import Projection
-from squealstudy.cycles.trials import Lasting
+from squealstudy.cycles.trials import Ended
 from squealstudy.errors import ConvergenceError
 
 SQUEALS, IF_KICKED = "squeals", "squeals_if_kicked"
@@ -70,8 +70,10 @@ class Family:
     verdict, reason : str
     threshold : Cycle or None
         The unstable cycle that a kick must exceed.
-    run : Lasting or None
-        In time, of a family that was undecided without.
+    run : Ended or None
+        In time, of a family that was undecided without: the loudest that lasts, or what is open.
+    last : PeriodicMotion or None
+        Where the curve ended.
     """
 
     lam: complex
@@ -83,12 +85,20 @@ class Family:
     verdict: str = UNDECIDED
     reason: str = ""
     threshold: Cycle | None = None
-    run: Lasting | None = None
+    run: Ended | None = None
+    last: PeriodicMotion | None = None
 
     @property
     def reached(self) -> float:
         """Largest contact velocity of the curve, m/s."""
         return max((p["contact_velocity"] for p in self.curve), default=0.0)
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether nothing speaks for a cycle but what of the curve was not followed to its end."""
+        grows = any(p["added_damping"] > 0.0 for p in self.curve)
+        grows = grows or (self.look is not None and self.look.grows)
+        return not (self.cycles or self.lost or grows)
 
     @property
     def loudest(self) -> Cycle | None:
@@ -197,7 +207,7 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
             STEPS if whole else PROJECTED_STEPS,
         )
     except ConvergenceError as error:
-        return Family(lam, (), 0, [], error.status)
+        return Family(lam, (), 0, [], error.status, last=start)
     look = None
     if end in SEARCHED and all(p.motion.mu <= 0.0 for p in curve):
         look = looked_again(contact.oscillator, curve, [h for h in LADDER if h > harmonics][:MORE])
@@ -210,7 +220,8 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
         new = [c for c in near if not any(same_cycle(c, known) for known in cycles)]
         lost += not new and look is None  # pieces of one curve may pass one cycle
         cycles += new
-    return Family(lam, tuple(cycles), lost, _shown(contact, curve), end, look)
+    shown = _shown(contact, curve)
+    return Family(lam, tuple(cycles), lost, shown, end, look, last=curve[-1].motion)
 
 
 def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search) -> list[Cycle]:

@@ -2,19 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.families import IF_KICKED, SQUEALS, UNDECIDED, Family, Followed
+from squealstudy.cycles.families import (
+    IF_KICKED,
+    NO_CYCLE,
+    SQUEALS,
+    UNDECIDED,
+    Family,
+    Followed,
+)
 from squealstudy.cycles.growth import linear_modes
-from squealstudy.cycles.trials import DECAYS, GROWS, LASTS, OPEN, State, Trials, lasting
+from squealstudy.cycles.trials import (
+    DECAYS,
+    GROWS,
+    LASTS,
+    OPEN,
+    Ended,
+    State,
+    Trials,
+    ended,
+    run_on,
+    state_of,
+)
 
 PHASES = 8
 LEAST = 1e-3  # of the largest kick tried: smaller ones are not looked for
 CLOSE = 0.02  # relative width of the bracket at which a search ends
+TURNS = 4  # phases of a motion at which runs begin that was made larger
 ABOVE = 1.1  # times an unstable cycle: where a run begins that shall tell what is beyond it
 # status of a search
 FOUND, NONE, UNCLEAR = "ok", "none", "undecided"
@@ -100,49 +120,76 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
     return Kick(high, float(phases[worst]), energy, (high - low) / high, FOUND)
 
 
-def decided_in_time(contact: ContactOscillator, found: Followed) -> Followed:
-    """The families of a design whose modes are all stable, those undecided after a run in time.
+def decided_in_time(
+    contact: ContactOscillator, found: Followed, band: tuple[float, float], reach: float
+) -> Followed:
+    """The families of a design whose modes are all stable, those undecided after runs in time.
 
-    It begins with what was found: the loudest cycle, above it where it is unstable, or
-    the motion that lacks least damping. Where that lasts the design squeals if kicked; where it
-    decays that is told, and the verdict stays open.
+    They begin with what was found: the loudest cycle, above it where it is unstable; without any
+    the motion that lacks least damping, and the last of the curve, made as large as `reach` [m/s]
+    at several of its phases. Where one lasts the design squeals if kicked. Where all decay there is
+    no cycle found if nothing but the curve's end was missing; else that is told, and the verdict
+    stays open. `band` [rad/s] is that of `run_on`.
     """
     if found.unstable_outside or contact.point.growing.n_above > 0:
         return found
     if any(family.verdict == SQUEALS for _, family in found.families):
         return found
-    return found._replace(families=[(k, _decided(contact, f)) for k, f in found.families])
+    starts = [
+        (k, name, replace(contact.point, q0=q, v0=v))
+        for k, family in found.families
+        for name, (q, v) in _starts(contact, family, reach)
+    ]
+    motions = run_on(contact, [point for *_, point in starts], band)
+    ends: dict[int, list[Ended]] = {k: [] for k, _ in found.families}
+    for (k, name, _), motion in zip(starts, motions, strict=True):
+        ends[k].append(ended(name, motion))
+    return found._replace(families=[(k, _decided(f, ends[k])) for k, f in found.families])
 
 
-def _decided(contact: ContactOscillator, family: Family) -> Family:
-    start = None if family.verdict != UNDECIDED else _uncertain(family)
-    if start is None:
-        return family
-    run = lasting(contact, *start)
-    if run.outcome != LASTS:
-        told = "decays" if run.outcome == DECAYS else "came to nothing that can be named"
-        return replace(family, run=run, reason=f"{family.reason}; a run from {run.start} {told}")
-    return replace(
-        family,
-        run=run,
-        verdict=IF_KICKED,
-        reason=f"a run in time from {run.start} lasts beside a stable mode; no threshold: "
-        f"{family.reason}",
-    )
-
-
-def _uncertain(family: Family) -> tuple[PeriodicMotion, str, float] | None:
-    """Where a run begins: a motion, what it is, and times what."""
+def _starts(
+    contact: ContactOscillator, family: Family, reach: float
+) -> Iterator[tuple[str, State]]:
+    """Where runs of a family that is undecided begin, in words and as states."""
+    if family.verdict != UNDECIDED:
+        return
     if family.cycles:
         cycle = max(family.cycles, key=lambda c: c.levels["contact_velocity"])
-        if cycle.attracts is False:
-            return cycle.motion, "above the unstable cycle", ABOVE
-        return cycle.motion, "the cycle", 1.0
-    if family.look is None:
-        return None
-    open_ = [*family.look.open, *(p.motion for piece in family.look.pieces for p in piece)]
-    top = max(open_, key=lambda m: m.mu, default=None)
-    return None if top is None else (replace(top, mu=0.0), "the motion that lacks least damping", 1)
+        above = cycle.attracts is False
+        name = "above the unstable cycle" if above else "the cycle"
+        yield name, state_of(cycle.motion, ABOVE if above else 1.0)
+        return
+    if family.look is not None:
+        open_ = [*family.look.open, *(p.motion for piece in family.look.pieces for p in piece)]
+        if open_:
+            yield "the motion that lacks least damping", state_of(max(open_, key=lambda m: m.mu))
+    if family.last is not None:
+        factor = reach / contact.contact_velocity(family.last)
+        for theta in 2 * np.pi * np.arange(TURNS) / TURNS:
+            name = f"the curve's last motion, made as large as {reach:.3g} m/s"
+            yield name, state_of(family.last, factor, float(theta))
+
+
+def _decided(family: Family, ends: Sequence[Ended]) -> Family:
+    """A family after its runs in time."""
+    if not ends:
+        return family
+    lasting = [run for run in ends if run.outcome == LASTS]
+    if lasting:
+        run = max(lasting, key=lambda run: np.nan_to_num(run.torque_rms))
+        reason = f"a run in time from {run.start} lasts beside a stable mode; no threshold: "
+        return replace(family, run=run, verdict=IF_KICKED, reason=reason + family.reason)
+    run = next((run for run in ends if run.outcome != DECAYS), ends[0])
+    if run.outcome != DECAYS:
+        reason = f"{family.reason}; a run from {run.start} came to nothing that can be named"
+        return replace(family, run=run, reason=reason)
+    names = " and ".join(dict.fromkeys(run.start for run in ends))
+    count = "a run" if len(ends) == 1 else f"each of {len(ends)} runs"
+    reason = f"{family.reason}; {count} from {names} decays"
+    if family.cut_short and len(ends) >= TURNS:
+        reason += "; a cycle apart from the curve and from these is not excluded"
+        return replace(family, run=run, verdict=NO_CYCLE, reason=reason)
+    return replace(family, run=run, reason=reason)
 
 
 def kicks(contact: ContactOscillator, found: Followed, largest: float) -> dict[int, Kick]:

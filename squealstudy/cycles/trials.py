@@ -1,8 +1,8 @@
 """Runs in time from periodic motions: what they come to.
 
-A run is judged by the means over windows of its energy: it squeals where that has become the stable
-cycle's, it has decayed where it is a small part of it, and else nothing is said of it. From a cycle
-of which the balance cannot tell whether it attracts, a run decays or lasts, whatever it becomes.
+Whether a motion lasts, decays or is undecided is told as studies in time tell it, whatever it has
+become (`run_on`, `ended`). Beside a stable cycle it is enough to know whether a run comes to it
+(`Trials`): the means over windows of its energy have become the cycle's, or a small part of it.
 """
 
 from __future__ import annotations
@@ -17,17 +17,28 @@ from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import series_at
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.settling import known_outcome
+from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import Watch, simulate
+from squealstudy.motion.system import MotionPoint
+from squealstudy.wording import FAILED, LASTING, STABLE, SUSTAINED, UNDECIDED
 
-GROWS, DECAYS, LASTS, OPEN = "grows", "decays", "lasts", "undecided"
+GROWS, DECAYS, LASTS, OPEN = "grows", "decays", "lasts", UNDECIDED
 STEPS = 200  # a period
 SAVED = 10  # steps between rows: 20 rows a period
 WINDOW = 20  # periods between looks
 LONGEST = 1000  # periods
 SILENT = 1e-2  # of the least energy that is known of a cycle: what is below it has decayed
 NEAR = 0.02  # relative: an energy that is that of the cycle
-SPAN = 100  # periods: a motion lasts whose energy over so many is that over as many before
+# runs of which nothing is known but the start
+TOP_STEPS = 64  # a period of the highest assembly mode of the band
+TOP_SAVED = 8  # steps between rows
+FINER = 4  # times as many steps where a run fails, as impacts of a strong kick make it
+TOP_PERIODS = 3000  # such periods, the longest
+LOOKS = 40  # at a run, evenly over the longest time
+TOLERANCE = 0.02  # of levels, at which a run that lasts may end
+OUTSIDE = 0.5  # share of the energy beyond the band's modes from which on none of these leads
 
 State = tuple[np.ndarray, np.ndarray]  # q, q' (n,)
 
@@ -87,62 +98,90 @@ def state_of(motion: PeriodicMotion, factor: float = 1.0, theta: float = 0.0) ->
 
 
 @dataclass(frozen=True)
-class Lasting:
-    """What a run in time from an uncertain cycle came to.
+class Ended:
+    """What a run came to.
 
     Attributes
     ----------
-    outcome : str
-        ``lasts``, ``decays`` or ``undecided``.
-    torque_rms : float
-        About its mean, over the last `SPAN` periods, N m; NaN where it does not last.
-    spread : float
-        Half of what this differs between windows of it, relative.
-    frequency_hz : float
-        Of the largest line of the torque.
     start : str
         What it began with, in words.
+    found : str
+        A class of runs (`wording`), ``stable`` where it decays.
+    torque_rms : float
+        Of its last window, about the mean, N m; NaN where no level lasts.
+    spread : float
+        Half of what this is uncertain by, relative.
+    frequency_hz : float
+        Of the largest line of the torque.
+    mode_hz : float
+        Of the assembly mode with most energy at the end; NaN of one outside the band.
     """
 
-    outcome: str
-    torque_rms: float
-    spread: float
-    frequency_hz: float
     start: str
+    found: str
+    torque_rms: float = np.nan
+    spread: float = np.nan
+    frequency_hz: float = np.nan
+    mode_hz: float = np.nan
+
+    @property
+    def outcome(self) -> str:
+        """``lasts``, ``decays``, or ``undecided``, failed runs among these."""
+        return LASTS if self.found in LASTING else DECAYS if self.found == STABLE else OPEN
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        if self.outcome == DECAYS:
+            return f"{self.start}: {DECAYS}"
+        at = f" near {self.mode_hz:.4g} Hz" if np.isfinite(self.mode_hz) else ""
+        return f"{self.start}: {self.found.replace('_', ' ')}{at}"
 
 
-def lasting(
-    contact: ContactOscillator, motion: PeriodicMotion, start: str, factor: float = 1.0
-) -> Lasting:
-    """Run in time from a periodic motion, times a factor, until it has decayed or lasts.
+def run_on(
+    contact: ContactOscillator, starts: Sequence[MotionPoint], band: tuple[float, float]
+) -> list[Motion]:
+    """Runs from states of a design point until their outcome is known, or to the longest time.
 
-    It lasts where its energy over the last `SPAN` periods is that over as many before, to 2 %.
+    `band` [rad/s] has the modes that are watched; the highest of them gives steps and times.
     """
-    period, rows = 2 * np.pi / motion.omega, SPAN * STEPS // SAVED
-    settings = MotionSettings(LONGEST * period, period / STEPS, SAVED, integrator=ExactFreeMotion())
-    first: list[float] = []
+    omega = contact.system.frequencies
+    sensed = np.flatnonzero((omega >= band[0]) & (omega <= band[1])) + 1
+    system = replace(contact.system, sensed=sensed)
+    top = 2 * np.pi / float(omega[sensed[-1] - 1] if len(sensed) else omega[-1])
+    settings = MotionSettings(
+        TOP_PERIODS * top,
+        top / TOP_STEPS,
+        TOP_SAVED,
+        integrator=ExactFreeMotion(),
+        tolerance=ExactFreeMotion.tolerance,
+    )
 
-    def judge(_: int, run: Motion) -> str:
-        energy = run.modal_energy
-        first[:] = first or [float(energy[: WINDOW * STEPS // SAVED].mean())]
-        if energy[-WINDOW * STEPS // SAVED :].mean() < SILENT * first[0]:
-            return DECAYS
-        if len(energy) < 3 * rows:
-            return ""
-        last, before = energy[-rows:].mean(), energy[-2 * rows : -rows].mean()
-        return LASTS if abs(last / before - 1.0) < NEAR else ""
+    def judge(_: int, motion: Motion) -> str:
+        return known_outcome(motion, settings.duration, TOLERANCE)
 
-    q, v = state_of(motion, factor)
-    watch = Watch([WINDOW * STEPS], judge)
-    (run,) = simulate(contact.system, [replace(contact.point, q0=q, v0=v)], settings, watch)
-    if run.stopped != LASTS:
-        return Lasting(run.stopped or OPEN, np.nan, np.nan, np.nan, start)
-    torque = run.history["torque"][-rows:]
-    windows = torque.reshape(-1, WINDOW * STEPS // SAVED).std(axis=1)
-    spread = float(np.ptp(windows) / (2.0 * windows.mean()))
-    lines = np.abs(np.fft.rfft((torque - torque.mean()) * np.hanning(rows)))
-    k = int(np.argmax(lines[1:-1])) + 1
-    a, b, c = np.log(lines[k - 1 : k + 2])
-    line = k + 0.5 * (a - c) / (a - 2.0 * b + c)
-    hz = float(line / (rows * SAVED * period / STEPS))
-    return Lasting(LASTS, float(torque.std()), spread, hz, start)
+    def run(some: Sequence[MotionPoint], how: MotionSettings) -> list[Motion]:
+        return simulate(system, some, how, Watch([how.n_steps // LOOKS] * len(some), judge))
+
+    found = run(starts, settings)
+    bad = [k for k, motion in enumerate(found) if motion.outcome != "ok"]
+    finer = replace(settings, step=settings.step / FINER, save_every=settings.save_every * FINER)
+    for k, motion in zip(bad, run([starts[k] for k in bad], finer), strict=True):
+        found[k] = motion
+    return found
+
+
+def ended(start: str, motion: Motion) -> Ended:
+    """What a run from `start`, in words, came to."""
+    if motion.outcome != "ok":
+        return Ended(start, FAILED)
+    summary = summarise(motion)
+    point, found = summary.point, summary.point["class"]
+    shares = {float(m["frequency_hz"]): m["energy_share"] for m in summary.modes}
+    outside = point.get("energy_outside_share", 0.0) > OUTSIDE
+    mode = np.nan if outside else max(shares, key=lambda hz: shares[hz], default=np.nan)
+    if found not in SUSTAINED:
+        return Ended(start, found, mode_hz=mode)
+    rms = float(point["torque_rms"])
+    spread = 0.5 * (point["torque_rms_high"] - point["torque_rms_low"]) / rms if rms else np.nan
+    return Ended(start, found, rms, spread, point["dominant_frequency_hz"], mode)

@@ -117,7 +117,8 @@ def main() -> None:
                     flush=True,
                 )
         began, unstable = time.process_time(), contact.point.growing.n_unstable > 0
-        decided = decided_in_time(contact, Followed(followed, 0, unstable)).families
+        whole = Followed(followed, 0, unstable)
+        decided = decided_in_time(contact, whole, band, 2.0 * speed).families
         for k, family in decided:
             if family.run is not None:
                 print(f"   mode {k}: {family.reason}; {family.run.torque_rms:.4g} N m")

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from squealstudy.kinds.design.in_time import DECAYS, LASTS, TODAY
+from squealstudy.cycles.trials import DECAYS, LASTS
+from squealstudy.kinds.design.in_time import TODAY
 from squealstudy.kinds.design.plan import CYCLES, FULL, IN_TIME, ROOTS, Ask, ask
 from squealstudy.kinds.design.state import KICK_WINDOW, Check, Extra
 from squealstudy.tables.robustness import probability_interval

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from squealstudy.cycles.trials import DECAYS, LASTS, OPEN
 from squealstudy.engine.cache import NewGaps, known_gap, prepared_model
 from squealstudy.engine.reduced import BuiltOnBasis
 from squealstudy.engine.rows import (
@@ -31,14 +32,7 @@ from squealstudy.kinds.complex_modes.full_order_check import (
     check_reference,
     reference_roots,
 )
-from squealstudy.kinds.design.in_time import (
-    DECAYS,
-    ELSEWHERE,
-    LASTS,
-    TODAY,
-    UNDECIDED,
-    runs_in_time,
-)
+from squealstudy.kinds.design.in_time import ELSEWHERE, TODAY, runs_in_time
 from squealstudy.kinds.design.plan import CYCLES, FULL, IN_TIME, MODES
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest
 from squealstudy.kinds.limit_cycles.kind import cycles_row
@@ -60,7 +54,6 @@ from squealstudy.system.linearise import (
     component_frequencies,
     reduced_energy_shares,
 )
-from squealstudy.wording import LASTING, STABLE
 
 SLOPE_FIELDS = (
     ("parameter", TEXT),
@@ -338,15 +331,15 @@ def _in_time(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[
             if own != point.values and all(own != known.values for known in today.values()):
                 today[name] = point.with_values(own)
     steady, runs = runs_in_time(point, today, request.cycles, gaps)
-    lasting = [run for run in runs if run.found in LASTING]
-    others = sum(run.found != STABLE for run in runs)
+    lasting = [run for run in runs if run.outcome == LASTS]
+    others = sum(run.outcome != DECAYS for run in runs)
     return {
         **_summary(np.zeros(0, dtype=complex), request.tolerance),
         **working_point_cells(steady),
         "n_modes": len(runs),
         "n_unstable": others,
-        "frequency_hz": lasting[0].frequency_hz if lasting else np.nan,
-        "verdict": LASTS if lasting else UNDECIDED if others else DECAYS,
+        "frequency_hz": lasting[0].mode_hz if lasting else np.nan,
+        "verdict": LASTS if lasting else OPEN if others else DECAYS,
         "reason": "; ".join(run.text for run in runs),
         "modes": [],
     }

@@ -187,9 +187,9 @@ def cycles_row(
             asked.search(contact),
             section.screen if section.families == SCREENED else np.inf,
         )
-        if section.undecided_in_time:
-            found = decided_in_time(contact, found)
         reach = asked.search(contact).reach
+        if section.undecided_in_time:
+            found = decided_in_time(contact, found, asked.band, reach)
         kicked = kicks(contact, found, reach) if section.kick_along_mode else {}
     except ParameterError as error:
         why = f"{error.key}: {error.message}"
