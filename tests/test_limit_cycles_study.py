@@ -170,7 +170,7 @@ def test_points_that_cannot_be_searched_say_why(tmp_path):
     exact = solved(plan_of(study([0.6]), STUDY), tmp_path / "exact").points.iloc[0]
     for name in ("torque_rms", "frequency_hz"):
         assert results.points[name].iloc[0] == pytest.approx(exact[name], rel=5e-3)
-    assert results.points["level_error"].iloc[0] < 1e-2
+    assert results.points["level_error"].iloc[0] < 2e-2
     off = {
         "few": ("tolerance = 1e-3", "harmonics = 2\ntolerance = 1e-6\nundecided_in_time = false")
     }
