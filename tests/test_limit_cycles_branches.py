@@ -24,7 +24,8 @@ from squealstudy.screen import as_text
 from squealstudy.tables.cycle_comparison import compare_cycles
 
 MODE = "families = [1]\ntolerance = 1e-3"  # the one that locks in
-ALONE = {"own": ("tolerance = 1e-3", MODE)}
+OPEN = f"undecided_in_time = false\n{MODE}"
+ALONE = {"own": ("tolerance = 1e-3", OPEN)}
 FOLLOW = {"follow": ("tolerance = 1e-3", f'follow = "friction"\n{MODE}')}
 FOLD = 0.0804  # against AUTO-07p in test_cycles_auto
 
@@ -122,7 +123,7 @@ def test_designs_take_cycles_from_neighbours(follow, tmp_path, monkeypatch):
     assert not cycles["cycle_id"].duplicated().any()
     assert results.manifest["continued"]["found"] >= 2
     if not follow:
-        alone = {"off": ("tolerance = 1e-3", f"neighbours = false\n{MODE}")}
+        alone = {"off": ("tolerance = 1e-3", f"neighbours = false\n{OPEN}")}
         again = solved(plan_of(study([0.4, 0.5, 0.6], **alone), STUDY), tmp_path / "lost")
         assert again.points.set_index("friction").loc[0.5, "verdict"] == "undecided"
         assert again.points["point_id"].tolist() == points["point_id"].tolist()  # their own rows
@@ -359,6 +360,7 @@ def test_level_and_share_of_the_threshold_are_of_one_cycle():
         "n_cycles": 2,
         "growth_rate": -1.0,
         "torque_rms": 10.0,
+        "level_error": 0.0,
         "cycle_frequency_hz": 100.0,
         "threshold_velocity": 0.5,
         "threshold_share": 0.25,

@@ -333,7 +333,9 @@ def _judge_again(
         stable = cycle is not None and bool(cycle["stable"])
         if cycle is not None:
             verdict["n_cycles"] += 1
-            if stable and not verdict["torque_rms"] >= cycle["torque_rms"]:
+            # a run in time tells the level of the same motion less exactly
+            least = verdict["torque_rms"] * (1.0 - verdict["level_error"])
+            if stable and not least >= cycle["torque_rms"]:
                 verdict["torque_rms"] = cycle["torque_rms"]
                 verdict["level_error"] = cycle["level_error"]
                 verdict["cycle_frequency_hz"] = cycle["frequency_hz"]
