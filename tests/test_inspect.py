@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 import scipy.sparse as sp
 from own_blocks import block, write_blocks
 from study_runs import command
 from test_model_file import SLIDER_OF_MATRICES, write_slider_matrices
 
 from squealstudy.models.components.inp_writer import write_inp
+from squealstudy.study.components import free_component, read_model
 
 PARTS = {"plate": ((4, 2, 1), (80.0, 30.0, 20.0), "STEEL"),
          "slider": ((3, 1, 2), (50.0, 20.0, 20.0), "LINING")}  # fmt: skip
@@ -65,6 +67,32 @@ def test_the_first_free_modes_are_those_of_the_component(tmp_path, capsys):
     E, rho, length, height = 2.1e11, 7800.0, 0.08, 0.02
     slender = 22.37 / (2 * np.pi * length**2) * np.sqrt(E * height**2 / (12 * rho))
     assert 0.75 * slender < first < slender
+
+
+def test_numbers_are_those_of_the_parameters_defaults(tmp_path, capsys):
+    """Not those written in the file: free modes, masses, damping and gaps of a study."""
+    text = (
+        '[[point_mass]]\nname = "m"\non = "slider.TOP"\nmass = 1e-3\n\n[parameters]\n'
+        '"pm" = {path = "point_mass.m.mass", default = 0.5, unit = "kg"}\n'
+        '"beta" = {path = "slider.stiffness_damping", default = "3 us"}\n'
+        '"gap" = {path = "contact.contact_1.initial_gap", default = "20 um"}'
+    )
+    changes = (
+        ("[parameters]", text),
+        ("default = 2e3", "default = 8e3"),
+        ("search = 0.1", "search = 0.1\ninitial_gap = 0.0"),
+    )
+    path = model(tmp_path, *changes)
+    code, facts, _ = said(capsys, path)
+    assert code == 0
+    assert "mass m: 0.0005 t, spread over slider.TOP" in facts
+    assert "0.00055 t (0.55 kg)" in facts
+    assert "damping: stiffness_damping 3e-06 s" in facts
+    assert "taken as 0.02 mm" in facts
+    _, (K, M), _ = free_component(read_model(path), "slider")
+    omega = np.sqrt(np.maximum(la.eigh(K.toarray(), M.toarray(), eigvals_only=True), 0.0))
+    first = ", ".join(f"{w / (2 * np.pi):.1f}" for w in omega[6:9])
+    assert f"first free modes {first} Hz" in facts
 
 
 def other_units(folder):

@@ -8,7 +8,7 @@ from own_blocks import write_blocks
 from test_model_file import built
 
 from squealstudy.errors import StudyFileError
-from squealstudy.models.components.inspection import rigid_shapes
+from squealstudy.models.components.component_facts import rigid_shapes
 from squealstudy.study.components import read_model
 
 TONNE, MM = 1e3, 1e-3

@@ -10,10 +10,10 @@ from rich.console import RenderableType
 
 from squealstudy.engine.pictures import save_figure
 from squealstudy.errors import ModelError
+from squealstudy.models.components.component_facts import Inspection
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.components.faces import boundary, facet_groups, facets
 from squealstudy.models.components.geometry import Geometry
-from squealstudy.models.components.inspection import Inspection
 from squealstudy.plots.style import finish, head, new_figure
 from squealstudy.screen import Rows, facts, grid, show, warning
 from squealstudy.shapes.assembled import Body, draw_assembly, eight

@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     import numpy as np
     import scipy.sparse as sp
 
+    from squealstudy.models.components.component_facts import Inspection
     from squealstudy.models.components.geometry import Geometry
-    from squealstudy.models.components.inspection import Inspection
 
 
 def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefinition:
@@ -107,7 +107,7 @@ def inspected(model: FileDefinition) -> tuple[Inspection, Geometry]:
     build, values = build_of(model), model.defaults()
     assembly = build({option.name: option.choices[0] for option in model.options}, values)
     try:
-        found = inspect(build.brake, assembly, values[PRESSURE.name])
+        found = inspect(build.brake, assembly, values[PRESSURE.name], build.given(values))
         return found, geometry_of(build.brake)
     except PlacedError as error:
         raise placed(error, build.source) from error
@@ -137,8 +137,7 @@ def free_component(
     if name not in tables:
         text = f"there is no component '{name}'{did_you_mean(name, tuple(tables))}"
         raise build.source.error(("components",), text)
-    values = model.defaults()
-    given = {keys: values[n] for n, all_keys in build.places.items() for keys in all_keys}
+    given = build.given(model.defaults())
     try:
         geometry = geometry_of(build.brake)
         matrices = component_matrices(geometry, name, given)
@@ -178,6 +177,10 @@ class _Build:
     law_values: Mapping[str, float]
     added: Mapping[KeyPath, AddedPart] = field(default_factory=dict)
 
+    def given(self, values: Mapping[str, float]) -> dict[KeyPath, float]:
+        """Numbers of the file, SI, by key, that parameters of these values are."""
+        return {keys: values[name] for name, where in self.places.items() for keys in where}
+
     def effective_radius(
         self,
         options: Mapping[str, str | int],
@@ -205,7 +208,7 @@ class _Build:
 
         if _digests(self.brake.file, self.source) != self.digests:
             raise ModelError(f"{self.source.path}, or a file that it reads, has changed meanwhile")
-        given = {keys: values[name] for name, all_keys in self.places.items() for keys in all_keys}
+        given = self.given(values)
         law = ContactLaw.from_values(str(options[CONTACT_OPTION.name]), values)
         try:
             found = build_assembly(self.brake, law, given)
