@@ -170,8 +170,13 @@ def empty_contact(folder):
         "key 'contact[1].slave'", "no facet of the boundary")  # fmt: skip
 
 
-BROKEN = [other_units, placed_wrongly, normals, missing_set, wrong_map, unsupported, nothing_holds,
-          doubled, negative, empty_contact]  # fmt: skip
+def cancelling_load(folder):
+    return model(folder, ('pressure_on = "slider.TOP"', 'pressure_on = "slider.ENDS"')), (
+        "brake: the forces of the pressure on slider.ENDS cancel",)  # fmt: skip
+
+
+BROKEN = [cancelling_load, other_units, placed_wrongly, normals, missing_set, wrong_map,
+          unsupported, nothing_holds, doubled, negative, empty_contact]  # fmt: skip
 
 
 @pytest.mark.parametrize("broken", BROKEN, ids=lambda f: f.__name__)

@@ -292,6 +292,16 @@ def test_the_model_goes_to_workers(blocks):
     assert again.n_dof == assembly.n_dof
 
 
+SECOND_CONTACT = """\
+[[contact]]
+kind = "sliding"
+slave = "plate.TOP"
+master = "slider.BOTTOM"
+search = 0.1
+
+[[layer]]"""
+
+
 # -- messages ------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("old", "new", "line", "key", "message"),
@@ -337,6 +347,15 @@ def test_the_model_goes_to_workers(blocks):
          "parameters.pressure.default", "expected a value above 0 Pa"),
         ("friction = {default = 0.4}", "frequency_hz = {path = 'load.brake.area'}", 40,
          "parameters.frequency_hz", "another meaning"),
+        ("axis = [0, 0, 1]", 'axis = [0, 0, 1]\nrotor = "plte"', 7, "rotation.rotor",
+         "there is no component 'plte'; there is plate, slider; did you mean 'plate'?"),
+        ('"plate.TOP"', '"slider.TOP"', 15, "contact[1]", "which cannot slide on itself"),
+        ("[[layer]]", SECOND_CONTACT, 17, "contact[1].slave",
+         "and turns, as the master of contact_2: say which component turns"),
+        ('name = "guides"', 'name = "bed"', 28, "spring[1].name", "the name of layer[1] already"),
+        ('name = "bed"', 'name = "contact_1"', 22, "layer[1].name", "of contact[1] already"),
+        ('[[load]]\npressure_on = "slider.TOP"\narea = 10.0\n', "", None, "load",
+         "there is no [[load]]"),
         ("friction = {default = 0.4}", "frictio = {default = 0.4}", 40, "parameters.frictio",
          "did you mean 'friction'?"),
     ],
@@ -350,6 +369,16 @@ def test_what_is_wrong_is_said_with_its_line(tmp_path, old, new, line, key, mess
         assert caught.value.path == tmp_path / "blocks.toml"
         assert caught.value.key == key
         assert caught.value.line == line
+
+
+def test_two_loads_need_no_names(tmp_path):
+    """They are brake and load_2, whose parameters are told apart."""
+    more = '[[load]]\npressure_on = "slider.TOP"\narea = 5.0\n\n[parameters]\n'
+    paths = '"a" = {path = "load.brake.area"}\n"b" = {path = "load.load_2.area"}'
+    write_blocks(tmp_path, ("[parameters]", more + paths))
+    found = {p.name: p.default for p in read_model(tmp_path / "blocks.toml").parameters}
+    assert found["a"] == pytest.approx(10e-6)
+    assert found["b"] == pytest.approx(5e-6)
 
 
 def broken_map(lines):

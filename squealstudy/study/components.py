@@ -18,6 +18,7 @@ from squealstudy.models.components.bodies import (
     read_files,
 )
 from squealstudy.models.components.definition import DESCRIPTION, NAME, FileDefinition
+from squealstudy.models.components.file_names import check_names
 from squealstudy.models.components.model_file import (
     KeyPath,
     ModelFile,
@@ -76,6 +77,10 @@ def read_model(path: Path, parts: Sequence[AddedPart] = ()) -> FileDefinition:
     """The model of a model file with what a study adds; StudyFileError about what is wrong."""
     source = SourceText.read(path)
     file = validate(ModelFile, source, source.tables)
+    try:
+        check_names(file)
+    except PlacedError as error:
+        raise placed(error, source) from error
     digests = _digests(file, source)
     file, added = with_parts(file, parts)
     own = (*digests, *(part.identity for part in parts))

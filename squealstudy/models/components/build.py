@@ -57,7 +57,7 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
     Raises
     ------
     PlacedError
-        With the key of what is wrong in the file.
+        With the key of what is wrong in the file; a file without loads.
     ModelError
         Values that no material can have.
     """
@@ -138,7 +138,7 @@ class _Interfaces:
     def _pair_rows(self, number: int, kind: str, found: Pair, names: Sequence[str]) -> ContactRows:
         """Rows of a pair, held freedoms among them."""
         slave, master = (name.partition(".")[0] for name in names)
-        rotor = self._g.rotor
+        rotor = self._g.file.rotor
         if kind == "sliding":
             keys: KeyPath = ("contact", number)
             if self._g.rotation is None:
@@ -283,6 +283,9 @@ class _Interfaces:
     # -- load ------------------------------------------------------------------------------------
     def load(self) -> np.ndarray:
         """Forces (n_dof,) of a unit brake pressure, N/Pa."""
+        if not self._g.file.load:
+            text = "there is no [[load]]: the brake pressure pushes nothing together"
+            raise PlacedError(("load",), text)
         total = np.zeros(self._expansion.shape[1])
         for i, table in enumerate(self._g.file.load):
             area = self._numbers.at("load", i, "area")

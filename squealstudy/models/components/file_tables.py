@@ -234,7 +234,7 @@ class FixedTable(Table):
 class LoadTable(Table):
     """The forces of a unit brake pressure."""
 
-    name: Name = "brake"
+    name: Name | None = None
     pressure_on: str = Field(description="COMPONENT.SET that the pressure pushes inwards")
     reaction_on: str | None = Field(default=None, description="COMPONENT.SET that is pushed back")
     reaction: Literal["spread", "opposite"] = Field(

@@ -303,18 +303,12 @@ class Geometry:
         return float(np.average(np.concatenate(arms), weights=np.concatenate(areas)))
 
     @property
-    def rotor(self) -> str | None:
-        """The component that turns, where the file names it."""
-        return None if self.file.rotation is None else self.file.rotation.rotor
-
-    @property
     def rotors(self) -> Rotors | None:
-        """What turns: the component that the file names, else the masters of sliding contacts."""
+        """What turns."""
         if self.rotation is None:
             return None
-        masters = (c.master.partition(".")[0] for c in self.file.contact if c.kind == "sliding")
-        names = dict.fromkeys([self.rotor] if self.rotor else masters)
-        return Rotors(tuple(names), np.asarray(self.rotation.point), self.rotation.direction)
+        point = np.asarray(self.rotation.point)
+        return Rotors(self.file.turning, point, self.rotation.direction)
 
 
 @lru_cache(maxsize=4)

@@ -213,6 +213,11 @@ def _load(found: Inspection, geometry: Geometry) -> None:
                 share = surface.area / surface.area.sum()
                 sums.append(-(share[:, None] * surface.normal).sum(axis=0))
         name = geometry.file.name_of("load", i)
+        if np.linalg.norm(sums[0]) < BALANCE:
+            found.doubts.append(
+                f"{name}: the forces of the pressure on {table.pressure_on} cancel: is this the "
+                "face that is pressed?"
+            )
         text = f"pressure pushes {table.pressure_on} along {_vector(sums[0])}"
         if len(sums) == 1:
             found.tell(name, f"{text}; no reaction")

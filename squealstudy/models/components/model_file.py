@@ -45,6 +45,7 @@ from squealstudy.models.components.file_tables import (
 
 KeyPath = tuple[str | int, ...]  # keys of the file, and 0-based positions in lists
 GROUND = "ground"
+FIRST_LOAD = "brake"  # its name where the file gives none
 STEP = re.compile(r"(?P<name>[^\[\]]+)(?:\[(?P<number>[1-9][0-9]*)\])?")
 LISTS = (
     "contact",
@@ -140,9 +141,29 @@ class ModelFile(Table):
         return found
 
     def name_of(self, kind: str, number: int) -> str:
-        """Name of a contact, layer, spring or load."""
+        """Name of a contact, tie, layer, spring, mass or load."""
         table = self.at((kind, number))
+        if kind == "load" and not number:
+            return table.name or FIRST_LOAD
         return table.name or f"{kind}_{number + 1}"
+
+    def sides(self, number: int) -> tuple[str, str]:
+        """Components of the slave and of the master of a contact."""
+        table = self.contact[number]
+        return table.slave.partition(".")[0], table.master.partition(".")[0]
+
+    @property
+    def rotor(self) -> str | None:
+        """The component that turns, where the file names it."""
+        return None if self.rotation is None else self.rotation.rotor
+
+    @property
+    def turning(self) -> tuple[str, ...]:
+        """What turns: the component that the file names, else the masters of sliding contacts."""
+        if self.rotor is not None:
+            return (self.rotor,)
+        sliding = (i for i, table in enumerate(self.contact) if table.kind == "sliding")
+        return tuple(dict.fromkeys(self.sides(i)[1] for i in sliding))
 
     def located(self, path: str) -> KeyPath:
         """The key that a path of a parameter means.

@@ -1,0 +1,57 @@
+"""Names of a model file: each of one thing, and of what turns; known without meshes."""
+
+from __future__ import annotations
+
+from squealstudy.models.components.model_file import KeyPath, ModelFile, PlacedError
+
+TOGETHER = (("contact", "tie", "layer", "spring"), ("point_mass",), ("load",))
+# of those together springs have energies, and all of them parameters, by their names
+
+
+def check_names(file: ModelFile) -> None:
+    """Look at the names of a file.
+
+    Raises
+    ------
+    PlacedError
+        A name that two tables have; a rotor that is not there, or that may be either of two
+        components; a component that slides on itself.
+    """
+    for kinds in TOGETHER:
+        owner: dict[str, str] = {}
+        for kind in kinds:
+            for i in range(len(file.at((kind,)))):
+                name, own = file.name_of(kind, i), f"{kind}[{i + 1}]"
+                if owner.setdefault(name, own) != own:
+                    text = f"'{name}' is the name of {owner[name]} already: what is theirs would "
+                    keys: KeyPath = (kind, i, "name")
+                    raise PlacedError(keys, text + "be mixed; choose another name")
+    _check_rotor(file)
+
+
+def _check_rotor(file: ModelFile) -> None:
+    rotor, known = file.rotor, tuple(file.components)
+    if rotor is not None and rotor not in known:
+        text = f"there is no component '{rotor}'; there is {', '.join(known)}"
+        raise PlacedError(("rotation", "rotor"), text, rotor, known)
+    masters: dict[str, int] = {}
+    sliding = [i for i, table in enumerate(file.contact) if table.kind == "sliding"]
+    for i in sliding:
+        slave, master = file.sides(i)
+        if slave == master:
+            text = (
+                f"both faces are of {slave}, which cannot slide on itself: expected faces of two "
+            )
+            raise PlacedError(
+                ("contact", i), text + 'components, or kind "stuck" or "frictionless"'
+            )
+        masters.setdefault(master, i)
+    for i in sliding:
+        slave, _ = file.sides(i)
+        if rotor is None and slave in masters:
+            raise PlacedError(
+                ("contact", i, "slave"),
+                f"{slave} does not turn, as the slave of a sliding contact, and turns, as the "
+                f"master of {file.name_of('contact', masters[slave])}: say which component turns, "
+                'rotor = "NAME" in [rotation]',
+            )
