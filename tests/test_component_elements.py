@@ -348,6 +348,10 @@ def test_facets_of_surfaces_and_node_sets():
         facets(mesh, "X")
     with pytest.raises(ModelError, match="no facet of the boundary has all its nodes in"):
         facets(replace(mesh, node_sets={"ONE": np.array([0])}), "ONE")
+    others = np.setdiff1d(np.arange(len(mesh.nodes)), mesh.node_set("END"))
+    more = np.append(mesh.node_set("END"), others[0])
+    with pytest.raises(ModelError, match=rf"'MORE' is no face: .* node {mesh.numbers[others[0]]} "):
+        facets(replace(mesh, node_sets={"MORE": more}), "MORE")
 
 
 BRAKE = MODELS["disc_brake"].defaults()

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from conftest import build_model
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from own_blocks import faces_on
 from scipy.optimize import root
 from touching import (
     AXIS,
@@ -303,8 +304,8 @@ def test_clipped_is_gauss_where_straight_meshes_match(kind, points_per_side):
 
 
 def at_height(mesh, z):
-    """The facets of a mesh at one height, as of a file with a node set."""
-    found = replace(mesh, node_sets={"FACE": np.flatnonzero(abs(mesh.nodes[:, 2] - z) < 1e-6)})
+    """The facets of a mesh at one height, as of a file with a surface."""
+    found = replace(mesh, surfaces={"FACE": faces_on(mesh, 2, z)})
     return Facets(mesh.nodes, tuple(g.nodes for g in facets(found, "FACE")), str(mesh.origin))
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from own_blocks import write_blocks
-from test_model_file import built
+import scipy.sparse as sp
+from own_blocks import block, write_blocks
+from test_model_file import SLIDER_OF_MATRICES, built, write_slider_matrices
 
 from squealstudy.errors import StudyFileError
 from squealstudy.models.components.component_facts import rigid_shapes
+from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.study.components import read_model
 
 TONNE, MM = 1e3, 1e-3
@@ -73,6 +77,68 @@ def test_a_face_shares_it_by_area(bare, tmp_path):
     about_z = np.cross([0.0, 0.0, 1.0], x - np.array([4.0, 1.5, 4.0]) * MM).ravel()
     expected = GRAMS * TONNE * (5.0**2 + 2.0**2) / 12 * MM**2
     assert about_z @ dM @ about_z == pytest.approx(expected, rel=1e-12)
+
+
+def with_sets(folder):
+    """The slider with the nodes of its top, and with these and one corner of its bottom."""
+    mesh = block("slider", (3, 1, 2), (5.0, 2.0, 2.0), "LINING")
+    top = mesh.node_set("TOP")
+    edge = np.flatnonzero(abs(mesh.nodes - [0.0, 0.0, 1.0]).max(axis=1) < 1e-9)
+    sets = {"UPPER": top, "MIX": np.append(top, mesh.node_sets["CORNER"]), "EDGE": edge}
+    write_inp(replace(mesh, node_sets={**mesh.node_sets, **sets}), folder / "slider.inp")
+    return mesh, sets
+
+
+def test_no_node_of_a_set_is_dropped(bare, tmp_path):
+    """Nodes of whole facets are that face; with one more all of them have the same share."""
+    assembly = built(model(tmp_path, "slider.TOP"))
+    by_area = added(assembly, bare)
+    _, sets = with_sets(tmp_path)
+    path = tmp_path / "blocks.toml"
+    text = path.read_text()
+    path.write_text(text.replace('\non = "slider.TOP"', '\non = "slider.UPPER"'))
+    assert abs(added(built(path), bare) - by_area).max() < 1e-15 * abs(by_area).max()
+    path.write_text(text.replace('\non = "slider.TOP"', '\non = "slider.MIX"'))
+    alike = added(built(path), bare)
+    count = len(sets["MIX"])
+    expected = np.zeros((len(assembly.components[1].coordinates), 3))
+    expected[sets["MIX"]] = GRAMS * TONNE / count
+    np.testing.assert_allclose(alike.diagonal(), expected.ravel(), rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ('pressure_on = "slider.TOP"', 'pressure_on = "slider.MIX"', "load[1].pressure_on"),
+        ('between = ["plate.BOTTOM", "ground"]', 'between = ["slider.MIX", "ground"]',
+         "layer[1].between"),
+    ],
+)  # fmt: skip
+def test_what_is_no_face_is_refused_where_one_is_needed(tmp_path, old, new, key):
+    write_blocks(tmp_path, (old, new))
+    mesh, _ = with_sets(tmp_path)
+    with pytest.raises(StudyFileError, match="is no face") as caught:
+        built(tmp_path / "blocks.toml")
+    assert caught.value.key == key
+    number = mesh.numbers[mesh.node_sets["CORNER"][0]]
+    assert f"node set 'MIX' is no face: of its 19 nodes node {number}" in str(caught.value)
+
+
+def test_springs_on_nodes_without_rows_are_refused(tmp_path):
+    """Of matrices that leave out a node: a spring there would hold nothing."""
+    there = ('["slider.ENDS", "ground"]', '["slider.EDGE", "ground"]')
+    write_blocks(tmp_path, ('mesh = "slider.inp"', SLIDER_OF_MATRICES), there)
+    mesh, sets = with_sets(tmp_path)
+    number = mesh.numbers[sets["EDGE"][0]]
+    lines = write_slider_matrices(tmp_path)
+    kept = [i for i, line in enumerate(lines) if not line.startswith(f"{number}.")]
+    for name in ("K", "M"):
+        A = sp.load_npz(tmp_path / f"{name}.npz")
+        sp.save_npz(tmp_path / f"{name}.npz", A[kept][:, kept].tocsr())
+    (tmp_path / "slider.dof").write_text("\n".join(lines[i] for i in kept))
+    with pytest.raises(StudyFileError, match="no rows for node") as caught:
+        built(tmp_path / "blocks.toml")
+    assert caught.value.key == "spring[1].between"
 
 
 def test_a_node_has_it_all(bare, tmp_path):

@@ -27,7 +27,7 @@ class FacetGroup:
 
 
 def facets(mesh: SolidMesh, name: str) -> tuple[FacetGroup, ...]:
-    """The facets of a surface, or of the boundary with all nodes in a node set.
+    """The facets of a surface, or of a node set: those of the boundary with all nodes in it.
 
     A surface comes first where both have the name. Outward normals follow from the order of the
     corners, as long as no element has a negative Jacobian (`check_mesh`).
@@ -40,8 +40,8 @@ def facets(mesh: SolidMesh, name: str) -> tuple[FacetGroup, ...]:
     Raises
     ------
     ModelError
-        No surface and no node set of the name; a node set that holds no facet of the boundary; a
-        surface with faces inside the body.
+        No surface and no node set of the name; a node set with nodes of no such facet; a surface
+        with faces inside the body.
     """
     outer = boundary(mesh)
     if has_name(mesh.surfaces, name):
@@ -55,11 +55,19 @@ def facets(mesh: SolidMesh, name: str) -> tuple[FacetGroup, ...]:
             )
         return facet_groups(mesh, faces)
     chosen = np.zeros(len(mesh.nodes), dtype=bool)
-    chosen[mesh.node_set(name)] = True
+    asked = mesh.node_set(name)
+    chosen[asked] = True
     groups = [(g, chosen[g.nodes].all(axis=1)) for g in facet_groups(mesh, outer)]
     found = tuple(FacetGroup(g.nodes[k], g.faces[k]) for g, k in groups if k.any())
     if not found:
         raise mesh.error(f"no facet of the boundary has all its nodes in the node set '{name}'")
+    spare = np.setdiff1d(asked, np.concatenate([g.nodes.ravel() for g in found]))
+    if len(spare):
+        are = "are" if len(spare) > 1 else "is"
+        raise mesh.error(
+            f"node set '{name}' is no face: of its {len(asked)} nodes {mesh.nodes_named(spare)} "
+            f"{are} in no facet of the boundary that has all its nodes in the set"
+        )
     return found
 
 

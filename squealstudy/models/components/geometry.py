@@ -103,8 +103,15 @@ class Geometry:
             found = Facets(body.nodes, blocks, reference)
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
-        used = np.unique(np.concatenate([b.ravel() for b in blocks]))
-        lost = used[body.expansion.lacking.reshape(-1, 3)[used].all(axis=1)]
+        self._check_rows(
+            name, np.unique(np.concatenate([b.ravel() for b in blocks])), reference, keys
+        )
+        return name, found
+
+    def _check_rows(self, name: str, nodes: np.ndarray, reference: str, keys: KeyPath) -> None:
+        """Raise PlacedError where a component's matrices know nothing of some nodes of a set."""
+        body = self.bodies[name]
+        lost = nodes[body.expansion.lacking.reshape(-1, 3)[nodes].all(axis=1)]
         if len(lost):
             map_file = self.file.components[name].dof
             asked = f"is {map_file} their DOF map?" if map_file else "is this their mesh?"
@@ -113,7 +120,6 @@ class Geometry:
                 f"the matrices of {name} have no rows for {body.mesh.nodes_named(lost)} of "
                 f"{reference}: {asked}",
             )
-        return name, found
 
     def nodes(self, reference: str, keys: KeyPath) -> tuple[str, np.ndarray]:
         """Component and nodes of a set."""
@@ -121,19 +127,23 @@ class Geometry:
         return name, self.bodies[name].mesh.node_set(label)
 
     def points(self, reference: str, keys: KeyPath) -> tuple[str, Surface]:
-        """Component and points of a set: of its facets, or its nodes where it has none."""
+        """Component and points of a set: of a face, or all nodes of a set that is no face."""
         name, nodes = self.nodes(reference, keys)
-        body = self.bodies[name]
-        try:
-            facets(body.mesh, reference.partition(".")[2])
-        except ModelError:
-            ones = np.ones(len(nodes))
-            shape = sp.csr_matrix(
-                (ones, (np.arange(len(nodes)), nodes)), (len(nodes), len(body.nodes))
-            )
-            upwards = np.tile([0.0, 0.0, 1.0], (len(nodes), 1))
-            return name, Surface(body.nodes[nodes], ones, upwards, shape)
+        body, label = self.bodies[name], reference.partition(".")[2]
+        if not has_name(body.mesh.surfaces, label):
+            try:
+                facets(body.mesh, label)
+            except ModelError:
+                return name, self._alike(name, nodes, reference, keys)
         return name, self.face(reference, keys)[1].gauss_points(LAYER_POINTS)[0]
+
+    def _alike(self, name: str, nodes: np.ndarray, reference: str, keys: KeyPath) -> Surface:
+        """Nodes as points of one size."""
+        self._check_rows(name, nodes, reference, keys)
+        x, ones = self.bodies[name].nodes, np.ones(len(nodes))
+        rows = (np.arange(len(nodes)), nodes)
+        shape = sp.csr_matrix((ones, rows), (len(nodes), len(x)))
+        return Surface(x[nodes], ones, np.tile([0.0, 0.0, 1.0], (len(nodes), 1)), shape)
 
     def _kept(self) -> dict[str, np.ndarray]:
         held = {name: np.zeros(b.expansion.E.shape[1], bool) for name, b in self.bodies.items()}
