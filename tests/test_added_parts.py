@@ -11,11 +11,13 @@ from own_blocks import write_blocks
 
 import squealstudy as sq
 from squealstudy.engine.cache import NewGaps
+from squealstudy.engine.export import export_model
 from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import StudyFileError
 from squealstudy.kinds.design.kind import request
 from squealstudy.kinds.design.rows import design_row
+from squealstudy.models.catalogue import MODELS
 
 MASS, STIFF = 1.5e-6, 4e6  # kg, N/m
 
@@ -292,12 +294,82 @@ def test_a_set_that_is_not_there_is_said_with_its_place_in_the_study(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "said"), [("hoffmann", "file$"), ("disc_brake", "export writes this brake as one$")]
+    ("name", "said"),
+    [
+        ("hoffmann", "model 'hoffmann' has no named sets: disc_brake and model files have"),
+        ("disc_brake", "model 'disc_brake' has no set 'slider.TOP'; it has disc.HUB, "),
+    ],
 )
-def test_other_models_have_no_sets(tmp_path, name, said):
+def test_sets_that_a_model_does_not_have(tmp_path, name, said):
     path = tmp_path / "study.toml"
     model = f'[model]\nname = "{name}"\n'
     path.write_text((STUDY + PARTS).replace('[model]\nfile = "blocks.toml"\n', model))
-    with pytest.raises(StudyFileError, match=f"has no named sets.*{said}") as caught:
+    with pytest.raises(StudyFileError, match=said) as caught:
         sq.read_study(path)
     assert caught.value.key == "variable[1].added_mass"
+
+
+# -- on the sets of the generated brake -----------------------------------------------------------
+GENERATED = STUDY.replace(
+    'file = "blocks.toml"', 'name = "disc_brake"\nmesh = "coarse"\ncontact_points = 2'
+)
+ON_BRAKE = """\
+[[variable]]
+added_mass = {on = "caliper.BRIDGE", max = "80 g"}
+[[variable]]
+added_mass = {on = "outer_pad.EARS", max = "20 g", at = [0.12, 0.01, 0.02]}
+[[variable]]
+stiffener = {between = ["caliper.BRIDGE", "ground"], max = "2 kN/mm", axes = "cylindrical", directions = [3]}
+[[variable]]
+stiffener = {between = ["caliper.BODY", "inner_pad.PISTON"], max = "5 kN/mm", directions = [1, 2]}
+"""
+SIZES = (0.05, 0.02, 1.5e6, 4e6)
+
+
+def of_brake(folder, text):
+    folder.mkdir(exist_ok=True)
+    path = folder / "study.toml"
+    path.write_text(text)
+    return sq.read_study(path).resolved
+
+
+def assembly_of(study, sizes):
+    values = dict(zip((v.name for v in study.variables), sizes, strict=True))
+    return study.model.build(study.options, {**study.values, **values})
+
+
+def test_on_the_generated_brake_they_are_what_they_are_on_its_export(tmp_path):
+    generated = of_brake(tmp_path, GENERATED + ON_BRAKE)
+    export_model(generated, tmp_path)
+    exported = of_brake(tmp_path, STUDY.replace("blocks.toml", "brake.toml") + ON_BRAKE)
+    mine, theirs = (assembly_of(study, SIZES) for study in (generated, exported))
+    bare = assembly_of(generated, (0.0,) * 4)
+    assert mine.M.sum() - bare.M.sum() == pytest.approx(3 * sum(SIZES[:2]), rel=1e-9)
+    added = mine.M - bare.M, mine.K_springs() - bare.K_springs()
+    without = assembly_of(exported, (0.0,) * 4)
+    for one, other in zip(
+        added, (theirs.M - without.M, theirs.K_springs() - without.K_springs()), strict=True
+    ):
+        assert abs(other).max() > 0
+        assert abs(one - other).max() <= 1e-9 * abs(other).max()
+
+
+def test_the_generated_brake_has_the_sets_that_it_names():
+    model = MODELS["disc_brake"]
+    options = {o.name: o.choices[0] for o in model.options} | {"mesh": "coarse"}
+    built = model.build(options, model.defaults())
+    found = [f"{c.name}.{name}" for c in built.components for name in c.sets]
+    assert sorted(found) == sorted(model.sets)
+    for component in built.components:
+        for points in component.sets.values():
+            assert points().shape.shape[1] == len(component.coordinates)
+
+
+def test_where_a_mass_is_decides_the_reduction(tmp_path):
+    """Names of parameters do not tell it: keys must."""
+    keys = set()
+    for place in ("0.02]", "0.03]"):
+        study = of_brake(tmp_path / place[:-1], GENERATED + ON_BRAKE.replace("0.02]", place))
+        plan = study.kind.plan(study)
+        keys.add(plan.structure_key(plan.design(study.values)))
+    assert len(keys) == 2

@@ -316,7 +316,7 @@ def test_generated_pads_on_the_disc(name, height):
     assert values["disc.thickness"] == 0.012
     mesher = BrakeMesher(values, COARSE)
     pad, disc = mesher.component(name), mesher.component("disc")
-    keep = brake_faces(mesher)[name]["lining"]
+    keep = brake_faces(mesher)[name]["LINING"]
     slave, master = (
         at_height(mesh_of_grid(which, solid.grid, mesher.materials(which)), height)
         for which, solid in ((name, pad), ("disc", disc))

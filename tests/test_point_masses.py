@@ -182,7 +182,7 @@ def test_it_does_not_pull(tmp_path):
 
 
 def test_a_large_set_does_not_couple_all_its_nodes(tmp_path, monkeypatch):
-    monkeypatch.setattr("squealstudy.models.components.point_masses.MOST_NODES", 8)
+    monkeypatch.setattr("squealstudy.models.components.attached.MOST_NODES", 8)
     path = model(tmp_path, "slider.TOP", "at = [0, 0, 20]")
     with pytest.raises(StudyFileError, match="at most 8; name a smaller set"):
         built(path)

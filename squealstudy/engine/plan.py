@@ -216,8 +216,10 @@ class Plan:
         scales = [sorted([*k, v.hex()] for k, v in x.items()) for x in self.trained_scales]
         model = self.study.model
         files = {"files": model.files} if isinstance(model, FileDefinition) else {}
+        added = {"added": model.added} if model.added else {}
         return {
             **files,
+            **added,
             "source": [source_hash(STRUCTURE_SOURCES), *in_models(self.study.extensions)],
             "model": self.study.model.name,
             "options": {k: v for k, v in self.study.options.items() if k not in LAW_OPTIONS},

@@ -6,10 +6,10 @@ pressure, friction and law so stay parameters (THEORY.md eq. (1), (2)).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,6 +18,9 @@ from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
 from squealstudy.models.cells import ComponentCells
 from squealstudy.models.linear_interfaces import SpringInterface, StressStiffness, check_symmetric
+
+if TYPE_CHECKING:  # scikit-fem is slow to load
+    from squealstudy.models.fem.sampling import Surface
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,8 @@ class Component:
         Displacements of the nodes, where some follow others; None: those of `dofs`.
     C : csr_matrix (n, n) or None
         Damping of its own, N s/m, symmetric; None: it has none.
+    sets : mapping of name -> callable
+        Its named faces: () -> points of a face (models.fem.sampling.Surface).
 
     Raises
     ------
@@ -61,6 +66,7 @@ class Component:
     dofs: np.ndarray | None = None
     expansion: sp.csr_matrix | None = None
     C: sp.csr_matrix | None = None
+    sets: Mapping[str, Callable[[], Surface]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():

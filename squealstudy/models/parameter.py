@@ -164,6 +164,10 @@ class ModelDefinition:
         Versions since which it gives other numbers, the latest first.
     tables : tuple of ParameterTable
         Of a study: what follows other parameters.
+    sets : tuple of str
+        COMPONENT.SET that the components have (`Component.sets`), known before it is built.
+    added : tuple of str
+        Hashes of what a study adds on its sets.
     """
 
     name: str
@@ -182,6 +186,8 @@ class ModelDefinition:
     )
     changes: tuple[ModelChange, ...] = field(default=(), kw_only=True)
     tables: tuple[ParameterTable, ...] = field(default=(), kw_only=True)
+    sets: tuple[str, ...] = field(default=(), kw_only=True)
+    added: tuple[str, ...] = field(default=(), kw_only=True)
 
     def followed(
         self, values: Mapping[str, Any], before: Mapping[str, Any] | None = None

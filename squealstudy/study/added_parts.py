@@ -1,18 +1,31 @@
-"""Masses and springs that a study adds to a model file, as parameters that are 0 by default."""
+"""Masses and springs that a study adds to a model's sets, as parameters that are 0 by default.
+
+Of a model file they are tables of the file, of a generated brake they join what was assembled.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
-from squealstudy.errors import StudyFileError
+import numpy as np
+
+from squealstudy.errors import ModelError, StudyFileError
+from squealstudy.models.assembly import Assembly, expand_rows
+from squealstudy.models.components.attached import directions_at, mass_on, springs_on
+from squealstudy.models.components.contact_rows import Rotation
 from squealstudy.models.components.file_tables import (
     ParameterTable,
     PointMassTable,
     SpringTable,
 )
-from squealstudy.models.components.model_file import KeyPath, ModelFile
+from squealstudy.models.components.model_file import GROUND, KeyPath, ModelFile
+from squealstudy.models.fem.sampling import Surface
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.parameter import Parameter
+from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.source import SourceText
 
 
@@ -44,6 +57,13 @@ class AddedPart:
     def kind(self) -> str:
         """The tables of a model file that it is one of."""
         return "spring" if isinstance(self.table, SpringTable) else "point_mass"
+
+    @property
+    def sets(self) -> tuple[str, ...]:
+        """COMPONENT.SET that it is on, ground left out."""
+        if isinstance(self.table, SpringTable):
+            return tuple(name for name in self.table.between if name.casefold() != GROUND)
+        return (self.table.on,)
 
     @property
     def identity(self) -> str:
@@ -83,3 +103,82 @@ def with_parts(
         parameters[part.name] = ParameterTable(path=paths, default=0.0)
     own = {kind: tuple(found) for kind, found in tables.items()}
     return file.model_copy(update={**own, "parameters": parameters}), places
+
+
+def with_added(model: ModelDefinition, parts: Sequence[AddedPart]) -> ModelDefinition:
+    """A generated model with parts on its sets; lengths of parts are m.
+
+    Raises
+    ------
+    StudyFileError
+        A set that the model does not have; two springs between the same; ground twice.
+    """
+    known, declared = {p.name for p in model.parameters}, list(model.declared)
+    for part in parts:
+        if not model.sets:
+            text = f"model '{model.name}' has no named sets: disc_brake and model files have"
+            raise part.error(text)
+        for name in part.sets:
+            if name not in model.sets:
+                listed = ", ".join(model.sets)
+                hint = did_you_mean(name, model.sets) or f"; it has {listed}"
+                raise part.error(f"model '{model.name}' has no set '{name}'{hint}")
+        if not part.sets or len(set(part.sets)) < len(part.sets):
+            raise part.error("expected two sets, or one and ground")
+        if part.name in known:
+            raise part.error(f"there is a parameter '{part.name}' already")
+        known.add(part.name)
+        unit = "N/m" if isinstance(part.table, SpringTable) else "kg"
+        what = f"added on {' and '.join(part.sets)}"
+        declared.append(Parameter(part.name, 0.0, unit, what, minimum=0.0, structural=True))
+    return replace(
+        model,
+        declared=tuple(declared),
+        build=partial(_built, model.build, tuple(parts)),
+        added=tuple(part.identity for part in parts),
+    )
+
+
+def _built(
+    build: Callable[[Mapping[str, str | int], Mapping[str, float]], Assembly],
+    parts: tuple[AddedPart, ...],
+    options: Mapping[str, str | int],
+    values: Mapping[str, float],
+) -> Assembly:
+    """The assembly with the parts that are not 0; StudyFileError about one that cannot be."""
+    found = build(options, values)
+    for number, part in enumerate(parts, start=1):
+        if size := values[part.name]:
+            try:
+                found = _with_part(found, part, f"added_{number}", size)
+            except ModelError as error:
+                raise part.error(str(error)) from error
+    return found
+
+
+def _with_part(assembly: Assembly, part: AddedPart, name: str, size: float) -> Assembly:
+    """The assembly with a part of a size, kg or N/m."""
+    components = {c.name: c for c in assembly.components}
+
+    def points(reference: str) -> tuple[str, Surface]:
+        owner, _, face = reference.partition(".")
+        return owner, components[owner].sets[face]()
+
+    sets = [points(reference) for reference in part.sets]
+    if not isinstance(part.table, SpringTable):
+        ((owner, surface),) = sets
+        at = None if part.table.at is None else np.array(part.table.at)
+        M = components[owner].M + mass_on(surface, size, at)
+        components[owner] = replace(components[owner], M=((M + M.T) / 2).tocsr())
+        return replace(assembly, components=tuple(components.values()))
+    stiffness = [size if f"stiffness[{k}]" in part.keys else 0.0 for k in (1, 2, 3)]
+    rotation = Rotation(np.zeros(3), np.array([0.0, 0.0, 1.0]))  # generated brakes turn about +z
+    spring = springs_on(
+        name,
+        sets[0],
+        sets[1] if len(sets) > 1 else None,
+        stiffness,
+        partial(directions_at, axes=part.table.axes, rotation=rotation),
+        lambda *parts: expand_rows(parts, assembly.slices, assembly.n_dof),
+    )
+    return replace(assembly, springs=(*assembly.springs, spring))

@@ -134,8 +134,8 @@ def free_component(
     StudyFileError
         There is no such component, or what is wrong with it.
     """
+    from squealstudy.models.components.attached import component_matrices
     from squealstudy.models.components.geometry import geometry_of
-    from squealstudy.models.components.point_masses import component_matrices
 
     build = build_of(model)
     tables = build.brake.file.components

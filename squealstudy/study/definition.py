@@ -259,7 +259,13 @@ def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:
             f"expected one of {', '.join(model_names())}, got {shown(name)}"
             + (did_you_mean(name, model_names()) or not_registered(source.tables, name)),
         )
-    return family_of(definition, source) if name == NAME else MODELS[name]
+    model = family_of(definition, source) if name == NAME else MODELS[name]
+    parts = definition.added_parts(source)
+    if not parts:
+        return model
+    from squealstudy.study.added_parts import with_added  # imports scikit-fem
+
+    return with_added(model, parts)
 
 
 def _options(

@@ -17,7 +17,6 @@ from squealstudy.kinds.design.section import (
     VariantSection,
 )
 from squealstudy.kinds.limit_cycles.section import LimitCyclesSection
-from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.operating import IN_TIME_ONLY
 from squealstudy.study.definition import ResolvedStudy, resolve_study
 from squealstudy.study.design import DesignPoint
@@ -337,11 +336,6 @@ def _check_occurrence(study: DesignStudy) -> None:
 
 def _variable(study: ResolvedStudy, number: int, section: VariableSection) -> Variable:
     keys = ("variable", number)
-    if section.added is not None and not isinstance(study.model, FileDefinition):
-        text = f"model '{study.model.name}' has no named sets: model files have, [model] file"
-        if study.model.name == "disc_brake":
-            text += "; squealstudy export writes this brake as one"
-        raise study.error((*keys, section.key), text)
     try:
         parameter = parse_parameter(section.name, study.model)
     except ParameterError as error:

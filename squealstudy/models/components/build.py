@@ -11,6 +11,11 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
 from squealstudy.models.assembly import Assembly, Component, ContactInterface, expand_rows
+from squealstudy.models.components.attached import (
+    component_matrices,
+    directions_at,
+    springs_on,
+)
 from squealstudy.models.components.bodies import (
     Body,
     Brake,
@@ -36,8 +41,6 @@ from squealstudy.models.components.model_file import (
     PlacedError,
 )
 from squealstudy.models.components.pairs import Pair
-from squealstudy.models.components.point_masses import component_matrices
-from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.linear_interfaces import SpringInterface
 
 COMPARED = 500  # nodes of a component at which mode shapes of two structures are compared
@@ -241,44 +244,16 @@ class _Interfaces:
         keys: KeyPath = ("spring", number)
         k = self._numbers.list_at(*keys, "stiffness")
         one, other = between(table.between, keys)
-        name, points = self._g.points(one, (*keys, "between"))
-        if other is None:
-            share = points.area / points.area.sum()
-            rows = [self._rows((name, points.observe(d))) for d in self._axes(number, points)]
-            stiffness = np.concatenate([value * share for value in k])
-            return SpringInterface(table.name, sp.vstack(rows).tocsr(), stiffness, table.in_static)
-        other_name, others = self._g.points(other, (*keys, "between"))
-        centre = np.average(
-            np.vstack([points.points, others.points]),
-            axis=0,
-            weights=np.concatenate([p.area / p.area.sum() for p in (points, others)]),
-        )
-        rows = []
-        for d in self._directions(number, centre[None]):
-            means = [
-                sp.csr_matrix(p.area / p.area.sum()) @ p.observe(d[0]) for p in (points, others)
-            ]
-            rows.append(self._rows((name, means[0]), (other_name, -means[1])))
-        return SpringInterface(table.name, sp.vstack(rows).tocsr(), np.array(k), table.in_static)
+        sets = [self._g.points(n, (*keys, "between")) for n in (one, other) if n is not None]
 
-    def _axes(self, number: int, surface: Surface) -> list[np.ndarray]:
-        return self._directions(number, surface.points)
+        def directions(points: np.ndarray) -> list[np.ndarray]:
+            try:
+                return directions_at(points, table.axes, self._g.rotation)
+            except ModelError as error:
+                raise PlacedError((*keys, "axes"), str(error)) from error
 
-    def _directions(self, number: int, points: np.ndarray) -> list[np.ndarray]:
-        """Three directions (n, 3) at points (n, 3)."""
-        if self._g.file.spring[number].axes == "cartesian":
-            return [np.tile(e, (len(points), 1)) for e in np.eye(3)]
-        keys: KeyPath = ("spring", number, "axes")
-        rotation = self._g.rotation
-        if rotation is None:
-            raise PlacedError(keys, "cylindrical axes need [rotation] with the axis")
-        around = rotation.around(points)
-        size = np.linalg.norm(around, axis=1, keepdims=True)
-        if not (size > 1e-9 * np.abs(points - rotation.point).max()).all():
-            raise PlacedError(keys, "a point of the set lies on the axis of rotation")
-        around = around / size
-        axial = np.tile(rotation.direction, (len(points), 1))
-        return [np.cross(around, axial), around, axial]
+        second = sets[1] if other is not None else None
+        return springs_on(table.name, sets[0], second, k, directions, self._rows, table.in_static)
 
     # -- load ------------------------------------------------------------------------------------
     def load(self) -> np.ndarray:

@@ -25,7 +25,7 @@ from squealstudy.models.components.model_file import (
     Numbers,
     dimension_of,
 )
-from squealstudy.models.components.point_masses import component_matrices
+from squealstudy.models.components.attached import component_matrices
 from squealstudy.wording import listed, plural
 
 MASSES = (0.02, 100.0)  # kg of a part of a brake

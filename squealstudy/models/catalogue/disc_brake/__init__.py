@@ -10,6 +10,7 @@ from squealstudy.models.catalogue.disc_brake.parameters import (
     COMPONENTS,
     OPTIONS,
     PARAMETERS,
+    SETS,
     UNDAMPED,
     effective_radius,
     vanishing,
@@ -38,6 +39,7 @@ DISC_BRAKE = ModelDefinition(
     vanishing=vanishing,
     torque_unit="N m",
     effective_radius=effective_radius,
+    sets=tuple(f"{name}.{face}" for name, faces in SETS.items() for face in faces),
     changes=(
         ModelChange(
             "0.2.0",

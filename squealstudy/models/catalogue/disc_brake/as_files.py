@@ -20,7 +20,6 @@ from squealstudy.models.fem.grid import CylindricalMesh
 from squealstudy.models.fem.sampling import FacetFilter
 from squealstudy.models.fem.solid import Isotropic, Material, brick_nodes
 
-EDGE = 1e-6  # m: a facet centre on a plane is found within this
 OPERATING = ("friction", "pressure", "sliding_speed", "damping_ratio", "stiffness_damping")
 PADS = ("inner_pad", "outer_pad")
 
@@ -30,34 +29,12 @@ def brake_meshes(
 ) -> dict[str, SolidMesh]:
     """The four meshes of 20-node hexahedra, m, kg, s, with surfaces named in capitals."""
     mesher = BrakeMesher(values, DENSITIES[str(options["mesh"])])
-    faces = {name: dict(found) for name, found in brake_faces(mesher).items()}
-    z_in, z_out = mesher.plate_z
-    for component, face, plane in (
-        ("disc", "inner", 0.0),
-        ("disc", "outer", mesher.v("disc.thickness")),
-        ("outer_pad", "back", z_out),
-        ("caliper", "body", z_in),
-    ):
-        faces[component][face] = _on_plane(plane)
-    faces["caliper"]["bridge"] = _top_of_bridge(mesher)
-    found = {}
+    faces, found = brake_faces(mesher), {}
     for name in COMPONENTS:
         mesh = mesh_of_grid(name, mesher.component(name).grid, mesher.materials(name), "C3D20R")
-        surfaces = {face.upper(): _kept(mesh, keep) for face, keep in faces[name].items()}
+        surfaces = {face: _kept(mesh, keep) for face, keep in faces[name].items()}
         found[name] = replace(mesh, surfaces=surfaces)
     return found
-
-
-def _on_plane(plane: float) -> FacetFilter:
-    return lambda r, t, z: abs(z - plane) < EDGE
-
-
-def _top_of_bridge(mesher: BrakeMesher) -> FacetFilter:
-    """The outer face of the bridge, between its ends: facets are flat there, and lie lower."""
-    inner, outer = (mesher.v(f"caliper.{n}_radius") for n in ("bridge_inner", "outer"))
-    end, (z_in, z_out) = mesher.angle("caliper.bridge_half_angle"), mesher.plate_z
-    low = inner + 0.75 * (outer - inner)
-    return lambda r, t, z: (r > low) & (abs(t) < end - EDGE) & (z > z_in) & (z < z_out)
 
 
 def _kept(mesh: SolidMesh, keep: FacetFilter) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -99,7 +100,7 @@ class BrakeInterfaces:
         self, pad: str, points_per_side: int
     ) -> tuple[Surface, tuple[sp.csr_matrix, ...]]:
         """Contact points of one pad and their rows N, T and T_perp."""
-        s_pad, s_disc = self._facing(pad, "lining", "disc", points_per_side)
+        s_pad, s_disc = self._facing(pad, "LINING", "disc", points_per_side)
         opening = -s_pad.normal  # from the disc towards the pad
         normal = self._rows((pad, s_pad.observe(opening)), ("disc", -s_disc.observe(opening)))
         sliding = [
@@ -112,9 +113,9 @@ class BrakeInterfaces:
     def springs(self) -> tuple[SpringInterface, ...]:
         """Hub, fingers, piston, abutments and guides."""
         v = self._m.v
-        hub = self._face("disc", "hub")
-        fingers = self._facing("caliper", "fingers", "outer_pad")
-        piston = self._facing("inner_pad", "piston", "caliper")
+        hub = self._face("disc", "HUB")
+        fingers = self._facing("caliper", "FINGERS", "outer_pad")
+        piston = self._facing("inner_pad", "PISTON", "caliper")
         return (
             self._layer("hub", (("disc", hub),), v("hub.stiffness")),
             self._layer(
@@ -155,13 +156,13 @@ class BrakeInterfaces:
     def _abutment(self, pad: str) -> SpringInterface:
         """The two end faces of the back plate's ears to ground; stiffness is that of one ear."""
         k = [2 * self._m.v(f"abutment.{d}_stiffness") for d in ("tangential", "radial", "axial")]
-        return self._to_ground(f"{pad}_abutment", pad, self._face(pad, "ears"), k)
+        return self._to_ground(f"{pad}_abutment", pad, self._face(pad, "EARS"), k)
 
     def _guides(self) -> SpringInterface:
         """The end faces of the caliper's bridge, over the disc and the pads, to ground."""
         k, k_axial = self._m.v("guides.stiffness"), self._m.v("guides.axial_stiffness")
         return self._to_ground(
-            "guides", "caliper", self._face("caliper", "guides"), [k, k, k_axial]
+            "guides", "caliper", self._face("caliper", "GUIDES"), [k, k, k_axial]
         )
 
     def _to_ground(
@@ -178,7 +179,7 @@ class BrakeInterfaces:
     # -- load ------------------------------------------------------------------------------------
     def brake_load(self) -> np.ndarray:
         """Forces of a unit pressure: the piston pushes the inner pad, the fluid the caliper."""
-        pad, caliper = self._facing("inner_pad", "piston", "caliper")
+        pad, caliper = self._facing("inner_pad", "PISTON", "caliper")
         per_area = self._m.v("piston.area") * pad.area / pad.area.sum()
         rows = self._rows(("inner_pad", pad.observe(AXIAL)), ("caliper", -caliper.observe(AXIAL)))
         return np.asarray(rows.T @ per_area)
@@ -188,11 +189,7 @@ EDGE = 1e-6  # m or rad: a facet centre on a plane is found within this
 
 
 def brake_faces(mesher: BrakeMesher) -> dict[str, dict[str, FacetFilter]]:
-    """Filters by component and face name.
-
-    disc: ``hub``; pads: ``lining`` and ``ears``, the inner one also ``piston``; caliper:
-    ``fingers`` and ``guides``.
-    """
+    """Filters by component and face (`parameters.SETS`)."""
     z_in, z_out = mesher.plate_z
     thickness, r_pad = mesher.v("disc.thickness"), mesher.v("pad.outer_radius")
     hub_z = -mesher.v("disc.bell_height") - mesher.v("disc.top_thickness")
@@ -200,24 +197,36 @@ def brake_faces(mesher: BrakeMesher) -> dict[str, dict[str, FacetFilter]]:
     bridge = mesher.angle("caliper.bridge_half_angle")
     ear = mesher.angle("pad.half_angle") + mesher.angle("pad.ear_angle")
     piston = mesher.angle("piston.half_angle")
-    pads = {
+    # facets on top of the bridge are flat, and lie lower than its radius
+    top_r = bridge_r + 0.75 * (mesher.v("caliper.outer_radius") - bridge_r)
+    pads: dict[str, dict[str, FacetFilter]] = {
         "inner_pad": {
-            "lining": lambda r, t, z: _on(z, 0.0),
-            "ears": lambda r, t, z: _on(abs(t), ear),
-            "piston": lambda r, t, z: _on(z, z_in) & (abs(t) < piston),
+            "LINING": lambda r, t, z: _on(z, 0.0),
+            "EARS": lambda r, t, z: _on(abs(t), ear),
+            "PISTON": lambda r, t, z: _on(z, z_in) & (abs(t) < piston),
         },
         "outer_pad": {
-            "lining": lambda r, t, z: _on(z, thickness),
-            "ears": lambda r, t, z: _on(abs(t), ear),
+            "LINING": lambda r, t, z: _on(z, thickness),
+            "EARS": lambda r, t, z: _on(abs(t), ear),
+            "BACK": lambda r, t, z: _on(z, z_out),
         },
     }
     disc: dict[str, FacetFilter] = {
-        "hub": lambda r, t, z: _on(z, hub_z) & (r < hub_r),
+        "HUB": lambda r, t, z: _on(z, hub_z) & (r < hub_r),
+        "INNER": lambda r, t, z: _on(z, 0.0),
+        "OUTER": lambda r, t, z: _on(z, thickness),
     }
+
+    def between(z: np.ndarray) -> np.ndarray:  # over the disc and the pads
+        return (z > z_in) & (z < z_out)
+
     caliper: dict[str, FacetFilter] = {
-        "fingers": lambda r, t, z: _on(z, z_out) & (r < r_pad),
-        # the bridge's end faces, over the disc and the pads
-        "guides": lambda r, t, z: _on(abs(t), bridge) & (r > bridge_r) & (z > z_in) & (z < z_out),
+        "FINGERS": lambda r, t, z: _on(z, z_out) & (r < r_pad),
+        # the bridge's end faces
+        "GUIDES": lambda r, t, z: _on(abs(t), bridge) & (r > bridge_r) & between(z),
+        "BODY": lambda r, t, z: _on(z, z_in),
+        # its outer face, between its ends
+        "BRIDGE": lambda r, t, z: (r > top_r) & (abs(t) < bridge - EDGE) & between(z),
     }
     return {"disc": disc, **pads, "caliper": caliper}
 
@@ -231,6 +240,7 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
     """Assemble the brake from a value of every option and parameter. Returns an Assembly."""
     mesher = BrakeMesher(values, DENSITIES[str(options["mesh"])])
     solids = {name: mesher.component(name) for name in COMPONENTS}
+    faces = brake_faces(mesher)
     components = tuple(
         Component(
             name=name,
@@ -239,6 +249,10 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
             coordinates=solids[name].coordinates,
             correspondence=corresponding_rows(solids[name]),
             cells=solids[name].cells,
+            sets={
+                face: partial(sample_surface, solids[name], keep, LAYER_POINTS)
+                for face, keep in faces[name].items()
+            },
         )
         for name in COMPONENTS
     )

@@ -25,6 +25,12 @@ from squealstudy.models.parameter import Assumption, Declared, ModelOption, stru
 from squealstudy.parameter import Parameter
 
 COMPONENTS = ("disc", "inner_pad", "outer_pad", "caliper")
+SETS = {  # the named faces of each, as the exported brake has them
+    "disc": ("HUB", "INNER", "OUTER"),
+    "inner_pad": ("LINING", "EARS", "PISTON"),
+    "outer_pad": ("LINING", "EARS", "BACK"),
+    "caliper": ("FINGERS", "GUIDES", "BODY", "BRIDGE"),
+}
 KINEMATICS, UNIFORM, ROTATION = "kinematics", "uniform", "rotation"
 OPTIONS = (
     ModelOption(

@@ -1,0 +1,168 @@
+"""Masses and springs on sets of points: what a model file has, and what a study adds to a model.
+
+A mass at a place moves as the rigid motion that is nearest to that of the set's points, weighted by
+their areas (a distributing coupling, Nastran's RBE3). It adds no stiffness to the set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.bodies import body_matrices
+from squealstudy.models.components.contact_rows import Rotation
+from squealstudy.models.components.dimensions import LENGTH
+from squealstudy.models.components.expansion import mean_motion
+from squealstudy.models.components.file_matrices import symmetric
+from squealstudy.models.components.geometry import Geometry
+from squealstudy.models.components.model_file import KeyPath, Numbers, PlacedError
+from squealstudy.models.fem.sampling import Surface
+from squealstudy.models.linear_interfaces import SpringInterface
+
+MOST_NODES = 600  # of a set that moves one mass: every pair of them is coupled
+Owned = tuple[str, Surface]  # a component, and points on it
+Directions = Callable[[np.ndarray], Sequence[np.ndarray]]  # points (n, 3) -> three of (n, 3)
+Rows = Callable[..., sp.csr_matrix]  # parts (component, rows over its nodes) -> over an assembly
+
+
+def component_matrices(
+    geometry: Geometry, name: str, given: Mapping[KeyPath, float]
+) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """K and M of a component as `body_matrices`, the masses on it among them.
+
+    Raises
+    ------
+    PlacedError
+        A set that is not there, or that cannot carry a mass at another place.
+    ModelError
+        Values that no material can have.
+    """
+    K, M = body_matrices(geometry.brake, name, given)
+    numbers = Numbers(geometry.file, given)
+    for number, table in enumerate(geometry.file.point_mass):
+        keys: KeyPath = ("point_mass", number)
+        owner, points = geometry.points(table.on, (*keys, "on"))
+        if owner == name:
+            mass = numbers.at(*keys, "mass")
+            at = None
+            if table.at is not None:
+                at = np.array(table.at) * LENGTH.factor(geometry.file.units)
+            try:
+                added = mass_on(points, mass, at)
+            except ModelError as error:
+                raise PlacedError((*keys, "on"), str(error)) from error
+            M = M + geometry.bodies[name].expansion.restricted(added)
+    return K, symmetric(M)
+
+
+def mass_on(points: Surface, mass: float, at: np.ndarray | None) -> sp.csr_matrix:
+    """Mass matrix (3 n_nodes, 3 n_nodes) of a mass [kg] on points.
+
+    Parameters
+    ----------
+    points : Surface
+    mass : float
+    at : ndarray (3,) or None
+        Where it is, m; None: shared out over the points by area.
+
+    Raises
+    ------
+    ModelError
+        Points that cannot carry a mass at another place.
+    """
+    if at is None:
+        rows = sp.vstack([points.observe(axis) for axis in np.eye(3)])
+        share = np.tile(mass * points.area / points.area.sum(), 3)
+        return (rows.T @ sp.diags(share) @ rows).tocsr()
+    nodes = len(np.unique(points.shape.indices))
+    if nodes > MOST_NODES:
+        raise ModelError(
+            f"the set has {nodes} nodes, and a mass at another place couples all of them: expected "
+            f"at most {MOST_NODES}; name a smaller set, or leave out at"
+        )
+    follows = rigid_motion(points, at)
+    return (mass * follows.T @ follows).tocsr()
+
+
+def rigid_motion(points: Surface, at: np.ndarray) -> sp.csr_matrix:
+    """Displacement (3, 3 n_nodes) at a place, of the rigid motion nearest to the points'.
+
+    Raises
+    ------
+    ModelError
+        Points on a line, or fewer than three.
+    """
+    try:
+        there = mean_motion(points.points, points.area, at)  # (3, n, 3) of point and axis
+    except ModelError as error:
+        raise ModelError(f"{error}: a mass cannot be at another place") from error
+    rows = [points.observe(axis) for axis in np.eye(3)]
+    return sum(sp.csr_matrix(there[:, :, a]) @ rows[a] for a in range(3)).tocsr()
+
+
+def springs_on(
+    name: str,
+    one: Owned,
+    other: Owned | None,
+    stiffness: Sequence[float],
+    directions: Directions,
+    rows: Rows,
+    in_static: bool = True,
+) -> SpringInterface:
+    """Springs from points to ground, shared out by area, or between the means of two sets.
+
+    Parameters
+    ----------
+    name : str
+    one, other : (str, Surface)
+        `other` is None for ground.
+    stiffness : sequence of float (3)
+        In all, in each direction, N/m.
+    directions : callable
+        At points (n, 3): three of (n, 3).
+    rows : callable
+        (component, rows over its nodes), any number of them -> csr_matrix (k, n_dof).
+    in_static : bool
+        See `SpringInterface`.
+    """
+    component, points = one
+    if other is None:
+        share = points.area / points.area.sum()
+        own = [rows((component, points.observe(d))) for d in directions(points.points)]
+        k = np.concatenate([value * share for value in stiffness])
+        return SpringInterface(name, sp.vstack(own).tocsr(), k, in_static)
+    shares = [p.area / p.area.sum() for _, p in (one, other)]
+    places = np.vstack([one[1].points, other[1].points])
+    centre = np.average(places, axis=0, weights=np.concatenate(shares))
+    found = []
+    for d in directions(centre[None]):
+        means = [
+            sp.csr_matrix(share) @ p.observe(d[0])
+            for share, (_, p) in zip(shares, (one, other), strict=True)
+        ]
+        found.append(rows((component, means[0]), (other[0], -means[1])))
+    return SpringInterface(name, sp.vstack(found).tocsr(), np.array(stiffness), in_static)
+
+
+def directions_at(points: np.ndarray, axes: str, rotation: Rotation | None) -> list[np.ndarray]:
+    """Three directions (n, 3) at points (n, 3): x, y, z, or radial, around and along the axis.
+
+    Raises
+    ------
+    ModelError
+        Cylindrical axes without a rotation, or of a point on its axis.
+    """
+    if axes == "cartesian":
+        return [np.tile(e, (len(points), 1)) for e in np.eye(3)]
+    if rotation is None:
+        raise ModelError("cylindrical axes need [rotation] with the axis")
+    around = rotation.around(points)
+    size = np.linalg.norm(around, axis=1, keepdims=True)
+    if not (size > 1e-9 * np.abs(points - rotation.point).max()).all():
+        raise ModelError("a point of the set lies on the axis of rotation")
+    around = around / size
+    axial = np.tile(rotation.direction, (len(points), 1))
+    return [np.cross(around, axial), around, axial]
