@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.models.components.definition import FileDefinition
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.sampling import farthest_points
 
@@ -18,7 +17,7 @@ MOST_LATTICE = 4096  # places allow; of more parameters as many random ones
 
 @dataclass(frozen=True)
 class SharedRange:
-    """Parameters of a model file that are swept, each from `low` to `high`.
+    """Structural parameters that are swept, each from `low` to `high`.
 
     Attributes
     ----------
@@ -97,15 +96,16 @@ def _between(low: float, high: float, share: float) -> float:
 def shared_range(study: ResolvedStudy, structures: int) -> SharedRange | None:
     """The range of a study with so many structures; None where each has a basis of its own.
 
-    Model files alone have parameters that leave nodes and contact where they are, all of them.
-    What follows a table has no range of its own.
+    All that is swept must leave nodes and contact where they are. What follows a table has no range
+    of its own.
     """
-    if not isinstance(study.model, FileDefinition) or not study.definition.reduction.shared_basis:
+    model = study.model
+    if model.tables or not study.definition.reduction.shared_basis:
         return None
-    if study.model.tables:
+    in_place = {p.name: model.in_place(p) for p in model.parameters if p.structural}
+    swept = [s for s in study.sweeps if s.name in in_place and s.low < s.high]
+    if not all(in_place[s.name] for s in swept):
         return None
-    structural = {p.name for p in study.model.parameters if p.structural}
-    swept = [s for s in study.sweeps if s.name in structural and s.low < s.high]
     found = SharedRange(
         tuple(s.name for s in swept), tuple(s.low for s in swept), tuple(s.high for s in swept)
     )

@@ -136,6 +136,10 @@ def _nothing_vanishes(values: Mapping[str, float]) -> None:  # noqa: ARG001
     return None
 
 
+def _not_known(parameter: Parameter) -> bool:  # noqa: ARG001
+    return False
+
+
 @dataclass(frozen=True)
 class ModelDefinition:
     """A model of the catalogue: how it is named, varied and built.
@@ -168,6 +172,9 @@ class ModelDefinition:
         COMPONENT.SET that the components have (`Component.sets`), known before it is built.
     added : tuple of str
         Hashes of what a study adds on its sets.
+    in_place : callable
+        Whether a structural parameter leaves nodes and contact points where they are, so that
+        structures that differ in it alone can have one basis.
     """
 
     name: str
@@ -188,6 +195,7 @@ class ModelDefinition:
     tables: tuple[ParameterTable, ...] = field(default=(), kw_only=True)
     sets: tuple[str, ...] = field(default=(), kw_only=True)
     added: tuple[str, ...] = field(default=(), kw_only=True)
+    in_place: Callable[[Parameter], bool] = field(default=_not_known, kw_only=True)
 
     def followed(
         self, values: Mapping[str, Any], before: Mapping[str, Any] | None = None

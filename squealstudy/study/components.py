@@ -49,6 +49,7 @@ if TYPE_CHECKING:
 
     from squealstudy.models.components.component_facts import Inspection
     from squealstudy.models.components.geometry import Geometry
+    from squealstudy.parameter import Parameter
 
 
 def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefinition:
@@ -98,10 +99,15 @@ def read_model(path: Path, parts: Sequence[AddedPart] = ()) -> FileDefinition:
         build=build,
         assumptions=(*ASSUMPTIONS, *stress_assumptions(build.stressed)),
         torque_unit="N m",
+        in_place=_in_place,
         effective_radius=build.effective_radius,
         path=str(path.resolve()),
         files=own,
     )
+
+
+def _in_place(parameter: Parameter) -> bool:  # noqa: ARG001 - a file says where nodes are
+    return True
 
 
 def inspected(model: FileDefinition) -> tuple[Inspection, Geometry]:

@@ -13,6 +13,7 @@ from squealstudy.models.catalogue.disc_brake.parameters import (
     SETS,
     UNDAMPED,
     effective_radius,
+    in_place,
     vanishing,
 )
 from squealstudy.models.parameter import ModelChange, ModelDefinition
@@ -39,6 +40,7 @@ DISC_BRAKE = ModelDefinition(
     vanishing=vanishing,
     torque_unit="N m",
     effective_radius=effective_radius,
+    in_place=in_place,
     sets=tuple(f"{name}.{face}" for name, faces in SETS.items() for face in faces),
     changes=(
         ModelChange(

@@ -50,6 +50,11 @@ OPTIONS = (
 )
 
 
+def in_place(parameter: Parameter) -> bool:
+    """Whether it leaves nodes and contact points where they are: lengths and angles do not."""
+    return parameter.unit not in ("m", "deg")
+
+
 def effective_radius(options: Mapping[str, str | int], values: Mapping[str, float]) -> float | None:
     """Radius that `sliding_speed` is of where the disc turns: the mean over the pads' faces, m.
 
