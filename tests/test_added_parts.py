@@ -319,9 +319,16 @@ added_mass = {on = "caliper.BRIDGE", max = "80 g"}
 [[variable]]
 added_mass = {on = "outer_pad.EARS", max = "20 g", at = [0.12, 0.01, 0.02]}
 [[variable]]
-stiffener = {between = ["caliper.BRIDGE", "ground"], max = "2 kN/mm", axes = "cylindrical", directions = [3]}
+[variable.stiffener]
+between = ["caliper.BRIDGE", "ground"]
+max = "2 kN/mm"
+axes = "cylindrical"
+directions = [3]
 [[variable]]
-stiffener = {between = ["caliper.BODY", "inner_pad.PISTON"], max = "5 kN/mm", directions = [1, 2]}
+[variable.stiffener]
+between = ["caliper.BODY", "inner_pad.PISTON"]
+max = "5 kN/mm"
+directions = [1, 2]
 """
 SIZES = (0.05, 0.02, 1.5e6, 4e6)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -186,6 +187,27 @@ def test_a_broken_model_gets_a_message_that_says_what_to_change(broken, tmp_path
     assert code != 0
     for part in parts:
         assert part in messages
+
+
+@pytest.mark.parametrize(
+    ("change", "doubt"),
+    [
+        (
+            ("search = 0.1", "search = 0.1\ninitial_gap = 0.02"),
+            r"contact_1 is open without pressure, by [\d.]+ lengths of the law or more",
+        ),
+        (
+            ('pressure_on = "slider.TOP"', 'pressure_on = "slider.BOTTOM"'),
+            "contact_1: the pressure pulls slider.BOTTOM and plate.TOP apart, with 100 % of",
+        ),
+    ],
+)
+def test_a_contact_that_the_pressure_may_not_close(change, doubt, tmp_path, capsys):
+    code, _, err = said(capsys, model(tmp_path, change))
+    assert code == 1
+    assert re.search(doubt, err)
+    _, _, err = said(capsys, model(tmp_path / "right"))
+    assert not re.search("is open|apart", err)
 
 
 def test_a_support_left_in_the_matrix(tmp_path, capsys):

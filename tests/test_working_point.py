@@ -240,6 +240,18 @@ def test_open_share_is_that_of_the_area_without_pressure():
     area, p = np.array([1e-4, 3e-4, 4e-4]), np.array([3.998e6, 7.4e3, 5e5])
     assert open_share(area, p) == pytest.approx(3 / 8)
     assert open_share(area, np.maximum(p, 7.6e3)) == 0.0
+    assert open_share(area, np.full(3, 9.9e3), loaded=1e6) == 1.0
+    assert open_share(area, np.full(3, 1.1e4), loaded=1e6) == 0.0
+
+
+def test_a_contact_that_the_load_does_not_close_is_open(brake):
+    """Springs hold it apart: the pressures are even, and nothing beside those of the load."""
+    apart = replace(brake.space, gap0=brake.space.gap0 + 0.05)
+    point = working_point(apart, NOMINAL)
+    area, p = apart.area, point.contact_pressure
+    assert (area @ p) < 1e-3 * (brake.space.area @ brake.point.contact_pressure)
+    assert point.open_share == 1.0
+    assert known_working_point(apart, NOMINAL, point.gap).open_share == 1.0
 
 
 @pytest.mark.parametrize("law", [contact_law(), contact_law("power", stiffness=1e14, exponent=2)])

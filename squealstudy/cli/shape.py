@@ -140,7 +140,7 @@ def _parts(motion: EndMotion) -> Rows:
     order = np.argsort(-motion.share)[:LISTED_MODES]
     rows = [
         (
-            f"mode {motion.number[k]}",
+            f"complex mode {motion.number[k]}",
             f"{abs(motion.lam[k]) / (2 * np.pi):.1f} Hz, growth {motion.lam[k].real:+.4g} 1/s: "
             f"{100 * motion.share[k]:.1f} % of the energy in its plane of motion, MAC "
             f"{motion.mac[k]:.3f}",

@@ -131,6 +131,7 @@ def motion_point(
         s=s,
         gap=point.gap,
         force=force,
+        open_share=point.open_share,
         static_torque=float(-operating.direction * (system.radius @ force[:, 1])),
     )
     if band_hz is None:

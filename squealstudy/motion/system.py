@@ -134,6 +134,8 @@ class MotionPoint:
         At the design's own base state, m; None for the system's.
     force : ndarray (nc, 3) or None
         Normal and friction forces that the base balances, N; None for the system's.
+    open_share : float
+        Of the contact area that is open in steady sliding (`WorkingPoint`).
     q0, v0 : ndarray (n,) or None
         Initial deviation from the base state and velocity; None for none.
     continued : bool
@@ -155,6 +157,7 @@ class MotionPoint:
     s: np.ndarray | None = None
     gap: np.ndarray | None = None
     force: np.ndarray | None = None
+    open_share: float = 0.0
     q0: np.ndarray | None = None
     v0: np.ndarray | None = None
     continued: bool = False

@@ -36,7 +36,7 @@ class GapEquations:
         operating: Sequence[OperatingPoint],
         changes: Sequence[Changes] | None = None,
     ) -> None:
-        self.space, self._operating = space, operating
+        self.space, self.operating = space, operating
         changes = changes or [{}] * len(operating)
         self._columns = sorted({j for c in changes for j, dk in c.items() if dk})
         self._cores = [self._core(c) for c in changes]
@@ -64,9 +64,9 @@ class GapEquations:
     def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F(g) [m], pressure [Pa] and tangent [Pa/m], each (b, nc)."""
         space = self.space
-        pairs = [o.law.evaluate(row) for o, row in zip(self._operating, g, strict=True)]
+        pairs = [o.law.evaluate(row) for o, row in zip(self.operating, g, strict=True)]
         p, kappa = (np.array(part) for part in zip(*pairs, strict=True))
-        pairs_p = zip(self._operating, p, strict=True)
+        pairs_p = zip(self.operating, p, strict=True)
         drag = np.array([o.traction(row, space.speed_factor) for o, row in pairs_p])
         s = space.area * (p + space.k_c * (g - space.gap0))
         F = g - space.gap0 - self._movement(s, space.area * space.frictional * drag)

@@ -29,6 +29,7 @@ AMPLIFIED = 10.0  # error of gaps over their imbalance: about 1 where K0 has a c
 POLISHED = 1e-10  # relative gap imbalance; studies promise 1e-8
 MOST_STEPS = 25
 NEARER = 0.2  # of an imbalance, after a step with an older Jacobian: more, and it is made anew
+OPEN = 0.01  # of the mean pressure, below which a contact point is open
 TRIED = (0.0, 0.5, 1.0)  # contact points by their pressure, at which laws from outside are tried
 CONTRADICTORY_LAW = "contradictory_law"  # status of a point where such a law contradicts itself
 Cardinals = Callable[[np.ndarray], np.ndarray]
@@ -51,7 +52,8 @@ class WorkingPoint:
     residual : float
         Largest imbalance of a gap, relative to the largest gap movement under the load.
     open_share : float
-        Share of the area with pressure below 1 % of the mean.
+        Share of the area with pressure below 1 % of the mean; all of it where the whole contact
+        carries less than 1 % of what the load presses on closed contact.
     tangent_error : float
         How far the imbalance of the gaps may have moved the contact stiffness, relative.
     """
@@ -124,7 +126,7 @@ def working_point(
             g = g - jacobian.solve(F)  # which an older Jacobian left larger than round-off
             (F,), (p,), (kappa,) = equations.imbalance(g[None])
             residual = float(equations.relative(F[None], g[None])[0])
-            return working_point_result(space.area, g, p, kappa, iteration, residual, F)
+            return working_point_result(A, g, p, kappa, iteration, residual, F, estimate)
         if damping < 1.0 or not np.abs(F).max() < NEARER * before:
             jacobian = None
     raise ConvergenceError(
@@ -144,7 +146,8 @@ def known_working_point(
     residual = float(equations.relative(F[None], g[None])[0])
     if not residual < TOLERANCE:
         return None
-    return working_point_result(space.area, g, p, kappa, 0, residual, F)
+    loaded = _mean_pressure(space, point)
+    return working_point_result(space.area, g, p, kappa, 0, residual, F, loaded)
 
 
 def expect_consistent_laws(
@@ -183,17 +186,20 @@ def working_point_result(
     iterations: int,
     residual: float,
     F: np.ndarray,
+    loaded: float = 0.0,
 ) -> WorkingPoint:
-    """The contact state at solved gaps that are out of balance by F (nc,) [m]."""
-    error = _tangent_error(area, p, kappa, F)
+    """The contact state at solved gaps that are out of balance by F (nc,) [m].
+
+    `loaded` is the mean pressure [Pa] that the load gives closed contact.
+    """
     return WorkingPoint(
         gap=g,
         contact_pressure=p,
         tangent=kappa,
         iterations=iterations,
         residual=residual,
-        open_share=open_share(area, p),
-        tangent_error=error,
+        open_share=open_share(area, p, loaded),
+        tangent_error=_tangent_error(area, p, kappa, F),
     )
 
 
@@ -210,9 +216,15 @@ def _tangent_error(area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.nda
         return float(weight @ moved / max(weight.sum(), 1e-300))
 
 
-def open_share(area: np.ndarray, p: np.ndarray) -> float:
-    """Share of the contact area (nc,) whose pressure (nc,) is below 1 % of the mean."""
-    return float(area[p < 0.01 * (area @ p / area.sum())].sum() / area.sum())
+def open_share(area: np.ndarray, p: np.ndarray, loaded: float = 0.0) -> float:
+    """Share of the contact area (nc,) whose pressure (nc,) is below 1 % of the mean.
+
+    All of it where the mean itself is below 1 % of `loaded` [Pa], the pressure of closed contact.
+    """
+    mean = float(area @ p / area.sum())
+    if abs(mean) < OPEN * loaded:
+        return 1.0
+    return float(area[p < OPEN * mean].sum() / area.sum())
 
 
 def _mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:
@@ -307,9 +319,12 @@ def _polish(
             g = np.where(open_[:, None], g - jacobian.solve(F), g)
             F, p, kappa = equations.imbalance(g)
             residual = equations.relative(F, g)
-    area = equations.space.area
+    space = equations.space
+    loaded = [_mean_pressure(space, point) for point in equations.operating]
     return [
-        working_point_result(area, g[i], p[i], kappa[i], steps, float(residual[i]), F[i])
+        working_point_result(
+            space.area, g[i], p[i], kappa[i], steps, float(residual[i]), F[i], loaded[i]
+        )
         if residual[i] < POLISHED
         else None
         for i in range(len(g))

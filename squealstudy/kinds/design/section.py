@@ -41,7 +41,7 @@ def _sets_name(names: tuple[str, ...]) -> str:
 
 
 class AddedMassSection(Section):
-    """A mass that may be added on a named set of a component of a model file."""
+    """A mass that may be added on a named set of a component."""
 
     on: str = Field(description="COMPONENT.SET that it moves with")
     max: Annotated[float, _in("kg")] = Field(
@@ -51,8 +51,8 @@ class AddedMassSection(Section):
     )
     at: Annotated[tuple[float, float, float], Strict(False)] | None = Field(
         default=None,
-        description="where it is, in the file's units, by the mean motion of the set; else spread "
-        "over it",
+        description="where it is, in the model file's units or m, by the mean motion of the set; "
+        "else spread over it",
     )
 
     @property
@@ -114,11 +114,11 @@ class VariableSection(Section):
     )
     added_mass: AddedMassSection | None = Field(
         default=None,
-        description="instead of a parameter a mass that is added, on a set of a model file",
+        description="instead of a parameter a mass that is added, on a named set",
     )
     stiffener: StiffenerSection | None = Field(
         default=None,
-        description="instead of a parameter springs that are added, on sets of a model file",
+        description="instead of a parameter springs that are added, on named sets",
     )
     bounds: Annotated[tuple[float, ...], Strict(False), AfterValidator(_bounds)] | None = Field(
         default=None,

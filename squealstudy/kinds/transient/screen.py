@@ -63,8 +63,10 @@ class TransientScreen(KindScreen):
             rows=(_energy(row, varied) for row in table.to_dict("records")),
         )
         legend = notes(
+            "mode: a real mode about the nominal working point, from the lowest (squealstudy shape "
+            "counts complex modes)",
             "energy: share of the mechanical energy, mean over the points that keep vibrating; "
-            f"leads at: number of points where it has most{left_out}"
+            f"leads at: number of points where it has most{left_out}",
         )
         return [shown, legend]
 

@@ -44,7 +44,7 @@ from squealstudy.motion.simulate import Watch, simulate
 from squealstudy.motion.system import MotionPoint, stick_number
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.hybrid import HybridModel, HybridSettings, hybrid_model
-from squealstudy.reduction.working_point import WorkingPoint, open_share
+from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
 from squealstudy.tables.validity import BETWEEN
 
@@ -88,9 +88,7 @@ def _row(task: BatchTask, point: DesignPoint, motion: Motion, wall: float) -> di
     system, summary = reference.system, summarise(motion)
     sticks = summary.point.get("stick_share_max", 0.0)
     said = doubts(motion, system, settings, sticks)
-    area, force = system.area, motion.point.force
-    resting = 0.0 if force is None else open_share(area, force[:, 0] / area)
-    reasons = [open_reason(point.law_kind, resting)]
+    reasons = [open_reason(point.law_kind, motion.point.open_share)]
     reasons += [f"{rule}: {text}" for rule, text in said.items()]
     columns = {
         **summary.point,

@@ -26,6 +26,7 @@ from squealstudy.wording import duration, listed, plural
 FREE = 1e-9  # of the largest stiffness a mass: motions that nothing holds
 SPREAD = 0.3  # of the law's length: gaps that change the contact
 PARTLY = 0.95  # of a slave face
+APART = 5.0  # lengths of the law: a gap that the pressure must close first
 BALANCE = 1e-6
 # of reductions of 14,769, 48,588 and 115,959 freedoms: 0.85, 2.0, 3.5 GB; 18, 72, 350 s of a core
 MEMORY, MEMORY_EACH = 0.4, 3e-5  # GB
@@ -138,12 +139,39 @@ def _contact(
                 f"{name}: {100 * pair.in_reach:.0f} % of {table.slave} lies within "
                 f"{table.search:g} {unit} of {table.master}: meant so?"
             )
+        least = float(pair.gap0.min()) / length
+        if least > APART:
+            found.doubts.append(
+                f"{name} is open without pressure, by {least:.2g} lengths of the law or more: "
+                "unless the brake pressure closes it, nothing rubs; see open_share in results"
+            )
+        if (pull := _pull(geometry, i)) > 0:
+            found.doubts.append(
+                f"{name}: the pressure pulls {table.slave} and {table.master} apart, with "
+                f"{100 * pull:.0f} % of its force on them: the other face of the pad, or normals "
+                "that point inwards?"
+            )
         if table.initial_gap == "geometric" and spread > SPREAD:
             found.doubts.append(
                 f"{name}: the gaps of the meshes scatter by {spread:.2g} lengths of the law, more "
                 f'than {SPREAD:g}: chords of facets decide where it touches; initial_gap = "zero" '
                 "leaves them out"
             )
+
+
+def _pull(geometry: Geometry, number: int) -> float:
+    """Share of the force of a unit pressure that opens a contact by its own two components."""
+    table, pair = geometry.file.contact[number], geometry.contacts[number]
+    opening = -np.average(pair.slave.normal, axis=0, weights=pair.slave.area)
+    sides = {table.slave.partition(".")[0]: opening, table.master.partition(".")[0]: -opening}
+    total = 0.0
+    for load, surfaces in zip(geometry.file.load, geometry.loads, strict=True):
+        names = (load.pressure_on, load.reaction_on)
+        for name, surface in zip(names, surfaces, strict=False):
+            if surface is not None and name is not None:
+                push = -np.average(surface.normal, axis=0, weights=surface.area)
+                total += float(push @ sides.get(name.partition(".")[0], np.zeros(3)))
+    return total if total > BALANCE else 0.0
 
 
 def _ties(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:

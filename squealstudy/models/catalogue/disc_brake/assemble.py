@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,7 +17,7 @@ from squealstudy.models.assembly import (
     component_slices,
     expand_rows,
 )
-from squealstudy.models.catalogue.disc_brake.parameters import COMPONENTS, effective_radius
+from squealstudy.models.catalogue.disc_brake.parameters import COMPONENTS, SETS, effective_radius
 from squealstudy.models.catalogue.disc_brake.solids import DENSITIES, BrakeMesher
 from squealstudy.models.fem.sampling import (
     FacetFilter,
@@ -236,11 +236,24 @@ def _on(x: np.ndarray, plane: float) -> np.ndarray:
     return on
 
 
+@dataclass(frozen=True)
+class _Face:
+    """Points of a named face, sampled when they are asked for."""
+
+    mesher: BrakeMesher
+    solid: Solid
+    component: str
+    face: str
+
+    def __call__(self) -> Surface:
+        keep = brake_faces(self.mesher)[self.component][self.face]
+        return sample_surface(self.solid, keep, LAYER_POINTS)
+
+
 def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> Assembly:
     """Assemble the brake from a value of every option and parameter. Returns an Assembly."""
     mesher = BrakeMesher(values, DENSITIES[str(options["mesh"])])
     solids = {name: mesher.component(name) for name in COMPONENTS}
-    faces = brake_faces(mesher)
     components = tuple(
         Component(
             name=name,
@@ -249,10 +262,7 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
             coordinates=solids[name].coordinates,
             correspondence=corresponding_rows(solids[name]),
             cells=solids[name].cells,
-            sets={
-                face: partial(sample_surface, solids[name], keep, LAYER_POINTS)
-                for face, keep in faces[name].items()
-            },
+            sets={face: _Face(mesher, solids[name], name, face) for face in SETS[name]},
         )
         for name in COMPONENTS
     )
