@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.linalg.real_modes import real_modes
+from squealstudy.models.components.attached import component_matrices
 from squealstudy.models.components.bodies import Body, Brake
 from squealstudy.models.components.constraints import Tie
 from squealstudy.models.components.dimensions import LENGTH, MASS, Dimension
@@ -25,7 +26,6 @@ from squealstudy.models.components.model_file import (
     Numbers,
     dimension_of,
 )
-from squealstudy.models.components.attached import component_matrices
 from squealstudy.wording import listed, plural
 
 MASSES = (0.02, 100.0)  # kg of a part of a brake
