@@ -147,7 +147,7 @@ def test_what_cycles_leave_open_runs_decide(hoffmann):
         assert np.isfinite(judged.run.torque_rms) == (verdict == IF_KICKED)
         assert kicks(contact, found._replace(families=[(1, judged)]), 1.0) == {}
     look = SecondLook(7, 3, open=[replace(family.loudest.motion, mu=-1.0)])
-    open_ = found._replace(families=[(1, replace(quiet, cycles=(), look=look, last=None))])
+    open_ = found._replace(families=[(1, replace(quiet, cycles=(), look=look, largest=None))])
     ((_, judged),) = decided_in_time(contact, open_, BAND, 1.0).families
     assert "from the motion that lacks least damping lasts" in judged.reason
     for unstable in (
@@ -161,6 +161,7 @@ def test_what_cycles_leave_open_runs_decide(hoffmann):
     ("size", "hint", "verdict"),
     [
         (1.1, {}, IF_KICKED),
+        (0.8, {}, IF_KICKED),
         (0.5, {}, NO_CYCLE),
         (0.5, {"lost": 1}, UNDECIDED),
         (0.5, {"curve": [{"contact_velocity": 1.0, "added_damping": 1e-3}]}, UNDECIDED),
@@ -168,19 +169,19 @@ def test_what_cycles_leave_open_runs_decide(hoffmann):
     ],
 )
 def test_a_lost_curve_has_no_cycle_where_large_motions_of_it_decay(hoffmann, size, hint, verdict):
-    """In all their phases, and nothing else may speak for one. `size` is over the threshold's."""
+    """Larger than asked for, too, and nothing else may speak for one. `size`: threshold is 1."""
     contact, found, family = hoffmann
     saddle = family.threshold
     last = replace(saddle.motion, Q=0.1 * saddle.motion.Q)
     curve = [{"contact_velocity": 1.0, "added_damping": -1.0}]
-    lost = Family(family.lam, (), 0, curve, "basis", reason="lost", last=last)
+    lost = Family(family.lam, (), 0, curve, "basis", reason="lost", largest=last)
     if "look" in hint:  # of the coordinates of this model
         hint = {"look": SecondLook(7, 3, [[CurveMotion(replace(last, mu=1.0), 0.0, 0.0)]])}
     open_ = found._replace(families=[(1, replace(lost, **hint))])
     reach = size * saddle.levels["contact_velocity"]
     ((_, judged),) = decided_in_time(contact, open_, BAND, reach).families
     assert judged.verdict == verdict
-    assert f"the curve's last motion, made as large as {reach:.3g} m/s" in judged.reason
+    assert "the curve's largest motion, made as large as" in judged.reason
     if verdict == NO_CYCLE:
         assert judged.run.outcome == DECAYS
         assert "lost; each of 4 runs from" in judged.reason

@@ -45,7 +45,7 @@ MORE = 2  # numbers of harmonics with which they are looked at again
 CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of projected ones
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
 STEPS = Steps(first=0.3, largest=0.5, count=200)
-PROJECTED_STEPS = Steps(first=0.5, least=2e-3, largest=1.0, count=60)
+PROJECTED_STEPS = Steps(first=0.5, least=2e-3, largest=1.0, count=90)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +72,8 @@ class Family:
         The unstable cycle that a kick must exceed.
     run : Ended or None
         In time, of a family that was undecided without: the loudest that lasts, or what is open.
-    last : PeriodicMotion or None
-        Where the curve ended.
+    largest : PeriodicMotion or None
+        Of the curve.
     """
 
     lam: complex
@@ -86,7 +86,7 @@ class Family:
     reason: str = ""
     threshold: Cycle | None = None
     run: Ended | None = None
-    last: PeriodicMotion | None = None
+    largest: PeriodicMotion | None = None
 
     @property
     def reached(self) -> float:
@@ -207,7 +207,7 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
             STEPS if whole else PROJECTED_STEPS,
         )
     except ConvergenceError as error:
-        return Family(lam, (), 0, [], error.status, last=start)
+        return Family(lam, (), 0, [], error.status, largest=start)
     look = None
     if end in SEARCHED and all(p.motion.mu <= 0.0 for p in curve):
         look = looked_again(contact.oscillator, curve, [h for h in LADDER if h > harmonics][:MORE])
@@ -221,7 +221,8 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
         lost += not new and look is None  # pieces of one curve may pass one cycle
         cycles += new
     shown = _shown(contact, curve)
-    return Family(lam, tuple(cycles), lost, shown, end, look, last=curve[-1].motion)
+    place = max(range(len(curve)), key=lambda k: float(shown[k]["contact_velocity"]))
+    return Family(lam, tuple(cycles), lost, shown, end, look, largest=curve[place].motion)
 
 
 def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search) -> list[Cycle]:

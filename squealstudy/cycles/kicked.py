@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -34,7 +35,8 @@ from squealstudy.cycles.trials import (
 PHASES = 8
 LEAST = 1e-3  # of the largest kick tried: smaller ones are not looked for
 CLOSE = 0.02  # relative width of the bracket at which a search ends
-TURNS = 4  # phases of a motion at which runs begin that was made larger
+LARGER = 1.0, 1.5  # of `reach`: how large motions of lost curves are made, whose runs decide
+TURNS = 0.0, 0.5 * np.pi  # at which of their angles
 ABOVE = 1.1  # times an unstable cycle: where a run begins that shall tell what is beyond it
 # status of a search
 FOUND, NONE, UNCLEAR = "ok", "none", "undecided"
@@ -126,8 +128,9 @@ def decided_in_time(
     """The families of a design whose modes are all stable, those undecided after runs in time.
 
     They begin with what was found: the loudest cycle, above it where it is unstable; without any
-    the motion that lacks least damping, and the last of the curve, made as large as `reach` [m/s]
-    at several of its phases. Where one lasts the design squeals if kicked. Where all decay there is
+    the motion that lacks least damping, and the largest of the curve, made as large as `reach`
+    [m/s] and larger: on the brake a motion of that size along a mode may lose what a cycle of half
+    of it needs. Where one lasts the design squeals if kicked. Where all decay there is
     no cycle found if nothing but the curve's end was missing; else that is told, and the verdict
     stays open. `band` [rad/s] is that of `run_on`.
     """
@@ -163,11 +166,11 @@ def _starts(
         open_ = [*family.look.open, *(p.motion for piece in family.look.pieces for p in piece)]
         if open_:
             yield "the motion that lacks least damping", state_of(max(open_, key=lambda m: m.mu))
-    if family.last is not None:
-        factor = reach / contact.contact_velocity(family.last)
-        for theta in 2 * np.pi * np.arange(TURNS) / TURNS:
-            name = f"the curve's last motion, made as large as {reach:.3g} m/s"
-            yield name, state_of(family.last, factor, float(theta))
+    if family.largest is not None:
+        velocity = contact.contact_velocity(family.largest)
+        for size, theta in itertools.product(LARGER, TURNS):
+            name = f"the curve's largest motion, made as large as {size * reach:.3g} m/s"
+            yield name, state_of(family.largest, size * reach / velocity, theta)
 
 
 def _decided(family: Family, ends: Sequence[Ended]) -> Family:
@@ -186,7 +189,7 @@ def _decided(family: Family, ends: Sequence[Ended]) -> Family:
     names = " and ".join(dict.fromkeys(run.start for run in ends))
     count = "a run" if len(ends) == 1 else f"each of {len(ends)} runs"
     reason = f"{family.reason}; {count} from {names} decays"
-    if family.cut_short and len(ends) >= TURNS:
+    if family.cut_short and family.largest is not None:
         reason += "; a cycle apart from the curve and from these is not excluded"
         return replace(family, run=run, verdict=NO_CYCLE, reason=reason)
     return replace(family, run=run, reason=reason)
