@@ -332,6 +332,9 @@ HEAD = "DMIG    KAAX           0       6       2       0"
         ("a.pch", DMIG, HEAD + "\n", "the matrix KAAX has no entries"),
         ("a.pch", DMIG, "GRID,1\n", "has no DMIG card"),
         ("a.pch", DMIG, "DMIG\n", "line 1: expected the name"),
+        ("a.pch", HEAD, "PARAM,CM2,0.5\n" + HEAD, "line 1: CM2 multiplies matrices"),
+        ("a.pch", HEAD, "PARAM   CK2     2.\n" + HEAD, "line 1: CK2 multiplies matrices"),
+        ("a.pch", HEAD, "K2GG = 2.0*KAAX\n" + HEAD, "line 1: K2GG multiplies matrices"),
     ],
 )  # fmt: skip
 def test_a_malformed_line_is_named(tmp_path, file, old, new, message):
@@ -347,7 +350,8 @@ def test_a_malformed_line_is_named(tmp_path, file, old, new, message):
 
 def test_what_is_written_there_is_read(tmp_path):
     """The texts that the messages above start from are sound."""
-    for name, text in (("a.mtx", ABAQUS), ("a.sti", STI), ("a.pch", DMIG)):
+    of_deck = "PARAM,CM2,1.\nPARAM,WTMASS,0.5\n" + DMIG  # Nastran's M2GG is not multiplied by it
+    for name, text in (("a.mtx", ABAQUS), ("a.sti", STI), ("a.pch", DMIG), ("c.pch", of_deck)):
         (tmp_path / name).write_text(text)
         found = read_component_matrix(tmp_path / name)
         matrix = found.matrix if isinstance(found, LabelledMatrix) else found

@@ -131,6 +131,42 @@ def test_systems_sets_and_couplings(tmp_path):
     assert "study" in told["FORCE"]
 
 
+@pytest.mark.parametrize("place", ["free", "small", "case"])
+def test_densities_of_weight(tmp_path, place):
+    """PARAM WTMASS multiplies the mass of elements, in bulk data or in case control."""
+    mesh = box("C3D8I", (2, 1, 1))
+    more = {"free": ["PARAM,WTMASS,2.5-1"], "small": ["PARAM   WTMASS  .25"], "case": []}[place]
+    text = deck(mesh, more=[*more, "PARAM,POST,-1"])
+    if place == "case":
+        text = text.replace("BEGIN BULK", "PARAM,WTMASS,0.25\nBEGIN BULK")
+    found = read(tmp_path, text)
+    assert found.materials["MAT7"].density == pytest.approx(0.25 * 7.8e-9, rel=1e-14)
+    assert abs(mass_matrix(found) - 0.25 * mass_matrix(mesh)).max() < 1e-14 * 7.8e-9
+    assert [note.keyword for note in found.passed_over] == ["PARAM"]
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [(["0."], "expected WTMASS above zero"), (["1.", "2."], "WTMASS has the values 1, 2")],
+)
+def test_no_factor_of_masses(tmp_path, values, message):
+    more = [f"PARAM,WTMASS,{value}" for value in values]
+    with pytest.raises(ModelError, match=rf"line \d+: PARAM: {message}"):
+        read(tmp_path, deck(box("C3D8I", (2, 1, 1)), more=more))
+
+
+def test_matrices_that_case_control_adds(tmp_path):
+    """They are refused: mass and stiffness of the component are more than its elements'."""
+    mesh = box("C3D8I", (2, 1, 1))
+    dmig = "DMIG,KAAX,0,6,1,0\nDMIG,KAAX,1,1,,1,1,3.0"
+    text = deck(mesh, more=[dmig])
+    assert [note.keyword for note in read(tmp_path, text).passed_over] == ["DMIG (2)"]
+    text = text.replace("BEGIN BULK", "  k2gg = KAAX\nBEGIN BULK")
+    with pytest.raises(ModelError, match=r"a.bdf, line 4: K2GG adds a matrix of DMIG"):
+        read(tmp_path, text)
+    assert read(tmp_path, text, pass_over=["K2GG"]).n_elements == 2
+
+
 def test_plates_that_mark_faces(tmp_path):
     mesh = box("C3D8I", (1, 1, 1))
     top = mesh.numbers[np.flatnonzero(mesh.nodes[:, 2] > 2.4)][[0, 2, 3, 1]]

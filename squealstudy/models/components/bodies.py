@@ -133,9 +133,10 @@ def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
         if table.part is not None:
             mesh = mesh.part(mesh.find("element_sets", table.part))
     elif ending in NASTRAN:
-        from squealstudy.models.components.nastran import read_bdf
+        from squealstudy.models.components.nastran import SELECTED, read_bdf
 
-        mesh = read_bdf(path, table.part, treat_as=table.treat_as, pass_over=table.pass_over)
+        passed = (*table.pass_over, *(SELECTED if table.mesh is None else ()))  # K and M are given
+        mesh = read_bdf(path, table.part, treat_as=table.treat_as, pass_over=passed)
     else:
         known = ", ".join((".inp", ".msh", *NASTRAN))
         raise ModelError(f"{path}: unknown format '{path.suffix}', expected one of {known}")

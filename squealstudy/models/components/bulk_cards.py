@@ -81,8 +81,8 @@ class BulkCard:
         return found
 
 
-def read_bulk(path: Path) -> list[BulkCard]:
-    """The cards of a deck's bulk data, or of a file of cards alone.
+def read_bulk(path: Path) -> tuple[list[BulkCard], list[Line]]:
+    """The cards of a deck's bulk data, or of a file of cards alone, and the lines above the bulk.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def read_bulk(path: Path) -> list[BulkCard]:
             raise line.error(f"expected a card, found '{shortened(line.text)}'")
         cards[-1].fields += fields
         cards[-1].lines += [line] * len(fields)
-    return cards
+    return cards, lines[:begun]
 
 
 def included(path: Path) -> Iterator[Path]:

@@ -6,6 +6,7 @@ not Nastran's. Sets of elements are named by their property, PID3, node sets by 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -16,9 +17,11 @@ from squealstudy.errors import ModelError
 from squealstudy.models.components.bulk_cards import BulkCard, Systems, read_bulk
 from squealstudy.models.components.constraints import Constraint, Coupling
 from squealstudy.models.components.formulations import FORMULATIONS
+from squealstudy.models.components.inp_cards import Line
 from squealstudy.models.components.marked_faces import FACES, MarkedFaces
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 from squealstudy.models.fem.solid import Isotropic
+from squealstudy.models.matrices.dmig import fields_of
 
 # card and number of nodes -> name of the element, formulation, places of its nodes in our order
 SOLIDS: dict[tuple[str, int], tuple[str, str, tuple[int, ...]]] = {
@@ -40,8 +43,13 @@ PASSED_OVER = {  # cards that change neither mass nor stiffness of a component, 
     **dict.fromkeys(("SPC", "SPC1", "SPCADD", "SPCD"), "supports are " + _MODEL_FILE),
     **dict.fromkeys(("LOAD", "FORCE", "MOMENT", "PLOAD", "PLOAD4", "GRAV"), "loads are " + _STUDY),
     **dict.fromkeys(("EIGRL", "EIGR", "EIGC", "PARAM", "TEMP", "TEMPD"), "settings are " + _STUDY),
-    **dict.fromkeys(("DMIG", "TABDMP1", "SUPORT", "SUPORT1"), "not of the mesh"),
+    **dict.fromkeys(("TABDMP1", "SUPORT", "SUPORT1"), "not of the mesh"),
+    "DMIG": "no matrix is added to those of the elements",
 }
+# of case control: matrices of DMIG, which Nastran adds to those of the elements
+SELECTED = ("K2GG", "M2GG", "B2GG", "K42GG", "K2PP", "M2PP", "B2PP")
+SELECTS = re.compile(rf"\s*({'|'.join(SELECTED)})\s*=", re.I)
+WEIGHT = "WTMASS"  # the parameter that multiplies the mass of elements
 
 
 def read_bdf(
@@ -62,7 +70,7 @@ def read_bdf(
         Elements, such as CHEXA8, and the formulation to read them as; plates, such as CQUAD4, as
         "faces": their property is a surface of the solids then.
     pass_over : collection of str
-        Cards to pass over that would be refused, such as CONM2.
+        Cards, and selections of case control, to pass over that would be refused, such as CONM2.
 
     Returns
     -------
@@ -76,7 +84,8 @@ def read_bdf(
         not supported, in one message.
     """
     wanted = _treated(path, treat_as or {})
-    mesh = _Deck(path, read_bulk(path), wanted, {name.upper() for name in pass_over}).mesh()
+    cards, above = read_bulk(path)
+    mesh = _Deck(path, cards, above, wanted, {name.upper() for name in pass_over}).mesh()
     return mesh if part is None else mesh.part(mesh.find("element_sets", part))
 
 
@@ -101,18 +110,25 @@ class _Deck:
     """What the cards of a deck say."""
 
     def __init__(
-        self, path: Path, cards: list[BulkCard], wanted: Mapping[str, str], ignored: set[str]
+        self,
+        path: Path,
+        cards: list[BulkCard],
+        above: list[Line],
+        wanted: Mapping[str, str],
+        ignored: set[str],
     ) -> None:
         self._path, self._wanted = path, wanted
         self._cards: dict[str, list[BulkCard]] = {}
         for card in cards:
             self._cards.setdefault(card.name, []).append(card)
         self._notes: list[PassedOver] = []
+        _refuse_selections(above, ignored)
+        self._weight = self._factor(above)
         plates = [name for name in PLATES if wanted.get(name) == FACES]
         known = {*READ, *plates, *(PLATE_SECTIONS if plates else ())}
         self._refuse(known | ignored | set(PASSED_OVER))
         for name, own in self._cards.items():
-            if name not in known:
+            if own and name not in known:
                 self._note(own, PASSED_OVER.get(name, "as asked for"))
         self._plates = plates
 
@@ -132,6 +148,24 @@ class _Deck:
             "which neither mass nor stiffness depend"
             + (advice if set(unknown) & set(PLATES) else "")
         )
+
+    def _factor(self, above: list[Line]) -> float:
+        """What the mass of elements is multiplied by; its cards are taken out of the deck."""
+        cards = self._all("PARAM")
+        for line in above:
+            name, fields = fields_of(line.text)
+            if name.upper().rstrip("*") == "PARAM":
+                cards.append(BulkCard("PARAM", fields, [line] * len(fields)))
+        own = [card for card in cards if card.at(0).upper() == WEIGHT]
+        found = {card.real(1, "a factor"): card for card in own}
+        for value, card in found.items():
+            if not value > 0:
+                raise card.error(f"expected {WEIGHT} above zero", 1)
+            if len(found) > 1:
+                raise card.error(f"{WEIGHT} has the values {', '.join(f'{v:g}' for v in found)}", 1)
+        if own and "PARAM" in self._cards:
+            self._cards["PARAM"] = [c for c in self._cards["PARAM"] if c not in own]
+        return next(iter(found), 1.0)
 
     def _note(self, cards: list[BulkCard], why: str) -> None:
         line = cards[0].lines[0]
@@ -282,6 +316,7 @@ class _Deck:
             if number not in materials:
                 raise card.error(f"there is no MAT1 {number}", 1)
             elastic = _isotropic(materials[number])
+            elastic = replace(elastic, density=self._weight * elastic.density)
             mesh = mesh.with_material(f"MAT{number}", elastic, f"PID{own}")
             if materials[number].at(7).strip("0."):
                 self._note([materials[number]], "damping is " + _MODEL_FILE)
@@ -294,6 +329,19 @@ class _Deck:
             self._notes.append(PassedOver("GRID", self._path, 0, why))
             mesh = mesh.part(np.arange(mesh.n_elements))
         return replace(mesh, passed_over=(*mesh.passed_over, *self._notes))
+
+
+def _refuse_selections(above: list[Line], ignored: set[str]) -> None:
+    """ModelError about a matrix that case control adds to those of the elements."""
+    for line in above:
+        found = SELECTS.match(line.text)
+        if found is not None and found[1].upper() not in ignored:
+            name = found[1].upper()
+            raise line.error(
+                f"{name} adds a matrix of DMIG to those of the elements, which is not supported: "
+                f"give the whole as K and M in the model file, or name {name} in pass_over where "
+                "nothing of this component is in it"
+            )
 
 
 def _isotropic(card: BulkCard) -> Isotropic:

@@ -1,7 +1,7 @@
 """Symmetric matrices from Nastran's DMIG cards: punched files (``.pch``) and bulk data (``.bdf``).
 
 Small, large and free fields (MSC Nastran Quick Reference Guide, DMIG). All other cards are passed
-over: the file may be a whole deck.
+over: the file may be a whole deck. Its PARAM WTMASS does not multiply them (there: M2GG, remarks).
 """
 
 from __future__ import annotations
@@ -20,6 +20,11 @@ from squealstudy.models.matrices.text import COUNT, TextFile, shortened
 CARD = "DMIG"
 FIELDS, LARGE_FIELDS = 8, 4  # of a line, behind its first
 WIDTH, LARGE_WIDTH, FIRST = 8, 16, 8
+SCALED = re.compile(  # of a deck: a factor of the matrices that case control selects
+    r"\s*PARAM\*?[\s,]+(?P<name>C[KMB]2|CK42)[\s,]+(?P<factor>[^\s,$]+)"
+    r"|\s*(?P<command>K42GG|[KMB]2(?:GG|PP))\s*=[^$]*\*",
+    re.I,
+)
 GROUP = 4  # fields of an entry: node, direction, real and imaginary part
 SQUARE, SYMMETRIC = 1, 6  # forms
 REAL_TYPES = (1, 2)
@@ -60,9 +65,15 @@ def read_dmig(path: Path, name: str | None = None) -> LabelledMatrix:
     ------
     ModelError
         With the line of what is not as the card has it; rectangular and complex matrices; what
-        `labelled_matrix` refuses; no such matrix, or several where none is named.
+        `labelled_matrix` refuses; no such matrix, or several where none is named; a factor that the
+        deck gives them.
     """
     text = TextFile.read(path)
+    for k, line in enumerate(text.lines):
+        scaled = SCALED.match(line)
+        if scaled is not None and not _is_one(scaled["factor"]):
+            what = scaled["name"] or scaled["command"]
+            raise text.error(k, f"{what.upper()} multiplies matrices: they are read as they stand")
     found: dict[str, _Matrix] = {}
     for card in _cards(text):
         _add(text, card, found)
@@ -84,6 +95,16 @@ def read_dmig(path: Path, name: str | None = None) -> LabelledMatrix:
     places = np.array(matrix.places, dtype=np.int64)
     values = np.array(matrix.values)
     return labelled_matrix(places, values, refused, whole=not matrix.symmetric, scalars=True)
+
+
+def _is_one(factor: str | None) -> bool:
+    """Whether a factor, None for one in front of a name, is 1."""
+    found = NUMBER.fullmatch(factor or "")
+    return (
+        found is not None
+        and float(found["digits"]) == 1
+        and not int(found["power"] or found["bare"] or 0)
+    )
 
 
 def _cards(text: TextFile) -> Iterator[_Card]:
