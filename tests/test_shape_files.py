@@ -472,6 +472,10 @@ def test_names_are_those_of_points_and_modes(results):
         shape = results.shape(row.point_id, int(row.mode))
         assert row.name == name_of(shape).text
         assert row.n_diameters == name_of(shape).waves.diameters
+        first = row.first_real_mode_hz, row.first_real_mode_share
+        assert (first, row.real_modes_phase) == (shape.pair[0], shape.pair_phase)
+        assert 0 <= row.real_modes_phase <= 90
+        assert 0 < row.second_real_mode_share <= row.first_real_mode_share
     few = results.names(most=1)
     fastest = results.modes.loc[
         results.modes[results.modes["unstable"]].groupby("track")["growth_rate"].idxmax()

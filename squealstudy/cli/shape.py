@@ -25,6 +25,7 @@ from squealstudy.wording import plural
 
 ALL, UNSTABLE = "all", "unstable"
 FOLDER = "shapes"
+LEAST_SHARE = 0.01  # of kinetic energy: below it a second real mode is not named
 LISTED_MODES = 6  # of a motion
 MICRON = 1e-6  # m
 
@@ -162,6 +163,7 @@ def _told(shape: Shape) -> Rows:
         ("in interfaces", _shares(shape)),
         (growth[0], growth[1]),
         *_why(shape),
+        *_pair(shape),
         ("name", f"{name_of(shape).text} ({figures_of(shape)})"),
     ]
 
@@ -184,6 +186,18 @@ def _why(shape: Shape) -> Rows:
         ("damping 1/s", by_place or "none"),
         ("power at 1 um", f"{fed:+.3g} W of friction, {taken:+.3g} W of damping"),
     ]
+
+
+def _pair(shape: Shape) -> Rows:
+    """The real modes that friction couples, where there are two."""
+    if len(shape.pair) < 2:
+        return []
+    (hz, share), (other_hz, other) = shape.pair
+    text = f"{100 * share:.1f} % of the real mode at {hz:.1f} Hz without coupling by friction"
+    if other >= LEAST_SHARE:
+        text += f", {100 * other:.1f} % of that at {other_hz:.1f} Hz, {shape.pair_phase:.0f} deg "
+        text += "apart (friction feeds by the sine of it)"
+    return [("made of", text)]
 
 
 def _place(kind: str, where: str) -> str:

@@ -68,8 +68,10 @@ def mode_names(
             tell("names", done, len(np.unique(order)))
             shapes = point_shapes(results, int(row))
             for mode, track in rows.loc[order == row, ["mode", "track"]].itertuples(index=False):
-                name = name_of(shapes.shape(int(mode)))
+                shape = shapes.shape(int(mode))
+                name = name_of(shape)
                 waves = name.waves
+                pair = dict(enumerate(shape.pair))
                 found.append(
                     {
                         "point_id": results.points["point_id"].iloc[int(row)],
@@ -79,6 +81,12 @@ def mode_names(
                         "n_diameters": waves.diameters if waves else NO_DIAMETERS,
                         "diameters_share": waves.share if waves else np.nan,
                         "out_of_plane_share": waves.out_of_plane if waves else np.nan,
+                        **{
+                            f"{place}_real_mode_{what}": pair.get(k, (np.nan, np.nan))[i]
+                            for k, place in enumerate(("first", "second"))
+                            for i, what in enumerate(("hz", "share"))
+                        },
+                        "real_modes_phase": shape.pair_phase,
                     }
                 )
         tell("names", len(np.unique(order)), len(np.unique(order)))
@@ -89,6 +97,11 @@ COLUMNS = {"point_id": "str", "mode": "int64", "track": "int64", "name": "str"} 
     "n_diameters": "int64",
     "diameters_share": "f8",
     "out_of_plane_share": "f8",
+    "first_real_mode_hz": "f8",
+    "first_real_mode_share": "f8",
+    "second_real_mode_hz": "f8",
+    "second_real_mode_share": "f8",
+    "real_modes_phase": "f8",  # deg
 }
 
 

@@ -16,6 +16,7 @@ from squealstudy.reduction.cmt import Expansion, ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.shapes.parts import Part, parts_of
 from squealstudy.shapes.sources import Balance, Source, interface_energies, point_growth, sources_of
+from squealstudy.system.coupled_pair import coupled_pair
 from squealstudy.system.linearise import (
     LinearisedModel,
     component_frequencies,
@@ -151,6 +152,11 @@ class Shape:
         What turns, and its axis.
     rubbed : mapping of component -> ndarray of int
         Contact points with friction on each rotor, by number.
+    pair : tuple of (float, float)
+        Frequency [Hz] of the two real modes without coupling by friction that it is most of, and
+        their shares in its kinetic energy, the larger one first; none of a motion.
+    pair_phase : float
+        Between them, deg, 0 to 90 (`system.coupled_pair`).
     """
 
     label: Label
@@ -168,6 +174,8 @@ class Shape:
     frequencies: Mapping[ModeKey, float] = field(default_factory=dict)
     rotors: Rotors | None = None
     rubbed: Mapping[str, np.ndarray] = field(default_factory=dict)
+    pair: tuple[tuple[float, float], ...] = ()
+    pair_phase: float = np.nan
 
     @property
     def frequency_hz(self) -> float:
@@ -293,6 +301,7 @@ def shape_of(
         rotors=assembly.rotors,
         rubbed=_rubbed(assembly),
         **_kinetic(model, x),
+        **_pair(system, x),
     )
 
 
@@ -307,6 +316,14 @@ def _kinetic(model: ReducedModel, x: np.ndarray) -> dict[str, Any]:
     }
     kinetic = dict(zip(model.components, map(float, sums), strict=True))
     return {"kinetic": kinetic, "participation": modes}
+
+
+def _pair(system: LinearisedModel, x: np.ndarray) -> dict[str, Any]:
+    """The real modes of a shape x (n,) with their shares, and the phase between them."""
+    w2, phi = system.real_modes
+    modes, share, phase = coupled_pair(phi, x)
+    hz = np.sqrt(np.maximum(w2[modes], 0.0)) / (2 * np.pi)
+    return {"pair": tuple(zip(hz.tolist(), share.tolist(), strict=True)), "pair_phase": phase}
 
 
 def free_frequencies(assembly: Assembly, model: ReducedModel) -> dict[ModeKey, float]:

@@ -49,6 +49,7 @@ from squealstudy.modes.sensitivity.reduced import ChosenModes, point_sensitiviti
 from squealstudy.modes.sensitivity.structural import structural_sensitivities
 from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.study.design import DesignPoint
+from squealstudy.system.coupled_pair import coupled_pair
 from squealstudy.system.linearise import (
     LinearisedModel,
     component_frequencies,
@@ -258,14 +259,12 @@ class _RealModes:
 
     def pair(self, x: np.ndarray) -> dict[str, float]:
         """The two real modes that most of a complex mode x (n,) is made of."""
-        share = np.abs(self.phi.T @ x) ** 2
-        share = share / share.sum()
-        pair = np.argsort(-share, kind="stable")[:2]
-        first, second = sorted(float(self.hz[k]) for k in (pair[0], pair[-1]))
+        pair, share, _ = coupled_pair(self.phi, x)
+        first, second = sorted(float(self.hz[k]) for k in pair)
         return {
             "pair_first_hz": first,
             "pair_second_hz": second,
-            "pair_share": float(share[pair].sum()),
+            "pair_share": float(share[: len(set(pair))].sum()),
             "uncoupled_damping": float(self.zeta[pair].min()),
         }
 

@@ -1,0 +1,53 @@
+"""The two real modes that a complex mode is made of, and how far friction has coupled them.
+
+Real modes are those about steady sliding without the coupling by friction. A coupling force a q_2
+on one and -a q_1 on the other does the work 2 pi a |q_1| |q_2| sin(phase) a cycle: two modes that
+move in step, or in opposition, get none. Without damping they do so until their frequencies have
+met, and from there cos(phase) = (omega_2^2 - omega_1^2) / (2 a).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class CoupledPair(NamedTuple):
+    """The two real modes with most of a complex mode's kinetic energy, that with most first.
+
+    Attributes
+    ----------
+    modes : ndarray (2,) of int
+        Their numbers among the real modes, from 0; twice the same where there is one alone.
+    share : ndarray (2,)
+        Of the kinetic energy.
+    phase_deg : float
+        Between their coordinates, 0 to 90: signs of real modes are arbitrary. NaN of one alone.
+    """
+
+    modes: np.ndarray
+    share: np.ndarray
+    phase_deg: float
+
+
+def coupled_pair(phi: np.ndarray, x: np.ndarray) -> CoupledPair:
+    """The pair of a complex mode.
+
+    Parameters
+    ----------
+    phi : ndarray (n, n)
+        Real modes in coordinates in which the mass is the identity.
+    x : ndarray (n,) complex
+        The mode.
+    """
+    q = phi.T @ x
+    share = np.abs(q) ** 2
+    share = share / share.sum()
+    order = np.argsort(-share, kind="stable")[:2]
+    modes = np.array([order[0], order[-1]])
+    phase = np.nan
+    if len(order) > 1:
+        apart = np.degrees(np.angle(q[order[1]] * np.conj(q[order[0]]))) % 180.0
+        phase = float(min(apart, 180.0 - apart))
+    return CoupledPair(modes, share[modes], phase)
