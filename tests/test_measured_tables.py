@@ -10,7 +10,7 @@ from study_runs import command, load_plan, solved
 
 from squealstudy.errors import StudyFileError
 from squealstudy.linalg.real_modes import real_modes
-from squealstudy.models.components import inspection
+from squealstudy.models.components import component_facts
 from squealstudy.models.components.free_modes import measured_modes, read_mode_table
 from squealstudy.study.components import free_component, read_model
 
@@ -135,7 +135,7 @@ def test_a_held_component_and_a_missing_table(tmp_path):
 
 
 def test_inspect_tells_what_was_measured(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(inspection, "LAST_CUTOFF", 260_000.0)
+    monkeypatch.setattr(component_facts, "LAST_CUTOFF", 260_000.0)
     hz, _, _ = free(tmp_path)
     written(tmp_path, f"mode,frequency_hz,damping_ratio\n7,{1.5 * hz[6]},0.01\n8,{1.01 * hz[7]},\n")
     command("inspect", str(tmp_path / "blocks.toml"))

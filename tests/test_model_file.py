@@ -307,7 +307,8 @@ search = 0.1
     ("old", "new", "line", "key", "message"),
     [
         ('units = "t-mm-s"', 'units = "mm-t-s"', 2, "units", "expected one of 'SI', 't-mm-s'"),
-        ('units = "t-mm-s"\n', "", None, "units", "the table [units] is missing"),
+        ('units = "t-mm-s"\n', "", None, "units",
+         "the key 'units' is missing: SI, t-mm-s or mm-kg-ms"),
         ('"slider.BOTTOM"', '"slider.BOTTON"', 17, "contact[1].slave",
          "slider (slider.inp) has no surface or node set 'BOTTON'; it has BOTTOM, CORNER, ENDS, "
          "TOP; did you mean 'BOTTOM'?"),
@@ -324,7 +325,15 @@ search = 0.1
         ('mesh = "plate.inp"', 'mesh = "plat.inp"', 9, "components.plate.mesh", "no file plat.inp"),
         ('mesh = "plate.inp"', 'mesh = "plate.inp"\nK = "K.npz"', 8, "components.plate",
          "expected mesh, or K, M and nodes"),
-        ("E[3]", "E[4]", 37, 'parameters.lining.E3.path', ""),
+        ("E[3]", "E[4]", 37, "parameters.lining.E3.path",
+         "material LINING has three of each, such as E[3], not E[4]"),
+        ("LINING.E[3]", "LINING.E", 37, "parameters.lining.E3.path", "not E"),
+        ("LINING.E[3]", "LININ.E[3]", 37, "parameters.lining.E3.path",
+         "slider has no material 'LININ'; it has LINING; did you mean 'LINING'?"),
+        ("default = 2e3", "default = 1e9", 37, "parameters.lining.E3.default",
+         "lining.E3 = 1e+15 (SI): material LINING: elastic constants E"),
+        ('slave = "slider.BOTTOM"\nmaster = "plate.TOP"', 'slave = "plate.TOP"\nmaster = '
+         '"slider.BOTTOM"', 15, "contact[1]", "plate.TOP is the larger face: exchange the two"),
         ('"spring.guides.stiffness[1]"', '"spring.guide.stiffness[1]"', 39,
          "parameters.guides.x.path", "NAME is one of guides"),
         ('"spring.guides.stiffness[1]"', '"spring.guides.stiffness"', 39,
@@ -379,6 +388,13 @@ def test_two_loads_need_no_names(tmp_path):
     found = {p.name: p.default for p in read_model(tmp_path / "blocks.toml").parameters}
     assert found["a"] == pytest.approx(10e-6)
     assert found["b"] == pytest.approx(5e-6)
+
+
+def test_values_of_a_design_that_cannot_be_name_their_parameters(blocks):
+    """One design point fails, not the study: it is no error of the file."""
+    folder, _ = blocks
+    with pytest.raises(ModelError, match=r"blocks.toml: lining.E3 = 1e\+15 \(SI\): mat"):
+        built(folder / "blocks.toml", **{"lining.E3": 1e15})
 
 
 def broken_map(lines):

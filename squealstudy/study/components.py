@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +24,7 @@ from squealstudy.models.components.model_file import (
     KeyPath,
     ModelFile,
     PlacedError,
+    ValuesError,
 )
 from squealstudy.models.operating import (
     ASSUMPTIONS,
@@ -31,6 +33,7 @@ from squealstudy.models.operating import (
     PRESSURE,
     OperatingPoint,
 )
+from squealstudy.parameter import Parameter
 from squealstudy.study.added_parts import AddedPart, with_parts
 from squealstudy.study.file_parameters import file_parameters, file_places
 from squealstudy.study.parameters import did_you_mean
@@ -42,6 +45,7 @@ from squealstudy.study.stresses import (
     stressed_point,
     with_stresses,
 )
+from squealstudy.wording import listed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -89,7 +93,8 @@ def read_model(path: Path, parts: Sequence[AddedPart] = ()) -> FileDefinition:
     places = file_places(file, source)
     declared = file_parameters(file, source, places)
     stressed, laws = stressed_point(file), law_defaults(declared)
-    build = _Build(source, brake, digests, places, stressed, laws, added)
+    defaults = {p.name: p.default for p in declared if isinstance(p, Parameter)}
+    build = _Build(source, brake, digests, places, stressed, defaults, laws, added)
     return FileDefinition(
         name=NAME,
         description=file.description or DESCRIPTION,
@@ -117,11 +122,9 @@ def inspected(model: FileDefinition) -> tuple[Inspection, Geometry]:
 
     build, values = build_of(model), model.defaults()
     assembly = build({option.name: option.choices[0] for option in model.options}, values)
-    try:
+    with build.told(values):
         found = inspect(build.brake, assembly, values[PRESSURE.name], build.given(values))
         return found, geometry_of(build.brake)
-    except PlacedError as error:
-        raise placed(error, build.source) from error
 
 
 def build_of(model: FileDefinition) -> _Build:
@@ -148,12 +151,10 @@ def free_component(
     if name not in tables:
         text = f"there is no component '{name}'{did_you_mean(name, tuple(tables))}"
         raise build.source.error(("components",), text)
-    given = build.given(model.defaults())
-    try:
+    values = model.defaults()
+    with build.told(values):
         geometry = geometry_of(build.brake)
-        matrices = component_matrices(geometry, name, given)
-    except PlacedError as error:
-        raise placed(error, build.source) from error
+        matrices = component_matrices(geometry, name, build.given(values))
     body = geometry.bodies[name]
     where = placement(name, tables[name], build.brake.file.units)
     return body, matrices, where
@@ -174,6 +175,8 @@ class _Build:
         Where each parameter of the file stands.
     stressed : OperatingPoint or None
         Whose stresses stiffen what vibrates; None where none do.
+    defaults : dict of str -> float
+        Of the parameters of the file.
     law_values : dict of str -> float
         Defaults of the parameters of contact laws.
     added : dict of key -> AddedPart
@@ -185,6 +188,7 @@ class _Build:
     digests: tuple[str, ...]
     places: Mapping[str, tuple[KeyPath, ...]]
     stressed: OperatingPoint | None
+    defaults: Mapping[str, float]
     law_values: Mapping[str, float]
     added: Mapping[KeyPath, AddedPart] = field(default_factory=dict)
 
@@ -200,10 +204,8 @@ class _Build:
         """Radius [m] that ``sliding_speed`` is of; None where all points slide at one speed."""
         from squealstudy.models.components.geometry import geometry_of
 
-        try:
+        with self.told(values):
             return geometry_of(self.brake).effective_radius
-        except PlacedError as error:
-            raise placed(error, self.source) from error
 
     def __call__(self, options: Mapping[str, str | int], values: Mapping[str, float]) -> Assembly:
         """The assembly of options and values.
@@ -221,15 +223,43 @@ class _Build:
             raise ModelError(f"{self.source.path}, or a file that it reads, has changed meanwhile")
         given = self.given(values)
         law = ContactLaw.from_values(str(options[CONTACT_OPTION.name]), values)
-        try:
+        with self.told(values):
             found = build_assembly(self.brake, law, given)
-        except PlacedError as error:
-            if part := self.added.get(error.keys[:2]):
-                raise part.error(error.message + did_you_mean(error.word, error.known)) from error
-            raise placed(error, self.source) from error
         if self.stressed is None:
             return found
         return self._stiffened(found, replace(self.stressed, law=self._law(options)), given)
+
+    @contextmanager
+    def told(self, values: Mapping[str, float]) -> Iterator[None]:
+        """Errors about the model file raised with file, line and key; `values` are in effect.
+
+        Raises
+        ------
+        StudyFileError
+            About a key of the file, or of the study for what it adds. Of numbers that the file
+            does not have, and of defaults that cannot be, about the parameter.
+        ModelError
+            Other values that cannot be, by the names of their parameters.
+        """
+        try:
+            yield
+        except PlacedError as error:
+            if part := self.added.get(error.keys[:2]):
+                raise part.error(error.message + did_you_mean(error.word, error.known)) from error
+            own = self._owners((error.keys,)) if self.brake.file.at(error.keys) is None else []
+            if own:
+                error.keys = ("parameters", own[0], "path")
+            raise placed(error, self.source) from error
+        except ValuesError as error:
+            own = self._owners(error.keys)
+            what = f"{listed([f'{n} = {values[n]:g}' for n in own])} (SI): {error.message}"
+            if all(values[name] == self.defaults[name] for name in own):
+                raise self.source.error(("parameters", own[0], "default"), what) from error
+            raise ModelError(f"{self.source.path}: {what}") from error
+
+    def _owners(self, keys: Sequence[KeyPath]) -> list[str]:
+        """Parameters that are the numbers at some keys."""
+        return [name for name, where in self.places.items() if set(where) & set(keys)]
 
     def _law(self, options: Mapping[str, str | int]) -> ContactLaw:
         """The contact law under which stresses are found: its defaults, whatever is swept."""

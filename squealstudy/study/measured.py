@@ -86,12 +86,9 @@ class _ByFiles:
 @lru_cache(maxsize=16)
 def _free(of: _ByFiles, name: str, cutoff_hz: float) -> list[MeasuredMode]:
     from squealstudy.models.components.free_modes import tabled_modes
-    from squealstudy.models.components.model_file import PlacedError
-    from squealstudy.study.components import build_of, free_component, placed  # imports scikit-fem
+    from squealstudy.study.components import build_of, free_component  # imports scikit-fem
 
     build = build_of(of.model)
     _, (K, M), _ = free_component(of.model, name)
-    try:
+    with build.told(of.model.defaults()):
         return tabled_modes(build.brake, name, K, M, cutoff_hz)
-    except PlacedError as error:
-        raise placed(error, build.source) from error

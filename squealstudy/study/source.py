@@ -246,7 +246,8 @@ def _missing(kind: type[BaseModel], loc: KeyPath) -> str:
     section = _section(kind, loc[:-1]) or kind
     field = section.model_fields.get(str(loc[-1]))
     meaning = f": {field.description}" if field is not None and field.description else ""
-    what = f"table [{loc[-1]}]" if len(loc) == 1 else f"key '{loc[-1]}'"
+    whole = len(loc) == 1 and _section(kind, loc) is not None
+    what = f"table [{loc[-1]}]" if whole else f"key '{loc[-1]}'"
     return f"the {what} is missing{meaning}"
 
 

@@ -279,13 +279,22 @@ def _body_matrices(
 
 
 def changed_mesh(body: Body, given: tuple[tuple[KeyPath, float], ...]) -> SolidMesh:
-    """The mesh with values of its materials in SI; ModelError for a material that it has not."""
+    """The mesh with values of its materials in SI.
+
+    Raises
+    ------
+    PlacedError
+        A material, or a number of one, that it has not.
+    ValuesError
+        Values that no material can have.
+    """
     materials = dict(body.mesh.materials)
     given = tuple((k, v) for k, v in given if k[2] == "materials")
     for label in dict.fromkeys(str(k[3]) for k, _ in given):
+        values = {k: v for k, v in given if k[3] == label}
         if label not in materials:
-            listed = ", ".join(materials)
-            raise ModelError(f"component {body.name} has no material '{label}'; it has {listed}")
-        values = {k[4:]: v for k, v in given if k[3] == label}
+            known = tuple(materials)
+            text = f"component {body.name} has no material '{label}'; it has {', '.join(known)}"
+            raise PlacedError(next(iter(values)), text, label, known)
         materials[label] = changed_material(materials[label], values, label)
     return replace(body.mesh, materials=materials)

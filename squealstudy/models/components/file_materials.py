@@ -15,6 +15,7 @@ from squealstudy.models.components.model_file import (
     KeyPath,
     Numbers,
     PlacedError,
+    ValuesError,
 )
 from squealstudy.models.fem.solid import Isotropic
 
@@ -68,25 +69,36 @@ def _isotropic(E: float, nu: float, rho: float) -> Isotropic:
     return Isotropic(E, nu, rho)
 
 
-def changed_material(
-    material: Elastic, values: Mapping[tuple[str | int, ...], float], name: str
-) -> Elastic:
-    """A material with other values of ``("E",)`` or ``("E", 2)``; ModelError where it has none."""
+def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: str) -> Elastic:
+    """A material with other values, SI, by keys of the file that end in E or E, 2.
+
+    Raises
+    ------
+    PlacedError
+        A number that such a material has not.
+    ValuesError
+        Values that no material can have.
+    """
     E, nu, G = ([*v] for v in engineering(material))
     density = material.density
     wrong = "one" if isinstance(material, Isotropic) else "three of each, such as E[3]"
-    for key, value in values.items():
+    for keys, value in values.items():
+        key = keys[4:]
         if key == ("rho",):
             density = value
             continue
         target = {"E": E, "nu": nu, "G": G}[str(key[0])]
         place = int(key[1]) if len(key) > 1 else 0
         if (len(key) > 1) != isinstance(material, Orthotropic) or place >= len(target):
-            raise ModelError(f"material {name} has {wrong}, not {key[0]}{_shown(key)}")
+            text = f"material {name} has {wrong}, not {key[0]}{_shown(key)}"
+            raise PlacedError(keys, text)
         target[place] = value
-    if isinstance(material, Isotropic):
-        return _isotropic(E[0], nu[0], density)
-    return Orthotropic.from_engineering(tuple(E), tuple(nu), tuple(G), density)  # type: ignore[arg-type]
+    try:
+        if isinstance(material, Isotropic):
+            return _isotropic(E[0], nu[0], density)
+        return Orthotropic.from_engineering(tuple(E), tuple(nu), tuple(G), density)  # type: ignore[arg-type]
+    except ModelError as error:
+        raise ValuesError(tuple(values), f"material {name}: {error}") from error
 
 
 def _shown(key: tuple[str | int, ...]) -> str:

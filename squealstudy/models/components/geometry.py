@@ -21,6 +21,7 @@ from squealstudy.models.components.pairs import Pair, pair
 from squealstudy.models.fem.sampling import Surface
 
 LEAST_IN_REACH = 0.5  # of a face: with less the faces are hardly those meant
+ALL_MET = 0.9  # of the other face, by area: it is the first that is larger
 REACH = 0.5  # of the size of a facet: how far the faces of a layer may be apart
 LAYER_POINTS = 3  # a side of a facet
 CLOSE = 1e-4  # of a facet: a gap over which a tie strains next to nothing in rigid turns
@@ -192,11 +193,11 @@ class Geometry:
             )
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
-        self._check_reach(found, keys, table.slave, table.master, table.search)
+        self._check_reach(found, keys, slave, master, table.search)
         return found
 
     def _check_reach(
-        self, found: Pair, keys: KeyPath, slave: str, master: str, search: float
+        self, found: Pair, keys: KeyPath, slave: Facets, master: Facets, search: float
     ) -> None:
         """Raise PlacedError where two faces hardly meet."""
         if found.in_reach >= LEAST_IN_REACH:
@@ -204,10 +205,17 @@ class Geometry:
         size = LENGTH.factor(self.file.units)
         unit = "m" if self.file.units == "SI" else "mm"
         low, high = (g / size for g in found.gap_range)
+        met = found.in_reach * slave.areas.sum() / master.areas.sum()
         raise PlacedError(
             keys,
-            f"{100 * found.in_reach:.0f} % of {slave} lies within {search:g} {unit} of {master} "
-            f"(gap {low:.4g} to {high:.4g} {unit}): is a part placed wrongly, or search too small?",
+            f"{100 * found.in_reach:.0f} % of {slave.name} lies within {search:g} {unit} of "
+            f"{master.name} (gap {low:.4g} to {high:.4g} {unit}): "
+            + (
+                f"{slave.name} is the larger face: exchange the two, or name the part of it that "
+                f"meets {master.name}"
+                if met > ALL_MET
+                else "is a part placed wrongly, or search too small?"
+            ),
         )
 
     def _layer(self, number: int) -> Surface | Pair:
@@ -230,7 +238,7 @@ class Geometry:
             found = pair(slave, master, search=search, quadrature=quadrature)
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
-        self._check_reach(found, keys, slave.name, master.name, search / size)
+        self._check_reach(found, keys, slave, master, search / size)
         return found
 
     def _tie(self, number: int) -> Pair:
@@ -289,7 +297,7 @@ class Geometry:
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
         size = LENGTH.factor(self.file.units)
-        self._check_reach(found, keys, table.pressure_on, table.reaction_on, search / size)
+        self._check_reach(found, keys, pressed, back, search / size)
         return found.slave, found.master
 
     @cached_property

@@ -106,11 +106,21 @@ class PlacedError(ModelError):
         super().__init__(message)
 
 
+class ValuesError(ModelError):
+    """Values, of numbers of the model file at some keys, that nothing can have."""
+
+    def __init__(self, keys: tuple[KeyPath, ...], message: str) -> None:
+        self.keys, self.message = keys, message
+        super().__init__(message)
+
+
 class ModelFile(Table):
     """A whole model file."""
 
     description: str = ""
-    units: Literal["SI", "t-mm-s", "mm-kg-ms"] = Field(description="of all numbers of its files")
+    units: Literal["SI", "t-mm-s", "mm-kg-ms"] = Field(
+        description="SI, t-mm-s or mm-kg-ms, of all numbers of its files"
+    )
     rotation: RotationTable | None = Field(default=None, description="of the rotor")
     components: dict[Name, ComponentTable] = Field(min_length=1, description="by name")
     contact: Annotated[tuple[ContactTable, ...], Strict(False)] = Field(

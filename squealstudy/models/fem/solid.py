@@ -107,7 +107,10 @@ def orthotropic_stiffness(
     S[3, 3], S[4, 4], S[5, 5] = 1 / G[0], 1 / G[1], 1 / G[2]
     compliances = np.linalg.eigvalsh(S)
     if compliances[0] <= SINGULAR * compliances[-1]:
-        raise ModelError(f"elastic constants E={E}, nu={nu} give no positive definite stiffness")
+        told = "; ".join(
+            f"{n} {', '.join(f'{v:g}' for v in of)}" for n, of in (("E", E), ("nu", nu))
+        )
+        raise ModelError(f"elastic constants {told} give no positive definite stiffness")
     return np.linalg.inv(S)
 
 
