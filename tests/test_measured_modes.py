@@ -35,7 +35,7 @@ def part(folder, name, *changes):
     return path, body, omega[6:] / (2 * np.pi), shapes, (K, M, body.expansion.E, placement)
 
 
-def written(path, numbers, points, hz, shapes, *, zeta=0.01, kind=3, more=()):
+def written(path, numbers, points, hz, shapes, *, zeta=0.01, his=0.0, kind=3, more=()):
     """A universal file of modes; real ones as normal modes."""
     common = {"id1": "a", "id2": "b", "id3": "NONE", "id4": "NONE", "id5": "NONE"}
     common |= {"model_type": 1, "data_ch": 2, "spec_data_type": 8, "n_data_per_node": 3}
@@ -48,7 +48,7 @@ def written(path, numbers, points, hz, shapes, *, zeta=0.01, kind=3, more=()):
         if kind == 3:
             own |= {"eig": omega * (-zeta + 1j * np.sqrt(1 - zeta**2)), "data_type": 5}
         else:
-            own |= {"freq": f, "modal_m": 1.0, "modal_damp_vis": zeta, "modal_damp_his": 0.0}
+            own |= {"freq": f, "modal_m": 1.0, "modal_damp_vis": zeta, "modal_damp_his": his}
         sets.append(pyuff.prepare_55(**common, **own))
     path.unlink(missing_ok=True)
     pyuff.UFF(str(path)).write_sets(sets, "add")
@@ -104,6 +104,21 @@ def test_directions_that_were_not_measured_do_not_count(plate, tmp_path):
     assert [found.mac[i, j] for i, j in found.pairs] == pytest.approx(
         [1.0] * len(bending), abs=1e-9
     )
+
+
+def test_hysteretic_damping_is_told_beside(plate, tmp_path, capsys):
+    """It has a column of its own, where a file has some."""
+    model, body, hz, shapes, _ = plate
+    points = 1 + np.arange(len(body.nodes)), body.nodes, hz[:3], shapes[:3]
+    for his, column in ((0.0, False), (0.0124, True)):
+        path = written(tmp_path / "a.uff", *points, zeta=0.0, his=his, kind=2)
+        command("inspect", str(model), "--measured", str(path), "--component", "plate")
+        out = capsys.readouterr().out
+        assert ("hysteretic %" in out) == column
+        assert out.count("1.240") == (3 if column else 0)
+    measured = read_measured(path)
+    assert np.isnan(measured.damping_ratio).all()
+    np.testing.assert_allclose(measured.hysteretic, 0.0124, rtol=1e-4)
 
 
 @pytest.mark.parametrize("placed", [True, False])

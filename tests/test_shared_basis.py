@@ -62,6 +62,14 @@ def test_structures_are_those_of_their_own_reductions(blocks):
         assert np.abs(block.T @ (part.M @ block) - np.eye(block.shape[1])).max() < 1e-8
 
 
+def test_the_reason_of_the_method_denies_no_basis(tmp_path):
+    """Nothing varies within a reduced model, and yet all of them are of one basis."""
+    text = study().replace("values = [0.3, 0.6]", "values = [0.4]")
+    plan = load_plan(write_blocks(tmp_path, study=text))
+    assert plan.shared_range is not None
+    assert plan.method.reason == "each reduced model has one point"
+
+
 def test_the_error_is_told_and_covers_full_order(blocks, tmp_path):
     made = []
     with pytest.MonkeyPatch.context() as patch:

@@ -62,6 +62,7 @@ def draw(geometry: Geometry, path: Path) -> None:
 
 NEAR = 0.02  # of the part's largest side: distance of a measured point and its node
 FREE = 6  # rigid modes of a free part
+DAMPING = 3  # columns of the table up to the measured damping
 WRITTEN = 12  # modes up to which a picture has room for figures
 
 
@@ -129,7 +130,11 @@ def told(measured: Measured, found: Correlation) -> list[RenderableType]:
     """The table of pairs, and what was compared."""
     partner = dict(found.pairs)
     rows = [_row(measured, found, k, partner.get(k)) for k in range(len(measured.frequency_hz))]
-    titles = ("measured", "Hz", "damping %", "computed", "Hz", "difference %", "MAC")
+    titles = ["measured", "Hz", "damping %", "computed", "Hz", "difference %", "MAC"]
+    if np.isfinite(measured.hysteretic).any():
+        titles.insert(DAMPING, "hysteretic %")
+        for row, ratio in zip(rows, measured.hysteretic, strict=True):
+            row.insert(DAMPING, figure(100 * ratio, ".3f"))
     used, seen = found.used, measured.seen[found.used]
     far = np.flatnonzero(~used)
     where = "in the assembly" if found.placed else "in its mesh's file"

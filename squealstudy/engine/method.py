@@ -118,7 +118,7 @@ def _cheapest(study: ResolvedStudy, scope: Scope, exact: str) -> tuple[str, str]
     if scope.reduced and not study.model.meshed:
         return exact, "a model of few degrees of freedom"
     if not scope.varied:
-        return exact, "nothing varies that a basis could serve"
+        return exact, "each reduced model has one point"
     offers = [(rung, rung.offer(scope)) for rung in all_rungs() if not rung.refusal(scope)]
     paying = [(rung, offer.reason) for rung, offer in offers if offer.pays]
     if not paying:

@@ -34,8 +34,9 @@ class Measured:
     points : ndarray (n, 3)
         m.
     frequency_hz : ndarray (m,)
-    damping_ratio : ndarray (m,)
-        NaN where the file has none.
+    damping_ratio, hysteretic : ndarray (m,)
+        Of viscous damping, and the file's hysteretic one of normal modes as it stands there; NaN
+        where the file has none.
     shapes : ndarray (m, n, 3) complex
         Of the points; 0 where nothing was measured.
     left_out : int
@@ -46,6 +47,7 @@ class Measured:
     points: np.ndarray
     frequency_hz: np.ndarray
     damping_ratio: np.ndarray
+    hysteretic: np.ndarray
     shapes: np.ndarray
     left_out: int
 
@@ -94,9 +96,10 @@ def read_measured(path: Path, unit: float = 1.0) -> Measured:
         found[k, at] = np.column_stack([mode[name] for name in ("r1", "r2", "r3")])
     if still := [k for k in range(len(modes)) if not np.abs(found[k]).max() > 0]:
         raise ModelError(f"{path}: mode shape {still[0] + 1} of the file is zero everywhere")
-    hz, zeta = np.array([_root(mode) for mode in modes]).T
+    hz, zeta, hysteretic = np.array([_root(mode) for mode in modes]).T
     points = unit * np.array([places[n] for n in used])
-    return Measured(np.array(used), points, hz, zeta, found, functions + len(shapes) - len(modes))
+    left_out = functions + len(shapes) - len(modes)
+    return Measured(np.array(used), points, hz, zeta, hysteretic, found, left_out)
 
 
 def _sets(path: Path) -> list[Mapping[str, Any]]:
@@ -134,14 +137,15 @@ def _places(path: Path, sets: Iterable[Mapping[str, Any]]) -> dict[int, tuple[fl
     return found
 
 
-def _root(mode: Mapping[str, Any]) -> tuple[float, float]:
-    """Frequency [Hz] and damping ratio of a mode."""
+def _root(mode: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Frequency [Hz], viscous and hysteretic damping ratio of a mode, NaN for none."""
     if mode["analysis_type"] == NORMAL:
-        zeta = float(mode.get("modal_damp_vis") or 0.0)
-        return float(mode["freq"]), zeta if zeta > 0 else np.nan
+        ratios = (float(mode.get(f"modal_damp_{kind}") or 0.0) for kind in ("vis", "his"))
+        zeta, hysteretic = (ratio if ratio > 0 else np.nan for ratio in ratios)
+        return float(mode["freq"]), zeta, hysteretic
     lam = complex(mode["eig"])
     size = abs(lam)
-    return size / (2 * np.pi), -lam.real / size if size > 0 else np.nan
+    return size / (2 * np.pi), -lam.real / size if size > 0 else np.nan, np.nan
 
 
 BEYOND = 1.3  # of the highest measured frequency: up to there modes are computed
