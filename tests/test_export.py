@@ -130,6 +130,15 @@ reference_points = 0
     assert (np.abs(roots[0] - roots[1]) < 1e-8 * np.abs(roots[0])).all()
     with np.load(tmp_path / "out" / "reduced.npz") as archive:
         found = dict(archive)
+    page = (ROOT / "studies" / "own_brake.md").read_text(encoding="utf-8")
+    table = page[page.index("`reduced.mat`") :].split("## In Python")[0]
+    told = [row.split("|")[1] for row in table.splitlines() if row.startswith("| `")]
+    assert set(re.findall(r"`(\w+)`", " ".join(told))) == set(found)
+    law = dict(zip(found["law_parameter_names"].tolist(), found["law_parameters"], strict=True))
+    values = dict(zip(found["parameter_names"].tolist(), found["parameter_values"], strict=True))
+    assert law
+    assert values | law == values
+    assert (values["friction"], values["disc.young_modulus"]) == (0.4, 1.1e11)
     n = len(found["M"])
     assert found["N"].shape == (len(found["area"]), n)
     lam = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-found["K"], -found["C"]]]))

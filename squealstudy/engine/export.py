@@ -61,9 +61,10 @@ def export_reduced(
 
     Matrices ``M``, ``C``, ``K`` (n, n) of ``lambda^2 M + lambda C + K`` at steady sliding, the
     observation of the contact points ``N``, ``T``, ``T_perp`` (n_points, n), ``area`` [m2],
-    ``gap`` [m] there, ``tangent`` [Pa/m], ``pressure`` [Pa], ``friction``; names and values of the
-    parameters; the contact law by name with its parameters. The basis is that of a run:
-    enriched where its tolerance asks for that. `jobs` processes make it; `warn` is as of a run.
+    ``gap`` [m] there, ``tangent`` [Pa/m], ``pressure`` [Pa], ``friction``; the contact law by name
+    with names and values of its parameters, and ``parameter_names`` and ``parameter_values`` of
+    all of the study's, SI. The basis is that of a run: enriched where its tolerance asks for
+    that. `jobs` processes make it; `warn` is as of a run.
 
     Raises
     ------
@@ -96,6 +97,9 @@ def export_reduced(
         "friction": float(state.operating.friction),
         "law": law.kind,
         "law_parameters": np.array(law.parameters),
+        "law_parameter_names": [p.name for p in law.definition.parameters],
+        "parameter_names": list(plan.study.values),
+        "parameter_values": [plan.nominal_values[name] for name in plan.study.values],
     }
     content = {k: np.asarray(x) for k, x in content.items()}
     paths = [folder / f"{REDUCED}.npz", folder / f"{REDUCED}.mat"]
