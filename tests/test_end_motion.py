@@ -11,7 +11,8 @@ from study_runs import command, load_plan, solved
 from squealstudy.engine.mode_shapes import PointShapes
 from squealstudy.engine.results import Results
 from squealstudy.engine.store import STATES
-from squealstudy.errors import ResultsError
+from squealstudy.errors import ModelError, ResultsError
+from squealstudy.shapes.files import Signal, write_uff
 from squealstudy.shapes.names import name_of
 from squealstudy.shapes.picture import sources, title
 
@@ -117,6 +118,23 @@ def test_command_shows_the_motion(results, capsys, tmp_path):
     mode = pyuff.UFF(str(next(out.glob("*.uff")))).read_sets(2)
     assert mode["analysis_type"] == 5
     assert mode["freq"] == pytest.approx(results.end_motion().shape.frequency_hz, rel=1e-5)
+    signals = pyuff.UFF(str(next(out.glob("*.uff")))).read_sets()[3:]
+    kept = results.history(shape.label.point_id)
+    names = [n for n in kept.columns if n != "time" and "_mode_" not in n]
+    assert [s["id1"].rpartition(", ")[2] for s in signals] == names
+    assert "torque" in names
+    for name, signal in zip(names, signals, strict=True):
+        assert signal["type"] == 58
+        assert signal["ordinate_axis_units_lab"].strip() == (kept.attrs["units"][name] or "NONE")
+        np.testing.assert_allclose(signal["data"], kept[name], rtol=1e-10, atol=1e-30)
+        np.testing.assert_allclose(signal["x"], kept["time"], rtol=1e-5, atol=1e-12)
+
+
+def test_a_signal_of_uneven_steps_is_refused(results, tmp_path):
+    uneven = Signal("torque", "N m", np.array([0.0, 1.0, 2.1]), np.zeros(3))
+    with pytest.raises(ModelError, match="torque: steps in time are not even"):
+        write_uff(results.end_motion().shape, tmp_path / "a.uff", [uneven])
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_has_no_motion(results, tmp_path):

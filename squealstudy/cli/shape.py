@@ -15,7 +15,7 @@ from squealstudy.engine.results import Results
 from squealstudy.errors import ResultsError
 from squealstudy.files import write_text
 from squealstudy.screen import Rows
-from squealstudy.shapes.files import write_uff, write_vtu
+from squealstudy.shapes.files import Signal, write_uff, write_vtu
 from squealstudy.shapes.names import figures_of, name_of
 from squealstudy.shapes.page import page
 from squealstudy.shapes.picture import draw, sources, title, words
@@ -57,11 +57,13 @@ def shapes(
     ResultsError
         As `Results.shape`.
     """
+    signals: list[Signal] = []
     if results.kind == "transient":
         if modes is not None or track is not None:
             raise ResultsError("runs in time have a motion at their end: expected no mode or track")
         motion = results.end_motion(_row_or_id(results, point))
         found, rows = [motion.shape], [*_told_motion(motion.shape), *_parts(motion)]
+        signals = _signals(results, motion.shape.label.point_id) if kinds[-1] else []
     else:
         found = _shapes(results, point, modes, track)
         rows = [row for shape in found for row in _told(shape)]
@@ -77,7 +79,7 @@ def shapes(
             save_figure(draw(shape), path.with_suffix(".png"))
             written.append(path.with_suffix(".png"))
         written += write_vtu(shape, path.with_suffix(".vtu")) if vtu else []
-        written += write_uff(shape, path.with_suffix(".uff")) if uff else []
+        written += write_uff(shape, path.with_suffix(".uff"), signals) if uff else []
     if moving:
         label = found[0].label
         which = which if len(found) == 1 else modes or ""
@@ -85,6 +87,17 @@ def shapes(
         written.append(folder / f"{label.point_id}_{name}.html")
         write_text(written[-1], page(found))
     return [*rows, *(("written", f"{path}, {_size(path)}") for path in written)]
+
+
+def _signals(results: Results, point_id: str) -> list[Signal]:
+    """What was kept over time of a run but the energies and amplitudes of modes; or nothing."""
+    try:
+        kept = results.history(point_id)
+    except ResultsError:
+        return []
+    time, units = kept["time"].to_numpy(), kept.attrs["units"]
+    names = [n for n in kept.columns if n != "time" and "_mode_" not in n]
+    return [Signal(n, units.get(n, ""), time, kept[n].to_numpy()) for n in names]
 
 
 def _shapes(

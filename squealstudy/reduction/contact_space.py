@@ -24,7 +24,8 @@ from squealstudy.models.assembly import ContactInterface
 from squealstudy.reduction.projected import AnyAssembly
 
 INDEPENDENT = 1e-13  # of contact rows: what one has outside the others' span
-WIDE = 512  # right-hand sides held at once: n_dof of them each
+WIDE = 512  # right-hand sides held at once, fewer where they would have more numbers than
+MOST_HELD = 64_000_000  # these: half a gigabyte, twice
 HELD = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without any
 
 
@@ -226,8 +227,9 @@ def contact_compliances(
     """
     normal, Z, r = rows.normal, rows.Z, len(rows.Z)
     C_NN, C_TN = np.empty((r, r)), np.empty((len(rows.sliding), r))
-    for i in range(0, r, WIDE):
-        part = slice(i, min(i + WIDE, r))
+    wide = max(min(WIDE, MOST_HELD // n_dof), 1)
+    for i in range(0, r, wide):
+        part = slice(i, min(i + wide, r))
         forces = np.zeros((n_dof, part.stop - i))
         forces[normal] = Z[part].T
         X = solve(forces)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import meshio
 import numpy as np
@@ -27,6 +27,18 @@ QUAD, TRIANGLE = 94, 91  # thin shells of dataset 2412, drawn by their corners
 # fields of dataset 55: structural, complex modes, three translations, displacement, complex
 STRUCTURE, COMPLEX_MODES, TRANSLATIONS, DISPLACEMENT, COMPLEX = 1, 3, 2, 8, 5
 RESPONSE = 5  # at a frequency
+# of dataset 58: function over time, real in double precision, even steps, general quantity, time
+IN_TIME, REAL_DOUBLE, EVEN, GENERAL, TIME = 1, 4, 1, 1, 17
+EVENLY = 1e-6  # of a step
+
+
+class Signal(NamedTuple):
+    """A quantity over time, at even steps: its name, unit, times [s] (n,) and values (n,)."""
+
+    name: str
+    unit: str
+    time: np.ndarray
+    values: np.ndarray
 
 
 def write_vtu(shape: Shape, path: Path) -> list[Path]:
@@ -120,10 +132,11 @@ def _contact(shape: Shape) -> meshio.Mesh:
     return meshio.Mesh(contact.points, [("vertex", numbers[:, None])], point_data=values)
 
 
-def write_uff(shape: Shape, path: Path) -> list[Path]:
-    """Surface nodes (dataset 15), facets (2412) and the complex mode (55) of a shape.
+def write_uff(shape: Shape, path: Path, signals: Sequence[Signal] = ()) -> list[Path]:
+    """Surface nodes (dataset 15), facets (2412) and the complex mode (55) of a shape; signals (58).
 
-    Lengths are in m; nodes are numbered from 1. The root stands in rad/s. Datasets have six digits.
+    Lengths are in m; nodes are numbered from 1. The root stands in rad/s. Datasets have six digits,
+    signals twelve.
 
     Returns
     -------
@@ -133,7 +146,7 @@ def write_uff(shape: Shape, path: Path) -> list[Path]:
     Raises
     ------
     ModelError
-        A shape without cells.
+        A shape without cells; a signal whose steps are not even.
     """
     import pyuff
 
@@ -169,9 +182,51 @@ def write_uff(shape: Shape, path: Path) -> list[Path]:
             r2=u[:, 1],
             r3=u[:, 2],
         ),
+        *(_function(signal, f"{label.study}, design point {label.row}") for signal in signals),
     ]
     write_atomic(path, lambda temporary: pyuff.UFF(str(temporary)).write_sets(sets, "add"))
     return [path]
+
+
+def _function(signal: Signal, where: str) -> dict[Any, Any]:
+    """Dataset 58 of a signal, by no node."""
+    import pyuff
+
+    steps = np.diff(signal.time)
+    if len(steps) and np.ptp(steps) > EVENLY * steps.mean():
+        raise ModelError(f"{signal.name}: steps in time are not even")
+    found: dict[Any, Any] = pyuff.prepare_58(
+        binary=0,
+        func_type=IN_TIME,
+        id1=f"{where}, {signal.name}"[:80],
+        id2="NONE",
+        id3="NONE",
+        id4="NONE",
+        id5="NONE",
+        ver_num=0,
+        load_case_id=0,
+        rsp_ent_name="NONE",
+        rsp_node=0,
+        rsp_dir=0,
+        ref_ent_name="NONE",
+        ref_node=0,
+        ref_dir=0,
+        ord_data_type=REAL_DOUBLE,
+        num_pts=len(signal.time),
+        abscissa_spacing=EVEN,
+        abscissa_min=float(signal.time[0]),
+        abscissa_inc=float(steps.mean()) if len(steps) else 0.0,
+        z_axis_value=0.0,
+        abscissa_spec_data_type=TIME,
+        abscissa_axis_units_lab="s",
+        ordinate_spec_data_type=GENERAL,
+        ordinate_axis_units_lab=signal.unit or "NONE",
+        orddenom_spec_data_type=0,
+        z_axis_spec_data_type=0,
+        data=np.asarray(signal.values, dtype=float),
+        x=np.asarray(signal.time, dtype=float),
+    )
+    return found
 
 
 def _shells(shape: Shape, kind: int) -> Iterator[dict[str, Any]]:
