@@ -32,6 +32,9 @@ class Parameter:
         Values beyond are allowed, but likely to be in other units.
     structural : bool
         True where a change alters masses or stiffnesses: it costs a new assembly and reduction.
+    bare : str
+        Unit of a number that a study file gives without one, where that is another: of the
+        temperature of tables, in degC here and in results, the kelvin of SI.
     """
 
     name: str
@@ -46,6 +49,7 @@ class Parameter:
     below: float = math.inf
     usual: tuple[float, float] = (-math.inf, math.inf)
     nonzero: bool = False
+    bare: str = ""
 
     def check(self, value: float) -> float:
         """`value` as a float; ParameterError where it is not a finite number within bounds."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 from study_runs import plan_of, solved
@@ -15,7 +16,6 @@ from squealstudy.engine.report import report
 from squealstudy.errors import StudyFileError
 from squealstudy.models.parameter import ParameterTable
 
-DEGREES = 273.15
 HEAD = """
 [study]
 name = "warm"
@@ -89,7 +89,7 @@ def warm(tmp_path_factory):
 def test_modes_are_those_of_the_friction_of_each_temperature(warm, tmp_path):
     """Beside the same study over friction itself."""
     points = warm.points
-    np.testing.assert_allclose(points["temperature"], [t + DEGREES for t in AT], rtol=1e-14)
+    assert points["temperature"].tolist() == list(AT)  # degC
     np.testing.assert_allclose(points["friction"], list(AT.values()), rtol=1e-12)
     values = points["friction"].tolist()
     plain = HEAD.replace('temperature = "50 degC"\n', "")
@@ -106,7 +106,7 @@ def test_modes_are_those_of_the_friction_of_each_temperature(warm, tmp_path):
 def test_onsets_over_temperature_are_where_the_table_has_the_onset_of_friction(warm):
     """Hulten's model locks in at a friction of 7/24: points between follow the table too."""
     found = warm.onsets[warm.onsets["status"].isin(["refined", "cubic"])]
-    onsets = np.sort(found["onset"].to_numpy()) - DEGREES
+    onsets = np.sort(found["onset"].to_numpy())
     rising = 20 + 100 * (7 / 24 - 0.1) / 0.4
     falling = 120 + 200 * (0.5 - 7 / 24) / 0.3
     np.testing.assert_allclose(onsets, [rising, falling], atol=0.1)
@@ -149,14 +149,34 @@ def test_points_of_a_brake_follow_two_tables():
     first = plan.tasks[0]
     assert moved(first, pressure=12e5)["friction"] == 0.5
     assert moved(first, friction=0.46)["friction"] == 0.46  # the finite change of a sensitivity
-    assert moved(first, temperature=400.0)["pad.lining_young_modulus"] == 5e9
-    assert first.with_values(moved(first, temperature=400.0)).structure == ""
+    assert moved(first, temperature=126.85)["pad.lining_young_modulus"] == 5e9
+    assert first.with_values(moved(first, temperature=126.85)).structure == ""
     assert first.with_values(moved(first, pressure=12e5)).structure == first.structure
+
+
+def test_bare_temperatures_are_kelvins_as_all_of_si():
+    """In [parameters], in tables, in sweeps, and in scatter; results have them in degC."""
+    sweep = 'parameter = "temperature"\nstart = 300\nstop = "126.85 degC"\nnum = 3\n'
+    plan = plan_of(
+        BRAKE.replace('parameter = "temperature"\nvalues = [300.0, 400.0, 500.0]', sweep)
+    )
+    assert plan.study.values["temperature"] == 26.85  # noqa: PD011 - no frame
+    assert {table.at[0] for table in plan.study.model.tables} == {(26.85, 226.85)}  # noqa: PD008
+    np.testing.assert_allclose(
+        np.unique(plan.tasks.column("temperature")), [26.85, 76.85, 126.85], rtol=1e-15
+    )
+    scatter = (
+        'distribution = "normal"\nmean = 350.0\nstd = 5.0\n[design]\ntype = "sobol"\nsamples = 8'
+    )
+    drawn = plan_of(HEAD + FRICTION + f'[[sweep]]\nparameter = "temperature"\n{scatter}')
+    assert abs(drawn.tasks.column("temperature").mean() - 76.85) < 2.0
 
 
 def test_fields_of_results_and_what_can_be_read_again(warm):
     again = squealstudy.open_results(warm.directory)
-    assert again.units["temperature"] == "K"
+    assert again.units["temperature"] == "degC"
+    field = pq.read_schema(warm.directory / "points.parquet").field("temperature")
+    assert field.metadata[b"unit"] == b"degC"
     pd.testing.assert_frame_equal(again.points, warm.points)
 
 
@@ -168,7 +188,7 @@ BAD = {
     "value = [0.3, 0.4]": "of what friction follows",
     "temperature = [300.0, 400.0]\nvalue = [0.4, -0.5]": "at least 0",
     'temperature = [300.0, 400.0]\nvalue = [0.4, "2 bar"]': "is a pure number",
-    "temperature = [300.0, 310.0]\nvalue = [0.4, 0.5]": "from 300 to 310, got 323.15",
+    "temperature = [300.0, 310.0]\nvalue = [0.4, 0.5]": "from 26.85 to 36.85, got 50",
     "temperatur = [300.0, 400.0]\nvalue = [0.4, 0.5]": "no parameter 'temperatur'",
     "temperature = [300.0, 400.0]\nvalue = [0.4, 0.5]\nfriction = [0.4, 0.5]": "give one",
     "temperature = [300.0, 400.0]\nvalue = [[0.4], [0.5]]": "expected a finite number",
@@ -186,7 +206,7 @@ def test_what_a_table_cannot_say(table):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (HEAD + FRICTION + OVER.replace("300", "321"), "got 594.15"),
+        (HEAD + FRICTION + OVER.replace("300", "321"), "got 321"),
         (HEAD + FRICTION + SWEPT, "follows a table over temperature: sweep that"),
         (HEAD.replace("temperature", "#") + FRICTION, "expected a value of temperature"),
         (HEAD + FRICTION + OVER + '[modes]\nmethod = "windows"\n', "expected auto or dense"),

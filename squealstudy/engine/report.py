@@ -26,7 +26,7 @@ from squealstudy.files import write_text
 from squealstudy.screen import as_text
 from squealstudy.shapes.page import page as shape_page
 from squealstudy.shapes.picture import draw, sources, title
-from squealstudy.study.tabled import TEMPERATURE
+from squealstudy.study.units import TEMPERATURE
 from squealstudy.tables.validity import outside_validity
 from squealstudy.wording import duration, failure_counts, plural
 

@@ -28,7 +28,6 @@ from squealstudy.study.source import (
 )
 from squealstudy.study.sweeps import BOUNDARY, Sweep, resolve_sweeps
 from squealstudy.study.tabled import (
-    TEMPERATURE,
     Found,
     expect_sweeps,
     expect_values,
@@ -37,7 +36,7 @@ from squealstudy.study.tabled import (
     with_temperature,
 )
 from squealstudy.study.toml_text import KeyPath
-from squealstudy.study.units import with_numbers
+from squealstudy.study.units import TEMPERATURE, with_numbers
 
 if TYPE_CHECKING:  # the catalogue imports scipy and scikit-fem: only where a study is loaded
     from squealstudy.engine.model_kind import ModelKind

@@ -21,14 +21,13 @@ from squealstudy.parameter import Parameter
 from squealstudy.study.parameters import PlainParameter, parse_parameter
 from squealstudy.study.source import SourceText, shown
 from squealstudy.study.toml_text import DEEPEST, KeyPath
-from squealstudy.study.units import in_unit_of
+from squealstudy.study.units import TEMPERATURE, ZERO_CELSIUS, in_unit_of, with_bare_unit
 
 if TYPE_CHECKING:  # numpy stays out of `squealstudy schema`
     from squealstudy.models.parameter import ModelDefinition, ParameterTable
     from squealstudy.study.sweeps import Sweep
 
 SECTION, TABLE, VALUE = "parameters", "table", "value"
-TEMPERATURE = "temperature"
 ABOUT = "temperature, which acts through tables of other parameters only"
 LEAST_KNOTS = 2
 Found = tuple[KeyPath, str, Any]  # where a table stands, of which parameter, what it says
@@ -60,14 +59,18 @@ def _without(table: Mapping[str, Any], keys: KeyPath, found: list[Found]) -> dic
 def with_temperature(model: ModelDefinition, found: Sequence[Found]) -> ModelDefinition:
     """The model with a parameter ``temperature``, where it has none and there are tables.
 
-    It is structural where one of the parameters that follow it is.
+    It is structural where one of the parameters that follow it is. It is in degC, a bare
+    number of a file in K.
     """
     over = [name for _, name, table in found if isinstance(table, Mapping) and TEMPERATURE in table]
     known = {p.name: p for p in model.parameters}
     if TEMPERATURE in known or not found:
         return model
     structural = any(name in known and known[name].structural for name in over)
-    own = Parameter(TEMPERATURE, math.nan, "K", ABOUT, positive=True, structural=structural)
+    least = -float(ZERO_CELSIUS)
+    own = Parameter(
+        TEMPERATURE, math.nan, "degC", ABOUT, above=least, structural=structural, bare="K"
+    )
     return replace(model, declared=(*model.declared, own))
 
 
@@ -148,9 +151,8 @@ def _numbers(
 
 def _number(parameter: Parameter, value: Any, keys: KeyPath, source: SourceText) -> float:
     try:
-        if isinstance(value, str):
-            value = in_unit_of(value, parameter.unit)
-        return parameter.check(value)
+        text = with_bare_unit(value, parameter)
+        return parameter.check(in_unit_of(text, parameter.unit) if isinstance(text, str) else text)
     except ValueError as error:
         raise source.error(keys, f"{parameter.name} {error}") from None
     except ParameterError as error:

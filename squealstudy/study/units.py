@@ -15,12 +15,18 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ParameterError
-from squealstudy.study.parameters import StudyParameter, did_you_mean, parse_parameter
+from squealstudy.study.parameters import (
+    PlainParameter,
+    StudyParameter,
+    did_you_mean,
+    parse_parameter,
+)
 from squealstudy.study.source import SourceText, shown
 from squealstudy.study.toml_text import DEEPEST, KeyPath
 
 if TYPE_CHECKING:
     from squealstudy.models.parameter import ModelDefinition
+    from squealstudy.parameter import Parameter
 
 # what units are products of: kilogram, metre, second, kelvin, radian
 Powers = tuple[int, int, int, int, int]
@@ -74,6 +80,7 @@ QUANTITY = re.compile(
 )
 FACTOR = re.compile(r"(?P<name>[^\W\d_]+|°C|°|%|1)(?:\^?(?P<power>-?[1-9]))?")
 SIGNS = {"²": "2", "³": "3", "·": " ", "⋅": " ", "−": "-"}
+TEMPERATURE = "temperature"  # a parameter whose bare numbers may be in another unit
 TABLES = ("sweep", "variable", "uncertain")  # lists of tables, each of one parameter
 OF_PARAMETER = ("start", "stop", "mean", "median", "std")  # their keys in its unit
 LISTS = ("values", "bounds")
@@ -170,6 +177,12 @@ def in_unit_of(text: str, unit: str, difference: bool = False) -> float:
         raise ValueError(f"{wanted}: got {shown(text)}, a number too large") from None
 
 
+def with_bare_unit(value: Any, parameter: Parameter) -> Any:
+    """A value as a text with its unit where a bare number is not in the parameter's own."""
+    bare = isinstance(value, int | float) and not isinstance(value, bool)
+    return f"{value!r} {parameter.bare}" if bare and parameter.bare else value
+
+
 def quantity(value: Any, parameter: StudyParameter) -> Any:
     """A value of a parameter, its text with a unit as a number; ParameterError about the unit.
 
@@ -192,7 +205,7 @@ def with_numbers(
     ----------
     tables : mapping
         What the file says. What is no value of a parameter, or no number with a unit, stays as it
-        is: that is found when the file is checked.
+        is: that is found when the file is checked. A bare temperature of tables is in K.
     model : callable
         Gives the model whose parameters they are, asked where a value has a unit; None where
         parameters have no units, or the model is not known.
@@ -208,15 +221,19 @@ def with_numbers(
     of = model() if texts else None
     if of is None:
         return tables
-    units: dict[str, str] = {}
+    known: dict[str, StudyParameter] = {}
     copied: dict[KeyPath, Any] = {(): dict(tables)}
     for keys, name, text in texts:
         try:
-            unit = units.get(name) or units.setdefault(name, parse_parameter(name, of).unit)
+            own = known.get(name) or known.setdefault(name, parse_parameter(name, of))
         except ParameterError as error:
             raise source.error(_named(keys), error.message) from None
+        given = with_bare_unit(text, own.parameter) if isinstance(own, PlainParameter) else text
+        if not isinstance(given, str):
+            continue
         try:
-            value = in_unit_of(text, unit, difference=any(key in DIFFERENCES for key in keys))
+            difference = any(key in DIFFERENCES for key in keys)
+            value = in_unit_of(given, own.unit, difference)
         except ValueError as error:
             raise source.error(keys, f"{name} {error}") from None
         for depth in range(1, len(keys)):
@@ -235,12 +252,14 @@ def _named(keys: KeyPath) -> KeyPath:
     return (*keys[:2], "parameter") if keys[0] in TABLES else keys
 
 
-def _is_quantity(value: object) -> bool:
+def _is_quantity(value: object, name: str) -> bool:
+    if name == TEMPERATURE and isinstance(value, int | float):
+        return True
     return isinstance(value, str) and QUANTITY.fullmatch(value) is not None
 
 
-def _texts(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str, str]]:
-    """Numbers with units of parameters: where, the parameter's name, the text."""
+def _texts(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str, object]]:
+    """Numbers with units of parameters, bare temperatures too: where, the name, what is said."""
     parameters = tables.get("parameters")
     if isinstance(parameters, Mapping):
         yield from _nested(parameters, ("parameters",))
@@ -251,20 +270,20 @@ def _texts(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str, str]]:
             if not isinstance(name, str):
                 continue
             for key in OF_PARAMETER:
-                if _is_quantity(sweep.get(key)):
+                if _is_quantity(sweep.get(key), name):
                     yield (table, number, key), name, sweep[key]
             for key in LISTS:
                 values = sweep.get(key)
                 for place, value in enumerate(values if isinstance(values, list) else ()):
-                    if _is_quantity(value):
+                    if _is_quantity(value, name):
                         yield (table, number, key, place), name, value
 
 
-def _nested(table: Mapping[str, Any], keys: KeyPath) -> Iterator[tuple[KeyPath, str, str]]:
+def _nested(table: Mapping[str, Any], keys: KeyPath) -> Iterator[tuple[KeyPath, str, object]]:
     """Texts in [parameters], whose names may be written with dots, in quotes or as tables."""
     for key, value in table.items() if len(keys) <= DEEPEST else ():
         here = (*keys, key)
         if isinstance(value, Mapping):
             yield from _nested(value, here)
-        elif _is_quantity(value):
-            yield here, ".".join(map(str, here[1:])), value
+        elif _is_quantity(value, name := ".".join(map(str, here[1:]))):
+            yield here, name, value

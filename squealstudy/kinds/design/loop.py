@@ -16,11 +16,11 @@ from squealstudy.kinds.design.plan import MODES, ROOTS, Ask, ask, operating_poin
 from squealstudy.kinds.design.proof import AMPLITUDES, Proof
 from squealstudy.kinds.design.search import Box, Judged, descend
 from squealstudy.kinds.design.state import (
-    KICK_WINDOW,
     MET,
     MET_LINEAR,
     NONE_FOUND,
     NOTHING,
+    PROVEN,
     STOPPED,
     UNDECIDED,
     UNPROVEN,
@@ -40,6 +40,8 @@ SCAN_POINTS = 6  # operating points at which the scan looks
 FEW, WORKING = 16, 12  # operating points that the search has all in view; else the worst so many
 APART = 0.15  # least distance between starts, in units of the ranges
 ROUNDS = 10  # of search and proof
+EASED = 4  # of them after one that succeeds, in which less is asked of what runs had refused
+SAVED = 0.01  # of the cost: what these must save
 
 
 class Loop:
@@ -170,9 +172,8 @@ class Loop:
             needed = self.margin + self.state.safety * seen.scatter
             for extra in self.state.extras:
                 if extra.point == p:
-                    near = np.abs(seen.hz - extra.frequency_hz) <= KICK_WINDOW * extra.frequency_hz
-                    more = near | (extra.frequency_hz == 0.0)
-                    needed = np.where(more, np.maximum(needed, extra.damping_ratio), needed)
+                    more = np.maximum(needed, extra.damping_ratio)
+                    needed = np.where(extra.near(seen.hz), more, needed)
             excess.append(seen.zeta - needed)
             slopes.append(seen.slopes)
         if not whole or not excess:
@@ -201,10 +202,14 @@ class Loop:
             state.outcome = self._proven(today) if good else NOTHING
             return
         starts = self._realised(worst) if self.both else self._starts(worst)
-        for number in range(1, ROUNDS + 1):
-            state.round = number
+        last = ROUNDS
+        best: tuple[np.ndarray, str] | None = None
+        while state.round < last:
+            state.round += 1
             starts = self._search(starts, "search")
             chosen = self._cheapest()
+            if best is not None and (chosen is None or not self._saves(chosen, best[0])):
+                break
             if chosen is None:
                 state.chosen = self._nearest()
                 state.outcome = UNDECIDED if state.failure else NONE_FOUND
@@ -212,11 +217,32 @@ class Loop:
             state.chosen = chosen
             state.outcome = self._proven(chosen)
             if state.outcome != UNPROVEN:
-                return
+                last = last if best is not None else state.round + EASED
+                best = chosen, state.outcome
+                state.extras = [e.eased() for e in state.extras]
+                if state.outcome not in PROVEN or all(e.known for e in state.extras):
+                    break
+            elif best is not None and not self._holds(best[0]):
+                best, last = None, ROUNDS
             if len(state.designs) > self._limit():
                 state.outcome = STOPPED
-                return
+                break
             starts = self._distinct([*starts, self.change(chosen)])
+        if best is not None:
+            state.chosen, state.outcome = best
+            state.extras = [e.shown for e in state.extras]
+
+    def _holds(self, proven: np.ndarray) -> bool:
+        """Whether a proven design has what others were shown to lack."""
+        asked, self.state.extras = self.state.extras, [e.shown for e in self.state.extras]
+        judged = self.judged(proven, self.state.view, None)
+        self.state.extras = asked
+        return judged is not None and judged.worst >= 0.0
+
+    def _saves(self, design: np.ndarray, proven: np.ndarray) -> bool:
+        """Whether a design costs less than one that is proven."""
+        own, before = (self.box.price(self.change(x)) for x in (design, proven))
+        return own < (1.0 - SAVED) * before
 
     def _proven(self, design: np.ndarray) -> str:
         """What the proof of a design comes to."""

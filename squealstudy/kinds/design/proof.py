@@ -13,7 +13,7 @@ import numpy as np
 from squealstudy.cycles.trials import DECAYS, LASTS
 from squealstudy.kinds.design.in_time import TODAY
 from squealstudy.kinds.design.plan import CYCLES, FULL, IN_TIME, ROOTS, Ask, ask
-from squealstudy.kinds.design.state import KICK_WINDOW, Check, Extra
+from squealstudy.kinds.design.state import Check, Extra
 from squealstudy.tables.robustness import probability_interval
 from squealstudy.wording import plural
 
@@ -29,7 +29,6 @@ SAFER = 1.25  # factor on the scatter that the search allows for where the proof
 CONFIDENCE = 0.95
 LIMIT_CYCLES = "limit_cycles"  # the check
 AMPLITUDES = (LIMIT_CYCLES, IN_TIME)  # checks of large motions
-MORE_DAMPING = (1.5, 1e-3)  # of modes that a run shows to last: a factor, at least so much
 
 
 class Proof:
@@ -177,8 +176,10 @@ class Proof:
                 continue
             good, hz = False, float(np.nan_to_num(row["frequency_hz"]))
             near = self._damping_near(loop.rows[loop.judging(p, design)], hz)
-            factor, least = MORE_DAMPING
-            loop.state.extras.append(Extra(p, max(factor * near, near + least), hz))
+            of_runs = [e for e in loop.state.extras if e.point == p and np.isfinite(e.lasts)]
+            before = next((e for e in of_runs if e.near(hz)), Extra(p, 0.0, hz))
+            loop.state.extras = [e for e in loop.state.extras if e is not before]
+            loop.state.extras.append(before.raised(near))
             loop.state.view = sorted({*loop.state.view, p})
         known = len(ok) == len(rows) and all(r["verdict"] == DECAYS for r in rows)
         runs = sum(r["n_modes"] for r in ok)
@@ -200,11 +201,8 @@ class Proof:
     @staticmethod
     def _damping_near(row: Mapping[str, Any], hz: float) -> float:
         """Least damping ratio of the modes near a frequency."""
-        own = [
-            m["damping_ratio"]
-            for m in row["modes"]
-            if abs(m["frequency_hz"] - hz) <= KICK_WINDOW * hz
-        ]
+        about = Extra(0, 0.0, hz)
+        own = [m["damping_ratio"] for m in row["modes"] if about.near(m["frequency_hz"])]
         return float(min(own, default=row["min_damping_ratio"]))
 
     def _scatter(self, design: np.ndarray) -> bool:

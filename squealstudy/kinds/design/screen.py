@@ -16,7 +16,7 @@ from squealstudy.wording import figure, in_digits, plural
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-SAME_MODE = 0.03  # relative distance of frequencies of one mode at neighbouring operating points
+SAME_MODE = 0.05  # relative: farther apart in frequency, two modes are not the same one
 PER_RANGE = 3  # variables named
 TINY = 1e-300
 
@@ -97,7 +97,8 @@ def today_rows(results: Results) -> pd.DataFrame:
 def squealing_modes(results: Results) -> pd.DataFrame:
     """Modes of today's design below the margin, over the matrix of operation.
 
-    Modes of neighbouring frequency and of one component count as one: a gap of 3 % parts them.
+    Modes of one component count as one where no two of them are more than 5 % apart in frequency
+    (complete linkage, the nearest joined first).
 
     Returns
     -------
@@ -116,19 +117,30 @@ def squealing_modes(results: Results) -> pd.DataFrame:
     own = own[(own["damping_ratio"] < facts["margin"]).to_numpy(bool)]
     if not len(own):
         return pd.DataFrame(columns=list(COLUMNS))
-    own = own.sort_values(["main_component", "frequency_hz"], kind="stable")
-    hz = own["frequency_hz"].to_numpy(float)
-    component = own["main_component"].to_numpy(object)
-    new = np.ones(len(own), dtype=bool)
-    new[1:] = (component[1:] != component[:-1]) | (hz[1:] > hz[:-1] * (1 + SAME_MODE))
     solved = today.set_index("point_id")["occurrence"]
     solved = solved[(today["status"] == "ok").to_numpy(bool)]
     slopes = results.table("slopes")
-    rows = [_mode(group, solved, slopes, facts) for _, group in own.groupby(np.cumsum(new))]
+    parts = (part for _, part in own.groupby("main_component"))
+    rows = [
+        _mode(group, solved, slopes, facts)
+        for part in parts
+        for _, group in part.groupby(same_modes(part["frequency_hz"].to_numpy(float)))
+    ]
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     order = ["n_unstable", "n_points", "max_growth_rate"]
     ordered: pd.DataFrame = table.sort_values(order, ascending=False, kind="stable")
     return ordered.reset_index(drop=True)
+
+
+def same_modes(hz: np.ndarray) -> np.ndarray:
+    """Number (n,) of the group of each frequency, of which no two are more than 5 % apart."""
+    from scipy.cluster.hierarchy import fcluster, linkage
+
+    if len(hz) < 2:
+        return np.ones(len(hz), dtype=int)
+    tree = linkage(np.log(hz)[:, None], "complete")
+    found: np.ndarray = fcluster(tree, np.log1p(SAME_MODE), "distance")
+    return found
 
 
 COLUMNS = (
@@ -198,7 +210,8 @@ def _modes(table: pd.DataFrame) -> list[RenderableType]:
         ),
     )
     legend = notes(
-        "modes of today's design below the margin; points: of the operation, below it; "
+        "modes of today's design below the margin, those of one component within 5 % in frequency "
+        "as one; points: of the operation, below it; "
         "unstable: share of the operation, by occurrence; pair: the "
         "real modes without friction that it is made of; last: first-order effect of each variable "
         "over its whole range at the worst point, where a coalescence bends it"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,9 @@ MET, MET_LINEAR, UNDECIDED = "met", "met_linear", "undecided"
 STOPPED, NONE_FOUND, UNPROVEN, NOTHING = "stopped", "none_found", "unproven", "no_variables"
 PROVEN = (MET, MET_LINEAR)
 KICK_WINDOW = 0.2  # of its frequency: modes that take on what a kicked one lacks
+MORE_DAMPING = (2.0, 1e-3)  # of modes that a run shows to last: a factor, at least so much
+NEAR_ENOUGH = 0.05  # between damping ratios with which a run lasts, and decays
+ABOVE = 1 + 1e-6
 
 
 class Wanted(Exception):  # noqa: N818 - no error
@@ -37,11 +40,47 @@ class Extra:
     damping_ratio : float
     frequency_hz : float
         Of modes near it; 0 for all.
+    lasts, decays : float
+        Of one that runs ask for: the largest damping ratio at which one was seen to last, and the
+        least that a design was asked for whose runs all decay.
     """
 
     point: int
     damping_ratio: float
     frequency_hz: float = 0.0
+    lasts: float = np.nan
+    decays: float = np.inf
+
+    def near(self, hz: np.ndarray | float) -> np.ndarray | bool:
+        """Whether frequencies are those of modes that it is about."""
+        close = np.abs(hz - self.frequency_hz) <= KICK_WINDOW * self.frequency_hz
+        return close | (self.frequency_hz == 0.0)
+
+    def raised(self, lasts: float) -> Extra:
+        """After a run that lasts at a damping ratio: halfway to what decays, or a factor more."""
+        decays = self.decays if lasts < self.decays else np.inf
+        more = max(MORE_DAMPING[0] * lasts, lasts + MORE_DAMPING[1])
+        more = (lasts + decays) / 2 if np.isfinite(decays) else more
+        return replace(self, damping_ratio=more, lasts=lasts, decays=decays)
+
+    def eased(self) -> Extra:
+        """After a proof that succeeded with it: halfway to what lasts, until the two are near."""
+        own = replace(self, decays=self.damping_ratio)
+        return own if own.known else replace(own, damping_ratio=(own.lasts + own.decays) / 2)
+
+    @property
+    def known(self) -> bool:
+        """Whether what it asks for is near the least, or not of runs."""
+        apart = self.decays - self.lasts  # NaN of what is not of runs
+        return not apart > max(NEAR_ENOUGH * self.decays, MORE_DAMPING[1] / 2)
+
+    @property
+    def shown(self) -> Extra:
+        """Without what was tried below what decays; of what none decays yet, above what lasts."""
+        if not np.isfinite(self.lasts):
+            return self
+        known = np.isfinite(self.decays)
+        return replace(self, damping_ratio=self.decays if known else self.lasts * ABOVE)
 
 
 @dataclass(frozen=True)
