@@ -170,10 +170,15 @@ def prefixed(unit: str, largest: float) -> tuple[str, float]:
     return prefix + unit, factor
 
 
-def setting(name: str, value: float, unit: str, largest: float) -> str:
-    """A parameter's value with its unit, as in ``pressure = 1.2 MPa``."""
-    shown, factor = prefixed(unit, largest)
-    return f"{name} = {value * factor:.4g} {shown}".rstrip()
+def amount(value: float, unit: str, largest: float | None = None, digits: int = 4) -> str:
+    """A value with its unit, as in ``1.2 MPa``; the prefix is that of the largest of several."""
+    shown, factor = prefixed(unit, abs(value) if largest is None else largest)
+    return f"{value * factor:.{digits}g} {shown}".rstrip()
+
+
+def setting(name: str, value: float, unit: str, largest: float | None = None) -> str:
+    """A parameter's value with its name and unit, as in ``pressure = 1.2 MPa``."""
+    return f"{name} = {amount(value, unit, largest)}"
 
 
 def with_unit(name: str, units: Mapping[str, str]) -> str:

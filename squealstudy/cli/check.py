@@ -34,7 +34,7 @@ from squealstudy.study.kinds import definition_of, kind_names
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.validity import broken_rules
-from squealstudy.wording import duration, plural
+from squealstudy.wording import amount, duration, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.cluster import Worker
@@ -223,10 +223,11 @@ def _range(plan: Plan, index: int) -> str:
     scatter = "random" if drawn else "searched"  # the variables of a design study
     scatter = scatter if sweep.distribution is None else sweep.distribution.text
     count = plural(len(values), "value") if values else scatter
-    unit = f" {sweep.parameter.unit}" if sweep.parameter.unit else ""
+    unit, largest = sweep.parameter.unit, max(abs(sweep.low), abs(sweep.high))
+    low, high = (amount(v, unit, largest, digits=6) for v in (sweep.low, sweep.high))
     if sweep.low == sweep.high:
-        return f"{sweep.low:g}{unit}, {count}"
-    return f"{sweep.low:g} to {sweep.high:g}{unit}, {count}"
+        return f"{low}, {count}"
+    return f"{low.split(' ')[0]} to {high}, {count}"
 
 
 def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:

@@ -75,5 +75,5 @@ def _percent(points: pd.DataFrame) -> np.ndarray:
 
 
 def _text(row: Mapping[Hashable, Any], names: list[str], results: Results) -> str:
-    parts = (setting(n, row[n], results.units.get(n, ""), abs(row[n]) or 1.0) for n in names)
+    parts = (setting(n, row[n], results.units.get(n, "")) for n in names)
     return "\n".join(parts)

@@ -63,8 +63,7 @@ def title(shape: Shape) -> list[str]:
     label = shape.label
     track = "" if label.track is None else f" (track {label.track})"
     values = ", ".join(
-        setting(name, value, label.units.get(name, ""), abs(value))
-        for name, value in label.values.items()
+        setting(name, value, label.units.get(name, "")) for name, value in label.values.items()
     )
     what = label.motion or f"mode {label.mode}{track}"
     figures = f"{shape.frequency_hz:.1f} Hz"

@@ -19,11 +19,12 @@ from squealstudy.tables.stability import (
     line_crossings,
     unstable_bounds,
 )
-from squealstudy.wording import in_digits
+from squealstudy.wording import amount, in_digits
 
 HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
 FIRST_RESULT = ("n_modes", "class", "verdict")  # what follows: of modes, of motion, of cycles
 REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their neighbours
+AT_DIGITS = 6  # of the values in `at`
 RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
 # in place of a track number: overdamped roots together; modes without a track in groups of near
 # frequency, numbered downwards in ascending frequency
@@ -205,10 +206,10 @@ def settings_text(values: Mapping[Hashable, Any]) -> str:
     return ", ".join(f"{name}={value:g}" for name, value in values.items())
 
 
-def settings_of(at: object) -> list[tuple[str, str]]:
-    """Names and values back from `settings_text`."""
+def settings_of(at: object, units: Mapping[str, str]) -> dict[str, str]:
+    """Values with their units by name, from what `settings_text` has written."""
     parts = [part.rpartition("=") for part in str(at).split(", ") if "=" in part]
-    return [(name, value) for name, _, value in parts]
+    return {n: amount(float(v), units.get(n, ""), digits=AT_DIGITS) for n, _, v in parts}
 
 
 def energy_columns(columns: Iterable[str]) -> list[str]:

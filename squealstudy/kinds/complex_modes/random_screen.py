@@ -17,19 +17,22 @@ Row = dict[Hashable, Any]
 
 
 def probabilities(
-    table: pd.DataFrame, sampled: bool = False, names: Names | None = None
+    table: pd.DataFrame,
+    sampled: bool = False,
+    names: Names | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> list[RenderableType]:
     """The table of tables.robustness, the first row of any mode, with its legend.
 
     `sampled`: its points are the two independent samples of a design for Sobol indices. `names` are
-    those of tracks, `Results.track_names`.
+    those of tracks, `Results.track_names`, and `units` those of parameters.
     """
     titles = ("mode", "Hz", "known at", "unstable %", "interval %", "mean", "mean +- std")
     shown = grid(
         *titles,
         "worst 1/s",
         "text:worst at",
-        rows=(_probability(row) for row in table.to_dict("records")),
+        rows=(_probability(row, units or {}) for row in table.to_dict("records")),
     )
     return [
         shown,
@@ -37,7 +40,7 @@ def probabilities(
     ]
 
 
-def _probability(row: Row) -> list[str]:
+def _probability(row: Row, units: Mapping[str, str]) -> list[str]:
     low, high = row["unstable_points_low"], row["unstable_points_high"]
     known = row["points"] - row["unknown_points"]
     bounds = f" ({percent(low / known, high / known)})" if low < high else ""
@@ -50,7 +53,7 @@ def _probability(row: Row) -> list[str]:
         in_digits(row["mean_growth_rate"], 2),
         f"{_figure(row['growth_mean'])} +- {_figure(row['growth_std'])}",
         _figure(row["max_growth_rate"]),
-        ", ".join(value for _, value in settings_of(row["at"])),
+        ", ".join(settings_of(row["at"], units).values()),
     ]
 
 
@@ -86,7 +89,7 @@ def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
         texts.append(
             f"points where a mode has left the band or does not oscillate, not unstable: {listed}"
         )
-    names = ", ".join(name for name, _ in settings_of(first["at"]))
+    names = ", ".join(settings_of(first["at"], {}))
     return [*texts, f"worst at: {names}" if names else ""]
 
 

@@ -107,7 +107,10 @@ class ComplexModesScreen(KindScreen):
             *(["onset"] if results.along else []),
             *(["word:energy in"] if energies else []),
             "text:worst at",
-            rows=(_cells(row, results.along, energies) for row in table.to_dict("records")),
+            rows=(
+                _cells(row, results.along, energies, results.units)
+                for row in table.to_dict("records")
+            ),
         )
         return [shown, notes(*_legend(table, results, where))]
 
@@ -142,7 +145,7 @@ class ComplexModesScreen(KindScreen):
         text += f"{_told(wide)}, at {100 * wide['unstable_share']:.0f} % of "
         text += f"{_counted(results, None)}. Fastest: {_told(fast)}, by "
         text += f"{in_digits(fast['max_growth_rate'], 1)} 1/s"
-        where = ", ".join(f"{name} {value}" for name, value in settings_of(fast["at"]))
+        where = ", ".join(map(" ".join, settings_of(fast["at"], results.units).items()))
         return f"{text}{f' at {where}' if where else ''}.{but}"
 
     def facts(self, results: Results) -> Rows:
@@ -226,7 +229,7 @@ def _legend(table: pd.DataFrame, results: Results, where: str | None) -> list[st
         texts += ["in brackets: from points where it is so whatever its error, to where it may be"]
     texts += [_doubt(results, where), _left_out(results)]
     texts += ["growth, damping: fastest and least of all points; worst at: where growth is fastest"]
-    names = ", ".join(name for name, _ in settings_of(table["at"].iloc[0]))
+    names = ", ".join(settings_of(table["at"].iloc[0], {}))
     texts += [f"worst at: {names}"] if names else []
     if along := results.along:
         unit = results.units.get(along, "")
@@ -248,7 +251,7 @@ def _legend(table: pd.DataFrame, results: Results, where: str | None) -> list[st
     return [*texts, *named_tracks(table["track"], results.track_names)]
 
 
-def _cells(row: Row, along: str | None, energies: bool) -> list[str]:
+def _cells(row: Row, along: str | None, energies: bool, units: Mapping[str, str]) -> list[str]:
     name = str(row["track"]) if row["kind"] == "mode" else str(row["kind"])
     low, high, n = (row[f"{of}points{side}"] for of, side in SIDES)
     bounds = f" ({percent(low / n, high / n)})" if low < high else ""
@@ -262,7 +265,7 @@ def _cells(row: Row, along: str | None, energies: bool) -> list[str]:
         f"{100 * row['min_damping_ratio']:.3f}",
         *([_threshold(row)] if along else []),
         *([energy] if energies else []),
-        ", ".join(value for _, value in settings_of(row["at"])),
+        ", ".join(settings_of(row["at"], units).values()),
     ]
 
 

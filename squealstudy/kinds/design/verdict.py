@@ -19,7 +19,7 @@ from squealstudy.kinds.design.state import (
     UNDECIDED,
     UNPROVEN,
 )
-from squealstudy.wording import plural, setting
+from squealstudy.wording import amount, plural, setting
 
 Solved = tuple[int, Mapping[str, Any]]  # a point of the loop and its row
 ENDS = 1e-6  # of a range: a variable is at its bound
@@ -132,11 +132,12 @@ def changed(loop: Loop, design: np.ndarray) -> list[dict[str, Any]]:
 
 
 def change_text(changes: Sequence[Mapping[str, Any]]) -> str:
-    """Changes in words: ``k1 1.31e+06 -> 1.2e+06 N/m``."""
-    parts = [
-        f"{c['parameter']} {c['from']:.5g} -> {c['to']:.5g}{' ' + c['unit'] if c['unit'] else ''}"
-        for c in changes
-    ]
+    """Changes in words: ``k1 1.31 -> 1.2 MN/m``."""
+    parts = []
+    for c in changes:
+        largest = max(abs(c["from"]), abs(c["to"]))
+        before, after = (amount(v, c["unit"], largest, digits=5) for v in (c["from"], c["to"]))
+        parts.append(f"{c['parameter']} {before.split(' ')[0]} -> {after}")
     return ", ".join(parts)
 
 
@@ -146,7 +147,7 @@ def _where(plan: DesignPlan, loop: Loop, p: int) -> str:
     units = {q.name: q.unit for q in study.model.parameters}
     point = loop.state.points[p]
     return ", ".join(
-        setting(s.name, float(v), units.get(s.name, ""), abs(float(v)) or 1.0)
+        setting(s.name, float(v), units.get(s.name, ""))
         for s, v in zip(study.sweeps[: study.n_operating], point, strict=True)
     )
 
