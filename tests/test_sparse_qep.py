@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.band_roots import judged_roots
 from squealstudy.linalg.dense_qep import backward_error, dense_roots
-from squealstudy.linalg.factor import MODULES, PLAIN_ERROR, factorise
+from squealstudy.linalg.factor import MODULES, PLAIN_ERROR, factorise, is_definite, is_full
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil, SparseShiftedFactor
 from squealstudy.linalg.real_modes import BlockKrylov, real_modes
 from squealstudy.linalg.sparse_qep import (
     DENSE_LIMIT,
@@ -359,3 +360,32 @@ def test_backward_error_sees_a_wrong_root():
     lam, psi = dense_roots(np.zeros((2, 2)), K, (0.0, np.inf))
     assert backward_error(np.zeros((2, 2)), K, lam, psi).max() < 1e-15
     assert backward_error(np.zeros((2, 2)), K, 1.01 * lam, psi).min() > 1e-3
+
+
+@pytest.mark.parametrize("low_rank", [0, 3])
+def test_full_sparse_matrices_are_factorised_by_lapack(low_rank):
+    """As a projected assembly has them: the same solutions as of dense ones, either way round."""
+    rng = np.random.default_rng(5)
+    M, C, K = (rng.standard_normal((60, 60)) for _ in range(3))
+    M = M @ M.T + 60.0 * np.eye(60)
+    U, d = rng.standard_normal((60, low_rank)), rng.standard_normal(low_rank)
+    parts = [LowRankSum(sp.csr_matrix(A), U, d) for A in (C, K)]
+    pencil, sigma = QuadraticPencil(sp.csr_matrix(M), *parts), 0.3 + 2.0j
+    factor = pencil.factor(sigma)
+    assert isinstance(factor, SparseShiftedFactor)
+    Q = sigma**2 * M + sigma * (C + (U * d) @ U.T) + K + (U * d) @ U.T
+    b = rng.standard_normal((60, 2)) + 1j * rng.standard_normal((60, 2))
+    np.testing.assert_allclose(factor.solve(b), np.linalg.solve(Q, b), rtol=1e-9)
+    np.testing.assert_allclose(factor.solve_adjoint(b), np.linalg.solve(Q.conj().T, b), rtol=1e-9)
+
+
+def test_a_full_stiffness_is_solved_with_as_a_sparse_one():
+    rng = np.random.default_rng(6)
+    A = rng.standard_normal((50, 50))
+    A = sp.csr_matrix(A @ A.T + np.eye(50))
+    b = rng.standard_normal((50, 3))
+    assert is_full(A)
+    np.testing.assert_allclose(factorise(A).solve(b), np.linalg.solve(A.toarray(), b), rtol=1e-9)
+    with pytest.raises(ConvergenceError, match="singular"):
+        factorise(sp.csr_matrix(np.ones((50, 50))))
+    assert is_definite(A)  # by L, U and orders, which SuperLU alone gives

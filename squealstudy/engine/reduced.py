@@ -53,6 +53,7 @@ from squealstudy.reduction.shared_basis import (
 )
 from squealstudy.study.design import DesignPoint
 
+MOST_ENTRIES = 60_000_000  # of the assemblies on bases that a process keeps: about a gigabyte
 SpaceOf = Callable[[Mapping[str, ComponentModes]], ContactSpace]
 
 
@@ -192,17 +193,38 @@ class BuiltOnBasis:
         (values of all the model's parameters) -> Assembly.
     key : str
         Of the basis.
+    names : tuple of str
+        Parameters that the assembly follows.
     """
 
     build: Callable[[Mapping[str, float]], Assembly]
     key: str
+    names: tuple[str, ...]
 
     def __call__(self, values: Mapping[str, float]) -> Assembly:
-        """The assembly at values of parameters, in coordinates of the basis if that serves it."""
-        assembly, basis = self.build(values), _loaded(self.key)
-        if not basis.serves(assembly):
-            return assembly
-        return projected(assembly, [np.asarray(block) for block in basis.blocks]).sparse()
+        """The assembly at values of parameters, in coordinates of the basis if that serves it.
+
+        Operating points of one design ask for the same few: the last ones are kept.
+        """
+        place = (self.key, *(values[name] for name in self.names))
+        if place not in _built:
+            assembly, basis = self.build(values), _loaded(self.key)
+            if not basis.serves(assembly):
+                return assembly
+            blocks = [np.asarray(block) for block in basis.blocks]
+            _built[place] = projected(assembly, blocks).sparse()
+            while len(_built) > max(MOST_ENTRIES // _entries(_built[place]), 1):
+                del _built[next(iter(_built))]
+        return _built[place]
+
+
+_built: dict[tuple[object, ...], Assembly] = {}
+
+
+def _entries(assembly: Assembly) -> int:
+    """Nonzero entries of an assembly's largest matrices."""
+    c = assembly.contact
+    return int(sum(A.nnz for A in (assembly.M, assembly.K_springs(), c.N, c.T, c.T_perp)))
 
 
 def shared_facts(plan: Plan) -> dict[str, dict[str, Any]]:

@@ -33,6 +33,7 @@ PLAIN_ERROR = 1e-14
 LARGE = 50_000
 BLOCK = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
 CHOLMOD_BLOCK = 8  # of 115,959 rows 4 to 8 at once take 0.039 s of a core each, 64 0.044, 1 0.113
+FULL = 0.2  # of all entries: a projected assembly is block by block full
 LEAST_PIVOT = 1e-12  # of the diagonal entry it came from: the round-off of a singular one
 
 DEFINITE, UNSYMMETRIC = 2, 11  # PARDISO's types of real matrices
@@ -177,13 +178,39 @@ class RefinedFactor(ABC):
         return self.solve_once if self.plain_error <= PLAIN_ERROR else self.solve
 
 
+def is_full(A: sp.spmatrix) -> bool:
+    """Whether a sparse matrix (n, n) has so many entries that LAPACK is faster."""
+    return bool(A.nnz > FULL * A.shape[0] * A.shape[1])
+
+
+class FullLU:
+    """LU of a sparse matrix that is full, by LAPACK; its solves are called as SuperLU's are."""
+
+    def __init__(self, A: sp.spmatrix | np.ndarray) -> None:
+        full = A if isinstance(A, np.ndarray) else A.toarray()
+        self._lu, self._pivots, info = la.lapack.get_lapack_funcs("getrf", (full,))(full)
+        if info > 0:
+            raise RuntimeError("Factor is exactly singular")
+
+    def solve(self, b: np.ndarray, trans: str = "N") -> np.ndarray:
+        """Solution of A x = b, or with the transposed (T) or adjoint (H) of A."""
+        how = ("N", "T", "H").index(trans)
+        x: np.ndarray = la.lu_solve((self._lu, self._pivots), b, trans=how, check_finite=False)
+        return x
+
+
 class SuperLUFactor(RefinedFactor):
-    """A sparse LU factorisation by SuperLU, pivots on the diagonal."""
+    """A sparse LU factorisation by SuperLU, pivots on the diagonal; by LAPACK of a full matrix."""
+
+    _lu: Any
+    _of: Callable[[sp.spmatrix], Any] = staticmethod(
+        lambda A: FullLU(A) if is_full(A) else symmetric_lu(A)
+    )
 
     def __init__(self, A: sp.spmatrix) -> None:
         self.A = A.tocsr()
         try:
-            self._lu = symmetric_lu(A)
+            self._lu = self._of(A)
         except RuntimeError as error:  # "Factor is exactly singular"
             raise_if_memory(error)
             raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
@@ -286,6 +313,8 @@ class SparseCholesky(SuperLUFactor):
     ConvergenceError
         ``singular``, where A is not positive definite.
     """
+
+    _of = staticmethod(symmetric_lu)
 
     def __init__(self, A: sp.spmatrix) -> None:
         super().__init__(A)

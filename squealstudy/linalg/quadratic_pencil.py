@@ -14,7 +14,7 @@ import scipy.sparse.linalg as spla
 from squealstudy.errors import ConvergenceError
 from squealstudy.faults import raise_if_memory
 from squealstudy.linalg.companion import Eigenpairs, right_pairs
-from squealstudy.linalg.factor import SINGULAR
+from squealstudy.linalg.factor import SINGULAR, FullLU, is_full
 from squealstudy.linalg.sparse_qep import LowRankSum
 from squealstudy.root_pairs import partners
 
@@ -100,12 +100,20 @@ class DenseShiftedFactor:
 
 
 class SparseShiftedFactor:
-    """Complex SuperLU of the sparse part of Q(sigma); low-rank parts by Woodbury's identity."""
+    """Complex SuperLU of the sparse part of Q(sigma); low-rank parts by Woodbury's identity.
+
+    Of a Q(sigma) that is full LAPACK's LU of all of it.
+    """
 
     def __init__(self, pencil: QuadraticPencil, sigma: complex) -> None:
         Q, self._U, d = _split(pencil, sigma)
+        self._lu: spla.SuperLU | FullLU
         try:
-            self._lu = spla.splu(Q.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=PIVOTS)
+            if is_full(Q):
+                self._lu, d = FullLU(Q.toarray() + (self._U * d) @ self._U.T), d[:0]
+            else:
+                A = Q.tocsc()
+                self._lu = spla.splu(A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=PIVOTS)
         except RuntimeError as error:  # "Factor is exactly singular"
             raise_if_memory(error)
             raise ConvergenceError(SINGULAR, f"a shifted matrix is singular ({error})") from error

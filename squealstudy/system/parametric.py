@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
+from squealstudy.linalg.factor import is_full
 from squealstudy.linalg.sparse_qep import LowRankSum
 
 STIFFNESS, DAMPING, MASS = 0, 1, 2
@@ -111,7 +112,10 @@ class ParametricSystem:
                 left = one if term.left is None else term.left
                 right = one if term.right is None else term.right
                 scaled = right * float(w) if np.ndim(w) == 0 else sp.diags(w) @ right
-                total = total + left.T @ scaled
+                if is_full(right) and left is not one:  # as of a projected assembly
+                    total = total + sp.csr_matrix(left.T.toarray() @ scaled.toarray())
+                else:
+                    total = total + left.T @ scaled
         if not columns:
             return LowRankSum(total)
         return LowRankSum(total, np.hstack(columns), np.concatenate(values))

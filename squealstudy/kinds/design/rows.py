@@ -295,7 +295,9 @@ def _slopes(
     names = structural_names(asked)
     builder = design_structure(point, request.settings, request.sizes)
     if request.basis:
-        builder = replace(builder, build=BuiltOnBasis(builder.build, request.basis))
+        structural = tuple(p.name for p in point.model.parameters if p.structural)
+        build = BuiltOnBasis(builder.build, request.basis, structural)
+        builder = replace(builder, build=build)
     more: Sequence[Any] = structural_sensitivities(chosen, builder, names, 1e-3, reanalysis=False)
     found = []
     for mode, own in zip(modes, more, strict=True):

@@ -150,7 +150,7 @@ def structural_sensitivities(
     if not design.families or not names:
         return found
     full = structure.system(structure.assembly(), design.state, design.point)
-    families = [mode_family(full.pencil, complex(f.lam[0])) for f in design.families]
+    families = [mode_family(full.pencil, complex(f.lam[0]), len(f.lam)) for f in design.families]
     real = None
     if len(full.omega):
         zeta = design.state.assembly_damping_ratios(len(full.omega))
