@@ -622,7 +622,7 @@ def test_check_tells_variables_from_what_scatters(tmp_path: Path, capsys) -> Non
     path.write_text(f"{text}mean = 0.01\nstd = 0.002\n")
     cli.check(path, tmp_path / "results", jobs=1)
     shown = " ".join(capsys.readouterr().out.split())
-    assert re.search(r"k1 \S+ to \S+ N/m, searched damping_ratio \S+ to \S+, normal", shown)
+    assert re.search(r"k1 \S+ to \S+ [kM]N/m, searched damping_ratio \S+ to \S+, normal", shown)
 
 
 def test_bounds_with_units_are_differences(tmp_path: Path) -> None:
