@@ -8,6 +8,7 @@ import cycle_models as models
 import numpy as np
 import pytest
 
+from squealstudy.cycles import kicked
 from squealstudy.cycles.curve import CurveMotion
 from squealstudy.cycles.cycle import LEVELS, Cycle, Search, _changes, cycle_near
 from squealstudy.cycles.equations import PeriodicMotion
@@ -155,6 +156,26 @@ def test_what_cycles_leave_open_runs_decide(hoffmann):
         found._replace(families=[*open_.families, (2, replace(quiet, verdict=SQUEALS))]),
     ):
         assert decided_in_time(contact, unstable, BAND, 1.0) is unstable
+
+
+def test_only_runs_from_a_cycle_go_on_with_a_motion(hoffmann, monkeypatch):
+    """Its level has no transient to be known by (`behaviour.classify`); a larger motion's has."""
+    contact, found, family = hoffmann
+    began = []
+
+    def run(contact, starts, band):
+        began.extend(point.continued for point in starts)
+        return run_on(contact, starts, band)
+
+    monkeypatch.setattr(kicked, "run_on", run)
+    quiet = replace(family, verdict=UNDECIDED, threshold=None)
+    for own in (
+        replace(quiet, cycles=(replace(family.loudest, level_error=0.5),)),
+        replace(quiet, cycles=(family.threshold,)),
+        replace(quiet, cycles=(), largest=family.threshold.motion),
+    ):
+        decided_in_time(contact, found._replace(families=[(1, own)]), BAND, 1.0)
+    assert began == [True] + 5 * [False]
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,7 @@ LEAST = 1e-3  # of the largest kick tried: smaller ones are not looked for
 CLOSE = 0.02  # relative width of the bracket at which a search ends
 LARGER = 1.0, 1.5  # of `reach`: how large motions of lost curves are made, whose runs decide
 TURNS = 0.0, 0.5 * np.pi  # at which of their angles
+CYCLE = "the cycle"  # where a run goes on with it
 ABOVE = 1.1  # times an unstable cycle: where a run begins that shall tell what is beyond it
 # status of a search
 FOUND, NONE, UNCLEAR = "ok", "none", "undecided"
@@ -139,7 +140,7 @@ def decided_in_time(
     if any(family.verdict == SQUEALS for _, family in found.families):
         return found
     starts = [
-        (k, name, replace(contact.point, q0=q, v0=v))
+        (k, name, replace(contact.point, q0=q, v0=v, continued=name == CYCLE))
         for k, family in found.families
         for name, (q, v) in _starts(contact, family, reach)
     ]
@@ -159,7 +160,7 @@ def _starts(
     if family.cycles:
         cycle = max(family.cycles, key=lambda c: c.levels["contact_velocity"])
         above = cycle.attracts is False
-        name = "above the unstable cycle" if above else "the cycle"
+        name = "above the unstable cycle" if above else CYCLE
         yield name, state_of(cycle.motion, ABOVE if above else 1.0)
         return
     if family.look is not None:
