@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -196,3 +197,25 @@ def test_all_of_the_space_loses_nothing(blocks):
     for A, B in pairs:
         assert np.abs(A - B).max() <= 1e-12 * np.abs(B).max()
     assert np.array_equal(small.load, assembly.load)
+
+
+def test_assemblies_on_a_basis_are_kept_between_operating_points(monkeypatch):
+    """Friction does not change them; of one more than there is room for the first is let go."""
+    calls = []
+    basis = SimpleNamespace(blocks=(), serves=lambda assembly: True)
+    monkeypatch.setattr(reduced, "_loaded", lambda key: basis)
+    monkeypatch.setattr(reduced, "_built", {})
+    monkeypatch.setattr(reduced, "_entries", lambda assembly: reduced.MOST_ENTRIES // 2)
+    monkeypatch.setattr(reduced, "projected", lambda a, blocks: SimpleNamespace(sparse=lambda: a))
+
+    def made(values):
+        calls.append(values["E"])
+        return object()
+
+    build = reduced.BuiltOnBasis(made, "key", ("E",))
+    first = build({"E": 1.0, "friction": 0.1})
+    assert build({"E": 1.0, "friction": 0.5}) is first
+    assert reduced.BuiltOnBasis(made, "other", ("E",))({"E": 1.0}) is not first
+    build({"E": 2.0, "friction": 0.5})
+    build({"E": 1.0, "friction": 0.5})
+    assert calls == [1.0, 1.0, 2.0, 1.0]
