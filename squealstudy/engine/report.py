@@ -225,7 +225,7 @@ def _tables(one: Results) -> Iterator[str]:
         if not len(table):
             continue
         shown = table.head(MOST_ROWS)
-        more = f", the first {MOST_ROWS}" if len(table) > MOST_ROWS else ""
+        more = f", the first {MOST_ROWS}: only they are sorted" if len(table) > MOST_ROWS else ""
         count = f"{plural(len(table), 'row')}{more}"
         yield f"<details><summary>{escape(name)} ({count}, {escape(name)}.parquet)</summary>"
         cells = [[escape(_cell(v)) for v in row] for row in shown.itertuples(index=False)]
