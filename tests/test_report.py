@@ -154,6 +154,17 @@ def test_of_limit_cycles_it_counts_verdicts():
     assert told == "4 designs: 2 squeals if kicked, 1 undecided, 1 failed."
 
 
+def test_of_limit_cycles_it_tells_events_of_branches_with_units():
+    names = ("cycle_id", "along", "event", "value", "criticality", "branch_end")
+    rows = [("c", "pressure", "fold", 5e5, "", ""), ("c", "pressure", "", 6e5, "", "bound")]
+    branches = pd.DataFrame(rows, columns=list(names))
+    cycles = pd.DataFrame({"same_as": [], "status": [], "level_error": []})
+    verdicts = pd.DataFrame({"verdict": ["no_cycle_found"]})
+    tables = {"branches": branches, "cycles": cycles, "verdicts": verdicts}
+    results = made(kind="limit_cycles", units={"pressure": "Pa"}, **tables)
+    assert ("branch", "along pressure: fold at 500 kPa; ends: bound") in CYCLES.facts(results)
+
+
 @pytest.fixture(scope="module")
 def brake(tmp_path_factory):
     return solved(BRAKE, tmp_path_factory.mktemp("brake") / "r")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -12,7 +12,7 @@ from squealstudy.cycles.families import NO_CYCLE
 from squealstudy.engine.kind import KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, grid, notes
-from squealstudy.wording import TORQUE, figure, in_digits, plural, with_unit
+from squealstudy.wording import TORQUE, amount, figure, in_digits, plural, with_unit
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -86,16 +86,17 @@ class LimitCyclesScreen(KindScreen):
             if bad:
                 said += f"; {bad} inaccurate"
             rows.append(("cycles", said))
-        return [*rows, *_branches(results.table("branches"))]
+        return [*rows, *_branches(results.table("branches"), results.units)]
 
 
-def _branches(branches: pd.DataFrame) -> Rows:
+def _branches(branches: pd.DataFrame, units: Mapping[str, str]) -> Rows:
     """Where each branch has its events."""
     rows = []
     for _, branch in branches.groupby("cycle_id", sort=False):
+        along = str(branch["along"].iloc[0])
         events = branch[(branch["event"] != "").to_numpy(bool)]
         told = [
-            f"{e['event']} at {e['value']:.4g}"
+            f"{e['event']} at {amount(e['value'], units.get(along, ''))}"
             + (f" ({e['criticality']})" if e["criticality"] else "")
             for e in events.head(MOST_EVENTS).to_dict("records")
         ]
@@ -105,7 +106,7 @@ def _branches(branches: pd.DataFrame) -> Rows:
         rows.append(
             (
                 "branch",
-                f"along {branch['along'].iloc[0]}: {text}"
+                f"along {along}: {text}"
                 + (f", {more} more" if more > 0 else "")
                 + f"; ends: {ends}",
             )
