@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -353,6 +354,36 @@ def test_runs_begin_on_vibrations_of_today(
     row = design_row(point.with_values(values), "in_time", request(plan), NewGaps())
     assert told == starts
     assert (row["verdict"], row["n_modes"]) == ("decays", 0)
+
+
+def test_a_kick_that_cannot_be_integrated_is_its_velocity_alone(tmp_path, monkeypatch) -> None:
+    """Of what fails kicks alone run again, with the same velocity and no displacement."""
+    given: list[list] = []
+    run_on = in_time.run_on
+
+    def runs(contact: object, starts: list, band: tuple[float, float]) -> list:
+        given.append(list(starts))
+        motions = run_on(contact, starts, band)
+        moved = [np.any(np.abs(start.q0) > 0) for start in starts]
+        bad = [k and len(starts) > 1 for k in moved]
+        return [
+            replace(m, outcome="not_converged") if b else m
+            for m, b in zip(motions, bad, strict=True)
+        ]
+
+    monkeypatch.setattr(in_time, "run_on", runs)
+    plan = first_plan(_study(SHIPPED.read_text(encoding="utf-8"), tmp_path))
+    plan.kind.build(plan, Workers())
+    values = {**plan.tasks[0].values, "friction": 0.6, "damping_ratio": 0.02}
+    row = design_row(plan.tasks[0].with_values(values), "in_time", request(plan), NewGaps())
+    first, again = given[-2:]
+    kicks = [start for start in first if not start.continued]
+    assert len(again) == len(kicks) > 0
+    for one, other in zip(kicks, again, strict=True):
+        np.testing.assert_array_equal(one.v0, other.v0)
+        assert np.any(one.q0)
+        assert not np.any(other.q0)
+    assert row["reason"].count(", by its velocity alone: ") == len(kicks)
 
 
 def test_runs_are_not_of_what_grows_above_the_band(tmp_path: Path) -> None:
