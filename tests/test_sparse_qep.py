@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg import factor as linalg_factor
 from squealstudy.linalg.band_roots import judged_roots
 from squealstudy.linalg.dense_qep import backward_error, dense_roots
 from squealstudy.linalg.factor import MODULES, PLAIN_ERROR, factorise, is_definite, is_full
@@ -363,8 +364,9 @@ def test_backward_error_sees_a_wrong_root():
 
 
 @pytest.mark.parametrize("low_rank", [0, 3])
-def test_full_sparse_matrices_are_factorised_by_lapack(low_rank):
+def test_full_sparse_matrices_are_factorised_by_lapack(low_rank, monkeypatch):
     """As a projected assembly has them: the same solutions as of dense ones, either way round."""
+    monkeypatch.setattr(linalg_factor, "LEAST_FULL", 60)
     rng = np.random.default_rng(5)
     M, C, K = (rng.standard_normal((60, 60)) for _ in range(3))
     M = M @ M.T + 60.0 * np.eye(60)
@@ -379,11 +381,13 @@ def test_full_sparse_matrices_are_factorised_by_lapack(low_rank):
     np.testing.assert_allclose(factor.solve_adjoint(b), np.linalg.solve(Q.conj().T, b), rtol=1e-9)
 
 
-def test_a_full_stiffness_is_solved_with_as_a_sparse_one():
+def test_a_full_stiffness_is_solved_with_as_a_sparse_one(monkeypatch):
     rng = np.random.default_rng(6)
     A = rng.standard_normal((50, 50))
     A = sp.csr_matrix(A @ A.T + np.eye(50))
     b = rng.standard_normal((50, 3))
+    assert not is_full(A)  # small: by SuperLU
+    monkeypatch.setattr(linalg_factor, "LEAST_FULL", 50)
     assert is_full(A)
     np.testing.assert_allclose(factorise(A).solve(b), np.linalg.solve(A.toarray(), b), rtol=1e-9)
     with pytest.raises(ConvergenceError, match="singular"):

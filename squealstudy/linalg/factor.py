@@ -34,6 +34,7 @@ LARGE = 50_000
 BLOCK = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
 CHOLMOD_BLOCK = 8  # of 115,959 rows 4 to 8 at once take 0.039 s of a core each, 64 0.044, 1 0.113
 FULL = 0.2  # of all entries: a projected assembly is block by block full
+LEAST_FULL = 1000  # rows: below it time is no matter, and SuperLU has the same bits in any process
 LEAST_PIVOT = 1e-12  # of the diagonal entry it came from: the round-off of a singular one
 
 DEFINITE, UNSYMMETRIC = 2, 11  # PARDISO's types of real matrices
@@ -179,8 +180,9 @@ class RefinedFactor(ABC):
 
 
 def is_full(A: sp.spmatrix) -> bool:
-    """Whether a sparse matrix (n, n) has so many entries that LAPACK is faster."""
-    return bool(A.nnz > FULL * A.shape[0] * A.shape[1])
+    """Whether a sparse matrix (k, n) has so many entries that LAPACK is faster."""
+    k, n = A.shape
+    return n >= LEAST_FULL and bool(A.nnz > FULL * k * n)
 
 
 class FullLU:
