@@ -18,6 +18,8 @@ from squealstudy.errors import StudyFileError
 from squealstudy.kinds.design.kind import request
 from squealstudy.kinds.design.rows import design_row
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.catalogue.disc_brake.assemble import brake_faces
+from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
 
 MASS, STIFF = 1.5e-6, 4e6  # kg, N/m
 
@@ -367,9 +369,22 @@ def test_the_generated_brake_has_the_sets_that_it_names():
     built = model.build(options, model.defaults())
     found = [f"{c.name}.{name}" for c in built.components for name in c.sets]
     assert sorted(found) == sorted(model.sets)
+    faces = brake_faces(BrakeMesher(model.defaults(), COARSE))
+    assert {name: set(own) for name, own in faces.items()} == {
+        c.name: set(c.sets) for c in built.components
+    }
     for component in built.components:
         for points in component.sets.values():
             assert points().shape.shape[1] == len(component.coordinates)
+
+
+def test_a_set_too_large_for_a_mass_elsewhere_is_told_before_the_search(tmp_path, monkeypatch):
+    """Of today's design, in which nothing is added yet."""
+    monkeypatch.setattr("squealstudy.models.components.attached.MOST_NODES", 8)
+    study = of_brake(tmp_path, GENERATED + ON_BRAKE)
+    with pytest.raises(StudyFileError, match="couples all of them") as caught:
+        assembly_of(study, (0.0,) * 4)
+    assert caught.value.key == "variable[2].added_mass"
 
 
 def test_where_a_mass_is_decides_the_reduction(tmp_path):

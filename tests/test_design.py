@@ -720,6 +720,17 @@ def test_what_counts_as_one_mode_is_bounded_in_frequency() -> None:
     assert same_modes(np.array([900.0])).tolist() == [1]
 
 
+def test_modes_of_very_many_operating_points_are_parted_as_well() -> None:
+    """Pairs of 50,000 would take ten gigabytes; no mode is wider than of few, and few are more."""
+    hz = np.random.default_rng(1).uniform(4300.0, 5300.0, 50_000)
+    found = same_modes(hz)
+    spans = [hz[found == n] for n in np.unique(found)]
+    assert all(own.max() <= 1.05 * own.min() for own in spans)
+    assert np.log(5300 / 4300) / np.log(1.05) <= len(spans) <= 8
+    assert (np.diff(found[np.argsort(hz)]) != 0).sum() == len(spans) - 1
+    assert same_modes(np.full(5000, 900.0)).tolist() == [1] * 5000
+
+
 def test_weights_of_any_size_are_shares(tmp_path: Path) -> None:
     more = "[goal]\noccurrence = {friction = [1e308, 1.5e308]}"
     text = _hoffmann("k1", "[-1e3, 1e3]").replace("[goal]", more)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,12 +14,13 @@ from study_runs import load_plan, solved
 from squealstudy.engine import reduced
 from squealstudy.engine.mode_shapes import expansion
 from squealstudy.engine.reduced import make_shared, reduced_with_basis, shared_facts
-from squealstudy.engine.shared_range import SharedRange
+from squealstudy.engine.shared_range import SharedRange, shared_range
 from squealstudy.engine.structures import build_task
 from squealstudy.modes.full_order.finer_model import root_distances
 from squealstudy.modes.point import solve_point
 from squealstudy.reduction import shared_basis
 from squealstudy.reduction.projected import projected
+from squealstudy.study.definition import parse_study
 
 VALUES = "[1.5e9, 1.6e9, 1.7e9, 1.9e9, 2.1e9, 2.2e9, 2.3e9, 2.5e9]"
 SWEEP = '[[sweep]]\nparameter = "{}"\nvalues = {}\n\n[modes]'
@@ -219,3 +221,31 @@ def test_assemblies_on_a_basis_are_kept_between_operating_points(monkeypatch):
     build({"E": 2.0, "friction": 0.5})
     build({"E": 1.0, "friction": 0.5})
     assert calls == [1.0, 1.0, 2.0, 1.0]
+
+
+GENERATED = """\
+[study]
+name = "generated"
+kind = "complex_modes"
+[model]
+name = "disc_brake"
+mesh = "coarse"
+contact_points = 2
+"""
+
+
+def swept(*names_and_ends):
+    """The range of a study of the generated brake over such parameters, eight values each."""
+    sweep = '[[sweep]]\nparameter = "{}"\nstart = {}\nstop = {}\nnum = 8\n'
+    text = GENERATED + "".join(sweep.format(*one) for one in names_and_ends)
+    return shared_range(parse_study(text, Path("generated.toml")), 8 ** len(names_and_ends))
+
+
+def test_ranges_of_the_generated_brake_are_of_what_leaves_its_nodes():
+    lining = ("pad.lining_young_modulus_z", 1.5e9, 2.5e9)
+    thickness, angle = ("disc.thickness", 0.011, 0.013), ("pad.half_angle", 28.0, 32.0)
+    assert swept(lining).names == (lining[0],)
+    assert swept(lining, ("fingers.stiffness", 4e11, 6e11)).names[1] == "fingers.stiffness"
+    assert swept(lining, ("friction", 0.3, 0.6)).names == (lining[0],)
+    assert swept(lining, thickness) is swept(thickness) is swept(angle) is None
+    assert swept(("friction", 0.3, 0.6)) is None

@@ -12,6 +12,7 @@ from study_runs import plan_of, solved
 from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
+from squealstudy.kinds.design.plan import first_plan
 from squealstudy.modes.point import solve_point
 from squealstudy.study.components import inspected
 from squealstudy.study.definition import load_any
@@ -65,6 +66,14 @@ def test_no_other_study_needs_outside_data() -> None:
     assert {path.stem for path in OUTSIDE} == {"m0_speed", "reanalysis_m0"}
     for path in STUDIES:
         assert not {"matrices", "m0"} & set(re.findall(r"\w+", path.read_text())), path
+
+
+def test_the_design_study_that_is_timed() -> None:
+    """As its page says: 192 operating points, six targets."""
+    plan = first_plan(load_any(SHIPPED / "benchmarks" / "quiet_brake.toml"))
+    assert len(plan.tasks) == 192
+    assert len(plan.design_study.variables) == 6
+    assert all(".modes[" in v.name for v in plan.design_study.variables)
 
 
 def test_own_brake() -> None:

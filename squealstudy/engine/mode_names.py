@@ -71,7 +71,7 @@ def mode_names(
                 shape = shapes.shape(int(mode))
                 name = name_of(shape)
                 waves = name.waves
-                pair = dict(enumerate(shape.pair))
+                (first_hz, first_share), (second_hz, second_share) = shape.pair
                 found.append(
                     {
                         "point_id": results.points["point_id"].iloc[int(row)],
@@ -81,11 +81,10 @@ def mode_names(
                         "n_diameters": waves.diameters if waves else NO_DIAMETERS,
                         "diameters_share": waves.share if waves else np.nan,
                         "out_of_plane_share": waves.out_of_plane if waves else np.nan,
-                        **{
-                            f"{place}_real_mode_{what}": pair.get(k, (np.nan, np.nan))[i]
-                            for k, place in enumerate(("first", "second"))
-                            for i, what in enumerate(("hz", "share"))
-                        },
+                        "first_real_mode_hz": first_hz,
+                        "first_real_mode_share": first_share,
+                        "second_real_mode_hz": second_hz,
+                        "second_real_mode_share": second_share,
                         "real_modes_phase": shape.pair_phase,
                     }
                 )

@@ -49,7 +49,7 @@ class Component:
     C : csr_matrix (n, n) or None
         Damping of its own, N s/m, symmetric; None: it has none.
     sets : mapping of name -> callable
-        Its named faces: () -> points of a face (models.fem.sampling.Surface).
+        Named faces of a generated one: () -> points of a face (models.fem.sampling.Surface).
 
     Raises
     ------

@@ -16,6 +16,7 @@ from squealstudy.errors import ModelError, StudyFileError
 from squealstudy.models.assembly import Assembly, expand_rows
 from squealstudy.models.components.attached import directions_at, mass_on, springs_on
 from squealstudy.models.components.contact_rows import Rotation
+from squealstudy.models.components.file_matrices import symmetric
 from squealstudy.models.components.file_tables import (
     ParameterTable,
     PointMassTable,
@@ -145,14 +146,13 @@ def _built(
     options: Mapping[str, str | int],
     values: Mapping[str, float],
 ) -> Assembly:
-    """The assembly with the parts that are not 0; StudyFileError about one that cannot be."""
+    """The assembly with the parts; StudyFileError about one that cannot be, whatever its size."""
     found = build(options, values)
     for number, part in enumerate(parts, start=1):
-        if size := values[part.name]:
-            try:
-                found = _with_part(found, part, f"added_{number}", size)
-            except ModelError as error:
-                raise part.error(str(error)) from error
+        try:
+            found = _with_part(found, part, f"added_{number}", values[part.name])
+        except ModelError as error:
+            raise part.error(str(error)) from error
     return found
 
 
@@ -168,8 +168,8 @@ def _with_part(assembly: Assembly, part: AddedPart, name: str, size: float) -> A
     if not isinstance(part.table, SpringTable):
         ((owner, surface),) = sets
         at = None if part.table.at is None else np.array(part.table.at)
-        M = components[owner].M + mass_on(surface, size, at)
-        components[owner] = replace(components[owner], M=((M + M.T) / 2).tocsr())
+        M = symmetric(components[owner].M + mass_on(surface, size, at))
+        components[owner] = replace(components[owner], M=M)
         return replace(assembly, components=tuple(components.values()))
     stiffness = [size if f"stiffness[{k}]" in part.keys else 0.0 for k in (1, 2, 3)]
     rotation = Rotation(np.zeros(3), np.array([0.0, 0.0, 1.0]))  # generated brakes turn about +z

@@ -16,6 +16,7 @@ from squealstudy.wording import figure, in_digits, plural
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
+MANY, ROUNDED = 2000, 1e-3  # frequencies, beyond which logarithms are rounded: pairs are held
 SAME_MODE = 0.05  # relative: farther apart in frequency, two modes are not the same one
 PER_RANGE = 3  # variables named
 TINY = 1e-300
@@ -138,9 +139,16 @@ def same_modes(hz: np.ndarray) -> np.ndarray:
 
     if len(hz) < 2:
         return np.ones(len(hz), dtype=int)
-    tree = linkage(np.log(hz)[:, None], "complete")
-    found: np.ndarray = fcluster(tree, np.log1p(SAME_MODE), "distance")
-    return found
+    values, most = np.log(hz), np.log1p(SAME_MODE)
+    if len(hz) <= MANY:
+        found: np.ndarray = fcluster(linkage(values[:, None], "complete"), most, "distance")
+        return found
+    rounded, place = np.unique(np.round(values / ROUNDED), return_inverse=True)
+    if len(rounded) < 2:
+        return np.ones(len(hz), dtype=int)
+    tree = linkage(ROUNDED * rounded[:, None], "complete")
+    of_rounded: np.ndarray = fcluster(tree, most - ROUNDED, "distance")[place]
+    return of_rounded
 
 
 COLUMNS = (
