@@ -330,7 +330,7 @@ directions = [3]
 [variable.stiffener]
 between = ["caliper.BODY", "inner_pad.PISTON"]
 max = "5 kN/mm"
-directions = [1, 2]
+directions = [1, 3]
 """
 SIZES = (0.05, 0.02, 1.5e6, 4e6)
 
