@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import warnings
 from pathlib import Path
 
@@ -150,6 +151,32 @@ def test_variables_of_files_that_hold_several(tmp_path):
             read_matrix(tmp_path / name, "b")
         with pytest.raises(ModelError, match=r"holds 2 variables \(A, B\): expected the name"):
             read_matrix(tmp_path / name)
+
+
+@pytest.mark.parametrize("storage", ["dense", "nonbigmat", "bigmat"])
+@pytest.mark.parametrize("binary", [True, False])
+def test_output4_of_nastran(tmp_path, storage, binary):
+    op4 = pytest.importorskip("pyyeti.nastran.op4")
+    A, B, path = random_matrix(seed=1), random_matrix(seed=2), tmp_path / "ab.op4"
+    given = [m.toarray() for m in (A, B)] if storage == "dense" else [A.tocoo(), B.tocoo()]
+    op4.write(str(path), ["KAA", "MAA"], given, sparse=storage, binary=binary, digits=17)
+    np.testing.assert_allclose(read_matrix(path, "MAA").toarray(), B.toarray(), rtol=1e-15)
+    with pytest.raises(
+        ModelError, match=r"ab.op4 holds 2 variables \(kaa, maa\): expected the name"
+    ):
+        read_matrix(path)
+    with pytest.raises(ModelError, match="no variable 'kgg', its variables are kaa, maa"):
+        read_matrix(path, "KGG")
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(ModelError, match=r"ab\.op4"):
+        read_matrix(path, "MAA")
+
+
+def test_output4_without_its_reader(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyyeti.nastran", None)
+    (tmp_path / "a.op4").write_bytes(b"")
+    with pytest.raises(ModelError, match=r"OP4 needs pyyeti: pip install 'squealstudy\[op4\]'"):
+        read_matrix(tmp_path / "a.op4")
 
 
 def test_unusable_files(tmp_path):

@@ -31,7 +31,7 @@ from squealstudy.models.components.model_file import (
 from squealstudy.models.fem.solid import Isotropic
 
 INCLUDED = re.compile(r"^\s*\*[^,]*,.*?\bINPUT\s*=\s*\"?([^,\"\n]+?)\"?\s*(?:,|$)", re.I | re.M)
-NASTRAN = (".bdf", ".nas", ".dat")
+ANSYS, NASTRAN = ".cdb", (".bdf", ".nas", ".dat")
 LARGEST = 100_000_000  # characters of a file that are looked through for others it includes
 
 
@@ -137,8 +137,12 @@ def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
 
         passed = (*table.pass_over, *(SELECTED if table.mesh is None else ()))  # K and M are given
         mesh = read_bdf(path, table.part, treat_as=table.treat_as, pass_over=passed)
+    elif ending == ANSYS:
+        from squealstudy.models.components.ansys import read_cdb
+
+        mesh = read_cdb(path, table.part, treat_as=table.treat_as, pass_over=table.pass_over)
     else:
-        known = ", ".join((".inp", ".msh", *NASTRAN))
+        known = ", ".join((".inp", ".msh", ANSYS, *NASTRAN))
         raise ModelError(f"{path}: unknown format '{path.suffix}', expected one of {known}")
     check_mesh(mesh)
     return mesh

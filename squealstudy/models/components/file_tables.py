@@ -82,13 +82,13 @@ class MatrixTable(Table):
 class ComponentTable(Table):
     """A component: a mesh with materials, or matrices with a mesh that names their nodes."""
 
-    mesh: str | None = Field(default=None, description="file .inp, .msh or .bdf")
+    mesh: str | None = Field(default=None, description="file .inp, .msh, .bdf or .cdb")
     part: str | None = Field(default=None, description="instance or element set of the mesh's file")
     dialect: Literal["abaqus", "calculix"] | None = Field(
         default=None, description="whose C3D8 an .inp means"
     )
     treat_as: dict[str, str] = Field(default={}, description="elements to be read as others")
-    pass_over: Texts = Field(default=(), description="keywords of an .inp to pass over")
+    pass_over: Texts = Field(default=(), description="keywords of its file to pass over")
     mass: MassRule = Field(default="full", description="integration of the mass")
     materials: dict[str, MaterialTable] = Field(default={}, description="by name")
     K: str | MatrixTable | None = Field(default=None, description="file of the stiffness matrix")

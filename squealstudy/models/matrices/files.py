@@ -33,8 +33,8 @@ def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
 
     ``.mtx`` (also ``.mtx.gz``, ``.mtx.bz2``) Matrix Market, ``.mat`` MATLAB up to version 7,
     ``.rb .hb .rsa .rua .psa .matrix`` and the like Harwell-Boeing, ``.sti .mas`` CalculiX,
-    ``.npz`` SciPy's `save_npz` or arrays by NumPy's `savez`. Symmetric storage is expanded, entries
-    of one place are added up.
+    ``.op4`` Nastran (the extra ``op4``), ``.npz`` SciPy's `save_npz` or arrays by NumPy's `savez`.
+    Symmetric storage is expanded, entries of one place are added up.
 
     Parameters
     ----------
@@ -173,12 +173,25 @@ def _npz(path: Path, variable: str | None) -> Any:
     return sp.load_npz(path)
 
 
+def _op4(path: Path, variable: str | None) -> Any:
+    try:
+        from pyyeti.nastran import op4
+    except ImportError:
+        raise ModelError(f"{path}: OP4 needs pyyeti: pip install 'squealstudy[op4]'") from None
+    names, matrices, _, _ = op4.load(str(path), into="list", sparse=True)
+    if len(set(names)) < len(names):
+        raise ModelError(f"{path} has two matrices of one name")
+    wanted = None if variable is None else variable.lower()  # its reader's names are in small ones
+    return _chosen(dict(zip(names, matrices, strict=True)), path, wanted)
+
+
 READERS: dict[tuple[str, ...], Reader] = {
     (".mtx", ".mtx.gz", ".mtx.bz2"): _matrix_market,
     (".mat",): _matlab,
     (".npz",): _npz,
     (".rb", ".hb", ".rsa", ".rua", ".rza", ".psa", ".pua", ".matrix"): _harwell_boeing,
     (".sti", ".mas"): _calculix,
+    (".op4",): _op4,
 }
 
 

@@ -1,0 +1,389 @@
+"""Components from archives of ANSYS (``.cdb``, written by CDWRITE).
+
+Nodes, elements and components are read by `mapdl_archive` (the extra ``ansys``), all other
+commands here, so that none is passed over in silence. Elements have the formulations of this
+program, not ANSYS's. Sets of elements are named TYPE3, MAT2 and by their components.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.ansys_commands import (
+    BESIDE,
+    ENDS,
+    PASSED_OVER,
+    READ,
+    SETTINGS,
+    SOLIDS,
+)
+from squealstudy.models.components.ansys_materials import materials
+from squealstudy.models.components.formulations import FORMULATIONS
+from squealstudy.models.components.inp_cards import Line
+from squealstudy.models.components.materials import Orthotropic
+from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
+from squealstudy.models.matrices.text import TextFile
+
+FIELDS = 10  # numbers of an element before its nodes, among them:
+MATERIAL, TYPE, AXES, LABEL = 0, 1, 4, 8
+# nodes of bricks with corners in one place, in our order: wedges, tetrahedra
+Degenerate = tuple[tuple[str, tuple[int, ...]], tuple[str, tuple[int, ...]]]
+WEDGE: Degenerate = (
+    ("C3D6", (0, 1, 2, 4, 5, 6)),
+    ("C3D15", (0, 1, 2, 4, 5, 6, 8, 9, 11, 12, 13, 15, 16, 17, 18)),
+)
+TETRAHEDRON: Degenerate = ("C3D4", (0, 1, 2, 4)), ("C3D10", (0, 1, 2, 4, 8, 9, 11, 16, 17, 18))
+
+
+@dataclass(frozen=True)
+class _Type:
+    """An element type of the file: its number in ANSYS's library and its options from 1."""
+
+    element: int
+    options: Mapping[int, int]
+
+    @property
+    def name(self) -> str:
+        return f"SOLID{self.element}" if self.element in SOLIDS else f"ELEMENT{self.element}"
+
+
+def read_cdb(
+    path: Path,
+    part: str | None = None,
+    *,
+    treat_as: Mapping[str, str] | None = None,
+    pass_over: Collection[str] = (),
+) -> SolidMesh:
+    """A component from an archive of ANSYS, in its units.
+
+    Parameters
+    ----------
+    path : Path
+    part : str or None
+        Elements of one set: TYPE3, MAT2, or a component of the file.
+    treat_as : dict of str -> str
+        Solids, such as SOLID185, and the formulation to read their bricks as.
+    pass_over : collection of str
+        Commands, and elements such as ELEMENT21, to pass over that would be refused.
+
+    Returns
+    -------
+    SolidMesh
+        `passed_over` lists every command and element that is not in it but settings of solutions.
+
+    Raises
+    ------
+    ModelError
+        With file and, of commands, line: what is malformed or refers to what is not there; all
+        commands or elements that are not supported, in one message; without `mapdl_archive`.
+    """
+    wanted = treat_as or {}
+    names = [f"SOLID{n}" for n in SOLIDS]
+    for name, formulation in wanted.items():
+        if name not in names or formulation not in FORMULATIONS:
+            raise ModelError(
+                f"{path}: treat_as {name} = '{formulation}': expected one of {', '.join(names)} "
+                f"and a formulation of {', '.join(FORMULATIONS)}"
+            )
+    mesh = _Deck(path, wanted, {name.upper() for name in pass_over}).mesh()
+    return mesh if part is None else mesh.part(mesh.find("element_sets", part))
+
+
+class _Deck:
+    """What the commands of an archive say."""
+
+    def __init__(self, path: Path, treat_as: Mapping[str, str], ignored: set[str]) -> None:
+        self._path, self._treat_as, self._ignored = path, treat_as, ignored
+        self._notes: list[PassedOver] = []
+        text = TextFile.read(path)
+        self._text = text
+        self._commands: dict[str, list[tuple[Line, list[str]]]] = {}
+        for place, line in enumerate(text.lines):
+            words = [w.strip() for w in line.split("!")[0].split(",")]
+            if words[0] and (words[0][0].isalpha() or words[0][0] in "/*"):
+                own = self._commands.setdefault(words[0].upper(), [])
+                own.append((Line(text, place), words[1:]))
+        self._refuse_unknown()
+
+    def _all(self, *names: str) -> Iterator[tuple[Line, list[str]]]:
+        for name in names:
+            yield from self._commands.get(name, [])
+
+    def _note(self, what: str, count: int, line: Line | None, why: str) -> None:
+        shown = f"{what} ({count})" if count > 1 else what
+        self._notes.append(PassedOver(shown, self._path, line.place + 1 if line else 0, why))
+
+    def _refuse_unknown(self) -> None:
+        unknown = []
+        for name, own in self._commands.items():
+            if name in ENDS:
+                for line, words in own:
+                    if "-1" not in words:
+                        raise line.error(
+                            f"expected the end of a block, {name},...,-1: write blocks "
+                            "(CDWRITE,DB,NAME,CDB)"
+                        )
+            elif name in PASSED_OVER or name in self._ignored:
+                self._note(name, len(own), own[0][0], PASSED_OVER.get(name, "as asked for"))
+            elif name not in READ and name not in SETTINGS:
+                unknown.append((own[0][0], f"{name} ({len(own)}, first in line {_number(own)})"))
+        if unknown:
+            raise unknown[0][0].error(
+                f"commands that are not supported: {', '.join(t for _, t in unknown)}: remove "
+                "them, or name in pass_over those on which neither mass nor stiffness depend"
+            )
+
+    def mesh(self) -> SolidMesh:
+        """The component."""
+        types = self._types()
+        found = self._blocks()
+        numbers, order = np.unique(found.nnum, return_index=True)
+        if len(numbers) < len(found.nnum):
+            raise ModelError(f"{self._path}: nodes are there twice")
+        if np.any(found.node_angles):
+            turned = int(np.any(found.node_angles, axis=1).sum())
+            self._note("turned axes of nodes", turned, None, "they are of supports and loads")
+        fields = np.array([element[:FIELDS] for element in found.elem])
+        blocks, rows = self._solids(found.elem, fields, types, numbers)
+        fields = fields[rows]
+        nodes = np.asarray(found.nodes, dtype=float)[order]
+        mesh = SolidMesh(self._path, nodes, numbers.astype(np.int64), blocks)
+        mesh = replace(mesh, element_sets=self._element_sets(found, fields))
+        mesh = replace(mesh, node_sets=self._node_sets(found, numbers))
+        mesh = self._with_materials(mesh, fields[:, AXES])
+        if not (used := mesh.used_nodes()).all():
+            why = f"{mesh.nodes_named(np.flatnonzero(~used))}: no solid has such a node"
+            self._note("NBLOCK", 1, None, why)
+            mesh = mesh.part(np.arange(mesh.n_elements))
+        return replace(mesh, passed_over=(*mesh.passed_over, *self._notes))
+
+    # -- blocks ----------------------------------------------------------------------------------
+    def _blocks(self) -> Any:
+        """What `mapdl_archive` reads of the blocks, held against their headers."""
+        try:
+            import mapdl_archive
+        except ImportError:
+            raise ModelError(
+                f"{self._path}: archives of ANSYS need mapdl-archive: "
+                "pip install 'squealstudy[ansys]'"
+            ) from None
+        for name in ("NBLOCK", "EBLOCK"):
+            if name not in self._commands:
+                raise ModelError(f"{self._path} has no {name}: expected what CDWRITE writes")
+            if len(self._commands[name]) > 1:
+                raise self._commands[name][1][0].error(f"expected one {name}")
+            line, words = self._commands[name][0]
+            if len(words) < 2 or words[1].upper() != "SOLID":
+                raise line.error(f"expected {name}, number of fields, SOLID")
+        try:
+            found = mapdl_archive.Archive(self._path, parse_vtk=False)
+            count = {"NBLOCK": len(found.nnum), "EBLOCK": len(found.elem)}
+        except Exception as error:  # a damaged file is whatever its reader runs into
+            reason = f"{type(error).__name__} {error}".strip()
+            raise ModelError(f"{self._path} cannot be read as an archive: {reason}") from error
+        for name, read in count.items():
+            line, words = self._commands[name][0]
+            stated = line.whole(words[3], "a number") if len(words) > 3 and words[3] else read
+            if stated != read or not read:
+                raise line.error(f"expected {stated} lines of the block, could read {read}")
+        for line, words in self._all("CMBLOCK"):
+            if len(words) < 3:
+                raise line.error("expected CMBLOCK, name, NODE or ELEM, count")
+            own = found.node_components if words[1].upper() == "NODE" else found.element_components
+            stated = line.whole(words[2], "a number")
+            read = self._numbers_after(line)
+            if words[0] not in own or stated != read:
+                raise line.error(f"expected {stated} numbers of component {words[0]}, found {read}")
+        return found
+
+    def _numbers_after(self, line: Line) -> int:
+        """How many numbers the lines of a block have, whose second is the format."""
+        count = 0
+        for text in self._text.lines[line.place + 2 :]:
+            if not re.match(r"\s*[-+0-9]", text):
+                break
+            count += len(text.split())
+        return count
+
+    def _types(self) -> dict[int, _Type]:
+        """Element types by number."""
+        element: dict[int, int] = {}
+        options: dict[int, dict[int, int]] = {}
+        for line, words in self._all("ET"):
+            values = [line.whole(w, "a whole number") for w in words if w]
+            if len(values) < 2:
+                raise line.error("expected a type and an element, ET,1,186")
+            element[values[0]] = values[1]
+            options[values[0]] = {k: v for k, v in enumerate(values[2:], 1) if v}
+        for line, words in self._all("ETBLOCK"):
+            place = line.place + 2
+            for _ in range(line.whole(words[0], "the number of types")):
+                own = Line(self._text, place)
+                values = [own.whole(w, "whole numbers") for w in self._text.line(place).split()]
+                if len(values) < 2:
+                    raise own.error("expected a type and an element")
+                element[values[0]] = values[1]
+                options[values[0]] = {k: v for k, v in enumerate(values[2:20], 1) if v}
+                place += 1
+        for line, words in self._all("KEYOP", "KEYOPT"):
+            values = [line.whole(w, "a whole number") for w in words if w]
+            if len(values) != 3 or values[0] not in element:
+                raise line.error("expected the type of an ET above, an option, its value")
+            options[values[0]][values[1]] = values[2]
+        return {t: _Type(n, options[t]) for t, n in element.items()}
+
+    def _solids(
+        self,
+        elements: list[np.ndarray],
+        fields: np.ndarray,
+        types: Mapping[int, _Type],
+        numbers: np.ndarray,
+    ) -> tuple[tuple[ElementBlock, ...], np.ndarray]:
+        """Elements by formulation, and which rows (n,) of the file they are."""
+        of, labels = fields[:, TYPE], fields[:, LABEL]
+        self._refuse_others(of, types)
+        rows: dict[str, list[tuple[int, np.ndarray]]] = {}
+        for number, own in types.items():
+            if own.element not in SOLIDS:
+                continue
+            count, _, _, _ = SOLIDS[own.element]
+            formulation = self._formulation(number, own) if (of == number).any() else ""
+            for row in np.flatnonzero(of == number):
+                nodes = elements[row][FIELDS:]
+                name = f"element {labels[row]} ({own.name})"
+                if len(nodes) != count or (nodes <= 0).any():
+                    raise ModelError(
+                        f"{self._path}: {name}: expected {count} nodes, found "
+                        f"{int((nodes > 0).sum())}: elements with some of their middle nodes are "
+                        "not supported"
+                    )
+                shape, places = self._shape(name, nodes, formulation)
+                if (missing := ~np.isin(nodes[places], numbers)).any():
+                    raise ModelError(
+                        f"{self._path}: {name}: there is no node {nodes[places][missing][0]}"
+                    )
+                rows.setdefault(shape, []).append((int(row), nodes[places]))
+        if not rows:
+            raise ModelError(f"{self._path} has no solid element: {', '.join(map(str, SOLIDS))}")
+        blocks = tuple(
+            ElementBlock(
+                name,
+                np.searchsorted(numbers, np.array([nodes for _, nodes in own])),
+                labels[[row for row, _ in own]],
+            )
+            for name, own in rows.items()
+        )
+        order = np.array([row for own in rows.values() for row, _ in own])
+        if len(np.unique(labels[order])) < len(order):
+            raise ModelError(f"{self._path}: elements are there twice")
+        return blocks, order
+
+    def _refuse_others(self, of: np.ndarray, types: Mapping[int, _Type]) -> None:
+        """ModelError about elements that are no solids, unless they are to be passed over."""
+        refused = []
+        for number in np.unique(of):
+            if number not in types:
+                raise ModelError(f"{self._path}: there is no ET of type {number}")
+            own, count = types[number], int((of == number).sum())
+            if own.element in SOLIDS:
+                continue
+            if own.element in BESIDE or own.name in self._ignored:
+                self._note(own.name, count, None, BESIDE.get(own.element, "as asked for"))
+            else:
+                refused.append(f"{own.name} ({count})")
+        if refused:
+            raise ModelError(
+                f"{self._path}: elements that are not supported: {', '.join(refused)}: state "
+                "masses, springs and ties in the model file, then name these in pass_over"
+            )
+
+    def _formulation(self, number: int, own: _Type) -> str:
+        """Of bricks and tetrahedra of a type."""
+        _, option, known, plain = SOLIDS[own.element]
+        if own.name in self._treat_as:
+            return self._treat_as[own.name]
+        value = own.options.get(option, 0)
+        wrong = [k for k in plain if own.options.get(k, 0)]
+        if value not in known or wrong:
+            wrong = wrong or [option]
+            raise ModelError(
+                f"{self._path}: type {number}, {own.name} with KEYOPT({wrong[0]}) = "
+                f"{own.options[wrong[0]]}, is not supported: choose a formulation by treat_as "
+                f"{{{own.name} = '...'}}"
+            )
+        return known[value]
+
+    def _shape(self, name: str, nodes: np.ndarray, formulation: str) -> tuple[str, np.ndarray]:
+        """Formulation and places of the nodes of an element; corners may fall together."""
+        count = FORMULATIONS[formulation].shape.nodes
+        every = np.arange(len(nodes))
+        if len(nodes) not in (8, 20) or len(np.unique(nodes[:8])) == 8:
+            if count == len(nodes) == len(np.unique(nodes)):
+                return formulation, every
+            if count != len(nodes):
+                raise ModelError(f"{self._path}: {name}: {formulation} has {count} nodes")
+            raise ModelError(f"{self._path}: {name}: a node is there twice")
+        corners = nodes[:8]
+        quadratic = len(nodes) == 20
+        if corners[2] == corners[3] and len(np.unique(corners[4:])) == 1:
+            kind, left = TETRAHEDRON[quadratic], 4
+        elif corners[2] == corners[3] and corners[6] == corners[7]:
+            kind, left = WEDGE[quadratic], 6
+        else:
+            raise ModelError(
+                f"{self._path}: {name}: bricks with corners in one place may be wedges (K = L, "
+                "O = P) or tetrahedra (K = L, M = N = O = P): mesh without pyramids"
+            )
+        shape, places = kind
+        used = nodes[list(places)]
+        if len(np.unique(corners)) != left or len(np.unique(used)) < len(used):
+            raise ModelError(f"{self._path}: {name}: a node is there twice")
+        return shape, np.array(places)
+
+    # -- sets and materials ----------------------------------------------------------------------
+    def _element_sets(self, found: Any, fields: np.ndarray) -> dict[str, np.ndarray]:
+        sets = {}
+        for kind, column in (("TYPE", TYPE), ("MAT", MATERIAL)):
+            for number in np.unique(fields[:, column]):
+                sets[f"{kind}{number}"] = np.flatnonzero(fields[:, column] == number)
+        for name, own in found.element_components.items():
+            if name in sets:
+                raise ModelError(f"{self._path}: a component cannot have the name {name}")
+            sets[name] = np.flatnonzero(np.isin(fields[:, LABEL], own))
+        return sets
+
+    def _node_sets(self, found: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        sets = {}
+        for name, own in found.node_components.items():
+            if not np.isin(own, numbers).all():
+                missing = own[~np.isin(own, numbers)][0]
+                raise ModelError(f"{self._path}: component {name}: there is no node {missing}")
+            sets[name] = np.flatnonzero(np.isin(numbers, own))
+        return sets
+
+    def _with_materials(self, mesh: SolidMesh, axes: np.ndarray) -> SolidMesh:
+        found, notes = materials(self._all("MP"), self._all("MPDATA"))
+        for label, (line, why) in notes.items():
+            self._note(label, 1, line, why)
+        for name, material in found.items():
+            if name not in mesh.element_sets:
+                continue
+            turned = axes[mesh.element_sets[name]] != 0
+            if isinstance(material, Orthotropic) and turned.any():
+                raise ModelError(
+                    f"{self._path}: {name} is orthotropic in the axes of an element coordinate "
+                    "system (ESYS), which are not read: only the global ones are"
+                )
+            mesh = mesh.with_material(name, material, name)
+        return mesh
+
+
+def _number(own: list[tuple[Line, list[str]]]) -> int:
+    return own[0][0].place + 1

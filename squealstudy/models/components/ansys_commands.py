@@ -1,0 +1,54 @@
+"""Commands and elements of archives of ANSYS: which are read, which are passed over, and why."""
+
+from __future__ import annotations
+
+MODEL_FILE, STUDY = "stated in the model file", "stated in the study"
+
+
+def each(names: str, why: str) -> dict[str, str]:
+    """A reason for all names of a text."""
+    return dict.fromkeys(names.split(), why)
+
+
+# element -> number of nodes, formulation by the option that says it, and options that must be 0
+SOLIDS: dict[int, tuple[int, int, dict[int, str], tuple[int, ...]]] = {
+    185: (8, 2, {0: "C3D8_BBAR", 2: "C3D8I", 3: "C3D8I"}, (3, 6)),
+    186: (20, 2, {0: "C3D20R", 1: "C3D20"}, (3, 6)),
+    187: (10, 0, {0: "C3D10"}, (6,)),
+    45: (8, 1, {0: "C3D8I", 1: "C3D8"}, (2,)),
+    95: (20, 11, {0: "C3D20", 1: "C3D20R"}, ()),
+    92: (10, 0, {0: "C3D10"}, ()),
+}
+
+# elements that add neither mass nor stiffness of a component, and why
+BESIDE: dict[int, str] = {
+    200: "elements for meshing alone",
+    **dict.fromkeys(range(151, 157), "loads are " + STUDY),
+    **dict.fromkeys(range(169, 180), "contact is " + MODEL_FILE),
+}
+READ = ("ET", "KEYOP", "KEYOPT", "ETBLOCK", "NBLOCK", "EBLOCK", "CMBLOCK", "MP", "MPDATA")
+ENDS = ("N", "EN")  # of blocks: the number -1
+PASSED_OVER = {  # commands on which neither mass nor stiffness of a component depend
+    **each(
+        "D F SF SFE SFEBLOCK SFBLOCK BF BFE BFBLOCK BFEBLOCK BFUNIF ACEL OMEGA DOMEGA CGLOC "
+        "CGOMEGA DCGOMG CMOMEGA IC TREF IRLF",
+        f"supports are {MODEL_FILE}, loads in the study",
+    ),
+    **each("ALPHAD BETAD DMPRAT DMPSTR DMPSFREQ MDAMP", "damping is " + MODEL_FILE),
+    **each(
+        "R RMODIF RLBLOCK RMORE SECTYPE SECDATA SECBLOCK SECOFFSET SECCONTROLS SECCONTROL",
+        "real constants and sections are of no solid",
+    ),
+    **each("/UNITS", "units are " + MODEL_FILE),
+    **each("LOCAL CSYS", "axes of supports, loads and orthotropic elements"),
+}
+# commands of CDWRITE without meaning for a mesh
+SETTINGS = each(
+    "/COM /PREP7 /NOPR /GO /GOPR /TITLE /STITLE /UIS /SOLU /POST1 /EXIT /CONFIG /BATCH /AUTO "
+    "/VIEW /ANG *IF *ELSE *ENDIF *SET *DIM *DEL DOF NUMOFF ANTYPE MODOPT MODCONTROL QRDOPT MXPAND "
+    "EXTOPT ERESX TIME KUSE CRPLIM NCNV NEQIT NLGEOM SSTIF PSTRES CNVTOL AUTOTS DELTIM NSUBST KBC "
+    "OUTRES OUTPR EQSLV TYPE MAT REAL SECNUM ESYS TSHAP FINISH SAVE NSEL ESEL ALLSEL CMSEL CM "
+    "CMGRP SHPP RESCONTROL TUNIF TOFFST MPTEMP ETCONTROL HROPT PSCONTROL TRNOPT HARFRQ HROUT "
+    "OPNCONTROL LNSRCH PRED CUTCONTROL SOLCONTROL RATE",
+    "a setting",
+)

@@ -1,0 +1,96 @@
+"""Elastic materials of archives of ANSYS: properties of MP and MPDATA at one temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.ansys_commands import MODEL_FILE, STUDY, each
+from squealstudy.models.components.inp_cards import Line
+from squealstudy.models.components.materials import Elastic, Orthotropic
+from squealstudy.models.fem.solid import Isotropic
+
+ELASTIC = ("EX", "EY", "EZ", "PRXY", "PRXZ", "PRYZ", "NUXY", "NUXZ", "NUYZ", "GXY", "GXZ", "GYZ")
+SEVERAL = frozenset(
+    ("EY", "EZ", "GXZ", "GYZ", "PRXZ", "PRYZ", "NUXZ", "NUYZ")
+)  # of orthotropic ones
+# properties of materials beside these and the density
+OTHERS = {
+    **each("DMPR DMPS BETD ALPD DAMP", "damping is " + MODEL_FILE),
+    **each("MU", "friction is " + STUDY),
+    **each(
+        "ALPX ALPY ALPZ CTEX CTEY CTEZ THSX THSY THSZ REFT KXX KYY KZZ C ENTH HF EMIS QRATE RSVX "
+        "RSVY RSVZ MURX MURY MURZ PERX PERY PERZ LSST VISC SONC",
+        "of no elastic body at one temperature",
+    ),
+}
+
+Command = tuple[Line, list[str]]
+
+
+def materials(
+    single: Iterable[Command], tables: Iterable[Command]
+) -> tuple[dict[str, Elastic], dict[str, tuple[Line, str]]]:
+    """Materials by the names MAT1, MAT2, ..., and properties that are passed over, with reasons.
+
+    Materials without any modulus are left out: the model file may give them.
+
+    Parameters
+    ----------
+    single, tables : iterable of (Line, words)
+        Commands MP and MPDATA.
+
+    Raises
+    ------
+    ModelError
+        With file and line: a property that is unknown, missing, or there at several temperatures.
+    """
+    rows = [(line, [*words, "", ""][:2], words[2:]) for line, words in single]
+    rows += [(line, [*words, "", "", "", ""][2:4], words[5:]) for line, words in tables]
+    values: dict[str, dict[str, tuple[float, Line]]] = {}
+    notes: dict[str, tuple[Line, str]] = {}
+    for line, (label, number), words in rows:
+        label = label.upper()
+        if label in OTHERS:
+            notes.setdefault(label, (line, OTHERS[label]))
+            continue
+        if label != "DENS" and label not in ELASTIC:
+            raise line.error(f"a property '{label}' of materials is not supported")
+        numbers = [line.real(w, "a number") for w in words if w]
+        if len(set(numbers)) != 1:
+            raise line.error(f"expected {label} at one temperature, found {len(numbers)} values")
+        name = f"MAT{line.whole(number, 'a material number')}"
+        values.setdefault(name, {})[label] = (numbers[0], line)
+    found = {name: _material(name, own) for name, own in values.items() if set(own) - {"DENS"}}
+    return found, notes
+
+
+def _material(name: str, own: Mapping[str, tuple[float, Line]]) -> Elastic:
+    """Orthotropic where there is more than one modulus; ModelError where numbers are missing."""
+    value = {label: number for label, (number, _) in own.items()}
+    _, line = next(iter(own.values()))
+    if not value.get("DENS", 0.0) > 0:
+        raise line.error(f"{name} has no density DENS above zero")
+    for pair in ("XY", "XZ", "YZ"):
+        if f"PR{pair}" in value and f"NU{pair}" in value:
+            raise line.error(f"{name} has both PR{pair} and NU{pair}")
+    try:
+        if not set(value) & SEVERAL:
+            E = value["EX"]
+            nu = value.get("NUXY", value.get("PRXY"))
+            nu = E / (2 * value["GXY"]) - 1 if nu is None and "GXY" in value else nu
+            if nu is None or not (E > 0 and -1 < nu < 0.5):
+                raise line.error(f"{name}: expected EX > 0 and -1 < PRXY < 0.5")
+            return Isotropic(E, nu, value["DENS"])
+        E1, E2, E3 = (value[f"E{axis}"] for axis in "XYZ")
+        ratios = {"XY": E1 / E2, "XZ": E1 / E3, "YZ": E2 / E3}  # PR / NU: PR is the major one
+        nu12, nu13, nu23 = (
+            value[f"NU{pair}"] * ratio if f"NU{pair}" in value else value[f"PR{pair}"]
+            for pair, ratio in ratios.items()
+        )
+        shear = (value["GXY"], value["GXZ"], value["GYZ"])
+        return Orthotropic.from_engineering((E1, E2, E3), (nu12, nu13, nu23), shear, value["DENS"])
+    except KeyError as error:
+        raise line.error(f"{name} has no {error.args[0]}") from None
+    except (ZeroDivisionError, ModelError) as error:
+        raise line.error(f"{name}: {error}") from error
