@@ -32,6 +32,7 @@ from squealstudy.kinds.design.screen import same_modes
 from squealstudy.kinds.design.state import MET_LINEAR, NEAR_ENOUGH, NONE_FOUND, UNDECIDED, Memory
 from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.plots.operating_matrix import chosen_word, operating_matrix
+from squealstudy.screen import LEAST_WIDTH, as_text
 from squealstudy.study.design import DesignPoint
 
 MARGIN = 0.002
@@ -718,6 +719,21 @@ def test_what_counts_as_one_mode_is_bounded_in_frequency() -> None:
     assert (np.diff(found[order]) != 0).sum() == len(spans) - 1  # each is one range
     assert same_modes(np.array([900.0, 944.0])).tolist() == [1, 1]
     assert same_modes(np.array([900.0])).tolist() == [1]
+
+
+def test_effects_of_variables_with_long_names_stay_on_their_lines(trap) -> None:
+    effects = {
+        f"{p}.modes[7-{n}].frequency_scale": f"+0.0{n}"
+        for p in ("caliper", "outer_pad")
+        for n in (10, 12)
+    }
+    told = "; ".join(" ".join(item) for item in effects.items())
+    table = trap.rank().head(1).assign(changes=told, name="interfaces 3150 Hz")
+    lines = as_text(trap.screen.listed(trap, table, None)).splitlines()
+    assert max(map(len, lines)) <= LEAST_WIDTH
+    assert [line.split()[-2:] for line in lines if "modes[" in line] == [
+        [*e] for e in effects.items()
+    ]
 
 
 def test_modes_of_very_many_operating_points_are_parted_as_well() -> None:

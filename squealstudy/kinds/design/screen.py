@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MANY, ROUNDED = 2000, 1e-3  # frequencies, beyond which logarithms are rounded: pairs are held
 SAME_MODE = 0.05  # relative: farther apart in frequency, two modes are not the same one
-PER_RANGE = 3  # variables named
+PER_RANGE, APART = 3, "; "  # variables named, between them
 TINY = 1e-300
 
 
@@ -193,16 +193,16 @@ def _mode(
         "min_damping_ratio": worst["damping_ratio"],
         "pair_share": worst["pair_share"],
         "uncoupled_damping": worst["uncoupled_damping"],
-        "changes": ", ".join(f"{n} {value:+.3g}" for _, n, value in effects[:PER_RANGE]),
+        "changes": APART.join(f"{n} {value:+.3g}" for _, n, value in effects[:PER_RANGE]),
     }
 
 
 def _modes(table: pd.DataFrame) -> list[RenderableType]:
     titles = ("Hz", "points", "unstable %", "growth 1/s", "damping %", "pair Hz")
+    rows = table.to_dict("records")
     shown = grid(
         "text:mode",
         *(f"value:{t}" for t in titles),
-        "text:over its range, damping ratio",
         rows=(
             [
                 str(r["name"]),
@@ -212,19 +212,28 @@ def _modes(table: pd.DataFrame) -> list[RenderableType]:
                 figure(r["max_growth_rate"]),
                 f"{100 * r['min_damping_ratio']:.3g}",
                 f"{in_digits(r['pair_first_hz'], 1)}, {in_digits(r['pair_second_hz'], 1)}",
-                str(r["changes"]),
             ]
-            for r in table.to_dict("records")
+            for r in rows
         ),
     )
+    effects = [
+        [str(r["name"]), *change.rsplit(" ", 1)]
+        for r in rows
+        for change in str(r["changes"]).split(APART)
+        if change
+    ]
+    slopes = grid("text:mode", "text:variable", "value:damping ratio", rows=effects)
     legend = notes(
         "modes of today's design below the margin, those of one component within 5 % in frequency "
         "as one; points: of the operation, below it; "
         "unstable: share of the operation, by occurrence; pair: the "
-        "real modes without friction that it is made of; last: first-order effect of each variable "
-        "over its whole range at the worst point, where a coalescence bends it"
+        "real modes without friction that it is made of"
     )
-    return [shown, legend]
+    more = notes(
+        "damping ratio: what a change over the whole range of a variable does to it, first order, "
+        "at the mode's worst point, where a coalescence bends it; the largest of each mode"
+    )
+    return [shown, legend, slopes, more] if effects else [shown, legend]
 
 
 def _variants(table: pd.DataFrame) -> list[RenderableType]:
