@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from own_blocks import STUDY as BLOCKS
+from own_blocks import write_blocks
 from scipy import ndimage
 from scipy.stats import norm
 
@@ -24,9 +26,10 @@ from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import StudyFileError
 from squealstudy.kinds.design import in_time, rows
+from squealstudy.kinds.design.in_time import carried
 from squealstudy.kinds.design.kind import request
 from squealstudy.kinds.design.loop import Loop
-from squealstudy.kinds.design.plan import MODES, ROOTS, Ask, first_plan
+from squealstudy.kinds.design.plan import MODES, ROOTS, Ask, DesignPlan, first_plan
 from squealstudy.kinds.design.rows import SCHEMA, design_row
 from squealstudy.kinds.design.screen import same_modes
 from squealstudy.kinds.design.state import MET_LINEAR, NEAR_ENOUGH, NONE_FOUND, UNDECIDED, Memory
@@ -355,6 +358,55 @@ def test_runs_begin_on_vibrations_of_today(
     row = design_row(point.with_values(values), "in_time", request(plan), NewGaps())
     assert told == starts
     assert (row["verdict"], row["n_modes"]) == ("decays", 0)
+
+
+def test_a_changed_structure_runs_from_vibrations_of_today(tmp_path: Path, monkeypatch) -> None:
+    """Stiffness k1 changed: the contact moves in the new coordinates as it did in the old ones."""
+    given: list[tuple] = []
+    run_on = in_time.run_on
+
+    def runs(contact: object, starts: list, band: tuple[float, float]) -> list:
+        given.append((contact, starts, run_on(contact, starts, band)))
+        return given[-1][2]
+
+    monkeypatch.setattr(in_time, "run_on", runs)
+    text = SHIPPED.read_text(encoding="utf-8").replace('"damping_ratio"', '"k1"')
+    text = text.replace("bounds = [0.0, 0.2]", "bounds = [-1e5, 1e5]")
+    study = _study(text, tmp_path)
+    first = first_plan(study)
+    plan = DesignPlan(study, [*first.asked, Ask((0.9, study.nominal[0] + 5e4), "in_time")], first)
+    plan.kind.build(plan, Workers())
+    row = design_row(plan.tasks[3], "in_time", request(plan), NewGaps())
+    (was, _, (motion,)), (now, (start, *_), _) = given[:2]
+    assert not np.allclose(was.system.omega2, now.system.omega2)
+    for rows_of in ("N", "T1"):
+        A, B = (getattr(contact.system, rows_of) for contact in (was, now))
+        np.testing.assert_allclose(B @ start.q0, A @ motion.q, rtol=1e-9)
+        np.testing.assert_allclose(B @ start.v0, A @ motion.v, rtol=1e-9)
+    name = "today's vibration, brought to this structure with 100 % of its kinetic energy: "
+    assert row["reason"].startswith(name)
+
+
+def test_vibrations_of_one_mesh_are_brought_to_a_changed_one(tmp_path: Path) -> None:
+    """A brake of files with a mass on it: what is brought over opens and slides as before."""
+    text = BLOCKS.replace('name = "blocks"\nkind = "complex_modes"', 'name = "b"\nkind = "design"')
+    text = text.replace("reference_points = 1\n", "[goal]\nmargin = {damping_ratio = 0.001}\n")
+    variable = 'added_mass = {on = "slider.TOP", max = "1e-9 t"}'
+    text = text.replace("[modes]", f"[[variable]]\n{variable}\n[modes]")
+    study = sq.read_study(write_blocks(tmp_path, study=text)).resolved
+    first = first_plan(study)
+    plan = DesignPlan(study, [*first.asked, Ask((0.3, 5e-10), "in_time")], first)
+    plan.kind.build(plan, Workers())
+    asked, old, new = request(plan).cycles, plan.tasks[0].structure, plan.tasks[2].structure
+    assert old != new
+    a, b = (asked.reference(key).system for key in (old, new))
+    x = np.eye(len(a.omega2))[:, :6]
+    found = carried(x, old, new, asked)
+    np.testing.assert_allclose(carried(x, old, old, asked), x, atol=1e-9)
+    for A, B in ((a.N, b.N), (a.T1, b.T1)):
+        size = np.abs(A @ x).max()
+        assert 1e-9 < np.abs(B @ found - A @ x).max() / size < 0.05
+        assert np.abs(A @ x - B[:, : x.shape[1]]).max() / size > 0.1  # as they are: not the same
 
 
 def test_a_kick_that_cannot_be_integrated_is_its_velocity_alone(tmp_path, monkeypatch) -> None:

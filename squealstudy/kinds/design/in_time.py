@@ -11,11 +11,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy.linalg as la
 
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.growth import linear_modes
 from squealstudy.cycles.trials import Ended, ended, run_on
-from squealstudy.engine.cache import NewGaps
+from squealstudy.engine.cache import NewGaps, prepared_model
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest
 from squealstudy.motion.motion import Motion
@@ -45,7 +46,8 @@ def runs_in_time(
     ----------
     point : DesignPoint
     today : mapping of str -> DesignPoint
-        Today's design there and elsewhere, of the same structure, by what its vibration is called.
+        Today's design there and elsewhere, by what its vibration is called. That of another
+        structure is brought over (`carried`).
 
     Raises
     ------
@@ -63,14 +65,20 @@ def runs_in_time(
         _, was = asked.contact(design, gaps)
         near += (np.abs(was.point.growing.lam[: was.point.growing.n_unstable]) / TURN).tolist()
         motion = _today(was, asked)
-        if motion is not None:
-            names.append(name)
-            starts.append(replace(contact.point, q0=motion.q, v0=motion.v, continued=True))
+        if motion is None:
+            continue
+        q, v, other = motion.q, motion.v, design.structure != point.structure
+        if other:
+            q, v = carried(np.column_stack([q, v]), design.structure, point.structure, asked).T
+            kept = float(v @ v / (motion.v @ motion.v))
+            name += f", brought to this structure with {100 * kept:.0f} % of its kinetic energy"
+        names.append(name)
+        starts.append(replace(contact.point, q0=q, v0=v, continued=not other))
     for name, start in _kicks(contact, near, asked):
         names.append(name)
         starts.append(start)
     motions = run_on(contact, starts, asked.band)
-    # a kick whose displacement presses more than can be integrated: its velocity alone
+    # a start whose displacement presses more than can be integrated: its velocity alone
     closed = [k for k, m in enumerate(motions) if m.outcome != "ok" and not starts[k].continued]
     pushed = [replace(starts[k], q0=np.zeros_like(starts[k].v0)) for k in closed]
     for k, motion in zip(
@@ -78,6 +86,29 @@ def runs_in_time(
     ):
         names[k], motions[k] = f"{names[k]}, by its velocity alone", motion
     return steady, [ended(*one) for one in zip(names, motions, strict=True)]
+
+
+def carried(x: np.ndarray, old: str, new: str, asked: CyclesRequest) -> np.ndarray:
+    """Vibrations of one structure as those of another: nearest at the places that correspond.
+
+    Parameters
+    ----------
+    x : ndarray (n, k)
+        Modal coordinates of the old structure.
+    old, new : str
+        Keys of the prepared models.
+
+    Returns
+    -------
+    ndarray (n', k)
+        Modal coordinates of the new one, by least squares over `PreparedModel.sensor_shapes`.
+    """
+    phi, known = asked.reference(old).phi, prepared_model(old)
+    seen = known.sensor_shapes @ (known.shape_rows @ (phi @ x))
+    phi, known = asked.reference(new).phi, prepared_model(new)
+    found, *_ = la.lstsq(known.sensor_shapes, seen)
+    coordinates: np.ndarray = phi.T @ (known.shape_basis @ found)
+    return coordinates
 
 
 def _today(was: ContactOscillator, asked: CyclesRequest) -> Motion | None:

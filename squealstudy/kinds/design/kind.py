@@ -274,7 +274,8 @@ def request(plan: Plan) -> DesignRequest:
             tolerance=modes.stability_tolerance,
         ),
         sizes=sizes(_own(plan).design_study),
-        today=today_values(_own(plan).design_study),
+        today={v.name: v.nominal for v in _own(plan).design_study.variables},
+        structures=todays_structures(_own(plan)),
         operation=nominal_operation(_own(plan).design_study),
         basis=shared_key(plan),
     )
@@ -285,11 +286,15 @@ def sizes(study: DesignStudy) -> dict[str, float]:
     return {v.name: v.range for v in study.variables if v.parameter.structural}
 
 
-def today_values(study: DesignStudy) -> dict[str, float] | None:
-    """Today's values of the variables; None where one of them is of the structure."""
-    if any(v.parameter.structural for v in study.variables):
-        return None
-    return {v.name: v.nominal for v in study.variables}
+def todays_structures(plan: DesignPlan) -> dict[tuple[float, ...], str]:
+    """Keys of today's structures by their values; none where no variable is of the structure."""
+    study = plan.design_study
+    if not sizes(study):
+        return {}
+    own = slice(study.n_operating, study.n_operating + len(study.variables))
+    nominal = tuple(study.nominal)
+    points = [plan.tasks[k] for k, asked in enumerate(plan.asked) if asked.of(own) == nominal]
+    return {tuple(p.structural_values().values()): p.structure for p in points}
 
 
 def nominal_operation(study: DesignStudy) -> dict[str, float]:

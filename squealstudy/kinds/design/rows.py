@@ -123,8 +123,10 @@ class DesignRequest:
     cycles : CyclesRequest
     sizes : mapping of str -> float
         Ranges of the structural variables.
-    today : mapping of str -> float or None
-        Today's values of the variables; None where one of them is of the structure.
+    today : mapping of str -> float
+        Today's values of the variables.
+    structures : mapping of tuple of float -> str
+        Keys of today's structures by their values, where a variable is of the structure.
     operation : mapping of str -> float
         Values in [parameters] of what is swept and not of the structure.
     basis : str
@@ -139,7 +141,8 @@ class DesignRequest:
     settings: ReductionSettings
     cycles: CyclesRequest
     sizes: Mapping[str, float]
-    today: Mapping[str, float] | None
+    today: Mapping[str, float]
+    structures: Mapping[tuple[float, ...], str]
     operation: Mapping[str, float]
     basis: str
 
@@ -326,11 +329,14 @@ def _full(point: DesignPoint, request: DesignRequest) -> dict[str, Any]:
 def _in_time(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[str, Any]:
     """Whether all runs of a design decay; modes are starts here, unstable those that do not."""
     today: dict[str, DesignPoint] = {}
-    if request.today is not None:
-        values = {**point.values, **request.today}
-        for name, own in ((TODAY, values), (ELSEWHERE, {**values, **request.operation})):
-            if own != point.values and all(own != known.values for known in today.values()):
-                today[name] = point.with_values(own)
+    values = {**point.values, **request.today}
+    for name, own in ((TODAY, values), (ELSEWHERE, {**values, **request.operation})):
+        was = point.with_values(own)
+        if was.values == point.values or any(was.values == k.values for k in today.values()):
+            continue
+        key = was.structure or request.structures.get(tuple(was.structural_values().values()), "")
+        if key:
+            today[name] = replace(was, structure=key)
     steady, runs = runs_in_time(point, today, request.cycles, gaps)
     lasting = [run for run in runs if run.outcome == LASTS]
     others = sum(run.outcome != DECAYS for run in runs)
