@@ -34,6 +34,7 @@ from squealstudy.kinds.design.rows import SCHEMA, design_row
 from squealstudy.kinds.design.screen import same_modes
 from squealstudy.kinds.design.state import MET_LINEAR, NEAR_ENOUGH, NONE_FOUND, UNDECIDED, Memory
 from squealstudy.kinds.design.study import DesignStudy
+from squealstudy.plots.design_history import design_history
 from squealstudy.plots.operating_matrix import chosen_word, operating_matrix
 from squealstudy.screen import LEAST_WIDTH, as_text
 from squealstudy.study.design import DesignPoint
@@ -328,6 +329,8 @@ def test_the_chosen_design_is_drawn_at_every_operating_point(trap) -> None:
     assert stars.get_ydata() == pytest.approx(100 * damping.to_numpy())
     assert chosen_word({"outcome": "met"}) == "chosen"
     assert chosen_word({"outcome": NONE_FOUND}) == "comes nearest"
+    numbers = design_history(trap).axes[1].get_xticks()
+    assert (numbers % 1 == 0).all()  # of designs
 
 
 @pytest.mark.parametrize(
@@ -985,7 +988,7 @@ def test_a_report_says_what_the_results_say(trap, tmp_path: Path) -> None:
     assert costs == pytest.approx(trap.table("designs")["cost"].tolist(), rel=1e-5)
     assert html.escape(trap.manifest["study"]) in text
     assert trap.manifest["study_hash"] in text
-    assert len(re.findall("<section id=", text)) == 1
+    assert len(re.findall("<section id=", text)) == 2
 
 
 def test_a_report_of_several_studies_of_any_kind(trap, tmp_path: Path) -> None:
@@ -994,8 +997,9 @@ def test_a_report_of_several_studies_of_any_kind(trap, tmp_path: Path) -> None:
     path.write_text(text.replace('description = "', 'description = "<b> & '))
     flutter = sq.run(path, tmp_path / "flutter", jobs=1)
     page = report([flutter, trap])
-    assert page.count("<section id=") == 2
+    assert page.count("<section id=") == 3
     assert '<a href="#r2">kicked_design</a>' in page
+    assert '<a href="#r3">kicked_design_hard_lining</a>' in page
     assert "&lt;b&gt; &amp; " in page
     assert "<b>" not in page
     assert f"<th>points</th><td>{flutter.manifest['n_points']}</td>" in page

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.operating_matrix import chosen_word
@@ -64,6 +65,7 @@ def design_history(results: Results) -> Figure:
             panel.set_ylim(min(*shown, margin) - room, max(*shown, margin) + room)
     finish(axes[0], "Cost", "Least damping [%]")
     finish(axes[1], "Design", "Least damping [%]")
+    axes[1].xaxis.set_major_locator(MaxNLocator(integer=True))
     legend_below(figure, labelled(axes[0]), 3)
     figure.suptitle(plural(len(designs), "design"), fontsize=9.5)
     return figure
