@@ -1,0 +1,85 @@
+"""Small design studies of the coarse brake, drawn at random, for proofs.py.
+
+Of component modes' dampings and frequencies, of damping and contact, or of what is built: a
+material, a layer, a mass. The ends of the pressure are the same in all, so that reductions serve
+several. What of a proof is no motion is left small: starts, scan, full order.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
+VARIABLES = (  # in which kinds of studies, what may change, low and high
+    ("targets", "caliper.modes[7-12].damping_ratio", 0.0, 0.1),
+    ("targets", "outer_pad.modes[7-12].damping_ratio", 0.0, 0.15),
+    ("targets", "inner_pad.modes[7-12].damping_ratio", 0.0, 0.15),
+    ("targets", "caliper.modes[7-9].frequency_scale", -0.15, 0.15),
+    ("targets", "outer_pad.modes[7-8].frequency_scale", -0.15, 0.15),
+    ("surface built", "damping_ratio", 0.0, 0.03),
+    ("surface", "contact.lambda", -2e5, 2e5),
+    ("surface", "stiffness_damping", 0.0, 4e-7),
+    ("built", "pad.lining_young_modulus_z", -3e8, 3e8),
+    ("built", "piston.stiffness", -2e10, 2e10),
+    ("built", "fingers.stiffness", -5e10, 5e10),
+)
+MASS = 'added_mass = {on = "caliper.BRIDGE", max = "50 g"}'
+STUDY = """[study]
+name = "{name}"
+kind = "design"
+[model]
+name = "disc_brake"
+mesh = "coarse"
+contact_points = 2
+[parameters]
+sliding_speed = 0.5
+friction = 0.5
+pressure = 12e5
+[[sweep]]
+parameter = "friction"
+values = {friction}
+[[sweep]]
+parameter = "pressure"
+values = {pressure}
+[modes]
+band = [500.0, 6000.0]
+[goal]
+margin = {{damping_ratio = {margin}}}
+starts = 3
+scan = 6
+full_order = 0
+in_time = 2
+"""
+
+
+def drawn(name: str, rng: np.random.Generator) -> str:
+    """A design study: of targets, of damping and contact, or of what is built."""
+    friction = np.sort(rng.uniform([0.35, 0.5, 0.4], [0.45, 0.6, 0.55])[: rng.integers(2, 4)])
+    pressure = [5e5, *np.round(rng.uniform(8e5, 16e5, rng.integers(2)), -3).tolist(), 20e5]
+    margin = round(rng.uniform(3e-4, 2e-3), 5)
+    text = STUDY.format(
+        name=name, friction=np.round(friction, 3).tolist(), pressure=pressure, margin=margin
+    )
+    kind = rng.choice(["targets", "surface", "built"], p=[0.5, 0.35, 0.15])
+    pool = [v for v in VARIABLES if kind in v[0]]
+    kept = 3 if kind == "targets" else 1  # the damping that is always among them
+    more = rng.integers(1, 3) if kind == "surface" else 1
+    chosen = [*range(kept), *(kept + rng.permutation(len(pool) - kept)[:more])]
+    what = [
+        f'parameter = "{p}"\nbounds = [{a:.4g}, {b:.4g}]'
+        for _, p, a, b in map(pool.__getitem__, chosen)
+    ]
+    if kind == "built" and rng.random() < 0.5:
+        what[1] = MASS
+    return text + "".join(
+        f"[[variable]]\n{one}\ncost = {rng.uniform(0.3, 2.0):.3g}\n" for one in what
+    )
+
+
+def random_studies(seed: int) -> Iterator[tuple[str, str]]:
+    """Names and texts of studies, without end."""
+    for number in itertools.count():
+        name = f"drawn_{seed}_{number:02}"
+        yield name, drawn(name, np.random.default_rng([seed, number]))
