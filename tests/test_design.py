@@ -29,7 +29,16 @@ from squealstudy.kinds.design import in_time, rows
 from squealstudy.kinds.design.in_time import carried
 from squealstudy.kinds.design.kind import request
 from squealstudy.kinds.design.loop import Loop
-from squealstudy.kinds.design.plan import MODES, ROOTS, Ask, DesignPlan, first_plan
+from squealstudy.kinds.design.plan import (
+    IN_TIME,
+    MODES,
+    ROOTS,
+    Ask,
+    DesignPlan,
+    ask,
+    first_plan,
+    operating_points,
+)
 from squealstudy.kinds.design.rows import SCHEMA, design_row
 from squealstudy.kinds.design.screen import same_modes
 from squealstudy.kinds.design.state import MET_LINEAR, NEAR_ENOUGH, NONE_FOUND, UNDECIDED, Memory
@@ -141,6 +150,7 @@ def _searched(study: DesignStudy, damping: Damping) -> tuple[Loop, int]:
                 "min_damping_ratio": zeta[worst],
                 "frequency_hz": hz[worst],
                 "modes": modes,
+                "beside": [],
             }
 
 
@@ -518,6 +528,58 @@ def test_nothing_in_the_bounds_is_enough(tmp_path: Path) -> None:
     assert facts["changes"][0]["to"] == pytest.approx(0.02)
     nearest = results.table("designs").set_index("design").loc[facts["chosen"]]
     assert nearest["min_damping_ratio"] == pytest.approx(_least_damping(damping_ratio=0.02))
+
+
+def test_a_mode_that_is_moved_out_of_the_band_is_not_silent(tmp_path: Path) -> None:
+    """Hulten's flutter of 89.8 Hz, a band up to 92 Hz, and a variable that moves it above."""
+    text = TWO_VARIABLES.format(first=[0.0, 22.5], second=[-5.0, 22.5], costs=(1.0, 1.0))
+    text = text.replace("[0.1, 0.2, 0.3]", "[0.4]").replace("0.002", "0.0")
+    found = _run(f"{text}in_time = 0\n[modes]\nband = [1.0, 92.0]\n", tmp_path)
+    facts, designs = found.manifest["design_study"], found.table("designs")
+    beyond = designs.query("frequency_1 + frequency_2 > 185")  # both modes are near the mean
+    assert len(beyond) > 3
+    for design in beyond.itertuples():
+        values = {"frequency_1": design.frequency_1, "frequency_2": design.frequency_2}
+        modes = sq.model("hulten", friction=0.4, damping_ratio=0.005, **values).modes()
+        assert bool(design.meets) == (not modes["unstable"].any())
+    chosen = designs[designs["chosen"].to_numpy(bool)].iloc[0]
+    values = {name: chosen[name] for name in ("frequency_1", "frequency_2")}
+    modes = sq.model("hulten", friction=0.4, damping_ratio=0.005, **values).modes()
+    assert not modes["unstable"].any()
+    assert facts["outcome"] == MET_LINEAR
+
+
+def test_what_grows_beside_the_band_is_told(tmp_path: Path) -> None:
+    """As it does today, so nothing was moved out; and a variable at a bound where it is today."""
+    text = TWO_VARIABLES.format(first=[0.0, 1.0], second=[0.0, 1.0], costs=(1.0, 1.0))
+    text = text.replace("[0.1, 0.2, 0.3]", "[0.4]").replace("0.002", "0.0")
+    below = _run(f"{text}in_time = 0\n[modes]\nband = [1.0, 80.0]\n", tmp_path)
+    hz = 89.754  # of the flutter, above the band
+    facts = below.manifest["design_study"]
+    assert facts["outcome"] == MET_LINEAR
+    assert (
+        f"no mode in the band where it was solved; outside the band a mode at {hz} Hz grows"
+        in (facts["verdict"])
+    )
+    (tmp_path / "all").mkdir()
+    within = _run(f"{text}in_time = 0\n[modes]\nband = [1.0, 1000.0]\n", tmp_path / "all")
+    facts = within.manifest["design_study"]
+    assert facts["outcome"] == NONE_FOUND
+    assert "at their bounds: frequency_1, frequency_2" in facts["verdict"]
+    assert "outside the band" not in facts["verdict"]
+
+
+def test_runs_that_begin_on_another_vibration_are_other_runs(tmp_path: Path) -> None:
+    """Whose rows are not taken over where today's value of a variable is edited."""
+    text = _hoffmann("damping_ratio", "[-0.005, 0.2]")
+    studies = [_study(t, tmp_path) for t in (text, text.replace("ratio = 0.01", "ratio = 0.02"))]
+    for stage, same in ((MODES, True), (ROOTS, True), (IN_TIME, False)):
+        names = []
+        for study in studies:
+            point = operating_points(study)[0]
+            plan = DesignPlan(study, [ask(study, point, np.array([0.05]), stage)])
+            names.append(plan.tasks.ids[0])
+        assert (names[0] == names[1]) == same
 
 
 def test_what_nobody_can_build_is_not_chosen(tmp_path: Path) -> None:

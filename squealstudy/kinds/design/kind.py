@@ -32,7 +32,13 @@ from squealstudy.engine.structures import check_component_modes
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError, SquealstudyError, StudyFileError
 from squealstudy.kinds.design.loop import Loop
-from squealstudy.kinds.design.plan import IN_TIME, DesignPlan, first_plan
+from squealstudy.kinds.design.plan import (
+    IN_TIME,
+    DesignPlan,
+    first_plan,
+    nominal_operation,
+    today_values,
+)
 from squealstudy.kinds.design.rows import (
     SCHEMA,
     DesignRequest,
@@ -274,7 +280,7 @@ def request(plan: Plan) -> DesignRequest:
             tolerance=modes.stability_tolerance,
         ),
         sizes=sizes(_own(plan).design_study),
-        today={v.name: v.nominal for v in _own(plan).design_study.variables},
+        today=today_values(_own(plan).design_study),
         structures=todays_structures(_own(plan)),
         operation=nominal_operation(_own(plan).design_study),
         basis=shared_key(plan),
@@ -295,12 +301,6 @@ def todays_structures(plan: DesignPlan) -> dict[tuple[float, ...], str]:
     nominal = tuple(study.nominal)
     points = [plan.tasks[k] for k, asked in enumerate(plan.asked) if asked.of(own) == nominal]
     return {tuple(p.structural_values().values()): p.structure for p in points}
-
-
-def nominal_operation(study: DesignStudy) -> dict[str, float]:
-    """Values in [parameters] of what is swept and not of the structure."""
-    swept = (s.parameter for s in study.sweeps[: study.n_operating])
-    return {p.name: study.value_of(p) for p in swept if not p.structural}
 
 
 def cyclic(plan: Plan) -> bool:

@@ -25,10 +25,12 @@ from squealstudy.kinds.design.state import (
     UNDECIDED,
     UNPROVEN,
     Memory,
+    Row,
     Rows,
     Seen,
     State,
     Wanted,
+    moved_out,
     seen_of,
 )
 from squealstudy.kinds.design.study import DesignStudy, one_sigma
@@ -80,8 +82,7 @@ class Loop:
         matrix = list(operating_points(study))
         self.state = State(matrix, len(matrix), list(range(len(matrix))))
         self.wanted: list[Ask] = []
-        ranges = np.array([v.range for v in study.variables], dtype=float)
-        self.ranges = ranges
+        self.ranges = ranges = np.array([v.range for v in study.variables], dtype=float)
         self.box = Box(
             low=np.array([v.low for v in study.variables]) / ranges,
             high=np.array([v.high for v in study.variables]) / ranges,
@@ -174,11 +175,19 @@ class Loop:
                 if extra.point == p:
                     more = np.maximum(needed, extra.damping_ratio)
                     needed = np.where(extra.near(seen.hz), more, needed)
-            excess.append(seen.zeta - needed)
-            slopes.append(seen.slopes)
+            gone = np.array([m["damping_ratio"] for m in self.moved_out(p, found[1])])
+            excess += [seen.zeta - needed, gone - min(self.margin, 0.0)]
+            slopes += [seen.slopes, np.zeros((len(gone), len(self.ranges)))]
         if not whole or not excess:
             return None
         return Judged(np.concatenate(excess), np.concatenate(slopes))
+
+    def moved_out(self, point: int, row: Row) -> list[Mapping[str, float]]:
+        """Growing modes beside the band, beyond those of today's design there, else anywhere."""
+        nominal = self.study.nominal
+        points = [point] if self.known(point, nominal) else range(self.state.n_matrix)
+        today = [own[1] for p in points if (own := self.known(p, nominal))]
+        return moved_out(row, today, self.study.definition.modes.band)
 
     def _seen(self, asked: Ask, row: Mapping[str, Any]) -> Seen:
         seen = self.memory.seen
@@ -296,8 +305,7 @@ class Loop:
 
     def _starts(self, worst: Sequence[int]) -> list[np.ndarray]:
         """Today's design, and the best of a scan that lie apart."""
-        today = np.zeros(len(self.ranges))
-        count = self._scanned()
+        today, count = np.zeros(len(self.ranges)), self._scanned()
         if not count or self.goal.starts == 1:
             return [today]
         from scipy.stats import qmc

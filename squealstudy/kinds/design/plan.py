@@ -45,18 +45,20 @@ class Ask(NamedTuple):
 class StageNames(PlannedNames):
     """Names of design points that are asked for different things.
 
-    `stages` (n,) has what each is asked for; points of one stage have different values.
+    `stages` (n,) has what each is asked for; points of one stage have different values. `begins`
+    is what decides where runs in time begin, beside the point itself.
     """
 
     def __init__(
         self,
         values: DesignValues,
         stages: np.ndarray,
+        begins: Sequence[Any],
         key_of: Callable[[DesignPoint], str],
         hash_of: Callable[[str], str],
     ) -> None:
         super().__init__(values, key_of, hash_of)
-        self._all, self._stages = values, stages
+        self._all, self._stages, self._begins = values, stages, begins
         self._makers = key_of, hash_of
 
     @cached_property
@@ -68,7 +70,8 @@ class StageNames(PlannedNames):
             rows = np.flatnonzero(self._stages == stage)
 
             def own(key: str, stage: str = stage) -> str:
-                return content_hash([stage, hash_of(key)])
+                more = self._begins if stage == IN_TIME else ()
+                return content_hash([stage, hash_of(key), *more])
 
             found[rows] = PlannedNames(self._all.at(rows), key_of, own).ids
         return found
@@ -118,10 +121,9 @@ class DesignPlan(Plan):
     def tasks(self) -> DesignPoints:
         """Design points; what is asked of them is part of their names."""
         stages = np.array([a.stage for a in self.asked])
-        return DesignPoints(
-            self._values,
-            StageNames(self._values, stages, self.structure_key, self._model_hash),
-        )
+        begins = today_values(self.design_study), nominal_operation(self.design_study)
+        names = StageNames(self._values, stages, begins, self.structure_key, self._model_hash)
+        return DesignPoints(self._values, names)
 
     @cached_property
     def shared_range(self) -> SharedRange | None:
@@ -148,6 +150,17 @@ class DesignPlan(Plan):
     def error(self, parameter: str, message: str) -> StudyFileError:
         """A StudyFileError at the place where the study names a parameter."""
         return self.study.error(self.design_study.place(parameter), message)
+
+
+def today_values(study: DesignStudy) -> dict[str, float]:
+    """Today's values of the variables."""
+    return {v.name: v.nominal for v in study.variables}
+
+
+def nominal_operation(study: DesignStudy) -> dict[str, float]:
+    """Values in [parameters] of what is swept and not of the structure."""
+    swept = (s.parameter for s in study.sweeps[: study.n_operating])
+    return {p.name: study.value_of(p) for p in swept if not p.structural}
 
 
 def first_plan(study: DesignStudy) -> DesignPlan:

@@ -216,8 +216,9 @@ class Proof:
             for u in scatter
         ]
         rows = self.loop.rows_of(a for own in asks for a in own)
-        ok = np.array([r["status"] == "ok" for r in rows])
         least = np.array([r["min_damping_ratio"] for r in rows])
+        left = [self.loop.moved_out(p, r) for p, r in zip(points * len(scatter), rows, strict=True)]
+        ok = np.array([r["status"] == "ok" and not m for r, m in zip(rows, left, strict=True)])
         met = ok & ~(least < self.loop.margin)  # without a mode in the band none misses it
         good = int(met.reshape(len(scatter), -1).all(axis=1).sum())
         low, high = probability_interval(good, len(scatter), CONFIDENCE)

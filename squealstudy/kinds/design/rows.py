@@ -32,7 +32,7 @@ from squealstudy.kinds.complex_modes.full_order_check import (
     check_reference,
     reference_roots,
 )
-from squealstudy.kinds.design.in_time import ELSEWHERE, TODAY, runs_in_time
+from squealstudy.kinds.design.in_time import ELSEWHERE, TODAY, TURN, runs_in_time
 from squealstudy.kinds.design.plan import CYCLES, FULL, IN_TIME, MODES
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest
 from squealstudy.kinds.limit_cycles.kind import cycles_row
@@ -42,7 +42,7 @@ from squealstudy.kinds.sensitivity.parameters import (
     state_parameters,
     structural_names,
 )
-from squealstudy.modes.point import band_modes, linearised_point
+from squealstudy.modes.point import angular_band, band_modes, linearised_point
 from squealstudy.modes.sensitivity.mode_family import mode_family
 from squealstudy.modes.sensitivity.mode_sensitivities import figure_slopes, figures
 from squealstudy.modes.sensitivity.reduced import ChosenModes, point_sensitivities
@@ -75,6 +75,7 @@ MODE_FIELDS = (
     ("pair_share", REAL),
     ("uncoupled_damping", REAL),
 )
+BESIDE_FIELDS = (("frequency_hz", REAL), ("damping_ratio", REAL))
 SUMMARY_FIELDS = (
     ("n_modes", WHOLE),
     ("n_unstable", WHOLE),
@@ -98,11 +99,13 @@ SCHEMA = pa.schema(
                     + [pa.field("slopes", structs(SLOPE_FIELDS))]
                 )
             ),
-        )
+        ),
+        pa.field("beside", structs(BESIDE_FIELDS)),
     ]
 )
 CLOSE = 0.02  # damping ratio above the margin up to which modes have sensitivities
 LEAST_MODES, MOST_MODES = 2, 8  # that have them
+BESIDE = 1.25  # factor on the ends of the band: modes up to there may have been moved out of it
 DIVERGES = -1.0  # "damping ratio" of steady sliding that diverges without oscillation
 
 
@@ -186,6 +189,13 @@ def _summary(lam: np.ndarray, tolerance: float) -> dict[str, Any]:
     }
 
 
+def _beside(lam: np.ndarray, limit: float) -> list[dict[str, float]]:
+    """Modes outside the band, roots (m,), of less damping than a limit."""
+    _, hz, zeta = figures(lam)
+    low = np.flatnonzero(zeta < limit)
+    return [{"frequency_hz": float(hz[k]), "damping_ratio": float(zeta[k])} for k in low]
+
+
 def _judged(lam: np.ndarray) -> np.ndarray:
     """Which roots (m,) count: those that oscillate, and real ones that grow (damping ratio -1)."""
     return (lam.imag > 0) | (lam.real > 0)
@@ -197,10 +207,16 @@ def _modes(point: DesignPoint, stage: str, request: DesignRequest, gaps: NewGaps
     steady, system = linearised_point(prepared, state, known)
     if known is None:
         gaps.add(point.structure, point, steady.gap)
-    lam, psi, error = band_modes(system, steady, request.band_hz)
-    kept = _judged(lam)
+    low, high = angular_band(request.band_hz)
+    wider = low / (BESIDE if request.band_hz[0] else 1.0), high * BESIDE
+    lam, psi, error = band_modes(system, steady, (wider[0] / TURN, wider[1] / TURN))
+    inside = (np.abs(lam) >= low) & (np.abs(lam) <= high)
+    limit = min(request.margin, -request.tolerance)
+    beside = _beside(lam[~inside & _judged(lam)], limit)
+    kept = inside & _judged(lam)
     lam, psi, error = lam[kept], psi[:, kept], error[kept]
     found = {**_summary(lam, request.tolerance), **working_point_cells(steady), "modes": []}
+    found["beside"] = beside
     order = np.argsort(figures(lam)[2], kind="stable")
     oscillating = [int(k) for k in order if lam[k].imag > 0]
     if not oscillating:
@@ -323,7 +339,7 @@ def _full(point: DesignPoint, request: DesignRequest) -> dict[str, Any]:
         raise ValueError(result["message"])
     lam, _ = reference_roots(result)
     summary = _summary(lam[_judged(lam)], request.tolerance)
-    return {**summary, **working_point_cells(None), "modes": []}
+    return {**summary, **working_point_cells(None), "modes": [], "beside": []}
 
 
 def _in_time(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[str, Any]:
@@ -349,6 +365,7 @@ def _in_time(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[
         "verdict": LASTS if lasting else OPEN if others else DECAYS,
         "reason": "; ".join(run.text for run in runs),
         "modes": [],
+        "beside": [],
     }
 
 
@@ -372,4 +389,5 @@ def _of_cycles(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dic
         "reason": row["reason"],
         "missing_damping": most,
         "modes": [],
+        "beside": [],
     }

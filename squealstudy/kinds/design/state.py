@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,7 +13,8 @@ from squealstudy.kinds.design.search import Steps
 from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.kinds.design.targets import Realisation
 
-Rows = Mapping[Ask, Mapping[str, Any]]
+Row = Mapping[str, Any]
+Rows = Mapping[Ask, Row]
 # all checks passed, with and without a look at large motions; some could not be told
 MET, MET_LINEAR, UNDECIDED = "met", "met_linear", "undecided"
 # the limit of designs; no design meets the margin; ten rounds; nothing may change
@@ -195,6 +196,26 @@ def seen_of(
         np.nan_to_num(np.array(scatter, dtype=float)),
         np.array(slopes).reshape(len(zeta), len(ranges)),
     )
+
+
+def moved_out(
+    here: Row, today: Sequence[Row], band_hz: tuple[float, float]
+) -> list[Mapping[str, float]]:
+    """Growing modes of a design beside the band, where no row of today's has as many on that side.
+
+    Those nearest to the band: a change that moves a mode out of the band has not silenced it.
+    """
+    found: list[Mapping[str, float]] = []
+    if not here["beside"]:
+        return found
+    for side, edge in zip((-1.0, 1.0), band_hz, strict=True):
+        own, *others = (
+            [m for m in row["beside"] if side * (m["frequency_hz"] - edge) > 0]
+            for row in (here, *today)
+        )
+        own.sort(key=lambda m: side * m["frequency_hz"])
+        found += own[: max(len(own) - max(map(len, others), default=0), 0)]
+    return found
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,7 @@ def _reductions(plan: DesignPlan) -> dict[str, int]:
 
 def changed(loop: Loop, design: np.ndarray) -> list[dict[str, Any]]:
     """Every variable that a design changes: from what to what, and whether to its bound."""
-    z, study = loop.change(design), loop.study
+    z, study, ends = loop.change(design), loop.study, at_bounds(loop, design)
     units = {p.name: p.unit for p in study.model.parameters}
     return [
         {
@@ -124,11 +124,18 @@ def changed(loop: Loop, design: np.ndarray) -> list[dict[str, Any]]:
             "from": v.nominal,
             "to": float(value),
             "unit": units.get(v.name, ""),
-            "at_bound": bool(min(z[k] - loop.whole.low[k], loop.whole.high[k] - z[k]) < ENDS),
+            "at_bound": bool(ends[k]),
         }
         for k, (v, value) in enumerate(zip(study.variables, design, strict=True))
         if abs(z[k]) > ENDS
     ]
+
+
+def at_bounds(loop: Loop, design: np.ndarray) -> np.ndarray:
+    """Which variables (d,) of a design are at a bound, those that are as today too."""
+    z = loop.change(design)
+    near: np.ndarray = np.minimum(z - loop.whole.low, loop.whole.high - z) < ENDS
+    return near
 
 
 def change_text(changes: Sequence[Mapping[str, Any]]) -> str:
@@ -152,11 +159,11 @@ def _where(plan: DesignPlan, loop: Loop, p: int) -> str:
     )
 
 
-def _worst(loop: Loop, design: np.ndarray) -> Solved | None:
-    """Where a design has the least damping ratio, of the points at which it was solved."""
+def _solved(loop: Loop, design: np.ndarray) -> list[Solved]:
+    """The points at which a design was solved, with their rows."""
     found = ((p, loop.known(p, design)) for p in range(len(loop.state.points)))
     known = [(p, own[1]) for p, own in found if own is not None]
-    return least_damped([(p, r) for p, r in known if r["status"] == "ok"])
+    return [(p, r) for p, r in known if r["status"] == "ok"]
 
 
 def least_damped(found: Sequence[Solved]) -> Solved | None:
@@ -166,17 +173,24 @@ def least_damped(found: Sequence[Solved]) -> Solved | None:
 
 
 def _mode_text(plan: DesignPlan, loop: Loop, design: np.ndarray) -> str:
-    """The mode of least damping of a design, with its place."""
-    found = _worst(loop, design)
-    if found is None:
-        return "no mode in the band where it was solved"
-    p, row = found
-    where = _where(plan, loop, p)
-    hz, zeta = row["frequency_hz"], row["min_damping_ratio"]
-    if hz == 0.0:
-        return f"steady sliding diverges without oscillation{' at ' + where if where else ''}"
-    text = f"least damping ratio {zeta:.4g}, mode at {hz:.5g} Hz ({row['main_component']})"
-    return f"{text}{' at ' + where if where else ''}"
+    """The mode of least damping of a design, with its place, and what grows beside the band."""
+    solved = _solved(loop, design)
+
+    def at(p: int) -> str:
+        where = _where(plan, loop, p)
+        return f" at {where}" if where else ""
+
+    text, found = "no mode in the band where it was solved", least_damped(solved)
+    if found is not None:
+        p, row = found
+        hz, zeta = row["frequency_hz"], row["min_damping_ratio"]
+        text = f"least damping ratio {zeta:.4g}, mode at {hz:.5g} Hz ({row['main_component']})"
+        text = f"{text if hz else 'steady sliding diverges without oscillation'}{at(p)}"
+    beside = [(m["damping_ratio"], m["frequency_hz"], p) for p, r in solved for m in r["beside"]]
+    if beside:
+        zeta, hz, p = min(beside)
+        text += f"; outside the band a mode at {hz:.5g} Hz grows, damping ratio {zeta:.4g}{at(p)}"
+    return text
 
 
 def _today(loop: Loop) -> str:
@@ -245,7 +259,8 @@ def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]])
         nearest = change_text(changes) or "today's design"
         seen = len(state.view)
         where = "" if seen >= len(state.points) else f", of {seen} operating points in view"
-        bound = [c["parameter"] for c in changes if c["at_bound"]]
+        ends = at_bounds(loop, chosen)
+        bound = [v.name for v, end in zip(loop.study.variables, ends, strict=True) if end]
         binds = f"; at their bounds: {', '.join(bound)}" if bound else "; no variable at a bound"
         return (
             f"{today}; no design within the bounds was found that meets the margin of "
