@@ -294,7 +294,7 @@ def test_where_none_was_found_the_reason_says_what_was_searched():
     ("look", "end", "told"),
     [
         (None, "far", "grows at some amplitude"),
-        (SecondLook(7, 4, open=[MOTION]), "far", "1 amplitudes at which more harmonics leave"),
+        (SecondLook(7, 4, open=[MOTION]), "far", "1 amplitude at which more harmonics leave"),
         (SecondLook(7, 4, [[CurveMotion(MOTION, 0.0, 0.0)]]), "far", "grows at some amplitude"),
         (SecondLook(7, 4), "steps", "lost at 1.5 m/s: steps"),
     ],

@@ -231,6 +231,30 @@ def test_in_time_a_bilateral_contact_that_pulls_and_a_far_kick():
     assert found.columns[-2:].tolist() == ["valid", "invalid_reason"]
 
 
+@pytest.mark.parametrize(
+    ("step", "told"),
+    [(1e-3, "4.5 steps:"), (5e-4, "8.9 steps:"), (2e-4, "22 steps and"), (5e-5, "")],
+)
+def test_growth_that_the_step_does_not_resolve_is_told(tmp_path, step, told):
+    """Hoffmann's oscillator just beyond its onset: steps shift what couples the two modes."""
+    more = """
+[parameters]
+friction = 0.78
+damping_ratio = 0.01
+sliding_speed = 5.0
+"""
+    time = TIME.replace("2e-5", f"{step}").replace("= 1.0", "= 1e-6")
+    text = text_of("hoffmann", more, "transient") + time
+    point = solved(text, tmp_path / "results").points.iloc[0]
+    assert point["status"] == "ok"
+    assert bool(point["valid"]) == (not told)
+    if told:
+        rule = "the step resolves the fastest mode: a period of the mode at 224.2 Hz has "
+        assert point["invalid_reason"].startswith(rule + told)
+    else:
+        assert point["growth_rate"] == pytest.approx(point["predicted_growth_rate"], rel=0.05)
+
+
 def test_matrices_have_no_contact_to_judge(tmp_path):
     import scipy.io
     import scipy.sparse as sp

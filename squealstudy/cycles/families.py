@@ -33,6 +33,7 @@ from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.projection import Projection
 from squealstudy.cycles.trials import Ended
 from squealstudy.errors import ConvergenceError
+from squealstudy.wording import plural
 
 SQUEALS, IF_KICKED = "squeals", "squeals_if_kicked"
 NO_CYCLE, UNDECIDED = "no_cycle_found", "undecided"
@@ -280,7 +281,8 @@ def _judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
     elif family.look is None or family.look.grows:
         reason = "grows at some amplitude, no cycle found"
     elif family.look.open:
-        reason = f"{len(family.look.open)} amplitudes at which more harmonics leave growth open"
+        count = plural(len(family.look.open), "amplitude")
+        reason = f"{count} at which more harmonics leave growth open"
     else:
         return replace(family, verdict=NO_CYCLE, reason=_searched(family, family.look))
     return replace(family, reason=reason)
@@ -289,7 +291,7 @@ def _judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
 def _searched(family: Family, look: SecondLook) -> str:
     """What was searched where no cycle was found."""
     left = f" (left there, {100 * HOPELESS:g} % of damping missing)" if family.end == DAMPED else ""
-    places = f"{look.checked} places of it with up to {look.harmonics} harmonics"
+    places = f"{plural(look.checked, 'place')} of it with up to {look.harmonics} harmonics"
     return (
         f"none on this mode's curve up to {family.reached:.3g} m/s{left}, {places}; "
         "a cycle apart from it is not excluded"

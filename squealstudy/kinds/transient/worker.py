@@ -86,8 +86,7 @@ def solve_batch(task: BatchTask) -> Solved:
 def _row(task: BatchTask, point: DesignPoint, motion: Motion, wall: float) -> dict[str, Any]:
     reference, settings = task.reference, task.settings()
     system, summary = reference.system, summarise(motion)
-    sticks = summary.point.get("stick_share_max", 0.0)
-    said = doubts(motion, system, settings, sticks)
+    said = doubts(motion, system, settings, summary.point)
     reasons = [open_reason(point.law_kind, motion.point.open_share)]
     reasons += [f"{rule}: {text}" for rule, text in said.items()]
     columns = {

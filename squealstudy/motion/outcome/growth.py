@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+LEFT_VECTOR = "left_vector"  # how a rate was found: along the fastest complex mode
 ONSET = 0.1  # of the final amplitude
 LEAST_ROWS = 24  # of a fit
 LEAST_PERIODS = 5.0  # of a fit to a complex amplitude

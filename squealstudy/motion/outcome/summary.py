@@ -23,7 +23,7 @@ from squealstudy.motion.outcome.energies import (
     round_off,
     transfer,
 )
-from squealstudy.motion.outcome.growth import GrowthFit, fit_growth
+from squealstudy.motion.outcome.growth import LEFT_VECTOR, GrowthFit, fit_growth
 from squealstudy.motion.outcome.levels import last_window, torque_levels
 from squealstudy.motion.outcome.settling import settled
 from squealstudy.motion.outcome.verdict import EXPRESSED, run_verdict
@@ -165,7 +165,7 @@ def _growth(run: Motion, fits: list[GrowthFit]) -> dict[str, Any]:
     """Growth of the fastest complex mode, or of the energy where it cannot be read."""
     if not _moves(run):
         return {}
-    fit, method = fits[0] if fits else GrowthFit(), "left_vector"
+    fit, method = fits[0] if fits else GrowthFit(), LEFT_VECTOR
     if not np.isfinite(fit.growth_rate):
         fit = fit_growth(run.times, np.sqrt(moving_energy(run)))
         method = "energy" if fit.status == "ok" else ""
