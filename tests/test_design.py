@@ -569,6 +569,23 @@ def test_what_grows_beside_the_band_is_told(tmp_path: Path) -> None:
     assert "outside the band" not in facts["verdict"]
 
 
+def test_a_variant_whose_mode_leaves_the_band_is_not_chosen(tmp_path: Path) -> None:
+    text = TWO_VARIABLES.replace("[0.1, 0.2, 0.3]", "[0.4]").replace("0.002", "0.0")
+    start, end = text.index("[[variable]]"), text.index("[goal]")
+    text = (text[:start] + text[end:]).format() + "in_time = 0\n[modes]\nband = [1.0, 92.0]\n"
+    for name, hz in (("stiff", 80.0), ("soft", 60.0)):
+        cost = f"cost = {1 / hz}\nparameters.frequency_2 = {hz}\n"
+        text += f'[[variant]]\nname = "{name}"\n{cost}'
+    found = _run(text, tmp_path)
+    outcomes = found.table("variants").set_index("variant")["outcome"].to_dict()
+    assert outcomes == {
+        "as in the file": "no_variables",  # flutter at 89.8 Hz
+        "stiff": "moved_out",  # flutter at 92.7 Hz
+        "soft": "met_linear",
+    }
+    assert "has 'soft' (no change)" in found.manifest["design_study"]["choice"]
+
+
 def test_runs_that_begin_on_another_vibration_are_other_runs(tmp_path: Path) -> None:
     """Whose rows are not taken over where today's value of a variable is edited."""
     text = _hoffmann("damping_ratio", "[-0.005, 0.2]")

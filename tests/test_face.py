@@ -269,7 +269,9 @@ def test_units_are_those_of_the_quantity(results):
     )
     modes = results["complex_modes"].modes.attrs["units"]
     assert (modes["frequency_hz"], modes["damping_ratio"], modes["error_rung"]) == ("Hz", "", "1/s")
-    assert results["complex_modes"].onsets.attrs["units"]["onset"] == ""
+    onsets = results["complex_modes"].onsets.attrs["units"]
+    assert (onsets["onset"], onsets["error_estimate"]) == ("", "")  # of the friction
+    assert modes["error_estimate"] == "1/s"
     assert results["transient"].history(0).attrs["units"]["energy"] == "J"
 
 

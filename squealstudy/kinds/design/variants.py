@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from squealstudy.engine.manifest import BESIDE
 from squealstudy.engine.rows import REAL, TEXT, WHOLE
 from squealstudy.engine.store import Store, read_manifest
@@ -16,6 +18,7 @@ from squealstudy.wording import plural
 
 FOLDER = "variants"
 AS_IN_FILE, FAILED = "as in the file", "failed"
+MOVED_OUT = "moved_out"  # proven in the band, beside which more modes grow than in the file's own
 VARIANT_FIELDS = (
     ("variant", TEXT),
     ("model", TEXT),
@@ -60,10 +63,16 @@ def variant_rows(plan: DesignPlan, store: Store, facts: Mapping[str, Any]) -> li
         folder = f"{FOLDER}/{one.name}"
         manifest = {} if reasons.get(folder) else read_manifest(store.directory / folder) or {}
         found = manifest.get("design_study")
-        rows.append(
-            _row(one.name, one.study, one.cost, folder, found, str(reasons.get(folder, "")))
-        )
+        row = _row(one.name, one.study, one.cost, folder, found, str(reasons.get(folder, "")))
+        if found and row["outcome"] in PROVEN and _moved_out(found, facts):
+            row["outcome"] = MOVED_OUT
+        rows.append(row)
     return rows
+
+
+def _moved_out(found: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
+    """Whether at some operating point more modes grow beside the band than in the file's own."""
+    return any(n > before for n, before in zip(found["beside"], own["today_beside"], strict=True))
 
 
 def _row(
@@ -112,7 +121,6 @@ def choice(rows: Sequence[Mapping[str, Any]]) -> str:
     name = "the file's own design" if best["variant"] == AS_IN_FILE else f"'{best['variant']}'"
     how = best["change"] or "no change"
     unlooked = "" if best["outcome"] == PROVEN[0] else ", large motions not looked at"
-    return (
-        f"{counted}{unlooked}: least cost {best['cost']:.4g} has {name} ({how}), with a least "
-        f"damping ratio of {best['min_damping_ratio']:.4g}."
-    )
+    zeta = best["min_damping_ratio"]
+    damped = "no mode in the band" if np.isnan(zeta) else f"a least damping ratio of {zeta:.4g}"
+    return f"{counted}{unlooked}: least cost {best['cost']:.4g} has {name} ({how}), with {damped}."

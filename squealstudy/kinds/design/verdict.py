@@ -63,9 +63,17 @@ def facts(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]]) ->
         "n_in_view": len(state.view),
         "rounds": state.round,
         "n_designs": len(designs),
+        "beside": _beside(loop, state.chosen),
+        "today_beside": _beside(loop, study.nominal),
         **_reductions(plan),
         "targets": _targets(loop),
     }
+
+
+def _beside(loop: Loop, design: np.ndarray | None) -> list[int]:
+    """How many modes grow beside the band, at every operating point where a design was solved."""
+    known = (None if design is None else loop.known(p, design) for p in range(loop.state.n_matrix))
+    return [0 if own is None else len(own[1]["beside"]) for own in known]
 
 
 def _targets(loop: Loop) -> dict[str, Any] | None:
