@@ -6,7 +6,9 @@ import numpy as np
 
 from squealstudy.cycles.branch import SHRUNK
 from squealstudy.cycles.contact import ContactOscillator
+from squealstudy.cycles.continuation import Steps, follow, newton
 from squealstudy.cycles.equations import CycleEquations
+from squealstudy.cycles.growth import FAR, MOST_OTHERS, OTHER, ZERO, linear_motion
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.catalogue import MODELS
@@ -120,3 +122,31 @@ def linear_modes(osc):
     lam, psi = dense_roots(C[0], K[0], (0.0, np.inf))
     order = [k for k in np.argsort(-lam.real) if lam[k].imag > 0]
     return lam[order], psi[:, order]
+
+
+# -- curves and cycles of small models ------------------------------------------------------------
+def growth_curve(osc, lam, phi, size, harmonics, stop, steps=None):
+    """Equations and curve of the added damping from a complex mode on; its zeros (C) are cycles."""
+    equations = CycleEquations(osc, harmonics, abs(lam.imag))
+    u = equations.pack(linear_motion(phi, lam, equations.scale, size))
+    equations.accepted(u)
+    along = np.zeros(len(u))
+    along[-2] = 1.0
+    tests = {ZERO: lambda u, _: float(u[-1])}
+
+    def ended(u):
+        if np.linalg.norm(u[osc.n : -3]) > MOST_OTHERS:
+            return OTHER
+        return FAR if stop(equations.motion(u)) else ""
+
+    return equations, follow(equations, u, along, steps or Steps(), tests, ended, watched=-1)
+
+
+def refined(equations, motion):
+    """The cycle near a motion at its own mu, and the residual."""
+    u = equations.pack(motion)
+    equations.accepted(u)
+    normal = np.zeros(len(u))
+    normal[-1] = 1.0
+    u, residual, *_ = newton(equations, u, normal, float(u[-1]))
+    return equations.motion(u), residual

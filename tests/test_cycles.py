@@ -21,10 +21,8 @@ from squealstudy.cycles.growth import (
     FAR,
     family_curve,
     found_again,
-    growth_curve,
     linear_motion,
     looked_again,
-    refined,
 )
 from squealstudy.cycles.harmonics import derivative, sampling, series_at, with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
@@ -40,7 +38,7 @@ HARDER = {"sliding_speed": 0.5, "friction": 0.9}  # Hoffmann: sticks and opens
 def cycles(osc, harmonics, far, size=1e-3):
     """Cycles of the fastest growing mode, up to a displacement."""
     lam, psi = models.linear_modes(osc)
-    equations, curve = growth_curve(
+    equations, curve = models.growth_curve(
         osc, lam[0], psi[:, 0], size, harmonics, lambda m: np.abs(m.Q).max() > far
     )
     assert curve.end == FAR
@@ -122,7 +120,7 @@ def test_added_damping_is_twice_the_growth_where_motions_are_small():
     assert lam[0].real > 0 > lam[1].real
     for k, root in enumerate(lam):
         equations = CycleEquations(contact.oscillator, 3, abs(root.imag))
-        _, curve = growth_curve(
+        _, curve = models.growth_curve(
             contact.oscillator, root, psi[:, k], 1e-5, 3, lambda _: True, Steps(count=1)
         )
         first = equations.motion(curve.points[0].u)
@@ -140,6 +138,7 @@ class NormalForm:
     """R' = mu r + r^3 - r^5 without r = 0: mu + r^2 - r^4 = 0, fold at mu = -1/4, r^2 = 1/2."""
 
     tolerance = 1e-9
+    rough = False
 
     def residual(self, u):
         return np.array([u[1] + u[0] ** 2 - u[0] ** 4])
@@ -172,6 +171,7 @@ class Dip:
     """u_1 = (u_0 - 1/2)^2 - depth: two zeros beside each other."""
 
     tolerance = 1e-9
+    rough = False
 
     def __init__(self, depth):
         self.depth = depth
@@ -252,7 +252,7 @@ def test_more_harmonics_converge_and_the_tail_tells():
     assert errors[0] > errors[1] > errors[2]
     assert all(tail > error for error, tail in zip(errors, tails, strict=True))
     coarse = cycles(osc, 7, 2.5)[0]
-    better, residual = refined(CycleEquations(osc, 41, coarse.omega), coarse)
+    better, residual = models.refined(CycleEquations(osc, 41, coarse.omega), coarse)
     assert better.omega == pytest.approx(exact, rel=1e-10)
     assert residual < 1e-9
 
@@ -319,7 +319,7 @@ def test_more_harmonics_see_a_cycle_that_one_does_not(k, lasting):
     cycles = [p.motion for piece in look.pieces for p in piece if p.event == "C"]
     assert len(cycles) == 2 * lasting
     if lasting:
-        inner, outer = (refined(CycleEquations(osc, 25, c.omega), c)[0] for c in cycles)
+        inner, outer = (models.refined(CycleEquations(osc, 25, c.omega), c)[0] for c in cycles)
         theta = 2 * np.pi * np.arange(4096) / 4096
         peaks = [np.abs(series_at(theta, 25)[0] @ c.Q).max() for c in (inner, outer)]
         assert peaks[0] < peaks[1]
@@ -357,7 +357,7 @@ def test_zeros_that_more_harmonics_move_are_found_again():
     for size in np.sqrt(np.roots([1 / 8, -1 / 4, nu])):
         zero = PeriodicMotion(np.array([[0.0], [size], [0.0]]), np.sqrt(1 + 0.75 * k * size**2))
         longer = replace(zero, Q=with_harmonics(zero.Q, 25))
-        exact, _ = refined(CycleEquations(osc, 25, zero.omega), longer)
+        exact, _ = models.refined(CycleEquations(osc, 25, zero.omega), longer)
         assert abs(zero.omega / exact.omega - 1.0) > 1e-3
         found = found_again(osc, zero, 9)
         assert min(abs(m.omega / exact.omega - 1.0) for m in found) < 1e-5
@@ -397,7 +397,7 @@ def bistable():
     contact = models.Designs("hoffmann", models.BISTABLE).at()
     lam, psi = models.linear_modes(contact.oscillator)
     assert (lam.real < 0).all()
-    equations, curve = growth_curve(
+    equations, curve = models.growth_curve(
         contact.oscillator,
         lam[0],
         psi[:, 0],

@@ -10,7 +10,6 @@ import pytest
 from squealstudy.cycles.branch import HOPF, TURN, branch
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import floquet
-from squealstudy.cycles.growth import growth_curve
 from squealstudy.cycles.harmonics import derivative
 
 pytestmark = [
@@ -46,7 +45,7 @@ def compare_multipliers(own, auto):
 
 def first_harmonics(osc, harmonics, reach):
     lam, psi = models.linear_modes(osc)
-    equations, curve = growth_curve(
+    equations, curve = models.growth_curve(
         osc, lam[0], psi[:, 0], 1e-2, harmonics, lambda m: np.abs(m.Q).max() > reach
     )
     return [equations.motion(p.u) for p in curve.at("C")]
@@ -176,7 +175,7 @@ def test_cubic_springs(tmp_path, name):
     hopf = next(p for p in rest if p.kind == "HB")
     lam, psi = models.linear_modes(contact.oscillator)
     assert lam[0].real < 0  # stable to small perturbations
-    equations, curve = growth_curve(
+    equations, curve = models.growth_curve(
         contact.oscillator,
         lam[0],
         psi[:, 0],

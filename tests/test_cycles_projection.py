@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import squealstudy.cycles.projection as projected
+from squealstudy.cycles import growth
 from squealstudy.cycles.continuation import Steps
+from squealstudy.cycles.curve import Path
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import floquet, floquet_on, monodromy, trapezoidal
 from squealstudy.cycles.growth import family_curve, linear_motion
-from squealstudy.cycles.harmonics import with_harmonics
+from squealstudy.cycles.harmonics import derivative, with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.cycles.projection import ADDED, FINE, SIZE, Projection
 from squealstudy.errors import ConvergenceError
@@ -67,7 +71,7 @@ def both():
         assert exact.complete
         patch.setattr(projected, "WHOLE", 10)
         few, near = found(osc)
-    return osc, exact.solve(cycle, ADDED)[0], few, near
+    return osc, exact.solve(cycle, ADDED)[0], few, replace(near, mu=0.0)
 
 
 def distance(projection, one, other):
@@ -76,8 +80,9 @@ def distance(projection, one, other):
 
 
 def wrong(projection, motion, exact):
-    """Norm of all that is wrong, relative, as the error of a basis."""
-    off = (motion.Q - exact.Q) * projection.weight
+    """Norm of all that is wrong but its phase, relative, as the error of a basis."""
+    off, turn = (A * projection.weight for A in (motion.Q - exact.Q, derivative(exact.Q)))
+    off -= turn * (turn * off).sum() / (turn**2).sum()
     return np.linalg.norm(off) / np.linalg.norm(exact.Q * projection.weight)
 
 
@@ -117,6 +122,54 @@ def test_a_cycle_of_another_size_is_not_that_of_a_motion(both):
     with pytest.raises(ConvergenceError) as caught:
         few.cycle_near(PeriodicMotion(1.4 * near.Q, near.omega), 5)
     assert caught.value.status == "another_cycle"
+
+
+def test_a_basis_in_which_the_way_on_cannot_be_told_is_refused(both):
+    """A direction across a curve may as well be the way back; one along it tells which way."""
+    _, exact, few, _ = both
+    path = Path(few, 5, (SIZE, 1.0), lambda *_: "", STEPS, {})
+    for factor in (0.9, 1.1):
+        _, there = path._here(exact, replace(exact, Q=factor * exact.Q))
+        assert np.sign(there.tangent[SIZE]) == np.sign(factor - 1.0)
+    with pytest.raises(ConvergenceError, match="which way"):
+        path._here(exact, replace(exact, mu=exact.mu + 0.1))
+
+
+def test_a_curve_that_turns_back_by_mistake_says_so(monkeypatch):
+    """It is seen at half of its largest size, on the path on which it grew."""
+    again, turned = Path._again, []
+
+    def turn(path, curve, *way):
+        equations, here = again(path, curve, *way)
+        if curve[-1].motion.Q[1:].max() > 0.5 and not turned:
+            turned.append(len(curve))
+            here = replace(here, tangent=-here.tangent)
+        return equations, here
+
+    monkeypatch.setattr(projected, "WHOLE", 10)
+    monkeypatch.setattr(Path, "_again", turn)
+    projection, lam, phi = of_fastest_mode(oscillator())
+    start = linear_motion(phi, lam, projection.weight, 1e-3)
+    start = PeriodicMotion(with_harmonics(start.Q, 5), start.omega, start.mu)
+    curve, end = family_curve(projection, start, lambda _: "", replace(STEPS, count=200))
+    assert turned
+    assert end == "retraced"
+    sizes = [np.linalg.norm(p.motion.Q[[1, 6]]) for p in curve]
+    assert 0.25 < sizes[-1] / max(sizes) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("back", "seen"),
+    [({}, True), ({"omega": 1.01}, False), ({"mu": -0.5}, False), ({"shape": (1.0, 0.3)}, False)],
+    ids=["the same", "frequency", "damping", "shape"],
+)
+def test_a_curve_that_comes_back_otherwise_is_no_retrace(back, seen):
+    def motion(size, omega=1.0, mu=-0.4, shape=(1.0, 0.1)):
+        return PeriodicMotion(size * np.array([(0.0, 0.0), shape, (0.0, 0.0)]), omega, mu)
+
+    passed = [motion(size) for size in (1e-3, 0.1, 0.3, 1.0, 0.8)]
+    assert not growth._retraced(passed)
+    assert growth._retraced([*passed, motion(0.4, **back)]) == seen
 
 
 def test_the_error_of_a_basis_is_told(both):

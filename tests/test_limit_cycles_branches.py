@@ -14,7 +14,6 @@ from test_limit_cycles_study import STUDY, study
 import squealstudy as sq
 from squealstudy.cli.compare import cycle_comparison
 from squealstudy.cycles import families
-from squealstudy.cycles.growth import growth_curve
 from squealstudy.cycles.onset import SUBCRITICAL, SUPERCRITICAL, criticality
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.limit_cycles import continued
@@ -147,7 +146,7 @@ def test_how_cycles_begin(cubic, expected):
     for side, step in ((SUBCRITICAL, -2e-5), (SUPERCRITICAL, 2e-5)):
         near = designs.at(friction=high + step)
         lam, psi = models.linear_modes(near.oscillator)
-        equations, curve = growth_curve(
+        equations, curve = models.growth_curve(
             near.oscillator, lam[0], psi[:, 0], 1e-3, 5, lambda m: contact.contact_velocity(m) > 0.1
         )
         small = [contact.contact_velocity(equations.motion(p.u)) < 0.1 for p in curve.at("C")]

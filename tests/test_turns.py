@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import cycle_models as models
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -19,7 +20,7 @@ from squealstudy.cycles.balance import balanced, imbalance
 from squealstudy.cycles.contact import ContactForces
 from squealstudy.cycles.continuation import Steps, newton
 from squealstudy.cycles.equations import CycleEquations
-from squealstudy.cycles.growth import FAR, growth_curve, refined
+from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.harmonics import series_at, with_harmonics
 from squealstudy.cycles.oscillator import Oscillator
 from squealstudy.errors import ConvergenceError
@@ -103,13 +104,13 @@ def amplitude_of(motion):
 def cycle(osc, harmonics):
     """The stable cycle: that of the least amplitude, on a curve from a small motion on."""
     lam, phi = 0.5 * DRIVE + 1j, np.ones(1, complex)
-    equations, curve = growth_curve(
+    equations, curve = models.growth_curve(
         osc, lam, phi, 0.5, 5, lambda m: np.abs(m.Q).max() > 1.6, Steps(first=0.1, largest=0.2)
     )
     assert curve.end == FAR
     motion = equations.motion(curve.at("C")[0].u)
     equations = CycleEquations(osc, harmonics, 1.0)
-    return refined(equations, replace(motion, Q=with_harmonics(motion.Q, harmonics)))[0]
+    return models.refined(equations, replace(motion, Q=with_harmonics(motion.Q, harmonics)))[0]
 
 
 def derivatives_off(osc, seed):
@@ -221,6 +222,7 @@ class Circle:
     """x^2 + y^2 = 1."""
 
     tolerance = 1e-12
+    rough = False
 
     def residual(self, u):
         return np.array([u @ u - 1.0])

@@ -59,9 +59,17 @@ def sampled(osc: Oscillator, rule: Sampling, Q: np.ndarray, omega: float) -> Loc
 
 
 def balanced(
-    osc: Oscillator, Q: np.ndarray, omega: float, xi: float, local: LocalForces | None = None
+    osc: Oscillator,
+    Q: np.ndarray,
+    omega: float,
+    xi: float,
+    local: LocalForces | None = None,
+    precision: type = np.float64,
 ) -> Balanced:
-    """`imbalance` of a series Q (2 H + 1, n) at omega [rad/s], xi [1/s], with derivatives."""
+    """`imbalance` of a series Q (2 H + 1, n) at omega [rad/s], xi [1/s], with derivatives.
+
+    Those by the series are of a `precision`.
+    """
     H = (len(Q) - 1) // 2
     rule = osc.sampling(H)
     local = sampled(osc, rule, Q, omega) if local is None else local
@@ -72,7 +80,7 @@ def balanced(
     h = rule.order[:, None]
     swapped = _quarter(Q)
     by_omega = -2.0 * omega * h**2 * Q + h * (swapped @ C.T) - _harmonics(osc, rule, pushed)
-    J = _linear_jacobian(H, C, osc.K, omega) - _force_jacobian(osc, rule, local, H, omega)
+    J = _jacobian(osc, rule, local, C, omega, precision)
     return Balanced(R, J, by_omega, omega * h * swapped)
 
 
@@ -95,39 +103,42 @@ def _linear(
     return found
 
 
-def _linear_jacobian(H: int, C: np.ndarray, K: np.ndarray, omega: float) -> np.ndarray:
-    n = len(K)
-    J = np.zeros((2 * H + 1, n, 2 * H + 1, n))
-    J[0, :, 0] = K
-    for h in range(1, H + 1):
-        J[h, :, h] = J[H + h, :, H + h] = K - (h * omega) ** 2 * np.eye(n)
-        J[h, :, H + h] = h * omega * C
-        J[H + h, :, h] = -h * omega * C
-    return J.reshape((2 * H + 1) * n, -1)
-
-
-def _force_jacobian(
-    osc: Oscillator, rule: Sampling, local: LocalForces, H: int, omega: float
+def _jacobian(
+    osc: Oscillator,
+    rule: Sampling,
+    local: LocalForces,
+    C: np.ndarray,
+    omega: float,
+    precision: type,
 ) -> np.ndarray:
-    """Derivatives of the harmonics of the forces by those of the motion.
+    """Derivatives of the imbalance by the series, ((2 H + 1) n, (2 H + 1) n).
 
-    With a_m, b_m the means of D cos(m theta), D sin(m theta), twice the mean of
+    Of the forces, with a_m, b_m the means of D cos(m theta), D sin(m theta), twice the mean of
     D cos(j theta) cos(k theta) is a_{j-k} + a_{j+k}, and so on.
     """
-    n, N = osc.n, 2 * H + 1
+    H, n = int(rule.order[-1]), osc.n
     a, b, c, d = (
-        osc.projected(np.tensordot(weights, D, 1))
+        osc.projected(-np.tensordot(weights, D, 1).astype(precision))
         for D in (local.by_y, local.by_w)
         for weights in (rule.cosines, rule.sines)
     )
-    j, k = np.arange(H + 1)[:, None], np.arange(H + 1)
-    far, near, sign = j + k, abs(j - k), np.sign(j - k)[..., None, None]
-    rate = (k * omega)[None, :, None, None]
-    J = np.zeros((N, N, n, n))
+    J: np.ndarray = np.empty((2 * H + 1, n, 2 * H + 1, n), precision)
     # rows of cosines, columns of cosines and sines; then rows of sines
-    J[: H + 1, : H + 1] = a[near] + a[far] - rate * (d[far] - sign * d[near])
-    J[: H + 1, H + 1 :] = (b[far] - sign * b[near] + rate * (c[near] + c[far]))[:, 1:]
-    J[H + 1 :, : H + 1] = (b[far] + sign * b[near] - rate * (c[near] - c[far]))[1:]
-    J[H + 1 :, H + 1 :] = (a[near] - a[far] + rate * (d[far] + sign * d[near]))[1:, 1:]
+    for j, k in np.ndindex(H + 1, H + 1):
+        far, near, sign, rate = j + k, abs(j - k), float(np.sign(j - k)), float(k * omega)
+        J[j, :, k] = a[near] + a[far] - rate * (d[far] - sign * d[near])
+        if k:
+            J[j, :, H + k] = b[far] - sign * b[near] + rate * (c[near] + c[far])
+        if j:
+            J[H + j, :, k] = b[far] + sign * b[near] - rate * (c[near] - c[far])
+        if j and k:
+            J[H + j, :, H + k] = a[near] - a[far] + rate * (d[far] + sign * d[near])
     J[0] *= 0.5
-    return J.transpose(0, 2, 1, 3).reshape(N * n, N * n)
+    J[0, :, 0] += osc.K
+    for h in range(1, H + 1):
+        own, turn = osc.K - (h * omega) ** 2 * np.eye(n), h * omega * C
+        J[h, :, h] += own
+        J[H + h, :, H + h] += own
+        J[h, :, H + h] += turn
+        J[H + h, :, h] -= turn
+    return J.reshape((2 * H + 1) * n, -1)

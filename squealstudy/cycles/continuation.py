@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from scipy.linalg import get_lapack_funcs
 from scipy.optimize import brentq
 
 from squealstudy.errors import ConvergenceError
@@ -20,6 +22,7 @@ NEWTON = 20  # steps at most
 PATIENCE, HALF = 5, 0.5  # steps in which the equations shall be better by that, or are lost
 ASTRAY = 10.0  # a longer one leads nowhere: unknowns are scaled to one
 SHORTEST = 0.1  # share of a Newton step
+GOOD = 0.1  # share of the equations that a step leaves, below which the next has the same Jacobian
 NEARER = 0.1  # by what share of a Newton step the equations shall be better after it
 FAST, SLOW = 2, 5  # Newton steps at which the arc-length grows, shrinks
 TURN = 0.9  # cosine between tangents below which a step was too long
@@ -32,9 +35,13 @@ LOOKS = 0.02  # arc-length down to which steps are halved where it falls further
 
 
 class Equations(Protocol):
-    """What a curve solves, and to what tolerance."""
+    """What a curve solves, and to what tolerance.
+
+    Where it is `rough` a Jacobian serves again after a step that left less than `GOOD` of them.
+    """
 
     tolerance: float
+    rough: bool
 
     def residual(self, u: np.ndarray) -> np.ndarray:
         """F (m,) at u (m + 1,)."""
@@ -101,40 +108,86 @@ class Steps:
     count: int = 400
 
 
+class Bordered:
+    """A Jacobian J (m, m + 1) with a row below it, factorised once and only if it is needed.
+
+    In the precision that J has: equations solved roughly have derivatives in single precision.
+    """
+
+    def __init__(self, J: np.ndarray, normal: np.ndarray) -> None:
+        self._J, self._normal = J, normal
+
+    @cached_property
+    def _factors(self) -> tuple[np.ndarray, np.ndarray]:
+        A = np.empty((len(self._normal),) * 2, self._J.dtype, order="F")
+        A[:-1], A[-1] = self._J, self._normal
+        lu, rows, info = get_lapack_funcs("getrf", (A,))(A, overwrite_a=True)
+        if info:
+            raise ConvergenceError("singular_jacobian", "the balance is singular")
+        return lu, rows
+
+    def solve(self, F: np.ndarray, plane: float) -> np.ndarray:
+        """Of J x = F and normal . x = plane, x (m + 1,); ConvergenceError where it is singular."""
+        lu, rows = self._factors
+        b = np.append(F, plane).astype(lu.dtype)
+        x, _ = get_lapack_funcs("getrs", (lu,))(lu, rows, b)
+        return np.asarray(x, float)
+
+    @cached_property
+    def tangent(self) -> np.ndarray:
+        """Unit tangent of the curve of J, on the side of the normal."""
+        t = self.solve(np.zeros(len(self._J)), 1.0)
+        unit: np.ndarray = t / np.linalg.norm(t)
+        return unit
+
+    def towards(self, along: np.ndarray) -> np.ndarray:
+        """The tangent on the side of a direction."""
+        return self.tangent if self.tangent @ along >= 0.0 else -self.tangent
+
+
 def newton(
     equations: Equations, u: np.ndarray, normal: np.ndarray, offset: float | None = 0.0
-) -> tuple[np.ndarray, float, int, np.ndarray]:
+) -> tuple[np.ndarray, float, int, Bordered]:
     """Solution on the plane normal . u = offset; its residual, Newton steps, and Jacobian.
 
     Without an offset the plane turns with the curve: steps are the shortest that solve the
     linearised equations (Moore & Penrose), and find the curve where the first plane misses it.
+    Steps are counted by Jacobians; of rough equations the last may be that of a point nearby.
 
     Raises
     ------
     ConvergenceError
         Not converged, or not finite.
     """
-    last, tolerance = np.inf, equations.tolerance
+    left_over, tolerance = np.inf, equations.tolerance
     before = [np.inf] * PATIENCE
+    count, stale = 0, False
     for step in range(NEWTON + 1):
-        F, J = equations.jacobian(u)
+        if stale:
+            F = equations.residual(u)
+        else:
+            F, J = equations.jacobian(u)
+            there = Bordered(J, normal)
         residual = float(np.abs(F).max())
-        if not np.isfinite(residual) or not np.isfinite(J).all():
+        if not np.isfinite(residual) or not (stale or np.isfinite(J).all()):
             raise ConvergenceError("not_finite", "the forces of a periodic motion are not finite")
-        if residual < tolerance and last**2 < tolerance:
-            return u, residual, step, J
+        if residual < tolerance and left_over < tolerance:
+            return u, residual, count, there
         if residual > max(HALF * before[step], tolerance):
             break
         before.append(residual)
         plane = 0.0 if offset is None else float(normal @ u - offset)
-        change = solve(np.vstack([J, normal]), np.append(F, plane))
+        change = there.solve(F, plane)
         if offset is None:
-            normal = tangent_of(J, normal)
+            normal = there.tangent
             change = change - (normal @ change) * normal
         last = float(np.abs(change).max())
         if not last <= ASTRAY:
             break
-        u = _searched(equations, u, change, F, plane)
+        u, share = _searched(equations, u, change, F, plane)
+        count += not stale
+        left_over = last * (share if stale else last)
+        stale = equations.rough and share < GOOD
     raise ConvergenceError(
         "not_converged", f"the balance did not converge: {residual:.1e} after {step} Newton steps"
     )
@@ -146,39 +199,21 @@ def _searched(
     change: np.ndarray,
     F: np.ndarray,
     plane: float,
-) -> np.ndarray:
+) -> tuple[np.ndarray, float]:
     """The unknowns after a Newton step, shortened while that does not bring them nearer.
 
-    Where contact points switch between sticking and sliding full steps can go round in circles.
+    And the share of the equations that is left. Where contact points switch between sticking and
+    sliding full steps can go round in circles.
     """
     before = float(np.hypot(np.linalg.norm(F), plane))
     share = 1.0
     while share > SHORTEST:
         there: np.ndarray = u - share * change
-        left = float(np.linalg.norm(equations.residual(there)))
-        if (
-            before < equations.tolerance
-            or np.hypot(left, (1.0 - share) * plane) < (1.0 - NEARER * share) * before
-        ):
+        left = float(np.hypot(np.linalg.norm(equations.residual(there)), (1.0 - share) * plane))
+        if before < equations.tolerance or left < (1.0 - NEARER * share) * before:
             break
         share *= 0.5
-    return there
-
-
-def solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """A^-1 b; ConvergenceError where A is singular."""
-    try:
-        x: np.ndarray = np.linalg.solve(A, b)
-    except np.linalg.LinAlgError:
-        raise ConvergenceError("singular_jacobian", "the balance is singular") from None
-    return x
-
-
-def tangent_of(J: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Unit tangent of a curve, on the side of `along`, from its Jacobian (m, m + 1)."""
-    t = solve(np.vstack([J, along]), np.append(np.zeros(len(J)), 1.0))
-    unit: np.ndarray = t / np.linalg.norm(t)
-    return unit
+    return there, left / before if before else 0.0
 
 
 def follow(
@@ -204,9 +239,9 @@ def follow(
         Where there is no solution near `u`.
     """
     along = along / np.linalg.norm(along)
-    u, residual, _, J = newton(equations, u, along, float(along @ u))
+    u, residual, _, last = newton(equations, u, along, float(along @ u))
     equations.accepted(u)
-    here = CurvePoint(u, tangent_of(J, along), residual)
+    here = CurvePoint(u, last.tangent, residual)
     curve, h = Curve([here]), steps.first
     for _ in range(steps.count):
         found = next_point(equations, here, h, steps.least, tests, located, watched)
@@ -276,8 +311,8 @@ def _dips(here: CurvePoint, there: CurvePoint, k: int, h: float) -> bool:
 def _corrected(equations: Equations, here: CurvePoint, h: float) -> tuple[CurvePoint, int]:
     predicted = here.u + h * here.tangent
     offset = float(here.tangent @ predicted)
-    u, residual, iterations, J = newton(equations, predicted, here.tangent, offset)
-    return CurvePoint(u, tangent_of(J, here.tangent), residual), iterations
+    u, residual, iterations, there = newton(equations, predicted, here.tangent, offset)
+    return CurvePoint(u, there.tangent, residual), iterations
 
 
 def _events(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,73 +21,24 @@ from squealstudy.cycles.continuation import (
     grown,
     newton,
     next_point,
-    tangent_of,
 )
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
 from squealstudy.cycles.projection import SIZE, TARGET
 from squealstudy.errors import ConvergenceError
 
+if TYPE_CHECKING:
+    from squealstudy.cycles.branch import Moving
+    from squealstudy.cycles.projection import Projection
+
 BASIS = "basis"  # the basis errs by too much, or is too large
 LOST = "not_converged"
-WORST = 2e-2  # error of the basis on the curve
 TRIES = 6  # enrichments for one step, before it is halved
 ROUGHLY = 2e-2  # of a step: where an event is, if it is corrected anyhow
 BACK = 4  # points that are taken back at most where a larger basis does not have them
+ACROSS = 0.5  # cosine of the way on in another basis, below which it may as well be the way back
 AHEAD = 1e-2  # arc-length of the place that tells which way a curve goes on in another basis
 
 Ended = Callable[[np.ndarray, PeriodicMotion], str]  # of unknowns and the motion; why it ends there
-
-
-class Basis(Protocol):
-    """What a curve is followed on: a `Projection` at one design, `Moving` along a parameter."""
-
-    @property
-    def complete(self) -> bool:
-        """Whether it is that of all coordinates."""
-        ...
-
-    @property
-    def size(self) -> int:
-        """Number of vectors."""
-        ...
-
-    def equations(self, harmonics: int) -> CycleEquations:
-        """Of the curve, in the basis."""
-        ...
-
-    def lowered(self, motion: PeriodicMotion) -> PeriodicMotion:
-        """A motion of all coordinates in those of the basis."""
-        ...
-
-    def lifted(self, motion: PeriodicMotion) -> PeriodicMotion:
-        """The other way."""
-        ...
-
-    def correction(self, motion: PeriodicMotion, fresh: bool = False) -> PeriodicMotion:
-        """As of `Projection`."""
-        ...
-
-    def error(self, motion: PeriodicMotion, correction: PeriodicMotion) -> float:
-        """As of `Projection`."""
-        ...
-
-    def improve(
-        self, motion: PeriodicMotion, target: float, held: int
-    ) -> tuple[PeriodicMotion, float, float]:
-        """As of `Projection`."""
-        ...
-
-    def remember(self, motion: PeriodicMotion) -> None:
-        """As of `Projection`."""
-        ...
-
-    def compact(self, motion: PeriodicMotion) -> None:
-        """As of `Projection`."""
-        ...
-
-    def join(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
-        """As of `Projection`."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +69,8 @@ class Path:
 
     Attributes
     ----------
-    projection : Basis
+    projection : Projection or Moving
+        At one design, or along a parameter.
     harmonics : int
     first : (int, float)
         Place among the unknowns, and sign, of what changes first.
@@ -131,7 +83,7 @@ class Path:
         As of `continuation.follow`.
     """
 
-    projection: Basis
+    projection: Projection | Moving
     harmonics: int
     first: tuple[int, float]
     ended: Ended
@@ -202,7 +154,7 @@ class Path:
                 equations, here, h, steps.least, self.tests, ROUGHLY, watched=self.watched
             )
             if step is None:  # what the last motion has missing may be what its successor needs
-                way = None if tries else self._grown(equations, here, found[-1].motion, True)
+                way = None if tries else self._grown(equations, here, found[-1].motion)
                 if way is None:
                     return LOST
                 tries, h = tries + 1, steps.first
@@ -211,12 +163,12 @@ class Path:
             there, events, taken, iterations = step
             motion = projection.lifted(equations.motion(there.u))
             error = projection.error(motion, projection.correction(motion))
-            if error > WORST:
+            if error > TARGET:
                 tries += 1
                 h = taken if tries % TRIES else 0.5 * taken
                 if h < steps.least:
                     return BASIS
-                if way := self._grown(equations, here, motion, True):
+                if way := self._grown(equations, here, motion):
                     equations, here = self._again(found, *way)
                 continue
             h = grown(taken, iterations, steps, float(here.tangent @ there.tangent))
@@ -228,14 +180,10 @@ class Path:
             projection.remember(motion)
             if reason := self.ended(there.u, motion):
                 return reason
-            if error > TARGET and (way := self._grown(equations, here, motion, False)):
-                count = len(found)
-                equations, here = self._again(found, *way)
-                h = h if len(found) == count else min(h, 0.5 * taken)
         return "steps"
 
     def _grown(
-        self, equations: CycleEquations, here: CurvePoint, motion: PeriodicMotion, fresh: bool
+        self, equations: CycleEquations, here: CurvePoint, motion: PeriodicMotion
     ) -> tuple[PeriodicMotion, PeriodicMotion] | None:
         """What a motion has missing joins the basis; None where that is nothing.
 
@@ -249,7 +197,7 @@ class Path:
         projection.remember(ahead)
         projection.compact(motion)
         before = projection.size
-        projection.join(motion, projection.correction(motion, fresh))
+        projection.join(motion, projection.correction(motion, True))
         return (start, ahead) if projection.size > before else None
 
     def _again(
@@ -283,8 +231,11 @@ class Path:
         if ahead is not None:
             along = equations.pack(self.projection.lowered(ahead)) - u
             along /= np.linalg.norm(along)
-        u, residual, _, J = newton(equations, u, along, None)
-        return equations, CurvePoint(u, tangent_of(J, along), residual)
+        u, residual, _, there = newton(equations, u, along, None)
+        tangent = there.towards(along)
+        if ahead is not None and tangent @ along < ACROSS:
+            raise ConvergenceError(LOST, "which way the curve goes on cannot be told")
+        return equations, CurvePoint(u, tangent, residual)
 
 
 def between(one: PeriodicMotion, other: PeriodicMotion, share: float) -> PeriodicMotion:

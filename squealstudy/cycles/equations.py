@@ -22,6 +22,7 @@ from squealstudy.cycles.oscillator import LocalForces, Oscillator
 
 PARAMETER_STEP = 1e-6  # of central differences, of the range
 KEPT = 4  # oscillators
+LOG_SIZE, FREQUENCY = 0.05, 1e-3  # by what motions in nearly one place differ at most; relative
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +49,16 @@ class PeriodicMotion:
         return (len(self.Q) - 1) // 2
 
     @property
+    def size(self) -> float:
+        """Norm of the first harmonic."""
+        return float(np.linalg.norm(self.Q[[1, self.harmonics + 1]]))
+
+    def near(self, other: PeriodicMotion) -> bool:
+        """Whether two motions are nearly of one size and frequency."""
+        apart = abs(np.log(self.size / other.size)) / LOG_SIZE
+        return bool(max(apart, abs(self.omega / other.omega - 1.0) / FREQUENCY) < 1.0)
+
+    @property
     def tail(self) -> float:
         """Share of the highest harmonic in the norm of all beyond the mean."""
         H = self.harmonics
@@ -65,13 +76,15 @@ class CycleEquations:
     omega : float
         omega_0 [rad/s], of the mode that the curve begins with.
     tolerance : float
-        Of the scaled equations.
+        Of the scaled equations. Where it is that of a basis, which errs by more, derivatives are of
+        single precision.
     """
 
     def __init__(
         self, osc: Oscillator, harmonics: int, omega: float, tolerance: float = TOLERANCE
     ) -> None:
         self.harmonics, self.omega0, self.tolerance = harmonics, omega, tolerance
+        self.rough = tolerance > TOLERANCE
         self.scale = np.sqrt(np.abs(np.diag(osc.K)) + omega**2)
         self._osc = osc
         self._phase = np.zeros((2 * harmonics + 1) * osc.n)
@@ -154,14 +167,15 @@ class CycleEquations:
     def jacobian(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same and their derivatives (m, m + 1)."""
         Q, omega, a = self.unpack(u)
-        found = balanced(self.oscillator(u), Q, omega, self.added(u), self._forces(u))
+        precision = np.float32 if self.rough else np.float64
+        found = balanced(self.oscillator(u), Q, omega, self.added(u), self._forces(u), precision)
         per = a * self.scale
         R, size = (found.R / per).ravel(), Q.size
-        s = np.tile(self.scale, len(Q))
-        J = np.zeros((size + 2, size + 3))
-        J[:size, :size] = found.J / np.outer(s, s)
+        s = np.tile(self.scale, len(Q)).astype(precision)
+        J = np.zeros((size + 2, size + 3), precision)
+        J[:size, :size] = found.J / s[:, None] / s
         J[:size, size] = (found.by_omega * self.omega0 / per).ravel()
-        J[:size, size + 1] = J[:size, :size] @ u[:-3] - R
+        J[:size, size + 1] = J[:size, :size] @ u[:-3].astype(precision) - R
         J[:size, size + 2] = (self._by_mu(u, found.by_xi) / per).ravel()
         closing, J[size:, :size] = self._closing(u[:-3])
         return np.append(R, closing), J
@@ -192,6 +206,7 @@ class BranchEquations(CycleEquations):
         self._oscillators, self._bounds = oscillators, bounds
         self._known: dict[float, Oscillator] = {}
         super().__init__(oscillators(bounds[0]), harmonics, omega, tolerance)
+        self.rough = False  # folds are where the tangent turns
 
     def oscillator(self, u: np.ndarray) -> Oscillator:
         """The equation of motion at the parameter's value."""

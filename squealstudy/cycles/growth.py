@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from squealstudy.cycles.contact import ContactOscillator
-from squealstudy.cycles.continuation import Curve, Steps, follow, newton
-from squealstudy.cycles.curve import CurveMotion, Path
-from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
+from squealstudy.cycles.continuation import Steps
+from squealstudy.cycles.curve import CurveMotion, Path, between
+from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import WHOLE, Oscillator
 from squealstudy.cycles.projection import SIZE, TARGET, Projection
@@ -23,16 +23,16 @@ from squealstudy.linalg.dense_qep import dense_roots
 ZERO = "C"  # event: a cycle, where no damping need be added
 FAR, OTHER = "far", "other_resonance"  # why curves end
 DAMPED, OUTSIDE = "damped", "outside"
-SHRUNK, STILL = "shrunk", "standstill"
+SHRUNK, STILL, RETRACED = "shrunk", "standstill", "retraced"
 SLOWEST = 0.05  # of the mode's frequency: below it motions are on their way to another equilibrium
 BACK = 0.5  # of the size at which a curve began: where it comes back to that there is no more on it
+TRACE = 1e-3, 2e-2, 0.99  # relative frequency, share of the largest damping, MAC: of one motion
 MOST_OTHERS = 2.0  # norm of all harmonics over that of the first
 OCTAVES = 5  # of sizes, down from the largest, in each of which a curve is looked at again
 LOOKS = 3  # at least, where motions with more harmonics are found
 SAFETY = 2.0  # times the change by more harmonics: what still more may change
 DOUBT = 0.0025  # damping ratio by which more harmonics are thought to change a motion at least
 PIECE_STEPS = Steps(first=0.2, least=2e-3, largest=0.5, count=25)  # with more harmonics, each way
-ALIKE = 0.05, 1e-3  # log of sizes and relative frequencies of motions of one place
 
 
 def linear_modes(
@@ -57,74 +57,6 @@ def linear_motion(phi: np.ndarray, lam: complex, scale: np.ndarray, size: float)
     return PeriodicMotion(Q, abs(lam.imag), 2.0 * lam.real)
 
 
-def growth_curve(
-    osc: Oscillator,
-    lam: complex,
-    phi: np.ndarray,
-    size: float,
-    harmonics: int,
-    stop: Callable[[PeriodicMotion], bool],
-    steps: Steps | None = None,
-) -> tuple[CycleEquations, Curve]:
-    """Added damping over amplitude, from a complex mode on; its zeros (event C) are cycles.
-
-    Parameters
-    ----------
-    osc : Oscillator
-    lam : complex
-        Root of the linearised equation [rad/s], oscillating.
-    phi : ndarray (n,) complex
-        Its right vector.
-    size : float
-        a, at which the curve begins.
-    harmonics : int
-    stop : callable
-        Whether a motion is far enough.
-
-    Returns
-    -------
-    equations : CycleEquations
-    curve : Curve
-        Its end is ``far`` where `stop` said so, ``other`` where the first harmonic is no more than
-        a part of the motion: another resonance took over.
-
-    Raises
-    ------
-    ConvergenceError
-        Where the mode cannot be continued.
-    """
-    equations = CycleEquations(osc, harmonics, abs(lam.imag))
-    u = equations.pack(linear_motion(phi, lam, equations.scale, size))
-    equations.accepted(u)
-    along = np.zeros(len(u))
-    along[-2] = 1.0
-    tests = {ZERO: lambda u, _: float(u[-1])}
-    wanted = steps or Steps()
-
-    def ended(u: np.ndarray) -> str:
-        if np.linalg.norm(u[osc.n : -3]) > MOST_OTHERS:
-            return OTHER
-        return FAR if stop(equations.motion(u)) else ""
-
-    return equations, follow(equations, u, along, wanted, tests, ended, watched=-1)
-
-
-def refined(equations: CycleEquations, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:
-    """The cycle near a motion at its own mu, and the residual.
-
-    Raises
-    ------
-    ConvergenceError
-        Where there is none.
-    """
-    u = equations.pack(motion)
-    equations.accepted(u)
-    normal = np.zeros(len(u))
-    normal[-1] = 1.0
-    u, residual, _, _ = newton(equations, u, normal, float(u[-1]))
-    return equations.motion(u), residual
-
-
 def family_curve(
     projection: Projection,
     start: PeriodicMotion,
@@ -139,7 +71,8 @@ def family_curve(
         Zeros (event C) stand among them; on a projected model to a part of a step.
     end : str
         What `stop` said; ``other_resonance`` where the first harmonic is no more than a part of
-        the motion; ``shrunk`` where it came back to no amplitude, ``standstill`` to no frequency;
+        the motion; ``shrunk`` where it came back to no amplitude, ``standstill`` to no frequency,
+        ``retraced`` where it turned by mistake and came back along its own path;
         ``basis`` where too many vectors would be needed; ``steps`` or ``not_converged``.
 
     Raises
@@ -147,12 +80,16 @@ def family_curve(
     ConvergenceError
         Where the mode cannot be continued.
     """
-    least = BACK * _first(start)
+    least = BACK * start.size
+    passed: list[PeriodicMotion] = []
 
     def ended(u: np.ndarray, motion: PeriodicMotion) -> str:
+        passed.append(motion)
+        if _retraced(passed):
+            return RETRACED
         if np.linalg.norm(u[projection.small.n : -3]) > MOST_OTHERS:
             return OTHER
-        if _first(motion) < least:
+        if motion.size < least:
             return SHRUNK
         if motion.omega < SLOWEST * start.omega:
             return STILL
@@ -163,9 +100,20 @@ def family_curve(
     return path.from_motion(start)
 
 
-def _first(motion: PeriodicMotion) -> float:
-    """Norm of the first harmonic."""
-    return float(np.linalg.norm(motion.Q[[1, motion.harmonics + 1]]))
+def _retraced(passed: Sequence[PeriodicMotion]) -> bool:
+    """Whether a curve that has fallen to `BACK` of its largest size is where it rose through it."""
+    sizes, last = np.log([m.size for m in passed]), passed[-1]
+    rose = int(np.argmax(sizes >= sizes[-1]))
+    if sizes[-1] > sizes.max() + np.log(BACK) or not 0 < rose < len(passed) - 1:
+        return False
+    share = (sizes[-1] - sizes[rose - 1]) / (sizes[rose] - sizes[rose - 1])
+    there = between(passed[rose - 1], passed[rose], float(share))
+    frequency, damping, alike = TRACE
+    most = max(abs(m.mu) for m in passed)
+    one, other = (m.Q[1] - 1j * m.Q[m.harmonics + 1] for m in (there, last))
+    mac = abs(one.conj() @ other) ** 2 / ((one.conj() @ one) * (other.conj() @ other)).real
+    near = abs(there.omega / last.omega - 1.0) < frequency
+    return bool(near and abs(there.mu - last.mu) < damping * most and mac > alike)
 
 
 @dataclass
@@ -196,7 +144,7 @@ class SecondLook:
 
     def holds(self, motion: PeriodicMotion) -> bool:
         """Whether a piece passes a motion."""
-        return any(_in_one_place(motion, p.motion) for piece in self.pieces for p in piece)
+        return any(motion.near(p.motion) for piece in self.pieces for p in piece)
 
 
 def looked_again(
@@ -258,7 +206,7 @@ def _likeliest(curve: Sequence[CurveMotion]) -> list[tuple[PeriodicMotion, float
     With each, how much less [1/s] is lacking beside it, by the parabola through three points.
     """
     motions = [p.motion for p in curve]
-    sizes = np.log2([_first(m) for m in motions])
+    sizes = np.log2([m.size for m in motions])
     octaves = np.floor(sizes.max() - sizes)
     mu = np.array([m.mu for m in motions])
     ends = np.concatenate([[-np.inf], mu, [-np.inf]])
@@ -329,12 +277,5 @@ def _piece(
         path = Path(projection, start.harmonics, (SIZE, way), ended, PIECE_STEPS, tests, watched=-1)
         part, _ = path.from_motion(start)
         piece = [*piece[:0:-1], *part]
-    back = _first(piece[0].motion) > _first(piece[-1].motion)
+    back = piece[0].motion.size > piece[-1].motion.size
     return piece[::-1] if back else piece
-
-
-def _in_one_place(one: PeriodicMotion, other: PeriodicMotion) -> bool:
-    """Whether two motions are nearly of one size and frequency."""
-    size, frequency = ALIKE
-    apart = abs(np.log(_first(one) / _first(other)))
-    return bool(apart < size and abs(one.omega / other.omega - 1.0) < frequency)

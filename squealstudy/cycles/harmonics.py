@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 LEAST_SAMPLES = 256  # a period
-SAMPLES_A_HARMONIC = 8  # at least: forces of the fourth power are exact up to H
+SAMPLES_A_HARMONIC = 10  # at least: forces of the fourth power are exact up to H, and beyond
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Sampling:
 
 @lru_cache(maxsize=32)
 def sampling(harmonics: int, least: int = LEAST_SAMPLES) -> Sampling:
-    """A power of two of samples times `least`, at least eight a period of the highest harmonic."""
+    """A power of two of samples times `least`, at least ten a period of the highest harmonic."""
     count = least
     while count < SAMPLES_A_HARMONIC * harmonics:
         count *= 2

@@ -106,9 +106,12 @@ class Oscillator:
         return replace(self, C=C, K=K, B=self.B @ basis)
 
     def projected(self, D: np.ndarray) -> np.ndarray:
-        """B^T D B (.., n, n) of local derivatives D (.., g, b, b)."""
-        columns = D @ self.B  # (.., g, b, n)
-        found: np.ndarray = self.rows.T @ columns.reshape(*D.shape[:-3], -1, self.n)
+        """B^T D B (.., n, n) of local derivatives D (.., g, b, b), in their precision."""
+        B = self.B.astype(D.dtype, copy=False)
+        columns = np.zeros((*D.shape[:-1], self.n), D.dtype)
+        for row, column in np.argwhere(D.any(axis=tuple(range(D.ndim - 2)))):
+            columns[..., row, :] += D[..., row, column, None] * B[:, column]
+        found: np.ndarray = B.reshape(-1, self.n).T @ columns.reshape(*D.shape[:-3], -1, self.n)
         return found
 
     def tangent(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

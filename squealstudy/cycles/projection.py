@@ -18,7 +18,7 @@ from squealstudy.cycles.continuation import TOLERANCE, newton
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet, floquet, floquet_on
 from squealstudy.cycles.harmonics import with_harmonics
-from squealstudy.cycles.oscillator import WHOLE, Oscillator
+from squealstudy.cycles.oscillator import WHOLE, LocalForces, Oscillator
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
@@ -35,6 +35,7 @@ LEAST = 0.1  # of the largest direction of a correction: what is less does not j
 NEARBY = 0.15  # change of size by more harmonics, beyond which it is another cycle
 TARGET, FINE = 1e-2, 1e-3  # error of the basis above which it grows along curves, and of cycles
 PROJECTED = 1e-5  # of the equations in a basis, which errs by more
+CLOSED = 1e-8  # of those of a cycle there, whose size follows from a small slope of damping
 SIZE, ADDED = -2, -1  # what is held while a motion is corrected: places among the unknowns
 
 
@@ -56,7 +57,7 @@ class Projection:
         self.basis = np.eye(osc.n)
         self.small = osc
         self._blocks: list[tuple[np.ndarray, np.ndarray]] = []
-        self._harmonics = -1
+        self._blocks_of: PeriodicMotion | None = None
         self._recent: list[PeriodicMotion] = []
         if osc.n > WHOLE:
             self._span(np.stack([phi.real, phi.imag], axis=1))
@@ -82,7 +83,7 @@ class Projection:
 
     def move(self, osc: Oscillator) -> None:
         """To another design, on the same basis."""
-        whole = self.complete
+        whole, self._blocks_of = self.complete, None
         self.whole = osc
         self.small = osc if whole else osc.on(self.basis)
 
@@ -110,9 +111,12 @@ class Projection:
         H = motion.harmonics
         if self.complete:
             return PeriodicMotion(np.zeros_like(motion.Q), 0.0)
-        if fresh or self._harmonics < H:
-            self._factorise(motion)
-        R = imbalance(self.whole, motion.Q, motion.omega, motion.mu)
+        osc = self.whole
+        local = sampled(osc, osc.sampling(H), motion.Q, motion.omega)
+        known = self._blocks_of is not None and motion.near(self._blocks_of)
+        if len(self._blocks) <= H or (fresh and not known):
+            self._factorise(motion, local)
+        R = imbalance(osc, motion.Q, motion.omega, motion.mu, local)
         change = np.zeros_like(R)
         change[0] = la.lu_solve(self._blocks[0], R[0])
         for h in range(1, H + 1):
@@ -155,7 +159,8 @@ class Projection:
         the motion's own basis. Its first columns, whose number is returned too, are the same
         without modes above `highest`.
         """
-        K, C = self._mean_tangents(motion)
+        local = sampled(self.whole, self.whole.sampling(motion.harmonics), motion.Q, motion.omega)
+        K, C = self._mean_tangents(motion, local)
         lam, psi = dense_roots(C, K, (0.0, DEVIATIONS * highest))
         low = np.abs(lam) <= highest
         own = self._unit(np.hstack([self.basis, motion.Q.T]))
@@ -193,21 +198,24 @@ class Projection:
         V, few = self.deviations(motion, highest)
         return floquet_on(self.whole, V, few, motion, rougher or motion)
 
-    def _mean_tangents(self, motion: PeriodicMotion) -> tuple[np.ndarray, np.ndarray]:
+    def _mean_tangents(
+        self, motion: PeriodicMotion, local: LocalForces
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness and damping (n, n), means over the period, added damping among them."""
         osc = self.whole
-        local = sampled(osc, osc.sampling(motion.harmonics), motion.Q, motion.omega)
         K = osc.K - osc.projected(local.by_y.mean(axis=0))
         C = osc.C - osc.projected(local.by_w.mean(axis=0)) + motion.mu * np.eye(osc.n)
         return K, C
 
-    def _factorise(self, motion: PeriodicMotion) -> None:
+    def _factorise(self, motion: PeriodicMotion, local: LocalForces) -> None:
+        """The blocks; those beyond the first harmonic, far from singular, in single precision."""
         H, one = motion.harmonics, np.eye(self.whole.n)
-        K, C = self._mean_tangents(motion)
-        self._blocks, self._harmonics = [la.lu_factor(K)], H
+        K, C = self._mean_tangents(motion, local)
+        self._blocks, self._blocks_of = [la.lu_factor(K)], motion
         for h in range(1, H + 1):
             w = h * motion.omega
-            self._blocks.append(la.lu_factor(K - w**2 * one + 1j * w * C))
+            A = K - w**2 * one + 1j * w * C
+            self._blocks.append(la.lu_factor(A if h == 1 else A.astype(np.complex64)))
 
     # -- enrichment --------------------------------------------------------------------------------
     def improve(
@@ -261,7 +269,7 @@ class Projection:
         ConvergenceError
             Where there is none, or one of another size alone.
         """
-        start = replace(motion, Q=with_harmonics(motion.Q, harmonics))
+        start = replace(motion, Q=with_harmonics(motion.Q, harmonics), mu=0.0)
         try:
             found, _, residual = self.improve(start, FINE, ADDED)
             if self.complete or _of_one_size(start, found):
@@ -270,7 +278,7 @@ class Projection:
             if self.complete:
                 raise
         # nearer on the curve, on a basis that holds it
-        held = replace(self.improve(start, TARGET, SIZE)[0], mu=0.0)
+        held = replace(self.improve(replace(start, mu=motion.mu), TARGET, SIZE)[0], mu=0.0)
         found, _, residual = self.improve(held, FINE, ADDED)
         if not _of_one_size(start, found):
             raise ConvergenceError("another_cycle", "more harmonics lead to another cycle")
@@ -290,6 +298,8 @@ class Projection:
     def solve(self, motion: PeriodicMotion, held: int) -> tuple[PeriodicMotion, float]:
         """The motion of the basis near one of all coordinates, and its residual."""
         equations = self.equations(motion.harmonics)
+        if held == ADDED:
+            equations.tolerance = min(equations.tolerance, CLOSED)
         u = equations.pack(self.lowered(motion))
         equations.accepted(u)
         normal = np.zeros(len(u))
@@ -333,7 +343,5 @@ class Projection:
 
 
 def _of_one_size(one: PeriodicMotion, other: PeriodicMotion) -> bool:
-    """Whether the first harmonics of two motions of as many harmonics are nearly of one size."""
-    rows = [1, 1 + one.harmonics]
-    ratio = float(la.norm(other.Q[rows]) / la.norm(one.Q[rows]))
-    return abs(ratio - 1.0) < NEARBY
+    """Whether the first harmonics of two motions are nearly of one size."""
+    return abs(other.size / one.size - 1.0) < NEARBY

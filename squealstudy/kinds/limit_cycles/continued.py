@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -363,7 +363,6 @@ def _cycle_at(
     contact: ContactOscillator, motion: PeriodicMotion, asked: CyclesRequest
 ) -> Cycle | None:
     """The cycle of a design near one that was continued to it; None where it is not confirmed."""
-    motion = replace(motion, mu=0.0)
     projection = Projection.about(contact.oscillator, motion)
     try:
         return cycle_near(contact, projection, motion, asked.search(contact))
