@@ -373,6 +373,23 @@ def test_runs_begin_on_vibrations_of_today(
     assert (row["verdict"], row["n_modes"]) == ("decays", 0)
 
 
+def test_runs_begin_where_kicks_lead_today_that_is_stable(tmp_path: Path) -> None:
+    """A cycle apart, up to a damping ratio of 0.021: kicks alone find it at 0.01, not at 0.0125."""
+    text = SHIPPED.read_text(encoding="utf-8").replace("-5.4e17", "-2.54e17")
+    text = text.replace("1.356e6", "1.336e6").replace("= 1000.0", "= 1210.0")
+    plan = first_plan(_study(text, tmp_path))
+    plan.kind.build(plan, Workers())
+    values = {**plan.tasks[0].values, "friction": 0.686}
+    for damping, verdict in ((0.0125, "lasts"), (0.03, "decays")):
+        point = plan.tasks[0].with_values({**values, "damping_ratio": damping})
+        row = design_row(point, "in_time", request(plan), NewGaps())
+        assert row["verdict"] == verdict
+        assert row["reason"].startswith("today's vibration after a kick of 2 m/s")
+        kicks = [one for one in row["reason"].split("; ") if one.startswith("kick")]
+        assert len(kicks) == 4
+        assert all(one.endswith("decays") for one in kicks)
+
+
 def test_a_changed_structure_runs_from_vibrations_of_today(tmp_path: Path, monkeypatch) -> None:
     """Stiffness k1 changed: the contact moves in the new coordinates as it did in the old ones."""
     given: list[tuple] = []
@@ -383,6 +400,7 @@ def test_a_changed_structure_runs_from_vibrations_of_today(tmp_path: Path, monke
         return given[-1][2]
 
     monkeypatch.setattr(in_time, "run_on", runs)
+    in_time.vibrations.cache_clear()
     text = SHIPPED.read_text(encoding="utf-8").replace('"damping_ratio"', '"k1"')
     text = text.replace("bounds = [0.0, 0.2]", "bounds = [-1e5, 1e5]")
     study = _study(text, tmp_path)
@@ -390,8 +408,9 @@ def test_a_changed_structure_runs_from_vibrations_of_today(tmp_path: Path, monke
     plan = DesignPlan(study, [*first.asked, Ask((0.9, study.nominal[0] + 5e4), "in_time")], first)
     plan.kind.build(plan, Workers())
     row = design_row(plan.tasks[3], "in_time", request(plan), NewGaps())
-    (was, _, (motion,)), (now, (start, *_), _) = given[:2]
-    assert not np.allclose(was.system.omega2, now.system.omega2)
+    was, _, (motion,) = given[0]
+    moved = (one for one in given if not np.allclose(one[0].system.omega2, was.system.omega2))
+    now, (start, *_), _ = next(moved)
     for rows_of in ("N", "T1"):
         A, B = (getattr(contact.system, rows_of) for contact in (was, now))
         np.testing.assert_allclose(B @ start.q0, A @ motion.q, rtol=1e-9)
@@ -465,6 +484,26 @@ def test_runs_are_not_of_what_grows_above_the_band(tmp_path: Path) -> None:
     hz = float(unstable["frequency_hz"].iloc[0])
     assert row["message"] == f"a mode above the band grows by itself in time, at {hz:.4g} Hz"
     assert f"1 point could not be run: {row['message']}" in facts["verdict"]
+
+
+def test_what_grows_between_two_operating_points_and_their_middle_is_found(tmp_path: Path) -> None:
+    """Flutter at k1 from 0.7 to 1.7 MN/m, of which 0.2, 4.2 and their middle show nothing."""
+    text = _hoffmann("damping_ratio", "[0.0, 0.3]").replace("[0.5, 0.8]", "[0.2e6, 4.2e6]")
+    text = text.replace('"friction"', '"k1"').replace(
+        "[parameters]", "[parameters]\nfriction = 0.6"
+    )
+    results = _run(text, tmp_path)
+    assert results.manifest["design_study"]["outcome"] == "met_linear"
+    chosen = results.table("designs").query("chosen").iloc[0]["damping_ratio"]
+    given = {"friction": 0.6, "k1": 1.2e6}
+    today, then = (
+        sq.model("hoffmann", damping_ratio=zeta, **given).modes()["damping_ratio"].min()
+        for zeta in (0.01, chosen)
+    )
+    assert today < 0.0
+    assert then >= 0.002
+    checks = results.table("proof").query("check == 'refined'")
+    assert checks["passed"].tolist() == [False] * (len(checks) - 1) + [True]
 
 
 def test_the_verdict_says_what_the_tables_say(trap) -> None:

@@ -1,16 +1,20 @@
-"""Small design studies of the coarse brake, drawn at random, for proofs.py.
+"""Small design studies of the coarse brake and of an oscillator, drawn at random, for proofs.py.
 
-Of component modes' dampings and frequencies, of damping and contact, or of what is built: a
-material, a layer, a mass. The ends of the pressure are the same in all, so that reductions serve
-several. What of a proof is no motion is left small: starts, scan, full order.
+Those of the brake are of component modes' dampings and frequencies, of damping and contact, or of
+what is built: a layer, a material, a mass. The ends of the pressure are the same in all, so that
+reductions serve several. What of a proof is no motion is left small: starts, scan, full order.
 """
 
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
+
+OSCILLATOR = Path(__file__).parents[1] / "kicked_design.toml"
 
 VARIABLES = (  # in which kinds of studies, what may change, low and high
     ("targets", "caliper.modes[7-12].damping_ratio", 0.0, 0.1),
@@ -54,7 +58,7 @@ in_time = 2
 """
 
 
-def drawn(name: str, rng: np.random.Generator) -> str:
+def brake(name: str, rng: np.random.Generator) -> str:
     """A design study: of targets, of damping and contact, or of what is built."""
     friction = np.sort(rng.uniform([0.35, 0.5, 0.4], [0.45, 0.6, 0.55])[: rng.integers(2, 4)])
     pressure = [5e5, *np.round(rng.uniform(8e5, 16e5, rng.integers(2)), -3).tolist(), 20e5]
@@ -78,8 +82,30 @@ def drawn(name: str, rng: np.random.Generator) -> str:
     )
 
 
-def random_studies(seed: int) -> Iterator[tuple[str, str]]:
-    """Names and texts of studies, without end."""
+def oscillator(name: str, rng: np.random.Generator) -> str:
+    """Hoffmann's oscillator of `kicked_design`, whose softening contact squeals if kicked."""
+    text = OSCILLATOR.read_text()
+    k2, force = 1.31e6 * rng.uniform(1.0, 1.05), rng.uniform(700.0, 1300.0)
+    friction = np.round(np.sort(rng.uniform(0.4, 0.95, rng.integers(2, 4))), 3).tolist()
+    given = {
+        "name": f'"{name}"',
+        "k2": f"{k2:.4g}",
+        '"contact.cubic_stiffness"': f"{-rng.uniform(2e17, 6e17):.3g}",
+        "normal_force": f"{force:.4g}",
+        "values": str(friction),
+        "margin": f"{{damping_ratio = {rng.uniform(1e-3, 6e-3):.3g}}}",
+    }
+    for key, value in given.items():
+        text = re.sub(rf"^{re.escape(key)} = .*", f"{key} = {value}", text, count=1, flags=re.M)
+    text = text[: text.index("[[variant]]")]
+    if rng.random() < 0.5:
+        text += f'[[variable]]\nparameter = "k2"\nbounds = [{-0.04 * k2:.4g}, {0.04 * k2:.4g}]\n'
+    return text
+
+
+def random_studies(seed: int, of: str) -> Iterator[tuple[str, str]]:
+    """Names and texts of studies of a model, ``brake`` or ``oscillator``, without end."""
+    draw = {"brake": brake, "oscillator": oscillator}[of]
     for number in itertools.count():
-        name = f"drawn_{seed}_{number:02}"
-        yield name, drawn(name, np.random.default_rng([seed, number]))
+        name = f"{of}_{seed}_{number:02}"
+        yield name, draw(name, np.random.default_rng([seed, number]))

@@ -1,10 +1,10 @@
 """Proofs of design studies put to the test: the chosen designs run in time at random points.
 
-Run:  python studies/benchmarks/proofs.py --proofs 20 [--seed 1] [--linear]
+Run:  python studies/benchmarks/proofs.py --proofs 20 [--of oscillator] [--linear]
       python studies/benchmarks/proofs.py studies/kicked_design.toml [--linear]
 
-Without a file small studies of the coarse brake are drawn (`proof_studies.py`) and run to their
-verdicts, until so many are proven. A proven design then runs at points drawn inside its matrix:
+Without a file small studies of a model are drawn (`proof_studies.py`) and run to their verdicts,
+until so many are proven. A proven design then runs at points drawn inside its matrix:
 from today's vibration there and at the values in [parameters], and from random modes in random
 phases, up to the reach of limit cycles. A motion that lasts refutes the proof. Where a part is
 another one, today's vibration is taken over mode by mode, by how modes move the contact.
@@ -166,6 +166,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("file", type=Path, nargs="*", help="design studies, instead of random ones")
     parser.add_argument("--proofs", type=int, default=20, help="random designs that are tested")
+    parser.add_argument("--of", choices=["brake", "oscillator"], default="brake")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--linear", action="store_true", help="no large motions in the proofs")
     parser.add_argument("--folder", type=Path, default=Path("results/proofs"))
@@ -174,9 +175,9 @@ def main() -> None:
     given.folder.mkdir(parents=True, exist_ok=True)
     known = json.loads(kept.read_text()) if kept.exists() else {}
     print("study | outcome | cost | rounds | CPU-s | in time | runs | refuted | open | change")
-    texts = ((path.stem, path.read_text()) for path in given.file)
+    texts = [(path.stem, path.read_text()) for path in given.file]
     shown: list[dict[str, Any]] = []
-    for number, (name, text) in enumerate(texts if given.file else random_studies(given.seed)):
+    for number, (name, text) in enumerate(texts or random_studies(given.seed, given.of)):
         if given.linear:
             name, less = f"{name}_linear", "[goal]\nin_time = 0\ncycles = 0\n"
             text = text.replace("in_time = 2\n", "").replace("[goal]\n", less)

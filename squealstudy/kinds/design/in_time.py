@@ -8,7 +8,9 @@ it does not.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as la
@@ -29,6 +31,7 @@ from squealstudy.wording import FAILED, STABLE
 LEAD = 0.02  # of the sliding speed: where the run of today's design begins
 SIZES = (1.0, 0.25)  # of kicks, of the reach of [limit_cycles]
 KICKED = 4  # modes
+KNOWN = 64  # vibrations of today that are kept
 TODAY = "today's vibration"
 ELSEWHERE = f"{TODAY} of [parameters]"
 TURN = 2 * np.pi
@@ -60,32 +63,37 @@ def runs_in_time(
     if growing.n_above:  # every run comes to it, whatever is asked about
         text = f"a mode above the band grows by itself in time, at {growing.frequency_above:.4g} Hz"
         raise ConvergenceError("unstable_above_band", text)
-    names, starts, near = [], [], []
+    starts: list[tuple[str, MotionPoint]] = []
+    near: list[float] = []
     for name, design in today.items():
-        _, was = asked.contact(design, gaps)
-        near += (np.abs(was.point.growing.lam[: was.point.growing.n_unstable]) / TURN).tolist()
-        motion = _today(was, asked)
-        if motion is None:
-            continue
-        q, v, other = motion.q, motion.v, design.structure != point.structure
-        if other:
-            q, v = carried(np.column_stack([q, v]), design.structure, point.structure, asked).T
-            kept = float(v @ v / (motion.v @ motion.v))
-            name += f", brought to this structure with {100 * kept:.0f} % of its kinetic energy"
-        names.append(name)
-        starts.append(replace(contact.point, q0=q, v0=v, continued=not other))
-    for name, start in _kicks(contact, near, asked):
-        names.append(name)
-        starts.append(start)
-    motions = run_on(contact, starts, asked.band)
+        found = vibrations(_Today.of(design), asked)
+        near += found.near
+        for how, q, v in found.lasting:
+            words, other = f"{name}{how}", design.structure != point.structure
+            if other:
+                whole = v @ v
+                q, v = carried(np.column_stack([q, v]), design.structure, point.structure, asked).T
+                kept = 100 * float(v @ v / whole)
+                words += f", brought to this structure with {kept:.0f} % of its kinetic energy"
+            starts.append((words, replace(contact.point, q0=q, v0=v, continued=not other)))
+    starts += _kicks(contact, near, asked)
+    return steady, [found for found, _ in _runs(contact, starts, asked)]
+
+
+def _runs(
+    contact: ContactOscillator, starts: Sequence[tuple[str, MotionPoint]], asked: CyclesRequest
+) -> list[tuple[Ended, Motion]]:
+    """What starts, by their names, come to."""
+    names = [name for name, _ in starts]
+    motions = run_on(contact, [start for _, start in starts], asked.band)
     # a start whose displacement presses more than can be integrated: its velocity alone
-    closed = [k for k, m in enumerate(motions) if m.outcome != "ok" and not starts[k].continued]
-    pushed = [replace(starts[k], q0=np.zeros_like(starts[k].v0)) for k in closed]
+    closed = [k for k, m in enumerate(motions) if m.outcome != "ok" and not starts[k][1].continued]
+    pushed = [replace(starts[k][1], q0=np.zeros(contact.system.n)) for k in closed]
     for k, motion in zip(
         closed, run_on(contact, pushed, asked.band) if closed else [], strict=True
     ):
         names[k], motions[k] = f"{names[k]}, by its velocity alone", motion
-    return steady, [ended(*one) for one in zip(names, motions, strict=True)]
+    return [(ended(name, motion), motion) for name, motion in zip(names, motions, strict=True)]
 
 
 def carried(x: np.ndarray, old: str, new: str, asked: CyclesRequest) -> np.ndarray:
@@ -111,13 +119,41 @@ def carried(x: np.ndarray, old: str, new: str, asked: CyclesRequest) -> np.ndarr
     return coordinates
 
 
-def _today(was: ContactOscillator, asked: CyclesRequest) -> Motion | None:
-    """Today's design where a small start has led it; None where that decays or fails."""
-    if not was.point.growing.n_unstable:
-        return None
-    start = perturbed(was.system, was.point, LEAD * abs(was.point.speed))
-    (motion,) = run_on(was, [start], asked.band)
-    return None if ended("", motion).found in (STABLE, FAILED) else motion
+@dataclass(frozen=True)
+class _Today:
+    """A design by what its vibrations depend on."""
+
+    point: DesignPoint = field(compare=False)
+    identity: tuple[object, ...]
+
+    @classmethod
+    def of(cls, point: DesignPoint) -> _Today:
+        told = (point.values, point.options)
+        return cls(point, (point.structure, *(tuple(sorted(one.items())) for one in told)))
+
+
+class _Vibrations(NamedTuple):
+    near: list[float]  # Hz, of modes that grow or last
+    lasting: list[tuple[str, np.ndarray, np.ndarray]]  # how they began, q, q'
+
+
+@lru_cache(maxsize=KNOWN)  # many candidates begin with them
+def vibrations(today: _Today, asked: CyclesRequest) -> _Vibrations:
+    """Where a small start, or kicks where it decays from that, have led today's design.
+
+    A kick that starts squeal in one design need not in one of a little more damping in which the
+    cycle is still there: only a run from the cycle itself tells whether it is.
+    """
+    _, was = asked.contact(today.point, NewGaps())
+    growing = was.point.growing
+    near = (np.abs(growing.lam[: growing.n_unstable]) / TURN).tolist()
+    starts = [(f" after a {name}", start) for name, start in _kicks(was, (), asked)]
+    if growing.n_unstable:
+        starts = [("", perturbed(was.system, was.point, LEAD * abs(was.point.speed)))]
+    found = [own for own in _runs(was, starts, asked) if own[0].found not in (STABLE, FAILED)]
+    by_mode = {f"{told.mode_hz:.3g}": (told, motion) for told, motion in reversed(found)}
+    near += [told.mode_hz for told, _ in by_mode.values() if np.isfinite(told.mode_hz)]
+    return _Vibrations(near, [(told.start, m.q, m.v) for told, m in by_mode.values()])
 
 
 def _kicks(

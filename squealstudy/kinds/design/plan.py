@@ -17,10 +17,9 @@ from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import design_points
 
+# stages: with sensitivities, without, limit cycles, unreduced, runs
 MODES, ROOTS, CYCLES, FULL, IN_TIME = "modes", "roots", "cycles", "full_order", "in_time"
 MANY = 1_000_000  # structures: a search may ask for as many
-# with sensitivities, without, limit cycles, unreduced, runs
-STAGES = (MODES, ROOTS, CYCLES, FULL, IN_TIME)
 
 
 class Ask(NamedTuple):
@@ -31,7 +30,7 @@ class Ask(NamedTuple):
     values : tuple of float
         Of the operation, the variables and what scatters, as `DesignStudy.sweeps`.
     stage : str
-        One of STAGES.
+        One of MODES to IN_TIME.
     """
 
     values: tuple[float, ...]

@@ -20,7 +20,8 @@ from squealstudy.wording import plural
 if TYPE_CHECKING:
     from squealstudy.kinds.design.loop import Loop
 
-REFINED = 6  # operating points of least margin whose neighbourhood is looked at
+REFINED = 6  # points of least margin whose neighbourhood is looked at, again and again
+PARTS, NARROW = 8, 1.001  # of a gap of the matrix, in which middles end; round-off
 CYCLE_POINTS = 4  # at which limit cycles are looked for, of models that are no brake
 MORE = 6  # points that join the view of the search at once
 LACKING = 1.1  # of what a check finds missing: what the next search is asked for beside it
@@ -85,16 +86,27 @@ class Proof:
         return self._over("matrix", design, range(self.loop.state.n_matrix))
 
     def _refined(self, design: np.ndarray) -> bool:
-        """The middles towards the neighbours of the points of least margin."""
+        """Middles towards the neighbours of the points of least margin, until none is wide.
+
+        A mode may grow between two operating points at which it does not: of what is found there
+        the points of least margin have middles again.
+        """
         state = self.loop.state
-        worst = self.loop.by_margin(design, range(state.n_matrix))[:REFINED]
         matrix = np.array(state.points[: state.n_matrix]).reshape(state.n_matrix, -1)
-        for p in worst:
-            for middle in middles(matrix, p):
-                if not any(np.array_equal(middle, q) for q in state.points):
-                    state.points.append(middle)
-        refined = range(state.n_matrix, len(state.points))
-        return not len(refined) or self._over("refined", design, refined)
+        while True:
+            refined = range(state.n_matrix, len(state.points))
+            if len(refined) and not self._over("refined", design, refined):
+                return False
+            known = np.array(state.points).reshape(len(state.points), -1)
+            new: dict[bytes, np.ndarray] = {}
+            for p in self._worst(design, REFINED):
+                new |= {m.tobytes(): m for m in middles(known, p, matrix)}
+            new = {key: m for key, m in new.items() if not (known == m).all(axis=1).any()}
+            if not new:
+                return True
+            if len(refined):
+                state.checks.pop()  # told of all of them at the end
+            state.points += new.values()
 
     def _worst(self, design: np.ndarray, count: int) -> list[int]:
         return self.loop.by_margin(design, range(len(self.loop.state.points)))[:count]
@@ -250,15 +262,20 @@ class Proof:
         return np.column_stack(columns)
 
 
-def middles(matrix: np.ndarray, number: int) -> list[np.ndarray]:
-    """Points (k,) halfway from one of the matrix (m, k) to the next value of each parameter."""
+def middles(points: np.ndarray, number: int, matrix: np.ndarray) -> list[np.ndarray]:
+    """Points (k,) halfway from one of some points (m, k) to the next value of each parameter.
+
+    None in what is 1 / PARTS or less of the gap between values of the matrix (n, k) that it is in.
+    """
     found = []
-    here = matrix[number]
-    for k in range(matrix.shape[1]):
-        values = np.unique(matrix[:, k])
+    here = points[number]
+    for k in range(points.shape[1]):
+        values, ends = np.unique(points[:, k]), np.unique(matrix[:, k])
         for side in (values[values < here[k]][-1:], values[values > here[k]][:1]):
             for value in side:
                 middle = here.copy()
                 middle[k] = float(f"{(here[k] + value) / 2:.9g}")
-                found.append(middle)
+                after = int(np.searchsorted(ends, middle[k]))
+                if abs(value - here[k]) > (ends[after] - ends[after - 1]) * NARROW / PARTS:
+                    found.append(middle)
     return found

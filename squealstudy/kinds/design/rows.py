@@ -232,7 +232,7 @@ def _modes(point: DesignPoint, stage: str, request: DesignRequest, gaps: NewGaps
     ]
     real = _RealModes.of(system)
     for k in near:
-        own: dict[str, Any] = {"mode": k + 1, **dict(zip(*_figures(lam[k]), strict=True))}
+        own: dict[str, Any] = {"mode": k + 1, **_figures(lam[k])}
         own["damping_error"] = float(error[k] / np.abs(lam[k]))
         own["main_component"] = names[int(np.argmax(energies[:, k]))]
         own["main_share"] = float(energies[:, k].max())
@@ -245,12 +245,9 @@ def _modes(point: DesignPoint, stage: str, request: DesignRequest, gaps: NewGaps
     return found
 
 
-def _figures(root: complex) -> tuple[tuple[str, ...], tuple[float, ...]]:
-    growth, hz, zeta = figures(np.array([root]))
-    return (
-        ("growth_rate", "frequency_hz", "damping_ratio"),
-        (float(growth[0]), float(hz[0]), float(zeta[0])),
-    )
+def _figures(root: complex) -> dict[str, float]:
+    values = (float(own[0]) for own in figures(np.array([root])))
+    return dict(zip(("growth_rate", "frequency_hz", "damping_ratio"), values, strict=True))
 
 
 @dataclass(frozen=True)
