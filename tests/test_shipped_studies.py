@@ -88,6 +88,15 @@ def test_own_brake() -> None:
     assert sum(p.stat().st_size for p in (SHIPPED / "own_brake").iterdir()) < 3e6
 
 
+def test_own_brake_design() -> None:
+    """As its page says: nine operating points, a mass and damping."""
+    plan = first_plan(load_any(SHIPPED / "own_brake" / "own_brake_design.toml"))
+    assert len(plan.tasks) == 9
+    study = plan.design_study
+    assert [v.name for v in study.variables] == ["added_mass.caliper.GUIDES", "damping_ratio"]
+    assert [(v.low, v.high) for v in study.variables] == [(0.0, 0.3), (0.0, pytest.approx(0.02))]
+
+
 def test_hulten_flutter(tmp_path: Path) -> None:
     results = results_of(reduced("hulten_flutter", 121), tmp_path / "r")
     threshold = results.rank()["threshold"].iloc[0]
