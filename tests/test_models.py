@@ -10,6 +10,7 @@ import reference
 import scipy.sparse as sp
 from conftest import benchmark, build_model
 
+import squealstudy as sq
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laws import contact_law
 from squealstudy.linalg.dense_qep import dense_roots
@@ -351,3 +352,12 @@ def test_contact_points_are_an_option_and_disc_thickness_is_free(brake, points, 
     two = brake.assembly.contact  # a side
     assert contact.n_points == two.n_points * points**2 // 4
     assert contact.area.sum() == pytest.approx(two.area.sum(), rel=1e-5)
+
+
+@pytest.mark.parametrize("low", [10.0, 33.3, 70.7, 75.0, 111.1, 217.3, 1234.5])
+def test_modes_on_the_ends_of_the_band_are_in_it(low):
+    """Frequencies that are known: round-off does not say which of them are seen."""
+    model = sq.model("hulten", friction=0.0, frequency_1=low, frequency_2=1.7 * low)
+    assert len(model.modes(band=(low, 1.7 * low))) == 2
+    assert len(model.modes(band=(0.5 * low, low))) == 1
+    assert len(model.modes(band=(1.0001 * low, 1.6999 * low))) == 0

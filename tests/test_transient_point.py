@@ -129,8 +129,15 @@ def test_what_grows_above_the_band_is_told():
     K[:2, :2], K[2:, 2:] = low, low * 100
     modes = growing_modes(np.zeros((4, 4)), K, np.diag(K), (500.0, 5000.0), 1e-7)
     assert (modes.n_unstable, modes.n_above) == (1, 1)
-    assert modes.frequency_above == pytest.approx(10 * abs(modes.lam[0]) / 2 / np.pi, rel=1e-9)
-    assert modes.growth_above == pytest.approx(10 * modes.lam[0].real, rel=1e-9)
+    assert modes.frequency_outside == pytest.approx(10 * abs(modes.lam[0]) / 2 / np.pi, rel=1e-9)
+    assert modes.growth_outside == pytest.approx(10 * modes.lam[0].real, rel=1e-9)
+
+
+def test_what_grows_below_the_band_is_told():
+    low = np.array([[1.0, -0.5], [0.5, 1.1]]) * (2 * np.pi * 1e3) ** 2
+    modes = growing_modes(np.zeros((2, 2)), low, np.diag(low), (2e3, 5e3), 1e-7)
+    assert (modes.n_unstable, modes.n_above, modes.n_below, modes.n_outside) == (0, 0, 1, 1)
+    assert modes.frequency_outside == pytest.approx(1e3, rel=0.1)
 
 
 def test_left_vectors_of_a_small_problem():

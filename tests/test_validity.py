@@ -255,6 +255,26 @@ sliding_speed = 5.0
         assert point["growth_rate"] == pytest.approx(point["predicted_growth_rate"], rel=0.05)
 
 
+def test_round_off_without_friction_is_no_limit_cycle(tmp_path):
+    """Nothing disturbs, nothing rubs: energies of 1e-35 J are rest."""
+    more = "[parameters]\nfriction = 0.0\ndamping_ratio = 0.01\nsliding_speed = 5.0\n"
+    time = TIME.replace("= 1.0", "= 0.0").replace("0.1", "0.05").replace("2e-5", "5e-5")
+    text = text_of("hoffmann", more, "transient") + time
+    point = solved(text, tmp_path / "results").points.iloc[0]
+    assert (point["status"], point["class"], point["message"]) == ("ok", "stable", "")
+    assert bool(point["valid"])
+
+
+def test_what_decays_in_the_band_is_not_stable_while_a_mode_below_it_grows(tmp_path):
+    """Hoffmann's oscillator at its onset: 221.6 Hz grows slowly, what was kicked decays first."""
+    more = "[parameters]\nfriction = 0.752\ndamping_ratio = 0.01\nsliding_speed = 5.0\n"
+    time = TIME.replace("= 1.0", "= 1e-3").replace("0.1", "0.05").replace("2e-5", "5e-5")
+    text = text_of("hoffmann", more, "transient").replace("[1.0, 1000.0]", "[228.0, 1000.0]")
+    point = solved(text + time, tmp_path / "results").points.iloc[0]
+    assert (point["n_unstable"], point["n_unstable_above"], point["n_unstable_below"]) == (0, 0, 1)
+    assert point["class"] == "undecided"
+
+
 def test_matrices_have_no_contact_to_judge(tmp_path):
     import scipy.io
     import scipy.sparse as sp

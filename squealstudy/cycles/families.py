@@ -159,7 +159,7 @@ def families(
     unstable = lam.real > tolerance * np.abs(lam)
     if (unstable & (lam.imag == 0)).any():
         raise ConvergenceError("diverges", "steady sliding diverges without oscillation")
-    any_unstable = bool(unstable.any()) or contact.point.growing.n_above > 0
+    any_unstable = bool(unstable.any()) or contact.point.growing.n_outside > 0
     inside = (lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])
     places = np.flatnonzero(inside)
     slow = 1 + np.flatnonzero(lam[places].real > -screen)

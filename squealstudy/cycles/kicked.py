@@ -135,7 +135,7 @@ def decided_in_time(
     no cycle found if nothing but the curve's end was missing; else that is told, and the verdict
     stays open. `band` [rad/s] is that of `run_on`.
     """
-    if found.unstable_outside or contact.point.growing.n_above > 0:
+    if found.unstable_outside or contact.point.growing.n_outside > 0:
         return found
     if any(family.verdict == SQUEALS for _, family in found.families):
         return found
@@ -203,7 +203,7 @@ def kicks(contact: ContactOscillator, found: Followed, largest: float) -> dict[i
     """
     families = [family for _, family in found.families]
     unstable = found.unstable_outside or any(f.verdict == SQUEALS for f in families)
-    if unstable or contact.point.growing.n_above > 0:
+    if unstable or contact.point.growing.n_outside > 0:
         return {}
     return {
         mode: _kick(contact, family, largest)

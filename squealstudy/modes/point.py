@@ -24,6 +24,7 @@ from squealstudy.system.linearise import (
     reduced_structure,
 )
 
+EDGE = 1e-9  # relative: modes on an end of the band are in it, whatever round-off says
 RIGID_SHARE = 1e-5  # of the band's top: where a band begins that is to begin at zero
 DENSE = "dense"
 ROUND_OFF = 1e-13  # of a dense eigenvalue, relative to its modulus
@@ -72,9 +73,12 @@ def oscillating_first(lam: np.ndarray) -> np.ndarray:
 
 
 def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
-    """The band in rad/s; one from 0 Hz begins RIGID_SHARE of its top above the rigid-body modes."""
+    """The band in rad/s, its ends in it.
+
+    One from 0 Hz begins RIGID_SHARE of its top above the rigid-body modes.
+    """
     low, high = band_hz
-    return 2 * np.pi * (low or RIGID_SHARE * high), 2 * np.pi * high
+    return 2 * np.pi * (low or RIGID_SHARE * high) * (1 - EDGE), 2 * np.pi * high * (1 + EDGE)
 
 
 def working_point_error(point: WorkingPoint | None, lam: np.ndarray) -> np.ndarray:

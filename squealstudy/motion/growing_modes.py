@@ -17,6 +17,8 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.linalg.dense_qep import dense_roots
+from squealstudy.linalg.root_error import RIGID_BELOW
+from squealstudy.modes.point import angular_band
 
 MOST = 6  # complex modes followed in a run, fastest growth first
 INVERSE_ITERATIONS = 3
@@ -36,9 +38,9 @@ class GrowingModes:
         Q(lam) right = 0 and left^H Q(lam) = 0, unit norms.
     n_unstable : int
         Unstable modes in the band, those beyond `MOST` counted too.
-    n_above : int
-        Unstable modes above the band.
-    growth_above, frequency_above : float
+    n_above, n_below : int
+        Unstable modes above and below the band.
+    growth_outside, frequency_outside : float
         Of the fastest of those, 1/s and Hz; 0 where there is none.
     sensors : ndarray (8 m, n)
         Rows whose products with q and q' are kept: of each mode four of `growth_sensors`, then of
@@ -54,11 +56,17 @@ class GrowingModes:
     left: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=complex))
     n_unstable: int = 0
     n_above: int = 0
-    growth_above: float = 0.0
-    frequency_above: float = 0.0
+    n_below: int = 0
+    growth_outside: float = 0.0
+    frequency_outside: float = 0.0
     sensors: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     energy: np.ndarray = field(default_factory=lambda: np.zeros(0))
     overlap: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def n_outside(self) -> int:
+        """Unstable modes that nothing follows, for they are outside the band."""
+        return self.n_above + self.n_below
 
     @property
     def n_followed(self) -> int:
@@ -73,7 +81,7 @@ def growing_modes(
     band_hz: tuple[float, float],
     tolerance: float,
 ) -> GrowingModes:
-    """Unstable modes of lambda^2 I + lambda C + K in a band, and what grows above it.
+    """Unstable modes of lambda^2 I + lambda C + K in a band, and what grows outside it.
 
     Parameters
     ----------
@@ -84,19 +92,19 @@ def growing_modes(
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     """
-    low, high = 2 * np.pi * band_hz[0], 2 * np.pi * band_hz[1]
-    lam, psi = dense_roots(C, K, (low, np.inf))
+    low, high = angular_band(band_hz)
+    lam, psi = dense_roots(C, K, (min(RIGID_BELOW * high, low), np.inf))
     oscillating = lam.imag > 0
     lam, psi = lam[oscillating], psi[:, oscillating]
     unstable = lam.real > tolerance * np.abs(lam)
-    inside = np.abs(lam) <= high
+    inside = (np.abs(lam) >= low) & (np.abs(lam) <= high)
     neutral = np.abs(lam.real) <= tolerance * np.abs(lam)  # which is first, round-off would decide
     order = np.argsort(np.where(neutral, 0.0, -lam.real), kind="stable")
     chosen = order[inside[order]][:MOST]
     n_unstable = int((unstable & inside).sum())
     chosen = chosen[: max(n_unstable, 1)]
-    above = lam[unstable & ~inside]
-    worst = above[np.argmax(above.real)] if len(above) else 0j
+    outside = lam[unstable & ~inside]
+    worst = outside[np.argmax(outside.real)] if len(outside) else 0j
     lam, right, left = lam[chosen], psi[:, chosen], left_vectors(C, K, lam[chosen])
     seen = [growth_sensors(C, root, y) for root, y in zip(lam, left.T, strict=True)]
     planes, overlap = mode_planes(omega2, lam, right)
@@ -106,9 +114,10 @@ def growing_modes(
         right=right,
         left=left,
         n_unstable=n_unstable,
-        n_above=len(above),
-        growth_above=float(worst.real),
-        frequency_above=float(abs(worst) / (2 * np.pi)),
+        n_above=int((np.abs(outside) > high).sum()),
+        n_below=int((np.abs(outside) < low).sum()),
+        growth_outside=float(worst.real),
+        frequency_outside=float(abs(worst) / (2 * np.pi)),
         sensors=np.concatenate([np.array(seen).reshape(-1, n), planes.reshape(-1, n)]),
         energy=_energies(C, omega2, lam, right, left),
         overlap=overlap,

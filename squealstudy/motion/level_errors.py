@@ -9,6 +9,7 @@ import numpy as np
 
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.energies import round_off
 from squealstudy.motion.outcome.growth import LEFT_VECTOR
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint, stick_number
@@ -129,7 +130,7 @@ def energy_drift(motion: Motion) -> float:
     medians = [float(np.median(part)) for part in np.array_split(imbalance, BLOCKS)]
     size = h["modal_energy"].max() + h["dissipated_damping"][-1]
     size += ROUND_OFF * (abs(h["dissipated_friction"][-1]) + float(np.abs(h["stored"]).max()))
-    if not size > 0.0:
+    if not size > 0.0 or motion.modal_energy.max() <= round_off(motion):
         return 0.0
     last = abs(float(imbalance[-1])) / float(size)
     drift = max(abs(m) for m in medians) / float(size)

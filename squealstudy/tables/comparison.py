@@ -123,7 +123,8 @@ def _vibration(
     unforeseen = run["class"] in OPEN and not instabilities
     if not (unexplained or unforeseen):
         return []
-    known = int(run["n_unstable"]) + int(run.get("n_unstable_above", 0)) <= len(own)
+    outside = sum(int(run.get(f"n_unstable_{side}", 0)) for side in ("above", "below"))
+    known = int(run["n_unstable"]) + outside <= len(own)
     return [{"kind": VIBRATION if known else UNFOLLOWED, "track": 0}]
 
 

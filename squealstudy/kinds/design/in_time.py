@@ -60,8 +60,10 @@ def runs_in_time(
     """
     steady, contact = asked.contact(point, gaps)
     growing = contact.point.growing
-    if growing.n_above:  # every run comes to it, whatever is asked about
-        text = f"a mode above the band grows by itself in time, at {growing.frequency_above:.4g} Hz"
+    if growing.n_outside:  # every run comes to it, whatever is asked about
+        hz = growing.frequency_outside
+        where = "above" if hz > asked.band[1] / TURN else "below"
+        text = f"a mode {where} the band grows by itself in time, at {hz:.4g} Hz"
         raise ConvergenceError("unstable_above_band", text)
     starts: list[tuple[str, MotionPoint]] = []
     near: list[float] = []

@@ -7,7 +7,7 @@ basis do, for POD vectors that repair it.
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -54,31 +54,28 @@ def warm(section: TransientSection) -> float:
 
 
 def warnings(plan: Plan) -> list[str]:
-    """Growth above the band, friction and contact too stiff for the step, at ends of the sweeps.
+    """Growth outside the band, friction and contact too stiff for the step, at ends of the sweeps.
 
     Empty where the first structure is not in the cache yet.
     """
     if not is_prepared(plan.tasks[0].structure):
         return []
-    above: dict[str, float] = {}
+    outside: list[tuple[float, float]] = []
     stiff: list[tuple[float, float, float]] = []
     closing: list[float] = []
     for task in _ends(plan):
         design = set_up(task, task.points[0], NewGaps())
         if isinstance(design, MotionPoint):
             modes, system = design.growing, task.reference.system
-            if modes.n_above:
-                text = (
-                    f"{in_digits(modes.frequency_above)} Hz at {in_digits(modes.growth_above)} 1/s"
-                )
-                above[text] = modes.growth_above
+            if modes.n_outside:
+                outside.append((modes.growth_outside, modes.frequency_outside))
             number = stick_number(system, design, task.section.step)
             own = task.points[0]
             speed = own.values[REGULARISATION_SPEED.name] if regularised(own) else 0.0
             stiff.append((number, design.friction.k_t, speed))
             # squeal saturates where the vibration moves about as fast as the disc
             closing.append(closing_number(design.contact, abs(design.speed), task.section.step))
-    found = (_above(plan, above), _stiff(plan, stiff), _closing(plan, closing), _still(plan))
+    found = (_outside(plan, outside), _stiff(plan, stiff), _closing(plan, closing), _still(plan))
     return [text for part in found for text in part]
 
 
@@ -93,14 +90,17 @@ def _ends(plan: Plan) -> list[BatchTask]:
     return [batch_task(plan, (task,), basis) for task in tasks[:MOST_ENDS]]
 
 
-def _above(plan: Plan, above: dict[str, float]) -> list[str]:
-    if not above:
+def _outside(plan: Plan, outside: Sequence[tuple[float, float]]) -> list[str]:
+    """`outside`: growth rate and frequency of modes that nothing follows."""
+    if not outside:
         return []
-    worst = max(above, key=lambda text: above[text])
+    growth, hz = max(outside)
+    low, high = plan.band_hz
+    where = f"above the band of {high:g} Hz" if hz > high else f"below the band from {low:g} Hz"
     return [
-        f"a mode above the band of {plan.band_hz[1]:g} Hz is unstable too ({worst}): it will grow "
-        "in time; structural damping (damping_ratio, or stiffness_damping that rises with "
-        "frequency) holds it"
+        f"a mode {where} is unstable too ({in_digits(hz)} Hz at {in_digits(growth)} 1/s): it will "
+        "grow in time, and nothing follows it; a wider band does, structural damping "
+        "(damping_ratio, or stiffness_damping that rises with frequency) holds it"
     ]
 
 

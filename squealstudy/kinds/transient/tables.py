@@ -32,6 +32,7 @@ SUMMARY_FIELDS = (
     ("undecided_until", REAL),
     ("n_unstable", WHOLE),
     ("n_unstable_above", WHOLE),
+    ("n_unstable_below", WHOLE),
     ("predicted_frequency_hz", REAL),
     ("predicted_growth_rate", REAL),
     ("growth_rate", REAL),

@@ -20,7 +20,7 @@ from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.linalg.dense_qep import pairs_inside
 from squealstudy.models.assembly import ContactPoints
 from squealstudy.models.operating import DesignState
-from squealstudy.modes.point import state_working_point
+from squealstudy.modes.point import angular_band, state_working_point
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.polynomials import Interpolation, interpolation
 from squealstudy.modes.reanalysis.problem import DenseProblem, Linearisation, Linearised, in_band
@@ -80,7 +80,7 @@ class BrakeProblem(DenseProblem):
         self.prepared, self.state_at = prepared, state_at
         self.exact_damping = exact_damping
         self.dimension = dimension
-        self.band = (2 * np.pi * band_hz[0], 2 * np.pi * band_hz[1])
+        self.band = angular_band(band_hz)
 
     @cached_property
     def system(self) -> ParametricSystem:

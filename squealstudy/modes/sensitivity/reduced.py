@@ -17,7 +17,7 @@ import numpy as np
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.operating import DAMPING, DesignState, ModeKey
-from squealstudy.modes.point import linearised_point
+from squealstudy.modes.point import angular_band, linearised_point
 from squealstudy.modes.sensitivity.mode_family import (
     ModeNeighbourhood,
     biorthogonality,
@@ -72,8 +72,7 @@ def solve_families(
         No working point, or ARPACK stops.
     """
     point, system = linearised_point(prepared, state, gap)
-    low, high = (2 * np.pi * f for f in band_hz)
-    lam, _ = dense_roots(system.C, system.K, (low, high))
+    lam, _ = dense_roots(system.C, system.K, angular_band(band_hz))
     families = tuple(mode_family(system.pencil, root) for root in chosen_roots(lam, choice))
     return ChosenModes(
         prepared=prepared, state=state, point=point, system=system, families=families

@@ -15,6 +15,7 @@ from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.levels import LAST, mean_interval
 
 NOISE = 3e-21  # of the work of friction: energy of round-off
+SLIPPERY = 0.1  # of a friction coefficient below this, as of none, that of so much
 FIRST = 0.1  # of a record: its first window
 RANK = 1e-10  # eigenvalues of the overlap below this are axes that others span
 WINDOWS = 50  # of a record in which leaders are told
@@ -200,7 +201,11 @@ def round_off(run: Motion) -> float:
     0 where that work is not known, as of integrators that solve no balance in each step.
     """
     work = abs(run.energy.friction)
-    return NOISE * work if np.isfinite(work) else 0.0
+    if not np.isfinite(work):
+        return 0.0
+    force = run.history["normal_force"]
+    pressed = float(np.abs(force).mean()) if len(force) else 0.0
+    return NOISE * max(work, SLIPPERY * pressed * abs(run.point.speed) * run.time)
 
 
 def transfer(

@@ -146,7 +146,7 @@ def known_outcome(run: Motion, duration: float, tolerance: float) -> str:
         Relative, for levels.
     """
     modes = run.point.growing
-    if modes.n_above or modes.n_unstable > len(modes.lam) or len(run.times) < LEAST_ROWS:
+    if modes.n_outside or modes.n_unstable > len(modes.lam) or len(run.times) < LEAST_ROWS:
         return ""
     if run.outcome != "ok" or not np.isfinite(run.modal_energy).all():
         return ""

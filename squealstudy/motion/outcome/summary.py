@@ -93,6 +93,7 @@ def _forecast(run: Motion) -> dict[str, Any]:
     return {
         "n_unstable": modes.n_unstable,
         "n_unstable_above": modes.n_above,
+        "n_unstable_below": modes.n_below,
         "predicted_frequency_hz": float(abs(lam)) / (2 * np.pi),
         "predicted_growth_rate": float(lam.real),
         "torque_static": run.point.static_torque,

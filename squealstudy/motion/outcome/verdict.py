@@ -41,7 +41,7 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
         return RunClass(UNDECIDED, until) if np.isfinite(until) else found
     if found.name != STABLE:
         return found
-    unseen = modes.n_above > 0 or modes.n_unstable > modes.n_followed
+    unseen = modes.n_outside > 0 or modes.n_unstable > modes.n_followed
     if unseen or (modes.n_unstable and energy.max() <= round_off(run)):
         return RunClass(UNDECIDED, np.inf)
     until = max((grows_until(run, k) for k in range(modes.n_followed)), default=0.0)
@@ -59,7 +59,7 @@ def _predicted_pace(run: Motion) -> float:
         return 0.0
     shares = level_shares(run, slice(round(0.6 * rows), None))
     rates = np.asarray(modes.lam).real
-    if modes.n_unstable or modes.n_above:
+    if modes.n_unstable or modes.n_outside:
         unstable = np.arange(len(rates)) < modes.n_followed
         return float((shares * rates)[unstable & (shares >= EXPRESSED)].sum())
     return min(float(rates[0]), 0.0) if shares[0] >= NEARLY_ALL else 0.0
