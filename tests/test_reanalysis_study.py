@@ -104,6 +104,41 @@ def test_perturbation_fails_beyond_flutter_and_says_so(tmp_path):
     assert (results.modes["error_estimate"] / size).max() > 1e-3
 
 
+@pytest.mark.parametrize(
+    ("model", "start", "stop"),
+    [("hulten", 0.1, 0.6), ("hulten", 0.2, 0.3), ("hoffmann", 0.3, 1.0), ("hoffmann", 0.5, 0.7)],
+)
+def test_perturbation_tells_no_root_as_sure_that_it_is_not(tmp_path, model, start, stop):
+    """Through lock-in: told errors hold the exact root, stability is told right or not at all."""
+    text = HULTEN.replace('"hulten"', f'"{model}"').replace("stop = 0.6", f"stop = {stop}")
+    text = text.replace("start = 0.0", f"start = {start}").replace(
+        "[[sweep]]", "[parameters]\ndamping_ratio = 0.01\n[[sweep]]"
+    )
+    found, exact = (
+        run(f'{text}method = "{method}"\n', tmp_path, method)
+        for method in ("perturbation", "dense")
+    )
+    one_modes, other_modes = (
+        r.modes.merge(r.points[["point_id", "friction"]], on="point_id").groupby("friction")
+        for r in (found, exact)
+    )
+    held = []
+    for (_, one), (_, other) in zip(one_modes, other_modes, strict=True):
+        lam, sure = (
+            m["growth_rate"].to_numpy() + 2j * np.pi * m["frequency_hz"].to_numpy()
+            for m in (one, other)
+        )
+        apart = np.abs(lam[:, None] - sure[None, :])
+        held += (apart.min(axis=1) <= one["error_estimate"].to_numpy()).tolist()
+        nearest = other["stability"].to_numpy()[apart.argmin(axis=1)]
+        told = one["stability"].to_numpy()
+        assert ((told == nearest) | (told == "uncertain")).all()
+    assert np.mean(held) >= 0.85
+    finite = np.isfinite(found.modes["error_estimate"])
+    assert finite.sum() > 10  # not told by giving up
+    assert (found.points["status"] == "ok").all()
+
+
 def test_windows_resume_to_the_same_tables(tmp_path):
     text = HULTEN + 'method = "windows"\n'
     whole = run(text, tmp_path, "whole")

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.modes.answer import Found
 from squealstudy.modes.problem import Point, Problem
@@ -31,6 +32,8 @@ ORDER = 2
 REACH = 4.0  # second-order terms run through the modes of the band widened by this
 COST = 0.6  # seconds of a point over those of an exact one, about
 MARGIN = 1.2  # of the band: modes of the anchor that may move into it
+ROUND_OFF = 1e-12  # relative error of a root below which no series is looked at
+SAFETY = 2.0  # the next term is itself an estimate; errors were up to 1.9 times the series
 REAL = 1e-12  # relative imaginary part of a root that is its own conjugate
 
 
@@ -93,6 +96,8 @@ def perturbed_roots(
     """Roots of a design point by perturbation of order 1 or 2 from an anchor.
 
     Vectors are of first order at both: with them the estimate holds the next term of the expansion.
+    Of order 2 the error told is twice that of all terms to come, as a geometric series with the
+    ratio of that term to the last one; infinite where it does not fall.
 
     Raises
     ------
@@ -104,17 +109,31 @@ def perturbed_roots(
 
     lam = anchor.pairs.lam
     near = np.flatnonzero(in_band(lam, problem.band, MARGIN))
+    last: list[tuple[np.ndarray, np.ndarray]] = []  # roots, and their last terms
 
     def solve(weights: Weights) -> Eigenpairs:
-        return perturbed_pairs(problem.system, anchor, weights, order, near)
+        pairs, term = perturbed_pairs(problem.system, anchor, weights, order, near)
+        last.append((pairs.lam, term))
+        return pairs
 
-    return solve_alone(problem, theta, Perturbation.name, solve)
+    found = solve_alone(problem, theta, Perturbation.name, solve)
+    if order == 1 or isinstance(found, ConvergenceError):
+        return found
+    ((roots, terms),) = last
+    size = np.abs(terms[np.abs(roots[None, :] - found.lam[:, None]).argmin(axis=1)])
+    error = np.full(len(size), np.inf)
+    falls = found.error < size
+    error[falls] = SAFETY * found.error[falls] / (1.0 - found.error[falls] / size[falls])
+    small = found.error <= ROUND_OFF * np.abs(found.lam)
+    return found._replace(error=np.where(small, found.error, error))
 
 
 def perturbed_pairs(
     system: ParametricSystem, anchor: ExactPoint, weights: Weights, order: int, own: np.ndarray
-) -> Eigenpairs:
+) -> tuple[Eigenpairs, np.ndarray]:
     """Pairs `own` (indices) of the anchor, moved to other weights through all of its pairs.
+
+    And the last term (m,) of each root.
 
     lam1_i = V_ii,    lam2_i = sum_(k != i) V_ik V_ki / (lam_i - lam_k) - V_ii lam_i y_i^H dM x_i
     V_ki = -y_k^H (dK + lam_i dC + lam_i^2 dM) x_i,   in V_ik lam_k dC and lam_i lam_k dM
@@ -131,12 +150,13 @@ def perturbed_pairs(
     back = -(fixed + (dampers.conj().T @ every.X) * every.lam)
     gap = lam[None, :] - every.lam[:, None]  # of column i to row k
     other = np.where(gap == 0, 0.0, 1.0 / np.where(gap == 0, 1.0, gap))
-    shift = first
+    terms = [first]
     if order == 2:
         own_mass = np.einsum("ij,ij->j", Y.conj(), masses)
-        shift = first + np.einsum("ki,ik,ki->i", into, back, other) - first * lam * own_mass
+        terms.append(np.einsum("ki,ik,ki->i", into, back, other) - first * lam * own_mass)
     left_turn = (back * other.T).conj().T  # column i: what left mode k adds to i
-    return Eigenpairs(lam + shift, X + every.X @ (into * other), Y + every.Y @ left_turn)
+    moved = Eigenpairs(lam + sum(terms), X + every.X @ (into * other), Y + every.Y @ left_turn)
+    return moved, terms[-1]
 
 
 class _Change(NamedTuple):
