@@ -37,6 +37,7 @@ from squealstudy.tables.stability import (
 PRECISION = 1e-4
 INTERPOLATED = "interpolated"
 WITHIN_ERROR = "within_error"
+UNKNOWN = 1e6  # relative error of a root: as good as infinite, and finite
 UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen", BRACKETED: "bracketed"}
 EXPECTED = 8  # evaluations an onset
 BATCH = 32  # brackets refined together; fixed, so that results do not depend on the workers
@@ -85,7 +86,8 @@ class OnsetSearch:
         self._column = [s.name for s in plan.study.sweeps].index(along)
         lams = follower.lams
         self._judged = lams.with_flat(lam)
-        self._error = np.nan_to_num(error) / np.maximum(np.abs(lam), 1e-300)
+        known = np.nan_to_num(error, posinf=np.inf) / np.maximum(np.abs(lam), 1e-300)
+        self._error = np.minimum(known, UNKNOWN)
         self._point = lams.owner
         self._place = np.arange(len(lam)) - lams.starts[self._point]
         self._track = tracks.labels.flat
