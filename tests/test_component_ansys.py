@@ -222,6 +222,7 @@ def test_other_elements(tmp_path):
         ),
         ("ET,        3,185", "ET,        4,185", "line 6: expected the type of an ET"),
         ("ET,        3,185", "ET,        3", "line 5: expected a type and an element"),
+        ("ET,        3,185", "ETBLOCK", "line 5: expected the number of types, found ''"),
         (
             "N,R5.3,LOC,       -1,",
             "N,R5.3,UNBL,LOC, 1, 0.",

@@ -139,6 +139,13 @@ def test_perturbation_tells_no_root_as_sure_that_it_is_not(tmp_path, model, star
     assert (found.points["status"] == "ok").all()
 
 
+def test_perturbation_of_a_band_without_modes(tmp_path):
+    text = HULTEN.replace("band = [1.0, 1000.0]", "band = [400.0, 1000.0]")
+    points = run(text + 'method = "perturbation"\n', tmp_path).points
+    assert set(points["method"]) == {"perturbation"}
+    assert (points["n_modes"] == 0).all()
+
+
 def test_windows_resume_to_the_same_tables(tmp_path):
     text = HULTEN + 'method = "windows"\n'
     whole = run(text, tmp_path, "whole")

@@ -62,10 +62,7 @@ OWN = re.compile(
 PART_ROWS = 1_000_000  # rows of a table up to which it is one file
 GROUP_ROWS = 2**17  # rows of a table that are read together
 UNIT = b"unit"  # of a column, in the metadata of its field
-OWN_UNITS = {  # iterations or evaluations, elsewhere seconds; of modes the error is one of growth
-    CELLS: {"cost": ""},
-    ONSETS: {"error_estimate": OF_THE_ONSET},
-}
+OWN_UNITS = {CELLS: {"cost": ""}, ONSETS: {"error_estimate": OF_THE_ONSET}}  # elsewhere others
 
 
 def column_units(

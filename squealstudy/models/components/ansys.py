@@ -224,7 +224,7 @@ class _Deck:
             options[values[0]] = {k: v for k, v in enumerate(values[2:], 1) if v}
         for line, words in self._all("ETBLOCK"):
             place = line.place + 2
-            for _ in range(line.whole(words[0], "the number of types")):
+            for _ in range(line.whole("".join(words[:1]), "the number of types")):
                 own = Line(self._text, place)
                 values = [own.whole(w, "whole numbers") for w in self._text.line(place).split()]
                 if len(values) < 2:

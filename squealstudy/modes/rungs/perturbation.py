@@ -117,7 +117,7 @@ def perturbed_roots(
         return pairs
 
     found = solve_alone(problem, theta, Perturbation.name, solve)
-    if order == 1 or isinstance(found, ConvergenceError):
+    if order == 1 or isinstance(found, ConvergenceError) or not len(found.lam):
         return found
     ((roots, terms),) = last
     size = np.abs(terms[np.abs(roots[None, :] - found.lam[:, None]).argmin(axis=1)])
