@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from squealstudy import faults
-from squealstudy.errors import ParameterError, SquealstudyError
+from squealstudy.errors import ParameterError, SquealstudyError, StudyFileError
 from squealstudy.face import Study, resolved_study, run
 from squealstudy.models.catalogue import MODELS, model_names
 from squealstudy.models.components.definition import DESCRIPTION as OF_A_FILE
@@ -117,16 +117,28 @@ class Model:
         )
 
     def study(self, name: str = "model", band: tuple[float, float] | None = None) -> Study:
-        """The complex-mode study of this one design point; `band` [Hz] as of study files."""
+        """The complex-mode study of this one design point; `band` [Hz] as of study files.
+
+        Raises
+        ------
+        ParameterError
+            ``band`` where it is none.
+        """
         options = {option.name for option in self.definition.options}
+        ends = list(band) if isinstance(band, Iterable) else [band]
         tables = {
             "study": {"name": name, "kind": "complex_modes"},
             "model": self._named() | {k: v for k, v in self.given.items() if k in options},
             "parameters": {k: v for k, v in self.given.items() if k not in options},
-            "modes": {"reference_points": 0} | ({} if band is None else {"band": list(band)}),
+            "modes": {"reference_points": 0} | ({} if band is None else {"band": ends}),
         }
         text = toml_text(tables)
-        return resolved_study(SourceText(Path(f"{name}.toml"), text), tables, text)
+        try:
+            return resolved_study(SourceText(Path(f"{name}.toml"), text), tables, text)
+        except StudyFileError as error:  # there is no such file
+            if error.key != "modes.band":
+                raise
+            raise ParameterError("band", error.message) from None
 
     def _named(self) -> dict[str, str]:
         """How a study names the model."""

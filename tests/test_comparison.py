@@ -102,7 +102,7 @@ def test_stable_modes_are_no_predictions_divergence_and_untracked_modes_are():
     assert table["track"].tolist() == [UNTRACKED, DIVERGENCE, 0, UNTRACKED, DIVERGENCE, 0]
     assert table["kind"].tolist() == ["both", "frequency", "time", "both", "frequency", "time"]
     text = summary(table)
-    assert "4 predicted instabilities, 1 express themselves, 3 cannot be told" in text
+    assert "4 predicted instabilities, 1 expresses itself, 3 cannot be told" in text
 
 
 VIBRATES = {"dominant_frequency_hz": 77.0, "torque_rms": 5.0, "n_unstable": 0}
@@ -296,7 +296,7 @@ def studies(tmp_path):
 def test_the_command_prints_a_table_and_a_summary(studies, capsys):
     cli.compare(*studies)
     text = " ".join(capsys.readouterr().out.split())
-    assert "2 design points compared; 4 predicted instabilities, 1 express themselves" in text
+    assert "2 design points compared; 4 predicted instabilities, 1 expresses itself" in text
     assert "2 cannot be told" in text
     assert "1 more in the time study alone, 0 express themselves, 1 cannot be told" in text
     assert "315 to 321" in text

@@ -30,6 +30,22 @@ held = resident()
 give_back_memory()
 print(held - resident())
 """
+KEEP = """
+import resource
+import numpy as np
+from squealstudy.engine.workers import Workers
+
+def point(number):
+    faults = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    np.ones(100)
+    at_first = faults()
+    for _ in range(20):
+        parts = [np.ones(250_000) for _ in range(8)]  # 16 MB
+        del parts
+    return faults() - at_first
+
+print(*Workers(1).each(point, [0, 1]))
+"""
 HOLD = """
 import sys
 import time
@@ -59,6 +75,17 @@ def test_arrays_are_mapped_one_by_one_within_alone(monkeypatch):
         assert asked == [("mallopt", -3, 2**20)]
         1 / 0  # noqa: B018
     assert asked[1:] == [("mallopt", -3, 2**25), ("malloc_trim", 0)]
+
+
+@pytest.mark.skipif(not machine.STATUS.is_file(), reason="Linux alone")
+def test_what_a_task_frees_serves_the_next_arrays():
+    """Else each of 20 turns would take some 4,000 pages anew."""
+    if not hasattr(machine.ctypes.CDLL(None), "mallopt"):
+        pytest.skip("the C library cannot")
+    done = subprocess.run([sys.executable, "-c", KEEP], check=True, capture_output=True, text=True)
+    first, second = map(int, done.stdout.split())
+    assert first < 20_000
+    assert second < 2_000
 
 
 def test_a_lock_dies_with_its_process(tmp_path):

@@ -361,3 +361,13 @@ def test_modes_on_the_ends_of_the_band_are_in_it(low):
     assert len(model.modes(band=(low, 1.7 * low))) == 2
     assert len(model.modes(band=(0.5 * low, low))) == 1
     assert len(model.modes(band=(1.0001 * low, 1.6999 * low))) == 0
+
+
+@pytest.mark.parametrize(
+    ("band", "told"),
+    [((500.0, 100.0), "0 <= low < high"), (500.0, "two frequencies"), ("x", "two frequencies")],
+)
+def test_band_that_is_none_is_an_error_of_the_argument(band, told: str) -> None:
+    """Not of a study file that nobody wrote."""
+    with pytest.raises(ParameterError, match=f"^parameter 'band': .*{told}"):
+        sq.model("hoffmann").modes(band=band)

@@ -126,7 +126,8 @@ def _lives(rows: pd.DataFrame) -> str:
         rows["expressed"].fillna(False).astype(bool),
         int(rows["expressed"].isna().sum()),
     )
-    text = f"{int(lives.sum())} express themselves"
+    count = int(lives.sum())
+    text = "1 expresses itself" if count == 1 else f"{count} express themselves"
     return text + (f", {unknown} cannot be told" if unknown else "")
 
 

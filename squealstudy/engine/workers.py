@@ -28,6 +28,7 @@ from squealstudy.machine import (
     available_memory_mb,
     cores,
     cut_lifeline,
+    keep_free_memory,
     lifeline,
     peak_memory_mb,
     starting_processes,
@@ -262,6 +263,7 @@ atexit.register(_executor.cache_clear)  # while modules are there, which it look
 
 
 def _on_one_thread(function: Callable[[Item], Found], task: Item) -> Found:
+    keep_free_memory()
     with threadpool_limits(1):
         return function(task)
 

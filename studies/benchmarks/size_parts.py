@@ -1,11 +1,14 @@
-"""Parts of a study that grow with the mesh, each alone: steady sliding, and checks at full order.
+"""Parts of a study that grow with the mesh, each alone: steady sliding, checks, many points.
 
     python studies/benchmarks/size_parts.py points [--sizes 15k 49k]
     python studies/benchmarks/size_parts.py checks [--sizes 15k 49k]
+    python studies/benchmarks/size_parts.py windows [--sizes 15k 49k]
 
 Of the studies of `size.py`. `points` solves steady sliding at every 13th design point: its
 processor seconds, and the factors it made. `checks` solves the first and the last one at full order
-about a uniform contact pressure, by the one factor that large models share.
+about a uniform contact pressure, by the one factor that large models share. `windows` solves 2,000
+and then 20,000 points of the same range by that method, each with all its modes and errors: the
+difference is what a point costs, the rest was spent once. No checks at full order.
 """
 
 from __future__ import annotations
@@ -21,8 +24,9 @@ import one_thread  # noqa: F401
 # isort: split
 
 import numpy as np
-from size import SIZES, write_model
+from size import SIZES, STUDY, write_model
 
+import squealstudy
 from squealstudy.engine.plan import Plan
 from squealstudy.machine import peak_memory_mb
 from squealstudy.models.assembly import Assembly
@@ -33,6 +37,11 @@ from squealstudy.reduction import working_point as solver
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import mean_contact_stiffness
 from squealstudy.study.definition import load_study
+
+MANY = (  # pressures
+    "values = [2e5, 4e5, 8e5, 12e5, 20e5, 30e5]",
+    "start = 2e5\nstop = 30e5\nnum = 10",
+)
 
 
 def built(size: str) -> tuple[Plan, Assembly]:
@@ -93,9 +102,29 @@ def sliding(size: str) -> None:
     print(f"a point {each:.3f} s, {len(made) / n:.1f} factors of {np.mean(made):.3f} s each")
 
 
+def windows(size: str) -> None:
+    """Processor seconds of many points by windows, and what was spent before the first."""
+    with tempfile.TemporaryDirectory() as name:
+        folder, spent = Path(name), []
+        path, dof = write_model(folder, size)
+        for number in (1, 10):  # the first also fills the cache
+            text = STUDY.replace("num = 29", f"num = {200 * number}").replace(*MANY)
+            path.write_text(text + 'method = "windows"\nreference_points = 0\n')
+            results = squealstudy.run(path, folder / f"results_{number}", jobs=1, yes=True)
+            timings = results.manifest["timings"]
+            spent.append((timings["points_s"], timings["points_solved"]))
+            print(f"{size}, {dof} DOF: {timings}")
+            print(f"  {results.points['method'].value_counts().to_dict()}", flush=True)
+        (first_s, first), (last_s, last) = spent
+        each = (last_s - first_s) / (last - first)
+        print(
+            f"{size}: a point {1e3 * each:.3f} ms, before the first {first_s - first * each:.1f} s"
+        )
+
+
 def main() -> None:
     """Measure and print."""
-    apart = {"points": sliding, "checks": checks}
+    apart = {"points": sliding, "checks": checks, "windows": windows}
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("part", choices=list(apart))
     parser.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["15k", "49k"])
