@@ -408,6 +408,21 @@ def test_estimates_of_heavily_damped_roots(dampers):
     assert (ratio <= 2.0).mean() >= 0.95
 
 
+@pytest.mark.parametrize("dampers", [3, 5])
+def test_roots_far_from_the_band_are_no_doubt_of_heavy_ones_in_it(dampers):
+    """Those err by a thousand times their size: no basis is made for them."""
+    problem = strongly_damped(30, dampers)
+    problem.band = (200 * HZ, 900 * HZ)
+    theta = np.random.default_rng(1).uniform(-1, 1, (150, 2))
+    _, found = solved(problem, theta, 1e-3)
+    assert share(found, "windows") > 0.8
+    audit = Audit(problem, theta, found, 1e-3)
+    assert len(audit.heavy_true) > 300
+    assert audit.heavy_estimate.max() < 0.2
+    ratio = audit.heavy_true / np.maximum(audit.heavy_estimate, 1e-9)
+    assert ratio.max() <= 2.0
+
+
 def interpolated_roots(patch, theta):
     """Roots (b, m) of the interpolated matrices of the blocks alone."""
     flat, found, offset = patch.cardinals(theta) @ patch.S, [], 0

@@ -47,6 +47,7 @@ LABELS = 10  # tracks named in one picture
 LONGEST_NAME = 26  # characters of a line
 LEAST_SPAN = 0.02  # of the axis, relative to its frequencies
 STABLE_DOTS = 60_000  # more are thinned out
+RIMMED = 1_500  # unstable dots: rims of more would hide the colours
 CELLS = (450, 300)  # of the axes, about 2 pixels: of more unstable dots one is drawn in each
 
 
@@ -148,8 +149,9 @@ def _all_points(
     size = np.clip(8000 / max(len(modes), 1), 7, 24)
     axes.scatter(x[stable], y[stable], c=colour[stable], s=size, alpha=0.6, linewidth=0, **style)
     last = _last_of_each_cell(x, y, np.flatnonzero(unstable))
-    dense = len(last) < unstable.sum()  # rims would hide the colours
-    style |= {"edgecolor": "0.2", "linewidth": 0.0 if dense else 0.3, "s": 13 + size}
+    dense = unstable.sum() > RIMMED
+    style |= {"edgecolor": "0.2", "linewidth": 0.0 if dense else 0.3}
+    style["s"] = size if dense else 13 + size
     return axes.scatter(x[last], y[last], c=colour[last], **style)
 
 

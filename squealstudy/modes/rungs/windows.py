@@ -33,6 +33,7 @@ from squealstudy.modes.reanalysis.patch import (
 from squealstudy.modes.reanalysis.polynomials import Interpolation, interpolation
 from squealstudy.modes.reanalysis.problem import Linearisation, in_band, lightly_damped
 from squealstudy.modes.reanalysis.ritz import RitzRoots, ritz_roots
+from squealstudy.modes.reanalysis.sweep_basis import REACH
 from squealstudy.modes.rung import Offer, Scope
 from squealstudy.modes.rungs.sweep_basis import InBasis, OverABasis
 from squealstudy.system.parametric import Weights
@@ -174,20 +175,21 @@ class Windows(InBasis):
         """Errors of the sweep basis for light and for all modes of each block, worst of the nodes.
 
         (2, m), each per condition of the root, |x| |y|: near coalescence, where single errors
-        diverge, they do so by the condition there.
+        diverge, they do so by the condition there. A block may hold roots that the basis was not
+        made for, far from the band: those count only where it has no others.
         """
-        worst = np.zeros((2, patch.m))
+        worst = np.zeros((3, patch.m))
         for number, (w, node) in enumerate(zip(weights, nodes, strict=True)):
             chosen = np.concatenate([b.at_nodes[number] for b in patch.blocks])
             pairs = node.pairs.take(chosen)
             error = two_sided_error(self.problem, w, self.basis.expand(w, pairs))
             error = bounded(error, pairs.lam) / conditions(pairs.X, pairs.Y)
-            judged = np.where(lightly_damped(pairs.lam), error, 0.0)
+            meant = in_band(pairs.lam, self.problem.band, REACH)
+            kinds = np.where([lightly_damped(pairs.lam), meant, meant | True], error, 0.0)
             for start, k in patch.slices:
                 own = slice(start, start + k)
-                largest = [[judged[own].max()], [error[own].max()]]
-                worst[:, own] = np.maximum(worst[:, own], largest)
-        return worst
+                worst[:, own] = np.maximum(worst[:, own], kinds[:, own].max(axis=1)[:, None])
+        return np.array([worst[0], np.where(worst[1] > 0, worst[1], worst[2])])
 
     def _points(
         self, patch: FollowedPatch, theta: np.ndarray, rows: np.ndarray
