@@ -170,6 +170,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--linear", action="store_true", help="no large motions in the proofs")
     parser.add_argument("--folder", type=Path, default=Path("results/proofs"))
+    parser.add_argument("--skip", nargs="*", default=[], help="names of studies that are not run")
     given = parser.parse_args()
     kept = given.folder / "proofs.json"
     given.folder.mkdir(parents=True, exist_ok=True)
@@ -178,6 +179,8 @@ def main() -> None:
     texts = [(path.stem, path.read_text()) for path in given.file]
     shown: list[dict[str, Any]] = []
     for number, (name, text) in enumerate(texts or random_studies(given.seed, given.of)):
+        if name in given.skip:
+            continue
         if given.linear:
             name, less = f"{name}_linear", "[goal]\nin_time = 0\ncycles = 0\n"
             text = text.replace("in_time = 2\n", "").replace("[goal]\n", less)
