@@ -358,3 +358,26 @@ def test_damping_of_an_assembly_mode_stands_in_place_of_the_uniform_one(studies)
     first, second = map(Results.open, studies)
     table = first.compare(second)
     assert set(table["time_point_id"]) == {"p0"}
+
+
+def test_studies_of_other_tables_are_not_compared(studies):
+    """Friction that follows pressure in one study has its default in the other."""
+    text = '[parameters.friction.table]\npressure = ["2 bar", "30 bar"]\nfriction = [{}, 0.4]\n'
+    for directory, least in zip(studies, (0.5, 0.6), strict=True):
+        facts = {"tables": {"friction": ["pressure"]}, "study": text.format(least)}
+        write_manifest(directory, read_manifest(directory) | facts)
+    first, second = map(Results.open, studies)
+    with pytest.raises(ResultsError, match="the table that friction follows, or one has none"):
+        first.compare(second)
+    write_manifest(studies[1], read_manifest(studies[1]) | {"study": text.format(0.5)})
+    assert len(first.compare(Results.open(studies[1])))
+    write_manifest(studies[1], read_manifest(studies[1]) | {"tables": {}})
+    with pytest.raises(ResultsError, match="the table that friction follows"):
+        first.compare(Results.open(studies[1]))
+
+
+def test_groups_of_modes_without_a_track_have_no_number():
+    modes = freq_modes(freq_points(), ((-1, 3255.0, 320.0), (-1, 4940.0, 250.0)))
+    table = compared(modes=modes)
+    table.attrs |= {"parameters": [], "units": {}}
+    assert set(comparison(table)[0].columns[0].cells) == {"untracked", "-"}

@@ -72,3 +72,8 @@ def test_of_a_study_it_is_what_the_modes_say(tmp_path):
     assert table["n_points"].tolist() == [1, 1]
     assert table["share"].sum() == pytest.approx(unstable["point_id"].nunique() / 4)
     assert table.attrs["n_outside"] == 0
+    tables = {name: results.table(name) for name in results.tables}
+    real = results.modes.assign(overdamped=True)  # steady sliding diverges: no vibration
+    silent = results.with_tables(**tables | {"modes": real}).occurrence([50.0, 150.0], [0.0, 1e3])
+    assert silent["n_points"].tolist() == [0]
+    assert silent.attrs["n_outside"] == 0

@@ -31,6 +31,7 @@ from squealstudy.reduction.working_point import working_point
 from squealstudy.system.linearise import (
     StructureWeights,
     component_frequencies,
+    energy_shares,
     linearise,
     reduced_energy_shares,
 )
@@ -93,6 +94,14 @@ def test_contact_stiffness_is_that_of_the_linearisation(brake, reduced):
     pressure = 14e5 * np.abs(brake.assembly.load).sum() / brake.assembly.contact.area.sum()
     stiffness = NOMINAL.law.value("contact.lambda") * pressure
     assert mean_contact_stiffness(both, NOMINAL) == pytest.approx(stiffness, rel=1e-12)
+
+
+def test_energy_shares_where_contact_gives_way_sum_to_one():
+    """Also of a mode of negative energy."""
+    gone = StructureWeights(springs=0.0, normal=np.array([-2.0]))
+    one = np.ones((1, 1))
+    shares = energy_shares(one, one, one, gone, one + 0j)
+    np.testing.assert_allclose(shares[:, 0], [-1.0, 2.0])
 
 
 def test_energy_shares_do_not_depend_on_the_phase(reduced):

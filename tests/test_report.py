@@ -16,6 +16,7 @@ from transient_tables import growth_table, modes_table, points_table
 import squealstudy as sq
 from squealstudy.engine.report import report
 from squealstudy.errors import SquealstudyError
+from squealstudy.kinds.design.screen import SCREEN as DESIGN
 from squealstudy.kinds.limit_cycles.screen import SCREEN as CYCLES
 from squealstudy.kinds.transient.screen import SCREEN as RUNS
 from squealstudy.wording import in_digits
@@ -66,6 +67,14 @@ def test_of_complex_modes_it_is_the_ranking(tmp_path):
         f"1 mode is unstable. Most widespread: mode at {hz} Hz, at 50 % of the 4 solved points. "
         f"Fastest: mode at {hz} Hz, by {growth} 1/s at friction 0.5."
     )
+
+
+def test_a_mode_unstable_at_few_points_is_not_told_as_of_none(tmp_path):
+    results = solved(HULTEN.format(frictions=[0.1, 0.4]), tmp_path / "r")
+    stable = [results.points.iloc[:1].assign(point_id=f"p{k}") for k in range(298)]
+    tables = {name: results.table(name) for name in results.tables}
+    many = results.with_tables(**tables | {"points": pd.concat([results.points, *stable])})
+    assert "at 0.333 % of the 300 solved points" in many.screen.verdict(many)
 
 
 def test_of_a_silent_brake_it_says_so(tmp_path):
@@ -187,3 +196,15 @@ def test_a_minimal_model_has_no_shape(tmp_path):
     page = report([results])
     assert "<iframe" not in page
     assert "No shape" not in page
+
+
+def test_of_a_design_errors_that_are_not_known_are_told():
+    """An infinite one too; of none there is nothing to tell."""
+    told = {}
+    for error in (1e-9, np.inf, np.nan):
+        facts = {"design_study": {"n_designs": 1, "rounds": 0, "n_reductions": 0}}
+        margins = pd.DataFrame({"damping_error": [error, np.nan]})
+        told[error] = dict(DESIGN.facts(made(kind="design", facts=facts, margins=margins)))
+    texts = [found.get("error") for found in told.values()]
+    unknown = "solver: damping ratios of some modes not known"
+    assert texts == ["solver: damping ratios to 1.0e-09", unknown, None]

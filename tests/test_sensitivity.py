@@ -395,6 +395,19 @@ def test_modal_damping_derivative_by_stiffness_and_mass(zeta):
     assert found == pytest.approx((product(h) - product(-h)) / (2 * h), rel=1e-8)
 
 
+def test_modal_damping_of_a_rigid_mode_has_no_derivative():
+    """A rigid mode feels no change but for round-off, which must not be divided by nothing."""
+    omega, pair = np.array([0.0, 3.0, 5.0]), np.ones(3, dtype=complex)
+    gradient = DampingGradient(
+        RealModes(omega, np.eye(3), np.eye(3), np.full(3, 0.01)), 1j, pair, pair
+    )
+    dK = np.diag([0.0, 1.0, 1.0])
+    told = gradient.by_stiffness(dK)
+    assert told == pytest.approx(1j * 0.01 * (1 / 3 + 1 / 5))
+    dK[0, 0] = 1e-12
+    assert gradient.by_stiffness(dK) == told
+
+
 def test_figures_by_the_chain_rule():
     lam, slope, h = np.array([-40 + 900j, 30 + 2000j]), np.array([3 - 2j, -1 + 5j]), 1e-6
     ends = [figures(lam + s * h * slope) for s in (1, -1)]

@@ -179,7 +179,7 @@ def test_rank_where_chooses_points(there, capsys):
     assert command("rank", "results/belt", "--where", "sliding_speed < 0.9", "--csv") == 0
     assert as_table(capsys.readouterr())["points"].iloc[0] == 1
     assert command("rank", "results/belt", "--where", "sliding_speed > 1.2") == 0
-    assert "No design point keeps vibrating" in capsys.readouterr().out
+    assert "Nothing within the query keeps vibrating" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -188,6 +188,7 @@ def test_rank_where_chooses_points(there, capsys):
         (("undecided", "undecided"), "is known to keep vibrating; 2 undecided runs left out."),
         (("undecided", "stable"), "is known to keep vibrating; 1 undecided run left out."),
         (("stable", "stable"), "No design point keeps vibrating."),
+        (("stable", "failed"), "No design point is known to keep vibrating."),
         (("limit_cycle", "undecided"), "where it has most; 1 undecided run left out"),
     ],
 )

@@ -12,10 +12,9 @@ from squealstudy.screen import grid, notes
 from squealstudy.tables.comparison import BOTH, TIME, UNFOLLOWED, VIBRATION
 from squealstudy.tables.comparison import FREQUENCY as PREDICTED
 from squealstudy.tables.cycle_comparison import AGREES, CANNOT, DIFFERS
-from squealstudy.tables.mode_ranking import DIVERGENCE, UNTRACKED
+from squealstudy.tables.mode_ranking import group_kind
 from squealstudy.wording import SUSTAINED, figure, named_tracks, plural, with_unit
 
-LABELS = {DIVERGENCE: "divergence", UNTRACKED: "untracked"}
 TITLES = ("mode", "Hz", "growth 1/s", "forecast", "fitted", "95 %", "dev %", "energy %", "lives")
 AGREEMENTS = {AGREES: "agree", DIFFERS: "differ", CANNOT: "open"}
 MOTION = 13  # least width of what happens in time: its words stay whole
@@ -153,7 +152,7 @@ def _cells(row: dict[Hashable, Any]) -> list[str]:
     lives = "?" if pd.isna(row["expressed"]) else "yes" if row["expressed"] else "no"
     moves = row["kind"] in (VIBRATION, UNFOLLOWED)
     return [
-        LABELS.get(int(row["track"]), str(row["track"])) if row["track"] else "-",
+        _mode(int(row["track"])),
         figure(row["frequency_hz"] if known else row["predicted_frequency_hz"], ".0f"),
         figure(row["growth_rate"]),
         figure(row["predicted_growth_rate"]),
@@ -164,6 +163,13 @@ def _cells(row: dict[Hashable, Any]) -> list[str]:
         "-" if moves else lives,
         _motion(row),
     ]
+
+
+def _mode(track: int) -> str:
+    """Number of a track, or what stands in its place."""
+    if track == 0:
+        return "-"
+    return str(track) if track > 0 else group_kind(track)
 
 
 def _motion(row: dict[Hashable, Any]) -> str:

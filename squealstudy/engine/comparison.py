@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import tomllib
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -11,6 +12,7 @@ from squealstudy.engine.store import version_of
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import IN_TIME_ONLY
 from squealstudy.study.parameters import DAMPING_RATIO, ModeParameter, parse_parameter
+from squealstudy.study.tabled import taken
 from squealstudy.tables.comparison import compare
 from squealstudy.tables.cycle_comparison import compare_cycles
 from squealstudy.wording import units_of
@@ -45,6 +47,12 @@ def compare_results(first: Results, second: Results) -> pd.DataFrame:
     if odd:
         told = ", ".join(f"{k} {one.get(k)} and {two.get(k)}" for k in odd)
         raise ResultsError(f"the two studies differ in the options of their model: {told}")
+    one, two = (_followed(r) for r in (frequency, transient))
+    if odd := sorted(k for k in one.keys() | two.keys() if one.get(k) != two.get(k)):
+        raise ResultsError(
+            f"the two studies differ in the table that {odd[0]} follows, or one has none: expected "
+            "the same values at each design point"
+        )
     ours, theirs = (
         [n for n in r.parameters if n not in IN_TIME_ONLY] for r in (frequency, transient)
     )
@@ -84,6 +92,12 @@ def in_order(first: Results, second: Results) -> tuple[Results, Results]:
     raise ResultsError(
         f"expected results of kind complex_modes or limit_cycles and of kind transient, but {told}"
     )
+
+
+def _followed(results: Results) -> dict[str, Any]:
+    """The tables in [parameters] of a study, by what follows them."""
+    text = str(results.manifest.get("study", "")) if results.manifest.get("tables") else ""
+    return {name: table for _, name, table in taken(tomllib.loads(text))[1]}
 
 
 def _elsewhere(results: Results, name: str) -> float:

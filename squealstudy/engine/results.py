@@ -220,8 +220,8 @@ class Results(ResultTables):
     ) -> pd.DataFrame:
         """At how many design points something squeals, by bins of frequency and level.
 
-        Of complex modes unstable ones, the level being their growth rate [1/s]; in time the leading
-        line of vibrations that last, the level being the RMS of the torque. See
+        Of complex modes unstable ones that oscillate, the level being their growth rate [1/s]; in
+        time the leading line of vibrations that last, the level being the RMS of the torque. See
         tables.occurrence.occurrence.
 
         Raises
@@ -233,8 +233,12 @@ class Results(ResultTables):
 
         points = self.points
         if self.kind == "complex_modes" and self.boundary is None:
-            level, columns = "growth_rate", ["point_id", "frequency_hz", "growth_rate", "unstable"]
-            squeals = self.rows("modes", columns, lambda modes: modes["unstable"].to_numpy(bool))
+            level, flags = "growth_rate", ["unstable", "overdamped"]
+            squeals = self.rows(
+                "modes",
+                ["point_id", "frequency_hz", level, *flags],
+                lambda modes: (modes["unstable"] & ~modes["overdamped"]).to_numpy(bool),
+            )
         elif self.kind == "transient":
             level, own = "torque_rms", points[points["class"].isin(SUSTAINED).to_numpy(bool)]
             squeals = own.rename(columns={"dominant_frequency_hz": "frequency_hz"})

@@ -353,7 +353,7 @@ def modal_damping(K_sym: np.ndarray, zeta: np.ndarray, damped_to: float = np.inf
 def energy_shares(
     components: np.ndarray, springs: Matrix, N: Matrix, weights: StructureWeights, X: np.ndarray
 ) -> np.ndarray:
-    """Share of each component, then of the interfaces, in psi^H K_sym psi.
+    """Share of each component, then of the interfaces, in psi^H K_sym psi, of either sign.
 
     Parameters
     ----------
@@ -374,8 +374,8 @@ def energy_shares(
     """
     own = np.einsum("im,im->m", X.conj(), product(springs, X)).real
     interfaces = weights.springs * own + weights.normal @ squared(product(N, X))
-    total = np.maximum(components.sum(axis=0) + interfaces, 1e-300)
-    shares: np.ndarray = np.vstack([components, interfaces]) / total
+    total = components.sum(axis=0) + interfaces
+    shares: np.ndarray = np.vstack([components, interfaces]) / np.where(total, total, 1.0)
     return shares
 
 

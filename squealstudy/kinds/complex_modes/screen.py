@@ -142,7 +142,7 @@ class ComplexModesScreen(KindScreen):
         wide = table.iloc[0]
         fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
         text += f" {'is' if named + others == 1 else 'are'} unstable. Most widespread: "
-        text += f"{_told(wide)}, at {100 * wide['unstable_share']:.0f} % of "
+        text += f"{_told(wide)}, at {in_digits(100 * wide['unstable_share'])} % of "
         text += f"{_counted(results, None)}. Fastest: {_told(fast)}, by "
         text += f"{in_digits(fast['max_growth_rate'], 1)} 1/s"
         where = ", ".join(map(" ".join, settings_of(fast["at"], results.units).items()))

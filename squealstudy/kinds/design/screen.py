@@ -63,7 +63,7 @@ class DesignScreen(KindScreen):
         if (shared := results.manifest.get("shared_basis", {})).get("used"):
             text = f"made for {shared['range']}; roots to {shared['error']:.1e} where it was tested"
             rows.append(("one basis", text))
-        if np.isfinite(error):
+        if error == error:
             text = f"solver: damping ratios to {error:.1e}"
             text = text if error < 1.0 else "solver: damping ratios of some modes not known"
             rows.append(("error", text + _of_reduction(results)))

@@ -11,6 +11,7 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind import LISTED, KindScreen
 from squealstudy.errors import ResultsError
+from squealstudy.kinds.sensitivity.section import UNSTABLE
 from squealstudy.screen import Rows, grid, notes
 from squealstudy.tables.sensitivity_ranking import (
     mode_sensitivities,
@@ -65,7 +66,7 @@ def sensitivities(
     """The sensitivities of one mode, largest first; ResultsError where there is no such mode."""
     every = results.sensitivities
     if not len(every):
-        return ["No mode is unstable anywhere in the study: there are no sensitivities."]
+        return [f"{_nothing(results)}: there are no sensitivities."]
     mode = mode_sensitivities(every, frequency_hz)
     shown = rank_sensitivities(mode, top)
     near = bool(shown["near_coalescence"].any())
@@ -80,6 +81,16 @@ def sensitivities(
     rows = (_cells(row) for row in shown.to_dict("records"))
     table = grid("text:parameter", *NUMBERS, "word:", rows=rows)
     return [_headline(results, shown.iloc[0]), table, legend]
+
+
+def _nothing(results: Results) -> str:
+    """Why no mode was chosen anywhere; real roots that grow are no modes."""
+    solved = int((results.points["status"] == "ok").sum())
+    if not solved:
+        return "No design point is solved"
+    asked = results.manifest.get("sensitivity", {}).get("modes", UNSTABLE)
+    which = "that oscillates is unstable" if asked == UNSTABLE else "oscillates in the band"
+    return f"No mode {which} at any of the {plural(solved, 'solved point')}"
 
 
 def _headline(results: Results, first: pd.Series) -> str:

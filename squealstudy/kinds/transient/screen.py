@@ -54,8 +54,10 @@ class TransientScreen(KindScreen):
         undecided = table.attrs["undecided"]
         left_out = f"; {plural(undecided, 'undecided run')} left out" if undecided else ""
         if not len(table):
-            known = "is known to keep" if undecided else "keeps"
-            return [f"No design point {known} vibrating{left_out}."]
+            failed = (results.points["class"] == FAILED).any()
+            known = "is known to keep" if undecided or failed else "keeps"
+            what = "Nothing within the query" if where else "No design point"
+            return [f"{what} {known} vibrating{left_out}."]
         varied = any(table["worst"])
         shown = grid(
             *("mode", "Hz", "energy %", "most %", "leads at", "word:energy in"),

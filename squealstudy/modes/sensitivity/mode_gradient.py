@@ -158,7 +158,8 @@ def damping_factors(omega: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, np
     unequal = np.abs(apart) > EQUAL * total
     ratio = np.where(unequal, total / np.where(unequal, apart, 1.0), 0.0)
     F = (zeta[:, None] + zeta[None, :]) + (zeta[:, None] - zeta[None, :]) * ratio
-    F = F / np.maximum(total, 1e-300)
+    # a mode without stiffness has no modal damping, and none by a change that it does not feel
+    F = np.where(total > 0, F / np.where(total > 0, total, 1.0), 0.0)
     d = 2.0 * zeta * omega
     squares = omega[:, None] ** 2 + omega[None, :] ** 2
     return F, (d[:, None] + d[None, :] - squares * F) / 2.0
