@@ -224,6 +224,9 @@ class Model:
         from squealstudy.linalg.real_modes import real_modes, rigid_modes
 
         parts, rows = self._assembly({}).components, []
+        told = [name for m in factors for name in ((m,) if isinstance(m, str) else m)]
+        if twice := next((name for name in told if told.count(name) > 1), ""):
+            raise ParameterError(twice, "expected one loss factor of a material, got two")
         moduli = {(m,) if isinstance(m, str) else tuple(m): eta for m, eta in factors.items()}
         own = {names: self._assembly(dict.fromkeys(names, 2.0)).components for names in moduli}
         for names, eta in moduli.items():

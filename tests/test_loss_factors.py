@@ -52,6 +52,7 @@ def test_energy_of_a_mode_is_shared_by_its_materials(brake_model):
         ({"pad.lining_young_modulus": 0.1}, "all of those that a material has"),
         ({"disc.young": 0.1}, "no parameter 'disc.young'"),
         ({"disc.young_modulus": -0.1}, "expected a loss factor, got -0.1"),
+        ({LINING: 0.04, LINING[::-1]: 0.04}, "one loss factor of a material, got two"),
     ],
 )
 def test_what_has_no_loss_factor(brake_model, factors, told):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 import pytest
+from made_results import made
 from study_runs import solved
 from study_texts import study_text
 
@@ -60,6 +62,21 @@ def test_what_cannot_be_counted(changes, told):
     given = {"bins_hz": [1e3, 2e3], "bins": [0.0, 1.0], "weights": None, **changes}
     with pytest.raises(ResultsError, match=told):
         occurrence(POINTS, SQUEALS, "growth_rate", **given)
+
+
+def test_runs_that_are_not_known_to_last_are_counted_apart():
+    points = pd.DataFrame(
+        {
+            "point_id": list("abcd"),
+            "status": "ok",
+            "class": ["limit_cycle", "growing", "undecided", "decaying"],
+            "torque_rms": [2.0, 1.0, np.nan, 0.0],
+            "dominant_frequency_hz": [1500.0, 1500.0, np.nan, np.nan],
+        }
+    )
+    table = made(kind="transient", points=points).occurrence([1e3, 2e3], [0.0, 10.0])
+    assert table["n_points"].tolist() == [1]
+    assert table.attrs["n_undecided"] == 2
 
 
 def test_of_a_study_it_is_what_the_modes_say(tmp_path):

@@ -172,6 +172,10 @@ def test_of_limit_cycles_it_tells_events_of_branches_with_units():
     tables = {"branches": branches, "cycles": cycles, "verdicts": verdicts}
     results = made(kind="limit_cycles", units={"pressure": "Pa"}, **tables)
     assert ("branch", "along pressure: fold at 500 kPa; ends: bound") in CYCLES.facts(results)
+    many = pd.concat([branches.assign(cycle_id=f"c{k}") for k in range(8)])
+    facts = CYCLES.facts(results.with_tables(**tables | {"branches": many}))
+    assert [name for name, _ in facts].count("branch") == 6
+    assert facts[-1] == ("", "2 more in the branches table")
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ from squealstudy.screen import as_text
 from squealstudy.study.sweeps import BOUNDARY, RANDOM_DESIGNS, SOBOL_INDICES
 from squealstudy.tables.boundary_map import full_points, full_tables
 from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.wording import SUSTAINED, plural
+from squealstudy.wording import GROWING, SUSTAINED, UNDECIDED, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.motion_shapes import EndMotion
@@ -221,7 +221,8 @@ class Results(ResultTables):
         """At how many design points something squeals, by bins of frequency and level.
 
         Of complex modes unstable ones that oscillate, the level being their growth rate [1/s]; in
-        time the leading line of vibrations that last, the level being the RMS of the torque. See
+        time the leading line of vibrations that last, the level being the RMS of the torque. Runs
+        that still grow or are undecided are in no bin: ``attrs["n_undecided"]`` counts them. See
         tables.occurrence.occurrence.
 
         Raises
@@ -231,7 +232,7 @@ class Results(ResultTables):
         """
         from squealstudy.tables.occurrence import occurrence
 
-        points = self.points
+        points, open_ = self.points, 0
         if self.kind == "complex_modes" and self.boundary is None:
             level, flags = "growth_rate", ["unstable", "overdamped"]
             squeals = self.rows(
@@ -242,12 +243,15 @@ class Results(ResultTables):
         elif self.kind == "transient":
             level, own = "torque_rms", points[points["class"].isin(SUSTAINED).to_numpy(bool)]
             squeals = own.rename(columns={"dominant_frequency_hz": "frequency_hz"})
+            open_ = int(points["class"].isin((GROWING, UNDECIDED)).sum())
         else:
             raise ResultsError(
                 f"{self.directory}: occurrence is of complex modes or of runs in time at design "
                 f"points, this is {self.kind} of a {self.design} design"
             )
-        return occurrence(points, squeals, level, bins_hz, bins, weights)
+        table = occurrence(points, squeals, level, bins_hz, bins, weights)
+        table.attrs["n_undecided"] = open_
+        return table
 
     def compare(self, other: Results) -> pd.DataFrame:
         """What is predicted beside what happens in time: one study of each, in any order.

@@ -111,7 +111,9 @@ def _branches(branches: pd.DataFrame, units: Mapping[str, str]) -> Rows:
                 + f"; ends: {ends}",
             )
         )
-    return rows[:MOST_BRANCHES]
+    if (left := len(rows) - MOST_BRANCHES) > 0:
+        rows[MOST_BRANCHES:] = [("", f"{left} more in the branches table")]
+    return rows
 
 
 def _cells(row: dict[Hashable, Any], own: list[str]) -> list[str]:
