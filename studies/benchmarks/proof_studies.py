@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -58,8 +59,11 @@ in_time = 2
 """
 
 
-def brake(name: str, rng: np.random.Generator) -> str:
-    """A design study: of targets, of damping and contact, or of what is built."""
+def brake(name: str, rng: np.random.Generator, most: float = 0.03) -> str:
+    """A design study: of targets, of damping and contact, or of what is built.
+
+    Uniform damping may rise by `most`; where that is little, others must change, too.
+    """
     friction = np.sort(rng.uniform([0.35, 0.5, 0.4], [0.45, 0.6, 0.55])[: rng.integers(2, 4)])
     pressure = [5e5, *np.round(rng.uniform(8e5, 16e5, rng.integers(2)), -3).tolist(), 20e5]
     margin = round(rng.uniform(3e-4, 2e-3), 5)
@@ -72,7 +76,7 @@ def brake(name: str, rng: np.random.Generator) -> str:
     more = {"targets": 2, "surface": int(rng.integers(1, 3)), "built": 1}[str(kind)]
     chosen = [*range(kept), *(kept + rng.permutation(len(pool) - kept)[:more])]
     what = [
-        f'parameter = "{p}"\nbounds = [{a:.4g}, {b:.4g}]'
+        f'parameter = "{p}"\nbounds = [{a:.4g}, {most if p == "damping_ratio" else b:.4g}]'
         for _, p, a, b in map(pool.__getitem__, chosen)
     ]
     if kind == "built" and rng.random() < 0.5:
@@ -103,9 +107,12 @@ def oscillator(name: str, rng: np.random.Generator) -> str:
     return text
 
 
+DRAWN = {"brake": brake, "little_damping": partial(brake, most=0.012), "oscillator": oscillator}
+
+
 def random_studies(seed: int, of: str) -> Iterator[tuple[str, str]]:
-    """Names and texts of studies of a model, ``brake`` or ``oscillator``, without end."""
-    draw = {"brake": brake, "oscillator": oscillator}[of]
+    """Names and texts of studies of a model of `DRAWN`, without end."""
+    draw = DRAWN[of]
     for number in itertools.count():
         name = f"{of}_{seed}_{number:02}"
         yield name, draw(name, np.random.default_rng([seed, number]))

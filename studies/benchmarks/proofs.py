@@ -1,6 +1,6 @@
 """Proofs of design studies put to the test: the chosen designs run in time at random points.
 
-Run:  python studies/benchmarks/proofs.py --proofs 20 [--of oscillator] [--linear]
+Run:  python studies/benchmarks/proofs.py --proofs 20 [--of little_damping] [--linear]
       python studies/benchmarks/proofs.py studies/kicked_design.toml [--linear]
 
 Without a file small studies of a model are drawn (`proof_studies.py`) and run to their verdicts,
@@ -29,7 +29,7 @@ import one_thread  # noqa: F401
 # isort: split
 
 import numpy as np
-from proof_studies import random_studies
+from proof_studies import DRAWN, random_studies
 from scipy.optimize import linear_sum_assignment
 
 import squealstudy
@@ -166,7 +166,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("file", type=Path, nargs="*", help="design studies, instead of random ones")
     parser.add_argument("--proofs", type=int, default=20, help="random designs that are tested")
-    parser.add_argument("--of", choices=["brake", "oscillator"], default="brake")
+    parser.add_argument("--of", choices=list(DRAWN), default="brake")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--linear", action="store_true", help="no large motions in the proofs")
     parser.add_argument("--folder", type=Path, default=Path("results/proofs"))
