@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -125,7 +125,10 @@ class Model:
             ``band`` where it is none.
         """
         options = {option.name for option in self.definition.options}
-        ends = list(band) if isinstance(band, Iterable) else [band]
+        try:
+            ends = [] if band is None else list(band)
+        except TypeError:
+            raise ParameterError("band", f"expected [low, high] in Hz, got {band!r}") from None
         tables = {
             "study": {"name": name, "kind": "complex_modes"},
             "model": self._named() | {k: v for k, v in self.given.items() if k in options},
@@ -136,7 +139,7 @@ class Model:
         try:
             return resolved_study(SourceText(Path(f"{name}.toml"), text), tables, text)
         except StudyFileError as error:  # there is no such file
-            if error.key != "modes.band":
+            if not error.key.startswith("modes.band"):
                 raise
             raise ParameterError("band", error.message) from None
 

@@ -200,7 +200,7 @@ def keep_free_memory() -> None:
     """Keep what is freed, up to 256 MB, for the next arrays; Linux only.
 
     The C library gives it back at once else, and the machine clears it again for the next design
-    point: 9 % of the time of one of a design study of the coarse brake.
+    point.
     """
     _of_glibc("mallopt", MMAP_THRESHOLD, MAPPED_LATER)
     _of_glibc("mallopt", TRIM_THRESHOLD, KEPT_FREE)

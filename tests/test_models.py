@@ -365,7 +365,14 @@ def test_modes_on_the_ends_of_the_band_are_in_it(low):
 
 @pytest.mark.parametrize(
     ("band", "told"),
-    [((500.0, 100.0), "0 <= low < high"), (500.0, "two frequencies"), ("x", "two frequencies")],
+    [
+        ((500.0, 100.0), "0 <= low < high"),
+        ((500.0, "a"), "a number"),
+        ((500.0, np.inf), "a finite number"),
+        (500.0, r"\[low, high\] in Hz, got 500"),
+        (np.array(5.0), r"\[low, high\] in Hz"),
+        ("x", "two frequencies"),
+    ],
 )
 def test_band_that_is_none_is_an_error_of_the_argument(band, told: str) -> None:
     """Not of a study file that nobody wrote."""

@@ -185,7 +185,8 @@ class Windows(InBasis):
             error = two_sided_error(self.problem, w, self.basis.expand(w, pairs))
             error = bounded(error, pairs.lam) / conditions(pairs.X, pairs.Y)
             meant = in_band(pairs.lam, self.problem.band, REACH)
-            kinds = np.where([lightly_damped(pairs.lam), meant, meant | True], error, 0.0)
+            every = np.ones(len(error), dtype=bool)
+            kinds = np.where([lightly_damped(pairs.lam), meant, every], error, 0.0)
             for start, k in patch.slices:
                 own = slice(start, start + k)
                 worst[:, own] = np.maximum(worst[:, own], kinds[:, own].max(axis=1)[:, None])
