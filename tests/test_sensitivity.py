@@ -19,7 +19,7 @@ from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.point import linearised_point
-from squealstudy.modes.sensitivity.mode_family import biorthogonality, mode_family
+from squealstudy.modes.sensitivity.mode_family import biorthogonality, known_mode, mode_family
 from squealstudy.modes.sensitivity.mode_gradient import DampingGradient, RealModes
 from squealstudy.modes.sensitivity.mode_sensitivities import (
     CONDITION_LIMIT,
@@ -167,6 +167,24 @@ def test_condition_of_simple_oscillators():
         pencil = QuadraticPencil(M, 2 * zeta * np.sqrt(K), K)
         family = mode_family(pencil, 100.0 * complex(-zeta, np.sqrt(1 - zeta**2)))
         assert family.condition == pytest.approx(1 / np.sqrt(1 - zeta**2), rel=1e-12)
+
+
+@pytest.mark.parametrize("n", [3, 50])
+def test_a_known_mode_has_the_left_vector_of_one_that_is_looked_for(n):
+    rng = np.random.default_rng(3)
+    C, K = 0.05 * rng.standard_normal((n, n)), np.diag(np.arange(1.0, n + 1) ** 2)
+    pencil = QuadraticPencil(np.eye(n), C, K + 0.1 * rng.standard_normal((n, n)))
+    looked_for = mode_family(pencil, complex(0, 2.0), 1)
+    lam, x = complex(looked_for.lam[0]), looked_for.X[:, 0] * np.exp(1j)
+    found = known_mode(pencil, lam, x)
+    assert found.residual < 1e-12
+    assert found.lam[0] == pytest.approx(lam, rel=1e-12)
+    by = rng.standard_normal((n, n))
+    slopes = [
+        np.vdot(f.Y[:, 0], by @ f.X[:, 0]) / np.vdot(f.Y[:, 0], pencil.slope(lam, f.X[:, 0]))
+        for f in (found, looked_for)
+    ]
+    assert slopes[0] == pytest.approx(slopes[1], rel=1e-9)
 
 
 # -- minimal models against central differences -------------------------------------------------
@@ -388,18 +406,21 @@ def test_modal_damping_derivative_by_stiffness_and_mass(zeta):
         return lam * (y.conj() @ modal) * (2 * zeta * np.sqrt(w2)) @ (modal.T @ x)
 
     w2, phi = la.eigh(K, M)
-    real = RealModes(np.sqrt(w2), phi, M @ phi, zeta)
+    real = RealModes(np.sqrt(w2), phi, M @ phi, zeta, N=np.eye(n))
     gradient = DampingGradient(real, lam, phi.T @ M @ y.conj(), phi.T @ M @ x)
     found = gradient.by_stiffness(phi.T @ dK @ phi) + gradient.by_mass(phi.T @ dM @ phi)
     h = 1e-5
     assert found == pytest.approx((product(h) - product(-h)) / (2 * h), rel=1e-8)
+    rows, weights = rng.standard_normal((3, n)) @ phi, rng.standard_normal(3)
+    by_rows = gradient.by_rows(rows) @ weights
+    assert by_rows == pytest.approx(gradient.by_stiffness(rows.T * weights @ rows), rel=1e-10)
 
 
 def test_modal_damping_of_a_rigid_mode_has_no_derivative():
     """A rigid mode feels no change but for round-off, which must not be divided by nothing."""
     omega, pair = np.array([0.0, 3.0, 5.0]), np.ones(3, dtype=complex)
     gradient = DampingGradient(
-        RealModes(omega, np.eye(3), np.eye(3), np.full(3, 0.01)), 1j, pair, pair
+        RealModes(omega, np.eye(3), np.eye(3), np.full(3, 0.01), N=np.eye(3)), 1j, pair, pair
     )
     dK = np.diag([0.0, 1.0, 1.0])
     told = gradient.by_stiffness(dK)

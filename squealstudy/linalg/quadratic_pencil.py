@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -26,6 +27,15 @@ TOLERANCE = 1e-12  # of 1 / (lambda - sigma): of a change of lambda, as sigma is
 SAME = 1e-4  # relative distance within which a right and a left root are one
 TURNS = 8  # of inverse iteration for the one nearest root; Arnoldi where they do not suffice
 Solve = Callable[[np.ndarray], np.ndarray]
+
+
+def product(A: Matrix, X: np.ndarray) -> np.ndarray:
+    """A X of a vector (n,) or vectors (n, m); a real dense A is not made complex for it."""
+    if sp.issparse(A) or np.iscomplexobj(A) or not np.iscomplexobj(X):
+        return np.asarray(A @ X)
+    columns = X.reshape(len(X), math.prod(X.shape[1:]))
+    real = A @ np.ascontiguousarray(columns).view(float)
+    return np.ascontiguousarray(real).view(complex).reshape(len(real), *X.shape[1:])
 
 
 class ShiftedFactor(Protocol):
@@ -58,13 +68,14 @@ class QuadraticPencil:
 
     def apply(self, lam: complex, x: np.ndarray) -> np.ndarray:
         """Q(lambda) x for one root and vector."""
-        product: np.ndarray = lam**2 * (self.M @ x) + lam * (self.C @ x) + self.K @ x
-        return product
+        inertia, damping = lam**2 * product(self.M, x), lam * product(self.C, x)
+        found: np.ndarray = inertia + damping + product(self.K, x)
+        return found
 
     def slope(self, lam: complex, x: np.ndarray) -> np.ndarray:
         """Q'(lambda) x = (2 lambda M + C) x."""
-        product: np.ndarray = 2 * lam * (self.M @ x) + self.C @ x
-        return product
+        found: np.ndarray = 2 * lam * product(self.M, x) + product(self.C, x)
+        return found
 
     def adjoint(self) -> QuadraticPencil:
         """The transposed pencil: left vectors are its right vectors at conj(lambda)."""
@@ -193,12 +204,24 @@ def nearest_two_sided(
 ) -> Eigenpairs:
     """The same with the left vectors, y^H Q(lambda) = 0, of unit norm, paired by their roots."""
     lam, X = nearest_roots(pencil, factor, sigma, count)
-    mu, Y = _nearest(pencil.adjoint(), factor.solve_adjoint, np.conj(sigma), count, None)
+    mu, Y = nearest_left(pencil, factor, sigma, None, count)
     # equal multisets up to round-off; the last ones may differ where the count cuts a pair
-    distance = np.abs(lam[:, None] - mu.conj()) / np.abs(lam)[:, None]
+    distance = np.abs(lam[:, None] - mu) / np.abs(lam)[:, None]
     order = partners(distance, SAME)
     kept = np.flatnonzero(order >= 0)
     return Eigenpairs(lam[kept], X[:, kept], Y[:, order[kept]])
+
+
+def nearest_left(
+    pencil: QuadraticPencil,
+    factor: ShiftedFactor,
+    sigma: complex,
+    start: np.ndarray | None,
+    count: int = 1,
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `nearest_roots`, with the left vectors alone, y^H Q(lambda) = 0."""
+    mu, Y = _nearest(pencil.adjoint(), factor.solve_adjoint, np.conj(sigma), count, start)
+    return mu.conj(), Y
 
 
 def _nearest(
@@ -212,7 +235,7 @@ def _nearest(
 
     def invert(z: np.ndarray) -> np.ndarray:
         u, v = z[:n], z[n:] * size
-        a = -solve(pencil.M @ (v + sigma * u) + pencil.C @ u)
+        a = -solve(product(pencil.M, v + sigma * u) + product(pencil.C, u))
         return np.concatenate([a, (u + sigma * a) / size])
 
     x = np.random.default_rng(0).standard_normal(n) if start is None else start

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.quadratic_pencil import product
 from squealstudy.modes.point import PointModes, oscillating_first, working_point_error
 from squealstudy.modes.reanalysis.estimate import Outcome
 from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem
@@ -20,7 +21,6 @@ from squealstudy.modes.reanalysis.sweep_basis import SweepBasis
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.prepared import PreparedFamily, PreparedModel, unit_shapes
 from squealstudy.system.linearise import StructureWeights, component_energies, energy_shares
-from squealstudy.system.parametric import product
 
 
 class Point(Protocol):

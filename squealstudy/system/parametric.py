@@ -17,6 +17,7 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.linalg.factor import is_full
+from squealstudy.linalg.quadratic_pencil import product
 from squealstudy.linalg.sparse_qep import LowRankSum
 
 STIFFNESS, DAMPING, MASS = 0, 1, 2
@@ -253,14 +254,6 @@ def _vanishes(w: Any) -> bool:
 def _scaled(w: Any, X: np.ndarray) -> np.ndarray:
     scaled: np.ndarray = X * (w if np.ndim(w) == 0 else np.asarray(w)[:, None])
     return scaled
-
-
-def product(A: Matrix, X: np.ndarray) -> np.ndarray:
-    """A X; of a real dense A in real arithmetic, which halves the work."""
-    if sp.issparse(A) or np.iscomplexobj(A) or not np.iscomplexobj(X):
-        return np.asarray(A @ X)
-    real: np.ndarray = A @ np.ascontiguousarray(X).view(float)
-    return real.view(complex)
 
 
 def _add_dense(A: np.ndarray, term: Term, w: Any) -> None:

@@ -43,7 +43,7 @@ from squealstudy.kinds.sensitivity.parameters import (
     structural_names,
 )
 from squealstudy.modes.point import angular_band, band_modes, linearised_point
-from squealstudy.modes.sensitivity.mode_family import mode_family
+from squealstudy.modes.sensitivity.mode_family import known_mode
 from squealstudy.modes.sensitivity.mode_sensitivities import figure_slopes, figures
 from squealstudy.modes.sensitivity.reduced import ChosenModes, point_sensitivities
 from squealstudy.modes.sensitivity.structural import structural_sensitivities
@@ -238,7 +238,7 @@ def _modes(point: DesignPoint, stage: str, request: DesignRequest, gaps: NewGaps
         own["main_share"] = float(energies[:, k].max())
         found["modes"].append({**own, **real.pair(psi[:, k]), "slopes": []})
     if stage == MODES:
-        families = tuple(mode_family(system.pencil, complex(lam[k]), 1) for k in near)
+        families = tuple(known_mode(system.pencil, complex(lam[k]), psi[:, k]) for k in near)
         chosen = ChosenModes(prepared, state, steady, system, families)
         for own, slopes in zip(found["modes"], _slopes(point, chosen, request), strict=True):
             own["slopes"] = slopes

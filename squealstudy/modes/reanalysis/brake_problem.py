@@ -243,7 +243,7 @@ class BrakeProblem(DenseProblem):
                 more: Weights = tuple(2.0 * state.damping_ratio * w for w in roots)
                 if self.exact_damping:
                     K = symmetric_stiffness(self.structure, weights)
-                    more = (assembly_damping(K, state),)
+                    more = (assembly_damping(K, state)[0],)
                 found.append(Linearisation(weights + more, point))
         return found
 
@@ -267,7 +267,7 @@ class BrakeProblem(DenseProblem):
     def _with_exact_damping(self, theta: np.ndarray, weights: Weights) -> tuple[Any, Any]:
         _, C, K = self.structure.system.matrices(StructureWeights.of(weights))
         K_sym = symmetric_stiffness(self.structure, weights)
-        return C + assembly_damping(K_sym, self.state_at(theta)), K
+        return C + assembly_damping(K_sym, self.state_at(theta))[0], K
 
     def nominal_stiffness(self) -> np.ndarray:
         """Symmetric stiffness (n, n) at the middle of the box."""
@@ -330,7 +330,8 @@ class ModalDampingField:
 def modal_damping_field(K_sym: Sequence[np.ndarray], cardinals: Cardinals) -> ModalDampingField:
     """The field through nodes with symmetric stiffnesses K_sym (p of (n, n))."""
     n = len(K_sym[0])
-    roots = np.array([modal_damping(K, np.full(n, 0.5)).ravel() for K in K_sym])
+    modes = (la.eigh(K) for K in K_sym)
+    roots = np.array([modal_damping(w2, phi, np.full(n, 0.5)).ravel() for w2, phi in modes])
     values, vectors = la.eigh(roots @ roots.T)
     s = np.sqrt(np.maximum(values[::-1], 0.0))
     U = vectors[:, ::-1][:, s > TRUNCATION * s[0]]

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.linalg.quadratic_pencil import QuadraticPencil, nearest_two_sided
+from squealstudy.linalg.quadratic_pencil import (
+    QuadraticPencil,
+    nearest_left,
+    nearest_two_sided,
+    product,
+)
 
 NEIGHBOURS = 6
 OFFSET = 1e-6  # of the shift beside the root: Q(sigma) stays regular, the root the nearest
@@ -59,21 +64,37 @@ def mode_family(
     """
     sigma = lam * (1.0 + OFFSET)
     roots = nearest_two_sided(pencil, pencil.factor(sigma), sigma, count)
-    X, Y = (_unit_mass(pencil, V) for V in (roots.X, roots.Y))
-    slopes = [pencil.slope(r, x) for r, x in zip(roots.lam, X.T, strict=True)]
+    return _neighbourhood(pencil, roots.lam, roots.X, roots.Y)
+
+
+def known_mode(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> ModeNeighbourhood:
+    """A mode of which root and right vector x (n,) are known, without neighbours.
+
+    Its left vector alone is solved for: by `mode_family` where another root is as near.
+    """
+    sigma = lam * (1.0 + OFFSET)
+    found = nearest_left(pencil, pencil.factor(sigma), sigma, x.conj())
+    if not abs(found[0][0] - lam) <= OFFSET * abs(lam):
+        return mode_family(pencil, lam, 1)
+    return _neighbourhood(pencil, np.array([lam]), x[:, None], found[1])
+
+
+def _neighbourhood(
+    pencil: QuadraticPencil, lam: np.ndarray, X: np.ndarray, Y: np.ndarray
+) -> ModeNeighbourhood:
+    X, Y = (_unit_mass(pencil, V) for V in (X, Y))
+    slopes = [pencil.slope(r, x) for r, x in zip(lam, X.T, strict=True)]
     norm = np.array([np.vdot(y, s) for y, s in zip(Y.T, slopes, strict=True)])
-    first = roots.lam[0]
-    adjoint = pencil.adjoint()
     residual = max(
-        relative_residual(pencil, first, X[:, 0]),
-        relative_residual(adjoint, np.conj(first), Y[:, 0]),
+        relative_residual(pencil, lam[0], X[:, 0]),
+        relative_residual(pencil.adjoint(), np.conj(lam[0]), Y[:, 0]),
     )
-    return ModeNeighbourhood(lam=roots.lam, X=X, Y=Y, norm=norm, residual=residual)
+    return ModeNeighbourhood(lam=lam, X=X, Y=Y, norm=norm, residual=residual)
 
 
 def relative_residual(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> float:
     """|Q(lambda) x| beside the sizes of its three parts."""
-    parts = [lam**2 * (pencil.M @ x), lam * (pencil.C @ x), pencil.K @ x]
+    parts = [lam**2 * product(pencil.M, x), lam * product(pencil.C, x), product(pencil.K, x)]
     size = sum(float(np.linalg.norm(part)) for part in parts)
     return float(np.linalg.norm(parts[0] + parts[1] + parts[2])) / max(size, 1e-300)
 

@@ -41,12 +41,20 @@ class RealModes:
         M phi.
     zeta : ndarray (m,)
         Their damping ratios.
+    N : matrix (nc, n)
+        Contact normals.
     """
 
     omega: np.ndarray
     phi: np.ndarray
     momenta: np.ndarray
     zeta: np.ndarray
+    N: Any
+
+    @cached_property
+    def contact(self) -> np.ndarray:
+        """N phi (nc, m)."""
+        return np.asarray(self.N @ self.phi)
 
     @cached_property
     def factors(self) -> tuple[np.ndarray, np.ndarray]:
@@ -74,7 +82,7 @@ class ModeGradient:
     def __init__(
         self, family: ModeNeighbourhood, structure: ContactStructure, real: RealModes | None
     ) -> None:
-        self.family, self._N, self._real = family, structure.N, real
+        self.family, self._real = family, real
         self._X, self._Y = Columns(family.X), Columns(family.Y)
         terms = structure.system.terms
         self.damping = None
@@ -108,7 +116,7 @@ class ModeGradient:
         """Of modal damping by the normal contact weights (nc,)."""
         assert self.damping is not None
         assert self._real is not None
-        return self.damping.by_rows(np.asarray(self._N @ self._real.phi))
+        return self.damping.by_rows(self._real.contact)
 
     def _by_elastic(self, change: np.ndarray) -> complex:
         """Of modal damping by a change of the elastic diagonal (n,), few of which move."""
@@ -130,16 +138,16 @@ class DampingGradient:
     """
 
     def __init__(self, real: RealModes, lam: complex, left: np.ndarray, right: np.ndarray) -> None:
-        self._pairs = lam * np.outer(left, right)
+        self._lam, self._left, self._right = lam, left, right
         self._F, self._H = real.factors
 
     @cached_property
-    def _G(self) -> np.ndarray:
-        return self._pairs * self._F
+    def _pairs(self) -> np.ndarray:
+        return self._lam * np.outer(self._left, self._right)
 
     def by_stiffness(self, dK: np.ndarray) -> complex:
         """Change of y^H lambda C_d x by a change of stiffness, given as phi^T dK phi (m, m)."""
-        return complex((self._G * dK).sum())
+        return complex((self._pairs * self._F * dK).sum())
 
     def by_mass(self, dM: np.ndarray) -> complex:
         """Change of y^H lambda C_d x by a change of mass, given as phi^T dM phi (m, m)."""
@@ -147,7 +155,10 @@ class DampingGradient:
 
     def by_rows(self, rows: np.ndarray) -> np.ndarray:
         """By the weights w (r,) of a stiffness R^T diag(w) R, rows = R phi (r, m)."""
-        by_weight: np.ndarray = np.einsum("ri,ri->r", rows @ self._G, rows)
+        both = np.vstack([rows * self._left.real, rows * self._left.imag]) @ self._F
+        real, imag = both[: len(rows)], both[len(rows) :]
+        right = rows * self._right
+        by_weight: np.ndarray = ((real + 1j * imag) * right).sum(axis=1) * self._lam
         return by_weight
 
 

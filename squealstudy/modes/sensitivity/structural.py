@@ -155,7 +155,7 @@ def structural_sensitivities(
     if len(full.omega):
         zeta = design.state.assembly_damping_ratios(len(full.omega))
         real = RealModes(
-            omega=full.omega, phi=full.phi, momenta=full.assembly.M @ full.phi, zeta=zeta
+            full.omega, full.phi, full.assembly.M @ full.phi, zeta=zeta, N=full.structure.N
         )
     gradients = [ModeGradient(family, full.structure, real) for family in families]
     response = StaticResponse(full, design)
