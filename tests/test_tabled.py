@@ -13,6 +13,7 @@ from study_runs import plan_of, solved
 
 import squealstudy
 from squealstudy.engine.report import report
+from squealstudy.engine.validity import parameter_reasons
 from squealstudy.errors import StudyFileError
 from squealstudy.models.parameter import ParameterTable
 
@@ -170,6 +171,21 @@ def test_bare_temperatures_are_kelvins_as_all_of_si():
     )
     drawn = plan_of(HEAD + FRICTION + f'[[sweep]]\nparameter = "temperature"\n{scatter}')
     assert abs(drawn.tasks.column("temperature").mean() - 76.85) < 2.0
+
+
+def test_samples_beyond_the_end_of_a_table_are_not_valid():
+    """A normal scatter has no end, and the last pieces go on: the rare points say so."""
+    scatter = (
+        '[[sweep]]\nparameter = "temperature"\ndistribution = "normal"\nmean = "41 degC"\n'
+        'std = 5.6\n[design]\ntype = "sobol"\nsamples = 32768\n'
+    )
+    plan = plan_of(HEAD + FRICTION + scatter)
+    temperature = plan.tasks.column("temperature")
+    (broken,) = parameter_reasons(plan)
+    assert broken.rule == "the table of friction is over temperature from 20 to 320, temperature"
+    assert 0 < len(broken.rows) < 10
+    np.testing.assert_array_equal(broken.rows, np.flatnonzero(temperature < 20.0))
+    np.testing.assert_array_equal(broken.values, temperature[broken.rows])
 
 
 def test_fields_of_results_and_what_can_be_read_again(warm):

@@ -87,6 +87,13 @@ def parameter_reasons(plan: Plan) -> list[Broken]:
         if damped:
             found.append(_beyond(rule, np.maximum.reduce(damped), most))
     found.append(_damped_modes(plan))
+    for table in plan.study.model.tables:
+        for name, at in zip(table.over, table.at, strict=True):
+            low, high = at[0], at[-1]
+            rule = f"the table of {table.name} is over {name} from {low:g} to {high:g}, {name}"
+            values = points.column(name)
+            rows = np.flatnonzero(~((values >= low) & (values <= high)))
+            found.append(Broken(rule, rows, values[rows]))
     return [broken for broken in found if len(broken.rows)]
 
 

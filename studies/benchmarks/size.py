@@ -104,6 +104,13 @@ SIZES: dict[str, Density] = {
         pad_r=(Interval(6),),
         pad_theta=_around(8, 2),
     ),
+    "95k": replace(  # as 116k, with contact faces of 15k
+        FINE,
+        around=63,
+        disc_r=(Interval(), Interval(high=TWO), Interval(2), Interval(6, low=TWO)),
+        pad_r=COARSE.pad_r,
+        pad_theta=COARSE.pad_theta,
+    ),
     "500k": replace(
         FINE, around=40, pad_r=(Interval(4),), pad_theta=_around(5, 1), split=(2, 2, 2)
     ),
