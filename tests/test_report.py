@@ -77,6 +77,17 @@ def test_a_mode_unstable_at_few_points_is_not_told_as_of_none(tmp_path):
     assert "at 0.333 % of the 300 solved points" in many.screen.verdict(many)
 
 
+def test_files_that_a_study_names_are_told_where_it_is_to_be_run_again(tmp_path):
+    """The page does not hold them; a name of a set with a dot in it is none."""
+    found = solved(HULTEN.format(frictions=[0.5]), tmp_path / "r")
+    assert "reads files" not in report([found])
+    named = (
+        '[[variant]]\nmodel.file = "a <b>.toml"\n[study.c]\nextensions = ["law.py"]\non = "d.OUT"'
+    )
+    found.manifest["study"] += f"\n{named}\n"
+    assert " not hold: a &lt;b&gt;.toml, law.py.</p>" in report([found])
+
+
 def test_of_a_silent_brake_it_says_so(tmp_path):
     results = solved(HULTEN.format(frictions=[0.1, 0.2]), tmp_path / "r")
     assert verdict(results) == "No mode is unstable at any of the 2 solved points."

@@ -5,6 +5,7 @@ What it says is what screens, tables, pictures and the manifest say; nothing is 
 
 from __future__ import annotations
 
+import tomllib
 from base64 import b64encode
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
@@ -23,6 +24,7 @@ from squealstudy.engine.pictures import NOTHING, pictures
 from squealstudy.engine.plan import has_mesh
 from squealstudy.errors import SquealstudyError
 from squealstudy.files import write_text
+from squealstudy.models.matrices.files import READERS
 from squealstudy.screen import as_text
 from squealstudy.shapes.page import page as shape_page
 from squealstudy.shapes.picture import draw, sources, title
@@ -40,6 +42,8 @@ MOST_ROWS = 200  # of a table; the others are in its file
 MOST_BYTES = 9_000_000  # of all pictures of a page
 DIGITS = 6
 SHAPE_DPI = 75
+# endings of files that a study can name
+READ = (".toml", ".py", ".csv", *(ending for endings in READERS for ending in endings))
 
 
 def write_report(results: Sequence[Results], path: Path, shapes: bool = True) -> None:
@@ -270,6 +274,16 @@ def tables_text(manifest: Mapping[str, Any]) -> Iterator[str]:
         yield f"{over} acts through tables of {' and '.join(names)}{alone}"
 
 
+def named_files(given: Any) -> list[str]:
+    """Files that a study's tables name, each once: models, extensions, measurements, matrices."""
+    if isinstance(given, str):
+        return [given] if given.lower().endswith(READ) else []
+    if not isinstance(given, Mapping | list):
+        return []
+    held = given.values() if isinstance(given, Mapping) else given
+    return list(dict.fromkeys(name for one in held for name in named_files(one)))
+
+
 def _pairs(rows: Iterable[tuple[str, str]]) -> str:
     lines = (f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>" for k, v in rows)
     return f'<table class="pairs">{"".join(lines)}</table>'
@@ -295,4 +309,7 @@ def _provenance(one: Results) -> Iterator[str]:
         yield "<h2>To reproduce</h2>"
         yield f"<p>Save what follows as {name}.toml, then <code>squealstudy run {name}.toml</code>"
         yield f" and <code>squealstudy report results/{name}</code>.</p>"
+        if files := named_files(tomllib.loads(str(text))):
+            yield "<p>It reads files by paths from the folder it is saved in, which this page does"
+            yield f" not hold: {escape(', '.join(files))}.</p>"
         yield f"<pre>{escape(str(text))}</pre>"
