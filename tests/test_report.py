@@ -85,7 +85,7 @@ def test_files_that_a_study_names_are_told_where_it_is_to_be_run_again(tmp_path)
         '[[variant]]\nmodel.file = "a <b>.toml"\n[study.c]\nextensions = ["law.py"]\non = "d.OUT"'
     )
     found.manifest["study"] += f"\n{named}\n"
-    assert " not hold: a &lt;b&gt;.toml, law.py.</p>" in report([found])
+    assert " not hold: law.py, a &lt;b&gt;.toml.</p>" in report([found])
 
 
 def test_of_a_silent_brake_it_says_so(tmp_path):
