@@ -267,6 +267,8 @@ def test_the_imbalance_tells_what_the_contact_stiffness_may_be_off_by(law):
     assert moved <= 1.001 * found <= 3 * moved
     unloaded = working_point_result(area, g, 0 * p, 0 * kappa, 3, 1e-9, F)
     assert unloaded.tangent_error == 0.0
+    gives_way = working_point_result(area, g, p, -kappa, 3, 1e-9, F).tangent_error
+    assert gives_way == pytest.approx(found, rel=1e-12)
 
 
 def test_more_pressure_closes_the_contact(brake):

@@ -207,12 +207,12 @@ def _tangent_error(area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.nda
     """Relative change of the contact stiffness by gaps that err by AMPLIFIED F.
 
     Over a gap of p/kappa the tangent changes by its own size (of an exponential law; of stiffer
-    ones by less).
+    ones by less). Contact that has given way has a tangent of the other sign: its size counts.
     """
-    pressed = np.abs(p) > 0
-    weight = area[pressed] * kappa[pressed]
-    with np.errstate(over="ignore"):  # of a law that has given way: infinitely wrong
-        moved = AMPLIFIED * np.abs(F[pressed]) * kappa[pressed] / np.abs(p[pressed])
+    pressed, size = np.abs(p) > 0, np.abs(kappa)
+    weight = area[pressed] * size[pressed]
+    with np.errstate(over="ignore"):  # next to no pressure: infinitely wrong
+        moved = AMPLIFIED * np.abs(F[pressed]) * size[pressed] / np.abs(p[pressed])
         return float(weight @ moved / max(weight.sum(), 1e-300))
 
 
