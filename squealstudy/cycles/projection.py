@@ -215,7 +215,8 @@ class Projection:
         for h in range(1, H + 1):
             w = h * motion.omega
             A = K - w**2 * one + 1j * w * C
-            self._blocks.append(la.lu_factor(A if h == 1 else A.astype(np.complex64)))
+            lu, pivots = la.lu_factor(A if h == 1 else A.astype(np.complex64))
+            self._blocks.append((lu.astype(complex), pivots))  # solved with many times
 
     # -- enrichment --------------------------------------------------------------------------------
     def improve(

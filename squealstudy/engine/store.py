@@ -317,17 +317,25 @@ class Store:
                     for batch in file.iter_batches(rows, columns=list(columns), use_threads=False):
                         yield pa.Table.from_batches([batch]).select(list(columns))
 
-    def chunks(self, schema: pa.Schema, columns: Sequence[str] | None = None) -> Iterator[pa.Table]:
+    def chunks(
+        self,
+        schema: pa.Schema,
+        columns: Sequence[str] | None = None,
+        read: set[str] | None = None,
+    ) -> Iterator[pa.Table]:
         """Tables of the chunk files one after the other.
 
-        Those of another schema and damaged ones are passed over: their points are not solved.
+        Those of another schema and damaged ones are passed over: their points are not solved. So
+        are those whose names are in `read`; the names of the others join it.
         """
         chosen = None if columns is None else list(columns)
         for name in self.names(CHUNKS):
-            if not self.fault(name):
+            if (read is None or name not in read) and not self.fault(name):
                 with pq.ParquetFile(self.directory / name) as file:
                     if file.schema_arrow.equals(schema):
                         yield file.read(columns=chosen, use_threads=False)
+                if read is not None:
+                    read.add(name)
 
     def finished_points(self, schema: pa.Schema) -> np.ndarray:
         """Ids (n,) of all points in chunk files, each once, ascending."""

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import NewGaps, is_prepared, load_prepared
@@ -183,8 +182,9 @@ class Design(ModelKind):
     def loop(self, plan: DesignPlan, store: Store) -> Loop | None:
         """The loop as far as the rows go; None where points of the plan are not finished."""
         ids = plan.tasks.ids.astype(str).tolist()
-        missing = {name for name in ids if name not in plan.known}
-        plan.known.update(read_rows(store, missing))
+        if any(name not in plan.known for name in ids):
+            for table in store.chunks(SCHEMA, read=plan.read):
+                plan.known.update({row["point_id"]: row for row in table.to_pylist()})
         if any(name not in plan.known for name in ids):
             return None
         rows = {a: plan.known[name] for a, name in zip(plan.asked, ids, strict=True)}
@@ -307,17 +307,6 @@ def cyclic(plan: Plan) -> bool:
     """Whether limit cycles and runs can be looked for: of models that are small enough."""
     first = plan.tasks[0].structure
     return is_prepared(first) and load_prepared(first).model.n <= MOST
-
-
-def read_rows(store: Store, wanted: set[str]) -> dict[str, dict[str, Any]]:
-    """Rows of design points by id, those that are there."""
-    if not wanted:
-        return {}
-    names, found = pa.array(sorted(wanted)), {}
-    for table in store.chunks(SCHEMA):
-        own = table.filter(pc.is_in(table["point_id"], value_set=names))
-        found.update({row["point_id"]: row for row in own.to_pylist()})
-    return found
 
 
 KIND = Design()

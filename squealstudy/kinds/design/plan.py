@@ -94,7 +94,9 @@ class DesignPlan(Plan):
     Attributes
     ----------
     known : dict
-        Rows that were read, by id.
+        Rows that were read, by id, and
+    read : set of str
+        names of the files they are from.
     memory : dict
         What the kind keeps of the study beside them.
     """
@@ -107,6 +109,7 @@ class DesignPlan(Plan):
     ) -> None:
         self.asked = tuple(asked)
         self.known: dict[str, dict[str, Any]] = {} if before is None else before.known
+        self.read: set[str] = set() if before is None else before.read
         self.memory: dict[str, Any] = {} if before is None else before.memory
         swept = np.array([a.values for a in self.asked], dtype=float)
         super().__init__(study, np.asfortranarray(swept.reshape(len(self.asked), -1)))
