@@ -318,39 +318,31 @@ class Store:
                         yield pa.Table.from_batches([batch]).select(list(columns))
 
     def chunks(
-        self,
-        schema: pa.Schema,
-        columns: Sequence[str] | None = None,
-        read: set[str] | None = None,
+        self, schema: pa.Schema, columns: Sequence[str] | None = None, read: set[str] | None = None
     ) -> Iterator[pa.Table]:
         """Tables of the chunk files one after the other.
 
         Those of another schema and damaged ones are passed over: their points are not solved. So
         are those whose names are in `read`; the names of the others join it.
         """
-        chosen = None if columns is None else list(columns)
+        chosen, read = None if columns is None else list(columns), set() if read is None else read
         for name in self.names(CHUNKS):
-            if (read is None or name not in read) and not self.fault(name):
+            if name not in read and not self.fault(name):
                 with pq.ParquetFile(self.directory / name) as file:
                     if file.schema_arrow.equals(schema):
                         yield file.read(columns=chosen, use_threads=False)
-                if read is not None:
-                    read.add(name)
+                read.add(name)
 
     def finished_points(self, schema: pa.Schema) -> np.ndarray:
         """Ids (n,) of all points in chunk files, each once, ascending."""
-        tables = self.chunks(schema, ["point_id"])
-        found = [ids_of(table["point_id"]) for table in tables]
+        found = [ids_of(table["point_id"]) for table in self.chunks(schema, ["point_id"])]
         return np.unique(np.concatenate([np.zeros(0, ID_TYPE), *found]))
 
     def rows(self, wanted: Collection[str], schema: pa.Schema) -> dict[str, dict[str, Any]]:
         """Rows of the wanted points by id; a point that stands twice is taken once."""
-        ids, found = set(wanted), {}
-        for table in self.chunks(schema):
-            for row in table.to_pylist():
-                if row["point_id"] in ids:
-                    found[row["point_id"]] = row
-        return found
+        ids = set(wanted)
+        rows = (row for table in self.chunks(schema) for row in table.to_pylist())
+        return {row["point_id"]: row for row in rows if row["point_id"] in ids}
 
     def references(self) -> dict[str, dict[str, Any]]:
         """Full-order checks by point id; damaged ones are passed over, to be made again."""

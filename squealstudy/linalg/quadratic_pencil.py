@@ -38,6 +38,11 @@ def product(A: Matrix, X: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(real).view(complex).reshape(len(real), *X.shape[1:])
 
 
+def squared(X: np.ndarray) -> np.ndarray:
+    """|X|^2 entry by entry, without a square root."""
+    return np.asarray(X.real**2 + X.imag**2)
+
+
 class ShiftedFactor(Protocol):
     """Solves with Q(sigma) and with its conjugate transpose."""
 

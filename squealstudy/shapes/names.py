@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from squealstudy.linalg.quadratic_pencil import squared
 from squealstudy.shapes.parts import Part
 from squealstudy.shapes.shape import Shape
-from squealstudy.system.linearise import squared
 
 AND = " + "  # between the components of a name
 MIXED = "mixed"  # where no word fits

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.linalg.quadratic_pencil import squared
 from squealstudy.linalg.real_modes import rigid_modes
 from squealstudy.models.assembly import Assembly, Rotors
 from squealstudy.models.operating import ModeKey
@@ -21,7 +22,6 @@ from squealstudy.system.linearise import (
     LinearisedModel,
     component_frequencies,
     reduced_energy_shares,
-    squared,
 )
 
 INTERFACES = "interfaces"

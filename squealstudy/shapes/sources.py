@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from squealstudy.linalg.quadratic_pencil import squared
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import ReducedModel
-from squealstudy.system.linearise import LinearisedModel, squared
+from squealstudy.system.linearise import LinearisedModel
 
 # kinds of sources; friction first
 COUPLING, ALONG, ACROSS = "coupling", "along", "across"

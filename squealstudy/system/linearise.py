@@ -22,7 +22,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from squealstudy.linalg.quadratic_pencil import QuadraticPencil, product
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil, product, squared
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import DesignState, ModeKey
 from squealstudy.reduction.cmt import ComponentModes, ReducedModel, momenta
@@ -37,6 +37,8 @@ from squealstudy.system.parametric import (
     Term,
     Weights,
 )
+
+Modes = tuple[np.ndarray, np.ndarray]  # squares of frequencies (n,) [(rad/s)^2], shapes (n, n)
 
 
 class StructureWeights(NamedTuple):
@@ -279,8 +281,8 @@ class LinearisedModel:
     weights : StructureWeights
     C_modal : ndarray (n, n) or float
         The part of C that is modal damping of the assembly; 0 where it has none.
-    known_modes : tuple of ndarray or None
-        What `real_modes` says, where it was solved for the damping.
+    known_modes : Modes or None
+        The `real_modes`, where they were solved for the damping.
     """
 
     C: np.ndarray
@@ -288,10 +290,10 @@ class LinearisedModel:
     K_sym: np.ndarray
     weights: StructureWeights
     C_modal: np.ndarray | float = 0.0
-    known_modes: tuple[np.ndarray, np.ndarray] | None = None
+    known_modes: Modes | None = None
 
     @cached_property
-    def real_modes(self) -> tuple[np.ndarray, np.ndarray]:
+    def real_modes(self) -> Modes:
         """Squares of frequencies (n,) [(rad/s)^2] and shapes (n, n) of K_sym."""
         return self.known_modes or la.eigh(self.K_sym, driver="evd")
 
@@ -317,8 +319,7 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> L
     rest = structure.weights(point, replace(state, stiffness_damping=0.0)) if beta else weights
     C = structure.system.summed(rest, structure.system.numbers(DAMPING)) + beta * K_sym
     modal, known = assembly_damping(K_sym, state, model.damped_to)
-    C += modal
-    return LinearisedModel(C, K, K_sym, weights, C_modal=modal, known_modes=known)
+    return LinearisedModel(C + modal, K, K_sym, weights, C_modal=modal, known_modes=known)
 
 
 def symmetric_stiffness(structure: ContactStructure, weights: Weights) -> np.ndarray:
@@ -328,11 +329,8 @@ def symmetric_stiffness(structure: ContactStructure, weights: Weights) -> np.nda
 
 def assembly_damping(
     K_sym: np.ndarray, state: DesignState, damped_to: float = np.inf
-) -> tuple[np.ndarray | float, tuple[np.ndarray, np.ndarray] | None]:
-    """Modal damping (n, n) of a design point's assembly, rad/s, and the real modes it is put on.
-
-    0 and None where it has none. The modes are squares of frequencies (n,) and shapes (n, n). Those
-    beyond `damped_to` [rad/s] have the coefficient of a mode there.
+) -> tuple[np.ndarray | float, Modes | None]:
+    """Modal damping (n, n) [rad/s] of a design point's assembly and its real modes; 0, None without.
 
     Raises
     ------
@@ -342,19 +340,17 @@ def assembly_damping(
     zeta = state.assembly_damping_ratios(len(K_sym))
     if not zeta.any():
         return 0.0, None
-    w2, phi = la.eigh(K_sym, driver="evd")  # of all modes: half the time of the default
-    return modal_damping(w2, phi, zeta, damped_to), (w2, phi)
+    modes = la.eigh(K_sym, driver="evd")  # of all modes: half the time of the default
+    return modal_damping(modes, zeta, damped_to), modes
 
 
-def modal_damping(
-    w2: np.ndarray, phi: np.ndarray, zeta: np.ndarray, damped_to: float = np.inf
-) -> np.ndarray:
+def modal_damping(modes: Modes, zeta: np.ndarray, damped_to: float = np.inf) -> np.ndarray:
     """Modal damping (n, n): sum of phi 2 zeta min(omega, damped_to) phi^T, zeta (n,).
 
-    THEORY.md eq. (18) where the mass is the identity; w2 (n,) [(rad/s)^2] and phi (n, n) are those
-    of the symmetric stiffness.
+    THEORY.md eq. (18) where the mass is the identity; modes are of the symmetric stiffness. Those
+    beyond `damped_to` [rad/s] have the coefficient of a mode there.
     """
-    omega = np.sqrt(np.maximum(w2, 0.0))
+    omega, phi = np.sqrt(np.maximum(modes[0], 0.0)), modes[1]
     return (phi * (2.0 * zeta * np.minimum(omega, damped_to))) @ phi.T
 
 
@@ -401,8 +397,3 @@ def reduced_energy_shares(
     """`energy_shares` (n_components + 1, m) of shapes psi (n, m) of a component-mode model."""
     components = component_energies(model, weights, psi)
     return energy_shares(components, model.K_springs, model.N, weights, psi)
-
-
-def squared(X: np.ndarray) -> np.ndarray:
-    """|X|^2 entry by entry, without a square root."""
-    return np.asarray(X.real**2 + X.imag**2)

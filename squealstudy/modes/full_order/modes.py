@@ -17,7 +17,7 @@ from squealstudy.linalg.band_roots import (
     roots_in_band,
 )
 from squealstudy.linalg.factor import RefinedFactor, factorise
-from squealstudy.linalg.quadratic_pencil import QuadraticPencil
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil, squared
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.sparse_qep import (
     DENSE_LIMIT,
@@ -44,7 +44,6 @@ from squealstudy.system.linearise import (
     ContactStructure,
     StructureWeights,
     energy_shares,
-    squared,
     unreduced_structure,
 )
 from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights

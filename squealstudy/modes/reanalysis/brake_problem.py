@@ -330,8 +330,7 @@ class ModalDampingField:
 def modal_damping_field(K_sym: Sequence[np.ndarray], cardinals: Cardinals) -> ModalDampingField:
     """The field through nodes with symmetric stiffnesses K_sym (p of (n, n))."""
     n = len(K_sym[0])
-    modes = (la.eigh(K) for K in K_sym)
-    roots = np.array([modal_damping(w2, phi, np.full(n, 0.5)).ravel() for w2, phi in modes])
+    roots = np.array([modal_damping(la.eigh(K), np.full(n, 0.5)).ravel() for K in K_sym])
     values, vectors = la.eigh(roots @ roots.T)
     s = np.sqrt(np.maximum(values[::-1], 0.0))
     U = vectors[:, ::-1][:, s > TRUNCATION * s[0]]
