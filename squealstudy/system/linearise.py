@@ -330,7 +330,7 @@ def symmetric_stiffness(structure: ContactStructure, weights: Weights) -> np.nda
 def assembly_damping(
     K_sym: np.ndarray, state: DesignState, damped_to: float = np.inf
 ) -> tuple[np.ndarray | float, Modes | None]:
-    """Modal damping (n, n) [rad/s] of a design point's assembly and its real modes; 0, None without.
+    """Modal damping (n, n) [rad/s] of a design point, and its real modes; 0 and None without any.
 
     Raises
     ------
