@@ -506,6 +506,30 @@ def test_what_grows_between_two_operating_points_and_their_middle_is_found(tmp_p
     assert checks["passed"].tolist() == [False] * (len(checks) - 1) + [True]
 
 
+def test_a_design_that_meets_the_goal_is_proven_without_a_search(tmp_path: Path) -> None:
+    text = TWO_VARIABLES.format(first=[-5.0, 25.0], second=[-20.0, 4.0], costs=(1.0, 0.7))
+    text = text.replace("cycles = 0", "cycles = 0\nin_time = 0")
+    results = _run(text.replace("[0.1, 0.2, 0.3]", "[0.05, 0.1]"), tmp_path)
+    (design,) = results.table("designs").to_dict("records")
+    assert (design["role"], design["cost"], design["chosen"]) == ("today", 0.0, True)
+    facts = results.manifest["design_study"]
+    assert facts["outcome"] == "met_linear"
+    assert "as it is it meets the margin" in facts["verdict"]
+
+
+def test_a_design_that_meets_the_goal_and_squeals_is_searched_for_another(tmp_path: Path) -> None:
+    """A margin that flutter meets, too: the proof alone refuses it."""
+    text = TWO_VARIABLES.format(first=[-5.0, 25.0], second=[-30.0, 4.0], costs=(1.0, 0.7))
+    text = text.replace("[0.1, 0.2, 0.3]", "[0.3]").replace("cycles = 0", "cycles = 1\nin_time = 0")
+    results = _run(text.replace("= 0.002", "= -0.5"), tmp_path)
+    assert results.manifest["design_study"]["outcome"] == "met"
+    designs = results.table("designs")
+    assert (designs["role"] == "scan").sum() > 30
+    assert designs.query("chosen")["cost"].item() > 0.0
+    assert designs.query("chosen")["min_damping_ratio"].item() > 0.0
+    assert not results.table("proof").query("round == 0")["passed"].all()
+
+
 def test_the_verdict_says_what_the_tables_say(trap) -> None:
     text, designs = trap.manifest["design_study"]["verdict"], trap.table("designs")
     chosen = designs[designs["chosen"].to_numpy(bool)].iloc[0]

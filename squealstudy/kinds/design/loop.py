@@ -1,7 +1,7 @@
 """The loop of a design study: scan, search, proof, and again with what the proof has shown.
 
-It is replayed from the finished rows each time: what follows depends on them alone, so a killed run
-asks for the same designs again.
+Today's design, where it meets the goal, is proven before anything is searched. The loop is replayed
+from finished rows alone, so a killed run asks for the same designs again.
 """
 
 from __future__ import annotations
@@ -205,11 +205,11 @@ class Loop:
         worst = self.by_margin(today, range(state.n_matrix))
         if state.n_matrix > FEW:
             state.view = sorted(worst[:WORKING])
-        if not self.study.variables:
-            state.chosen = today
-            good = judged is not None and judged.worst >= 0
-            state.outcome = self._proven(today) if good else NOTHING
-            return
+        good, fixed = judged is not None and judged.worst >= 0.0, not self.study.variables
+        if good or fixed:  # nothing costs less than no change
+            state.chosen, state.outcome = today, self._proven(today) if good else NOTHING
+            if fixed or state.outcome != UNPROVEN:
+                return
         starts = self._realised(worst) if self.both else self._starts(worst)
         last = ROUNDS
         best: tuple[np.ndarray, str] | None = None
