@@ -159,7 +159,9 @@ class Proof:
                 good = False
                 hz = float(row["frequency_hz"])
                 own = self._damping_near(self.loop.rows[self.loop.judging(p, design)], hz)
-                more = own + LACKING * max(missing, LEAST_LACK)
+                lack = max(missing, LEAST_LACK)
+                beyond = max(lack + min(own, 0.0), LEAST_LACK)  # what small motions lack is known
+                more = own + lack + (LACKING - 1.0) * beyond
                 self.loop.state.extras.append(Extra(p, more, hz))
                 self.loop.state.view = sorted({*self.loop.state.view, p})
         known = good and set(verdicts) <= {"no_cycle_found"}

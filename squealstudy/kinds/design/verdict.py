@@ -77,7 +77,7 @@ def _beside(loop: Loop, design: np.ndarray | None) -> list[int]:
 
 
 def _targets(loop: Loop) -> dict[str, Any] | None:
-    """What targets alone come to, and the nearest changes; None of one sort of variables."""
+    """What targets alone come to, and the nearest changes; None where they were not searched."""
     found = loop.state.realisation
     if found is None:
         return None
@@ -91,7 +91,7 @@ def _targets(loop: Loop) -> dict[str, Any] | None:
 
 
 def _target_text(loop: Loop) -> str:
-    """The same in words, with a space before them; empty of one sort of variables."""
+    """The same in words, with a space before them; empty where there are none."""
     facts = _targets(loop)
     if facts is None:
         return ""
