@@ -388,8 +388,10 @@ def test_friction_law_derivatives_against_central_differences(name):
     assert found.speed == (1.0 if name == "sliding_speed" else 0.0)
 
 
+@pytest.mark.parametrize("negative", [0, 1, 3], ids="{} of negative stiffness".format)
 @pytest.mark.parametrize("zeta", [np.full(6, 0.03), np.array([0.01, 0.0, 0.2, 0.0, 0.05, 0.1])])
-def test_modal_damping_derivative_by_stiffness_and_mass(zeta):
+def test_modal_damping_derivative_by_stiffness_and_mass(zeta, negative):
+    """Modes of negative stiffness (contact that has given way) have no damping."""
     rng = np.random.default_rng(1)
     n, lam = 6, complex(-0.1, 1.7)
 
@@ -398,15 +400,18 @@ def test_modal_damping_derivative_by_stiffness_and_mass(zeta):
         return scale * (A @ A.T + n * np.eye(n))
 
     M, K, dM, dK = positive(1.0), positive(4.0), positive(0.3), positive(0.5)
+    if negative:
+        K -= la.eigvalsh(K, M)[negative - 1 : negative + 1].mean() * M
     x, y = (rng.standard_normal(n) + 1j * rng.standard_normal(n) for _ in range(2))
 
     def product(t):
         w2, phi = la.eigh(K + t * dK, M + t * dM)
         modal = (M + t * dM) @ phi
-        return lam * (y.conj() @ modal) * (2 * zeta * np.sqrt(w2)) @ (modal.T @ x)
+        return lam * (y.conj() @ modal) * (2 * zeta * np.sqrt(np.maximum(w2, 0))) @ (modal.T @ x)
 
     w2, phi = la.eigh(K, M)
-    real = RealModes(np.sqrt(w2), phi, M @ phi, zeta, N=np.eye(n))
+    assert (w2 < 0).sum() == negative
+    real = RealModes(w2, phi, M @ phi, zeta, N=np.eye(n))
     gradient = DampingGradient(real, lam, phi.T @ M @ y.conj(), phi.T @ M @ x)
     found = gradient.by_stiffness(phi.T @ dK @ phi) + gradient.by_mass(phi.T @ dM @ phi)
     h = 1e-5
@@ -420,7 +425,7 @@ def test_modal_damping_of_a_rigid_mode_has_no_derivative():
     """A rigid mode feels no change but for round-off, which must not be divided by nothing."""
     omega, pair = np.array([0.0, 3.0, 5.0]), np.ones(3, dtype=complex)
     gradient = DampingGradient(
-        RealModes(omega, np.eye(3), np.eye(3), np.full(3, 0.01), N=np.eye(3)), 1j, pair, pair
+        RealModes(omega**2, np.eye(3), np.eye(3), np.full(3, 0.01), N=np.eye(3)), 1j, pair, pair
     )
     dK = np.diag([0.0, 1.0, 1.0])
     told = gradient.by_stiffness(dK)

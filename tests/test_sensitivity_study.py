@@ -99,6 +99,39 @@ def test_columns_agree_with_each_other(results):
     assert 0 < table["near_coalescence"].mean() < 0.5
 
 
+def test_slopes_beside_contact_that_has_given_way(tmp_path):
+    """Its mode has negative stiffness and no modal damping; slopes of the other by differences."""
+    given = {"k1": 1.31e6, "k2": 1.356e6, "contact_stiffness": 2.6e6, "friction": 0.6}
+    given |= {"contact.cubic_stiffness": -5.4e17, "damping_ratio": 0.01, "normal_force": 2500.0}
+    values = "\n".join(f'"{name}" = {value}' for name, value in given.items())
+    names = [name for name in given if name != "damping_ratio"]
+    asked = ", ".join(f'"{name}"' for name in names)
+    text = f"""[study]
+name = "gives_way"
+kind = "sensitivity"
+[model]
+name = "hoffmann"
+contact_law = "cubic"
+[parameters]
+{values}
+[sensitivity]
+modes = [226.0]
+parameters = [{asked}]
+"""
+    table = solved(plan_of(text), tmp_path / "r").sensitivities.set_index("parameter")
+
+    def growth(name, step):
+        changed = given | {name: given[name] * (1 + step)}
+        modes = squealstudy.model("hoffmann", contact_law="cubic", **changed).modes()
+        assert modes["growth_rate"].max() > 1e3  # static divergence
+        near = (modes["frequency_hz"] - 226.0).abs().idxmin()
+        return modes["growth_rate"][near]
+
+    for name in names:
+        slope = (growth(name, 1e-3) - growth(name, -1e-3)) / (2e-3 * given[name])
+        assert table["d_growth_rate"][name] == pytest.approx(slope, rel=2e-3), name
+
+
 def test_a_second_run_has_nothing_to_do(results):
     report = run_study(plan_of(HULTEN), results.directory, jobs=1)
     assert report.n_solved == 0

@@ -380,7 +380,7 @@ def energy_shares(
     interfaces = weights.springs * own + weights.normal @ squared(product(N, X))
     total = components.sum(axis=0) + interfaces
     shares: np.ndarray = np.vstack([components, interfaces]) / np.where(total, total, 1.0)
-    return shares
+    return shares + 0.0  # without -0
 
 
 def component_energies(

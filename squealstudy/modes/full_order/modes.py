@@ -90,6 +90,13 @@ class FullOrderSystem:
         """M, C and K."""
         return QuadraticPencil(self.assembly.M, self.C, self.K)
 
+    @property
+    def w2(self) -> np.ndarray:
+        """Squares (m,) of omega [(rad/s)^2]; below zero where contact has given way."""
+        K_sym = self.structure.system.sparse_sum(self.weights, SYMMETRIC)
+        own = np.einsum("im,im->m", self.phi, K_sym @ self.phi)
+        return np.where(self.omega > 0.0, self.omega**2, np.minimum(own, 0.0))
+
 
 def full_order_system(
     assembly: Assembly,

@@ -8,7 +8,8 @@ real modes phi its derivative is (Daleckii-Krein, with the mass)
     F_ij = (d_i - d_j) / (omega_i^2 - omega_j^2),
     H_ij = (d_i + d_j - (omega_i^2 + omega_j^2) F_ij) / 2:
 
-for one zeta, F = 2 zeta/(omega_i + omega_j) and H = omega_i omega_j F. Single damped modes of equal
+for one zeta, F = 2 zeta/(omega_i + omega_j) and H = omega_i omega_j F. Where contact has given way
+omega_i^2 is below zero and d_i = 0. Single damped modes of equal
 frequency have no derivative; the part of F from their difference is left out.
 """
 
@@ -33,8 +34,9 @@ class RealModes:
 
     Attributes
     ----------
-    omega : ndarray (m,)
-        rad/s.
+    w2 : ndarray (m,)
+        Squares of frequencies [(rad/s)^2]; below zero of modes without damping, of contact that
+        has given way.
     phi : ndarray (n, m)
         Mass-normalised.
     momenta : ndarray (n, m)
@@ -45,11 +47,16 @@ class RealModes:
         Contact normals.
     """
 
-    omega: np.ndarray
+    w2: np.ndarray
     phi: np.ndarray
     momenta: np.ndarray
     zeta: np.ndarray
     N: Any
+
+    @property
+    def omega(self) -> np.ndarray:
+        """Frequencies (m,) that damping is made of, rad/s."""
+        return np.sqrt(np.maximum(self.w2, 0.0))
 
     @cached_property
     def contact(self) -> np.ndarray:
@@ -59,7 +66,7 @@ class RealModes:
     @cached_property
     def factors(self) -> tuple[np.ndarray, np.ndarray]:
         """F and H (m, m) of the module's formula."""
-        return damping_factors(self.omega, self.zeta)
+        return damping_factors(self.w2, self.zeta)
 
 
 class ModeGradient:
@@ -162,15 +169,19 @@ class DampingGradient:
         return by_weight
 
 
-def damping_factors(omega: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """F and H (m, m) of the module's formula."""
+def damping_factors(w2: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """F and H (m, m) of the module's formula, by squares of frequencies w2 (m,)."""
+    omega = np.sqrt(np.maximum(w2, 0.0))
     total = omega[:, None] + omega[None, :]
-    apart = omega[:, None] - omega[None, :]
-    unequal = np.abs(apart) > EQUAL * total
+    # sum of frequencies over difference of squares: of two vibrating modes 1 / (difference)
+    apart = w2[:, None] - w2[None, :]
+    unequal = np.abs(apart) > EQUAL * np.maximum(np.abs(w2[:, None]), np.abs(w2[None, :]))
     ratio = np.where(unequal, total / np.where(unequal, apart, 1.0), 0.0)
-    F = (zeta[:, None] + zeta[None, :]) + (zeta[:, None] - zeta[None, :]) * ratio
-    # a mode without stiffness has no modal damping, and none by a change that it does not feel
-    F = np.where(total > 0, F / np.where(total > 0, total, 1.0), 0.0)
+    # (omega_i - omega_j) over it; a mode that does not vibrate keeps no damping
+    both = np.minimum(w2[:, None], w2[None, :]) >= 0.0
+    slope = np.where(both & (total > 0.0), 1.0 / np.where(total > 0.0, total, 1.0), 0.0)
+    slope = np.where(both, slope, np.abs(ratio))
+    F = (zeta[:, None] + zeta[None, :]) * slope + (zeta[:, None] - zeta[None, :]) * ratio
     d = 2.0 * zeta * omega
-    squares = omega[:, None] ** 2 + omega[None, :] ** 2
+    squares = w2[:, None] + w2[None, :]
     return F, (d[:, None] + d[None, :] - squares * F) / 2.0

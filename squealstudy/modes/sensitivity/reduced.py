@@ -155,8 +155,7 @@ def _gradients(
     zeta, real = design.state.assembly_damping_ratios(design.prepared.model.n), None
     if design.families and (asked or zeta.any()):
         w2, phi = design.system.real_modes
-        omega, N = np.sqrt(np.maximum(w2, 0.0)), derivatives.structure.N
-        real = RealModes(omega, phi, momenta=phi, zeta=zeta, N=N)
+        real = RealModes(w2, phi, momenta=phi, zeta=zeta, N=derivatives.structure.N)
     return [ModeGradient(family, derivatives.structure, real) for family in design.families]
 
 

@@ -154,9 +154,7 @@ def structural_sensitivities(
     real = None
     if len(full.omega):
         zeta = design.state.assembly_damping_ratios(len(full.omega))
-        real = RealModes(
-            full.omega, full.phi, full.assembly.M @ full.phi, zeta=zeta, N=full.structure.N
-        )
+        real = RealModes(full.w2, full.phi, full.assembly.M @ full.phi, zeta, full.structure.N)
     gradients = [ModeGradient(family, full.structure, real) for family in families]
     response = StaticResponse(full, design)
     for name in names:
