@@ -9,8 +9,8 @@ real modes phi its derivative is (Daleckii-Krein, with the mass)
     H_ij = (d_i + d_j - (omega_i^2 + omega_j^2) F_ij) / 2:
 
 for one zeta, F = 2 zeta/(omega_i + omega_j) and H = omega_i omega_j F. Where contact has given way
-omega_i^2 is below zero and d_i = 0. Single damped modes of equal
-frequency have no derivative; the part of F from their difference is left out.
+omega_i^2 is below zero and d_i = 0. Single damped modes of equal frequency have no derivative; the
+part of F from their difference is left out.
 """
 
 from __future__ import annotations
@@ -173,14 +173,12 @@ def damping_factors(w2: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, np.nd
     """F and H (m, m) of the module's formula, by squares of frequencies w2 (m,)."""
     omega = np.sqrt(np.maximum(w2, 0.0))
     total = omega[:, None] + omega[None, :]
-    # sum of frequencies over difference of squares: of two vibrating modes 1 / (difference)
     apart = w2[:, None] - w2[None, :]
     unequal = np.abs(apart) > EQUAL * np.maximum(np.abs(w2[:, None]), np.abs(w2[None, :]))
+    # (omega_i + omega_j) / (w2_i - w2_j), then (omega_i - omega_j) / (w2_i - w2_j)
     ratio = np.where(unequal, total / np.where(unequal, apart, 1.0), 0.0)
-    # (omega_i - omega_j) over it; a mode that does not vibrate keeps no damping
-    both = np.minimum(w2[:, None], w2[None, :]) >= 0.0
-    slope = np.where(both & (total > 0.0), 1.0 / np.where(total > 0.0, total, 1.0), 0.0)
-    slope = np.where(both, slope, np.abs(ratio))
+    vibrate = np.minimum(w2[:, None], w2[None, :]) > 0.0
+    slope = np.where(vibrate, 1.0 / np.where(vibrate, total, 1.0), np.abs(ratio))
     F = (zeta[:, None] + zeta[None, :]) * slope + (zeta[:, None] - zeta[None, :]) * ratio
     d = 2.0 * zeta * omega
     squares = w2[:, None] + w2[None, :]
