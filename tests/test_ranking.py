@@ -368,7 +368,7 @@ def screen_of(capsys, points, modes, where=None, along="friction"):
 def test_an_empty_ranking_says_over_what_it_is(capsys):
     points, modes = linear_study(STABLE, MU, P)
     text = screen_of(capsys, points, modes)
-    assert text == "No mode is unstable at any of the 24 solved points."
+    assert text == "No mode between 1 and 8000 Hz is unstable at any of the 24 solved points."
     points, modes = linear_study(STUDY, MU, P)
     text = screen_of(capsys, points, modes, "frequency_hz > 9000")
     assert text == "Within the query no mode is unstable at any of the 24 solved points."

@@ -178,6 +178,8 @@ def _nothing(results: Results, where: str | None) -> str:
     if not _counted_points(results, where):
         return f"No design point is {'solved and within the query' if where else 'solved'}."
     none = "Within the query no mode" if where else "No mode"
+    if not where:  # what lies outside the band may well be unstable
+        none += " between {:g} and {:g} Hz".format(*results.manifest["band_hz"])
     return f"{none} is unstable at any of {_counted(results, where)}."
 
 
