@@ -145,6 +145,16 @@ def test_of_a_study_without_any_result_it_says_so(tmp_path):
     assert not re.search(r"\bnan\b", re.sub(r"base64,[^\"]*", "", report([cycles])))
 
 
+def test_of_limit_cycles_beside_static_divergence_it_says_that_the_design_diverges(tmp_path):
+    """A contact spring beyond the force at which it gives way."""
+    text = study_text("gives_way", "limit_cycles", "hoffmann") + 'contact_law = "cubic"\n'
+    text += "[parameters]\nk1 = 1.31e6\nk2 = 1.356e6\ncontact_stiffness = 2.6e6\nfriction = 0.6\n"
+    text += '"contact.cubic_stiffness" = -5.4e17\n'
+    text += '[[sweep]]\nparameter = "normal_force"\nvalues = [2500.0, 5000.0]\n'
+    cycles = sq.open_results(run_failing(text, tmp_path))
+    assert verdict(cycles) == "2 designs: 2 failed. 2 of 2 points are not ok (2 diverges)."
+
+
 def test_a_heading_without_findings_is_left_out(tmp_path):
     page = report([solved(HULTEN.format(frictions=[0.1, 0.2]), tmp_path / "r")])
     assert "<h2>Findings</h2>" not in page

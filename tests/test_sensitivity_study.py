@@ -184,7 +184,7 @@ def test_stable_design_gives_no_rows(tmp_path):
     assert (found.points["n_modes"] == 0).all()
     assert found.points["max_growth_rate"].isna().all()
     assert isinstance(found.plot.sensitivity(), Figure)
-    none = "No mode that oscillates is unstable at any of the 5 solved points: "
+    none = "No mode that oscillates in the band is unstable at any of the 5 solved points: "
     assert found.screen.verdict(found).startswith(none)
     lost = found.points.assign(status="working_point")
     failed = found.with_tables(points=lost, sensitivities=found.sensitivities)

@@ -89,7 +89,9 @@ def _nothing(results: Results) -> str:
     if not solved:
         return "No design point is solved"
     asked = results.manifest.get("sensitivity", {}).get("modes", UNSTABLE)
-    which = "that oscillates is unstable" if asked == UNSTABLE else "oscillates in the band"
+    which = (
+        "that oscillates in the band is unstable" if asked == UNSTABLE else "oscillates in the band"
+    )
     return f"No mode {which} at any of the {plural(solved, 'solved point')}"
 
 
