@@ -273,6 +273,14 @@ def test_check_of_a_lost_journal_and_of_no_results(results, tmp_path, capsys):
 
 
 # -- other settings ------------------------------------------------------------------------------
+def test_chunks_that_were_read_are_not_read_again(results):
+    store, schema = Store(results), lockin().kind.schema
+    names, read = set(store.names(CHUNKS)), set()
+    assert len(list(store.chunks(schema, read=read))) == len(names) > 0
+    assert read == names
+    assert not list(store.chunks(schema, read=read))
+
+
 def test_a_run_says_what_it_takes_over(results):
     told, report = run(results, lockin(9))
     assert (told, report.n_reused) == ([], 5)

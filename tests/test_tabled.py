@@ -188,6 +188,16 @@ def test_samples_beyond_the_end_of_a_table_are_not_valid():
     np.testing.assert_array_equal(broken.values, temperature[broken.rows])
 
 
+@pytest.mark.parametrize(("beyond", "broken"), [(1e-10, 0), (1e-5, 1)])
+def test_round_off_at_the_end_of_a_table_is_in_it(beyond, broken):
+    """As of a logarithmic scatter over the whole table."""
+    plan = plan_of(HEAD + FRICTION + OVER.replace("300 degC", "320 degC"))
+    values = plan.tasks.column("temperature")
+    values.flags.writeable = True
+    values[-1] += beyond
+    assert len(parameter_reasons(plan)) == broken
+
+
 def test_fields_of_results_and_what_can_be_read_again(warm):
     again = squealstudy.open_results(warm.directory)
     assert again.units["temperature"] == "degC"
