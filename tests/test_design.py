@@ -40,7 +40,7 @@ from squealstudy.kinds.design.plan import (
     operating_points,
 )
 from squealstudy.kinds.design.rows import SCHEMA, design_row
-from squealstudy.kinds.design.screen import same_modes
+from squealstudy.kinds.design.screen import same_modes, squealing_modes
 from squealstudy.kinds.design.state import MET_LINEAR, NEAR_ENOUGH, NONE_FOUND, UNDECIDED, Memory
 from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.plots.design_history import design_history
@@ -515,6 +515,23 @@ def test_a_design_that_meets_the_goal_is_proven_without_a_search(tmp_path: Path)
     facts = results.manifest["design_study"]
     assert facts["outcome"] == "met_linear"
     assert "as it is it meets the margin" in facts["verdict"]
+
+
+def test_it_is_said_whether_damping_destabilises(trap) -> None:
+    """The uniform damping is a variable of that study: both slopes are of one mode."""
+    table = squealing_modes(trap)
+    slopes = trap.table("slopes").query("parameter == 'damping_ratio'")
+    worst = slopes.merge(table[["point_id", "mode"]])
+    assert table["growth_by_damping"].tolist() == worst["d_growth_rate"].tolist()
+    assert (table["growth_by_damping"] < 0).all()
+    told = lambda t: as_text(trap.screen.findings(trap.with_tables(**t)))  # noqa: E731
+    tables = {name: trap.table(name) for name in trap.tables}
+    raises = "more uniform damping raises the growth of "
+    assert f"{raises}no mode:" in " ".join(told(tables).split())
+    other = tables["slopes"].assign(d_growth_rate=5.0)
+    assert f"{raises}{table['name'][0]}" in " ".join(told(tables | {"slopes": other}).split())
+    none = " ".join(told(tables | {"slopes": other.iloc[:0]}).split())
+    assert raises not in none
 
 
 def _flutter_ends(friction: float) -> float:

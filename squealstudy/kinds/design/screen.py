@@ -10,6 +10,7 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind import LISTED, KindScreen
 from squealstudy.errors import ResultsError
+from squealstudy.models.operating import DAMPING
 from squealstudy.screen import Rows, grid, notes
 from squealstudy.wording import figure, in_digits, plural
 
@@ -109,7 +110,8 @@ def squealing_modes(results: Results) -> pd.DataFrame:
         ``min_damping_ratio``, ``max_growth_rate``, ``point_id`` of the least damping, the pair of
         real modes it is made of with their part in it, ``uncoupled_damping``, and ``changes``: what
         each variable does to the damping ratio there over its whole range, first order, largest
-        first.
+        first; ``growth_by_damping`` there, 1/s: slope by the uniform damping ratio, which
+        destabilises where it is above zero.
     """
     facts = results.manifest["design_study"]
     today = today_rows(results)
@@ -167,6 +169,7 @@ COLUMNS = (
     "pair_share",
     "uncoupled_damping",
     "changes",
+    "growth_by_damping",
 )
 
 
@@ -177,6 +180,7 @@ def _mode(
     unstable = group.loc[(group["growth_rate"] > 0).to_numpy(bool), "point_id"].unique()
     own = slopes[(slopes["point_id"] == worst["point_id"]) & (slopes["mode"] == worst["mode"])]
     by = dict(zip(own["parameter"], own["d_damping_ratio"], strict=True))
+    growth = dict(zip(own["parameter"], own["d_growth_rate"], strict=True))
     ranges = facts["ranges"]
     effects = [(abs(by[n] * r), n, by[n] * r) for n, r in ranges.items() if n in by]
     effects.sort(reverse=True)
@@ -194,7 +198,19 @@ def _mode(
         "pair_share": worst["pair_share"],
         "uncoupled_damping": worst["uncoupled_damping"],
         "changes": APART.join(f"{n} {value:+.3g}" for _, n, value in effects[:PER_RANGE]),
+        "growth_by_damping": growth.get(DAMPING.name, np.nan),
     }
+
+
+def _by_damping(table: pd.DataFrame) -> str:
+    """Whether more damping of the whole brake destabilises; empty where that is not known."""
+    known = table[table["growth_by_damping"].notna().to_numpy(bool)]
+    if not len(known):
+        return ""
+    raised = known.loc[(known["growth_by_damping"] > 0).to_numpy(bool), "name"].tolist()
+    of = "" if len(known) == len(table) else f" of the {len(known)} whose slope is known"
+    names = ", ".join(raised) if raised else f"no mode{of}"
+    return f"more uniform damping raises the growth of {names}: first order, at the worst points"
 
 
 def _modes(table: pd.DataFrame) -> list[RenderableType]:
@@ -227,7 +243,8 @@ def _modes(table: pd.DataFrame) -> list[RenderableType]:
         "modes of today's design below the margin, those of one component within 5 % in frequency "
         "as one; points: of the operation, below it; "
         "unstable: share of the operation, by occurrence; pair: the "
-        "real modes without friction that it is made of"
+        "real modes without friction that it is made of",
+        _by_damping(table),
     )
     more = notes(
         "damping ratio: what a change over the whole range of a variable does to it, first order, "
