@@ -128,7 +128,7 @@ def linear_modes(osc):
 def growth_curve(osc, lam, phi, size, harmonics, stop, steps=None):
     """Equations and curve of the added damping from a complex mode on; its zeros (C) are cycles."""
     equations = CycleEquations(osc, harmonics, abs(lam.imag))
-    u = equations.pack(linear_motion(phi, lam, equations.scale, size))
+    u = equations.pack(linear_motion(phi, lam, equations.scale[: osc.n], size))
     equations.accepted(u)
     along = np.zeros(len(u))
     along[-2] = 1.0

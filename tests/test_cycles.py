@@ -11,7 +11,7 @@ import scipy.linalg as la
 from scipy.integrate import solve_ivp
 
 from squealstudy.cycles import growth
-from squealstudy.cycles.balance import balanced, imbalance
+from squealstudy.cycles.balance import Balance
 from squealstudy.cycles.branch import HOPF, TURN, branch
 from squealstudy.cycles.continuation import Steps, follow
 from squealstudy.cycles.curve import CurveMotion
@@ -75,25 +75,32 @@ def contact_case(kind, opened):
     ],
     ids=["quintic", "pulled", "sliding", "sticking", "turning"],
 )
-def test_jacobian_is_that_of_differences(osc, size, error):
+@pytest.mark.parametrize("few", [False, True], ids=["all", "few"])
+def test_jacobian_is_that_of_differences(osc, size, error, few):
+    """In all coordinates, and with vectors of each harmonic's own, of the first one none."""
     rng = np.random.default_rng(2)
     w = float(np.sqrt(np.diag(osc.K)).max())
-    Q, omega, xi = rng.normal(size=(7, osc.n)) * size, 1.03 * w, 0.02 * w
-    found = balanced(osc, Q, omega, xi)
+    vectors = None
+    if few:
+        sizes = [0, osc.n, 1, max(osc.n - 1, 1)]
+        vectors = [np.linalg.qr(rng.normal(size=(osc.n, r)))[0] for r in sizes]
+    balance = Balance(osc, 3, vectors)
+    z, omega, xi = rng.normal(size=balance.size) * size, 1.03 * w, 0.02 * w
+    found = balance.balanced(z, omega, xi)
     scale = np.abs(found.J).max()
-    np.testing.assert_array_equal(found.R, imbalance(osc, Q, omega, xi))
-    h = 1e-6 * size
-    for k in range(Q.size):
-        step = np.zeros(Q.size)
-        step[k] = h
-        step = step.reshape(Q.shape)
-        ends = [imbalance(osc, Q + s * step, omega, xi).ravel() for s in (1, -1)]
-        np.testing.assert_allclose(found.J[:, k], (ends[0] - ends[1]) / (2 * h), atol=error * scale)
+    np.testing.assert_array_equal(found.R, balance.imbalance(z, omega, xi))
+    whole = Balance(osc, 3).imbalance(balance.lifted(z).ravel(), omega, xi).reshape(7, -1)
+    np.testing.assert_allclose(found.R, balance.lowered(whole), atol=1e-11 * np.abs(whole).max())
+    np.testing.assert_allclose(balance.lowered(balance.lifted(z)), z, atol=1e-12 * size)
+    for k, h in enumerate(1e-6 * size * np.eye(len(z))):
+        ends = [balance.imbalance(z + s * h, omega, xi) for s in (1, -1)]
+        exact = (ends[0] - ends[1]) / (2e-6 * size)
+        np.testing.assert_allclose(found.J[:, k], exact, atol=error * scale)
     h = 1e-6 * w
-    ends = [imbalance(osc, Q, omega + s * h, xi) for s in (1, -1)]
+    ends = [balance.imbalance(z, omega + s * h, xi) for s in (1, -1)]
     by = (ends[0] - ends[1]) / (2 * h)
     np.testing.assert_allclose(found.by_omega, by, atol=5 * error * np.abs(by).max())
-    ends = [imbalance(osc, Q, omega, xi + s * h) for s in (1, -1)]
+    ends = [balance.imbalance(z, omega, xi + s * h) for s in (1, -1)]
     by = (ends[0] - ends[1]) / (2 * h)
     np.testing.assert_allclose(found.by_xi, by, atol=5 * error * np.abs(by).max())
 

@@ -74,6 +74,12 @@ def both():
     return osc, exact.solve(cycle, ADDED)[0], few, replace(near, mu=0.0)
 
 
+def within(projection, motion):
+    """What a basis holds of a motion."""
+    equations = projection.equations(motion.harmonics)
+    return equations.motion(equations.pack(motion))
+
+
 def distance(projection, one, other):
     sizes = [np.hypot(*m.Q[[1, 1 + m.harmonics], 0]) for m in (one, other)]
     return abs(sizes[0] / sizes[1] - 1) + abs(one.omega / other.omega - 1)
@@ -180,7 +186,7 @@ def test_the_error_of_a_basis_is_told(both):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(projected, "WHOLE", 10)
         poor = of_fastest_mode(osc)[0]
-        start = PeriodicMotion(exact.Q @ poor.basis @ poor.basis.T, exact.omega)
+        start = within(poor, exact)
         cycle, _ = poor.solve(start, ADDED)
         told = poor.error(cycle, poor.correction(cycle, True))
         wrong = np.linalg.norm((cycle.Q[1:] - exact.Q[1:]) * poor.weight)
@@ -210,8 +216,8 @@ def test_errors_of_multipliers_tell_what_a_basis_lacks(both):
     """All modes, and fewer: the errors cover what the multipliers near the circle are off by."""
     osc, exact, few, _ = both
     whole = floquet(osc, exact)
-    V = np.linalg.qr(np.hstack([few.basis, np.eye(N)]))[0]
-    for count in (few.size, few.size + 4):
+    V = np.linalg.qr(np.hstack([few.vectors[1], np.eye(N)]))[0]
+    for count in (few.vectors[1].shape[1], few.vectors[1].shape[1] + 4):
         fewer = PeriodicMotion(with_harmonics(exact.Q, 3), exact.omega)
         found = floquet_on(osc, V, count, exact, fewer)
         near = np.abs(found.multipliers) > 0.97
@@ -223,7 +229,7 @@ def test_errors_of_multipliers_tell_what_a_basis_lacks(both):
 
 def test_the_trapezoidal_rule_converges_to_the_monodromy(both):
     _, exact, few, _ = both
-    V = few.basis[:, :6]
+    V = few.vectors[1][:, :6]
     osc, cycle = few.whole.on(V), PeriodicMotion(exact.Q @ V, exact.omega)
     fine = monodromy(osc, cycle, 512)
     errors = [np.abs(trapezoidal(osc, cycle, steps) - fine).max() for steps in (400, 800)]

@@ -16,7 +16,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 from test_cycles import contact_case
 
-from squealstudy.cycles.balance import balanced, imbalance
+from squealstudy.cycles.balance import Balance, imbalance
 from squealstudy.cycles.contact import ContactForces
 from squealstudy.cycles.continuation import Steps, newton
 from squealstudy.cycles.equations import CycleEquations
@@ -117,7 +117,7 @@ def derivatives_off(osc, seed):
     """Off central differences, relative; these have converged at steps of 1e-4 to 1e-8."""
     w, size = float(np.sqrt(np.diag(osc.K)).max()), 2e-4
     Q = size * np.random.default_rng(seed).normal(size=(7, osc.n))
-    found = balanced(osc, Q, 1.03 * w, 0.0).J
+    found = Balance(osc, 3).balanced(Q.ravel(), 1.03 * w, 0.0).J
     exact = np.empty_like(found)
     for k in range(Q.size):
         step = np.zeros(Q.size)

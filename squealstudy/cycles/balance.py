@@ -7,16 +7,22 @@ between samples it is nearly so (`kernels/turns.py`).
 
 The added damping xi of `C + xi I` is an unknown: with it every amplitude is periodic (extended
 periodic motion concept, Krack 2015, doi 10.1016/j.compstruc.2015.03.008), and xi = 0 is a cycle.
+
+Each harmonic may be balanced in vectors of its own: the coordinates z of a motion are those of its
+mean, of its cosines 1 to H, and of its sines.
 """
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from squealstudy.cycles.harmonics import Sampling
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
+from squealstudy.kernels.couplings import couple
 
 
 class Balanced(NamedTuple):
@@ -24,10 +30,10 @@ class Balanced(NamedTuple):
 
     Attributes
     ----------
-    R : ndarray (2 H + 1, n)
-    J : ndarray ((2 H + 1) n, (2 H + 1) n)
-        By the series.
-    by_omega, by_xi : ndarray (2 H + 1, n)
+    R : ndarray (m,)
+    J : ndarray (m, m)
+        By the coordinates.
+    by_omega, by_xi : ndarray (m,)
     """
 
     R: np.ndarray
@@ -36,109 +42,179 @@ class Balanced(NamedTuple):
     by_xi: np.ndarray
 
 
+class Balance:
+    """Balance of the harmonics 0 to H of an oscillator.
+
+    Parameters
+    ----------
+    osc : Oscillator
+    harmonics : int
+        H.
+    vectors : sequence of ndarray (n, r_h), or None
+        Orthonormal vectors of each harmonic 0 to H; None for all coordinates.
+    """
+
+    def __init__(
+        self, osc: Oscillator, harmonics: int, vectors: Sequence[np.ndarray] | None = None
+    ) -> None:
+        self.osc, self.harmonics, self.vectors = osc, harmonics, vectors
+        self.rule = osc.sampling(harmonics)
+        count = harmonics + 1
+        if vectors is None:
+            self.K, self.C, self._rows = [osc.K] * count, [osc.C] * count, [osc.rows] * count
+        else:
+            self.K, self.C = ([V.T @ A @ V for V in vectors] for A in (osc.K, osc.C))
+            self._rows = [osc.rows @ V for V in vectors]
+        sizes = np.array([len(K) for K in self.K])
+        starts = np.concatenate([[0], np.cumsum([*sizes, *sizes[1:]])]).tolist()
+        places = [slice(a, b) for a, b in itertools.pairwise(starts)]
+        # of each harmonic the places of cosines and of sines; the mean has none
+        self.parts = [places[:1], *zip(places[1:count], places[count:], strict=True)]
+        self.size = int(starts[-1])
+
+    # -- coordinates -----------------------------------------------------------------------------
+    def lowered(self, Q: np.ndarray) -> np.ndarray:
+        """Coordinates (m,) of a series (2 H + 1, n)."""
+        if self.vectors is None:
+            return Q.ravel()
+        H, z = self.harmonics, np.zeros(self.size)
+        for h, (V, parts) in enumerate(zip(self.vectors, self.parts, strict=True)):
+            for row, part in zip((h, H + h), parts, strict=False):
+                z[part] = Q[row] @ V
+        return z
+
+    def lifted(self, z: np.ndarray) -> np.ndarray:
+        """Series (2 H + 1, n) of coordinates."""
+        if self.vectors is None:
+            return z.reshape(2 * self.harmonics + 1, -1)
+        H, Q = self.harmonics, np.zeros((2 * self.harmonics + 1, self.osc.n))
+        for h, (V, parts) in enumerate(zip(self.vectors, self.parts, strict=True)):
+            for row, part in zip((h, H + h), parts, strict=False):
+                Q[row] = V @ z[part]
+        return Q
+
+    # -- forces ----------------------------------------------------------------------------------
+    def _seen(self, z: np.ndarray) -> np.ndarray:
+        """Series (2 H + 1, g b) of what the groups see."""
+        if self.vectors is None:
+            return z.reshape(2 * self.harmonics + 1, -1) @ self._rows[0].T
+        H = self.harmonics
+        seen = np.zeros((2 * H + 1, len(self._rows[0])))
+        for h, (rows, parts) in enumerate(zip(self._rows, self.parts, strict=True)):
+            for row, part in zip((h, H + h), parts, strict=False):
+                seen[row] = rows @ z[part]
+        return seen
+
+    def sampled(self, z: np.ndarray, omega: float) -> LocalForces:
+        """Forces at the samples of a period."""
+        return _forces(self.osc, self.rule, self._seen(z), omega)
+
+    def _spread(self, f: np.ndarray) -> np.ndarray:
+        """Harmonics (m,) of generalised forces, of samples (S, g, b) of local ones."""
+        local = self.rule.analysis @ f.reshape(len(f), -1)
+        if self.vectors is None:
+            found: np.ndarray = (local @ self._rows[0]).ravel()
+            return found
+        H, found = self.harmonics, np.zeros(self.size)
+        for h, (rows, parts) in enumerate(zip(self._rows, self.parts, strict=True)):
+            for row, part in zip((h, H + h), parts, strict=False):
+                found[part] = local[row] @ rows
+        return found
+
+    # -- equations -------------------------------------------------------------------------------
+    def imbalance(
+        self, z: np.ndarray, omega: float, xi: float, local: LocalForces | None = None
+    ) -> np.ndarray:
+        """R (m,): what is missing to q'' + (C + xi I) q' + K q = forces, by harmonics.
+
+        `local` are the forces `sampled` at this motion, where they are known.
+        """
+        local = self.sampled(z, omega) if local is None else local
+        R = np.zeros(self.size)
+        for h, parts in enumerate(self.parts):
+            turned = _turned([z[part] for part in parts])
+            for part, other in zip(parts, turned, strict=True):
+                R[part] = self.K[h] @ z[part] - (h * omega) ** 2 * z[part]
+                R[part] += h * omega * (self.C[h] @ other + xi * other)
+        return R - self._spread(local.f)
+
+    def balanced(
+        self,
+        z: np.ndarray,
+        omega: float,
+        xi: float,
+        local: LocalForces | None = None,
+        precision: type = np.float64,
+    ) -> Balanced:
+        """`imbalance` of coordinates (m,) at omega [rad/s], xi [1/s], with derivatives.
+
+        Those by the coordinates are of a `precision`.
+        """
+        local = self.sampled(z, omega) if local is None else local
+        rates = (self.rule.slope @ self._seen(z)).reshape(local.f.shape)
+        by_omega = -self._spread(np.einsum("sgbc,sgc->sgb", local.by_w, rates))
+        by_xi = np.zeros(self.size)
+        for h, parts in enumerate(self.parts):
+            turned = _turned([z[part] for part in parts])
+            for part, other in zip(parts, turned, strict=True):
+                by_omega[part] += h * (self.C[h] @ other + xi * other)
+                by_omega[part] -= 2.0 * omega * h**2 * z[part]
+                by_xi[part] = h * omega * other
+        J = self._jacobian(local, omega, xi, precision)
+        return Balanced(self.imbalance(z, omega, xi, local), J, by_omega, by_xi)
+
+    def _jacobian(self, local: LocalForces, omega: float, xi: float, precision: type) -> np.ndarray:
+        """Derivatives of the imbalance by the coordinates, (m, m)."""
+        rule, (g, b) = self.rule, self.osc.B.shape[:2]
+        of_harmonics = [
+            -(weights @ D.reshape(len(D), -1)).reshape(-1, g, b, b)
+            for D in (local.by_y, local.by_w)
+            for weights in (rule.cosines, rule.sines)
+        ]
+        means: np.ndarray = np.ascontiguousarray(
+            np.moveaxis(np.array(of_harmonics), 2, -1), precision
+        )
+        used = np.argwhere(means.any(axis=(0, 1, 4)))
+        rows = np.vstack([R.T for R in self._rows]).reshape(-1, g, b)
+        seen: np.ndarray = np.ascontiguousarray(np.moveaxis(rows, 2, 0), precision)
+        J: np.ndarray = np.zeros((self.size, self.size), precision)
+        pushed: np.ndarray = np.zeros((2, b, self.size, g), precision)
+        starts = np.array([[p.start for p in (*parts, *parts)][:2] for parts in self.parts])
+        widths = np.array([len(K) for K in self.K])
+        for j, parts in enumerate(self.parts):
+            couple(means, used, j, omega, seen, widths, starts, pushed)
+            own = seen[:, widths[:j].sum() :][:, : widths[j]]
+            for part, columns in zip(parts, pushed, strict=False):
+                J[part] = sum(X @ Y.T for X, Y in zip(own, columns, strict=True))
+            for part, other, sign in zip(parts, parts[::-1], (1.0, -1.0), strict=False):
+                one = np.eye(len(self.K[j]))
+                J[part, part] += self.K[j] - (j * omega) ** 2 * one
+                if j:
+                    J[part, other] += sign * j * omega * (self.C[j] + xi * one)
+        return J
+
+
+def _turned(parts: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Sines in place of cosines, minus cosines in place of sines: d/dtheta over the harmonic."""
+    return [parts[1], -parts[0]] if len(parts) == 2 else [0.0 * parts[0]]
+
+
 def imbalance(
     osc: Oscillator, Q: np.ndarray, omega: float, xi: float, local: LocalForces | None = None
 ) -> np.ndarray:
-    """R (2 H + 1, n): what is missing to q'' + (C + xi I) q' + K q = forces, by harmonics.
-
-    `local` are the forces `sampled` at this motion, where they are known.
-    """
-    rule = osc.sampling((len(Q) - 1) // 2)
-    local = sampled(osc, rule, Q, omega) if local is None else local
-    C = osc.C + xi * np.eye(osc.n)
-    return _linear(rule, C, osc.K, Q, omega) - _harmonics(osc, rule, local.f)
+    """`Balance.imbalance` of a series Q (2 H + 1, n) in all coordinates, of the same shape."""
+    whole = Balance(osc, (len(Q) - 1) // 2)
+    return whole.imbalance(Q.ravel(), omega, xi, local).reshape(Q.shape)
 
 
 def sampled(osc: Oscillator, rule: Sampling, Q: np.ndarray, omega: float) -> LocalForces:
-    """Forces at the samples of a period."""
-    seen = Q @ osc.rows.T
+    """Forces at samples of a period of a series Q (2 H + 1, n) in all coordinates."""
+    return _forces(osc, rule, Q @ osc.rows.T, omega)
+
+
+def _forces(osc: Oscillator, rule: Sampling, seen: np.ndarray, omega: float) -> LocalForces:
+    """Of the series (2 H + 1, g b) of what the groups see."""
     shape = (len(rule.synthesis), *osc.B.shape[:2])
     return (osc.turning or osc.forces)(
         (rule.synthesis @ seen).reshape(shape), (omega * (rule.slope @ seen)).reshape(shape)
     )
-
-
-def balanced(
-    osc: Oscillator,
-    Q: np.ndarray,
-    omega: float,
-    xi: float,
-    local: LocalForces | None = None,
-    precision: type = np.float64,
-) -> Balanced:
-    """`imbalance` of a series Q (2 H + 1, n) at omega [rad/s], xi [1/s], with derivatives.
-
-    Those by the series are of a `precision`.
-    """
-    H = (len(Q) - 1) // 2
-    rule = osc.sampling(H)
-    local = sampled(osc, rule, Q, omega) if local is None else local
-    C = osc.C + xi * np.eye(osc.n)
-    R = _linear(rule, C, osc.K, Q, omega) - _harmonics(osc, rule, local.f)
-    rates = (rule.slope @ (Q @ osc.rows.T)).reshape(local.f.shape)
-    pushed = np.einsum("sgbc,sgc->sgb", local.by_w, rates)
-    h = rule.order[:, None]
-    swapped = _quarter(Q)
-    by_omega = -2.0 * omega * h**2 * Q + h * (swapped @ C.T) - _harmonics(osc, rule, pushed)
-    J = _jacobian(osc, rule, local, C, omega, precision)
-    return Balanced(R, J, by_omega, omega * h * swapped)
-
-
-def _harmonics(osc: Oscillator, rule: Sampling, f: np.ndarray) -> np.ndarray:
-    """Harmonics (2 H + 1, n) of generalised forces, of samples (S, g, b) of local ones."""
-    return osc.spread(rule.analysis @ f.reshape(len(f), -1))
-
-
-def _quarter(Q: np.ndarray) -> np.ndarray:
-    """Sines in place of cosines, minus cosines in place of sines: d/dtheta over the harmonic."""
-    H = (len(Q) - 1) // 2
-    return np.vstack([np.zeros_like(Q[:1]), Q[H + 1 :], -Q[1 : H + 1]])
-
-
-def _linear(
-    rule: Sampling, C: np.ndarray, K: np.ndarray, Q: np.ndarray, omega: float
-) -> np.ndarray:
-    h = rule.order[:, None]
-    found: np.ndarray = Q @ K.T - (h * omega) ** 2 * Q + h * omega * (_quarter(Q) @ C.T)
-    return found
-
-
-def _jacobian(
-    osc: Oscillator,
-    rule: Sampling,
-    local: LocalForces,
-    C: np.ndarray,
-    omega: float,
-    precision: type,
-) -> np.ndarray:
-    """Derivatives of the imbalance by the series, ((2 H + 1) n, (2 H + 1) n).
-
-    Of the forces, with a_m, b_m the means of D cos(m theta), D sin(m theta), twice the mean of
-    D cos(j theta) cos(k theta) is a_{j-k} + a_{j+k}, and so on.
-    """
-    H, n = int(rule.order[-1]), osc.n
-    a, b, c, d = (
-        osc.projected(-np.tensordot(weights, D, 1).astype(precision))
-        for D in (local.by_y, local.by_w)
-        for weights in (rule.cosines, rule.sines)
-    )
-    J: np.ndarray = np.empty((2 * H + 1, n, 2 * H + 1, n), precision)
-    # rows of cosines, columns of cosines and sines; then rows of sines
-    for j, k in np.ndindex(H + 1, H + 1):
-        far, near, sign, rate = j + k, abs(j - k), float(np.sign(j - k)), float(k * omega)
-        J[j, :, k] = a[near] + a[far] - rate * (d[far] - sign * d[near])
-        if k:
-            J[j, :, H + k] = b[far] - sign * b[near] + rate * (c[near] + c[far])
-        if j:
-            J[H + j, :, k] = b[far] + sign * b[near] - rate * (c[near] - c[far])
-        if j and k:
-            J[H + j, :, H + k] = a[near] - a[far] + rate * (d[far] + sign * d[near])
-    J[0] *= 0.5
-    J[0, :, 0] += osc.K
-    for h in range(1, H + 1):
-        own, turn = osc.K - (h * omega) ** 2 * np.eye(n), h * omega * C
-        J[h, :, h] += own
-        J[H + h, :, H + h] += own
-        J[h, :, H + h] += turn
-        J[H + h, :, h] -= turn
-    return J.reshape((2 * H + 1) * n, -1)

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from squealstudy.cycles.continuation import Steps
+from squealstudy.cycles.continuation import TOLERANCE, Steps
 from squealstudy.cycles.curve import CurveMotion, Path, between
 from squealstudy.cycles.equations import BranchEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
-from squealstudy.cycles.oscillator import Oscillator
+from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.cycles.projection import ADDED, PROJECTED, Projection
 from squealstudy.errors import ConvergenceError
 
@@ -89,26 +89,17 @@ class Moving:
 
     def equations(self, harmonics: int) -> BranchEquations:
         """Equations of cycles along the parameter, in the basis."""
-        if self.complete:
-            return BranchEquations(self._oscillators, harmonics, self._omega, self._bounds)
-        basis = self.fixed.basis
+        tolerance = TOLERANCE if self.complete else PROJECTED
+        vectors = self.fixed.of_harmonics(harmonics)
+        return BranchEquations(
+            self._oscillators, harmonics, self._omega, self._bounds, tolerance, vectors
+        )
 
-        def small(value: float) -> Oscillator:
-            return self._oscillators(value).on(basis)
-
-        return BranchEquations(small, harmonics, self._omega, self._bounds, PROJECTED)
-
-    def lowered(self, motion: PeriodicMotion) -> PeriodicMotion:
-        """A motion of all coordinates in those of the basis."""
-        return self.fixed.lowered(motion)
-
-    def lifted(self, motion: PeriodicMotion) -> PeriodicMotion:
-        """The other way."""
-        return self.fixed.lifted(motion)
-
-    def correction(self, motion: PeriodicMotion, fresh: bool = True) -> PeriodicMotion:
+    def correction(
+        self, motion: PeriodicMotion, fresh: bool = True, local: LocalForces | None = None
+    ) -> PeriodicMotion:
         """As of `Projection`, at the motion's own value."""
-        found = self._at(motion.mu).correction(replace(motion, mu=0.0), fresh)
+        found = self._at(motion.mu).correction(replace(motion, mu=0.0), fresh, local)
         return replace(found, mu=0.0)
 
     def error(self, motion: PeriodicMotion, correction: PeriodicMotion) -> float:

@@ -161,8 +161,9 @@ class Path:
                 equations, here = self._again(found, *way)
                 continue
             there, events, taken, iterations = step
-            motion = projection.lifted(equations.motion(there.u))
-            error = projection.error(motion, projection.correction(motion))
+            motion = equations.motion(there.u)
+            change = projection.correction(motion, local=equations.forces(there.u))
+            error = projection.error(motion, change)
             if error > TARGET:
                 tries += 1
                 h = taken if tries % TRIES else 0.5 * taken
@@ -175,7 +176,7 @@ class Path:
             tries, here = 0, there
             equations.accepted(there.u)
             for p in (*events, there):
-                own = projection.lifted(equations.motion(p.u))
+                own = equations.motion(p.u)
                 found.append(CurveMotion(own, p.residual, error, "".join(p.events)))
             projection.remember(motion)
             if reason := self.ended(there.u, motion):
@@ -190,10 +191,7 @@ class Path:
         The point where the curve is, and one ahead of it, of all coordinates.
         """
         projection = self.projection
-        start, ahead = (
-            projection.lifted(equations.motion(here.u + length * here.tangent))
-            for length in (0.0, AHEAD)
-        )
+        start, ahead = (equations.motion(here.u + length * here.tangent) for length in (0.0, AHEAD))
         projection.remember(ahead)
         projection.compact(motion)
         before = projection.size
@@ -225,11 +223,11 @@ class Path:
     ) -> tuple[CycleEquations, CurvePoint]:
         """A motion of the curve, in the basis as it is, and the way on to the side of `ahead`."""
         equations = self.projection.equations(self.harmonics)
-        u = equations.pack(self.projection.lowered(motion))
+        u = equations.pack(motion)
         equations.accepted(u)
         along = self._along(u)
         if ahead is not None:
-            along = equations.pack(self.projection.lowered(ahead)) - u
+            along = equations.pack(ahead) - u
             along /= np.linalg.norm(along)
         u, residual, _, there = newton(equations, u, along, None)
         tangent = there.towards(along)

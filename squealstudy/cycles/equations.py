@@ -1,6 +1,6 @@
 """Unknowns and equations of a curve of periodic motions.
 
-    u = (Z, omega / omega_0, log a, mu),    q's series Q = a Z / s,
+    u = (Z, omega / omega_0, log a, mu),    q's series of the coordinates a Z / s,
 
 with the first harmonic of Z of unit norm, so that a is its size: sqrt(2 a^2 / 2) of an energy in J.
 Equations are the balance over a, which has the complex mode as its limit for a -> 0; that norm;
@@ -10,14 +10,14 @@ xi / omega_0, or a parameter of the design from 0 to 1 over its range.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.cycles.balance import balanced, imbalance, sampled
+from squealstudy.cycles.balance import Balance
 from squealstudy.cycles.continuation import TOLERANCE
-from squealstudy.cycles.harmonics import derivative, with_harmonics
+from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 
 PARAMETER_STEP = 1e-6  # of central differences, of the range
@@ -78,24 +78,34 @@ class CycleEquations:
     tolerance : float
         Of the scaled equations. Where it is that of a basis, which errs by more, derivatives are of
         single precision.
+    vectors : sequence of ndarray (n, r_h), or None
+        The basis of each harmonic; None for all coordinates.
     """
 
     def __init__(
-        self, osc: Oscillator, harmonics: int, omega: float, tolerance: float = TOLERANCE
+        self,
+        osc: Oscillator,
+        harmonics: int,
+        omega: float,
+        tolerance: float = TOLERANCE,
+        vectors: Sequence[np.ndarray] | None = None,
     ) -> None:
         self.harmonics, self.omega0, self.tolerance = harmonics, omega, tolerance
         self.rough = tolerance > TOLERANCE
-        self.scale = np.sqrt(np.abs(np.diag(osc.K)) + omega**2)
-        self._osc = osc
-        self._phase = np.zeros((2 * harmonics + 1) * osc.n)
-        self._reference = np.zeros_like(self._phase)
+        self._start = Balance(osc, harmonics, vectors)
+        self._parts, size = self._start.parts, self._start.size
+        self.scale = np.zeros(size)
+        for K, parts in zip(self._start.K, self._parts, strict=True):
+            for part in parts:
+                self.scale[part] = np.sqrt(np.abs(np.diag(K)) + omega**2)
+        self._phase, self._reference = np.zeros(size), np.zeros(size)
         self._at_u = np.zeros(0)
         self._local: LocalForces
 
     # -- what mu is ------------------------------------------------------------------------------
-    def oscillator(self, u: np.ndarray) -> Oscillator:
-        """The equation of motion at u."""
-        return self._osc
+    def balance(self, u: np.ndarray) -> Balance:
+        """What is balanced at u."""
+        return self._start
 
     def added(self, u: np.ndarray) -> float:
         """Added damping xi at u, 1/s."""
@@ -110,73 +120,70 @@ class CycleEquations:
         return value / self.omega0
 
     def _by_mu(self, u: np.ndarray, by_xi: np.ndarray) -> np.ndarray:
-        """Derivative of the balance (2 H + 1, n) by mu."""
+        """Derivative of the balance (m,) by mu."""
         return by_xi * self.omega0
 
     # -- unknowns --------------------------------------------------------------------------------
     def unpack(self, u: np.ndarray) -> tuple[np.ndarray, float, float]:
-        """Series Q (2 H + 1, n), omega [rad/s] and size a of u."""
+        """Coordinates (m,), omega [rad/s] and size a of u."""
         a = float(np.exp(u[-2]))
-        Z = u[:-3].reshape(2 * self.harmonics + 1, -1)
-        return a * Z / self.scale, float(u[-3]) * self.omega0, a
+        return a * u[:-3] / self.scale, float(u[-3]) * self.omega0, a
 
     def pack(self, motion: PeriodicMotion) -> np.ndarray:
-        """Unknowns of a motion, with as many harmonics as the equations have."""
-        H = self.harmonics
-        Z = with_harmonics(motion.Q, H) * self.scale
-        a = float(np.hypot(np.linalg.norm(Z[1]), np.linalg.norm(Z[H + 1])))
+        """Unknowns of a motion of all coordinates, with as many harmonics as the equations have."""
+        Z = self._start.lowered(with_harmonics(motion.Q, self.harmonics)) * self.scale
+        a = float(np.linalg.norm(np.concatenate([Z[part] for part in self._parts[1]])))
         rest = [motion.omega / self.omega0, np.log(a), self.scaled(motion.mu)]
-        return np.concatenate([(Z / a).ravel(), rest])
+        return np.concatenate([Z / a, rest])
 
     def motion(self, u: np.ndarray) -> PeriodicMotion:
-        """The motion of u."""
-        Q, omega, _ = self.unpack(u)
-        return PeriodicMotion(Q, omega, self.value(float(u[-1])))
+        """The motion of u, of all coordinates."""
+        z, omega, _ = self.unpack(u)
+        return PeriodicMotion(self._start.lifted(z), omega, self.value(float(u[-1])))
 
     def accepted(self, u: np.ndarray) -> None:
         """Phases are counted from here on."""
-        Z = u[:-3].reshape(2 * self.harmonics + 1, -1)
-        turn = derivative(Z).ravel()
+        turn = np.zeros(len(u) - 3)
+        for h, parts in enumerate(self._parts[1:], start=1):
+            cosines, sines = parts
+            turn[cosines], turn[sines] = h * u[sines], -h * u[cosines]
         self._phase, self._reference = turn / np.linalg.norm(turn), u[:-3].copy()
 
     # -- equations -------------------------------------------------------------------------------
     def _closing(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Norm and phase (2,) of a series (size,) and their derivatives (2, size)."""
-        H, n = self.harmonics, len(self.scale)
+        """Norm and phase (2,) of coordinates (m,) and their derivatives (2, m)."""
         first = np.zeros_like(Z)
-        for row in (1, H + 1):
-            first[row * n : (row + 1) * n] = Z[row * n : (row + 1) * n]
+        for part in self._parts[1]:
+            first[part] = Z[part]
         values = [0.5 * (first @ first - 1.0), self._phase @ (Z - self._reference)]
         return np.array(values), np.vstack([first, self._phase])
 
-    def _forces(self, u: np.ndarray) -> LocalForces:
-        """Forces at u; kept, for a line search ends where the next Jacobian is asked for."""
+    def forces(self, u: np.ndarray) -> LocalForces:
+        """Samples of forces at u; kept, for a line search ends where the next Jacobian begins."""
         if not np.array_equal(u, self._at_u):
-            Q, omega, _ = self.unpack(u)
-            osc = self.oscillator(u)
-            self._at_u, self._local = u.copy(), sampled(osc, osc.sampling(self.harmonics), Q, omega)
+            z, omega, _ = self.unpack(u)
+            self._at_u, self._local = u.copy(), self.balance(u).sampled(z, omega)
         return self._local
 
     def residual(self, u: np.ndarray) -> np.ndarray:
-        """All equations (m,) at u (m + 1,)."""
-        Q, omega, a = self.unpack(u)
-        R = imbalance(self.oscillator(u), Q, omega, self.added(u), self._forces(u))
-        R /= a * self.scale
-        return np.append(R.ravel(), self._closing(u[:-3])[0])
+        """All equations (m + 2,) at u (m + 3,)."""
+        z, omega, a = self.unpack(u)
+        R = self.balance(u).imbalance(z, omega, self.added(u), self.forces(u))
+        return np.append(R / (a * self.scale), self._closing(u[:-3])[0])
 
     def jacobian(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same and their derivatives (m, m + 1)."""
-        Q, omega, a = self.unpack(u)
+        """The same and their derivatives (m + 2, m + 3)."""
+        z, omega, a = self.unpack(u)
         precision = np.float32 if self.rough else np.float64
-        found = balanced(self.oscillator(u), Q, omega, self.added(u), self._forces(u), precision)
+        found = self.balance(u).balanced(z, omega, self.added(u), self.forces(u), precision)
         per = a * self.scale
-        R, size = (found.R / per).ravel(), Q.size
-        s = np.tile(self.scale, len(Q)).astype(precision)
+        R, size = found.R / per, len(z)
+        s = self.scale.astype(precision)
         J = np.zeros((size + 2, size + 3), precision)
         J[:size, :size] = found.J / s[:, None] / s
-        J[:size, size] = (found.by_omega * self.omega0 / per).ravel()
+        J[:size, size] = found.by_omega * self.omega0 / per
         J[:size, size + 1] = J[:size, :size] @ u[:-3].astype(precision) - R
-        J[:size, size + 2] = (self._by_mu(u, found.by_xi) / per).ravel()
+        J[:size, size + 2] = self._by_mu(u, found.by_xi) / per
         closing, J[size:, :size] = self._closing(u[:-3])
         return np.append(R, closing), J
 
@@ -202,14 +209,15 @@ class BranchEquations(CycleEquations):
         omega: float,
         bounds: tuple[float, float],
         tolerance: float = TOLERANCE,
+        vectors: Sequence[np.ndarray] | None = None,
     ) -> None:
-        self._oscillators, self._bounds = oscillators, bounds
-        self._known: dict[float, Oscillator] = {}
-        super().__init__(oscillators(bounds[0]), harmonics, omega, tolerance)
+        self._oscillators, self._bounds, self._vectors = oscillators, bounds, vectors
+        self._known: dict[float, Balance] = {}
+        super().__init__(oscillators(bounds[0]), harmonics, omega, tolerance, vectors)
         self.rough = False  # folds are where the tangent turns
 
-    def oscillator(self, u: np.ndarray) -> Oscillator:
-        """The equation of motion at the parameter's value."""
+    def balance(self, u: np.ndarray) -> Balance:
+        """What is balanced at the parameter's value."""
         return self._at(float(u[-1]))
 
     def added(self, u: np.ndarray) -> float:
@@ -227,15 +235,16 @@ class BranchEquations(CycleEquations):
         return (value - low) / (high - low)
 
     def _by_mu(self, u: np.ndarray, by_xi: np.ndarray) -> np.ndarray:
-        Q, omega, _ = self.unpack(u)
+        z, omega, _ = self.unpack(u)
         mu, h = float(u[-1]), PARAMETER_STEP
-        ends = [imbalance(self._at(mu + side), Q, omega, 0.0) for side in (h, -h)]
+        ends = [self._at(mu + side).imbalance(z, omega, 0.0) for side in (h, -h)]
         slope: np.ndarray = (ends[0] - ends[1]) / (2.0 * h)
         return slope
 
-    def _at(self, mu: float) -> Oscillator:
+    def _at(self, mu: float) -> Balance:
         if mu not in self._known:
             while len(self._known) >= KEPT:
                 del self._known[next(iter(self._known))]
-            self._known[mu] = self._oscillators(self.value(mu))
+            osc = self._oscillators(self.value(mu))
+            self._known[mu] = Balance(osc, self.harmonics, self._vectors)
         return self._known[mu]

@@ -83,11 +83,13 @@ def family_curve(
     least = BACK * start.size
     passed: list[PeriodicMotion] = []
 
-    def ended(u: np.ndarray, motion: PeriodicMotion) -> str:
+    def ended(_: np.ndarray, motion: PeriodicMotion) -> str:
         passed.append(motion)
         if _retraced(passed):
             return RETRACED
-        if np.linalg.norm(u[projection.small.n : -3]) > MOST_OTHERS:
+        moving = np.linalg.norm(motion.Q[1:] * projection.weight)
+        first = np.linalg.norm(motion.Q[[1, motion.harmonics + 1]] * projection.weight)
+        if moving > MOST_OTHERS * first:
             return OTHER
         if motion.size < least:
             return SHRUNK

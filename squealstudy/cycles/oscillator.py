@@ -108,10 +108,17 @@ class Oscillator:
     def projected(self, D: np.ndarray) -> np.ndarray:
         """B^T D B (.., n, n) of local derivatives D (.., g, b, b), in their precision."""
         B = self.B.astype(D.dtype, copy=False)
-        columns = np.zeros((*D.shape[:-1], self.n), D.dtype)
-        for row, column in np.argwhere(D.any(axis=tuple(range(D.ndim - 2)))):
-            columns[..., row, :] += D[..., row, column, None] * B[:, column]
-        found: np.ndarray = B.reshape(-1, self.n).T @ columns.reshape(*D.shape[:-3], -1, self.n)
+        used = np.asarray(D.any(axis=tuple(range(D.ndim - 2))))
+        rows, columns = np.flatnonzero(used.any(axis=1)), np.flatnonzero(used.any(axis=0))
+        if len(columns) < len(rows):  # the product with fewer of both is the cheaper one
+            turned: np.ndarray = np.swapaxes(self.projected(np.swapaxes(D, -1, -2)), -1, -2)
+            return turned
+        pushed = np.zeros((*D.shape[:-2], len(rows), self.n), D.dtype)
+        for place, row in enumerate(rows):
+            for column in np.flatnonzero(used[row]):
+                pushed[..., place, :] += D[..., row, column, None] * B[:, column]
+        left = B[:, rows].reshape(-1, self.n)
+        found: np.ndarray = left.T @ pushed.reshape(*D.shape[:-3], -1, self.n)
         return found
 
     def tangent(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

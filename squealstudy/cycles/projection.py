@@ -1,9 +1,10 @@
 """Few vectors on which the motions of one mode family are balanced, out of all coordinates.
 
-The basis begins with the complex mode. What the balance in all coordinates then has missing is
-solved by blocks, each harmonic with the mean tangents of the motion; this correction is the
-estimate of what the basis errs by, and its main directions in elastic energy join the basis
-(residual-driven enrichment). A model of few coordinates is balanced as it is.
+Each harmonic has vectors of its own; those of the first begin with the complex mode. What the
+balance in all coordinates then has missing is solved by blocks, each harmonic with the mean
+tangents of the motion; this correction is the estimate of what the basis errs by, and its main
+directions in elastic energy join the vectors of their harmonics (residual-driven enrichment). A
+model of few coordinates is balanced as it is.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from squealstudy.cycles.oscillator import WHOLE, LocalForces, Oscillator
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
-MOST = 220  # vectors
-COMPACT = 150  # vectors above which a basis begins anew, with the last motions
-FEW = 30  # and where one motion is corrected: its own harmonics and what they lack are enough
+MOST = 100  # vectors, of a harmonic at most
+COMPACT = 40  # mean over the harmonics above which a basis begins anew, with the last motions
+FEW = 8  # and where one motion is corrected: its own harmonics and what they lack are enough
 REMEMBERED = 6  # motions
 DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability is judged
 ALIKE = 1e-2  # of the largest direction of modes of unit energy: what is less is there already
@@ -54,23 +55,22 @@ class Projection:
     def __init__(self, osc: Oscillator, phi: np.ndarray, omega: float) -> None:
         self.whole, self.omega = osc, omega
         self.weight = np.sqrt(np.abs(np.diag(osc.K)) + omega**2)
-        self.basis = np.eye(osc.n)
-        self.small = osc
+        self.vectors: list[np.ndarray] = []  # (n, r_h) of the harmonics from 0 on
         self._blocks: list[tuple[np.ndarray, np.ndarray]] = []
         self._blocks_of: PeriodicMotion | None = None
         self._recent: list[PeriodicMotion] = []
         if osc.n > WHOLE:
-            self._span(np.stack([phi.real, phi.imag], axis=1))
+            self.vectors = [np.zeros((osc.n, 0)), self._orthonormal([phi.real, phi.imag])]
 
     @property
     def complete(self) -> bool:
         """Whether the basis is that of all coordinates."""
-        return self.small is self.whole
+        return not self.vectors
 
     @property
     def size(self) -> int:
-        """Number of vectors."""
-        return self.basis.shape[1]
+        """Number of vectors of all harmonics, or of coordinates."""
+        return sum(V.shape[1] for V in self.vectors) if self.vectors else self.whole.n
 
     @classmethod
     def about(cls, osc: Oscillator, motion: PeriodicMotion) -> Projection:
@@ -83,36 +83,39 @@ class Projection:
 
     def move(self, osc: Oscillator) -> None:
         """To another design, on the same basis."""
-        whole, self._blocks_of = self.complete, None
+        self._blocks_of = None
         self.whole = osc
-        self.small = osc if whole else osc.on(self.basis)
+
+    def of_harmonics(self, harmonics: int) -> list[np.ndarray] | None:
+        """Vectors (n, r_h) of the harmonics 0 to `harmonics`; None for all coordinates."""
+        if self.complete:
+            return None
+        missing = harmonics + 1 - len(self.vectors)
+        self.vectors += [np.zeros((self.whole.n, 0)) for _ in range(missing)]
+        return self.vectors[: harmonics + 1]
 
     def equations(self, harmonics: int) -> CycleEquations:
         """Equations of motions in the basis."""
         tolerance = TOLERANCE if self.complete else PROJECTED
-        return CycleEquations(self.small, harmonics, self.omega, tolerance)
-
-    def lowered(self, motion: PeriodicMotion) -> PeriodicMotion:
-        """A motion of all coordinates in those of the basis."""
-        return motion if self.complete else replace(motion, Q=motion.Q @ self.basis)
-
-    def lifted(self, motion: PeriodicMotion) -> PeriodicMotion:
-        """The other way."""
-        return motion if self.complete else replace(motion, Q=motion.Q @ self.basis.T)
+        vectors = self.of_harmonics(harmonics)
+        return CycleEquations(self.whole, harmonics, self.omega, tolerance, vectors)
 
     # -- what the basis errs by --------------------------------------------------------------------
-    def correction(self, motion: PeriodicMotion, fresh: bool = False) -> PeriodicMotion:
+    def correction(
+        self, motion: PeriodicMotion, fresh: bool = False, local: LocalForces | None = None
+    ) -> PeriodicMotion:
         """By what a motion (of all coordinates) that is balanced in the basis is corrected.
 
         To first order, with the blocks of the last motion of which they were made. The first
         harmonic keeps its size and phase: the complex shift of its block that this takes is the
-        correction of frequency and added damping.
+        correction of frequency and added damping. `local` are its sampled forces, where known.
         """
         H = motion.harmonics
         if self.complete:
             return PeriodicMotion(np.zeros_like(motion.Q), 0.0)
         osc = self.whole
-        local = sampled(osc, osc.sampling(H), motion.Q, motion.omega)
+        if local is None:
+            local = sampled(osc, osc.sampling(H), motion.Q, motion.omega)
         known = self._blocks_of is not None and motion.near(self._blocks_of)
         if len(self._blocks) <= H or (fresh and not known):
             self._factorise(motion, local)
@@ -120,7 +123,8 @@ class Projection:
         change = np.zeros_like(R)
         change[0] = la.lu_solve(self._blocks[0], R[0])
         for h in range(1, H + 1):
-            x = la.lu_solve(self._blocks[h], R[h] - 1j * R[H + h])
+            x = R[h] - 1j * R[H + h]
+            x = la.lu_solve(self._blocks[h], x if h == 1 else x.astype(np.complex64))
             if h == 1:
                 q = motion.Q[1] - 1j * motion.Q[H + 1]
                 y = la.lu_solve(self._blocks[1], q)
@@ -163,7 +167,7 @@ class Projection:
         K, C = self._mean_tangents(motion, local)
         lam, psi = dense_roots(C, K, (0.0, DEVIATIONS * highest))
         low = np.abs(lam) <= highest
-        own = self._unit(np.hstack([self.basis, motion.Q.T]))
+        own = self._unit(np.hstack([*self.vectors, motion.Q.T]))
         few = self._directions(np.hstack([own, self._unit(psi[:, low])]))
         more = self._unit(psi[:, ~low])
         found = np.hstack([few, self._directions(more - few @ (few.T @ more))])
@@ -209,14 +213,14 @@ class Projection:
 
     def _factorise(self, motion: PeriodicMotion, local: LocalForces) -> None:
         """The blocks; those beyond the first harmonic, far from singular, in single precision."""
-        H, one = motion.harmonics, np.eye(self.whole.n)
         K, C = self._mean_tangents(motion, local)
-        self._blocks, self._blocks_of = [la.lu_factor(K)], motion
-        for h in range(1, H + 1):
+        self._blocks, self._blocks_of = [la.lu_factor(K, check_finite=False)], motion
+        for h in range(1, motion.harmonics + 1):
             w = h * motion.omega
-            A = K - w**2 * one + 1j * w * C
-            lu, pivots = la.lu_factor(A if h == 1 else A.astype(np.complex64))
-            self._blocks.append((lu.astype(complex), pivots))  # solved with many times
+            A = np.empty(K.shape, complex if h == 1 else np.complex64, order="F")
+            A.real, A.imag = K, w * C
+            A[np.diag_indices_from(A)] -= w**2
+            self._blocks.append(la.lu_factor(A, overwrite_a=True, check_finite=False))
 
     # -- enrichment --------------------------------------------------------------------------------
     def improve(
@@ -301,46 +305,63 @@ class Projection:
         equations = self.equations(motion.harmonics)
         if held == ADDED:
             equations.tolerance = min(equations.tolerance, CLOSED)
-        u = equations.pack(self.lowered(motion))
+        u = equations.pack(motion)
         equations.accepted(u)
         normal = np.zeros(len(u))
         normal[held] = 1.0
         u, residual, _, _ = newton(equations, u, normal, float(u[held]))
-        return self.lifted(equations.motion(u)), residual
+        return equations.motion(u), residual
 
     def join(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
-        """The main directions of a correction join the basis.
+        """The main directions of a correction join the vectors of their harmonics.
 
         Raises
         ------
         ConvergenceError
             Where the basis would be too large.
         """
-        X = (change.Q * self.weight).T
-        known, _ = la.qr(self.weight[:, None] * self.basis, mode="economic")
-        X = X - known @ (known.T @ X)
-        vectors, values, _ = la.svd(X, full_matrices=False)
-        new = vectors[:, values > LEAST * values[0]] / self.weight[:, None]
-        if self.size + new.shape[1] > MOST:
-            raise ConvergenceError("basis", f"more than {MOST} vectors would be needed")
-        self._span(np.hstack([self.basis, new]))
+        H, found = motion.harmonics, list[tuple[np.ndarray, np.ndarray]]()
+        for h, V in enumerate(self.of_harmonics(H) or []):
+            X = (change.Q[sorted({h, H * (h > 0) + h})] * self.weight).T
+            known, _ = la.qr(self.weight[:, None] * V, mode="economic")
+            vectors, values, _ = la.svd(X - known @ (known.T @ X), full_matrices=False)
+            found.append((vectors / self.weight[:, None], values))
+        largest = max(values[0] for _, values in found)
+        for h, (vectors, values) in enumerate(found):
+            new = vectors[:, values > LEAST * largest]
+            if self.vectors[h].shape[1] + new.shape[1] > MOST:
+                raise ConvergenceError("basis", f"more than {MOST} vectors would be needed")
+            if new.shape[1]:
+                self.vectors[h] = self._orthonormal([*self.vectors[h].T, *new.T])
 
     def compact(self, motion: PeriodicMotion, most: int = COMPACT) -> None:
-        """A basis of more than `most` vectors begins anew, with the last motions alone."""
-        if self.size > most:
+        """A basis of more than `most` vectors a harmonic begins anew, with the last motions."""
+        if self.size > most * len(self.vectors):
             self._begin_anew(*(self._recent if most == COMPACT else self._recent[-1:]), motion)
 
     def _begin_anew(self, *motions: PeriodicMotion) -> None:
-        rows = [m.Q / la.norm(m.Q * self.weight) for m in motions]
-        vectors, values, _ = la.svd((np.vstack(rows) * self.weight).T, full_matrices=False)
-        self._span(vectors[:, values > RANK * values[0]] / self.weight[:, None])
+        rows = [list[np.ndarray]() for _ in range(1 + max(m.harmonics for m in motions))]
+        for motion in motions:
+            H, weighted = motion.harmonics, motion.Q * self.weight
+            weighted /= la.norm(weighted)
+            for h in range(H + 1):
+                rows[h] += [weighted[h], *([weighted[H + h]] if h else [])]
+        found = [la.svd(np.array(r).T, full_matrices=False)[:2] for r in rows]
+        least = RANK * max(values[0] for _, values in found)
+        self.vectors = [
+            self._orthonormal(list((vectors[:, values > least] / self.weight[:, None]).T))
+            for vectors, values in found
+        ]
 
-    def _span(self, vectors: np.ndarray) -> None:
-        """The basis of these vectors, turned so that stiffness is diagonal."""
-        Q, _ = la.qr(vectors / la.norm(vectors, axis=0), mode="economic")
+    def _orthonormal(self, vectors: list[np.ndarray]) -> np.ndarray:
+        """Orthonormal vectors (n, r) of a span, turned so that stiffness is diagonal."""
+        if not vectors:
+            return np.zeros((self.whole.n, 0))
+        X = np.array(vectors).T
+        Q, _ = la.qr(X / la.norm(X, axis=0), mode="economic")
         _, turn = la.eigh(Q.T @ self.whole.K @ Q)
-        self.basis = Q @ turn
-        self.small = self.whole.on(self.basis)
+        found: np.ndarray = Q @ turn
+        return found
 
 
 def _of_one_size(one: PeriodicMotion, other: PeriodicMotion) -> bool:

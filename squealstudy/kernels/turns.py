@@ -41,9 +41,9 @@ def resolve_turns(
     S, nc = y.shape[0], points.shape[1]
     point, share, nodes = np.zeros((at.N_POINT, nc)), np.zeros(S), np.zeros((3 * len(NODES), 2))
     for i in range(nc):
-        any_turn = False
+        any_turn, fastest = False, _fastest_stick(points, law, y, i)
         for s in range(S):
-            share[s] = _turning(points, law, y, w, s, (s + 1) % S, i)
+            share[s] = _turning(points, law, y, w, s, (s + 1) % S, i, fastest)
             any_turn = any_turn or share[s] > 0.0
         if not any_turn:
             continue
@@ -73,10 +73,35 @@ def _bound_speed(points: np.ndarray, law: np.ndarray, x: float, s: float, i: int
 
 
 @fast_kernel
+def _fastest_stick(points: np.ndarray, law: np.ndarray, y: np.ndarray, i: int) -> float:
+    """Speed that `_bound_speed` stays below in a period, m/s: where the contact is closest.
+
+    Twice that with the friction of rest, for friction that rises from there.
+    """
+    closest = y[0, i, 0]
+    for s in range(y.shape[0]):
+        closest = min(closest, y[s, i, 0])
+    p, _ = contact_at(law, points[at.POINT_GAP, i] + closest)
+    mu, _, _ = mu_at(law, 0.0, p)
+    mu = max(mu, law[at.LAW_MU])
+    return 2.0 * max(points[at.POINT_FRICTION, i] * mu * p, 0.0) / law[at.LAW_SLOPE]
+
+
+@fast_kernel
 def _turning(
-    points: np.ndarray, law: np.ndarray, y: np.ndarray, w: np.ndarray, s: int, t: int, i: int
+    points: np.ndarray,
+    law: np.ndarray,
+    y: np.ndarray,
+    w: np.ndarray,
+    s: int,
+    t: int,
+    i: int,
+    fastest: float,
 ) -> float:
-    """How far the cell between samples s and t is integrated, 0 to 1."""
+    """How far the cell between samples s and t is integrated, 0 to 1.
+
+    `fastest` is a sliding speed at which no point sticks.
+    """
     a1, a2 = w[s, i, 1] + points[at.POINT_SPEED, i], w[s, i, 2]
     b1, b2 = w[t, i, 1] + points[at.POINT_SPEED, i], w[t, i, 2]
     a, b, inner = a1 * a1 + a2 * a2, b1 * b1 + b2 * b2, a1 * b1 + a2 * b2
@@ -87,11 +112,11 @@ def _turning(
         e = e1 * e1 + e2 * e2
         tau = min(max((a - inner) / e, 0.0), 1.0) if e > 0.0 else 0.5
         d = math.sqrt((a1 + tau * e1) ** 2 + (a2 + tau * e2) ** 2)
-        x = y[s, i, 0] + tau * (y[t, i, 0] - y[s, i, 0])
-        far = max(a, b)
-        v = _bound_speed(points, law, x, d, i)
-        if d < v < math.sqrt(far):
-            return 1.0
+        if d < fastest:
+            x = y[s, i, 0] + tau * (y[t, i, 0] - y[s, i, 0])
+            v = _bound_speed(points, law, x, d, i)
+            if d < v < math.sqrt(max(a, b)):
+                return 1.0
     return part * part * (3.0 - 2.0 * part)
 
 
