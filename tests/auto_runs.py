@@ -10,6 +10,8 @@ import shutil
 import subprocess
 from dataclasses import dataclass
 
+import numpy as np
+
 MISSING = [name for name in ("auto-07p", "gfortran") if shutil.which(name) is None]
 TYPES = {-4: "UZ", 3: "HB", 5: "LP", 7: "PD", 8: "TR", 9: "EP", -9: "MX", 1: "BP", -1: "HB"}
 FORTRAN = """\
@@ -36,7 +38,7 @@ SUBROUTINE PVLS
 END SUBROUTINE
 """
 SCRIPT = """\
-common = dict(e='model', NDIM={n}, NTST=100, NCOL=4, IAD=3, NPR=0, IID=2, ISP=2,
+common = dict(e='model', NDIM={n}, NTST={mesh}, NCOL=4, IAD=3, NPR=0, IID=2, ISP=2,
               EPSL=1e-10, EPSU=1e-10, EPSS=1e-8, RL0={low!r}, RL1={high!r})
 r = run(IPS=1, ICP=[1], ILP=0, DS={step!r}, DSMIN=1e-7, DSMAX={largest!r}, NMX=400, **common)
 save(r, 'steady')
@@ -52,13 +54,27 @@ MULTIPLIER = re.compile(
 
 @dataclass(frozen=True)
 class AutoPoint:
-    """A labelled point: type, parameter, L2 norm, period, multipliers with the trivial one."""
+    """A labelled point: type, parameter, L2 norm, period, multipliers with the trivial one.
+
+    Of cycles also times (4 k + 1,) over the period in k intervals of four steps, and the states
+    (4 k + 1, n) there.
+    """
 
     kind: str
     parameter: float
     norm: float
     period: float
     multipliers: tuple[complex, ...]
+    times: np.ndarray
+    states: np.ndarray
+
+    def mean(self, f):
+        """Over the period, of values (4 k + 1,) at the times, by Boole's rule."""
+        weights = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0
+        return sum(
+            (self.times[k + 4] - self.times[k]) * weights @ f[k : k + 5]
+            for k in range(0, len(f) - 1, 4)
+        )
 
 
 def auto_cycles(folder, equations, n, start, state=None, **settings):
@@ -68,9 +84,13 @@ def auto_cycles(folder, equations, n, start, state=None, **settings):
     """
     lines = [f"U({i + 1})={value!r}" for i, value in enumerate(state or [0.0] * n)]
     text = FORTRAN.format(equations=equations, start=start, state="\n".join(lines))
-    text = NUMBER.sub(lambda m: f"{m[1]}D{m[2] or 0}", text)
-    (folder / "model.f90").write_text(text)
-    defaults = {"count": 400, "first": 0.01, "far": 0.1, "largest": 0.05, "zeros": 2}
+    return run_auto(folder, NUMBER.sub(lambda m: f"{m[1]}D{m[2] or 0}", text), n, **settings)
+
+
+def run_auto(folder, program, n, **settings):
+    """As `auto_cycles`, of a whole program in Fortran with n states."""
+    (folder / "model.f90").write_text(program)
+    defaults = {"count": 400, "first": 0.01, "far": 0.1, "largest": 0.05, "zeros": 2, "mesh": 100}
     (folder / "run.auto").write_text(SCRIPT.format(n=n, **(defaults | settings)))
     done = subprocess.run(
         ["auto-07p", "run.auto"], cwd=folder, capture_output=True, text=True, timeout=300
@@ -80,9 +100,10 @@ def auto_cycles(folder, equations, n, start, state=None, **settings):
     multipliers: dict[int, list[complex]] = {}
     for point, re_, im in MULTIPLIER.findall((folder / "d.cycles").read_text()):
         multipliers.setdefault(int(point), []).append(complex(float(re_), float(im)))
+    solutions = dict(_solutions(folder / "s.cycles"))
     return (
-        [_point(row, {}, False) for row in _rows(files[0])],
-        [_point(row, multipliers, True) for row in _rows(files[1])],
+        [_point(row, {}, {}) for row in _rows(files[0])],
+        [_point(row, multipliers, solutions) for row in _rows(files[1])],
     )
 
 
@@ -94,12 +115,25 @@ def _rows(path):
             yield words
 
 
-def _point(words, multipliers, cycle):
+def _solutions(path):
+    """Times and states by label: a line of integers, rows of (time, states), other lines."""
+    lines = iter(path.read_text().splitlines())
+    for line in lines:
+        head = [int(x) for x in line.split()]
+        label, points, width, count = head[3], head[6], head[7], head[8]
+        rest = " ".join(next(lines) for _ in range(count)).split()
+        rows = np.array(rest[: points * width], dtype=float).reshape(points, width)
+        yield label, (rows[:, 0], rows[:, 1:])
+
+
+def _point(words, multipliers, solutions):
     number = abs(int(words[1]))
+    nothing = np.zeros(0), np.zeros((0, 0))
     return AutoPoint(
         TYPES.get(int(words[2]), words[2]),
         float(words[4]),
         float(words[5]),
-        float(words[-1]) if cycle else 0.0,
+        float(words[-1]) if solutions else 0.0,
         tuple(multipliers.get(number, ())),
+        *solutions.get(int(words[3]), nothing),
     )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import auto_brake
 import auto_runs
 import cycle_models as models
 import numpy as np
 import pytest
 
-from squealstudy.cycles.branch import HOPF, TURN, branch
+from squealstudy.cycles.branch import HOPF, NS, TURN, branch
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import floquet
 from squealstudy.cycles.harmonics import derivative
@@ -32,14 +33,14 @@ def size(motion, P, units=(1.0, 1.0), mean=0.0):
     return np.sqrt(sum(unit**2 * x for unit, x in zip(units, per, strict=True)))
 
 
-def compare_multipliers(own, auto):
+def compare_multipliers(own, auto, equal=EQUAL):
     """All but the trivial one, which AUTO prints as one."""
     trivial = min(auto, key=lambda x: abs(x - 1.0))
     rest = sorted((x for x in auto if x is not trivial), key=abs, reverse=True)
     assert len(rest) == len(own.multipliers) - 1
     for exact in rest:
         distance = np.abs(own.multipliers[:-1] - exact).min()
-        assert distance <= EQUAL + PRINTED * abs(exact) + ZERO
+        assert distance <= equal + PRINTED * abs(exact) + ZERO
     assert abs(own.trivial - 1.0) <= own.error
 
 
@@ -206,3 +207,84 @@ def test_cubic_springs(tmp_path, name):
     for motion, judge in zip(folds, judges, strict=True):
         assert motion.motion.mu == pytest.approx(judge.parameter, abs=EQUAL)
         assert 2e3 * np.pi / motion.motion.omega == pytest.approx(judge.period, rel=EQUAL)
+
+
+# -- a reduced brake -------------------------------------------------------------------------------
+OPERATION = {"sliding_speed": 2.0, "pressure": 12e5}
+FALLING = {"friction_law.static_ratio": 1.3, "friction_law.decay_speed": 2.0}
+BRAKES = {  # regularisation, its speed, values; friction of AUTO's start, of the cycles
+    "constant friction": ("regularised", 0.01, {}, 0.19, 0.21),
+    "friction that falls": ("smooth", 0.4, FALLING, 0.12, 0.2),
+}
+BRAKE_HARMONICS = 9
+LEVEL, MULTIPLIERS = 1e-5, 2e-5  # contact opens at a tenth of its area: harmonics fall off slowly
+
+
+@pytest.mark.parametrize("name", BRAKES)
+def test_a_brake_on_twelve_coordinates(tmp_path, prepared, name):
+    """Exponential contact, no stick: two cycles beside stable sliding, their fold, the onset."""
+    kind, saturation, values, start, mu = BRAKES[name]
+    brake = auto_brake.SmallBrake(prepared, 0.2, kind, saturation, OPERATION | values)
+    n, contact = brake.system.n, brake.at(mu)
+    assert (n, len(brake.system.area)) == (12, 144)
+    rest, cycles = auto_runs.run_auto(
+        tmp_path,
+        brake.write(tmp_path, start),
+        2 * n,
+        low=0.1,
+        high=0.3,
+        step=0.002,
+        largest=0.01,
+        at=mu,
+        far=2.0,
+        mesh=30,
+    )
+    lam, psi = models.linear_modes(contact.oscillator)
+    assert lam[0].real < 0  # stable to small perturbations
+    equations, curve = models.growth_curve(
+        contact.oscillator,
+        lam[0],
+        psi[:, 0],
+        3e-4,
+        BRAKE_HARMONICS,
+        lambda m: contact.contact_velocity(m) > 0.5 * OPERATION["sliding_speed"],
+    )
+    own = [equations.motion(p.u) for p in curve.at("C")]
+    judges = [p for p in cycles if p.kind == "UZ"]
+    assert len(own) == len(judges) == 2
+    units = 1 / auto_brake.LENGTH, 1 / (auto_brake.LENGTH * auto_brake.RATE)
+    for motion, judge in zip(own, judges, strict=True):
+        levels = contact.levels(motion)
+        assert levels["stick_share_max"] == 0.0
+        assert period(motion) == pytest.approx(judge.period, rel=EQUAL)
+        norm = size(motion, np.eye(n), units, brake.steady(mu)[0])
+        assert norm == pytest.approx(judge.norm, rel=LEVEL)
+        torque = brake.torque(mu, judge.states)
+        mean = judge.mean(torque)
+        assert levels["torque_mean"] == pytest.approx(mean, rel=LEVEL)
+        rms = np.sqrt(judge.mean((torque - mean) ** 2))
+        assert levels["torque_rms"] == pytest.approx(rms, rel=LEVEL)
+        compare_multipliers(floquet(contact.oscillator, motion), judge.multipliers, MULTIPLIERS)
+    points, end = branch(
+        lambda friction: brake.at(friction).oscillator,
+        PeriodicMotion(own[-1].Q, own[-1].omega, mu),
+        (0.1, 0.3),
+        -1.0,
+        models.shrunk(contact.oscillator, 1e-4),
+    )
+    assert end == "hopf"
+    hopf = next(p for p in rest if p.kind == "HB")
+    assert points[-1].motion.mu == pytest.approx(hopf.parameter, abs=EQUAL)
+    (fold,) = (p.motion for p in points if p.event == TURN)
+    (judge,) = (p for p in cycles if p.kind == "LP")
+    assert fold.mu == pytest.approx(judge.parameter, abs=EQUAL)
+    assert period(fold) == pytest.approx(judge.period, rel=EQUAL)
+    tori = [p.parameter for p in cycles if p.kind == "TR"]
+    for point in points:  # steps next to a fold are not looked through
+        if point.event == NS:
+            assert min(abs(point.motion.mu - x) for x in tori) <= EQUAL
+
+
+def period(motion):
+    """In AUTO's unit of time."""
+    return 2 * np.pi * auto_brake.RATE / motion.omega
