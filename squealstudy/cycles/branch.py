@@ -121,9 +121,9 @@ class Moving:
         """A large basis begins anew."""
         self.fixed.compact(motion)
 
-    def join(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
-        """The main directions of a correction join the basis."""
-        self.fixed.join(motion, change)
+    def grow(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
+        """As of `Projection`, at the motion's own value."""
+        self._at(motion.mu).grow(replace(motion, mu=0.0), change)
 
     def stability(self, motion: PeriodicMotion, highest: float) -> Floquet:
         """Multipliers of a cycle."""

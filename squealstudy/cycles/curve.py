@@ -28,6 +28,7 @@ from squealstudy.errors import ConvergenceError
 
 if TYPE_CHECKING:
     from squealstudy.cycles.branch import Moving
+    from squealstudy.cycles.oscillator import LocalForces
     from squealstudy.cycles.projection import Projection
 
 BASIS = "basis"  # the basis errs by too much, or is too large
@@ -169,7 +170,7 @@ class Path:
                 h = taken if tries % TRIES else 0.5 * taken
                 if h < steps.least:
                     return BASIS
-                if way := self._grown(equations, here, motion):
+                if way := self._grown(equations, here, motion, equations.forces(there.u)):
                     equations, here = self._again(found, *way)
                 continue
             h = grown(taken, iterations, steps, float(here.tangent @ there.tangent))
@@ -184,7 +185,11 @@ class Path:
         return "steps"
 
     def _grown(
-        self, equations: CycleEquations, here: CurvePoint, motion: PeriodicMotion
+        self,
+        equations: CycleEquations,
+        here: CurvePoint,
+        motion: PeriodicMotion,
+        local: LocalForces | None = None,
     ) -> tuple[PeriodicMotion, PeriodicMotion] | None:
         """What a motion has missing joins the basis; None where that is nothing.
 
@@ -195,7 +200,7 @@ class Path:
         projection.remember(ahead)
         projection.compact(motion)
         before = projection.size
-        projection.join(motion, projection.correction(motion, True))
+        projection.grow(motion, projection.correction(motion, True, local))
         return (start, ahead) if projection.size > before else None
 
     def _again(

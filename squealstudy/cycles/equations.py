@@ -53,6 +53,11 @@ class PeriodicMotion:
         """Norm of the first harmonic."""
         return float(np.linalg.norm(self.Q[[1, self.harmonics + 1]]))
 
+    def changed(self, change: PeriodicMotion) -> PeriodicMotion:
+        """The motion with a change of all that it is."""
+        Q, omega = self.Q + change.Q, self.omega + change.omega
+        return PeriodicMotion(Q, omega, self.mu + change.mu)
+
     def near(self, other: PeriodicMotion) -> bool:
         """Whether two motions are nearly of one size and frequency."""
         apart = abs(np.log(self.size / other.size)) / LOG_SIZE

@@ -124,10 +124,11 @@ class Projection:
         change[0] = la.lu_solve(self._blocks[0], R[0])
         for h in range(1, H + 1):
             x = R[h] - 1j * R[H + h]
-            x = la.lu_solve(self._blocks[h], x if h == 1 else x.astype(np.complex64))
-            if h == 1:
+            if h > 1:
+                x = la.lu_solve(self._blocks[h], x.astype(np.complex64))
+            else:
                 q = motion.Q[1] - 1j * motion.Q[H + 1]
-                y = la.lu_solve(self._blocks[1], q)
+                x, y = la.lu_solve(self._blocks[1], np.array([x, q]).T).T
                 seen = (q * self.weight**2).conj()
                 shift = (seen @ x) / (seen @ y)
                 x = x - y * shift
@@ -263,7 +264,7 @@ class Projection:
                 return motion, error, residual
             fresh = error > 0.5 * last
             last = error
-            self.join(motion, change)
+            self.grow(motion, change)
         raise ConvergenceError("basis", f"the basis errs by {last:.1e} with {self.size} vectors")
 
     def cycle_near(self, motion: PeriodicMotion, harmonics: int) -> tuple[PeriodicMotion, float]:
@@ -289,12 +290,17 @@ class Projection:
             raise ConvergenceError("another_cycle", "more harmonics lead to another cycle")
         return found, residual
 
+    def grow(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
+        """A correction joins the basis, and what is missing once it is made."""
+        self.join(motion, change)
+        nearer = motion.changed(change)
+        self.join(nearer, self.correction(nearer))
+
     def _nearer(self, motion: PeriodicMotion, held: int) -> PeriodicMotion:
         """A motion after a step of iteration by blocks in all coordinates; the basis holds it."""
         change = self.correction(motion, True)
         self.join(motion, change)
-        mu = motion.mu + (change.mu if held == SIZE else 0.0)
-        return PeriodicMotion(motion.Q + change.Q, motion.omega + change.omega, mu)
+        return motion.changed(change if held == SIZE else replace(change, mu=0.0))
 
     def remember(self, motion: PeriodicMotion) -> None:
         """A basis that begins anew will hold this motion."""
@@ -330,7 +336,9 @@ class Projection:
         for h, (vectors, values) in enumerate(found):
             new = vectors[:, values > LEAST * largest]
             if self.vectors[h].shape[1] + new.shape[1] > MOST:
-                raise ConvergenceError("basis", f"more than {MOST} vectors would be needed")
+                raise ConvergenceError(
+                    "basis", f"more than {MOST} vectors of a harmonic would be needed"
+                )
             if new.shape[1]:
                 self.vectors[h] = self._orthonormal([*self.vectors[h].T, *new.T])
 
