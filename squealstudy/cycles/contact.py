@@ -21,7 +21,7 @@ from squealstudy.kernels.turns import resolve_turns
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
 LEVEL_SAMPLES = 512  # a period, of levels and shares
-FEWER_SAMPLES = 64  # of the forces of large models
+FEWER_SAMPLES = 32  # of the forces of large models
 
 
 @dataclass(frozen=True)

@@ -212,10 +212,10 @@ class Path:
         from the curve, which goes on from the one before it.
         """
         for _ in range(BACK):
+            plain = [k for k, m in enumerate(found) if not m.event]
             try:
-                return self._here(start, ahead)
+                return self._here(start, ahead, found[plain[-2]].motion if plain[1:] else None)
             except ConvergenceError:
-                plain = [k for k, m in enumerate(found) if not m.event]
                 if len(plain) < 3:
                     raise
                 ahead = found[plain[-1]].motion
@@ -224,9 +224,15 @@ class Path:
         raise ConvergenceError(LOST, "the curve was lost in a larger basis")
 
     def _here(
-        self, motion: PeriodicMotion, ahead: PeriodicMotion | None = None
+        self,
+        motion: PeriodicMotion,
+        ahead: PeriodicMotion | None = None,
+        behind: PeriodicMotion | None = None,
     ) -> tuple[CycleEquations, CurvePoint]:
-        """A motion of the curve, in the basis as it is, and the way on to the side of `ahead`."""
+        """A motion of the curve, in the basis as it is, and the way on to the side of `ahead`.
+
+        Which is not to be that to the side of `behind`, the motion before.
+        """
         equations = self.projection.equations(self.harmonics)
         u = equations.pack(motion)
         equations.accepted(u)
@@ -236,7 +242,8 @@ class Path:
             along /= np.linalg.norm(along)
         u, residual, _, there = newton(equations, u, along, None)
         tangent = there.towards(along)
-        if ahead is not None and tangent @ along < ACROSS:
+        back = behind is not None and tangent @ (equations.pack(behind) - u) > 0.0
+        if ahead is not None and (back or tangent @ along < ACROSS):
             raise ConvergenceError(LOST, "which way the curve goes on cannot be told")
         return equations, CurvePoint(u, tangent, residual)
 

@@ -176,6 +176,7 @@ class CycleEquations:
         R = self.balance(u).imbalance(z, omega, self.added(u), self.forces(u))
         return np.append(R / (a * self.scale), self._closing(u[:-3])[0])
 
+    @np.errstate(over="ignore", invalid="ignore")  # what is not finite is found by Newton's method
     def jacobian(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same and their derivatives (m + 2, m + 3)."""
         z, omega, a = self.unpack(u)

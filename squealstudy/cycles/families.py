@@ -6,7 +6,7 @@ was asked, `squeals_if_kicked` of a cycle that attracts, with all its digits in 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any, NamedTuple
@@ -67,7 +67,7 @@ class Family:
     end : str
         Why the curve ended: ``far`` where it was followed as far as asked.
     look : SecondLook or None
-        With more harmonics, of a curve on which damping is nowhere missing.
+        With more harmonics, of a stable mode's curve on which no cycle is confirmed.
     verdict, reason : str
     threshold : Cycle or None
         The unstable cycle that a kick must exceed.
@@ -98,7 +98,7 @@ class Family:
     def cut_short(self) -> bool:
         """Whether nothing speaks for a cycle but what of the curve was not followed to its end."""
         grows = any(p["added_damping"] > 0.0 for p in self.curve)
-        grows = grows or (self.look is not None and self.look.grows)
+        grows = self.look.grows if self.look is not None else grows
         return not (self.cycles or self.lost or grows)
 
     @property
@@ -209,21 +209,30 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
         )
     except ConvergenceError as error:
         return Family(lam, (), 0, [], error.status, largest=start)
-    look = None
-    if end in SEARCHED and all(p.motion.mu <= 0.0 for p in curve):
-        look = looked_again(contact.oscillator, curve, [h for h in LADDER if h > harmonics][:MORE])
     cycles: list[Cycle] = []
-    lost = 0
-    for point in chain(curve, *(look.pieces if look else ())):
-        if point.event != ZERO:
-            continue
-        near = _cycles_at(contact, point.motion, search)
-        new = [c for c in near if not any(same_cycle(c, known) for known in cycles)]
-        lost += not new and look is None  # pieces of one curve may pass one cycle
-        cycles += new
+    lost, look = _confirmed(contact, curve, search, cycles), None
+    if end in SEARCHED and start.mu <= 0.0 and not cycles:
+        look = looked_again(contact.oscillator, curve, [h for h in LADDER if h > harmonics][:MORE])
+        _confirmed(contact, chain(*look.pieces), search, cycles)
+        if cycles or not (look.open or look.grows):  # more harmonics decide about its zeros
+            lost = 0
     shown = _shown(contact, curve)
     place = max(range(len(curve)), key=lambda k: float(shown[k]["contact_velocity"]))
     return Family(lam, tuple(cycles), lost, shown, end, look, largest=curve[place].motion)
+
+
+def _confirmed(
+    contact: ContactOscillator, curve: Iterable[CurveMotion], search: Search, known: list[Cycle]
+) -> int:
+    """The cycles at the zeros of a curve join those known; how many zeros lead to no new one."""
+    lost = 0
+    for point in curve:
+        if point.event == ZERO:
+            near = _cycles_at(contact, point.motion, search)
+            new = [c for c in near if not any(same_cycle(c, other) for other in known)]
+            lost += not new
+            known += new
+    return lost
 
 
 def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search) -> list[Cycle]:

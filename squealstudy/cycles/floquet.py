@@ -142,9 +142,10 @@ def floquet_on(
     """
     small = osc.on(V)
     own, rough = (replace(c, Q=c.Q @ V) for c in (cycle, rougher))
-    found = _found(small, own, trapezoidal(small, own, TRAPEZOIDAL_STEPS))
+    found = _found(small, own, trapezoidal(small, own, TRAPEZOIDAL_STEPS, np.float32))
     rough = replace(rough, Q=rough.Q[:, :few])
-    coarse = np.linalg.eigvals(trapezoidal(osc.on(V[:, :few]), rough, TRAPEZOIDAL_STEPS // 2))
+    whole = trapezoidal(osc.on(V[:, :few]), rough, TRAPEZOIDAL_STEPS // 2, np.float32)
+    coarse = np.linalg.eigvals(whole)
     sizes = np.abs(found.vectors[: small.n]) ** 2
     inside = sizes[:few].sum(axis=0) > 0.5 * sizes.sum(axis=0)
     return replace(found, errors=_changes(found, coarse, inside))
@@ -195,47 +196,52 @@ def _changes(found: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.ndarr
     return errors
 
 
-def trapezoidal(osc: Oscillator, cycle: PeriodicMotion, steps: int) -> np.ndarray:
+def trapezoidal(
+    osc: Oscillator, cycle: PeriodicMotion, steps: int, precision: type = np.float64
+) -> np.ndarray:
     """The same as `monodromy` by the trapezoidal rule, which costs a solve of n a step.
 
     It turns fast deviations too slowly, but neither feeds nor damps them: sizes of multipliers are
-    kept.
+    kept. In single precision, whose round-off is far below the errors of a basis, it costs half.
     """
-    n, h = osc.n, 2 * np.pi / steps
-    one, q, p = np.eye(n), np.eye(n, 2 * n), np.eye(n, 2 * n, n)
-    C, K = _averaged(osc, cycle, steps)
+    n, h = osc.n, precision(2 * np.pi / steps)
+    q: np.ndarray = np.eye(n, 2 * n, dtype=precision)
+    p, one = np.roll(q, n, axis=1), q[:, :n]
+    C, K = _averaged(osc, cycle, steps, precision)
     pull = -(C(0) @ p + K(0) @ q)
     for step in range(1, steps + 1):
         C1, K1 = C(step % steps), K(step % steps)
-        middle = q + 0.5 * h * p
-        known = p + 0.5 * h * (pull - K1 @ middle)
-        p1 = la.solve(one + 0.5 * h * C1 + 0.25 * h**2 * K1, known, check_finite=False)
-        q, pull, p = middle + 0.5 * h * p1, 2.0 / h * (p1 - p) - pull, p1
-    return np.vstack([q, p])
+        middle = q + h / 2 * p
+        known = p + h / 2 * (pull - K1 @ middle)
+        p1 = np.linalg.solve(one + h / 2 * C1 + h**2 / 4 * K1, known)
+        q, pull, p = middle + h / 2 * p1, 2 / h * (p1 - p) - pull, p1
+    return np.vstack([q, p]).astype(float)
 
 
 Matrices = Callable[[int], np.ndarray]
 
 
-def _averaged(osc: Oscillator, cycle: PeriodicMotion, steps: int) -> tuple[Matrices, Matrices]:
+def _averaged(
+    osc: Oscillator, cycle: PeriodicMotion, steps: int, precision: type
+) -> tuple[Matrices, Matrices]:
     """Damping over omega and stiffness over omega^2 (n, n) of a step, by its number.
 
     Of contact points they are means about the step, with weights that fall to the steps beside it:
     where points open and close within a step, or stick, no share of that is left out.
     """
     local = sampled(osc, sampling(cycle.harmonics, FINER * steps), cycle.Q, cycle.omega)
-    finer = len(local.f) // steps
+    finer, omega = len(local.f) // steps, cycle.omega
     weights = (finer - np.abs(np.arange(1 - finer, finer))) / finer**2
+    given = weights, osc.C / omega, osc.K / omega**2, local.by_w / omega, local.by_y / omega**2
+    cast: list[np.ndarray] = [A.astype(precision) for A in given]
+    weights, C, K, by_w, by_y = cast
     places = np.arange(1 - finer, finer)
 
     def mean(D: np.ndarray, step: int) -> np.ndarray:
         near = D[(finer * step + places) % len(D)]
         return osc.projected(np.tensordot(weights, near, 1))
 
-    return (
-        lambda step: (osc.C - mean(local.by_w, step)) / cycle.omega,
-        lambda step: (osc.K - mean(local.by_y, step)) / cycle.omega**2,
-    )
+    return (lambda step: C - mean(by_w, step), lambda step: K - mean(by_y, step))
 
 
 def _stiffness(

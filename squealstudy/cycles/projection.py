@@ -24,9 +24,9 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
 MOST = 100  # vectors, of a harmonic at most
-COMPACT = 40  # mean over the harmonics above which a basis begins anew, with the last motions
+COMPACT = 50  # mean over the harmonics above which a basis begins anew, with the last motions
 FEW = 8  # and where one motion is corrected: its own harmonics and what they lack are enough
-REMEMBERED = 6  # motions
+REMEMBERED = 12  # motions
 DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability is judged
 ALIKE = 1e-2  # of the largest direction of modes of unit energy: what is less is there already
 RANK = 1e-6  # of the largest direction of these motions
@@ -160,15 +160,15 @@ class Projection:
     def deviations(self, motion: PeriodicMotion, highest: float) -> tuple[np.ndarray, int]:
         """Basis (n, r) for small deviations from a motion: what its stability is judged on.
 
-        Complex modes of the motion's mean tangents up to `DEVIATIONS` times `highest` [rad/s], and
-        the motion's own basis. Its first columns, whose number is returned too, are the same
-        without modes above `highest`.
+        Complex modes of the motion's mean tangents up to `DEVIATIONS` times `highest` [rad/s], the
+        vectors of the first harmonic, and the motion's series. Its first columns, whose number is
+        returned too, are the same without modes above `highest`.
         """
         local = sampled(self.whole, self.whole.sampling(motion.harmonics), motion.Q, motion.omega)
         K, C = self._mean_tangents(motion, local)
         lam, psi = dense_roots(C, K, (0.0, DEVIATIONS * highest))
         low = np.abs(lam) <= highest
-        own = self._unit(np.hstack([*self.vectors, motion.Q.T]))
+        own = self._unit(np.hstack([self.vectors[1], motion.Q.T]))
         few = self._directions(np.hstack([own, self._unit(psi[:, low])]))
         more = self._unit(psi[:, ~low])
         found = np.hstack([few, self._directions(more - few @ (few.T @ more))])
