@@ -2,17 +2,33 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import cycle_models as models
 import numpy as np
+import pandas as pd
 import pytest
 
 import squealstudy.cycles.projection as projected
-from squealstudy.cycles.branch import BP, HOPF, NS, PD, TURN, branch
+from squealstudy.cycles.branch import (
+    BP,
+    CLOSED,
+    HOPF,
+    NS,
+    PD,
+    RANGE,
+    TURN,
+    Loop,
+    Moving,
+    branch,
+    cycles_along,
+)
 from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.cycles.projection import TARGET
+from squealstudy.kinds.limit_cycles import continued, screen
 
 MU = 0.02  # of van der Pol's oscillator: its cycle is 2 cos t, to first order
 
@@ -117,3 +133,119 @@ def test_a_branch_on_a_basis_that_grows(folding, monkeypatch):
     assert few[-1].motion.mu == pytest.approx(exact[-1].motion.mu, abs=1e-5)
     assert max(p.error for p in few) < TARGET
     assert all(p.residual < projected.PROJECTED for p in few)
+
+
+# -- closed branches -------------------------------------------------------------------------------
+LEAST = (
+    0.05  # damping of small motions over p: LEAST + p^2, so that steady sliding is always stable
+)
+ISOLA = (-0.4, 0.4)
+
+
+def on_isola(p):
+    return models.scalar_oscillator(models.quintic, LEAST + p**2)
+
+
+@pytest.fixture(scope="module")
+def isola():
+    """Cycles at p = 0, the inner and the outer one; the fold over the damping."""
+    osc = on_isola(0.0)
+    lam, psi = models.linear_modes(osc)
+    equations, curve = models.growth_curve(
+        osc, lam[0], psi[:, 0], 1e-2, 9, lambda m: np.abs(m.Q).max() > 2.0
+    )
+    inner, outer = (equations.motion(p.u) for p in curve.at("C"))
+    points, _ = branch(
+        lambda nu: models.scalar_oscillator(models.quintic, nu),
+        PeriodicMotion(outer.Q, outer.omega, LEAST),
+        (0.0, 0.2),
+        1.0,
+        models.shrunk(osc, 1e-3),
+    )
+    (fold,) = (p.motion.mu for p in points if p.event == TURN)  # AUTO-07p: test_cycles_auto
+    return inner, outer, np.sqrt(fold - LEAST)
+
+
+@pytest.mark.parametrize("direction", [-1.0, 1.0])
+@pytest.mark.parametrize("p", [0.0, 0.2, 0.27, 0.2738, -0.25])
+def test_a_closed_branch_is_followed_once(isola, p, direction):
+    """From far of its folds and from next to one; it ends where it began."""
+    _, outer, fold = isola
+    points, end = branch(
+        on_isola, PeriodicMotion(outer.Q, outer.omega, p), ISOLA, direction, lambda _: ""
+    )
+    assert end == CLOSED
+    assert points[-1].motion.mu == pytest.approx(p, abs=1e-15)
+    assert points[-1].motion.size == points[0].motion.size
+    folds = sorted(point.motion.mu for point in points if point.event)
+    assert folds == pytest.approx([-fold, fold], abs=1e-8)
+    mu = np.array([point.motion.mu for point in points])
+    assert np.abs(np.diff(mu)).sum() == pytest.approx(4 * fold, abs=1e-8)  # there and back
+    loud = [q for q in points if not q.event and abs(q.motion.mu) < 0.27]
+    assert all(q.multipliers.stable == (q.motion.size > 1.05) for q in loud)
+
+
+def test_a_closed_branch_on_a_basis_that_grows(folding, monkeypatch):
+    def at(p):
+        return many(0.03 + p**2)
+
+    monkeypatch.setattr(projected, "WHOLE", 4)
+    start = PeriodicMotion(folding.Q, folding.omega, 0.0)
+    _, curve, end = cycles_along(at, start, (-0.5, 0.5), 1.0, lambda _: "")
+    assert end == CLOSED
+    folds = sorted(p.motion.mu for p in curve if p.event)
+    assert len(folds) == 2
+    assert folds[0] == pytest.approx(-folds[1], rel=2e-3)
+
+
+def narrow(x, v, p):
+    """Cycles of x^2 = A at p = .1 (A^3 - 3 A^2 + 2.94 A), nearly: three beside each other."""
+    c = p - 1.176 * x**2 + 2.4 * x**4 - 1.28 * x**6
+    return -c * v, (2.352 * x - 9.6 * x**3 + 7.68 * x**5) * v, -c
+
+
+@pytest.mark.parametrize(("size", "back"), [(0.89, True), (1.09, False)])
+def test_another_cycle_beside_the_start_is_not_the_start(size, back):
+    """Steps past p = .094 upwards, on the branch of the start and beside it."""
+    bounds = (0.093, 0.095)
+
+    def near(p, a):
+        motion = PeriodicMotion(np.zeros((11, 1)), 1.0, p)
+        motion.Q[1] = a
+        return motion
+
+    moving = Moving(lambda p: models.scalar_oscillator(narrow, p), bounds, near(0.094, 0.89))
+    loop = Loop(moving, near(0.094, 0.89))
+    told = []
+    for motion in (near(0.0941, 0.89), near(0.0935, size), near(0.0947, size)):
+        place = moving.equations(5).pack(motion)[-3:]
+        told.append(loop.back(place, motion))
+    assert told == [False, False, back]
+
+
+def test_a_line_has_a_closed_branch_once(isola, monkeypatch):
+    _, outer, _ = isola
+    monkeypatch.setattr(continued, "_ended", lambda *_: "")
+    way = SimpleNamespace(bounds=ISOLA, oscillator=on_isola, asked=SimpleNamespace(band=(0.0, 9.0)))
+    found = continued._branch(way, continued.Start("a-1-1", 1, 0.0, outer.Q, outer.omega))
+    assert found.ends == (CLOSED, CLOSED)
+    assert [p.event for p in found.points].count(TURN) == 2
+    assert len(found.crossings(0.1)) == 2
+
+
+def test_a_screen_tells_a_closed_branch_once():
+    """Both ends of it are the same."""
+    names = ("cycle_id", "along", "event", "value", "criticality", "branch_end")
+    rows = [("a-1-1", "p", "F", 0.2, "", CLOSED), ("a-1-1", "p", "", 0.1, "", CLOSED)]
+    (row,) = screen._branches(pd.DataFrame(rows, columns=list(names)), {})
+    assert row == ("branch", "along p: F at 0.2; closed")
+
+
+def test_a_step_to_a_neighbour_on_a_closed_branch(isola):
+    """To a design within its folds, with the cycle there; from one beyond them nothing comes."""
+    _, outer, fold = isola
+    start = PeriodicMotion(outer.Q, outer.omega, 0.0)
+    _, curve, end = cycles_along(on_isola, start, (0.0, 0.9 * fold), 1.0, lambda _: "")
+    assert end == RANGE
+    assert curve[-1].motion.mu == 0.9 * fold
+    assert curve[-1].motion.size > 1.05

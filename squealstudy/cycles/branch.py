@@ -7,6 +7,7 @@ one passes 1 though the parameter does not turn back.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,16 +15,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from squealstudy.cycles.continuation import TOLERANCE, Steps
+from squealstudy.cycles.continuation import TOLERANCE, Steps, newton
 from squealstudy.cycles.curve import CurveMotion, Path, between
 from squealstudy.cycles.equations import BranchEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
-from squealstudy.cycles.projection import ADDED, PROJECTED, Projection
+from squealstudy.cycles.projection import ADDED, PROJECTED, SIZE, Projection
 from squealstudy.errors import ConvergenceError
 
 HOPF, TURN, NS, PD, BP = "H", "F", "NS", "PD", "BP"
-RANGE, SHRUNK = "range", "hopf"  # why branches end, beside what `stop` says
+RANGE, SHRUNK, CLOSED = "range", "hopf", "closed"  # why branches end, beside what `stop` says
+BEYOND, ASIDE = 1.2, 0.5  # of a step: how far on, and aside of it, the start of a loop may be
+BACK, BACK_ROUGHLY = 1e-6, 1e-3  # of log size, frequency and range: a branch is at its start again
 PROJECTED_STEPS = Steps(first=0.1, least=1e-3, largest=0.3, count=120)
 SHARP = 1e-6  # of the range of the parameter, of NS, PD and BP
 
@@ -141,6 +144,76 @@ class Moving:
         return self.fixed
 
 
+class Loop:
+    """Tells whether a branch has come back to the cycle that it was begun with.
+
+    A step that passes near it in frequency, log size and parameter, in the direction of the first
+    step, is looked at: with one of the three held, the balance beside the step leads to the start
+    itself or to another cycle. Phases, which may turn on the way round, do not count.
+    """
+
+    def __init__(self, moving: Moving, start: PeriodicMotion) -> None:
+        self._moving, self._start = moving, start
+        self._at = self._first = self._from = self._chord = np.zeros(3)
+        self._share = np.inf
+        self._last: PeriodicMotion | None = None
+
+    def back(self, place: np.ndarray, motion: PeriodicMotion) -> bool:
+        """Whether the step to this motion, whose last unknowns are `place`, passes the start.
+
+        Told of every step.
+        """
+        last, self._last = self._last, motion
+        if last is None:
+            with contextlib.suppress(ConvergenceError):  # it stays as it was given
+                self._start = self._near(self._start, ADDED)
+            self._at = self._place(self._start)
+            self._first, self._from = place - self._at, place
+            return False
+        self._chord = chord = place - self._from
+        away = self._at - self._from
+        self._share = share = float(away @ chord / (chord @ chord))
+        aside = np.linalg.norm(away - share * chord)
+        near = 0.0 <= share <= BEYOND and aside <= ASIDE * np.linalg.norm(chord)
+        if near and chord @ self._first > 0.0 and self._same(between(last, motion, share)):
+            return True
+        self._from = place
+        return False
+
+    def passed(self, motion: PeriodicMotion) -> bool:
+        """Whether a motion of the last step is beyond the start."""
+        along = (self._place(motion) - self._from) @ self._chord
+        return bool(along > self._share * (self._chord @ self._chord))
+
+    def _place(self, motion: PeriodicMotion) -> np.ndarray:
+        """Frequency, log size and parameter (3,), scaled."""
+        found: np.ndarray = self._moving.equations(motion.harmonics).pack(motion)[-3:]
+        return found
+
+    def _same(self, motion: PeriodicMotion) -> bool:
+        """Whether the cycle near a motion is the start."""
+        held = ADDED if abs(self._chord[ADDED]) > abs(self._chord[SIZE]) else SIZE
+        try:
+            start = self._place(self._near(self._start, ADDED))
+            apart = self._place(self._near(motion, held, float(start[held]))) - start
+        except ConvergenceError:
+            return False
+        closeness = BACK if self._moving.complete else BACK_ROUGHLY
+        return bool(np.abs(apart).max() < closeness)
+
+    def _near(
+        self, motion: PeriodicMotion, held: int, value: float | None = None
+    ) -> PeriodicMotion:
+        """The cycle near a motion, with one unknown as it is or at a value."""
+        equations = self._moving.equations(motion.harmonics)
+        u = equations.pack(motion)
+        equations.accepted(u)
+        normal = np.zeros(len(u))
+        normal[held] = 1.0
+        u, *_ = newton(equations, u, normal, float(u[held]) if value is None else value)
+        return equations.motion(u)
+
+
 def cycles_along(
     oscillators: Oscillators,
     start: PeriodicMotion,
@@ -151,9 +224,12 @@ def cycles_along(
 ) -> tuple[Moving, list[CurveMotion], str]:
     """The curve of `branch` without multipliers: its basis, its cycles, why it ended."""
     moving = Moving(oscillators, bounds, start)
+    loop = Loop(moving, start)
 
     def ended(u: np.ndarray, motion: PeriodicMotion) -> str:
-        return stop(motion) if 0.0 <= u[-1] <= 1.0 else RANGE
+        if not 0.0 <= u[-1] <= 1.0:
+            return RANGE
+        return stop(motion) or (CLOSED if loop.back(u[-3:], motion) else "")
 
     path = Path(
         projection=moving,
@@ -164,6 +240,10 @@ def cycles_along(
         tests={TURN: lambda _, t: float(t[-1])},
     )
     curve, end = path.from_motion(start, ADDED)
+    if end == CLOSED:  # an event beyond the start is one of the first step's
+        while curve[-2].event and loop.passed(curve[-2].motion):
+            del curve[-2]
+        curve[-1] = curve[0]
     return moving, _cut(moving, curve, bounds) if end == RANGE else curve, end
 
 
@@ -177,6 +257,8 @@ def branch(
     highest: float = np.inf,
 ) -> tuple[list[BranchPoint], str]:
     """Cycles along a parameter, from one of them on, to the end of the range or to a Hopf point.
+
+    A closed branch, between two folds without a Hopf point, ends where it began.
 
     Parameters
     ----------
@@ -199,7 +281,7 @@ def branch(
     -------
     points : list of BranchPoint
     end : str
-        ``range``, what `stop` said, ``steps``, ``basis`` or ``not_converged``.
+        ``range``, ``closed``, what `stop` said, ``steps``, ``basis`` or ``not_converged``.
 
     Raises
     ------

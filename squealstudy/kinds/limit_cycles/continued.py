@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.cycles.branch import (
+    CLOSED,
     HOPF,
     RANGE,
     SHRUNK,
@@ -312,6 +313,8 @@ def _branch(way: Way, start: Start) -> Branch:
             partial(_ended, way),
             highest=way.asked.band[1],
         )
+        if end == CLOSED:
+            return Branch(start, points, (CLOSED, CLOSED), {})
         parts.append(points)
         ends.append(end)
     points = [*parts[0][:0:-1], *(parts[1] or parts[0][:1])]
@@ -325,12 +328,7 @@ def _branch(way: Way, start: Start) -> Branch:
 
 
 def _onset(way: Way, point: BranchPoint, neighbour: BranchPoint) -> tuple[float, float, str]:
-    """Where the mode that a cycle shrinks to turns unstable, as onsets are refined.
-
-    Returns
-    -------
-    value, frequency in Hz, criticality
-    """
+    """Where the mode that a cycle shrinks to turns unstable, as onsets are refined: as `onsets`."""
 
     def modes(value: float) -> Modes:
         lam, psi = linear_modes(way.contact(value), 2.0 * point.motion.omega)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 from rich.console import RenderableType
 
+from squealstudy.cycles.branch import CLOSED
 from squealstudy.cycles.families import NO_CYCLE
 from squealstudy.engine.kind import KindScreen
 from squealstudy.errors import ResultsError
@@ -102,13 +103,12 @@ def _branches(branches: pd.DataFrame, units: Mapping[str, str]) -> Rows:
         ]
         more = len(events) - len(told)
         text = ", ".join(told) or "no event"
-        ends = " and ".join(str(v) for v in branch["branch_end"] if v)
+        ends = [str(v) for v in branch["branch_end"] if v]
+        ended = CLOSED if CLOSED in ends else f"ends: {' and '.join(ends)}"
         rows.append(
             (
                 "branch",
-                f"along {along}: {text}"
-                + (f", {more} more" if more > 0 else "")
-                + f"; ends: {ends}",
+                f"along {along}: {text}" + (f", {more} more" if more > 0 else "") + f"; {ended}",
             )
         )
     if (left := len(rows) - MOST_BRANCHES) > 0:
