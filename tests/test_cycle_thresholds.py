@@ -8,6 +8,7 @@ import cycle_models as models
 import numpy as np
 import pytest
 
+from squealstudy.cycles import families as searched
 from squealstudy.cycles import kicked
 from squealstudy.cycles.curve import CurveMotion
 from squealstudy.cycles.cycle import LEVELS, Cycle, Search, _changes, cycle_near
@@ -376,3 +377,28 @@ def test_kicks_that_lead_nowhere_say_so(belt):
     brief = kick_along_mode(Trials(contact, stable, unstable, 20), *mode, 0.9 * least)
     assert brief.status == "undecided"
     assert np.isnan([brief.velocity, brief.phase, brief.energy, brief.error]).all()
+
+
+@pytest.mark.parametrize(
+    ("friction", "verdict"), [(0.0799, NO_CYCLE), (0.0806, IF_KICKED)], ids=["before", "beyond"]
+)
+def test_zeros_that_more_harmonics_refute_are_no_cycles(friction, verdict, monkeypatch):
+    """Of a curve that shows too little damping, just before the fold and just beyond it."""
+    whole = searched.family_curve
+
+    def shifted(projection, start, stop, steps):
+        curve, end = whole(projection, start, stop, steps)
+        top = max(range(len(curve)), key=lambda k: curve[k].motion.mu)
+        moved = [replace(p.motion, mu=p.motion.mu + 0.25) for p in curve]
+        return [
+            replace(p, motion=m, event="C" if k == top else "")
+            for k, (p, m) in enumerate(zip(curve, moved, strict=True))
+        ], end
+
+    monkeypatch.setattr(searched, "family_curve", shifted)
+    contact = models.Designs("hoffmann", models.BISTABLE).at(friction=friction)
+    search = Search(None, 1e-3, 15.0)
+    ((_, family),) = families(contact, (1.0, 1e6), [1], 1e-9, search).families
+    assert max(p["added_damping"] for p in family.curve) > 0.0
+    assert family.verdict == verdict
+    assert family.lost == 0

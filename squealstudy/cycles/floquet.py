@@ -124,7 +124,12 @@ def floquet(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
 
 
 def floquet_on(
-    osc: Oscillator, V: np.ndarray, few: int, cycle: PeriodicMotion, rougher: PeriodicMotion
+    osc: Oscillator,
+    V: np.ndarray,
+    few: int,
+    cycle: PeriodicMotion,
+    rougher: PeriodicMotion,
+    precision: type = np.float64,
 ) -> Floquet:
     """Multipliers of a cycle in orthonormal columns V (n, r), by the trapezoidal rule.
 
@@ -137,14 +142,16 @@ def floquet_on(
     cycle : PeriodicMotion
     rougher : PeriodicMotion
         The same with fewer harmonics.
+    precision : type
+        As of `trapezoidal`.
 
     Errors are what half as many steps for the rougher cycle in the smaller basis change of sizes.
     """
     small = osc.on(V)
     own, rough = (replace(c, Q=c.Q @ V) for c in (cycle, rougher))
-    found = _found(small, own, trapezoidal(small, own, TRAPEZOIDAL_STEPS, np.float32))
+    found = _found(small, own, trapezoidal(small, own, TRAPEZOIDAL_STEPS, precision))
     rough = replace(rough, Q=rough.Q[:, :few])
-    whole = trapezoidal(osc.on(V[:, :few]), rough, TRAPEZOIDAL_STEPS // 2, np.float32)
+    whole = trapezoidal(osc.on(V[:, :few]), rough, TRAPEZOIDAL_STEPS // 2, precision)
     coarse = np.linalg.eigvals(whole)
     sizes = np.abs(found.vectors[: small.n]) ** 2
     inside = sizes[:few].sum(axis=0) > 0.5 * sizes.sum(axis=0)
@@ -202,7 +209,7 @@ def trapezoidal(
     """The same as `monodromy` by the trapezoidal rule, which costs a solve of n a step.
 
     It turns fast deviations too slowly, but neither feeds nor damps them: sizes of multipliers are
-    kept. In single precision, whose round-off is far below the errors of a basis, it costs half.
+    kept. In single precision, whose round-off is far below the errors of a basis, it costs less.
     """
     n, h = osc.n, precision(2 * np.pi / steps)
     q: np.ndarray = np.eye(n, 2 * n, dtype=precision)

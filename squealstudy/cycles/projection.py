@@ -161,14 +161,14 @@ class Projection:
         """Basis (n, r) for small deviations from a motion: what its stability is judged on.
 
         Complex modes of the motion's mean tangents up to `DEVIATIONS` times `highest` [rad/s], the
-        vectors of the first harmonic, and the motion's series. Its first columns, whose number is
+        vectors of all harmonics, and the motion's series. Its first columns, whose number is
         returned too, are the same without modes above `highest`.
         """
         local = sampled(self.whole, self.whole.sampling(motion.harmonics), motion.Q, motion.omega)
         K, C = self._mean_tangents(motion, local)
         lam, psi = dense_roots(C, K, (0.0, DEVIATIONS * highest))
         low = np.abs(lam) <= highest
-        own = self._unit(np.hstack([self.vectors[1], motion.Q.T]))
+        own = self._unit(np.hstack([*self.vectors, motion.Q.T]))
         few = self._directions(np.hstack([own, self._unit(psi[:, low])]))
         more = self._unit(psi[:, ~low])
         found = np.hstack([few, self._directions(more - few @ (few.T @ more))])
@@ -196,12 +196,14 @@ class Projection:
     ) -> Floquet:
         """Multipliers of a cycle, in the complex modes about it up to `highest` and its basis.
 
-        `rougher` is the same cycle with fewer harmonics, for their errors.
+        `rougher` is the same cycle with fewer harmonics, for their errors. Without it multipliers
+        are of double precision: on branches they are followed to where they pass 1.
         """
         if self.complete:
             return floquet(self.whole, motion)
         V, few = self.deviations(motion, highest)
-        return floquet_on(self.whole, V, few, motion, rougher or motion)
+        precision = np.float64 if rougher is None else np.float32
+        return floquet_on(self.whole, V, few, motion, rougher or motion, precision)
 
     def _mean_tangents(
         self, motion: PeriodicMotion, local: LocalForces
