@@ -121,6 +121,23 @@ def test_a_correction_to_first_order_mends_most_of_what_a_small_basis_lacks(both
     assert after < 0.2 * before
 
 
+def test_absurd_motions_are_told_and_do_not_spoil_a_basis(both):
+    """Forces beyond single precision are corrected all the same; beyond double they are told."""
+    osc, exact, _, _ = both
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(projected, "WHOLE", 10)
+        poor = of_fastest_mode(osc)[0]
+        poor.correction(exact, True)
+        far = replace(exact, Q=1e20 * exact.Q)
+        change = poor.correction(far)
+        assert np.isfinite(change.Q).all()
+        poor.grow(far, change)
+        assert all(np.isfinite(V).all() for V in poor.vectors)
+        for size, words in ((1e20, "absurdly stiff"), (1e120, "not finite")):
+            with np.errstate(all="ignore"), pytest.raises(ConvergenceError, match=words):
+                poor.correction(replace(exact, Q=size * exact.Q), size < 1e100)
+
+
 def test_a_cycle_of_another_size_is_not_that_of_a_motion(both):
     _, exact, few, near = both
     cycle, _ = few.cycle_near(near, 7)

@@ -30,6 +30,7 @@ REMEMBERED = 12  # motions
 DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability is judged
 ALIKE = 1e-2  # of the largest direction of modes of unit energy: what is less is there already
 RANK = 1e-6  # of the largest direction of these motions
+HUGE = 1e30  # 1/s2: a stiffness that single precision still holds
 PASSES = 12  # enrichments at one motion
 BY_BLOCKS = 3  # of them at most after Newton's method has failed
 LEAST = 0.1  # of the largest direction of a correction: what is less does not join
@@ -120,6 +121,10 @@ class Projection:
         if len(self._blocks) <= H or (fresh and not known):
             self._factorise(motion, local)
         R = imbalance(osc, motion.Q, motion.omega, motion.mu, local)
+        largest = float(np.abs(R).max())
+        if not np.isfinite(largest):
+            raise ConvergenceError("not_finite", "the forces of a periodic motion are not finite")
+        R /= largest or 1.0  # within single precision
         change = np.zeros_like(R)
         change[0] = la.lu_solve(self._blocks[0], R[0])
         for h in range(1, H + 1):
@@ -133,6 +138,7 @@ class Projection:
                 shift = (seen @ x) / (seen @ y)
                 x = x - y * shift
             change[h], change[H + h] = x.real, -x.imag
+        change, shift = largest * change, largest * shift
         # A q = (-omega^2 + i omega (C + xi)) q + ..: d omega = -Re / 2 omega, d xi = Im / omega
         omega = float(-shift.real / (2.0 * motion.omega))
         return PeriodicMotion(-change, -omega, -float(shift.imag / motion.omega))
@@ -217,6 +223,8 @@ class Projection:
     def _factorise(self, motion: PeriodicMotion, local: LocalForces) -> None:
         """The blocks; those beyond the first harmonic, far from singular, in single precision."""
         K, C = self._mean_tangents(motion, local)
+        if not max(np.abs(K).max(), np.abs(C).max() * motion.omega) < HUGE:
+            raise ConvergenceError("not_finite", "contact is absurdly stiff in a periodic motion")
         self._blocks, self._blocks_of = [la.lu_factor(K, check_finite=False)], motion
         for h in range(1, motion.harmonics + 1):
             w = h * motion.omega
@@ -293,10 +301,14 @@ class Projection:
         return found, residual
 
     def grow(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
-        """A correction joins the basis, and what is missing once it is made."""
+        """A correction joins the basis, and what is missing once it is made.
+
+        Where it is larger than the motion that would tell nothing.
+        """
         self.join(motion, change)
-        nearer = motion.changed(change)
-        self.join(nearer, self.correction(nearer))
+        if self.error(motion, change) < 1.0:
+            nearer = motion.changed(change)
+            self.join(nearer, self.correction(nearer))
 
     def _nearer(self, motion: PeriodicMotion, held: int) -> PeriodicMotion:
         """A motion after a step of iteration by blocks in all coordinates; the basis holds it."""
