@@ -1,6 +1,6 @@
-"""Which designs of the coarse brake squeal, squeal if kicked, or stay silent: by time runs alone.
+"""Which designs of the brake squeal, squeal if kicked, or stay silent: by time runs alone.
 
-Run:  python studies/benchmarks/cycle_truth.py FOLDER [--seed 1] [--draw 240] [--jobs 2]
+Run:  python studies/benchmarks/cycle_truth.py FOLDER [--mesh medium] [--draw 96] [--jobs 2]
 
 The truth that verdicts on limit cycles are held against, made before any of them was tuned.
 Designs are drawn at random in friction, pressure and two caliper modes (7 and 10, which carry the
@@ -45,7 +45,7 @@ WANTED = {"squeals": 20, "squeals if kicked": 20, "silent": 20}
 BRAKE = """
 [model]
 name = "disc_brake"
-mesh = "coarse"
+mesh = "{mesh}"
 contact_points = 2
 [parameters]
 sliding_speed = 0.5
@@ -99,10 +99,12 @@ class Runs:
     folder : Path
     jobs : int
         Worker processes.
+    mesh : str
+        Of the brake.
     """
 
-    def __init__(self, folder: Path, jobs: int) -> None:
-        self.folder, self.jobs = folder, jobs
+    def __init__(self, folder: Path, jobs: int, mesh: str) -> None:
+        self.folder, self.jobs, self.brake = folder, jobs, BRAKE.format(mesh=mesh)
         folder.mkdir(parents=True, exist_ok=True)
 
     def __call__(self, name: str, kind: str, text: str) -> squealstudy.Results:
@@ -114,7 +116,7 @@ class Runs:
 
     def in_time(self, name: str, designs: pd.DataFrame, start: str) -> pd.DataFrame:
         """One run a design: its class and level, in the order of the designs."""
-        text = BRAKE + swept(designs) + IN_TIME + start
+        text = self.brake + swept(designs) + IN_TIME + start
         points = self(name, "transient", text).points.round(dict.fromkeys(designs, 4))
         rows = designs.reset_index().merge(points, on=list(designs), how="left", validate="1:1")
         return rows.set_index("index")[KEPT].assign(start=name.rpartition("-")[2])
@@ -122,7 +124,7 @@ class Runs:
 
 def linearly_stable(designs: pd.DataFrame, runs: Runs) -> pd.Series:
     """Whether complex modes call each design stable."""
-    text = BRAKE + swept(designs) + "[modes]\nband = [500.0, 8e3]\n" + ALONE
+    text = runs.brake + swept(designs) + "[modes]\nband = [500.0, 8e3]\n" + ALONE
     points = runs("complex_modes", "complex_modes", text).points.round(dict.fromkeys(designs, 4))
     assert (points["status"] == "ok").all()
     rows = designs.reset_index().merge(points, on=list(designs), validate="1:1")
@@ -168,14 +170,15 @@ def main() -> None:
     """Take designs in turn until there are enough of each class."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--mesh", default="coarse", help="of the brake")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--draw", type=int, default=256, help="designs at most")
     parser.add_argument("--portion", type=int, default=20, help="designs of one study")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--kicks", type=float, nargs="*", default=list(VELOCITIES), help="m/s")
     arguments = parser.parse_args()
-    runs = Runs(arguments.folder.resolve(), arguments.jobs)
-    nominal = BRAKE + swept(pd.DataFrame([NOMINAL])) + IN_TIME + "perturbation = 1e-2\n"
+    runs = Runs(arguments.folder.resolve(), arguments.jobs, arguments.mesh)
+    nominal = runs.brake + swept(pd.DataFrame([NOMINAL])) + IN_TIME + "perturbation = 1e-2\n"
     runs("nominal", "transient", nominal)
     designs, tables = drawn(arguments.draw, arguments.seed), []
     stable = linearly_stable(designs, runs)

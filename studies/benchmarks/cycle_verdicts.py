@@ -1,11 +1,12 @@
 """Verdicts and levels of limit cycles against the truth set, which is of runs in time alone.
 
 Run:  python studies/benchmarks/cycle_verdicts.py [--designs 3 5 20] [--modes 2] [--in-time]
+      python studies/benchmarks/cycle_verdicts.py --mesh medium
 
-Of each design of `cycle_truth.csv` the modes of the band that grow fastest or decay slowest between
-2.9 and 5.3 kHz, where this brake squeals, are followed as by a study of limit cycles. A design has
-the verdict of these families alone, those undecided after a run in time. A line a family is
-printed as it is found. With `--in-time`
+Of each design of `cycle_truth.csv` (`cycle_truth_medium.csv`) the modes of the band that grow
+fastest or decay slowest between 2.9 and 5.3 kHz, where this brake squeals, are followed as by a
+study of limit cycles. A design has the verdict of these families alone, those undecided after a
+run in time. A line a family is printed as it is found. With `--in-time`
 those without an unstable mode are run in time as the proof of a design study runs them instead,
 today's design being that of the same friction and pressure, and that of the nominal ones.
 """
@@ -40,12 +41,16 @@ from squealstudy.study.design import DesignPoint
 from squealstudy.wording import STABLE
 
 WINDOW = (2.9e3, 5.3e3)  # Hz
-TRUTH = Path(__file__).with_name("cycle_truth.csv")
+TRUTH = {
+    "coarse": Path(__file__).with_name("cycle_truth.csv"),
+    "medium": Path(__file__).with_name("cycle_truth_medium.csv"),
+}
 
 
-def designs(truth: pd.DataFrame) -> Iterator[tuple[CyclesRequest, DesignPoint]]:
+def designs(truth: pd.DataFrame, mesh: str) -> Iterator[tuple[CyclesRequest, DesignPoint]]:
     """The designs, and what is asked of each, in the basis of the runs in time."""
-    text = '[study]\nname = "verdicts"\nkind = "limit_cycles"\n' + BRAKE + swept(truth[[*RANGES]])
+    text = '[study]\nname = "verdicts"\nkind = "limit_cycles"\n'
+    text += BRAKE.format(mesh=mesh) + swept(truth[[*RANGES]])
     plan = Plan(parse_study(text, Path("verdicts.toml")))
     for key, point in plan.structures.items():
         if not is_prepared(key):
@@ -54,11 +59,13 @@ def designs(truth: pd.DataFrame) -> Iterator[tuple[CyclesRequest, DesignPoint]]:
     yield from ((asked, point) for point in list(plan.tasks)[: len(truth)])
 
 
-def run_in_time(truth: pd.DataFrame) -> None:
+def run_in_time(truth: pd.DataFrame, mesh: str) -> None:
     """A line a design: its truth, whether all runs decay, what each came to, seconds."""
     scales = {name: 1.0 for name in RANGES if name.endswith("frequency_scale")}
     silent = truth[truth["truth"] != "squeals"]
-    for (number, design), (asked, point) in zip(silent.iterrows(), designs(silent), strict=True):
+    for (number, design), (asked, point) in zip(
+        silent.iterrows(), designs(silent, mesh), strict=True
+    ):
         began = time.process_time()
         today = point.with_values({**point.values, **scales})  # noqa: PD011 - no pandas
         starts = {TODAY: today, ELSEWHERE: today.with_values({**today.values, **NOMINAL})}  # noqa: PD011
@@ -74,17 +81,21 @@ def run_in_time(truth: pd.DataFrame) -> None:
 def main() -> None:
     """A line a family: the design's truth, the verdict, levels and frequencies, seconds."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--mesh", choices=list(TRUTH), default="coarse")
     parser.add_argument("--designs", type=int, nargs="*", help="numbers of the truth set")
     parser.add_argument("--modes", type=int, default=6, help="families of a design")
     parser.add_argument("--in-time", action="store_true", help="runs in place of families")
     arguments = parser.parse_args()
-    truth = pd.read_csv(TRUTH).set_index("design")
+    mesh = arguments.mesh
+    truth = pd.read_csv(TRUTH[mesh]).set_index("design")
     truth = truth.loc[arguments.designs] if arguments.designs else truth
     if arguments.in_time:
-        run_in_time(truth)
+        run_in_time(truth, mesh)
         return
     band = angular_band((500.0, 8e3))
-    for (number, design), (asked, point) in zip(truth.iterrows(), designs(truth), strict=True):
+    for (number, design), (asked, point) in zip(
+        truth.iterrows(), designs(truth, mesh), strict=True
+    ):
         _, contact = asked.contact(point, NewGaps())
         lam, _ = linear_modes(contact, band[1])
         lam = lam[(lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])]
