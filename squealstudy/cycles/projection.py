@@ -28,6 +28,7 @@ COMPACT = 50  # mean over the harmonics above which a basis begins anew, with th
 FEW = 8  # and where one motion is corrected: its own harmonics and what they lack are enough
 REMEMBERED = 12  # motions
 DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability is judged
+OWN = 60  # and main directions of its basis there, at most
 ALIKE = 1e-2  # of the largest direction of modes of unit energy: what is less is there already
 RANK = 1e-6  # of the largest direction of these motions
 HUGE = 1e30  # 1/s2: a stiffness that single precision still holds
@@ -167,15 +168,15 @@ class Projection:
         """Basis (n, r) for small deviations from a motion: what its stability is judged on.
 
         Complex modes of the motion's mean tangents up to `DEVIATIONS` times `highest` [rad/s], the
-        vectors of all harmonics, and the motion's series. Its first columns, whose number is
-        returned too, are the same without modes above `highest`.
+        motion's series, and the main directions of the vectors of all harmonics. Its first columns,
+        whose number is returned too, are the same without modes above `highest`.
         """
         local = sampled(self.whole, self.whole.sampling(motion.harmonics), motion.Q, motion.omega)
         K, C = self._mean_tangents(motion, local)
         lam, psi = dense_roots(C, K, (0.0, DEVIATIONS * highest))
         low = np.abs(lam) <= highest
-        own = self._unit(np.hstack([*self.vectors, motion.Q.T]))
-        few = self._directions(np.hstack([own, self._unit(psi[:, low])]))
+        own = self._directions(self._unit(np.hstack(self.vectors)))[:, :OWN]
+        few = self._directions(np.hstack([self._unit(motion.Q.T), own, self._unit(psi[:, low])]))
         more = self._unit(psi[:, ~low])
         found = np.hstack([few, self._directions(more - few @ (few.T @ more))])
         Q, _ = la.qr(found / self.weight[:, None], mode="economic")
