@@ -71,6 +71,7 @@ class Balance:
         # of each harmonic the places of cosines and of sines; the mean has none
         self.parts = [places[:1], *zip(places[1:count], places[count:], strict=True)]
         self.size = int(starts[-1])
+        self._orders = np.repeat(self.rule.order, [p.stop - p.start for p in places])
 
     # -- coordinates -----------------------------------------------------------------------------
     def lowered(self, Q: np.ndarray) -> np.ndarray:
@@ -122,6 +123,13 @@ class Balance:
         return found
 
     # -- equations -------------------------------------------------------------------------------
+    def _turned(self, z: np.ndarray) -> np.ndarray:
+        """Coordinates of d/dtheta: sines in place of cosines, minus cosines in place of sines."""
+        found = np.zeros_like(z)
+        for h, (cosines, sines) in enumerate(self.parts[1:], start=1):
+            found[cosines], found[sines] = h * z[sines], -h * z[cosines]
+        return found
+
     def imbalance(
         self, z: np.ndarray, omega: float, xi: float, local: LocalForces | None = None
     ) -> np.ndarray:
@@ -130,12 +138,15 @@ class Balance:
         `local` are the forces `sampled` at this motion, where they are known.
         """
         local = self.sampled(z, omega) if local is None else local
-        R = np.zeros(self.size)
-        for h, parts in enumerate(self.parts):
-            turned = _turned([z[part] for part in parts])
-            for part, other in zip(parts, turned, strict=True):
-                R[part] = self.K[h] @ z[part] - (h * omega) ** 2 * z[part]
-                R[part] += h * omega * (self.C[h] @ other + xi * other)
+        R, turned = np.zeros(self.size), self._turned(z)
+        if self.vectors is None:  # all harmonics at once
+            Q, T = (x.reshape(2 * self.harmonics + 1, -1) for x in (z, turned))
+            R = (Q @ self.osc.K.T + omega * (T @ self.osc.C.T)).ravel()
+        else:
+            for K, C, parts in zip(self.K, self.C, self.parts, strict=True):
+                for part in parts:
+                    R[part] = K @ z[part] + omega * (C @ turned[part])
+        R += omega * xi * turned - (omega * self._orders) ** 2 * z
         return R - self._spread(local.f)
 
     def balanced(
@@ -153,15 +164,13 @@ class Balance:
         local = self.sampled(z, omega) if local is None else local
         rates = (self.rule.slope @ self._seen(z)).reshape(local.f.shape)
         by_omega = -self._spread(np.einsum("sgbc,sgc->sgb", local.by_w, rates))
-        by_xi = np.zeros(self.size)
-        for h, parts in enumerate(self.parts):
-            turned = _turned([z[part] for part in parts])
-            for part, other in zip(parts, turned, strict=True):
-                by_omega[part] += h * (self.C[h] @ other + xi * other)
-                by_omega[part] -= 2.0 * omega * h**2 * z[part]
-                by_xi[part] = h * omega * other
+        turned = self._turned(z)
+        for C, parts in zip(self.C, self.parts, strict=True):
+            for part in parts:
+                by_omega[part] += C @ turned[part]
+        by_omega += xi * turned - 2.0 * omega * self._orders**2 * z
         J = self._jacobian(local, omega, xi, precision)
-        return Balanced(self.imbalance(z, omega, xi, local), J, by_omega, by_xi)
+        return Balanced(self.imbalance(z, omega, xi, local), J, by_omega, omega * turned)
 
     def _jacobian(self, local: LocalForces, omega: float, xi: float, precision: type) -> np.ndarray:
         """Derivatives of the imbalance by the coordinates, (m, m)."""
@@ -192,11 +201,6 @@ class Balance:
                 if j:
                     J[part, other] += sign * j * omega * (self.C[j] + xi * one)
         return J
-
-
-def _turned(parts: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Sines in place of cosines, minus cosines in place of sines: d/dtheta over the harmonic."""
-    return [parts[1], -parts[0]] if len(parts) == 2 else [0.0 * parts[0]]
 
 
 def imbalance(
