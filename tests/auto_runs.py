@@ -46,6 +46,12 @@ c = run(r('HB1'), IPS=2, ICP=[1, 11], ISW=1, ILP=1, DS={first!r}, DSMIN=1e-7, DS
         NMX={count}, UZR={{1: {at!r}}}, SP=['UZ{zeros}'], **common)
 save(c, 'cycles')
 """
+FOLDS = """\
+folds = dict(IPS=2, ICP=[1, 11, 2], ISW=2, ILP=0, DSMIN=1e-7, DSMAX=0.1)
+begun = run(c('LP1'), DS=0.01, NMX=5, **folds, **common)
+save(run(begun, DS=0.01, NMX={count}, **folds, **common)
+     + run(begun, DS=-0.01, NMX={count}, **folds, **common), 'folds')
+"""
 NUMBER = re.compile(r"(?<![\w.])(\d+\.\d+)(?:e([-+]\d+))?(?![\dD])")  # in double precision
 MULTIPLIER = re.compile(
     r"^\s*-?\d+\s+(\d+)\s+Multiplier\s+\d+\s+(\S+)\s+(\S+)\s+Abs", flags=re.MULTILINE
@@ -77,21 +83,31 @@ class AutoPoint:
         )
 
 
-def auto_cycles(folder, equations, n, start, state=None, **settings):
+def auto_cycles(folder, equations, n, start, state=None, second=None, **settings):
     """Labelled points of the equilibria, and of the cycles from their first Hopf point.
 
-    `equations` are lines of Fortran that set F from U and PAR(1).
+    `equations` are lines of Fortran that set F from U, PAR(1), and PAR(2), which is `second`.
     """
     lines = [f"U({i + 1})={value!r}" for i, value in enumerate(state or [0.0] * n)]
+    lines += [] if second is None else [f"PAR(2)={second!r}"]
     text = FORTRAN.format(equations=equations, start=start, state="\n".join(lines))
     return run_auto(folder, NUMBER.sub(lambda m: f"{m[1]}D{m[2] or 0}", text), n, **settings)
 
 
-def run_auto(folder, program, n, **settings):
-    """As `auto_cycles`, of a whole program in Fortran with n states."""
+def auto_folds(folder, equations, n, start, second, count, **settings):
+    """The first fold of cycles continued over PAR(2), both ways: PAR(1), period, PAR(2) (m, 3)."""
+    more = FOLDS.format(count=count)
+    auto_cycles(folder, equations, n, start, second=second, more=more, **settings)
+    rows = (line.split() for line in (folder / "b.folds").read_text().splitlines())
+    own = [w for w in rows if len(w) > 5 and w[0] != "0"]
+    return np.array([[float(w[4]), *map(float, w[-2:])] for w in own])
+
+
+def run_auto(folder, program, n, more="", **settings):
+    """As `auto_cycles`, of a whole program in Fortran with n states; `more` ends the script."""
     (folder / "model.f90").write_text(program)
     defaults = {"count": 400, "first": 0.01, "far": 0.1, "largest": 0.05, "zeros": 2, "mesh": 100}
-    (folder / "run.auto").write_text(SCRIPT.format(n=n, **(defaults | settings)))
+    (folder / "run.auto").write_text(SCRIPT.format(n=n, **(defaults | settings)) + more)
     done = subprocess.run(
         ["auto-07p", "run.auto"], cwd=folder, capture_output=True, text=True, timeout=300
     )

@@ -8,6 +8,7 @@ import cycle_models as models
 import numpy as np
 import pytest
 
+from squealstudy.cycles.borders import BorderPoint, fold_near, follow_border
 from squealstudy.cycles.branch import HOPF, NS, TURN, branch
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import floquet
@@ -79,6 +80,36 @@ def test_quintic_oscillator_through_its_fold(tmp_path):
         assert 2 * np.pi / own.omega == pytest.approx(judge.period, rel=EQUAL)
         assert size(own, np.eye(1)) == pytest.approx(judge.norm, rel=EQUAL)
         compare_multipliers(floquet(osc, own), judge.multipliers)
+
+
+def test_folds_of_the_quintic_oscillator_over_two_parameters(tmp_path):
+    equations = "F(1)=U(2)\nF(2)=-(PAR(1)-U(1)**2+PAR(2)*U(1)**4)*U(2)-U(1)"
+    settings = {"low": -0.1, "high": 0.3, "step": -0.02, "at": 0.05}
+    judges = auto_runs.auto_folds(tmp_path, equations, 2, 0.2, 1.0, 100, **settings)
+    judges = judges[np.argsort(judges[:, 2])]
+    judges = judges[(judges[:, 2] > 0.45) & (judges[:, 2] < 2.0)][::15]
+    assert np.ptp(judges[:, 2]) > 1.0
+
+    def line(kappa):
+        def force(x, v, nu):
+            c = nu - x**2 + kappa * x**4
+            return -c * v, (2 * x - 4 * kappa * x**3) * v, -c
+
+        return lambda nu: models.scalar_oscillator(force, nu)
+
+    def locate(kappa, guess):
+        return BorderPoint(kappa, *fold_near(line(kappa), guess, (0.0, 0.3)))
+
+    start = PeriodicMotion(np.zeros((31, 1)), 1.0, 0.125)
+    start.Q[1] = 1.0
+    found = {}
+    for side in (-1.0, 1.0):
+        points, end = follow_border(locate, locate(1.0, start), judges[:, 2], side, 0.3)
+        assert end == "range"
+        found |= {p.over: p.motion for p in points}
+    for nu, time, kappa in judges:
+        assert found[kappa].mu == pytest.approx(nu, abs=EQUAL)
+        assert 2 * np.pi / found[kappa].omega == pytest.approx(time, rel=EQUAL)
 
 
 def test_van_der_pol(tmp_path):

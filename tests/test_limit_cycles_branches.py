@@ -189,18 +189,23 @@ def test_cycles_from_onset(tmp_path):
 
 
 def test_verdict_map(tmp_path):
-    """Where the contact is pressed together less its spring softens less, and nothing squeals."""
-    old = "start = 0.1\nstop = 1.0\nnum = 10"
+    """Where the spring softens less the oscillator squeals only when kicked, or not at all."""
     text = STUDY.with_name("verdict_map.toml").read_text(encoding="utf-8")
-    text = text.replace("[900.0, 920.0, 940.0, 960.0, 980.0, 1000.0]", "[600.0, 1000.0]")
-    text = text.replace(old, "values = [0.6, 0.9]")
-    assert "900.0" not in text
+    for old, new in (
+        ("0.05, 0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0", "0.6, 0.9"),
+        ("-6.4e17, -5.9e17, -5.4e17, -4.9e17, -4.4e17", "-5.4e17, -2e17"),
+    ):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
     found = solved(plan_of(text, STUDY.with_name("verdict_map.toml")), tmp_path / "map")
-    points = found.points.set_index(["friction", "normal_force"])
-    assert points.loc[(0.6, 1000.0), "verdict"] == "squeals_if_kicked"
-    assert points.loc[(0.6, 1000.0), "threshold_velocity"] == pytest.approx(0.982, abs=1e-3)
-    assert points.loc[(0.9, 1000.0), "verdict"] == "squeals"
-    assert points.loc[(0.9, 600.0), "verdict"] == "no_cycle_found"
+    points = found.points.set_index(["friction", "contact.cubic_stiffness"])
+    assert points.loc[(0.6, -5.4e17), "verdict"] == "squeals_if_kicked"
+    assert points.loc[(0.6, -5.4e17), "threshold_velocity"] == pytest.approx(0.982, abs=1e-3)
+    assert points.loc[(0.9, -5.4e17), "verdict"] == "squeals"
+    assert points.loc[(0.9, -2e17), "verdict"] == "no_cycle_found"
+    border = found.table("borders")
+    (own,) = border[border["line_difference"].notna().to_numpy(bool)].to_dict("records")
+    assert own["value"] == pytest.approx(0.797, abs=1e-3)
     figure = found.plot.verdict_map()
     assert {t.get_text() for t in figure.legends[0].texts} >= {"squeals", "squeals if kicked"}
 

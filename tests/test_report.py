@@ -189,12 +189,19 @@ def test_of_limit_cycles_it_tells_events_of_branches_with_units():
     cycles = pd.DataFrame({"same_as": [], "status": [], "level_error": []})
     verdicts = pd.DataFrame({"verdict": ["no_cycle_found"]})
     tables = {"branches": branches, "cycles": cycles, "verdicts": verdicts}
+    tables["borders"] = pd.DataFrame()
     results = made(kind="limit_cycles", units={"pressure": "Pa"}, **tables)
     assert ("branch", "along pressure: fold at 500 kPa; ends: bound") in CYCLES.facts(results)
     many = pd.concat([branches.assign(cycle_id=f"c{k}") for k in range(8)])
     facts = CYCLES.facts(results.with_tables(**tables | {"branches": many}))
     assert [name for name, _ in facts].count("branch") == 6
     assert facts[-1] == ("", "2 more in the branches table")
+    names = ("border_id", "event", "along", "over", "line_difference")
+    rows = [("a", "F", "p", "q", 2e-9), ("a", "F", "p", "q", np.nan), ("b", "H", "p", "q", -1e-8)]
+    borders = pd.DataFrame([*rows, ("c", "F", "p", "q", np.nan)], columns=list(names))
+    facts = CYCLES.facts(results.with_tables(**tables | {"borders": borders}))
+    told = "2 curves of folds and 1 curve of Hopf points over p and q"
+    assert facts[-1] == ("borders", f"{told}; of lines they differ by 1e-08 at most")
 
 
 @pytest.fixture(scope="module")

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 LEVELS = 5  # contours
 PALE = 0.5  # share of white: lines and marks are drawn over it
 BORDERS = {"H": ("^", "Hopf point of a branch"), "F": ("D", "fold of a branch")}
+LINES = {"H": ("-", "border of Hopf points"), "F": ("--", "border of folds")}
 
 
 def _planes(results: Results) -> Iterator[tuple[str, Choices]]:
@@ -36,7 +37,10 @@ def _planes(results: Results) -> Iterator[tuple[str, Choices]]:
 
 
 @register_plot(
-    _planes, points=("verdict", "threshold_velocity"), branches=("along", "value", "event")
+    _planes,
+    points=("verdict", "threshold_velocity"),
+    branches=("along", "value", "event"),
+    borders=("along", "value", "over", "over_value", "event"),
 )
 def verdict_map(
     results: Results,
@@ -47,7 +51,8 @@ def verdict_map(
     """Cells of a grid, or scattered points, coloured by verdict; contours of the threshold.
 
     Hopf points and folds of branches along one of both parameters are marked where they are:
-    between them, verdicts do not change.
+    between them, verdicts do not change. Where they were continued over the other one
+    (`borders_over`) they are lines.
 
     Parameters
     ----------
@@ -123,6 +128,9 @@ def _borders(
     branches = results.table("branches")
     drawn: list[Artist] = []
     for event, (marker, label) in BORDERS.items():
+        if lines := _lines(axes, results, plane, rows, names, event):
+            drawn.append(lines[0])
+            continue
         own = (branches["event"] == event) & branches["along"].isin(names)
         found = branches[own.to_numpy(bool)].merge(rows[["point_id", *names]], on="point_id")
         if not len(found):
@@ -131,5 +139,27 @@ def _borders(
         style: dict[str, Any] = {"color": "black", "markersize": 6, "label": label}
         drawn += axes.plot(
             plane.across.scaled(x), plane.up.scaled(y), marker, linestyle="", **style
+        )
+    return drawn
+
+
+def _lines(
+    axes: Axes,
+    results: Results,
+    plane: Plane,
+    rows: pd.DataFrame,
+    names: tuple[str, str],
+    event: str,
+) -> list[Artist]:
+    """The borders of an event over both parameters of the map, of designs shown."""
+    table = results.table("borders")
+    own = (table["event"] == event) & table["point_id"].isin(rows["point_id"])
+    own &= table["along"].isin(names) & table["over"].isin(names)
+    style, label = LINES[event]
+    drawn: list[Artist] = []
+    for _, border in table[own.to_numpy(bool)].groupby("border_id", sort=False):
+        x, y = (border["value"].where(border["along"] == n, border["over_value"]) for n in names)
+        drawn += axes.plot(
+            plane.across.scaled(x), plane.up.scaled(y), style, color="black", label=label
         )
     return drawn

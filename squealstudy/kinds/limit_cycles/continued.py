@@ -29,24 +29,20 @@ from squealstudy.cycles.curve import between
 from squealstudy.cycles.cycle import Cycle, cycle_near
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import START
-from squealstudy.cycles.growth import FAR, linear_modes
-from squealstudy.cycles.onset import criticality
+from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.projection import Projection
 from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.rows import FAILURES
-from squealstudy.errors import ConvergenceError, SquealstudyError
+from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest, Way
-from squealstudy.modes.tracking.onsets import SolvedLine, refine_onset
-from squealstudy.modes.tracking.refinement import Modes
+from squealstudy.kinds.limit_cycles.onset import onset_near
 from squealstudy.study.design import DesignPoint
 
 TURNED = "turned"  # why a step to a neighbour ends: the cycle folds before it
 BACK = 0.2  # share of the way back after which it is given up
 NEAR_HZ, NEAR_LEVEL = 1e-3, 0.05  # relative: a branch may pass a cycle where it is as near as that
 SAME_FOLD = 1e-4  # of the range: two branches with a fold within it are one
-ONSET_PRECISION = 1e-9  # of the range
-WIDER = 8  # times that the bracket of an onset doubles
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +124,25 @@ class Continued:
     cycle: Cycle | None
 
 
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A fold or a Hopf point of a branch.
+
+    Attributes
+    ----------
+    point_id : str
+        Of the design that the branch was begun at.
+    event : str
+        F or H.
+    motion : PeriodicMotion
+        Its `mu` is the value of the parameter; of a Hopf point without size.
+    """
+
+    point_id: str
+    event: str
+    motion: PeriodicMotion
+
+
 @dataclass
 class Found:
     """What was continued.
@@ -139,11 +154,14 @@ class Found:
     cycles : list of Continued
     lost : list of str
         Starts from which no branch could be followed, with the reasons.
+    marks : list of Mark
+        Folds and Hopf points of the branches.
     """
 
     branches: list[dict[str, Any]] = field(default_factory=list)
     cycles: list[Continued] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
+    marks: list[Mark] = field(default_factory=list)
 
 
 def step_to_neighbour(task: StepTask) -> Found:
@@ -154,7 +172,7 @@ def step_to_neighbour(task: StepTask) -> Found:
     def stop(motion: PeriodicMotion) -> str:
         nonlocal furthest
         furthest = max(furthest, motion.mu)
-        return TURNED if motion.mu < furthest - BACK else _ended(way, motion)
+        return TURNED if motion.mu < furthest - BACK else ended(way, motion)
 
     try:
         _, curve, end = cycles_along(way.oscillator, task.start.motion, way.bounds, 1.0, stop)
@@ -189,6 +207,7 @@ def follow_line(task: LineTask) -> Found:
             continue
         known.append(one)
         found.branches += one.rows(way, task.along)
+        found.marks += one.marks
     for point in task.points:
         found.cycles += _cycles_of(task, way, known, point)
     return found
@@ -212,6 +231,17 @@ class Branch:
     points: list[BranchPoint]
     ends: tuple[str, str]
     onsets: dict[int, tuple[float, float, str]]
+
+    @property
+    def marks(self) -> list[Mark]:
+        """Its folds and Hopf points."""
+        folds = [p.motion for p in self.points if p.event == TURN]
+        places = [
+            PeriodicMotion(np.zeros((3, 1)), 2.0 * np.pi * hz, value)
+            for value, hz, _ in self.onsets.values()
+        ]
+        name = self.start.point_id
+        return [Mark(name, TURN, m) for m in folds] + [Mark(name, HOPF, m) for m in places]
 
     def crossings(self, value: float) -> list[PeriodicMotion]:
         """Its motions at a value, between two points each."""
@@ -287,7 +317,7 @@ class Branch:
         return row
 
 
-def _ended(way: Way, motion: PeriodicMotion) -> str:
+def ended(way: Way, motion: PeriodicMotion) -> str:
     """Whether a cycle has shrunk to steady sliding, or is as large as was asked."""
     contact = way.contact(motion.mu)
     velocity, speed = contact.contact_velocity(motion), abs(contact.point.speed)
@@ -310,7 +340,7 @@ def _branch(way: Way, start: Start) -> Branch:
             start.motion,
             way.bounds,
             direction,
-            partial(_ended, way),
+            partial(ended, way),
             highest=way.asked.band[1],
         )
         if end == CLOSED:
@@ -323,38 +353,9 @@ def _branch(way: Way, start: Start) -> Branch:
         if point.event == HOPF:
             neighbour = points[1] if k == 0 else points[k - 1]
             with contextlib.suppress(SquealstudyError):  # it keeps what the curve has
-                onsets[k] = _onset(way, point, neighbour)
+                half = abs(point.motion.mu - neighbour.motion.mu)
+                onsets[k] = onset_near(way, point.motion, half)
     return Branch(start, points, (ends[0], ends[1]), onsets)
-
-
-def _onset(way: Way, point: BranchPoint, neighbour: BranchPoint) -> tuple[float, float, str]:
-    """Where the mode that a cycle shrinks to turns unstable, as onsets are refined: as `onsets`."""
-
-    def modes(value: float) -> Modes:
-        lam, psi = linear_modes(way.contact(value), 2.0 * point.motion.omega)
-        return Modes(lam[lam.imag > 0], psi[:, lam.imag > 0].T)
-
-    def place(found: Modes) -> int:
-        return int(np.argmin(np.abs(np.abs(found.lam) - point.motion.omega)))
-
-    width = abs(way.bounds[1] - way.bounds[0])
-    half = max(abs(point.motion.mu - neighbour.motion.mu), 1e-6 * width)
-    for _ in range(WIDER):
-        low, high = point.motion.mu - half, point.motion.mu + half
-        ends = [modes(value) for value in (low, high)]
-        zeta = [-m.lam[place(m)].real / abs(m.lam[place(m)]) for m in ends]
-        if (zeta[0] + way.asked.tolerance) * (zeta[1] + way.asked.tolerance) < 0:
-            break
-        half *= 2.0
-    else:
-        raise ConvergenceError("no_onset", "no change of stability beside the end of a branch")
-    line = SolvedLine(low, ends[0], high, ends[1], modes)
-    places = [place(m) for m in ends]
-    found = refine_onset(line, places[0], places[1], way.asked.tolerance, ONSET_PRECISION * width)
-    neutral = modes(found.value)
-    k = place(neutral)
-    how = criticality(way.contact(found.value), complex(neutral.lam[k]), neutral.shapes[k])
-    return found.value, found.frequency_hz, how
 
 
 def _cycle_at(

@@ -30,12 +30,14 @@ from squealstudy.engine.rows import (
     planned_rows,
     tabled,
 )
-from squealstudy.engine.store import BRANCHES, CURVES, CYCLES, VELOCITIES, VERDICTS, Store
+from squealstudy.engine.store import BORDERS, BRANCHES, CURVES, CYCLES, VELOCITIES, VERDICTS, Store
 from squealstudy.engine.validity import write_points
 from squealstudy.engine.workers import Workers
+from squealstudy.kinds.limit_cycles.bordering import BORDER_FIELDS, follow_borders, planes
 from squealstudy.kinds.limit_cycles.continued import (
     Continued,
     LineTask,
+    Mark,
     Start,
     StepTask,
     follow_line,
@@ -92,6 +94,8 @@ def build_tables(plan: Plan, store: Store, workers: Workers) -> tuple[pd.DataFra
     work = Continuation(plan, store, rows, workers)
     if plan.study.section.follow is not None:
         work.follow(plan.study.section.follow)
+    if plan.study.section.borders_over is not None:
+        work.continue_borders(plan.study.section.follow, plan.study.section.borders_over)
     if plan.study.section.neighbours:
         work.try_neighbours()
     work.keep()
@@ -107,6 +111,8 @@ def build_tables(plan: Plan, store: Store, workers: Workers) -> tuple[pd.DataFra
     frame = pa.Table.from_pylist(work.branches, schema=schema).to_pandas()
     frame = frame.astype({"stable": "boolean"})
     store.write_table(BRANCHES, pa.Table.from_pandas(frame, schema, preserve_index=False))
+    schema = pa.schema([("point_id", TEXT), *BORDER_FIELDS])
+    store.write_table(BORDERS, pa.Table.from_pylist(work.borders, schema=schema))
     schema = pa.schema([("point_id", TEXT), *VELOCITY_FIELDS])
     store.write_table(VELOCITIES, pa.Table.from_pylist(velocities, schema=schema))
     points = write_points(plan, store, tabled(rows, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS)))
@@ -128,8 +134,8 @@ class Continuation:
 
     Attributes
     ----------
-    branches : list of dict
-        Rows of the table of branches.
+    branches, borders : list of dict
+        Rows of these tables.
     facts : dict
         How many cycles were ``tried``, ``found`` at designs, and ``lost`` with their reasons.
     """
@@ -142,7 +148,9 @@ class Continuation:
         self._numbers = {row["point_id"]: k for k, row in enumerate(rows)}
         self._new: dict[str, tuple[np.ndarray, float]] = {}
         self._structure: dict[str, str] = {}
+        self._marks: list[Mark] = []
         self.branches: list[dict[str, Any]] = []
+        self.borders: list[dict[str, Any]] = []
         self.facts: dict[str, Any] = {"tried": 0, "found": 0, "lost": []}
 
     # -- what is known --------------------------------------------------------------------------
@@ -172,7 +180,15 @@ class Continuation:
         self.facts["tried"] += sum(len(task.starts) for task in tasks)
         for found in self._workers.each(follow_line, tasks, stage="branches"):
             self.branches += found.branches
+            self._marks += found.marks
             self._join(found.cycles, found.lost)
+
+    def continue_borders(self, along: str, over: str) -> None:
+        """Folds and Hopf points of the branches over a second parameter, of all planes."""
+        tasks = list(planes(self._plan, self._request, along, over, self._marks))
+        for rows, lost in self._workers.each(follow_borders, tasks, stage="borders"):
+            self.borders += rows
+            self.facts["lost"] += lost
 
     def _lines(self, along: str) -> Iterator[LineTask]:
         plan, starts = self._plan, self._starts()

@@ -22,6 +22,7 @@ from squealstudy.engine.model_kind import Columns, ModelKind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import FAILURES, failed_row, reason
 from squealstudy.engine.store import (
+    BORDERS,
     BRANCHES,
     CURVES,
     CYCLES,
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CONTINUED = (
+    "borders_over",
     "follow",
     "neighbours",
     "points",
@@ -76,6 +78,7 @@ class LimitCycles(ModelKind):
         VERDICTS,
         CYCLES,
         BRANCHES,
+        BORDERS,
         CURVES,
         VELOCITIES,
     )
@@ -87,6 +90,8 @@ class LimitCycles(ModelKind):
         study = super().read(source, tables)
         if why := _not_followed(study, study.section.follow):
             raise study.error(("limit_cycles", "follow"), why)
+        if why := _not_bordered(study):
+            raise study.error(("limit_cycles", "borders_over"), why)
         keys, why = not_observed(study)
         if why:
             raise study.error(("limit_cycles", *keys), why)
@@ -170,6 +175,18 @@ def _not_followed(study: ResolvedStudy, name: str | None) -> str:
         return "cycles are followed along the lines of a grid, which this design is not"
     values = design_points(study)[:, swept[name]]
     return "" if values.min() < values.max() else f"'{name}' has one value alone"
+
+
+def _not_bordered(study: ResolvedStudy) -> str:
+    """Why borders cannot be continued over a parameter; empty where they can be, or none is."""
+    follow, over = study.section.follow, study.section.borders_over
+    if over is None:
+        return ""
+    if follow is None:
+        return "folds and Hopf points are those of branches: 'follow' names no parameter"
+    if follow == over:
+        return f"'{over}' is the parameter that is followed: expected another one"
+    return _not_followed(study, over)
 
 
 def cycles_row(

@@ -20,13 +20,14 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 MOST_BRANCHES, MOST_EVENTS = 6, 6  # listed
+EVENTS = {"F": "folds", "H": "Hopf points"}
 MOST_COLUMNS = 2  # parameters with a column of their own
 
 
 class LimitCyclesScreen(KindScreen):
     """Whether each design squeals, squeals if kicked, or has no cycle that was found."""
 
-    tables = ("points", "verdicts", "cycles", "branches", "curves", "velocities")
+    tables = ("points", "verdicts", "cycles", "branches", "borders", "curves", "velocities")
 
     def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
         """Refused: there are verdicts, no ranking."""
@@ -87,7 +88,8 @@ class LimitCyclesScreen(KindScreen):
             if bad:
                 said += f"; {bad} inaccurate"
             rows.append(("cycles", said))
-        return [*rows, *_branches(results.table("branches"), results.units)]
+        rows += _branches(results.table("branches"), results.units)
+        return [*rows, *_borders(results.table("borders"))]
 
 
 def _branches(branches: pd.DataFrame, units: Mapping[str, str]) -> Rows:
@@ -114,6 +116,24 @@ def _branches(branches: pd.DataFrame, units: Mapping[str, str]) -> Rows:
     if (left := len(rows) - MOST_BRANCHES) > 0:
         rows[MOST_BRANCHES:] = [("", f"{left} more in the branches table")]
     return rows
+
+
+def _borders(borders: pd.DataFrame) -> Rows:
+    """How many there are, and by how much they differ from the lines of the grid."""
+    if not len(borders):
+        return []
+    first = borders.drop_duplicates("border_id")
+    counts = {name: int((first["event"] == event).sum()) for event, name in EVENTS.items()}
+    told = (plural(n, f"curve of {k}", f"curves of {k}") for k, n in counts.items() if n)
+    text = " and ".join(told)
+    over = f"{text} over {first['along'].iloc[0]} and {first['over'].iloc[0]}"
+    apart = borders["line_difference"].abs().max()
+    return [
+        (
+            "borders",
+            over + (f"; of lines they differ by {apart:.1g} at most" if apart == apart else ""),
+        )
+    ]
 
 
 def _cells(row: dict[Hashable, Any], own: list[str]) -> list[str]:

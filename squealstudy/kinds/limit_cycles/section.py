@@ -109,6 +109,12 @@ class LimitCyclesSection(Section):
         description="swept parameter, not of the structure, along which cycles are followed "
         "through folds between its least and its largest value: branches",
     )
+    borders_over: str | None = Field(
+        default=None,
+        min_length=1,
+        description="second swept parameter, not of the structure, over which folds and Hopf "
+        "points of the branches are continued between its least and its largest value: borders",
+    )
     neighbours: bool = Field(
         default=True,
         description="whether a design without a stable cycle of its own is tried from those of "

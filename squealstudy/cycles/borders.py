@@ -1,0 +1,189 @@
+"""Folds and onsets of branches continued over a second parameter.
+
+At one value of the second parameter a fold is found from a motion nearby: the balance at a held
+size is regular there, and along it the first parameter has an extremum. The curve is followed in
+the second parameter, through given values of it exactly, until it turns back in it or is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.cycles.branch import RANGE, Oscillators
+from squealstudy.cycles.continuation import newton
+from squealstudy.cycles.curve import between
+from squealstudy.cycles.equations import BranchEquations, PeriodicMotion
+from squealstudy.cycles.projection import SIZE
+from squealstudy.errors import ConvergenceError
+
+TURNED = "turned"  # why a border ends: it goes back in the second parameter
+ANOTHER = "another"  # another border is all that was found
+MET = "hopf"  # a fold whose cycle shrinks to nothing: it meets the border of Hopf points
+BEGUN = 1e-3  # of log size: the first two places at which a fold is looked for
+FOUND = 1e-6  # of log size; the parameter is known to the square of it
+TRIES = 12  # places looked at
+STRIDE = 0.2  # of log size, at most between two of them
+FIRST, LEAST, LARGEST = 0.05, 1e-4, 0.25  # steps, of the range of the second parameter
+EASY, HARD = 0.1, 0.4  # of a step: how far from its end, as it was foreseen, the border may be
+CLOSE = 0.02  # and how far at least
+AHEAD = 4.0  # last steps within which a border that cannot be followed turns back
+NOTHING = 0.2  # of its size, at that place: the cycle shrinks to nothing
+
+
+@dataclass(frozen=True, eq=False)
+class BorderPoint:
+    """A point of a border.
+
+    Attributes
+    ----------
+    over : float
+        Value of the second parameter.
+    motion : PeriodicMotion
+        Its `mu` is the value of the first; of a Hopf point without size.
+    residual : float
+        Of the balance.
+    criticality : str
+        Of a Hopf point, as of `onset.criticality`.
+    """
+
+    over: float
+    motion: PeriodicMotion
+    residual: float = 0.0
+    criticality: str = ""
+
+
+Locate = Callable[[float, PeriodicMotion], BorderPoint]  # at a value, from a motion nearby
+
+
+def fold_near(
+    oscillators: Oscillators, guess: PeriodicMotion, bounds: tuple[float, float]
+) -> tuple[PeriodicMotion, float]:
+    """The fold near a cycle, in all coordinates, and the residual of its balance.
+
+    Where the parameter does not change with the size of the cycle: by secants in log size.
+
+    Parameters
+    ----------
+    oscillators : callable
+        Oscillator of a value of the parameter.
+    guess : PeriodicMotion
+        Its `mu` is a value of the parameter.
+    bounds : (low, high)
+        Range of the parameter.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is none.
+    """
+    equations = BranchEquations(oscillators, guess.harmonics, guess.omega, bounds)
+    u = equations.pack(guess)
+    equations.accepted(u)
+    normal = np.zeros(len(u))
+    normal[SIZE] = 1.0
+    along, change = np.zeros(len(u)), 0.0
+    before = np.nan, np.nan  # log size, slope of the parameter over it
+    for _ in range(TRIES):
+        u = u + change * along
+        u, residual, _, there = newton(equations, u, normal, float(u[SIZE]))
+        if abs(change) < FOUND and change:
+            return equations.motion(u), residual
+        along = there.tangent / there.tangent[SIZE]
+        size, slope = float(u[SIZE]), float(along[-1])
+        bend = (slope - before[1]) / (size - before[0])
+        step = -slope / bend if np.isfinite(bend) and bend else BEGUN
+        change, before = float(np.clip(step, -STRIDE, STRIDE)) or 0.5 * FOUND, (size, slope)
+    raise ConvergenceError("not_converged", f"no fold within {TRIES} places")
+
+
+def follow_border(
+    locate: Locate, start: BorderPoint, values: Sequence[float], direction: float, width: float
+) -> tuple[list[BorderPoint], str]:
+    """A border from one of its points on, over the second parameter.
+
+    Parameters
+    ----------
+    locate : callable
+        Its point at a value of the second parameter; ConvergenceError where there is none.
+    start : BorderPoint
+    values : sequence of float
+        Ascending; all of them on the way, from the least to the largest, are points.
+    direction : float
+        1 towards larger ones, -1.
+    width : float
+        Range of the first parameter, in which steps are measured.
+
+    Returns
+    -------
+    points : list of BorderPoint
+        The start first.
+    end : str
+        ``range``, ``turned``, ``hopf``, or why it was lost: ``another``, ``not_converged`` ...
+    """
+    points, span = [start], values[-1] - values[0]
+    goals = [v for v in values if (v - start.over) * direction > 0.0]
+    goals.sort(key=lambda v: v * direction)
+    h = FIRST * span
+    while goals:
+        last = points[-1]
+        step = min(h, abs(goals[0] - last.over))
+        over = goals[0] if step >= abs(goals[0] - last.over) else last.over + direction * step
+        foreseen = _foreseen(points, over)
+        try:
+            found, reason = locate(over, foreseen), ""
+        except ConvergenceError as error:
+            reason = error.status
+        moved = max(_apart(last.motion, foreseen, width), CLOSE / HARD)
+        away = np.inf if reason else _apart(found.motion, foreseen, width) / moved
+        if away > HARD:
+            reason, h = reason or ANOTHER, 0.5 * step
+            if h < LEAST * span:
+                return points, _why(points, width, reason)
+            continue
+        points.append(found)
+        if over == goals[0]:
+            del goals[0]
+        h = min(h * (1.5 if away < EASY else 1.0), LARGEST * span)
+    return points, RANGE
+
+
+def _foreseen(points: list[BorderPoint], over: float) -> PeriodicMotion:
+    """The motion at a value of the second parameter, straight on."""
+    one = points[-1]
+    if len(points) < 2:
+        return one.motion
+    before = points[-2]
+    return between(before.motion, one.motion, (over - before.over) / (one.over - before.over))
+
+
+def _place(motion: PeriodicMotion, width: float) -> np.ndarray:
+    return np.array([motion.mu / width, motion.size, motion.omega])
+
+
+def _apart(one: PeriodicMotion, other: PeriodicMotion, width: float) -> float:
+    """Largest of the differences in parameter, size and frequency, relative."""
+    scale = np.array([1.0, max(one.size, 1e-300), one.omega])
+    return float(np.abs((_place(other, width) - _place(one, width)) / scale).max())
+
+
+def _why(points: list[BorderPoint], width: float, reason: str) -> str:
+    """Why a border cannot be followed: it turns back just ahead, as a square root, or was lost.
+
+    Of the unknowns the one that changes most tells, by a parabola through the last three points.
+    """
+    if len(points) < 3 or reason == RANGE:
+        return reason
+    last = points[-3:]
+    scale = np.array([1.0, max(last[-1].motion.size, 1e-300), last[-1].motion.omega])
+    x = np.array([_place(p.motion, width) / scale for p in last])
+    k = int(np.argmax(np.abs(x[-1] - x[-2])))
+    if np.abs(np.diff(x[:, k])).min() < FOUND:
+        return reason
+    a, b, c = np.polyfit(x[:, k] - x[-1, k], [p.over - last[-1].over for p in last], 2)
+    step = last[-1].over - last[-2].over
+    if not a or not 0.0 <= (c - b**2 / (4.0 * a)) / step <= AHEAD:
+        return reason
+    return MET if k == 1 and 1.0 - b / (2.0 * a) < NOTHING else TURNED

@@ -1,0 +1,217 @@
+"""Folds and Hopf points of branches continued over a second swept parameter: borders of verdicts.
+
+What workers do after all branches are there, for each plane of the two parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from squealstudy.cycles.borders import BorderPoint, fold_near, follow_border
+from squealstudy.cycles.branch import RANGE, TURN
+from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.oscillator import WHOLE
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.rows import FAILURES, REAL, TEXT
+from squealstudy.engine.rows import WHOLE as COUNT
+from squealstudy.errors import ConvergenceError
+from squealstudy.kinds.limit_cycles.continued import NEAR_HZ, SAME_FOLD, Mark, ended
+from squealstudy.kinds.limit_cycles.designs import CyclesRequest, Way
+from squealstudy.kinds.limit_cycles.onset import onset_near
+from squealstudy.study.design import DesignPoint
+
+HALF = 1e-3  # of the range: bracket of an onset at least
+BORDER_FIELDS = (
+    ("border_id", TEXT),
+    ("event", TEXT),
+    ("n_step", COUNT),
+    ("along", TEXT),
+    ("value", REAL),
+    ("over", TEXT),
+    ("over_value", REAL),
+    ("line_difference", REAL),
+    ("criticality", TEXT),
+    ("border_end", TEXT),
+    ("frequency_hz", REAL),
+    ("torque_rms", REAL),
+    ("contact_velocity", REAL),
+    ("n_harmonics", COUNT),
+    ("balance_residual", REAL),
+)
+
+
+@dataclass(frozen=True)
+class PlaneTask:
+    """Borders over two parameters, all others held.
+
+    Attributes
+    ----------
+    request : CyclesRequest
+    base : DesignPoint
+        One of the plane.
+    along, over : str
+    bounds : (low, high)
+        Of the first parameter.
+    values : tuple of float
+        Of the second one, ascending.
+    marks : tuple of (float, Mark)
+        Folds and Hopf points of the plane's lines, with the second parameter's values.
+    """
+
+    request: CyclesRequest
+    base: DesignPoint
+    along: str
+    over: str
+    bounds: tuple[float, float]
+    values: tuple[float, ...]
+    marks: tuple[tuple[float, Mark], ...]
+
+
+def planes(
+    plan: Plan, asked: CyclesRequest, along: str, over: str, marks: Sequence[Mark]
+) -> Iterator[PlaneTask]:
+    """A task of each plane on which branches have folds or Hopf points."""
+    tasks = plan.tasks
+    swept = [s.name for s in plan.study.sweeps]
+    others = np.delete(plan.swept, [swept.index(along), swept.index(over)], axis=1)
+    _, plane = np.unique(
+        np.column_stack([others, tasks.structure_index]), axis=0, return_inverse=True
+    )
+    first, second = tasks.column(along), tasks.column(over)
+    places = {tasks[k].point_id: k for k in range(len(first))}
+    for number in range(int(plane.max(initial=-1)) + 1):
+        own = np.flatnonzero(plane == number)
+        known = [(places[mark.point_id], mark) for mark in marks]
+        chosen = [(float(second[k]), mark) for k, mark in known if plane[k] == number]
+        if chosen:
+            bounds = float(first[own].min()), float(first[own].max())
+            values = tuple(float(v) for v in np.unique(second[own]))
+            base = tasks[int(own[0])]
+            yield PlaneTask(asked, base, along, over, bounds, values, tuple(chosen))
+
+
+def follow_borders(task: PlaneTask) -> tuple[list[dict[str, Any]], list[str]]:
+    """Rows of the borders of a plane, each followed once, and what could not be followed."""
+    plane = Plane(task)
+    borders: list[tuple[Mark, list[BorderPoint], tuple[str, str]]] = []
+    rows, lost, differences = [], list[str](), dict[tuple[int, int], float]()
+    for over, mark in sorted(task.marks, key=lambda m: (m[1].event, m[0], m[1].motion.mu)):
+        place = plane.passed(borders, over, mark)
+        if place is None:
+            try:
+                borders.append((mark, *plane.border(over, mark)))
+            except FAILURES as error:
+                lost.append(f"{mark.event} at {task.along} {mark.motion.mu:g}: {error}")
+                continue
+            place = plane.passed(borders, over, mark)
+        if place is not None:
+            at = borders[place[0]][1][place[1]].motion.mu
+            differences[place] = at - mark.motion.mu
+    for number, (mark, points, ends) in enumerate(borders):
+        own = [plane.row(mark, k, point) for k, point in enumerate(points)]
+        for k, row in enumerate(own):
+            row["border_id"] = f"{mark.point_id}-{mark.event}-{number + 1}"
+            row["line_difference"] = differences.get((number, k), np.nan)
+        own[0]["border_end"], own[-1]["border_end"] = ends
+        rows += own
+    return rows, lost
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Folds and Hopf points at values of the second parameter."""
+
+    task: PlaneTask
+
+    @property
+    def width(self) -> float:
+        """Range of the first parameter."""
+        return self.task.bounds[1] - self.task.bounds[0]
+
+    def way(self, over: float) -> Way:
+        """The line of designs at a value of the second parameter."""
+        task = self.task
+        values = {**task.base.values, task.over: over}
+        first, last = (task.base.with_values(values | {task.along: v}) for v in task.bounds)
+        return Way(task.request, first, last, task.bounds)
+
+    def fold(self, over: float, guess: PeriodicMotion) -> BorderPoint:
+        """The fold at a value of the second parameter."""
+        way = self.way(over)
+        found = BorderPoint(over, *fold_near(way.oscillator, guess, way.bounds))
+        self._inside(found.motion.mu)
+        if reason := ended(way, found.motion):
+            raise ConvergenceError(reason, "the fold's cycle is too small or too large")
+        return found
+
+    def onset(self, over: float, guess: PeriodicMotion) -> BorderPoint:
+        """The Hopf point there."""
+        value, hz, how = onset_near(self.way(over), guess, HALF * self.width)
+        self._inside(value)
+        motion = replace(guess, omega=2.0 * np.pi * hz, mu=value)
+        return BorderPoint(over, motion, criticality=how)
+
+    def _inside(self, value: float) -> None:
+        low, high = self.task.bounds
+        if not low <= value <= high:
+            raise ConvergenceError(RANGE, "beyond the range of the parameter followed")
+
+    def border(self, over: float, mark: Mark) -> tuple[list[BorderPoint], tuple[str, str]]:
+        """The border through a fold or a Hopf point, both ways.
+
+        Raises
+        ------
+        ConvergenceError
+            Where it is not found at its own value, or the model is balanced on a basis.
+        """
+        if mark.event == TURN and self.way(over).oscillator(mark.motion.mu).n > WHOLE:
+            raise ConvergenceError(
+                "too_large", f"folds of more than {WHOLE} coordinates are not continued"
+            )
+        locate = self.fold if mark.event == TURN else self.onset
+        start = locate(over, mark.motion)
+        (down, first), (up, last) = (
+            follow_border(locate, start, self.task.values, side, self.width) for side in (-1.0, 1.0)
+        )
+        return [*down[:0:-1], *up], (first, last)
+
+    def passed(
+        self,
+        borders: Sequence[tuple[Mark, list[BorderPoint], tuple[str, str]]],
+        over: float,
+        mark: Mark,
+    ) -> tuple[int, int] | None:
+        """Border and place on it of a fold or a Hopf point of a line; None where none passes it."""
+        for number, (own, points, _) in enumerate(borders):
+            for k, point in enumerate(points if own.event == mark.event else []):
+                near = abs(point.motion.mu - mark.motion.mu) < SAME_FOLD * self.width
+                same = abs(point.motion.omega / mark.motion.omega - 1.0) < NEAR_HZ
+                if point.over == over and near and same:
+                    return number, k
+        return None
+
+    def row(self, mark: Mark, k: int, point: BorderPoint) -> dict[str, Any]:
+        """Of the table of borders."""
+        motion, levels = point.motion, {"torque_rms": 0.0, "contact_velocity": 0.0}
+        if mark.event == TURN:
+            found = self.way(point.over).contact(motion.mu).levels(motion)
+            levels = {name: found[name] for name in levels}
+        return {
+            "point_id": mark.point_id,
+            "event": mark.event,
+            "n_step": k,
+            "along": self.task.along,
+            "value": motion.mu,
+            "over": self.task.over,
+            "over_value": point.over,
+            "criticality": point.criticality,
+            "border_end": "",
+            "frequency_hz": motion.omega / (2.0 * np.pi),
+            "n_harmonics": motion.harmonics if mark.event == TURN else 0,
+            "balance_residual": point.residual,
+            **levels,
+        }

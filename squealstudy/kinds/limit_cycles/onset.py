@@ -1,0 +1,65 @@
+"""Where the mode that cycles shrink to turns unstable along a way between designs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.growth import linear_modes
+from squealstudy.cycles.onset import criticality
+from squealstudy.errors import ConvergenceError
+from squealstudy.kinds.limit_cycles.designs import Way
+from squealstudy.modes.tracking.onsets import SolvedLine, refine_onset
+from squealstudy.modes.tracking.refinement import Modes
+
+PRECISION = 1e-9  # of the range
+NARROWEST = 1e-6  # of the range: half of a bracket, at first
+WIDER = 8  # times that it doubles
+
+
+def onset_near(way: Way, motion: PeriodicMotion, half: float) -> tuple[float, float, str]:
+    """Where the mode that a cycle shrinks to turns unstable, as onsets are refined.
+
+    Parameters
+    ----------
+    way : Way
+    motion : PeriodicMotion
+        A small cycle; its `mu` is a value near by.
+    half : float
+        Of the bracket about that value; it is widened where stability does not change in it.
+
+    Returns
+    -------
+    value, frequency in Hz, criticality
+
+    Raises
+    ------
+    ConvergenceError
+        Where stability does not change near by, or the mode cannot be followed.
+    """
+
+    def modes(value: float) -> Modes:
+        lam, psi = linear_modes(way.contact(value), 2.0 * motion.omega)
+        return Modes(lam[lam.imag > 0], psi[:, lam.imag > 0].T)
+
+    def place(found: Modes) -> int:
+        return int(np.argmin(np.abs(np.abs(found.lam) - motion.omega)))
+
+    width = abs(way.bounds[1] - way.bounds[0])
+    half = max(half, NARROWEST * width)
+    for _ in range(WIDER):
+        low, high = motion.mu - half, motion.mu + half
+        ends = [modes(value) for value in (low, high)]
+        zeta = [-m.lam[place(m)].real / abs(m.lam[place(m)]) for m in ends]
+        if (zeta[0] + way.asked.tolerance) * (zeta[1] + way.asked.tolerance) < 0:
+            break
+        half *= 2.0
+    else:
+        raise ConvergenceError("no_onset", "no change of stability beside the end of a branch")
+    line = SolvedLine(low, ends[0], high, ends[1], modes)
+    places = [place(m) for m in ends]
+    found = refine_onset(line, places[0], places[1], way.asked.tolerance, PRECISION * width)
+    neutral, omega = modes(found.value), 2.0 * np.pi * found.frequency_hz
+    k = int(np.argmin(np.abs(neutral.lam - omega * (way.asked.tolerance + 1j))))  # two may be near
+    how = criticality(way.contact(found.value), complex(neutral.lam[k]), neutral.shapes[k])
+    return found.value, found.frequency_hz, how
