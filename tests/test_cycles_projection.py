@@ -154,6 +154,10 @@ def test_a_basis_in_which_the_way_on_cannot_be_told_is_refused(both):
     for factor in (0.9, 1.1):
         _, there = path._here(exact, replace(exact, Q=factor * exact.Q))
         assert np.sign(there.tangent[SIZE]) == np.sign(factor - 1.0)
+    ahead, behind = (replace(exact, Q=factor * exact.Q) for factor in (1.1, 0.9))
+    path._here(exact, ahead, behind)
+    with pytest.raises(ConvergenceError, match="which way"):
+        path._here(exact, ahead, replace(exact, Q=1.2 * exact.Q))
     with pytest.raises(ConvergenceError, match="which way"):
         path._here(exact, replace(exact, mu=exact.mu + 0.1))
 
