@@ -1,6 +1,6 @@
 """A brake on few coordinates, with its equations once more: in Fortran for AUTO-07p, and in numpy.
 
-They are written from THEORY.md, eqs. (1), (2), (4), (7) to (9), and share no code with the kernels:
+They are written from THEORY.md eqs. (1), (2), (4), (7) to (9), and share no code with the kernels:
 
     q'' + C q' + K q = f + N^T A p + T1^T A t1 + T2^T A t2
 
@@ -187,7 +187,7 @@ class SmallBrake:
 
 
 def _traction(law, p, s):
-    """Friction at pressures and sliding speeds, Pa: eqs. (7) to (9)."""
+    """Friction at pressures and sliding speeds, Pa: THEORY.md eqs. (7) to (9)."""
     ratio, decay = law.curve.parameters
     bound = law.friction * (1 + (ratio - 1) * np.exp(-s / decay)) * p
     if law.regularisation == "smooth":
