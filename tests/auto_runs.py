@@ -28,15 +28,10 @@ DOUBLE PRECISION U(NDIM), PAR(*), T
 PAR(1)={start!r}
 {state}
 END SUBROUTINE
-SUBROUTINE BCND
-END SUBROUTINE
-SUBROUTINE ICND
-END SUBROUTINE
-SUBROUTINE FOPT
-END SUBROUTINE
-SUBROUTINE PVLS
-END SUBROUTINE
 """
+UNUSED = "".join(
+    f"SUBROUTINE {name}\nEND SUBROUTINE\n" for name in ("BCND", "ICND", "FOPT", "PVLS")
+)
 SCRIPT = """\
 common = dict(e='model', NDIM={n}, NTST={mesh}, NCOL=4, IAD=3, NPR=0, IID=2, ISP=2,
               EPSL=1e-10, EPSU=1e-10, EPSS=1e-8, RL0={low!r}, RL1={high!r})
@@ -105,7 +100,7 @@ def auto_folds(folder, equations, n, start, second, count, **settings):
 
 def run_auto(folder, program, n, more="", **settings):
     """As `auto_cycles`, of a whole program in Fortran with n states; `more` ends the script."""
-    (folder / "model.f90").write_text(program)
+    (folder / "model.f90").write_text(program + UNUSED)
     defaults = {"count": 400, "first": 0.01, "far": 0.1, "largest": 0.05, "zeros": 2, "mesh": 100}
     (folder / "run.auto").write_text(SCRIPT.format(n=n, **(defaults | settings)) + more)
     done = subprocess.run(

@@ -123,7 +123,7 @@ class Balance:
         return found
 
     # -- equations -------------------------------------------------------------------------------
-    def _turned(self, z: np.ndarray) -> np.ndarray:
+    def turned(self, z: np.ndarray) -> np.ndarray:
         """Coordinates of d/dtheta: sines in place of cosines, minus cosines in place of sines."""
         found = np.zeros_like(z)
         for h, (cosines, sines) in enumerate(self.parts[1:], start=1):
@@ -138,7 +138,7 @@ class Balance:
         `local` are the forces `sampled` at this motion, where they are known.
         """
         local = self.sampled(z, omega) if local is None else local
-        R, turned = np.zeros(self.size), self._turned(z)
+        R, turned = np.zeros(self.size), self.turned(z)
         if self.vectors is None:  # all harmonics at once
             Q, T = (x.reshape(2 * self.harmonics + 1, -1) for x in (z, turned))
             R = (Q @ self.osc.K.T + omega * (T @ self.osc.C.T)).ravel()
@@ -164,7 +164,7 @@ class Balance:
         local = self.sampled(z, omega) if local is None else local
         rates = (self.rule.slope @ self._seen(z)).reshape(local.f.shape)
         by_omega = -self._spread(np.einsum("sgbc,sgc->sgb", local.by_w, rates))
-        turned = self._turned(z)
+        turned = self.turned(z)
         for C, parts in zip(self.C, self.parts, strict=True):
             for part in parts:
                 by_omega[part] += C @ turned[part]

@@ -148,10 +148,7 @@ class CycleEquations:
 
     def accepted(self, u: np.ndarray) -> None:
         """Phases are counted from here on."""
-        turn = np.zeros(len(u) - 3)
-        for h, parts in enumerate(self._parts[1:], start=1):
-            cosines, sines = parts
-            turn[cosines], turn[sines] = h * u[sines], -h * u[cosines]
+        turn = self._start.turned(u[:-3])
         self._phase, self._reference = turn / np.linalg.norm(turn), u[:-3].copy()
 
     # -- equations -------------------------------------------------------------------------------

@@ -67,7 +67,10 @@ def main() -> None:
     more = CYCLES.format(mode=arguments.mode)
     found = study("cycles", "limit_cycles", [arguments.lowest, friction], more)
     branches = found.table("branches")
-    fold = branches[(branches["event"] == "F").to_numpy(bool)].iloc[0]
+    folds = branches[(branches["event"] == "F").to_numpy(bool)]
+    if not len(folds):
+        raise SystemExit(f"no fold between friction {arguments.lowest} and {friction}")
+    fold = folds.iloc[0]
     cycle = found.table("cycles").nlargest(1, "torque_rms").iloc[0]
     print(f"fold at friction {fold['value']:.5f}, {fold['torque_rms']:.4g} N m")
     values = [round(share * float(fold["value"]), 6) for share in SHARES]
