@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import cycle_models as models
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from squealstudy.cycles.borders import MET, TURNED, BorderPoint, fold_near, foll
 from squealstudy.cycles.branch import RANGE, TURN, cycles_along
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.errors import ConvergenceError, StudyFileError
-from squealstudy.kinds.limit_cycles import bordering, continued
+from squealstudy.kinds.limit_cycles import bordering, continued, onset
 from squealstudy.kinds.limit_cycles.designs import request
 from squealstudy.kinds.limit_cycles.screen import SCREEN
 
@@ -248,3 +250,24 @@ def test_a_parameter_that_has_no_borders(over, follow, told, tmp_path):
     with pytest.raises(StudyFileError, match=told) as caught:
         sq.read_study(path)
     assert caught.value.key == "limit_cycles.borders_over"
+
+
+def test_criticality_is_that_of_the_mode_that_turns_unstable(monkeypatch):
+    """Though at the onset itself, and not beside it, another mode is nearer in frequency."""
+
+    def linear_modes(value, highest):
+        lam = [10.0 * value + 101.0j, -1.0 + 1j * (100.1 + 50.0 * abs(value))]
+        return np.array(lam), np.eye(2, dtype=complex)
+
+    taken = []
+    monkeypatch.setattr(onset, "linear_modes", linear_modes)
+    monkeypatch.setattr(onset, "criticality", lambda _, lam, phi: taken.append((lam, phi)) or "")
+    asked = SimpleNamespace(tolerance=1e-9)
+    way = SimpleNamespace(contact=lambda value: value, bounds=(-1.0, 1.0), asked=asked)
+    guess = PeriodicMotion(np.zeros((3, 2)), 100.0, 0.01)
+    value, hz, _ = onset.onset_near(way, guess, 0.1)
+    ((lam, phi),) = taken
+    assert value == pytest.approx(0.0, abs=1e-6)
+    assert 2 * np.pi * hz == pytest.approx(101.0)
+    assert lam.imag == pytest.approx(101.0)
+    assert abs(phi[0]) == pytest.approx(1.0)
