@@ -255,15 +255,19 @@ def test_a_parameter_that_has_no_borders(over, follow, told, tmp_path):
 def test_criticality_is_that_of_the_mode_that_turns_unstable(monkeypatch):
     """Though at the onset itself, and not beside it, another mode is nearer in frequency."""
 
-    def linear_modes(value, highest):
+    def modes(value):
         lam = [10.0 * value + 101.0j, -1.0 + 1j * (100.1 + 50.0 * abs(value))]
         return np.array(lam), np.eye(2, dtype=complex)
 
     taken = []
-    monkeypatch.setattr(onset, "linear_modes", linear_modes)
     monkeypatch.setattr(onset, "criticality", lambda _, lam, phi: taken.append((lam, phi)) or "")
     asked = SimpleNamespace(tolerance=1e-9)
-    way = SimpleNamespace(contact=lambda value: value, bounds=(-1.0, 1.0), asked=asked)
+    way = SimpleNamespace(
+        contact=lambda value: value,
+        oscillator=lambda value: SimpleNamespace(steady_modes=lambda highest: modes(value)),
+        bounds=(-1.0, 1.0),
+        asked=asked,
+    )
     guess = PeriodicMotion(np.zeros((3, 2)), 100.0, 0.01)
     value, hz, _ = onset.onset_near(way, guess, 0.1)
     ((lam, phi),) = taken

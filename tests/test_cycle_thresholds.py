@@ -24,7 +24,7 @@ from squealstudy.cycles.families import (
     families,
 )
 from squealstudy.cycles.floquet import Floquet
-from squealstudy.cycles.growth import STILL, SecondLook, linear_modes
+from squealstudy.cycles.growth import STILL, SecondLook
 from squealstudy.cycles.harmonics import series_at
 from squealstudy.cycles.kicked import PHASES, decided_in_time, kick_along_mode, kicks
 from squealstudy.cycles.projection import Projection
@@ -349,7 +349,7 @@ def _sorted(angles, radii):
 
 def test_the_least_kick_is_where_the_mode_crosses_the_unstable_cycle(belt):
     contact, family = belt
-    lam, psi = linear_modes(contact)
+    lam, psi = contact.oscillator.steady_modes(np.inf)
     k = int(np.argmin(np.abs(lam - family.lam)))
     unit = PeriodicMotion(
         np.vstack([0 * psi[:, k].real, psi[:, k].real, -psi[:, k].imag]), lam[k].imag
@@ -369,7 +369,7 @@ def test_the_least_kick_is_where_the_mode_crosses_the_unstable_cycle(belt):
 
 def test_kicks_that_lead_nowhere_say_so(belt):
     contact, family = belt
-    lam, psi = linear_modes(contact)
+    lam, psi = contact.oscillator.steady_modes(np.inf)
     mode = complex(lam[0]), psi[:, 0]
     stable, unstable = family.loudest.motion, family.threshold.motion
     least = contact.contact_velocity(unstable)

@@ -25,7 +25,6 @@ from squealstudy.cycles.growth import (
     SecondLook,
     family_curve,
     found_again,
-    linear_modes,
     linear_motion,
     looked_again,
 )
@@ -155,7 +154,7 @@ def families(
         Steady sliding that diverges without oscillation (``diverges``); a wanted mode that the
         band does not have (``no_mode``).
     """
-    lam, psi = linear_modes(contact, band[1])
+    lam, psi = contact.oscillator.steady_modes(band[1])
     unstable = lam.real > tolerance * np.abs(lam)
     if (unstable & (lam.imag == 0)).any():
         raise ConvergenceError("diverges", "steady sliding diverges without oscillation")

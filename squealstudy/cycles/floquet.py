@@ -13,12 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
+from scipy.linalg import get_lapack_funcs
 from scipy.optimize import linear_sum_assignment
 
 from squealstudy.cycles.balance import sampled
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import sampling, series_at
 from squealstudy.cycles.oscillator import Oscillator
+from squealstudy.errors import ConvergenceError
 
 STEPS = 256  # a period, at least
 STEPS_A_HARMONIC = 16
@@ -212,17 +214,21 @@ def trapezoidal(
     kept. In single precision, whose round-off is far below the errors of a basis, it costs less.
     """
     n, h = osc.n, precision(2 * np.pi / steps)
-    q: np.ndarray = np.eye(n, 2 * n, dtype=precision)
-    p, one = np.roll(q, n, axis=1), q[:, :n]
+    Q: np.ndarray = np.eye(2 * n, n, dtype=precision)  # rows are deviations: as LAPACK has columns
+    P = np.roll(Q, n, axis=0)
+    one: np.ndarray = np.eye(n, dtype=precision)
+    (solve,) = get_lapack_funcs(("gesv",), (Q,))
     C, K = _averaged(osc, cycle, steps, precision)
-    pull = -(C(0) @ p + K(0) @ q)
+    pull = -(P @ C(0).T + Q @ K(0).T)
     for step in range(1, steps + 1):
         C1, K1 = C(step % steps), K(step % steps)
-        middle = q + h / 2 * p
-        known = p + h / 2 * (pull - K1 @ middle)
-        p1 = np.linalg.solve(one + h / 2 * C1 + h**2 / 4 * K1, known)
-        q, pull, p = middle + h / 2 * p1, 2 / h * (p1 - p) - pull, p1
-    return np.vstack([q, p]).astype(float)
+        middle = Q + h / 2 * P
+        known = P + h / 2 * (pull - middle @ K1.T)
+        _, _, x, info = solve(one + h / 2 * C1 + h**2 / 4 * K1, known.T, overwrite_b=True)
+        if info:
+            raise ConvergenceError("singular", "a step of small deviations is singular")
+        Q, pull, P = middle + h / 2 * x.T, 2 / h * (x.T - P) - pull, x.T
+    return np.vstack([Q.T, P.T]).astype(float)
 
 
 Matrices = Callable[[int], np.ndarray]

@@ -10,15 +10,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.curve import CurveMotion, Path, between
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import with_harmonics
-from squealstudy.cycles.oscillator import WHOLE, Oscillator
+from squealstudy.cycles.oscillator import Oscillator
 from squealstudy.cycles.projection import SIZE, TARGET, Projection
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.dense_qep import dense_roots
 
 ZERO = "C"  # event: a cycle, where no damping need be added
 FAR, OTHER = "far", "other_resonance"  # why curves end
@@ -33,21 +31,6 @@ LOOKS = 3  # at least, where motions with more harmonics are found
 SAFETY = 2.0  # times the change by more harmonics: what still more may change
 DOUBT = 0.0025  # damping ratio by which more harmonics are thought to change a motion at least
 PIECE_STEPS = Steps(first=0.2, least=2e-3, largest=0.5, count=25)  # with more harmonics, each way
-
-
-def linear_modes(
-    contact: ContactOscillator, highest: float = np.inf
-) -> tuple[np.ndarray, np.ndarray]:
-    """Roots (m,) with positive or no imaginary part [rad/s], and right vectors (n, m).
-
-    All of a small model, up to `highest` [rad/s] of a large one.
-    """
-    osc = contact.oscillator
-    zero = np.zeros((1, osc.n))
-    C, K = osc.tangent(zero, zero)
-    lam, psi = dense_roots(C[0], K[0], (0.0, np.inf if osc.n <= WHOLE else highest))
-    order = [k for k in np.argsort(np.abs(lam), kind="stable") if lam[k].imag >= 0]
-    return lam[order], psi[:, order]
 
 
 def linear_motion(phi: np.ndarray, lam: complex, scale: np.ndarray, size: float) -> PeriodicMotion:

@@ -18,7 +18,6 @@ from squealstudy.cycles.families import (
     Family,
     Followed,
 )
-from squealstudy.cycles.growth import linear_modes
 from squealstudy.cycles.trials import (
     DECAYS,
     GROWS,
@@ -216,7 +215,7 @@ def _kick(contact: ContactOscillator, family: Family, largest: float) -> Kick:
     stable, known = family.loudest, family.cycles
     assert stable is not None
     smallest = min(known, key=lambda c: c.levels["energy"])
-    lam, psi = linear_modes(contact, WIDER * abs(family.lam))
+    lam, psi = contact.oscillator.steady_modes(WIDER * abs(family.lam))
     phi = psi[:, int(np.argmin(np.abs(lam - family.lam)))]
     trials = Trials(contact, stable.motion, smallest.motion)
     return kick_along_mode(trials, family.lam, phi, largest)

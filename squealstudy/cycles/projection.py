@@ -15,13 +15,13 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.cycles.balance import imbalance, sampled
+from squealstudy.cycles.blocks import Blocks
 from squealstudy.cycles.continuation import TOLERANCE, newton
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet, floquet, floquet_on
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import WHOLE, LocalForces, Oscillator
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.dense_qep import dense_roots
 
 MOST = 100  # vectors, of a harmonic at most
 COMPACT = 50  # mean over the harmonics above which a basis begins anew, with the last motions
@@ -31,7 +31,6 @@ DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability i
 OWN = 60  # and main directions of its basis there, at most
 ALIKE = 1e-2  # of the largest direction of modes of unit energy: what is less is there already
 RANK = 1e-6  # of the largest direction of these motions
-HUGE = 1e30  # 1/s2: a stiffness that single precision still holds
 PASSES = 12  # enrichments at one motion
 BY_BLOCKS = 6  # of them at most after Newton's method has failed
 LEAST = 0.1  # of the largest direction of a correction: what is less does not join
@@ -58,8 +57,8 @@ class Projection:
         self.whole, self.omega = osc, omega
         self.weight = np.sqrt(np.abs(np.diag(osc.K)) + omega**2)
         self.vectors: list[np.ndarray] = []  # (n, r_h) of the harmonics from 0 on
-        self._blocks: list[tuple[np.ndarray, np.ndarray]] = []
-        self._blocks_of: PeriodicMotion | None = None
+        self._blocks: Blocks | None = None
+        self._moved = False  # since the blocks were made
         self._recent: list[PeriodicMotion] = []
         if osc.n > WHOLE:
             self.vectors = [np.zeros((osc.n, 0)), self._orthonormal([phi.real, phi.imag])]
@@ -85,8 +84,7 @@ class Projection:
 
     def move(self, osc: Oscillator) -> None:
         """To another design, on the same basis."""
-        self._blocks_of = None
-        self.whole = osc
+        self.whole, self._moved = osc, True
 
     def of_harmonics(self, harmonics: int) -> list[np.ndarray] | None:
         """Vectors (n, r_h) of the harmonics 0 to `harmonics`; None for all coordinates."""
@@ -108,9 +106,8 @@ class Projection:
     ) -> PeriodicMotion:
         """By what a motion (of all coordinates) that is balanced in the basis is corrected.
 
-        To first order, with the blocks of the last motion of which they were made. The first
-        harmonic keeps its size and phase: the complex shift of its block that this takes is the
-        correction of frequency and added damping. `local` are its sampled forces, where known.
+        A `Blocks.step`, with the blocks of the last motion of which they were made. `local` are
+        its sampled forces, where known.
         """
         H = motion.harmonics
         if self.complete:
@@ -118,31 +115,15 @@ class Projection:
         osc = self.whole
         if local is None:
             local = sampled(osc, osc.sampling(H), motion.Q, motion.omega)
-        known = self._blocks_of is not None and motion.near(self._blocks_of)
-        if len(self._blocks) <= H or (fresh and not known):
-            self._factorise(motion, local)
+        blocks = self._blocks
+        known = blocks is not None and not self._moved and motion.near(blocks.motion)
+        if blocks is None or blocks.harmonics < H or (fresh and not known):
+            blocks = self._blocks = Blocks(osc, motion, local, self.weight)
+            self._moved = False
         R = imbalance(osc, motion.Q, motion.omega, motion.mu, local)
-        largest = float(np.abs(R).max())
-        if not np.isfinite(largest):
+        if not np.isfinite(R).all():
             raise ConvergenceError("not_finite", "the forces of a periodic motion are not finite")
-        R /= largest or 1.0  # within single precision
-        change = np.zeros_like(R)
-        change[0] = la.lu_solve(self._blocks[0], R[0])
-        for h in range(1, H + 1):
-            x = R[h] - 1j * R[H + h]
-            if h > 1:
-                x = la.lu_solve(self._blocks[h], x.astype(np.complex64))
-            else:
-                q = motion.Q[1] - 1j * motion.Q[H + 1]
-                x, y = la.lu_solve(self._blocks[1], np.array([x, q]).T).T
-                seen = (q * self.weight**2).conj()
-                shift = (seen @ x) / (seen @ y)
-                x = x - y * shift
-            change[h], change[H + h] = x.real, -x.imag
-        change, shift = largest * change, largest * shift
-        # A q = (-omega^2 + i omega (C + xi)) q + ..: d omega = -Re / 2 omega, d xi = Im / omega
-        omega = float(-shift.real / (2.0 * motion.omega))
-        return PeriodicMotion(-change, -omega, -float(shift.imag / motion.omega))
+        return blocks.step(R, motion)
 
     def corrected(self, cycle: PeriodicMotion) -> PeriodicMotion:
         """The cycle of all coordinates near one of the basis, to first order.
@@ -167,13 +148,12 @@ class Projection:
     def deviations(self, motion: PeriodicMotion, highest: float) -> tuple[np.ndarray, int]:
         """Basis (n, r) for small deviations from a motion: what its stability is judged on.
 
-        Complex modes of the motion's mean tangents up to `DEVIATIONS` times `highest` [rad/s], the
-        motion's series, and the main directions of the vectors of all harmonics. Its first columns,
+        Complex modes of steady sliding up to `DEVIATIONS` times `highest` [rad/s], the motion's
+        series, and the main directions of the vectors of all harmonics. Its first columns,
         whose number is returned too, are the same without modes above `highest`.
         """
-        local = sampled(self.whole, self.whole.sampling(motion.harmonics), motion.Q, motion.omega)
-        K, C = self._mean_tangents(motion, local)
-        lam, psi = dense_roots(C, K, (0.0, DEVIATIONS * highest))
+        lam, psi = self.whole.steady_modes(DEVIATIONS * highest)
+        lam, psi = lam[near := np.abs(lam) <= DEVIATIONS * highest], psi[:, near]
         low = np.abs(lam) <= highest
         own = self._directions(self._unit(np.hstack(self.vectors)))[:, :OWN]
         few = self._directions(np.hstack([self._unit(motion.Q.T), own, self._unit(psi[:, low])]))
@@ -211,28 +191,6 @@ class Projection:
         V, few = self.deviations(motion, highest)
         precision = np.float64 if rougher is None else np.float32
         return floquet_on(self.whole, V, few, motion, rougher or motion, precision)
-
-    def _mean_tangents(
-        self, motion: PeriodicMotion, local: LocalForces
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Stiffness and damping (n, n), means over the period, added damping among them."""
-        osc = self.whole
-        K = osc.K - osc.projected(local.by_y.mean(axis=0))
-        C = osc.C - osc.projected(local.by_w.mean(axis=0)) + motion.mu * np.eye(osc.n)
-        return K, C
-
-    def _factorise(self, motion: PeriodicMotion, local: LocalForces) -> None:
-        """The blocks; those beyond the first harmonic, far from singular, in single precision."""
-        K, C = self._mean_tangents(motion, local)
-        if not max(np.abs(K).max(), np.abs(C).max() * motion.omega) < HUGE:
-            raise ConvergenceError("not_finite", "contact is absurdly stiff in a periodic motion")
-        self._blocks, self._blocks_of = [la.lu_factor(K, check_finite=False)], motion
-        for h in range(1, motion.harmonics + 1):
-            w = h * motion.omega
-            A = np.empty(K.shape, complex if h == 1 else np.complex64, order="F")
-            A.real, A.imag = K, w * C
-            A[np.diag_indices_from(A)] -= w**2
-            self._blocks.append(la.lu_factor(A, overwrite_a=True, check_finite=False))
 
     # -- enrichment --------------------------------------------------------------------------------
     def improve(

@@ -22,7 +22,7 @@ from squealstudy.kernels.newmark_forces import point_forces, tangents
 
 GAUSS = np.polynomial.legendre.leggauss(3)
 NODES, WEIGHTS = 0.5 * (GAUSS[0] + 1.0), 0.5 * GAUSS[1]
-TURNED, WHOLLY = 0.02, 0.08  # 1 - cosine of the turn of sliding within a cell: integrated from, to
+TURNED, WHOLLY = 0.1, 0.3  # 1 - cosine of the turn of sliding within a cell: integrated from, to
 FLATTEST = 1e-3  # least eps
 SEARCH = 3  # Newton steps to the time of least sliding
 
@@ -40,8 +40,12 @@ def resolve_turns(
     f, by_y, by_w = sums
     S, nc = y.shape[0], points.shape[1]
     point, share, nodes = np.zeros((at.N_POINT, nc)), np.zeros(S), np.zeros((3 * len(NODES), 2))
+    turned, slowest = _turned(points, w)
     for i in range(nc):
         any_turn, fastest = False, _fastest_stick(points, law, y, i)
+        # a cell's chord is no nearer to rest than its slower end times the cosine of its turn
+        if not turned[i] and (1.0 - TURNED) ** 2 * slowest[i] > fastest * fastest:
+            continue
         for s in range(S):
             share[s] = _turning(points, law, y, w, s, (s + 1) % S, i, fastest)
             any_turn = any_turn or share[s] > 0.0
@@ -62,6 +66,22 @@ def resolve_turns(
                 for m in range(_nodes(points, law, y, w, s, i, nodes)):
                     tau, weight = nodes[m, 0], share[s] * nodes[m, 1]
                     _add(points, law, y, w, (s, i), (tau, weight), point, sums)
+
+
+@fast_kernel
+def _turned(points: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether sliding of points turns by more than `TURNED` in a cell; least squares of speeds."""
+    S, nc = w.shape[:2]
+    turned, slowest = np.zeros(nc, np.bool_), np.full(nc, np.inf)
+    least = (1.0 - TURNED) ** 2
+    for s in range(S):
+        for i in range(nc):
+            a1, a2 = w[s - 1, i, 1] + points[at.POINT_SPEED, i], w[s - 1, i, 2]
+            b1, b2 = w[s, i, 1] + points[at.POINT_SPEED, i], w[s, i, 2]
+            a, b, inner = a1 * a1 + a2 * a2, b1 * b1 + b2 * b2, a1 * b1 + a2 * b2
+            turned[i] |= not (inner > 0.0 and inner * inner >= least * a * b)
+            slowest[i] = min(slowest[i], b)
+    return turned, slowest
 
 
 @fast_kernel

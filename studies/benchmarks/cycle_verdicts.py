@@ -28,7 +28,6 @@ from cycle_truth import BRAKE, NOMINAL, RANGES, swept
 
 from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.families import SQUEALS, VERDICTS, Followed, families
-from squealstudy.cycles.growth import linear_modes
 from squealstudy.cycles.kicked import decided_in_time
 from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan
@@ -97,7 +96,7 @@ def main() -> None:
         truth.iterrows(), designs(truth, mesh), strict=True
     ):
         _, contact = asked.contact(point, NewGaps())
-        lam, _ = linear_modes(contact, band[1])
+        lam, _ = contact.oscillator.steady_modes(band[1])
         lam = lam[(lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])]
         hz = lam.imag / (2 * np.pi)
         near = np.flatnonzero((hz > WINDOW[0]) & (hz < WINDOW[1]))

@@ -16,7 +16,6 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.cycles.contact import ContactOscillator
-from squealstudy.cycles.growth import linear_modes
 from squealstudy.cycles.trials import Ended, ended, run_on
 from squealstudy.engine.cache import NewGaps, prepared_model
 from squealstudy.errors import ConvergenceError
@@ -162,7 +161,7 @@ def _kicks(
     contact: ContactOscillator, near: Sequence[float], asked: CyclesRequest
 ) -> Iterator[tuple[str, MotionPoint]]:
     low, high = asked.band
-    lam, psi = linear_modes(contact, high)
+    lam, psi = contact.oscillator.steady_modes(high)
     inside = np.flatnonzero((np.abs(lam) >= low) & (np.abs(lam) <= high) & (lam.imag > 0))
     if not len(inside):
         return

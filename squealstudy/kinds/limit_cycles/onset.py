@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.growth import linear_modes
 from squealstudy.cycles.onset import criticality
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.limit_cycles.designs import Way
@@ -39,7 +38,7 @@ def onset_near(way: Way, motion: PeriodicMotion, half: float) -> tuple[float, fl
     """
 
     def modes(value: float) -> Modes:
-        lam, psi = linear_modes(way.contact(value), 2.0 * motion.omega)
+        lam, psi = way.oscillator(value).steady_modes(2.0 * motion.omega)
         return Modes(lam[lam.imag > 0], psi[:, lam.imag > 0].T)
 
     def place(found: Modes) -> int:

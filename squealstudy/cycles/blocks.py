@@ -1,0 +1,101 @@
+"""The balance of each harmonic by itself, with the mean tangents of a motion: a cheap Newton step.
+
+The blocks are scaled to unit diagonals and factorised in single precision. That of the first
+harmonic is all but singular; it has a border, which holds the size and phase of the motion.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.oscillator import LocalForces, Oscillator
+from squealstudy.errors import ConvergenceError
+
+HUGE = 1e30  # 1/s2: a stiffness that single precision still holds
+
+
+class Blocks:
+    """Factorised blocks of the harmonics 0 to H about a motion.
+
+    Parameters
+    ----------
+    osc : Oscillator
+    motion : PeriodicMotion
+        Of all coordinates.
+    local : LocalForces
+        Its sampled forces.
+    weight : ndarray (n,)
+        Roots of stiffnesses by which coordinates are scaled, 1/s.
+
+    Raises
+    ------
+    ConvergenceError
+        Where contact is absurdly stiff.
+    """
+
+    def __init__(
+        self, osc: Oscillator, motion: PeriodicMotion, local: LocalForces, weight: np.ndarray
+    ) -> None:
+        self.motion, self._weight = motion, weight
+        with np.errstate(over="ignore", invalid="ignore"):
+            by_y, by_w = (osc.projected(D.mean(axis=0).astype(np.float32)) for D in local[1:])
+            K, C = osc.K - by_y, osc.C - by_w + motion.mu * np.eye(osc.n)
+        if not max(np.abs(K).max(), np.abs(C).max() * motion.omega) < HUGE:
+            raise ConvergenceError("not_finite", "contact is absurdly stiff in a periodic motion")
+        scale = weight[:, None] * weight
+        K, C = (K / scale).astype(np.float32), (motion.omega / scale * C).astype(np.float32)
+        inertia = ((motion.omega / weight) ** 2).astype(np.float32)
+        n, H = osc.n, motion.harmonics
+        self._factors = [la.lu_factor(K, check_finite=False)]
+        for h in range(1, H + 1):
+            A = np.zeros((n + (h == 1),) * 2, np.complex64, order="F")
+            A.real[:n, :n], A.imag[:n, :n] = K, h * C
+            A[np.arange(n), np.arange(n)] -= h**2 * inertia
+            if h == 1:
+                q = weight * (motion.Q[1] - 1j * motion.Q[H + 1])
+                A[:n, n], A[n, :n] = (x / la.norm(x) for x in (q / weight**2, q.conj()))
+            self._factors.append(la.lu_factor(A, overwrite_a=True, check_finite=False))
+
+    @property
+    def harmonics(self) -> int:
+        """H."""
+        return len(self._factors) - 1
+
+    def step(self, R: np.ndarray, motion: PeriodicMotion) -> PeriodicMotion:
+        """The change of a motion of imbalance R (2 H + 1, n), to first order.
+
+        The first harmonic keeps its size and phase: the complex shift of its block that this takes
+        is the change of frequency and added damping.
+        """
+        H, weight = motion.harmonics, self._weight
+        largest = float(np.abs(R).max()) or 1.0
+        R = R / (largest * weight)  # within single precision
+        change = np.zeros_like(R)
+        change[0] = la.lu_solve(self._factors[0], R[0].astype(np.float32))
+        x, shift = self._held(R[1] - 1j * R[H + 1], motion.Q[1] - 1j * motion.Q[H + 1])
+        for h in range(1, H + 1):
+            if h > 1:
+                side = (R[h] - 1j * R[H + h]).astype(np.complex64)
+                x = la.lu_solve(self._factors[h], side)
+            change[h], change[H + h] = x.real, -x.imag
+        shift *= largest
+        # A q = (-omega^2 + i omega (C + xi)) q + ..: d omega = -Re / 2 omega, d xi = Im / omega
+        omega = float(-shift.real / (2.0 * motion.omega))
+        return PeriodicMotion(-largest * change / weight, -omega, -float(shift.imag / motion.omega))
+
+    def _held(self, r: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, complex]:
+        """X and s of A x + s q = r with x orthogonal to q, both weighted.
+
+        By the block with its border, which is about the q of the motion that it was made of.
+        """
+        seen, unit = self._weight * q, la.norm(self._weight * q)
+        sides = np.zeros((len(q) + 1, 3), np.complex64)
+        sides[:-1, 0], sides[:-1, 1], sides[-1, 2] = r, seen / self._weight**2 / unit, 1.0
+        found = la.lu_solve(self._factors[1], sides).astype(complex)
+        # nothing pushes along the border any more, and nothing is left along q
+        pair = np.vstack([found[-1], seen.conj() @ found[:-1] / unit])
+        s, back = la.solve(pair[:, 1:], pair[:, 0])
+        x: np.ndarray = found[:-1] @ [1.0, -s, -back]
+        return x, s / unit
