@@ -185,16 +185,16 @@ class Balance:
         )
         used = np.argwhere(means.any(axis=(0, 1, 4)))
         rows = np.vstack([R.T for R in self._rows]).reshape(-1, g, b)
-        seen: np.ndarray = np.ascontiguousarray(np.moveaxis(rows, 2, 0), precision)
+        seen: np.ndarray = np.ascontiguousarray(np.moveaxis(rows, 2, 1), precision)
         J: np.ndarray = np.zeros((self.size, self.size), precision)
-        pushed: np.ndarray = np.zeros((2, b, self.size, g), precision)
+        pushed: np.ndarray = np.zeros((2, self.size, b, g), precision)
         starts = np.array([[p.start for p in (*parts, *parts)][:2] for parts in self.parts])
         widths = np.array([len(K) for K in self.K])
         for j, parts in enumerate(self.parts):
             couple(means, used, j, omega, seen, widths, starts, pushed)
-            own = seen[:, widths[:j].sum() :][:, : widths[j]]
+            own = seen[widths[:j].sum() :][: widths[j]].reshape(widths[j], g * b)
             for part, columns in zip(parts, pushed, strict=False):
-                J[part] = sum(X @ Y.T for X, Y in zip(own, columns, strict=True))
+                J[part] = own @ columns.reshape(self.size, g * b).T
             for part, other, sign in zip(parts, parts[::-1], (1.0, -1.0), strict=False):
                 one = np.eye(len(self.K[j]))
                 J[part, part] += self.K[j] - (j * omega) ** 2 * one

@@ -34,13 +34,13 @@ def couple(
     j : int
     omega : float
         rad/s.
-    seen : ndarray (b, r, g)
+    seen : ndarray (r, b, g)
         What the groups see of the vectors of the harmonics 0 to H, one after the other.
     widths : ndarray (H + 1,)
         How many vectors each has.
     starts : ndarray (H + 1, 2)
         Places of a harmonic's cosines and sines among the coordinates.
-    pushed : ndarray (2, b, m, g)
+    pushed : ndarray (2, m, b, g)
         Overwritten: cosines and sines; of the mean (j = 0) the first alone is meant.
     """
     groups = means.shape[4]
@@ -65,13 +65,13 @@ def couple(
                 L[3, i] = m[0, near, i] - m[0, far, i]
                 L[3, i] += rate * (m[3, far, i] + sign * m[3, near, i])
             for v in range(widths[k]):
-                x = seen[column, first + v]
+                x = seen[first + v, column]
                 at, behind = starts[k, 0] + v, starts[k, 1] + v
-                _add(pushed[0, row, at], L[0], x)
-                _add(pushed[1, row, at], L[2], x)
+                _add(pushed[0, at, row], L[0], x)
+                _add(pushed[1, at, row], L[2], x)
                 if k:
-                    _add(pushed[0, row, behind], L[1], x)
-                    _add(pushed[1, row, behind], L[3], x)
+                    _add(pushed[0, behind, row], L[1], x)
+                    _add(pushed[1, behind, row], L[3], x)
         first += widths[k]
 
 
