@@ -22,7 +22,7 @@ from squealstudy.kernels.newmark_forces import point_forces, tangents
 
 GAUSS = np.polynomial.legendre.leggauss(3)
 NODES, WEIGHTS = 0.5 * (GAUSS[0] + 1.0), 0.5 * GAUSS[1]
-TURNED, WHOLLY = 0.1, 0.3  # 1 - cosine of the turn of sliding within a cell: integrated from, to
+TURNED, WHOLLY = 0.06, 0.2  # 1 - cosine of the turn of sliding within a cell: integrated from, to
 FLATTEST = 1e-3  # least eps
 SEARCH = 3  # Newton steps to the time of least sliding
 
