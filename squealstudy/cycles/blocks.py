@@ -16,6 +16,17 @@ from squealstudy.errors import ConvergenceError
 HUGE = 1e30  # 1/s2: a stiffness that single precision still holds
 
 
+def mean_tangents(
+    osc: Oscillator, local: LocalForces, xi: float, precision: type = np.float64
+) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and damping (n, n), means over the period, with added damping xi [1/s].
+
+    `local` are sampled forces, whose part is of a `precision`.
+    """
+    by_y, by_w = (osc.projected(D.mean(axis=0).astype(precision)) for D in local[1:])
+    return osc.K - by_y, osc.C - by_w + xi * np.eye(osc.n)
+
+
 class Blocks:
     """Factorised blocks of the harmonics 0 to H about a motion.
 
@@ -40,8 +51,7 @@ class Blocks:
     ) -> None:
         self.motion, self._weight = motion, weight
         with np.errstate(over="ignore", invalid="ignore"):
-            by_y, by_w = (osc.projected(D.mean(axis=0).astype(np.float32)) for D in local[1:])
-            K, C = osc.K - by_y, osc.C - by_w + motion.mu * np.eye(osc.n)
+            K, C = mean_tangents(osc, local, motion.mu, np.float32)
         if not max(np.abs(K).max(), np.abs(C).max() * motion.omega) < HUGE:
             raise ConvergenceError("not_finite", "contact is absurdly stiff in a periodic motion")
         scale = weight[:, None] * weight

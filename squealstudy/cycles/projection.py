@@ -15,19 +15,21 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.cycles.balance import imbalance, sampled
-from squealstudy.cycles.blocks import Blocks
+from squealstudy.cycles.blocks import Blocks, mean_tangents
 from squealstudy.cycles.continuation import TOLERANCE, newton
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet, floquet, floquet_on
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import WHOLE, LocalForces, Oscillator
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.dense_qep import dense_roots
 
 MOST = 100  # vectors, of a harmonic at most
 COMPACT = 50  # mean over the harmonics above which a basis begins anew, with the last motions
 FEW = 8  # and where one motion is corrected: its own harmonics and what they lack are enough
 REMEMBERED = 12  # motions
 DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability is judged
+ASIDE = 1.02  # times a cycle's size, of the motion whose difference to it is among them
 OWN = 60  # and main directions of its basis there, at most
 ALIKE = 1e-2  # of the largest direction of modes of unit energy: what is less is there already
 RANK = 1e-6  # of the largest direction of these motions
@@ -148,19 +150,33 @@ class Projection:
     def deviations(self, motion: PeriodicMotion, highest: float) -> tuple[np.ndarray, int]:
         """Basis (n, r) for small deviations from a motion: what its stability is judged on.
 
-        Complex modes of steady sliding up to `DEVIATIONS` times `highest` [rad/s], the motion's
-        series, and the main directions of the vectors of all harmonics. Its first columns,
-        whose number is returned too, are the same without modes above `highest`.
+        Complex modes of the motion's mean tangents up to `DEVIATIONS` times `highest` [rad/s], the
+        motion's series, the main directions of the vectors of all harmonics, and what becomes of
+        it at another size. Its first columns, whose number is returned too, are the same without
+        that and without modes above `highest`.
         """
-        lam, psi = self.whole.steady_modes(DEVIATIONS * highest)
-        lam, psi = lam[near := np.abs(lam) <= DEVIATIONS * highest], psi[:, near]
+        local = sampled(self.whole, self.whole.sampling(motion.harmonics), motion.Q, motion.omega)
+        K, C = mean_tangents(self.whole, local, motion.mu)
+        lam, psi = dense_roots(C, K, (0.0, DEVIATIONS * highest))
         low = np.abs(lam) <= highest
         own = self._directions(self._unit(np.hstack(self.vectors)))[:, :OWN]
         few = self._directions(np.hstack([self._unit(motion.Q.T), own, self._unit(psi[:, low])]))
-        more = self._unit(psi[:, ~low])
+        more = np.hstack(
+            [self._unit(X) for X in (psi[:, ~low], *(Q.T for Q in self._aside(motion)))]
+        )
         found = np.hstack([few, self._directions(more - few @ (few.T @ more))])
         Q, _ = la.qr(found / self.weight[:, None], mode="economic")
         return np.asarray(Q), few.shape[1]
+
+    def _aside(self, motion: PeriodicMotion) -> list[np.ndarray]:
+        """Changes (2 H + 1, n) to the motion of another size: ways of slow deviations."""
+        try:
+            near, _ = self.solve(replace(motion, Q=ASIDE * motion.Q), SIZE)
+            first = near.changed(self.correction(near, True))
+            second = first.changed(self.correction(first))
+        except ConvergenceError:
+            return []
+        return [first.Q - motion.Q, second.Q - motion.Q]
 
     def _unit(self, vectors: np.ndarray) -> np.ndarray:
         """Real and imaginary parts, weighted, of unit elastic energy; none where there is none."""
