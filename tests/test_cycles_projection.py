@@ -9,6 +9,8 @@ import pytest
 
 import squealstudy.cycles.projection as projected
 from squealstudy.cycles import growth
+from squealstudy.cycles.balance import sampled
+from squealstudy.cycles.blocks import Blocks, mean_tangents
 from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.curve import Path
 from squealstudy.cycles.equations import PeriodicMotion
@@ -121,6 +123,43 @@ def test_a_correction_to_first_order_mends_most_of_what_a_small_basis_lacks(both
     assert after < 0.2 * before
 
 
+def test_blocks_solve_each_harmonic_with_the_mean_tangents(both):
+    """Against solutions of double precision, at another size and phase than where they were made.
+
+    The first harmonic keeps both: its change has no part along it.
+    """
+    osc, exact, few, _ = both
+    H, weight = exact.harmonics, few.weight
+    exact = replace(exact, mu=0.01)
+    local = sampled(osc, osc.sampling(H), exact.Q, exact.omega)
+    blocks = Blocks(osc, exact, local, weight)
+    angle = 0.9 * np.arange(1, H + 1)[:, None]
+    c, s = exact.Q[1 : H + 1], exact.Q[H + 1 :]
+    turned = [c * np.cos(angle) + s * np.sin(angle), s * np.cos(angle) - c * np.sin(angle)]
+    other = replace(exact, Q=1.04 * np.vstack([exact.Q[:1], *turned]))
+    R = np.random.default_rng(5).normal(size=exact.Q.shape)
+    found = blocks.step(R, other)
+    K, C = mean_tangents(osc, local, exact.mu)
+    change = [np.linalg.solve(K, -R[0])]
+    for h in range(1, H + 1):
+        w = h * exact.omega
+        A, r = K + 1j * w * C - w**2 * np.eye(N), -(R[h] - 1j * R[H + h])
+        if h > 1:
+            change.append(np.linalg.solve(A, r))
+            continue
+        q = other.Q[1] - 1j * other.Q[H + 1]
+        bordered = np.block([[A, q[:, None]], [(weight**2 * q.conj())[None], np.zeros((1, 1))]])
+        *x, shift = np.linalg.solve(bordered, np.append(r, 0.0))
+        change.append(np.array(x))
+    assert abs((weight**2 * q.conj()) @ change[1]) < 1e-10 * np.abs(weight**2 * q * change[1]).sum()
+    for h, x in enumerate(change):
+        own = found.Q[h] - (1j * found.Q[H + h] if h else 0.0)
+        assert np.abs(own - x).max() < 2e-5 * np.abs(x).max()
+    # A q with omega + d, xi + e: -2 omega d + i omega e more, to first order
+    assert found.omega == pytest.approx(-shift.real / (2.0 * exact.omega), rel=1e-4)
+    assert found.mu == pytest.approx(shift.imag / exact.omega, rel=1e-4)
+
+
 def test_absurd_motions_are_told_and_do_not_spoil_a_basis(both):
     """Forces beyond single precision are corrected all the same; beyond double they are told."""
     osc, exact, _, _ = both
@@ -225,6 +264,8 @@ def test_stability_in_the_modes_about_a_cycle(both):
     V, count = few.deviations(cycle, 8.0)
     np.testing.assert_allclose(V.T @ V, np.eye(V.shape[1]), atol=1e-9)
     assert count < V.shape[1] < N
+    for Q in few._aside(cycle):  # slow changes of the motion are in it
+        assert np.linalg.norm(Q - Q @ V @ V.T) < 0.02 * np.linalg.norm(Q)
     whole = floquet(osc, exact)
     small = floquet_on(osc, V, count, cycle, cycle)
     assert small.stable

@@ -150,6 +150,11 @@ def test_harmonics_of_reversing_friction_are_those_of_dense_samples(across):
     assert np.abs(found_slopes - slopes).max() < 0.1 * np.abs(slopes).max()
 
 
+def test_points_that_are_passed_over_have_no_cell_to_integrate():
+    """What is told of a point at once is what each of its cells says."""
+    in_plain_python("check_what_is_passed_over")
+
+
 def test_derivatives_are_those_of_differences_where_nodes_stay():
     """Shares and nodes move with the motion: what Gauss's rule errs by changes with them.
 
@@ -160,9 +165,38 @@ def test_derivatives_are_those_of_differences_where_nodes_stay():
     for seed in (2, 3):
         off = derivatives_off(osc, seed)
         assert 1e-5 < off < 2e-3  # more than interpolation
-    code = "import test_turns; test_turns.check_where_nodes_stay()"
+    in_plain_python("check_where_nodes_stay")
+
+
+def in_plain_python(check):
+    """A function of this file, the parts of kernels being functions of Python."""
+    code = f"import test_turns; test_turns.{check}()"
     env = os.environ | {"NUMBA_DISABLE_JIT": "1"}
     subprocess.run([sys.executable, "-c", code], env=env, check=True, cwd=Path(__file__).parent)
+
+
+def check_what_is_passed_over():
+    """Slow points, others that hardly turn, some that reverse."""
+    rng, samples, points = np.random.default_rng(1), 32, 60
+    made = contact_forces(points)
+    theta = 2 * np.pi * np.arange(samples)[:, None, None] / samples
+    y, w = np.zeros((2, samples, points, 3))
+    w[:, :, 1:] = rng.uniform(0.0, 1.4, (1, points, 2)) * np.cos(theta)
+    w[:, :, 1:] += 0.05 * rng.normal(size=(1, points, 2)) * np.sin(2 * theta)
+    turned, slowest = turns._turned(made.points, w)
+    passed = 0
+    for i in range(points):
+        fastest = turns._fastest_stick(made.points, made.law, y, i)
+        over = not turned[i] and (1 - turns.TURNED) ** 2 * slowest[i] > fastest**2
+        shares = [
+            turns._turning(made.points, made.law, y, w, s, (s + 1) % samples, i, fastest)
+            for s in range(samples)
+        ]
+        assert not (over and max(shares) > 0.0)
+        speeds = (w[:, i, 1] + SPEED) ** 2 + w[:, i, 2] ** 2
+        assert slowest[i] == pytest.approx(speeds.min())
+        passed += over
+    assert 0 < passed < points
 
 
 def check_where_nodes_stay():
