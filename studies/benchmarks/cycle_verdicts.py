@@ -2,12 +2,15 @@
 
 Run:  python studies/benchmarks/cycle_verdicts.py [--designs 3 5 20] [--modes 2] [--in-time]
       python studies/benchmarks/cycle_verdicts.py --mesh medium
+      python studies/benchmarks/cycle_verdicts.py --thresholds --designs 20 79
+      python studies/benchmarks/cycle_verdicts.py --modes 99 --window 500 8000 --designs 3 20
 
 Of each design of `cycle_truth.csv` (`cycle_truth_medium.csv`) the modes of the band that grow
-fastest or decay slowest between 2.9 and 5.3 kHz, where this brake squeals, are followed as by a
-study of limit cycles. A design has the verdict of these families alone, those undecided after a
-run in time. A line a family is printed as it is found. With `--in-time`
-those without an unstable mode are run in time as the proof of a design study runs them instead,
+fastest or decay slowest between 2.9 and 5.3 kHz, where this brake squeals (`--window`), are
+followed as by a study of limit cycles. A design has the verdict of these families alone, those
+undecided after a run in time. A line a family is printed as it is found. With `--thresholds`
+runs begin at .9 and 1.1 of the unstable cycle of every family that has a threshold. With
+`--in-time` those without an unstable mode are run in time as the proof of a design study runs them instead,
 today's design being that of the same friction and pressure, and that of the nominal ones.
 """
 
@@ -26,9 +29,11 @@ import numpy as np
 import pandas as pd
 from cycle_truth import BRAKE, NOMINAL, RANGES, swept
 
+from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.cycle import Search
-from squealstudy.cycles.families import SQUEALS, VERDICTS, Followed, families
+from squealstudy.cycles.families import SQUEALS, VERDICTS, Family, Followed, families
 from squealstudy.cycles.kicked import decided_in_time
+from squealstudy.cycles.trials import Trials, state_of
 from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task
@@ -40,6 +45,7 @@ from squealstudy.study.design import DesignPoint
 from squealstudy.wording import STABLE
 
 WINDOW = (2.9e3, 5.3e3)  # Hz
+BESIDE = 0.9, 1.1  # times the motion of an unstable cycle
 TRUTH = {
     "coarse": Path(__file__).with_name("cycle_truth.csv"),
     "medium": Path(__file__).with_name("cycle_truth_medium.csv"),
@@ -77,12 +83,28 @@ def run_in_time(truth: pd.DataFrame, mesh: str) -> None:
         )
 
 
+def tried(contact: ContactOscillator, family: Family) -> str:
+    """What runs from beside a threshold come to."""
+    assert family.threshold is not None
+    assert family.loudest is not None
+    unstable, stable = family.threshold, family.loudest
+    trials = Trials(contact, stable.motion, unstable.motion)
+    ends = trials.outcomes([state_of(unstable.motion, factor) for factor in BESIDE])
+    told = (f"{factor:g} of it {end}" for factor, end in zip(BESIDE, ends, strict=True))
+    return (
+        f"{unstable.levels['energy']:.3g} J, {unstable.levels['contact_velocity']:.3g} m/s "
+        f"+- {100 * unstable.velocity_error:.2g} %; {', '.join(told)}"
+    )
+
+
 def main() -> None:
     """A line a family: the design's truth, the verdict, levels and frequencies, seconds."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--mesh", choices=list(TRUTH), default="coarse")
     parser.add_argument("--designs", type=int, nargs="*", help="numbers of the truth set")
     parser.add_argument("--modes", type=int, default=6, help="families of a design")
+    parser.add_argument("--window", type=float, nargs=2, default=WINDOW, help="Hz, of the modes")
+    parser.add_argument("--thresholds", action="store_true", help="tried in time")
     parser.add_argument("--in-time", action="store_true", help="runs in place of families")
     arguments = parser.parse_args()
     mesh = arguments.mesh
@@ -99,7 +121,7 @@ def main() -> None:
         lam, _ = contact.oscillator.steady_modes(band[1])
         lam = lam[(lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])]
         hz = lam.imag / (2 * np.pi)
-        near = np.flatnonzero((hz > WINDOW[0]) & (hz < WINDOW[1]))
+        near = np.flatnonzero((hz > arguments.window[0]) & (hz < arguments.window[1]))
         chosen = sorted((near[np.argsort(-lam[near].real)][: arguments.modes] + 1).tolist())
         speed = abs(contact.point.speed)
         began = time.process_time()
@@ -124,6 +146,8 @@ def main() -> None:
                     f"+- {multipliers.error / multipliers.period:.1f}",
                     flush=True,
                 )
+            if arguments.thresholds and family.threshold is not None:
+                print(f"   threshold: {tried(contact, family)}", flush=True)
         began, unstable = time.process_time(), contact.point.growing.n_unstable > 0
         whole = Followed(followed, 0, unstable)
         decided = decided_in_time(contact, whole, band, 2.0 * speed).families
