@@ -176,7 +176,41 @@ def test_only_runs_from_a_cycle_go_on_with_a_motion(hoffmann, monkeypatch):
         replace(quiet, cycles=(), largest=family.threshold.motion),
     ):
         decided_in_time(contact, found._replace(families=[(1, own)]), BAND, 1.0)
-    assert began == [True] + 5 * [False]
+    assert began == [True, False, False]
+
+
+def test_no_more_is_run_than_decides_a_design(hoffmann, monkeypatch):
+    """Nothing where a family squeals if kicked; else a run a family first, the others after it."""
+    contact, found, family = hoffmann
+    counts = []
+
+    def run(contact, starts, band):
+        counts.append(len(starts))
+        return run_on(contact, starts, band)
+
+    monkeypatch.setattr(kicked, "run_on", run)
+    saddle = family.threshold
+    last = replace(saddle.motion, Q=0.1 * saddle.motion.Q)
+    curve = [{"contact_velocity": 1.0, "added_damping": -1.0}]
+    lost = Family(family.lam, (), 0, curve, "basis", reason="?", largest=last)
+    beyond = replace(lost, cycles=(saddle,))
+    reach = 0.5 * saddle.levels["contact_velocity"]
+
+    def judged(*own):
+        counts.clear()
+        numbered = found._replace(families=list(enumerate(own, start=1)))
+        return [f for _, f in decided_in_time(contact, numbered, BAND, reach).families]
+
+    _, other = judged(family, lost)
+    assert (counts, other.verdict, other.run) == ([], UNDECIDED, None)
+    assert other.reason == "?; runs in time were not tried, for the design squeals if kicked"
+    one, other = judged(beyond, lost)
+    assert counts == [2]
+    assert (one.verdict, other.verdict) == (IF_KICKED, UNDECIDED)
+    assert "does not last, others were not tried, for the design squeals if kicked" in other.reason
+    one, other = judged(lost, lost)
+    assert counts == [2, 6]
+    assert one.verdict == other.verdict == NO_CYCLE
 
 
 @pytest.mark.parametrize(
@@ -271,13 +305,13 @@ def test_a_threshold_is_one_saddle(below, told):
 
 @pytest.mark.parametrize(("error", "attracts"), [(1e-3, True), (0.09, True), (0.11, None)])
 def test_a_cycle_that_is_too_inexact_is_neither_stable_nor_not(error, attracts):
-    """Its level has a status of its own, and a threshold has no share of it."""
+    """Its level has a status of its own."""
     stable = cycle([0.5, 0.4], [1e-3, 1e-3], "ok" if error < 1e-2 else "inaccurate", error)
     assert stable.attracts is attracts
     saddle = cycle([1.2, 0.5], [1e-3, 1e-3])
     found = _judged(Family(-1 + 10j, (saddle, stable), 0, [], "far"), False, False)
     assert found.verdict == (IF_KICKED if attracts else UNDECIDED)
-    assert (found.threshold is not None) == (error < 1e-2)
+    assert (found.threshold is not None) == bool(attracts)  # which is the other cycle's
 
 
 def test_where_none_was_found_the_reason_says_what_was_searched():

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -125,29 +126,46 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
 def decided_in_time(
     contact: ContactOscillator, found: Followed, band: tuple[float, float], reach: float
 ) -> Followed:
-    """The families of a design whose modes are all stable, those undecided after runs in time.
+    """A design whose modes are all stable and that cycles leave open, after runs in time.
 
-    They begin with what was found: the loudest cycle, above it where it is unstable; without any
-    the motion that lacks least damping, and the largest of the curve, made as large as `reach`
-    [m/s] and larger: on the brake a motion of that size along a mode may lose what a cycle of half
-    of it needs. Where one lasts the design squeals if kicked. Where all decay there is
-    no cycle found if nothing but the curve's end was missing; else that is told, and the verdict
-    stays open. `band` [rad/s] is that of `run_on`.
+    They begin with what was found of families that are undecided: the loudest cycle, above it where
+    it is unstable; without any the motion that lacks least damping, and the largest of the curve,
+    made as large as `reach` [m/s] and larger: on the brake a motion of that size along a mode may
+    lose what a cycle of half of it needs. Where one lasts the design squeals if kicked, and no more
+    are run. Where all of a family decay there is no cycle found if nothing but the curve's end was
+    missing; else that is told, and the verdict stays open. `band` [rad/s] is that of `run_on`.
     """
+    families = [family for _, family in found.families]
     if found.unstable_outside or contact.point.growing.n_outside > 0:
         return found
-    if any(family.verdict == SQUEALS for _, family in found.families):
+    if any(family.verdict == SQUEALS for family in families):
         return found
-    starts = [
-        (k, name, replace(contact.point, q0=q, v0=v, continued=name == CYCLE))
-        for k, family in found.families
-        for name, (q, v) in _starts(contact, family, reach)
-    ]
-    motions = run_on(contact, [point for *_, point in starts], band)
-    ends: dict[int, list[Ended]] = {k: [] for k, _ in found.families}
-    for (k, name, _), motion in zip(starts, motions, strict=True):
-        ends[k].append(ended(name, motion))
-    return found._replace(families=[(k, _decided(f, ends[k])) for k, f in found.families])
+    starts = [list(_starts(contact, family, reach)) for family in families]
+    ends: list[list[Ended]] = [[] for _ in families]
+    for some in (slice(0, 1), slice(1, None)):
+        if any(family.verdict == IF_KICKED for family in families) or _lasting(chain(*ends)):
+            break
+        tries = [(own, *s) for own, all_ in zip(ends, starts, strict=True) for s in all_[some]]
+        points = [
+            replace(contact.point, q0=q, v0=v, continued=name == CYCLE) for _, name, (q, v) in tries
+        ]
+        for (own, name, _), motion in zip(tries, run_on(contact, points, band), strict=True):
+            own.append(ended(name, motion))
+    decided = []
+    for (k, family), own, tried in zip(found.families, ends, starts, strict=True):
+        if len(own) == len(tried) or _lasting(own):
+            family = _decided(family, own)
+        else:
+            left = f"a run from {own[0].start} does not last, others" if own else "runs in time"
+            why = f"{left} were not tried, for the design squeals if kicked"
+            family = replace(family, reason=f"{family.reason}; {why}")
+        decided.append((k, family))
+    return found._replace(families=decided)
+
+
+def _lasting(runs: Iterable[Ended]) -> list[Ended]:
+    """Those that last."""
+    return [run for run in runs if run.outcome == LASTS]
 
 
 def _starts(
@@ -177,8 +195,7 @@ def _decided(family: Family, ends: Sequence[Ended]) -> Family:
     """A family after its runs in time."""
     if not ends:
         return family
-    lasting = [run for run in ends if run.outcome == LASTS]
-    if lasting:
+    if lasting := _lasting(ends):
         run = max(lasting, key=lambda run: np.nan_to_num(run.torque_rms))
         reason = f"a run in time from {run.start} lasts beside a stable mode; no threshold: "
         return replace(family, run=run, verdict=IF_KICKED, reason=reason + family.reason)

@@ -35,7 +35,7 @@ def _most_telling(results: Results) -> Iterator[tuple[str, Choices]]:
     points = results.points
     kicked = points[points["threshold_velocity"].notna().to_numpy(bool)]
     if len(kicked):
-        weakest = int(np.nanargmin(kicked["threshold_share"].to_numpy(float)))
+        weakest = int(np.argmin(kicked["threshold_velocity"].to_numpy(float)))
         yield "", {"point": kicked["point_id"].iloc[weakest]}
     elif (some := points[(points["n_cycles"].fillna(0) > 0).to_numpy(bool)]).size:
         yield "", {"point": some["point_id"].iloc[0]}

@@ -52,6 +52,7 @@ from squealstudy.kinds.limit_cycles.tables import (
     SUMMARY_FIELDS,
     VERDICT_FIELDS,
     cycle_row,
+    known_velocity,
     summary,
 )
 
@@ -355,9 +356,7 @@ def _judge_again(
                 verdict["torque_rms"] = cycle["torque_rms"]
                 verdict["level_error"] = cycle["level_error"]
                 verdict["cycle_frequency_hz"] = cycle["frequency_hz"]
-                verdict["threshold_share"] = (
-                    verdict["threshold_velocity"] / cycle["contact_velocity"]
-                )
+                verdict["threshold_share"] = verdict["threshold_velocity"] / known_velocity(cycle)
         if verdict["verdict"] == SQUEALS:
             if stable:
                 verdict["reason"] = f"unstable mode, with a stable cycle: {came}"

@@ -122,8 +122,8 @@ class LimitCyclesSection(Section):
     )
     undecided_in_time: bool = Field(
         default=True,
-        description="whether a design of stable modes that stays undecided beside cycles is run in "
-        "time from the loudest of them",
+        description="whether a design of stable modes that cycles leave open is run in time from "
+        "the loudest of them",
     )
     kick_along_mode: bool = Field(
         default=False,

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from squealstudy.cycles.cycle import Cycle, same_cycle
-from squealstudy.cycles.families import IF_KICKED, UNDECIDED, VERDICTS, Family, Followed
+from squealstudy.cycles.families import IF_KICKED, UNDECIDED, VAGUE, VERDICTS, Family, Followed
 from squealstudy.cycles.kicked import Kick
 from squealstudy.engine.rows import (
     FLAG,
@@ -213,7 +213,12 @@ def summary(
 def _velocity(verdict: Mapping[str, Any], cycles: Sequence[Mapping[str, Any]]) -> float:
     """Contact velocity [m/s] of the cycle whose level a verdict has; NaN where it has none."""
     own = (c for c in cycles if c["stable"] and c["torque_rms"] == verdict["torque_rms"])
-    return max((float(c["contact_velocity"]) for c in own), default=np.nan)
+    return max((known_velocity(c) for c in own), default=np.nan)
+
+
+def known_velocity(cycle: Mapping[str, Any]) -> float:
+    """Contact velocity [m/s] of a row of a cycle; NaN where it is too vague for a share of it."""
+    return float(cycle["contact_velocity"]) if cycle["velocity_error"] <= VAGUE else np.nan
 
 
 def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[str, Any]:
@@ -228,7 +233,7 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
         level = (loud.levels["torque_rms"], loud.level_error, hz)
     elif family.run is not None:
         level = (family.run.torque_rms, family.run.spread, family.run.frequency_hz)
-    if kick is not None and loud is not None:
+    if kick is not None and loud is not None and loud.velocity_error <= VAGUE:
         share = velocity / loud.levels["contact_velocity"]
     return {
         "mode": mode,
