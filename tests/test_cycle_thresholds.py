@@ -20,6 +20,7 @@ from squealstudy.cycles.families import (
     UNDECIDED,
     Family,
     Followed,
+    _alone,
     _judged,
     families,
 )
@@ -301,6 +302,28 @@ def test_a_threshold_is_one_saddle(below, told):
     unstable = _judged(family, False, True)
     assert unstable.threshold is None
     assert "another mode is unstable" in unstable.reason
+
+
+def test_a_threshold_is_none_where_another_mode_grows_at_smaller_motions(hoffmann):
+    """A kick along the cycle need not die away then, though it is below it."""
+    _, _, family = hoffmann
+    saddle = family.threshold
+    smaller = replace(saddle, levels=saddle.levels | {"energy": 0.5 * saddle.levels["energy"]})
+    other = replace(saddle, levels=smaller.levels | {"torque_rms": 0.7})
+    growing = [{"contact_velocity": 1.0, "added_damping": 1.0}]
+    quiet = Family(-1 + 10j, (), 0, [], "far")
+    for own, alone in (
+        (quiet, True),
+        (replace(quiet, cycles=(family.loudest,), curve=growing), True),
+        (replace(quiet, cycles=(smaller,)), True),  # the same one
+        (replace(quiet, cycles=(other,)), False),
+        (replace(quiet, curve=growing), False),
+        (replace(quiet, curve=growing, look=SecondLook(7, 3)), True),
+    ):
+        found = _alone(1, family, [(1, family), (2, own)])
+        assert (found.threshold is not None) == alone
+        assert ("no threshold: mode 2 grows at smaller motions" in found.reason) != alone
+        assert found.verdict == IF_KICKED
 
 
 @pytest.mark.parametrize(("error", "attracts"), [(1e-3, True), (0.09, True), (0.11, None)])

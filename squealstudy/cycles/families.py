@@ -96,9 +96,14 @@ class Family:
     @property
     def cut_short(self) -> bool:
         """Whether nothing speaks for a cycle but what of the curve was not followed to its end."""
-        grows = any(p["added_damping"] > 0.0 for p in self.curve)
-        grows = self.look.grows if self.look is not None else grows
-        return not (self.cycles or self.lost or grows)
+        return not (self.cycles or self.lost or self.grows)
+
+    @property
+    def grows(self) -> bool:
+        """Whether a motion of the curve does, with the most harmonics that were tried."""
+        if self.look is not None:
+            return self.look.grows
+        return any(p["added_damping"] > 0.0 for p in self.curve)
 
     @property
     def loudest(self) -> Cycle | None:
@@ -175,6 +180,7 @@ def families(
         elif grows:
             family = Family(complex(lam[k]), (), 0, [], NOT_FOLLOWED)
             found.append((number, _judged(family, grows, any_unstable)))
+    found = [(number, _alone(number, family, found)) for number, family in found]
     outside = any_unstable and not unstable[places].any()
     left_out = len(places) - sum(family.end != NOT_FOLLOWED for _, family in found)
     return Followed(found, left_out, outside)
@@ -304,6 +310,22 @@ def _searched(family: Family, look: SecondLook) -> str:
         f"none on this mode's curve up to {family.reached:.3g} m/s{left}, {places}; "
         "a cycle apart from it is not excluded"
     )
+
+
+def _alone(number: int, family: Family, found: Sequence[tuple[int, Family]]) -> Family:
+    """A family without its threshold where another grows at smaller motions, or may."""
+    if family.threshold is None:
+        return family
+    mine = family.threshold
+    for other, own in found:
+        smaller = any(
+            cycle.levels["energy"] < mine.levels["energy"] and not same_cycle(cycle, mine)
+            for cycle in own.cycles
+        )
+        if other != number and (smaller or (own.grows and not own.cycles)):
+            reason = f"{family.reason}; no threshold: mode {other} grows at smaller motions"
+            return replace(family, threshold=None, reason=reason)
+    return family
 
 
 def _threshold(family: Family, stable: Cycle) -> tuple[Cycle | None, str]:
