@@ -155,6 +155,10 @@ def test_blocks_solve_each_harmonic_with_the_mean_tangents(both):
     for h, x in enumerate(change):
         own = found.Q[h] - (1j * found.Q[H + h] if h else 0.0)
         assert np.abs(own - x).max() < 2e-5 * np.abs(x).max()
+    with np.errstate(all="ignore"):
+        still = Blocks(osc, replace(exact, Q=0.0 * exact.Q), local, weight)
+    with pytest.raises(ConvergenceError, match="singular"):
+        still.step(R, other)
     # A q with omega + d, xi + e: -2 omega d + i omega e more, to first order
     assert found.omega == pytest.approx(-shift.real / (2.0 * exact.omega), rel=1e-4)
     assert found.mu == pytest.approx(shift.imag / exact.omega, rel=1e-4)

@@ -43,7 +43,7 @@ class Blocks:
     Raises
     ------
     ConvergenceError
-        Where contact is absurdly stiff.
+        Where contact is absurdly stiff; by `step` where the first harmonic's block is singular.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Blocks:
         return PeriodicMotion(-largest * change / weight, -omega, -float(shift.imag / motion.omega))
 
     def _held(self, r: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, complex]:
-        """X and s of A x + s q = r with x orthogonal to q, both weighted.
+        """The x and s of A x + s q = r with x orthogonal to q, both weighted.
 
         By the block with its border, which is about the q of the motion that it was made of.
         """
@@ -106,6 +106,8 @@ class Blocks:
         found = la.lu_solve(self._factors[1], sides).astype(complex)
         # nothing pushes along the border any more, and nothing is left along q
         pair = np.vstack([found[-1], seen.conj() @ found[:-1] / unit])
-        s, back = la.solve(pair[:, 1:], pair[:, 0])
+        if not np.isfinite(pair).all() or not abs(np.linalg.det(pair[:, 1:])) > 0.0:
+            raise ConvergenceError("singular_jacobian", "the balance is singular")
+        s, back = np.linalg.solve(pair[:, 1:], pair[:, 0])
         x: np.ndarray = found[:-1] @ [1.0, -s, -back]
         return x, s / unit
