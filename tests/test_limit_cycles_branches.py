@@ -353,6 +353,7 @@ QUIET = {
     "frequency_hz": 100.0,
     "level_error": 1e-9,
     "velocity_error": 0.0,
+    "energy": 4.0,
 }
 
 
@@ -370,9 +371,12 @@ def test_level_and_share_of_the_threshold_are_of_one_cycle():
         "cycle_frequency_hz": 100.0,
         "threshold_velocity": 0.5,
         "threshold_share": 0.25,
+        "threshold_energy": 1.0,
+        "threshold_cycle": "a-1-1",
     }
     silent = kicked | {"mode": 2, "verdict": "no_cycle_found", "n_cycles": 0}
-    silent |= dict.fromkeys(("torque_rms", "threshold_velocity", "threshold_share"), np.nan)
+    unknown = ("torque_rms", "threshold_velocity", "threshold_share", "threshold_energy")
+    silent |= dict.fromkeys(unknown, np.nan)
     for mode, shares in ((1, [0.1, np.nan]), (2, [0.25, np.nan])):
         row = {"verdicts": [dict(kicked), dict(silent)], "cycles": [QUIET], "n_left_out": 0}
         row["unstable_outside"] = False
@@ -382,6 +386,15 @@ def test_level_and_share_of_the_threshold_are_of_one_cycle():
         assert row["torque_rms"] == 20.0
         assert row["threshold_share"] == pytest.approx(0.1)
         np.testing.assert_allclose([v["threshold_share"] for v in row["verdicts"]], shares)
+        # an unstable one that is smaller than the threshold of the first family
+        small = QUIET | {"stable": False, "torque_rms": 1.0, "energy": 0.5}
+        row["cycles"].append(small)
+        _judge_again(row, mode, "another cycle", small)
+        first = row["verdicts"][0]
+        assert np.isnan([first["threshold_velocity"], row["threshold_velocity"]]).all()
+        assert first["threshold_cycle"] == ""
+        assert "; no threshold: another cycle is smaller" in first["reason"]
+        assert first["verdict"] == "squeals_if_kicked"
 
 
 @pytest.mark.parametrize(

@@ -56,6 +56,7 @@ from squealstudy.kinds.limit_cycles.tables import (
     summary,
 )
 
+THRESHOLD = tuple(f"threshold_{name}" for name in ("velocity", "error", "energy", "share"))
 NEAREST = 3  # neighbours of a design that is on no grid
 BRANCH_FIELDS = (
     ("cycle_id", TEXT),
@@ -343,8 +344,14 @@ def _family(row: dict[str, Any], origin: dict[str, Any], found: Continued) -> in
 def _judge_again(
     row: dict[str, Any], mode: int, came: str, cycle: dict[str, Any] | None = None
 ) -> None:
-    """The verdicts of a design that a cycle more has, or may have: `came` says from where."""
+    """The verdicts of a design that a cycle more has, or may have: `came` says from where.
+
+    A threshold of more energy than that cycle's is none: what is below it may grow.
+    """
     for verdict in row["verdicts"]:
+        if cycle is not None and verdict["threshold_energy"] > cycle["energy"]:
+            verdict |= dict.fromkeys(THRESHOLD, np.nan) | {"threshold_cycle": ""}
+            verdict["reason"] += f"; no threshold: {came} is smaller"
         if verdict["mode"] != mode:
             continue
         stable = cycle is not None and bool(cycle["stable"])
