@@ -119,6 +119,7 @@ def test_a_branch_on_a_basis_that_grows(folding, monkeypatch):
     bounds, stop = (-0.05, 0.2), models.shrunk(many(0.0), 1e-3)
     exact, end = branch(many, folding, bounds, 1.0, stop)
     monkeypatch.setattr(projected, "WHOLE", 4)
+    # with few modes errors of multipliers are so wide that one torus is not told
     few, few_end = branch(many, folding, bounds, 1.0, stop, SHORT, highest=8.0)
     assert end == few_end == "hopf"
     (fold,), (near,) = ([p for p in found if p.event == TURN] for found in (exact, few))

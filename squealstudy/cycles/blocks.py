@@ -43,7 +43,7 @@ class Blocks:
     Raises
     ------
     ConvergenceError
-        Where contact is absurdly stiff; by `step` where the first harmonic's block is singular.
+        Where contact is absurdly stiff; by `step` where a block is singular.
     """
 
     def __init__(
@@ -90,6 +90,8 @@ class Blocks:
                 side = (R[h] - 1j * R[H + h]).astype(np.complex64)
                 x = la.lu_solve(self._factors[h], side)
             change[h], change[H + h] = x.real, -x.imag
+        if not np.isfinite(change).all():
+            raise ConvergenceError("singular_jacobian", "the balance of a harmonic is singular")
         shift *= largest
         # A q = (-omega^2 + i omega (C + xi)) q + ..: d omega = -Re / 2 omega, d xi = Im / omega
         omega = float(-shift.real / (2.0 * motion.omega))

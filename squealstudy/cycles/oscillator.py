@@ -9,7 +9,7 @@ of a small oscillator. q = 0 is the steady state.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -69,9 +69,6 @@ class Oscillator:
     forces: Forces
     samples: int = LEAST_SAMPLES
     turning: Forces | None = None
-    _modes: dict[float, tuple[np.ndarray, np.ndarray]] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
 
     def __post_init__(self) -> None:
         n = self.B.shape[-1]
@@ -128,18 +125,13 @@ class Oscillator:
     def steady_modes(self, highest: float) -> tuple[np.ndarray, np.ndarray]:
         """Roots (m,) about the steady state with positive or no imaginary part, by size; rad/s.
 
-        And right vectors (n, m). All of a small model, up to `highest` [rad/s] of a large one;
-        those found last are kept.
+        And right vectors (n, m). All of a small model, up to `highest` [rad/s] of a large one.
         """
-        highest = np.inf if self.n <= WHOLE else highest
-        if highest not in self._modes:
-            zero = np.zeros((1, self.n))
-            C, K = self.tangent(zero, zero)
-            lam, psi = dense_roots(C[0], K[0], (0.0, highest))
-            order = [k for k in np.argsort(np.abs(lam), kind="stable") if lam[k].imag >= 0]
-            self._modes.clear()
-            self._modes[highest] = lam[order], psi[:, order]
-        return self._modes[highest]
+        zero = np.zeros((1, self.n))
+        C, K = self.tangent(zero, zero)
+        lam, psi = dense_roots(C[0], K[0], (0.0, np.inf if self.n <= WHOLE else highest))
+        order = [k for k in np.argsort(np.abs(lam), kind="stable") if lam[k].imag >= 0]
+        return lam[order], psi[:, order]
 
     def tangent(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Damping and stiffness (S, n, n) of the equation linearised at states q, v (S, n)."""
