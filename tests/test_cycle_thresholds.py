@@ -13,23 +13,23 @@ from squealstudy.cycles import kicked
 from squealstudy.cycles.curve import CurveMotion
 from squealstudy.cycles.cycle import LEVELS, Cycle, Search, _changes, cycle_near
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.families import (
-    IF_KICKED,
-    NO_CYCLE,
-    SQUEALS,
-    UNDECIDED,
-    Family,
-    Followed,
-    _alone,
-    _judged,
-    families,
-)
+from squealstudy.cycles.families import families
 from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.growth import STILL, SecondLook
 from squealstudy.cycles.harmonics import series_at
 from squealstudy.cycles.kicked import PHASES, decided_in_time, kick_along_mode, kicks
 from squealstudy.cycles.projection import Projection
 from squealstudy.cycles.trials import DECAYS, GROWS, LASTS, Trials, ended, run_on, state_of
+from squealstudy.cycles.verdicts import (
+    IF_KICKED,
+    NO_CYCLE,
+    SQUEALS,
+    UNDECIDED,
+    Family,
+    Followed,
+    alone,
+    judged,
+)
 
 SEED = 11
 DRAWN = {  # values, contact law, ranges of what is drawn, saturation [m/s], kind of friction
@@ -293,13 +293,13 @@ def test_a_threshold_is_one_saddle(below, told):
     """Of a multiplier within its error of the circle nobody knows on which side it is."""
     stable = cycle([0.5, 0.4], [1e-3, 1e-3])
     family = Family(-1 + 10j, (*below, stable), 0, [], "far")
-    found = _judged(family, False, False)
+    found = judged(family, False, False)
     assert found.verdict == IF_KICKED
     assert (found.threshold is None) == bool(told)
     assert told in found.reason
-    lost = _judged(replace(family, lost=1), False, False)
+    lost = judged(replace(family, lost=1), False, False)
     assert lost.threshold is None
-    unstable = _judged(family, False, True)
+    unstable = judged(family, False, True)
     assert unstable.threshold is None
     assert "another mode is unstable" in unstable.reason
 
@@ -312,7 +312,7 @@ def test_a_threshold_is_none_where_another_mode_grows_at_smaller_motions(hoffman
     other = replace(saddle, levels=smaller.levels | {"torque_rms": 0.7})
     growing = [{"contact_velocity": 1.0, "added_damping": 1.0}]
     quiet = Family(-1 + 10j, (), 0, [], "far")
-    for own, alone in (
+    for own, kept in (
         (quiet, True),
         (replace(quiet, cycles=(family.loudest,), curve=growing), True),
         (replace(quiet, cycles=(smaller,)), True),  # the same one
@@ -320,9 +320,9 @@ def test_a_threshold_is_none_where_another_mode_grows_at_smaller_motions(hoffman
         (replace(quiet, curve=growing), False),
         (replace(quiet, curve=growing, look=SecondLook(7, 3)), True),
     ):
-        found = _alone(1, family, [(1, family), (2, own)])
-        assert (found.threshold is not None) == alone
-        assert ("no threshold: mode 2 grows at smaller motions" in found.reason) != alone
+        found = alone(1, family, [(1, family), (2, own)])
+        assert (found.threshold is not None) == kept
+        assert ("no threshold: mode 2 grows at smaller motions" in found.reason) != kept
         assert found.verdict == IF_KICKED
 
 
@@ -332,7 +332,7 @@ def test_a_cycle_that_is_too_inexact_is_neither_stable_nor_not(error, attracts):
     stable = cycle([0.5, 0.4], [1e-3, 1e-3], "ok" if error < 1e-2 else "inaccurate", error)
     assert stable.attracts is attracts
     saddle = cycle([1.2, 0.5], [1e-3, 1e-3])
-    found = _judged(Family(-1 + 10j, (saddle, stable), 0, [], "far"), False, False)
+    found = judged(Family(-1 + 10j, (saddle, stable), 0, [], "far"), False, False)
     assert found.verdict == (IF_KICKED if attracts else UNDECIDED)
     assert (found.threshold is not None) == bool(attracts)  # which is the other cycle's
 
@@ -340,11 +340,11 @@ def test_a_cycle_that_is_too_inexact_is_neither_stable_nor_not(error, attracts):
 def test_where_none_was_found_the_reason_says_what_was_searched():
     curve = [{"contact_velocity": 1.5, "added_damping": -1.0}]
     family = Family(-1 + 10j, (), 0, curve, "far", SecondLook(7, 4))
-    found = _judged(family, False, False)
+    found = judged(family, False, False)
     assert found.verdict == NO_CYCLE
     assert "none on this mode's curve up to 1.5 m/s, 4 places of it with up to 7" in found.reason
     assert "a cycle apart from it is not excluded" in found.reason
-    left = _judged(replace(family, end="damped"), False, False)
+    left = judged(replace(family, end="damped"), False, False)
     assert "2 % of damping missing" in left.reason
 
 
@@ -359,7 +359,7 @@ def test_where_none_was_found_the_reason_says_what_was_searched():
 )
 def test_what_was_not_searched_with_more_harmonics_is_undecided(look, end, told):
     curve = [{"contact_velocity": 1.5, "added_damping": -1.0}]
-    found = _judged(Family(-1 + 10j, (), 0, curve, end, look), False, False)
+    found = judged(Family(-1 + 10j, (), 0, curve, end, look), False, False)
     assert found.verdict == UNDECIDED
     assert told in found.reason
 

@@ -347,7 +347,8 @@ def test_small_motions_tell_nothing_of_larger_ones(large, seen, monkeypatch):
     curve.append(CurveMotion(motion(1.0, large), 0.0, 0.0))
 
     def more(osc, m, harmonics):
-        return None, motion(m.Q[1, 0], m.mu + (0.01 if m.Q[1, 0] == 1.0 else 0.0))
+        better = motion(m.Q[1, 0], m.mu + (0.01 if m.Q[1, 0] == 1.0 else 0.0))
+        return None, CurveMotion(better, 0.0, 0.0)
 
     monkeypatch.setattr(growth, "_with_more", more)
     monkeypatch.setattr(growth, "_piece", lambda _, m, low: [CurveMotion(m, 0.0, 0.0)])

@@ -68,13 +68,13 @@ def test_a_cycle_that_is_not_confirmed_leaves_the_verdict_open(tmp_path, monkeyp
     """A design whose own curve shows none and that a branch passes."""
     lose(monkeypatch, 2)
     monkeypatch.setattr(continued, "_cycle_at", lambda *_: None)
-    whole = families._judged
+    whole = families.judged
 
     def silent(family, *rest):
         found = whole(family, *rest)
         return replace(found, verdict="no_cycle_found") if not found.cycles else found
 
-    monkeypatch.setattr(families, "_judged", silent)
+    monkeypatch.setattr(families, "judged", silent)
     results = solved(plan_of(study([0.4, 0.5, 0.6], **ALONE), STUDY), tmp_path / "open")
     points = results.points.set_index("friction")
     assert points["verdict"].tolist() == ["no_cycle_found", "undecided", "squeals_if_kicked"]

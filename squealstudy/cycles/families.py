@@ -1,133 +1,50 @@
-"""The limit cycles of a design: growth over amplitude of its mode families, cycles, a verdict.
-
-A verdict never says more than was found: `no_cycle_found` is of a curve that was followed as far as
-was asked, `squeals_if_kicked` of a cycle that attracts, with all its digits in order.
-"""
+"""The limit cycles of a design: growth over amplitude of its mode families, and their cycles."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+import scipy.linalg as la
 
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.curve import CurveMotion
-from squealstudy.cycles.cycle import LADDER, OK, Cycle, Search, cycle_near, same_cycle
+from squealstudy.cycles.cycle import LADDER, Cycle, Search, cycle_near, same_cycle
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.growth import (
     DAMPED,
     FAR,
     ZERO,
-    SecondLook,
     family_curve,
     found_again,
     linear_motion,
     looked_again,
 )
 from squealstudy.cycles.harmonics import with_harmonics
+from squealstudy.cycles.oscillator import WHOLE
 from squealstudy.cycles.projection import Projection
-from squealstudy.cycles.trials import Ended
+from squealstudy.cycles.verdicts import (
+    HOPELESS,
+    NO_CYCLE,
+    NOT_FOLLOWED,
+    SEARCHED,
+    Family,
+    Followed,
+    alone,
+    judged,
+)
 from squealstudy.errors import ConvergenceError
-from squealstudy.wording import plural
 
-SQUEALS, IF_KICKED = "squeals", "squeals_if_kicked"
-NO_CYCLE, UNDECIDED = "no_cycle_found", "undecided"
-VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NO_CYCLE)  # of a design the first of its families'
-NOT_FOLLOWED = "not_followed"  # end of a curve that was not asked for
-SEARCHED = (FAR, DAMPED)  # ends of curves that were followed as far as there is hope
-VAGUE = 0.05  # error of a contact velocity beyond which it is no threshold, and has no share
-HOPELESS = 0.02  # damping ratio missing, beyond small motions', at which large models are left
 MORE = 2  # numbers of harmonics with which they are looked at again
 CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of projected ones
+ALIKE, UNLIKE = 0.95, 0.8  # MAC of modes of two designs that are one, and with all others
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
 STEPS = Steps(first=0.3, largest=0.5, count=200)
 PROJECTED_STEPS = Steps(first=0.5, least=2e-3, largest=1.0, count=90)
-
-
-@dataclass(frozen=True, eq=False)
-class Family:
-    """A mode, its growth over amplitude, its cycles.
-
-    Attributes
-    ----------
-    lam : complex
-        Root of the linearised equation, rad/s.
-    cycles : tuple of Cycle
-        In the order of the curve.
-    lost : int
-        Zeros of the curve that more harmonics did not confirm, or lead to another one's cycle.
-    curve : list of dict
-        ``contact_velocity`` m/s, ``frequency_hz``, ``added_damping`` 1/s, ``residual``,
-        ``basis_error``, ``event``.
-    end : str
-        Why the curve ended: ``far`` where it was followed as far as asked.
-    look : SecondLook or None
-        With more harmonics, of a stable mode's curve on which no cycle is confirmed.
-    verdict, reason : str
-    threshold : Cycle or None
-        The unstable cycle that a kick must exceed.
-    run : Ended or None
-        In time, of a family that was undecided without: the loudest that lasts, or what is open.
-    largest : PeriodicMotion or None
-        Of the curve.
-    """
-
-    lam: complex
-    cycles: tuple[Cycle, ...]
-    lost: int
-    curve: list[dict[str, Any]]
-    end: str
-    look: SecondLook | None = None
-    verdict: str = UNDECIDED
-    reason: str = ""
-    threshold: Cycle | None = None
-    run: Ended | None = None
-    largest: PeriodicMotion | None = None
-
-    @property
-    def reached(self) -> float:
-        """Largest contact velocity of the curve, m/s."""
-        return max((p["contact_velocity"] for p in self.curve), default=0.0)
-
-    @property
-    def cut_short(self) -> bool:
-        """Whether nothing speaks for a cycle but what of the curve was not followed to its end."""
-        return not (self.cycles or self.lost or self.grows)
-
-    @property
-    def grows(self) -> bool:
-        """Whether a motion of the curve does, with the most harmonics that were tried."""
-        if self.look is not None:
-            return self.look.grows
-        return any(p["added_damping"] > 0.0 for p in self.curve)
-
-    @property
-    def loudest(self) -> Cycle | None:
-        """The stable cycle of largest level."""
-        stable = [c for c in self.cycles if c.attracts]
-        return max(stable, key=lambda c: c.levels["contact_velocity"], default=None)
-
-
-class Followed(NamedTuple):
-    """What was followed of a design.
-
-    Attributes
-    ----------
-    families : list of (int, Family)
-        By the numbers of their modes, unstable ones that were not asked for among them.
-    left_out : int
-        Modes of the band that were not followed, unstable ones too.
-    unstable_outside : bool
-        Whether a mode outside the band is unstable.
-    """
-
-    families: list[tuple[int, Family]]
-    left_out: int
-    unstable_outside: bool
 
 
 def families(
@@ -137,6 +54,7 @@ def families(
     tolerance: float,
     search: Search,
     screen: float = np.inf,
+    near: Followed | None = None,
 ) -> Followed:
     """The families of a band, by the numbers of their modes, with verdicts.
 
@@ -152,6 +70,10 @@ def families(
     search : Search
     screen : float
         1/s: where no modes are named, those that decay faster are left out.
+    near : Followed or None
+        What was followed of a design nearby, in the same coordinates. Its silent curves serve
+        those of this design's modes that are the same, for a large model; but not where fewer
+        families grow than there.
 
     Raises
     ------
@@ -171,19 +93,80 @@ def families(
     if max(numbers, default=0) > len(places):
         count = len(places)
         raise ConvergenceError("no_mode", f"mode {max(numbers)} of {count} modes in the band")
-    found = []
-    for number, k in enumerate(places, start=1):
-        grows = bool(unstable[k])
-        if number in numbers:
-            family = _family(contact, complex(lam[k]), psi[:, k], search)
-            found.append((number, _judged(family, grows, any_unstable)))
-        elif grows:
-            family = Family(complex(lam[k]), (), 0, [], NOT_FOLLOWED)
-            found.append((number, _judged(family, grows, any_unstable)))
-    found = [(number, _alone(number, family, found)) for number, family in found]
     outside = any_unstable and not unstable[places].any()
-    left_out = len(places) - sum(family.end != NOT_FOLLOWED for _, family in found)
-    return Followed(found, left_out, outside)
+
+    def follow(before: Followed | None) -> Followed:
+        silent = _silent(before, contact, psi[:, places], unstable[places])
+        found = []
+        for number, k in enumerate(places, start=1):
+            root, phi = complex(lam[k]), psi[:, k]
+            own = Family(root, (), 0, [], NOT_FOLLOWED)
+            if number in numbers:
+                known = silent.get(number)
+                served = known and _silent_nearby(contact, root, phi, search, known)
+                own = served or _family(contact, root, phi, search)
+            if number in numbers or unstable[k]:
+                found.append((number, judged(own, bool(unstable[k]), any_unstable)))
+        left_out = len(places) - sum(own.end != NOT_FOLLOWED for _, own in found)
+        return Followed(found, left_out, outside, psi[:, places])
+
+    found = follow(near)
+    if near is not None and found.n_growing < near.n_growing:
+        found = follow(None)  # what grew there may go on in a curve that served
+    last = [(number, alone(number, own, found.families)) for number, own in found.families]
+    return found._replace(families=last)
+
+
+def _silent(
+    near: Followed | None, contact: ContactOscillator, psi: np.ndarray, unstable: np.ndarray
+) -> dict[int, Family]:
+    """Silent families of a design nearby, by the numbers of the stable modes (n, m) here.
+
+    A mode is the same where it is like that one there, and neither is much like any other.
+    """
+    if near is None or not near.modes.size or contact.oscillator.n <= WHOLE:
+        return {}
+    mine, theirs = (x / la.norm(x, axis=0) for x in (psi, near.modes))
+    mac = np.abs(mine.conj().T @ theirs) ** 2
+    found = {}
+    for number, own in near.families:
+        k = int(np.argmax(mac[:, number - 1]))
+        others = np.append(np.delete(mac[:, number - 1], k), np.delete(mac[k], number - 1))
+        same = mac[k, number - 1] > ALIKE and others.max(initial=0.0) < UNLIKE
+        if same and own.verdict == NO_CYCLE and not unstable[k]:
+            found[k + 1] = replace(own, origin=own.origin or near.name)
+    return found
+
+
+def _silent_nearby(
+    contact: ContactOscillator, lam: complex, phi: np.ndarray, search: Search, near: Family
+) -> Family | None:
+    """The family of a mode by the silent curve of a design nearby; None where that tells nothing.
+
+    The curve's likeliest motions are balanced at this design with more harmonics, and the rest is
+    clear of growth by what these change, as in a curve that is looked at again.
+    """
+    first = near.path[0].motion
+    if near.end == FAR and near.reached < search.reach:
+        return None
+    scale = np.sqrt(np.abs(np.diag(contact.oscillator.K)) + lam.imag**2)
+    start = linear_motion(phi, lam, scale, la.norm(scale * first.Q[[1, first.harmonics + 1]]))
+    moved = abs(start.mu - first.mu)
+    look = looked_again(contact.oscillator, near.path, _more(first.harmonics), moved)
+    if look.open or look.grows or not look.checked:
+        return None
+    shown = [CurveMotion(start, 0.0, 0.0), *sorted(look.motions, key=lambda p: p.motion.size)]
+    return Family(
+        lam,
+        (),
+        0,
+        _shown(contact, shown),
+        near.end,
+        look,
+        path=near.path,
+        origin=near.origin,
+        furthest=near.reached,
+    )
 
 
 def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: Search) -> Family:
@@ -217,13 +200,19 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
     cycles: list[Cycle] = []
     lost, look = _confirmed(contact, curve, search, cycles), None
     if end in SEARCHED and start.mu <= 0.0 and not cycles:
-        look = looked_again(contact.oscillator, curve, [h for h in LADDER if h > harmonics][:MORE])
+        look = looked_again(contact.oscillator, curve, _more(harmonics))
         _confirmed(contact, chain(*look.pieces), search, cycles)
         if cycles or not (look.open or look.grows):  # more harmonics decide about its zeros
             lost = 0
     shown = _shown(contact, curve)
     place = max(range(len(curve)), key=lambda k: float(shown[k]["contact_velocity"]))
-    return Family(lam, tuple(cycles), lost, shown, end, look, largest=curve[place].motion)
+    furthest = curve[place].motion
+    return Family(lam, tuple(cycles), lost, shown, end, look, largest=furthest, path=tuple(curve))
+
+
+def _more(harmonics: int) -> list[int]:
+    """Numbers of harmonics with which a curve is looked at again."""
+    return [h for h in LADDER if h > harmonics][:MORE] or [harmonics + harmonics // 2]
 
 
 def _confirmed(
@@ -269,72 +258,3 @@ def _shown(contact: ContactOscillator, curve: list[CurveMotion]) -> list[dict[st
         }
         for point in curve
     ]
-
-
-def _judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
-    """The family with its verdict."""
-    stable = family.loudest
-    inexact = sum(c.attracts is None for c in family.cycles) + family.lost
-    level = "with a stable cycle" if stable else "no stable cycle found: level undecided"
-    if family.end == NOT_FOLLOWED:
-        level = "not followed: level undecided"
-    if unstable:
-        return replace(family, verdict=SQUEALS, reason=f"unstable mode, {level}")
-    if stable is not None:
-        threshold, why = None, "another mode is unstable"
-        if not any_unstable:
-            threshold, why = _threshold(family, stable)
-        reason = "a stable cycle beside a stable mode" + (f"; no threshold: {why}" if why else "")
-        return replace(family, verdict=IF_KICKED, reason=reason, threshold=threshold)
-    if inexact:
-        reason = f"{inexact} cycles whose stability or level cannot be told"
-    elif family.cycles:
-        reason = "unstable cycles alone: what is beyond them was not found"
-    elif family.end not in SEARCHED:
-        reason = f"growth over amplitude was lost at {family.reached:.3g} m/s: {family.end}"
-    elif family.look is None or family.look.grows:
-        reason = "grows at some amplitude, no cycle found"
-    elif family.look.open:
-        count = plural(len(family.look.open), "amplitude")
-        reason = f"{count} at which more harmonics leave growth open"
-    else:
-        return replace(family, verdict=NO_CYCLE, reason=_searched(family, family.look))
-    return replace(family, reason=reason)
-
-
-def _searched(family: Family, look: SecondLook) -> str:
-    """What was searched where no cycle was found."""
-    left = f" (left there, {100 * HOPELESS:g} % of damping missing)" if family.end == DAMPED else ""
-    places = f"{plural(look.checked, 'place')} of it with up to {look.harmonics} harmonics"
-    return (
-        f"none on this mode's curve up to {family.reached:.3g} m/s{left}, {places}; "
-        "a cycle apart from it is not excluded"
-    )
-
-
-def _alone(number: int, family: Family, found: Sequence[tuple[int, Family]]) -> Family:
-    """A family without its threshold where another grows at smaller motions, or may."""
-    if family.threshold is None:
-        return family
-    mine = family.threshold
-    for other, own in found:
-        smaller = any(
-            cycle.levels["energy"] < mine.levels["energy"] and not same_cycle(cycle, mine)
-            for cycle in own.cycles
-        )
-        if other != number and (smaller or (own.grows and not own.cycles)):
-            reason = f"{family.reason}; no threshold: mode {other} grows at smaller motions"
-            return replace(family, threshold=None, reason=reason)
-    return family
-
-
-def _threshold(family: Family, stable: Cycle) -> tuple[Cycle | None, str]:
-    """The only cycle below the stable one, if it is a saddle; why there is none."""
-    below = family.cycles[: family.cycles.index(stable)]
-    if family.lost or len(below) != 1:
-        return None, "not one cycle between them"
-    if below[0].status != OK or below[0].velocity_error > VAGUE:
-        return None, "the cycle between them is inaccurate"
-    if not below[0].multipliers.saddle:
-        return None, "the cycle between them has not just one unstable direction for certain"
-    return below[0], ""

@@ -115,12 +115,15 @@ class SecondLook:
         Curves with more harmonics through those that might grow.
     open : list of PeriodicMotion
         Motions of which more harmonics leave open whether they grow.
+    motions : list of CurveMotion
+        Those that were balanced with more.
     """
 
     harmonics: int
     checked: int = 0
     pieces: list[list[CurveMotion]] = field(default_factory=list)
     open: list[PeriodicMotion] = field(default_factory=list)
+    motions: list[CurveMotion] = field(default_factory=list)
 
     @property
     def grows(self) -> bool:
@@ -133,7 +136,7 @@ class SecondLook:
 
 
 def looked_again(
-    osc: Oscillator, curve: Sequence[CurveMotion], ladder: Sequence[int]
+    osc: Oscillator, curve: Sequence[CurveMotion], ladder: Sequence[int], moved: float = 0.0
 ) -> SecondLook:
     """A curve whose motions all lack damping, at its likeliest motions with more harmonics.
 
@@ -150,9 +153,11 @@ def looked_again(
         Without a zero, all of negative added damping.
     ladder : sequence of int
         Numbers of harmonics to go on with, ascending.
+    moved : float
+        1/s: what added damping is known to change by, where the curve is that of a design nearby.
     """
     found = SecondLook(curve[0].motion.harmonics)
-    largest = 2.0 * DOUBT * curve[0].motion.omega
+    largest = max(2.0 * DOUBT * curve[0].motion.omega, moved)
     failed: list[PeriodicMotion] = []
     for motion, rise in _likeliest(curve):
         if found.checked >= LOOKS and motion.mu + SAFETY * (rise + largest) < 0.0:
@@ -160,12 +165,14 @@ def looked_again(
         if found.holds(motion):
             continue
         try:
-            projection, better = _with_more(osc, motion, ladder[0])
+            projection, balanced = _with_more(osc, motion, ladder[0])
         except ConvergenceError:
             failed.append(motion)
             continue
         found.checked += 1
         found.harmonics = max(found.harmonics, ladder[0])
+        found.motions.append(balanced)
+        better = balanced.motion
         largest = max(largest, change := abs(better.mu - motion.mu))
         margin = SAFETY * (rise + change)
         if better.mu + margin < 0.0 or found.holds(better):
@@ -213,18 +220,19 @@ def _likeliest(curve: Sequence[CurveMotion]) -> list[tuple[PeriodicMotion, float
 
 def _with_more(
     osc: Oscillator, motion: PeriodicMotion, harmonics: int
-) -> tuple[Projection, PeriodicMotion]:
+) -> tuple[Projection, CurveMotion]:
     """The motion of the same size with more harmonics, on a basis of its own; ConvergenceError."""
     projection = Projection.about(osc, motion)
     start = replace(motion, Q=with_harmonics(motion.Q, harmonics))
-    return projection, projection.improve(start, TARGET, SIZE)[0]
+    better, error, residual = projection.improve(start, TARGET, SIZE)
+    return projection, CurveMotion(better, residual, error)
 
 
 def _settle(osc: Oscillator, top: PeriodicMotion, ladder: Sequence[int], found: SecondLook) -> None:
     """A top below zero with still more harmonics, until it is clear; else it is left open."""
     for harmonics in ladder:
         try:
-            _, better = _with_more(osc, top, harmonics)
+            better = _with_more(osc, top, harmonics)[1].motion
         except ConvergenceError:
             break
         found.harmonics, change = max(found.harmonics, harmonics), abs(better.mu - top.mu)
@@ -242,7 +250,8 @@ def found_again(osc: Oscillator, zero: PeriodicMotion, harmonics: int) -> list[P
     ConvergenceError
         Where no motion of its size is found with so many.
     """
-    projection, start = _with_more(osc, zero, harmonics)
+    projection, balanced = _with_more(osc, zero, harmonics)
+    start = balanced.motion
     high = np.inf if start.mu > 0.0 else 0.0
     piece = _piece(projection, start, -SAFETY * abs(start.mu), high)
     return [p.motion for p in piece if p.event == ZERO]

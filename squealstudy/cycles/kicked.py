@@ -11,14 +11,6 @@ import numpy as np
 
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.families import (
-    IF_KICKED,
-    NO_CYCLE,
-    SQUEALS,
-    UNDECIDED,
-    Family,
-    Followed,
-)
 from squealstudy.cycles.trials import (
     DECAYS,
     GROWS,
@@ -30,6 +22,14 @@ from squealstudy.cycles.trials import (
     ended,
     run_on,
     state_of,
+)
+from squealstudy.cycles.verdicts import (
+    IF_KICKED,
+    NO_CYCLE,
+    SQUEALS,
+    UNDECIDED,
+    Family,
+    Followed,
 )
 
 PHASES = 8

@@ -76,13 +76,16 @@ class Pace:
         least, most = (int(s / self.seconds) for s in (LEAST_SECONDS, SECONDS))
         return max(1, min(MOST_POINTS, most, max(fair, least)))
 
-    def parts(self, points: DesignPoints, jobs: int) -> Iterator[DesignPoints]:
-        """Consecutive points of one structure each, as many at a time as `size` says then."""
+    def parts(self, points: DesignPoints, jobs: int, least: int = 1) -> Iterator[DesignPoints]:
+        """Consecutive points of one structure each, as many at a time as `size` says then.
+
+        Where that is less than `least`, nearly so many, of even parts.
+        """
         left = len(points)
         for _, rows in points.of_structures():
-            start = 0
+            start, even = 0, math.ceil(len(rows) / math.ceil(len(rows) / least))
             while start < len(rows):
-                size = min(self.size(left, jobs), len(rows) - start)
+                size = min(max(self.size(left, jobs), even), len(rows) - start)
                 yield points.at(rows[start : start + size])
                 start, left = start + size, left - size
 

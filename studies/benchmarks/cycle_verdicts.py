@@ -3,6 +3,7 @@
 Run:  python studies/benchmarks/cycle_verdicts.py [--designs 3 5 20] [--modes 2] [--in-time]
       python studies/benchmarks/cycle_verdicts.py --mesh medium
       python studies/benchmarks/cycle_verdicts.py --thresholds --designs 20 79
+      python studies/benchmarks/cycle_verdicts.py --nearby 0.05
       python studies/benchmarks/cycle_verdicts.py --modes 99 --window 500 8000 --designs 3 20
 
 Of each design of `cycle_truth.csv` (`cycle_truth_medium.csv`) the modes of the band that grow
@@ -10,6 +11,8 @@ fastest or decay slowest between 2.9 and 5.3 kHz, where this brake squeals (`--w
 followed as by a study of limit cycles. A design has the verdict of these families alone, those
 undecided after a run in time. A line a family is printed as it is found. With `--thresholds`
 runs begin at .9 and 1.1 of the unstable cycle of every family that has a threshold. With
+`--nearby` a design away by that share of the range of every parameter is followed first, and its
+silent curves serve the design itself; the seconds are those of the design itself. With
 `--in-time` those without an unstable mode are run in time as the proof of a design study runs
 them instead, today's design being that of the same friction and pressure, and that of the nominal
 ones.
@@ -32,9 +35,10 @@ from cycle_truth import BRAKE, NOMINAL, RANGES, swept
 
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.cycle import Search
-from squealstudy.cycles.families import SQUEALS, VERDICTS, Family, Followed, families
+from squealstudy.cycles.families import families
 from squealstudy.cycles.kicked import decided_in_time
 from squealstudy.cycles.trials import Trials, state_of
+from squealstudy.cycles.verdicts import SQUEALS, VERDICTS, Family, Followed
 from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task
@@ -63,6 +67,19 @@ def designs(truth: pd.DataFrame, mesh: str) -> Iterator[tuple[CyclesRequest, Des
             build_structure(build_task(plan, point, 1))
     asked = request(plan)
     yield from ((asked, point) for point in list(plan.tasks)[: len(truth)])
+
+
+def nearby(
+    design: DesignPoint, asked: CyclesRequest, away: float, number: int
+) -> ContactOscillator:
+    """A design that is away from one by a share of all ranges, to a side drawn for each."""
+    side = np.random.default_rng(number).choice([-1.0, 1.0], len(RANGES))
+    moved = {}
+    for (name, (low, high)), sign in zip(RANGES.items(), side, strict=True):
+        step, value = sign * away * (high - low), design.values[name]  # noqa: PD011 - no pandas
+        moved[name] = value + step if low <= value + step <= high else value - step
+    values = {**design.values, **moved}  # noqa: PD011
+    return asked.contact(design.with_values(values), NewGaps())[1]
 
 
 def run_in_time(truth: pd.DataFrame, mesh: str) -> None:
@@ -106,6 +123,7 @@ def main() -> None:
     parser.add_argument("--modes", type=int, default=6, help="families of a design")
     parser.add_argument("--window", type=float, nargs=2, default=WINDOW, help="Hz, of the modes")
     parser.add_argument("--thresholds", action="store_true", help="tried in time")
+    parser.add_argument("--nearby", type=float, help="share of all ranges")
     parser.add_argument("--in-time", action="store_true", help="runs in place of families")
     arguments = parser.parse_args()
     mesh = arguments.mesh
@@ -125,9 +143,12 @@ def main() -> None:
         near = np.flatnonzero((hz > arguments.window[0]) & (hz < arguments.window[1]))
         chosen = sorted((near[np.argsort(-lam[near].real)][: arguments.modes] + 1).tolist())
         speed = abs(contact.point.speed)
+        search, near = Search(None, 1e-2, 2.0 * speed, band[1]), None
+        if arguments.nearby:
+            other = nearby(point, asked, arguments.nearby, number)
+            near = families(other, band, chosen, 1e-9, search)._replace(name="another")
         began = time.process_time()
-        search = Search(None, 1e-2, 2.0 * speed, band[1])
-        found = families(contact, band, chosen, 1e-9, search).families
+        found = families(contact, band, chosen, 1e-9, search, near=near).families
         seconds = time.process_time() - began
         followed = [(mode, family) for mode, family in found if mode in chosen]
         for k, family in followed:

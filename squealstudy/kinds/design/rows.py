@@ -368,7 +368,7 @@ def _in_time(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[
 
 def _of_cycles(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[str, Any]:
     """The verdict on limit cycles; damping that is missing at some amplitude, as a ratio."""
-    row, _ = cycles_row(point, request.cycles, gaps)
+    row, *_ = cycles_row(point, request.cycles, gaps)
     if row["status"] != "ok":
         return failed_row(SCHEMA, point.point_id, row["status"], row["message"], row["wall_s"])
     lacking = [(b["added_damping"] / (4 * np.pi * b["frequency_hz"]), b) for b in row["curves"]]

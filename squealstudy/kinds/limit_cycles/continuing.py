@@ -16,7 +16,7 @@ import pandas as pd
 import pyarrow as pa
 
 from squealstudy.cycles.cycle import LEVELS, OK, alike
-from squealstudy.cycles.families import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
+from squealstudy.cycles.verdicts import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
 from squealstudy.engine.cycle_states import cycle_file, stored_cycles
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.plan import Plan

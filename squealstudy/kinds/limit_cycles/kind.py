@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.cycles.families import families
 from squealstudy.cycles.kicked import decided_in_time, kicks
+from squealstudy.cycles.verdicts import Followed
 from squealstudy.engine.cache import NewGaps, is_prepared, load_prepared
 from squealstudy.engine.cycle_states import cycle_file
 from squealstudy.engine.design_points import DesignPoints
@@ -60,6 +61,8 @@ CONTINUED = (
     "points",
     "radiating",
 )  # keys that change no design point's own row
+TOGETHER = 5  # design points of a task at least, where there are so many
+MOST_ORDERED = 5000  # design points that are put in an order: it takes the square of that
 SOURCES = ("kinds/limit_cycles", "kinds/transient", "cycles")  # the code that decides rows
 
 
@@ -119,14 +122,18 @@ class LimitCycles(ModelKind):
         return [too_large(n) for n in sorted(set(sizes)) if n > MOST]
 
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[CyclesTask]:
-        """Tasks of consecutive design points."""
-        asked = request(plan)
-        return (CyclesTask(asked, part) for part in workers.pace.parts(points, workers.jobs))
+        """Tasks of design points next to each other, which serve each other."""
+        asked, points = request(plan), points.at(by_nearness(points))
+        parts = workers.pace.parts(points, workers.jobs, TOGETHER)
+        return (CyclesTask(asked, part) for part in parts)
 
     def solve(self, task: CyclesTask) -> Solved:
         """Solve one chunk in a worker."""
-        gaps = NewGaps()
-        found = [cycles_row(point, task.request, gaps) for point in task.points]
+        gaps, found, near = NewGaps(), list[tuple[dict[str, Any], dict[str, Any]]](), None
+        for point in task.points:
+            row, own, followed = cycles_row(point, task.request, gaps, near)
+            near = followed or near
+            found.append((row, own))
         gaps.save()
         files = {name: content for _, own in found for name, content in own.items()}
         return Solved([row for row, _ in found], files)
@@ -149,7 +156,7 @@ class LimitCycles(ModelKind):
         cycles_row(task, request(plan), NewGaps())  # kernels are compiled
         started = time.perf_counter()
         with threadpool_limits(1):
-            found, _ = cycles_row(task, request(plan), NewGaps())
+            found, *_ = cycles_row(task, request(plan), NewGaps())
         return None if found["status"] != "ok" else time.perf_counter() - started
 
 
@@ -159,6 +166,29 @@ class CyclesTask:
 
     request: CyclesRequest
     points: DesignPoints
+
+
+def by_nearness(points: DesignPoints) -> np.ndarray:
+    """Order (n,) of design points in which each is followed by the nearest of those left.
+
+    By the parameters that vary, each over its range; structure by structure.
+    """
+    order = np.arange(len(points))
+    if not (2 < len(points) <= MOST_ORDERED and points.varied):
+        return order
+    x = np.column_stack([points.column(name) for name in points.varied])
+    width = np.ptp(x, axis=0)
+    x = (x - x.min(axis=0)) / np.where(width > 0.0, width, 1.0)
+    found = list[int]()
+    for _, rows in points.of_structures():
+        left = rows.copy()
+        here, left = left[0], left[1:]
+        found.append(int(here))
+        while len(left):
+            k = int(np.argmin(((x[left] - x[here]) ** 2).sum(axis=1).round(12)))
+            here, left = left[k], np.delete(left, k)
+            found.append(int(here))
+    return np.array(found)
 
 
 def _not_followed(study: ResolvedStudy, name: str | None) -> str:
@@ -190,9 +220,12 @@ def _not_bordered(study: ResolvedStudy) -> str:
 
 
 def cycles_row(
-    point: DesignPoint, asked: CyclesRequest, gaps: NewGaps
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Row of a design point: its families followed, or why not; its cycles as series, as a file."""
+    point: DesignPoint, asked: CyclesRequest, gaps: NewGaps, near: Followed | None = None
+) -> tuple[dict[str, Any], dict[str, Any], Followed | None]:
+    """Row of a design point: its families followed, or why not; its cycles as series, as a file.
+
+    And what was followed, before runs in time. `near` is that of a design nearby.
+    """
     started, section = time.perf_counter(), asked.section
     try:
         steady, contact = asked.contact(point, gaps)
@@ -203,17 +236,19 @@ def cycles_row(
             asked.tolerance,
             asked.search(contact),
             section.screen if section.families == SCREENED else np.inf,
+            near if section.from_nearby else None,
         )
+        followed = found._replace(name=point.point_id)
         reach = asked.search(contact).reach
         if section.undecided_in_time:
             found = decided_in_time(contact, found, asked.band, reach)
         kicked = kicks(contact, found, reach) if section.kick_along_mode else {}
     except ParameterError as error:
         why = f"{error.key}: {error.message}"
-        return failed_row(SCHEMA, point.point_id, "parameter", why), {}
+        return failed_row(SCHEMA, point.point_id, "parameter", why), {}, None
     except FAILURES as error:
         wall_s = time.perf_counter() - started
-        return failed_row(SCHEMA, point.point_id, *reason(error), wall_s), {}
+        return failed_row(SCHEMA, point.point_id, *reason(error), wall_s), {}, None
     wall_s = time.perf_counter() - started
     row = solved_row(point.point_id, wall_s, steady, point.law_kind, found, kicked)
     motions = (cycle.motion for _, family in found.families for cycle in family.cycles)
@@ -223,7 +258,7 @@ def cycles_row(
         for cycle, motion in zip(row["cycles"], motions, strict=True)
         if not cycle["same_as"]
     }
-    return row, cycle_file(point.point_id, point.structure, own) if own else {}
+    return row, cycle_file(point.point_id, point.structure, own) if own else {}, followed
 
 
 KIND = LimitCycles()

@@ -9,7 +9,7 @@ import pandas as pd
 from rich.console import RenderableType
 
 from squealstudy.cycles.branch import CLOSED
-from squealstudy.cycles.families import NO_CYCLE
+from squealstudy.cycles.verdicts import NO_CYCLE
 from squealstudy.engine.kind import KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, grid, notes

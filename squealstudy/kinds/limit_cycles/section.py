@@ -115,6 +115,11 @@ class LimitCyclesSection(Section):
         description="second swept parameter, not of the structure, over which folds and Hopf "
         "points of the branches are continued between its least and its largest value: borders",
     )
+    from_nearby: bool = Field(
+        default=True,
+        description="whether silent curves of a design serve the next one, if some of their "
+        "motions, balanced there, show that they may: for models of many coordinates",
+    )
     neighbours: bool = Field(
         default=True,
         description="whether a design without a stable cycle of its own is tried from those of "

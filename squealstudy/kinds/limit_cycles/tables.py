@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow as pa
 
 from squealstudy.cycles.cycle import Cycle, same_cycle
-from squealstudy.cycles.families import IF_KICKED, UNDECIDED, VAGUE, VERDICTS, Family, Followed
 from squealstudy.cycles.kicked import Kick
+from squealstudy.cycles.verdicts import IF_KICKED, UNDECIDED, VAGUE, VERDICTS, Family, Followed
 from squealstudy.engine.rows import (
     FLAG,
     HEAD,

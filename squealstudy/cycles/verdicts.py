@@ -1,0 +1,202 @@
+"""What was found of a mode family, and its verdict.
+
+A verdict never says more than was found: `no_cycle_found` is of a curve that was followed as far as
+was asked, `squeals_if_kicked` of a cycle that attracts, with all its digits in order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from squealstudy.cycles.curve import CurveMotion
+from squealstudy.cycles.cycle import OK, Cycle, same_cycle
+from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.growth import DAMPED, FAR, SecondLook
+from squealstudy.cycles.trials import Ended
+from squealstudy.wording import plural
+
+SQUEALS, IF_KICKED = "squeals", "squeals_if_kicked"
+NO_CYCLE, UNDECIDED = "no_cycle_found", "undecided"
+VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NO_CYCLE)  # of a design the first of its families'
+NOT_FOLLOWED = "not_followed"  # end of a curve that was not asked for
+SEARCHED = (FAR, DAMPED)  # ends of curves that were followed as far as there is hope
+HOPELESS = 0.02  # damping ratio missing, beyond small motions', at which large models are left
+VAGUE = 0.05  # error of a contact velocity beyond which it is no threshold, and has no share
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """A mode, its growth over amplitude, its cycles.
+
+    Attributes
+    ----------
+    lam : complex
+        Root of the linearised equation, rad/s.
+    cycles : tuple of Cycle
+        In the order of the curve.
+    lost : int
+        Zeros of the curve that more harmonics did not confirm, or lead to another one's cycle.
+    curve : list of dict
+        ``contact_velocity`` m/s, ``frequency_hz``, ``added_damping`` 1/s, ``residual``,
+        ``basis_error``, ``event``.
+    end : str
+        Why the curve ended: ``far`` where it was followed as far as asked.
+    look : SecondLook or None
+        With more harmonics, of a stable mode's curve on which no cycle is confirmed.
+    verdict, reason : str
+    threshold : Cycle or None
+        The unstable cycle that a kick must exceed.
+    run : Ended or None
+        In time, of a family that was undecided without: the loudest that lasts, or what is open.
+    largest : PeriodicMotion or None
+        Of the curve.
+    path : tuple of CurveMotion
+        The curve; where it is silent and `origin` is not empty, that of a design nearby.
+    origin : str
+        Name of that design, of whose curve motions were balanced at this one.
+    furthest : float
+        Largest contact velocity of its curve, m/s.
+    """
+
+    lam: complex
+    cycles: tuple[Cycle, ...]
+    lost: int
+    curve: list[dict[str, Any]]
+    end: str
+    look: SecondLook | None = None
+    verdict: str = UNDECIDED
+    reason: str = ""
+    threshold: Cycle | None = None
+    run: Ended | None = None
+    largest: PeriodicMotion | None = None
+    path: tuple[CurveMotion, ...] = ()
+    origin: str = ""
+    furthest: float = 0.0
+
+    @property
+    def reached(self) -> float:
+        """Largest contact velocity of the curve, m/s."""
+        own = (p["contact_velocity"] for p in self.curve)
+        return self.furthest or max(own, default=0.0)
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether nothing speaks for a cycle but what of the curve was not followed to its end."""
+        return not (self.cycles or self.lost or self.grows)
+
+    @property
+    def grows(self) -> bool:
+        """Whether a motion of the curve does, with the most harmonics that were tried."""
+        if self.look is not None:
+            return self.look.grows
+        return any(p["added_damping"] > 0.0 for p in self.curve)
+
+    @property
+    def loudest(self) -> Cycle | None:
+        """The stable cycle of largest level."""
+        stable = [c for c in self.cycles if c.attracts]
+        return max(stable, key=lambda c: c.levels["contact_velocity"], default=None)
+
+
+class Followed(NamedTuple):
+    """What was followed of a design.
+
+    Attributes
+    ----------
+    families : list of (int, Family)
+        By the numbers of their modes, unstable ones that were not asked for among them.
+    left_out : int
+        Modes of the band that were not followed, unstable ones too.
+    unstable_outside : bool
+        Whether a mode outside the band is unstable.
+    modes : ndarray (n, m) complex
+        Right vectors of the band's modes.
+    name : str
+        Of the design.
+    """
+
+    families: list[tuple[int, Family]]
+    left_out: int
+    unstable_outside: bool
+    modes: np.ndarray = np.zeros((0, 0))
+    name: str = ""
+
+    @property
+    def n_growing(self) -> int:
+        """Families of which a motion grows."""
+        return sum(own.grows or bool(own.cycles) for _, own in self.families)
+
+
+def judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
+    """The family with its verdict."""
+    stable = family.loudest
+    inexact = sum(c.attracts is None for c in family.cycles) + family.lost
+    level = "with a stable cycle" if stable else "no stable cycle found: level undecided"
+    if family.end == NOT_FOLLOWED:
+        level = "not followed: level undecided"
+    if unstable:
+        return replace(family, verdict=SQUEALS, reason=f"unstable mode, {level}")
+    if stable is not None:
+        threshold, why = None, "another mode is unstable"
+        if not any_unstable:
+            threshold, why = _threshold(family, stable)
+        reason = "a stable cycle beside a stable mode" + (f"; no threshold: {why}" if why else "")
+        return replace(family, verdict=IF_KICKED, reason=reason, threshold=threshold)
+    if inexact:
+        reason = f"{inexact} cycles whose stability or level cannot be told"
+    elif family.cycles:
+        reason = "unstable cycles alone: what is beyond them was not found"
+    elif family.end not in SEARCHED:
+        reason = f"growth over amplitude was lost at {family.reached:.3g} m/s: {family.end}"
+    elif family.look is None or family.look.grows:
+        reason = "grows at some amplitude, no cycle found"
+    elif family.look.open:
+        count = plural(len(family.look.open), "amplitude")
+        reason = f"{count} at which more harmonics leave growth open"
+    else:
+        return replace(family, verdict=NO_CYCLE, reason=_searched(family, family.look))
+    return replace(family, reason=reason)
+
+
+def _searched(family: Family, look: SecondLook) -> str:
+    """What was searched where no cycle was found."""
+    left = f" (left there, {100 * HOPELESS:g} % of damping missing)" if family.end == DAMPED else ""
+    places = f"{plural(look.checked, 'place')} of it with up to {look.harmonics} harmonics"
+    at = f" at {family.origin}, a design nearby," if family.origin else ""
+    here = " here" if family.origin else ""
+    return (
+        f"none on this mode's curve{at} up to {family.reached:.3g} m/s{left}, {places}{here}; "
+        "a cycle apart from it is not excluded"
+    )
+
+
+def alone(number: int, family: Family, found: Sequence[tuple[int, Family]]) -> Family:
+    """A family without its threshold where another grows at smaller motions, or may."""
+    if family.threshold is None:
+        return family
+    mine = family.threshold
+    for other, own in found:
+        smaller = any(
+            cycle.levels["energy"] < mine.levels["energy"] and not same_cycle(cycle, mine)
+            for cycle in own.cycles
+        )
+        if other != number and (smaller or (own.grows and not own.cycles)):
+            reason = f"{family.reason}; no threshold: mode {other} grows at smaller motions"
+            return replace(family, threshold=None, reason=reason)
+    return family
+
+
+def _threshold(family: Family, stable: Cycle) -> tuple[Cycle | None, str]:
+    """The only cycle below the stable one, if it is a saddle; why there is none."""
+    below = family.cycles[: family.cycles.index(stable)]
+    if family.lost or len(below) != 1:
+        return None, "not one cycle between them"
+    if below[0].status != OK or below[0].velocity_error > VAGUE:
+        return None, "the cycle between them is inaccurate"
+    if not below[0].multipliers.saddle:
+        return None, "the cycle between them has not just one unstable direction for certain"
+    return below[0], ""
