@@ -155,7 +155,8 @@ def _silent_nearby(
     look = looked_again(contact.oscillator, near.path, _more(first.harmonics), moved)
     if look.open or look.grows or not look.checked:
         return None
-    shown = [CurveMotion(start, 0.0, 0.0), *sorted(look.motions, key=lambda p: p.motion.size)]
+    seen = [CurveMotion(start, 0.0, 0.0), *look.motions, *chain(*look.pieces)]
+    shown = sorted(seen, key=lambda p: p.motion.size)
     return Family(
         lam,
         (),

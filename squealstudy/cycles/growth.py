@@ -13,7 +13,7 @@ import numpy as np
 from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.curve import CurveMotion, Path, between
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.harmonics import with_harmonics
+from squealstudy.cycles.harmonics import derivative, with_harmonics
 from squealstudy.cycles.oscillator import Oscillator
 from squealstudy.cycles.projection import SIZE, TARGET, Projection
 from squealstudy.errors import ConvergenceError
@@ -29,6 +29,7 @@ MOST_OTHERS = 2.0  # norm of all harmonics over that of the first
 OCTAVES = 5  # of sizes, down from the largest, in each of which a curve is looked at again
 LOOKS = 3  # at least, where motions with more harmonics are found
 SAFETY = 2.0  # times the change by more harmonics: what still more may change
+APART = 0.1  # of its size, of a motion from that of a design nearby, beyond which it is another
 DOUBT = 0.0025  # damping ratio by which more harmonics are thought to change a motion at least
 PIECE_STEPS = Steps(first=0.2, least=2e-3, largest=0.5, count=25)  # with more harmonics, each way
 
@@ -136,7 +137,10 @@ class SecondLook:
 
 
 def looked_again(
-    osc: Oscillator, curve: Sequence[CurveMotion], ladder: Sequence[int], moved: float = 0.0
+    osc: Oscillator,
+    curve: Sequence[CurveMotion],
+    ladder: Sequence[int],
+    moved: float | None = None,
 ) -> SecondLook:
     """A curve whose motions all lack damping, at its likeliest motions with more harmonics.
 
@@ -153,12 +157,14 @@ def looked_again(
         Without a zero, all of negative added damping.
     ladder : sequence of int
         Numbers of harmonics to go on with, ascending.
-    moved : float
-        1/s: what added damping is known to change by, where the curve is that of a design nearby.
+    moved : float or None
+        Where the curve is that of a design nearby: what added damping [1/s] is known to change by.
+        A motion that is `APART` from that of the curve, or lost, is left open.
     """
     found = SecondLook(curve[0].motion.harmonics)
-    largest = max(2.0 * DOUBT * curve[0].motion.omega, moved)
+    largest = max(2.0 * DOUBT * curve[0].motion.omega, moved or 0.0)
     failed: list[PeriodicMotion] = []
+    span = float(np.ptp([p.motion.mu for p in curve]))
     for motion, rise in _likeliest(curve):
         if found.checked >= LOOKS and motion.mu + SAFETY * (rise + largest) < 0.0:
             break
@@ -172,8 +178,14 @@ def looked_again(
         found.checked += 1
         found.harmonics = max(found.harmonics, ladder[0])
         found.motions.append(balanced)
-        better = balanced.motion
-        largest = max(largest, change := abs(better.mu - motion.mu))
+        better, elsewhere = balanced.motion, 0.0
+        if moved is not None:
+            off = _apart(projection.weight, motion, better)
+            if off > APART:
+                found.open.append(better)
+                break
+            elsewhere = off * span  # a top that moved aside is higher there
+        largest = max(largest, change := abs(better.mu - motion.mu) + elsewhere)
         margin = SAFETY * (rise + change)
         if better.mu + margin < 0.0 or found.holds(better):
             continue
@@ -187,9 +199,19 @@ def looked_again(
         if top.mu <= 0.0:
             _settle(osc, top, ladder[1:], found)
     found.open += [m for m in failed if m.mu + SAFETY * largest >= 0.0 and not found.holds(m)]
-    if not found.checked:
-        found.open = failed
+    if not found.checked or moved is not None:
+        found.open += [m for m in failed if m not in found.open]
     return found
+
+
+def _apart(weight: np.ndarray, one: PeriodicMotion, other: PeriodicMotion) -> float:
+    """Norm of the difference of two motions of nearly one phase, each over its first harmonic."""
+    H = max(one.harmonics, other.harmonics)
+    a, b = (with_harmonics(m.Q, H) * weight for m in (one, other))
+    a, b = (Q / np.linalg.norm(Q[[1, H + 1]]) for Q in (a, b))
+    turn = derivative(a)
+    off = b - a - turn * (turn * (b - a)).sum() / (turn**2).sum()
+    return float(np.linalg.norm(off))
 
 
 def _likeliest(curve: Sequence[CurveMotion]) -> list[tuple[PeriodicMotion, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -61,7 +62,7 @@ CONTINUED = (
     "points",
     "radiating",
 )  # keys that change no design point's own row
-TOGETHER = 5  # design points of a task at least, where there are so many
+TOGETHER, LEAST_TASKS = 8, 6  # design points of a task, if there are so many tasks
 MOST_ORDERED = 5000  # design points that are put in an order: it takes the square of that
 SOURCES = ("kinds/limit_cycles", "kinds/transient", "cycles")  # the code that decides rows
 
@@ -124,7 +125,8 @@ class LimitCycles(ModelKind):
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[CyclesTask]:
         """Tasks of design points next to each other, which serve each other."""
         asked, points = request(plan), points.at(by_nearness(points))
-        parts = workers.pace.parts(points, workers.jobs, TOGETHER)
+        together = min(TOGETHER, math.ceil(len(points) / LEAST_TASKS))
+        parts = workers.pace.parts(points, workers.jobs, max(together, 1))
         return (CyclesTask(asked, part) for part in parts)
 
     def solve(self, task: CyclesTask) -> Solved:

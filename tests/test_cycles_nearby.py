@@ -1,0 +1,192 @@
+"""Silent curves of one design that serve the next one, and where they may not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import cycle_models as models
+import numpy as np
+import pytest
+
+from squealstudy.cycles import families as searched
+from squealstudy.cycles import growth
+from squealstudy.cycles.cycle import Search
+from squealstudy.cycles.families import families
+from squealstudy.cycles.growth import looked_again
+from squealstudy.cycles.harmonics import derivative
+from squealstudy.cycles.verdicts import IF_KICKED, NO_CYCLE
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.workers import Pace
+from squealstudy.errors import ConvergenceError
+from squealstudy.kinds.limit_cycles.kind import by_nearness
+from squealstudy.study.definition import parse_study
+
+SEARCH = Search(5, 1e-2, 15.0)
+NAME = "the first"
+
+
+@pytest.fixture(autouse=True)
+def large(monkeypatch):
+    """Two coordinates are as many as those of a brake."""
+    monkeypatch.setattr(searched, "WHOLE", 1)
+
+
+@pytest.fixture(scope="module")
+def designs():
+    return models.Designs("hoffmann", models.BISTABLE)
+
+
+def followed(contact, near=None, search=SEARCH):
+    found = families(contact, (1.0, 1e6), [1], 1e-9, search, near=near)
+    return found._replace(name=NAME), found.families[0][1]
+
+
+@pytest.fixture(scope="module")
+def first(designs):
+    return followed(designs.at(friction=0.078))[0]
+
+
+def test_a_silent_curve_serves_the_next_design(designs, first):
+    """Its rows are of motions that are balanced there: on the design's own curve."""
+    contact = designs.at(friction=0.0782)
+    _, own = followed(contact)
+    _, served = followed(contact, first)
+    assert served.verdict == own.verdict == NO_CYCLE
+    assert served.origin == NAME
+    assert f"curve at {NAME}, a design nearby, up to" in served.reason
+    assert served.reached >= SEARCH.reach
+    curve = np.array([[p["frequency_hz"], p["added_damping"]] for p in own.curve])
+    assert len(served.curve) > 3
+    for row in served.curve:
+        here = np.array([row["frequency_hz"], row["added_damping"]])
+        a, b = curve[:-1], curve[1:]
+        along = ((here - a) * (b - a)).sum(axis=1) / ((b - a) ** 2).sum(axis=1)
+        apart = here - a - np.clip(along, 0, 1)[:, None] * (b - a)
+        assert np.hypot(*apart.T).min() < 0.05
+    again, third = followed(designs.at(friction=0.0783), followed(contact, first)[0])
+    assert third.origin == NAME  # whose curve it is, not that of the one between
+    assert again.families[0][1].path is first.families[0][1].path
+
+
+@pytest.mark.parametrize("step", [0.002, 0.01, 0.03])
+def test_verdicts_are_those_of_the_designs_own_curves(designs, step):
+    """From silence over the fold at .081; the top of damping moves fast in size."""
+    near, served = None, 0
+    for friction in np.arange(0.07, 0.1, step) if step < 0.01 else np.arange(0.02, 0.17, step):
+        contact = designs.at(friction=float(friction))
+        _, own = followed(contact)
+        near, family = followed(contact, near)
+        assert family.verdict == own.verdict
+        served += bool(family.origin)
+    assert served > 0 or step > 0.002
+    assert own.verdict == IF_KICKED
+
+
+def test_a_motion_that_is_another_here_is_left_open(designs, first):
+    """At a much larger friction the same size is that of quite another motion."""
+    path = first.families[0][1].path
+    look = looked_again(designs.at(friction=0.11).oscillator, path, (7,), 0.0)
+    assert look.open
+    same = looked_again(designs.at(friction=0.078).oscillator, path, (7,), 0.0)
+    assert not look.checked > same.checked
+    assert not same.open
+
+
+def test_a_motion_that_is_lost_here_is_left_open(designs, first, monkeypatch):
+    """However much damping it lacks at the design nearby."""
+    path = first.families[0][1].path
+    top = max(path, key=lambda p: p.motion.mu).motion
+
+    def more(osc, motion, harmonics):
+        if motion is not top:
+            raise ConvergenceError("not_converged", "")
+        return whole(osc, motion, harmonics)
+
+    whole = growth._with_more
+    monkeypatch.setattr(growth, "_with_more", more)
+    osc = designs.at(friction=0.0782).oscillator
+    assert not [m for m in looked_again(osc, path, (7,)).open if m.mu < -20.0]
+    assert [m for m in looked_again(osc, path, (7,), 0.0).open if m.mu < -20.0]
+
+
+def test_motions_are_apart_whatever_their_phase(first):
+    motion = first.families[0][1].path[20].motion
+    weight = np.ones(motion.Q.shape[1])
+    turned = replace(motion, Q=2.0 * (motion.Q + 1e-3 * derivative(motion.Q)))
+    assert growth._apart(weight, motion, turned) < 2e-6
+    other = motion.Q.copy()
+    other[1] = np.roll(other[1], 1)
+    assert growth._apart(weight, motion, replace(motion, Q=other)) > 0.1
+
+
+def test_modes_that_are_much_alike_are_followed_anew(designs, first):
+    """And those that are not alike enough."""
+    contact, modes = designs.at(friction=0.0782), first.modes
+    assert followed(contact, first)[1].origin
+    mixed = modes[:, 0] / np.linalg.norm(modes[:, 0])
+    mixed = mixed + 0.3 * modes[:, 1] / np.linalg.norm(modes[:, 1])
+    beside = np.column_stack([modes[:, 0], mixed])
+    assert not followed(contact, first._replace(modes=beside))[1].origin
+    across = np.column_stack([mixed, modes[:, 1]])
+    assert not followed(contact, first._replace(modes=across))[1].origin
+
+
+def test_a_curve_that_is_too_short_does_not_serve(designs, first):
+    farther = replace(SEARCH, reach=2.0 * SEARCH.reach)
+    _, family = followed(designs.at(friction=0.0782), first, farther)
+    assert not family.origin
+    assert family.reached > farther.reach
+
+
+def test_all_is_followed_anew_where_less_grows_than_there(designs, first):
+    """What grew at the design nearby may be in a curve that served."""
+    growing = replace(first.families[0][1], look=None, verdict=IF_KICKED)
+    growing = replace(growing, curve=[{"contact_velocity": 1.0, "added_damping": 1.0}])
+    near = first._replace(families=[*first.families, (2, growing)])
+    assert near.n_growing == 1
+    assert not followed(designs.at(friction=0.0782), near)[1].origin
+
+
+def test_small_models_are_followed_as_they_are(designs, first, monkeypatch):
+    monkeypatch.setattr(searched, "WHOLE", 2)
+    assert not followed(designs.at(friction=0.0782), first)[1].origin
+
+
+STUDY = """
+[study]
+name = "nearby"
+kind = "limit_cycles"
+[model]
+name = "hoffmann"
+[[sweep]]
+parameter = "friction"
+start = 0.1
+stop = 0.4
+num = 4
+[[sweep]]
+parameter = "sliding_speed"
+start = 9
+stop = 10
+num = 3
+"""
+
+
+def points():
+    return Plan(parse_study(STUDY, Path("nearby.toml"))).tasks
+
+
+def test_each_design_is_followed_by_one_next_to_it():
+    tasks = points()
+    order = by_nearness(tasks)
+    assert sorted(order.tolist()) == list(range(12))
+    x = np.column_stack([tasks.column("friction") / 0.1, tasks.column("sliding_speed") / 0.5])
+    steps = np.abs(np.diff(x[order], axis=0)).sum(axis=1)
+    np.testing.assert_allclose(steps, 1.0)
+
+
+def test_parts_are_even_where_a_least_number_is_asked_for():
+    slow = Pace(100.0)
+    assert [len(part) for part in slow.parts(points(), 2)] == [1] * 12
+    assert [len(part) for part in slow.parts(points(), 2, 5)] == [4, 4, 4]
+    assert [len(part) for part in slow.parts(points(), 2, 20)] == [12]
