@@ -76,6 +76,14 @@ def test_the_design_study_that_is_timed() -> None:
     assert all(".modes[" in v.name for v in plan.design_study.variables)
 
 
+def test_the_study_of_limit_cycles_that_is_timed() -> None:
+    """As its page says: 200 designs of one structure."""
+    plan = first_plan(load_any(SHIPPED / "benchmarks" / "brake_verdicts.toml"))
+    assert len(plan.tasks) == 200
+    assert len(plan.structures) == 1
+    assert plan.study.section.share_curves
+
+
 def test_own_brake() -> None:
     """Its files are understood without a doubt, and are small."""
     study = load_any(SHIPPED / "own_brake" / "own_brake.toml")

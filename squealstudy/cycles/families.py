@@ -93,28 +93,26 @@ def families(
     if max(numbers, default=0) > len(places):
         count = len(places)
         raise ConvergenceError("no_mode", f"mode {max(numbers)} of {count} modes in the band")
+
+    silent = _silent(near, contact, psi[:, places], unstable[places])
+    own: dict[int, Family] = {}
+    for number in numbers:
+        k, known = places[number - 1], silent.get(number)
+        root, phi = complex(lam[k]), psi[:, k]
+        served = known and _silent_nearby(contact, root, phi, search, known)
+        own[number] = served or _family(contact, root, phi, search)
+    if near is not None and sum(f.grew for f in own.values()) < near.n_growing:
+        for number in [n for n, f in own.items() if f.origin]:  # what grew there may go on in it
+            k = places[number - 1]
+            own[number] = _family(contact, complex(lam[k]), psi[:, k], search)
+    found = []
+    for number, k in enumerate(places, start=1):
+        family = own.get(number, Family(complex(lam[k]), (), 0, [], NOT_FOLLOWED))
+        if number in own or unstable[k]:
+            found.append((number, judged(family, bool(unstable[k]), any_unstable)))
+    last = [(number, alone(number, family, found)) for number, family in found]
     outside = any_unstable and not unstable[places].any()
-
-    def follow(before: Followed | None) -> Followed:
-        silent = _silent(before, contact, psi[:, places], unstable[places])
-        found = []
-        for number, k in enumerate(places, start=1):
-            root, phi = complex(lam[k]), psi[:, k]
-            own = Family(root, (), 0, [], NOT_FOLLOWED)
-            if number in numbers:
-                known = silent.get(number)
-                served = known and _silent_nearby(contact, root, phi, search, known)
-                own = served or _family(contact, root, phi, search)
-            if number in numbers or unstable[k]:
-                found.append((number, judged(own, bool(unstable[k]), any_unstable)))
-        left_out = len(places) - sum(own.end != NOT_FOLLOWED for _, own in found)
-        return Followed(found, left_out, outside, psi[:, places])
-
-    found = follow(near)
-    if near is not None and found.n_growing < near.n_growing:
-        found = follow(None)  # what grew there may go on in a curve that served
-    last = [(number, alone(number, own, found.families)) for number, own in found.families]
-    return found._replace(families=last)
+    return Followed(last, len(places) - len(own), outside, psi[:, places])
 
 
 def _silent(

@@ -96,6 +96,11 @@ class Family:
         return any(p["added_damping"] > 0.0 for p in self.curve)
 
     @property
+    def grew(self) -> bool:
+        """Whether anything of the family does, or has a cycle."""
+        return self.grows or bool(self.cycles)
+
+    @property
     def loudest(self) -> Cycle | None:
         """The stable cycle of largest level."""
         stable = [c for c in self.cycles if c.attracts]
@@ -128,7 +133,7 @@ class Followed(NamedTuple):
     @property
     def n_growing(self) -> int:
         """Families of which a motion grows."""
-        return sum(own.grows or bool(own.cycles) for _, own in self.families)
+        return sum(own.grew for _, own in self.families)
 
 
 def judged(family: Family, unstable: bool, any_unstable: bool) -> Family:

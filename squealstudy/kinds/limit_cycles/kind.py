@@ -238,7 +238,7 @@ def cycles_row(
             asked.tolerance,
             asked.search(contact),
             section.screen if section.families == SCREENED else np.inf,
-            near if section.from_nearby else None,
+            near if section.share_curves else None,
         )
         followed = found._replace(name=point.point_id)
         reach = asked.search(contact).reach

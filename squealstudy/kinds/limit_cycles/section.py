@@ -115,7 +115,7 @@ class LimitCyclesSection(Section):
         description="second swept parameter, not of the structure, over which folds and Hopf "
         "points of the branches are continued between its least and its largest value: borders",
     )
-    from_nearby: bool = Field(
+    share_curves: bool = Field(
         default=True,
         description="whether silent curves of a design serve the next one, if some of their "
         "motions, balanced there, show that they may: for models of many coordinates",
