@@ -78,7 +78,7 @@ def test_the_design_study_that_is_timed() -> None:
 
 def test_the_study_of_limit_cycles_that_is_timed() -> None:
     """As its page says: 200 designs of one structure."""
-    plan = first_plan(load_any(SHIPPED / "benchmarks" / "brake_verdicts.toml"))
+    plan = Plan(load_any(SHIPPED / "benchmarks" / "brake_verdicts.toml"))
     assert len(plan.tasks) == 200
     assert len(plan.structures) == 1
     assert plan.study.section.share_curves
