@@ -316,3 +316,42 @@ def test_the_trapezoidal_rule_converges_to_the_monodromy(both):
     errors = [np.abs(trapezoidal(osc, cycle, steps) - fine).max() for steps in (400, 800)]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
     assert errors[1] < 1e-2 * np.abs(fine).max()
+
+
+def test_a_curve_holds_at_a_design_to_which_its_motions_need_little_change(both, monkeypatch):
+    """Each first-order change is that which the balance there makes; a curve is judged by all."""
+    osc, few = both[0], both[2]
+    monkeypatch.setattr(projected, "WHOLE", 10)
+    lam, phi = of_fastest_mode(osc)[1:]
+    start = linear_motion(phi, lam, few.weight, 1e-3)
+    start = PeriodicMotion(with_harmonics(start.Q, 3), start.omega, start.mu)
+    curve, _ = family_curve(
+        Projection(osc, phi, lam.imag), start, lambda m: "far" if m.size > 4.0 else "", STEPS
+    )
+
+    def softer(share):
+        return replace(osc, K=osc.K - share * np.outer(*2 * [osc.K[1] + osc.K[0]]))
+
+    assert growth.holds_here(osc, curve)
+    assert growth.holds_here(softer(0.001), curve)
+    assert not growth.holds_here(softer(0.05), curve)
+    astray = replace(curve[-1].motion, Q=np.roll(curve[-1].motion.Q, 1, axis=1))
+    assert not growth.holds_here(osc, [*curve, replace(curve[-1], motion=astray)])
+
+    def lost(*_):
+        raise ConvergenceError("singular_jacobian", "")
+
+    monkeypatch.setattr(Projection, "correction", lost)
+    assert not growth.holds_here(osc, curve)
+
+
+def test_a_first_order_change_tells_how_far_a_motion_moves(both, monkeypatch):
+    osc, exact = both[:2]
+    monkeypatch.setattr(projected, "WHOLE", 10)
+    for share in (1e-3, 1e-2):
+        moved = replace(osc, K=osc.K * (1.0 + np.diag(np.linspace(0.0, share, N))))
+        projection = Projection.about(moved, exact)
+        first = exact.changed(projection.correction(exact, True))
+        better, *_ = projection.improve(exact, 1e-4, SIZE)
+        told, true = (growth._apart(projection.weight, exact, m) for m in (first, better))
+        assert 0.5 < told / true < 2.0

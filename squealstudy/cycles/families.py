@@ -21,6 +21,7 @@ from squealstudy.cycles.growth import (
     ZERO,
     family_curve,
     found_again,
+    holds_here,
     linear_motion,
     looked_again,
 )
@@ -147,14 +148,15 @@ def _silent_nearby(
     first = near.path[0].motion
     if near.end == FAR and near.reached < search.reach:
         return None
+    if not holds_here(contact.oscillator, near.path):
+        return None
     scale = np.sqrt(np.abs(np.diag(contact.oscillator.K)) + lam.imag**2)
     start = linear_motion(phi, lam, scale, la.norm(scale * first.Q[[1, first.harmonics + 1]]))
     moved = abs(start.mu - first.mu)
     look = looked_again(contact.oscillator, near.path, _more(first.harmonics), moved)
-    if look.open or look.grows or not look.checked:
+    if look.open or not look.checked:
         return None
-    seen = [CurveMotion(start, 0.0, 0.0), *look.motions, *chain(*look.pieces)]
-    shown = sorted(seen, key=lambda p: p.motion.size)
+    shown = [CurveMotion(start, 0.0, 0.0), *sorted(look.motions, key=lambda p: p.motion.size)]
     return Family(
         lam,
         (),

@@ -30,6 +30,7 @@ OCTAVES = 5  # of sizes, down from the largest, in each of which a curve is look
 LOOKS = 3  # at least, where motions with more harmonics are found
 SAFETY = 2.0  # times the change by more harmonics: what still more may change
 APART = 0.1  # of its size, of a motion from that of a design nearby, beyond which it is another
+PLACES = 12  # of such a curve that are corrected to first order
 DOUBT = 0.0025  # damping ratio by which more harmonics are thought to change a motion at least
 PIECE_STEPS = Steps(first=0.2, least=2e-3, largest=0.5, count=25)  # with more harmonics, each way
 
@@ -159,7 +160,8 @@ def looked_again(
         Numbers of harmonics to go on with, ascending.
     moved : float or None
         Where the curve is that of a design nearby: what added damping [1/s] is known to change by.
-        A motion that is `APART` from that of the curve, or lost, is left open.
+        A motion that is lost, `APART` from that of the curve, or that may grow is left open: the
+        design needs a curve of its own.
     """
     found = SecondLook(curve[0].motion.harmonics)
     largest = max(2.0 * DOUBT * curve[0].motion.omega, moved or 0.0)
@@ -189,6 +191,9 @@ def looked_again(
         margin = SAFETY * (rise + change)
         if better.mu + margin < 0.0 or found.holds(better):
             continue
+        if moved is not None:
+            found.open.append(better)
+            break
         try:
             piece = _piece(projection, better, -margin)
         except ConvergenceError:
@@ -202,6 +207,26 @@ def looked_again(
     if not found.checked or moved is not None:
         found.open += [m for m in failed if m not in found.open]
     return found
+
+
+def holds_here(osc: Oscillator, curve: Sequence[CurveMotion]) -> bool:
+    """Whether the curve of a design nearby is everywhere near to one of this design.
+
+    Its motions, corrected to first order, are nowhere `APART` from what they were. Where curves of
+    two designs go different ways, as where one of them has met another branch, they are.
+    """
+    path = [p.motion for p in curve if not p.event]
+    places = np.unique(np.linspace(0, len(path) - 1, PLACES).round().astype(int))
+    projection = Projection.about(osc, path[0])
+    if projection.complete:
+        return True
+    try:
+        return all(
+            _apart(projection.weight, m, m.changed(projection.correction(m, True))) < APART
+            for m in (path[k] for k in places)
+        )
+    except ConvergenceError:
+        return False
 
 
 def _apart(weight: np.ndarray, one: PeriodicMotion, other: PeriodicMotion) -> float:
