@@ -9,6 +9,8 @@ from types import SimpleNamespace
 import cycle_models as models
 import numpy as np
 import pytest
+from study_runs import solved
+from test_limit_cycles_study import study
 
 from squealstudy.cycles import families as searched
 from squealstudy.cycles import growth
@@ -22,7 +24,10 @@ from squealstudy.cycles.verdicts import IF_KICKED, NO_CYCLE
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Pace
 from squealstudy.errors import ConvergenceError
+from squealstudy.kinds.limit_cycles import kind
 from squealstudy.kinds.limit_cycles.kind import by_nearness
+from squealstudy.kinds.limit_cycles.screen import SCREEN
+from squealstudy.screen import as_text
 from squealstudy.study.definition import parse_study
 
 SEARCH = Search(5, 1e-2, 15.0)
@@ -217,3 +222,27 @@ def test_parts_are_even_where_a_least_number_is_asked_for():
     assert [len(part) for part in slow.parts(points(), 2)] == [1] * 12
     assert [len(part) for part in slow.parts(points(), 2, 5)] == [4, 4, 4]
     assert [len(part) for part in slow.parts(points(), 2, 20)] == [12]
+
+
+def test_a_study_says_whose_curve_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(kind, "LEAST_TASKS", 1)
+    changes = {
+        "damped": ("damping_ratio = 0.01\n", "damping_ratio = 0.014\n"),
+        "one": ("tolerance = 1e-3", "families = [1]\ntolerance = 1e-3"),
+    }
+    values = [0.078, 0.0782, 0.3, 0.3002]
+    results = solved(study(values, **changes), tmp_path / "shared")
+    names = results.points.set_index("friction")["point_id"]
+    found = results.table("verdicts").set_index("point_id").loc[names]
+    assert found["curve_of"].tolist() == ["", names[0.078], "", ""]
+    assert names[0.078] in found["reason"].iloc[1]
+    told = [NO_CYCLE, NO_CYCLE, IF_KICKED, IF_KICKED]
+    assert found["verdict"].tolist() == told
+    screen = as_text(SCREEN.findings(results))
+    assert "of 1 of all families that of a design nearby" in " ".join(screen.split())
+
+    changes["alone"] = ("reach = 0.5", "share_curves = false\nreach = 0.5")
+    alone = solved(study(values, **changes), tmp_path / "alone")
+    assert (alone.table("verdicts")["curve_of"] == "").all()
+    assert alone.points["verdict"].tolist() == results.points["verdict"].tolist() == told
+    assert "design nearby" not in as_text(SCREEN.findings(alone))

@@ -56,9 +56,9 @@ class LimitCyclesScreen(KindScreen):
             "growth: fastest complex mode that was followed; RMS, Hz: of the loudest stable cycle, "
             "or of a run in time that lasts; kick: contact velocity of the unstable cycle that a "
             "disturbance must exceed, share of that of the loudest stable one",
-            "no cycle found: none on the curves of growth over amplitude of the modes followed, "
-            "looked at again with more harmonics; cycles on a branch apart from these curves are "
-            "not excluded, and a kick may start squeal"
+            "no cycle found: none on the curves of growth over amplitude of the modes followed"
+            f"{_served(results)}, looked at again with more harmonics; cycles on a branch apart "
+            "from these curves are not excluded, and a kick may start squeal"
             if (points["verdict"] == NO_CYCLE).any()
             else "",
         )
@@ -90,6 +90,13 @@ class LimitCyclesScreen(KindScreen):
             rows.append(("cycles", said))
         rows += _branches(results.table("branches"), results.units)
         return [*rows, *_borders(results.table("borders"))]
+
+
+def _served(results: Results) -> str:
+    """Of how many families the curve is that of a design nearby; empty where of none."""
+    named = results.table("verdicts").get("curve_of")  # results of before have none
+    served = 0 if named is None else int((named != "").sum())
+    return f" (of {served} of all families that of a design nearby, `curve_of`)" if served else ""
 
 
 def _branches(branches: pd.DataFrame, units: Mapping[str, str]) -> Rows:
