@@ -51,6 +51,7 @@ from squealstudy.wording import STABLE
 
 WINDOW = (2.9e3, 5.3e3)  # Hz
 BESIDE = 0.9, 1.1  # times the motion of an unstable cycle
+PERIODS = 4000  # of such a run, the longest
 TRUTH = {
     "coarse": Path(__file__).with_name("cycle_truth.csv"),
     "medium": Path(__file__).with_name("cycle_truth_medium.csv"),
@@ -106,7 +107,7 @@ def tried(contact: ContactOscillator, family: Family) -> str:
     assert family.threshold is not None
     assert family.loudest is not None
     unstable, stable = family.threshold, family.loudest
-    trials = Trials(contact, stable.motion, unstable.motion)
+    trials = Trials(contact, stable.motion, unstable.motion, PERIODS)
     ends = trials.outcomes([state_of(unstable.motion, factor) for factor in BESIDE])
     told = (f"{factor:g} of it {end}" for factor, end in zip(BESIDE, ends, strict=True))
     return (
