@@ -97,15 +97,14 @@ def families(
 
     silent = _silent(near, contact, psi[:, places], unstable[places])
     own: dict[int, Family] = {}
+    modes = {n: (complex(lam[k]), psi[:, k]) for n, k in enumerate(places, start=1)}
     for number in numbers:
-        k, known = places[number - 1], silent.get(number)
-        root, phi = complex(lam[k]), psi[:, k]
-        served = known and _silent_nearby(contact, root, phi, search, known)
-        own[number] = served or _family(contact, root, phi, search)
+        known = silent.get(number)
+        served = known and _silent_nearby(contact, *modes[number], search, known)
+        own[number] = served or _family(contact, *modes[number], search)
     if near is not None and sum(f.grew for f in own.values()) < near.n_growing:
         for number in [n for n, f in own.items() if f.origin]:  # what grew there may go on in it
-            k = places[number - 1]
-            own[number] = _family(contact, complex(lam[k]), psi[:, k], search)
+            own[number] = _family(contact, *modes[number], search)
     found = []
     for number, k in enumerate(places, start=1):
         family = own.get(number, Family(complex(lam[k]), (), 0, [], NOT_FOLLOWED))

@@ -141,8 +141,8 @@ def main() -> None:
         lam, _ = contact.oscillator.steady_modes(band[1])
         lam = lam[(lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])]
         hz = lam.imag / (2 * np.pi)
-        near = np.flatnonzero((hz > arguments.window[0]) & (hz < arguments.window[1]))
-        chosen = sorted((near[np.argsort(-lam[near].real)][: arguments.modes] + 1).tolist())
+        window = np.flatnonzero((hz > arguments.window[0]) & (hz < arguments.window[1]))
+        chosen = sorted((window[np.argsort(-lam[window].real)][: arguments.modes] + 1).tolist())
         speed = abs(contact.point.speed)
         search, near = Search(None, 1e-2, 2.0 * speed, band[1]), None
         if arguments.nearby:
