@@ -35,6 +35,8 @@ BASIS = "basis"  # the basis errs by too much, or is too large
 LOST = "not_converged"
 TRIES = 6  # enrichments for one step, before it is halved
 ROUGHLY = 2e-2  # of a step: where an event is, if it is corrected anyhow
+ANEW = 2  # times that a curve which is lost is taken up again, on a new basis
+SAME = 5e-2  # change of a motion on another basis, beyond which it is another one
 BACK = 4  # points that are taken back at most where a larger basis does not have them
 ACROSS = 0.5  # cosine of the way on in another basis, below which it may as well be the way back
 AHEAD = 1e-2  # arc-length of the place that tells which way a curve goes on in another basis
@@ -112,10 +114,15 @@ class Path:
             return self._plain(start, held)
         motion, error, residual = self.projection.improve(start, TARGET, held)
         found = [CurveMotion(motion, residual, error)]
-        try:
-            end = self._growing(found)
-        except ConvergenceError as error_there:
-            end = error_there.status
+        reached, end = 0, ""
+        for _ in range(1 + ANEW):
+            try:
+                end = self._growing(found, held)
+            except ConvergenceError as error_there:
+                end = error_there.status
+            if end != LOST or len(found) <= reached + 1:
+                break
+            reached = len(found)
         return found, end
 
     def _plain(self, start: PeriodicMotion, held: int) -> tuple[list[CurveMotion], str]:
@@ -145,11 +152,11 @@ class Path:
         along[self.first[0]] = self.first[1]
         return along
 
-    def _growing(self, found: list[CurveMotion]) -> str:
+    def _growing(self, found: list[CurveMotion], held: int) -> str:
         """Why the curve on from the first motion ended; what is found on it is added."""
         projection, steps = self.projection, self.steps
         h, tries = steps.first, 0
-        equations, here = self._here(found[0].motion)
+        equations, here = self._begun(found, held)
         while len(found) < steps.count:
             step = next_point(
                 equations, here, h, steps.least, self.tests, ROUGHLY, watched=self.watched
@@ -183,6 +190,30 @@ class Path:
             if reason := self.ended(there.u, motion):
                 return reason
         return "steps"
+
+    def _begun(self, found: list[CurveMotion], held: int) -> tuple[CycleEquations, CurvePoint]:
+        """The last motion of the curve, from which it goes on.
+
+        After others it is balanced on a basis of its own: one that has grown along the curve may
+        have lost its way.
+        """
+        if len(found) == 1:
+            return self._here(found[0].motion)
+        for _ in range(BACK):
+            plain = [k for k, m in enumerate(found) if not m.event]
+            if len(plain) < 2:
+                break
+            behind, last = (found[k].motion for k in plain[-2:])
+            try:
+                motion, error, residual = self.projection.improve(last, TARGET, held)
+                begun = self._here(motion, between(behind, motion, 1.0 + ROUGHLY), behind)
+            except ConvergenceError:
+                motion = None
+            if motion is not None and self.projection.error(last, _change(last, motion)) < SAME:
+                found[-1] = CurveMotion(motion, residual, error)
+                return begun
+            del found[plain[-2] + 1 :]
+        raise ConvergenceError(LOST, "the curve was lost, and not found again")
 
     def _grown(
         self,
@@ -246,6 +277,10 @@ class Path:
         if ahead is not None and (back or tangent @ along < ACROSS):
             raise ConvergenceError(LOST, "which way the curve goes on cannot be told")
         return equations, CurvePoint(u, tangent, residual)
+
+
+def _change(one: PeriodicMotion, other: PeriodicMotion) -> PeriodicMotion:
+    return PeriodicMotion(other.Q - one.Q, other.omega - one.omega)
 
 
 def between(one: PeriodicMotion, other: PeriodicMotion, share: float) -> PeriodicMotion:

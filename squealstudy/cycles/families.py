@@ -45,7 +45,7 @@ CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of pr
 ALIKE, UNLIKE = 0.95, 0.8  # MAC of modes of two designs that are one, and with all others
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
 STEPS = Steps(first=0.3, largest=0.5, count=200)
-PROJECTED_STEPS = Steps(first=0.5, least=2e-3, largest=1.0, count=90)
+PROJECTED_STEPS = Steps(first=0.5, least=1e-4, largest=1.0, count=130)
 
 
 def families(

@@ -92,7 +92,7 @@ class LimitCyclesSection(Section):
         "band, 'screened' by their growth, or their numbers (from 1, by frequency in the band)",
     )
     screen: float = Field(
-        default=500.0,
+        default=525.0,
         gt=0,
         description="1/s: modes that decay faster are not followed where families are 'screened'",
     )
