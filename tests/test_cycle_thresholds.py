@@ -153,11 +153,43 @@ def test_what_cycles_leave_open_runs_decide(hoffmann):
     open_ = found._replace(families=[(1, replace(quiet, cycles=(), look=look, largest=None))])
     ((_, judged),) = decided_in_time(contact, open_, BAND, 1.0).families
     assert "from the motion that lacks least damping lasts" in judged.reason
+    bare = replace(quiet, cycles=(), largest=None)
     for unstable in (
         found._replace(unstable_outside=True),
-        found._replace(families=[*open_.families, (2, replace(quiet, verdict=SQUEALS))]),
+        found._replace(families=[*open_.families, (2, replace(family, verdict=SQUEALS))]),
+        found._replace(families=[*open_.families, (2, replace(bare, verdict=SQUEALS))]),
     ):
         assert decided_in_time(contact, unstable, BAND, 1.0) is unstable
+
+
+def test_a_run_tells_the_level_of_a_design_that_squeals_without_a_stable_cycle(hoffmann):
+    """Of the family with the loudest cycle, or else that grows fastest: the others stay as are."""
+    contact, found, family = hoffmann
+    level = family.loudest.levels["torque_rms"]
+    squeals = replace(family, verdict=SQUEALS, threshold=None, reason="level undecided")
+    saddle = replace(squeals, cycles=(family.threshold,))
+    grows = replace(squeals, cycles=(), largest=family.loudest.motion, lam=squeals.lam + 1.0)
+    other = replace(squeals, cycles=(), largest=None, verdict=UNDECIDED, reason="?")
+    for several, place, told in (
+        ([(1, grows), (3, saddle), (4, other)], 1, "run in time from above the unstable cycle"),
+        ([(1, replace(grows, lam=family.lam)), (2, grows)], 1, "from the curve's largest motion"),
+    ):
+        judged = decided_in_time(contact, found._replace(families=several), BAND, 1.0).families
+        assert [mode for mode, _ in judged] == [mode for mode, _ in several]
+        for k, ((_, before), (_, after)) in enumerate(zip(several, judged, strict=True)):
+            assert after.verdict == before.verdict
+            assert (after.run is None) == (k != place)
+        _, run_of = judged[place]
+        assert run_of.run.torque_rms == pytest.approx(level, rel=1e-2)
+        assert told in run_of.reason
+        assert "undecided" not in run_of.reason
+    silent = replace(saddle, cycles=(replace(saddle.cycles[0], level_error=0.5),))
+    low = replace(silent.cycles[0], motion=replace(MOTION, Q=0.3 * family.threshold.motion.Q))
+    ((_, after),) = decided_in_time(
+        contact, found._replace(families=[(1, replace(silent, cycles=(low,)))]), BAND, 0.2
+    ).families
+    assert after.reason == "level undecided; a run from the cycle came to nothing that can be named"
+    assert np.isnan(after.run.torque_rms)
 
 
 def test_only_runs_from_a_cycle_go_on_with_a_motion(hoffmann, monkeypatch):

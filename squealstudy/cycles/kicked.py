@@ -1,4 +1,4 @@
-"""The least kick along a mode that starts squeal; designs that runs in time decide."""
+"""The least kick along a mode that starts squeal; what runs in time decide of designs."""
 
 from __future__ import annotations
 
@@ -126,9 +126,11 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
 def decided_in_time(
     contact: ContactOscillator, found: Followed, band: tuple[float, float], reach: float
 ) -> Followed:
-    """A design whose modes are all stable and that cycles leave open, after runs in time.
+    """A design that cycles leave open, after runs in time.
 
-    They begin with what was found of families that are undecided: the loudest cycle, above it where
+    One that squeals has the level of a run where no stable cycle is known (`_with_level`). Of one
+    whose modes are all stable runs begin with
+    what was found of families that are undecided: the loudest cycle, above it where
     it is unstable; without any the motion that lacks least damping, and the largest of the curve,
     made as large as `reach` [m/s] and larger: on the brake a motion of that size along a mode may
     lose what a cycle of half of it needs. Where one lasts the design squeals if kicked, and no more
@@ -139,7 +141,7 @@ def decided_in_time(
     if found.unstable_outside or contact.point.growing.n_outside > 0:
         return found
     if any(family.verdict == SQUEALS for family in families):
-        return found
+        return _with_level(contact, found, band, reach)
     starts = [list(_starts(contact, family, reach)) for family in families]
     ends: list[list[Ended]] = [[] for _ in families]
     for some in (slice(0, 1), slice(1, None)):
@@ -163,6 +165,39 @@ def decided_in_time(
     return found._replace(families=decided)
 
 
+def _with_level(
+    contact: ContactOscillator, found: Followed, band: tuple[float, float], reach: float
+) -> Followed:
+    """A design that squeals and of which no stable cycle is known, with the level of a run.
+
+    It begins with the loudest cycle of an unstable mode, above it where it is unstable; without any
+    with the largest motion of the curve of the fastest growing one.
+    """
+    families = dict(found.families)
+    tries = {
+        mode: start
+        for mode, family in families.items()
+        if family.verdict == SQUEALS and (start := next(_starts(contact, family, reach), None))
+    }
+    if not tries or any(family.loudest for family in families.values()):
+        return found
+
+    def first(mode: int) -> tuple[float, float]:
+        cycles = (c.levels["contact_velocity"] for c in families[mode].cycles)
+        return max(cycles, default=0.0), families[mode].lam.real
+
+    number = max(tries, key=first)
+    name, (q, v) = tries[number]
+    point = replace(contact.point, q0=q, v0=v, continued=name == CYCLE)
+    run = ended(name, run_on(contact, [point], band)[0])
+    if run.outcome == LASTS:
+        reason = f"unstable mode, no stable cycle found; level of a run in time from {name}"
+    else:
+        reason = f"{families[number].reason}; a run from {name} came to nothing that can be named"
+    families[number] = replace(families[number], run=run, reason=reason)
+    return found._replace(families=list(families.items()))
+
+
 def _lasting(runs: Iterable[Ended]) -> list[Ended]:
     """Those that last."""
     return [run for run in runs if run.outcome == LASTS]
@@ -171,8 +206,8 @@ def _lasting(runs: Iterable[Ended]) -> list[Ended]:
 def _starts(
     contact: ContactOscillator, family: Family, reach: float
 ) -> Iterator[tuple[str, State]]:
-    """Where runs of a family that is undecided begin, in words and as states."""
-    if family.verdict != UNDECIDED:
+    """Where runs of a family that cycles leave open begin, in words and as states."""
+    if family.verdict not in (UNDECIDED, SQUEALS):
         return
     if family.cycles:
         cycle = max(family.cycles, key=lambda c: c.levels["contact_velocity"])

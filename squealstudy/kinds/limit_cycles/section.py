@@ -127,8 +127,8 @@ class LimitCyclesSection(Section):
     )
     undecided_in_time: bool = Field(
         default=True,
-        description="whether a design of stable modes that cycles leave open is run in time from "
-        "the loudest of them",
+        description="whether a design that cycles leave open is run in time from the loudest of "
+        "them: its verdict where all modes are stable, its level where it squeals",
     )
     kick_along_mode: bool = Field(
         default=False,
