@@ -172,7 +172,8 @@ def main() -> None:
             if arguments.thresholds and family.threshold is not None:
                 print(f"   threshold: {tried(contact, family)}", flush=True)
         began, unstable = time.process_time(), contact.point.growing.n_unstable > 0
-        whole = Followed(followed, 0, unstable)
+        told = any(family.verdict == SQUEALS for _, family in followed)
+        whole = Followed(followed, 0, unstable and not told)
         decided = decided_in_time(contact, whole, band, 2.0 * speed).families
         for k, family in decided:
             if family.run is not None:
