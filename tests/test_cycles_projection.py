@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import squealstudy.cycles.projection as projected
+from squealstudy.cycles import curve as curves
 from squealstudy.cycles import growth
 from squealstudy.cycles.balance import sampled
 from squealstudy.cycles.blocks import Blocks, mean_tangents
@@ -228,6 +229,56 @@ def test_a_curve_that_turns_back_by_mistake_says_so(monkeypatch):
     back = [size / max(sizes) for size in sizes[int(np.argmax(sizes)) :]]
     assert back[-1] < 0.5
     assert sum(size < 0.5 for size in back) <= 2, back  # steps are long there
+
+
+@pytest.mark.parametrize(
+    ("times", "astray", "end"),
+    [(1, False, "far"), (99, False, "not_converged"), (1, True, "not_converged")],
+    ids=["once", "always", "and led to another motion"],
+)
+def test_a_lost_curve_is_taken_up_again_on_a_new_basis(monkeypatch, times, astray, end):
+    """Where it was, to the same end; not for ever, and not from a motion that is another one."""
+    step, improve, larger, lost = curves.next_point, Projection.improve, Path._grown, []
+
+    def next_point(equations, here, *rest, **options):
+        if here.u[-2] > np.log(0.5) and len(lost) < times:
+            lost.append(here.u[-2])
+            return None
+        return step(equations, here, *rest, **options)
+
+    def elsewhere(projection, motion, *rest):
+        found, error, residual = improve(projection, motion, *rest)
+        moved = replace(found, Q=(1.2 if lost and astray else 1.0) * found.Q)
+        return moved, error, residual
+
+    def no_help(path, equations, here, motion, *local):
+        return larger(path, equations, here, motion, *local) if local else None
+
+    monkeypatch.setattr(projected, "WHOLE", 10)
+    projection, lam, phi = of_fastest_mode(oscillator())
+    start = linear_motion(phi, lam, projection.weight, 1e-3)
+    start = PeriodicMotion(with_harmonics(start.Q, 5), start.omega, start.mu)
+
+    def far(motion):
+        return "far" if np.abs(motion.Q).max() > 4.0 else ""
+
+    smooth, _ = family_curve(projection, start, far, STEPS)
+    monkeypatch.setattr(curves, "next_point", next_point)
+    monkeypatch.setattr(Path, "_grown", no_help)
+    monkeypatch.setattr(Projection, "improve", elsewhere)
+    projection, _, _ = of_fastest_mode(oscillator())
+    curve, reason = family_curve(projection, start, far, STEPS)
+    assert lost
+    assert reason == end
+    sizes, mu = (np.array([f(p.motion) for p in curve]) for f in (size_of, lambda m: m.mu))
+    assert np.all(np.diff(sizes[[not p.event for p in curve]]) > 0)
+    known = [(size_of(p.motion), p.motion.mu) for p in smooth]
+    assert mu == pytest.approx(np.interp(sizes, *zip(*known, strict=True)), abs=5e-3)
+    assert ("C" in [p.event for p in curve]) == (end == "far")
+
+
+def size_of(motion):
+    return motion.size
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def main() -> None:
         unseen = (designs <= -screen).sum()
         print(
             f"{screen:5.0f} 1/s: {100 * followed:3.0f} % of {len(families)} families followed; "
-            f"missed {missed} of {len(loud)} with a stable cycle, {unseen} of {len(designs)} designs"
+            f"missed {missed} of {len(loud)} with stable cycles, {unseen} of {len(designs)} designs"
         )
     kept = families[(families["n_cycles"] > 0) & ~families["unstable"]]
     print(kept.sort_values("growth_rate")[SHOWN].to_string(index=False))
