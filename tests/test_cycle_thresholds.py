@@ -30,6 +30,7 @@ from squealstudy.cycles.verdicts import (
     alone,
     judged,
 )
+from squealstudy.kinds.limit_cycles.tables import _verdict, summary
 
 SEED = 11
 DRAWN = {  # values, contact law, ranges of what is drawn, saturation [m/s], kind of friction
@@ -190,6 +191,38 @@ def test_a_run_tells_the_level_of_a_design_that_squeals_without_a_stable_cycle(h
     ).families
     assert after.reason == "level undecided; a run from the cycle came to nothing that can be named"
     assert np.isnan(after.run.torque_rms)
+
+
+def test_a_louder_cycle_than_the_stable_ones_of_a_design_that_squeals_is_run(hoffmann):
+    """Whether it lasts tells whether its level counts: also of a mode that is stable itself."""
+    contact, found, family = hoffmann
+    level, levels = family.loudest.levels["torque_rms"], family.loudest.levels
+    small = replace(family.loudest, levels=levels | {name: 0.1 * levels[name] for name in LEVELS})
+    quiet = replace(family, verdict=SQUEALS, threshold=None, cycles=(small,))
+    vague = replace(family.loudest, level_error=0.5, status="inaccurate")
+    other = replace(family, verdict=UNDECIDED, threshold=None, cycles=(vague,), reason="?")
+
+    def told(*own):
+        rows = [_verdict("p", mode, one, "cubic") for mode, one in enumerate(own, start=1)]
+        return summary(rows, [], 0, False)["torque_rms"], [row["run_status"] for row in rows]
+
+    assert told(quiet, other) == (0.1 * level, ["", ""])
+    pair = found._replace(families=[(1, quiet), (2, other)])
+    (_, same), (_, run_of) = decided_in_time(contact, pair, BAND, 1.0).families
+    assert same is quiet
+    assert run_of.verdict == UNDECIDED
+    assert run_of.reason == "?; the design squeals, a run in time from the cycle lasts"
+    assert told(same, run_of) == (pytest.approx(level, rel=1e-2), ["", "lasts"])
+    own = replace(quiet, cycles=(small, vague), reason="unstable mode, with a stable cycle")
+    ((_, run_of),) = decided_in_time(
+        contact, found._replace(families=[(1, own)]), BAND, 1.0
+    ).families
+    assert run_of.reason == "unstable mode; level of a run in time from the cycle"
+    assert told(run_of) == (pytest.approx(level, rel=1e-2), ["lasts"])
+    known = replace(run_of, run=replace(run_of.run, torque_rms=0.1 * level))
+    assert told(known) == (0.1 * level, ["lasts"])
+    stable = found._replace(families=[(1, replace(quiet, cycles=(family.loudest,))), (2, other)])
+    assert decided_in_time(contact, stable, BAND, 1.0).families == stable.families
 
 
 def test_only_runs_from_a_cycle_go_on_with_a_motion(hoffmann, monkeypatch):

@@ -42,6 +42,9 @@ ABOVE = 1.1  # times an unstable cycle: where a run begins that shall tell what 
 # status of a search
 FOUND, NONE, UNCLEAR = "ok", "none", "undecided"
 
+LEVEL = "torque_rms"  # by which cycles of a design that squeals are compared
+LOUDER = 1.02  # times the loudest stable one: another that is no other reading of it
+TRIES = 2  # runs for its level at most
 WIDER = 1.01  # of the frequency of a mode that is looked for
 
 
@@ -128,14 +131,14 @@ def decided_in_time(
 ) -> Followed:
     """A design that cycles leave open, after runs in time.
 
-    One that squeals has the level of a run where no stable cycle is known (`_with_level`). Of one
-    whose modes are all stable runs begin with
-    what was found of families that are undecided: the loudest cycle, above it where
-    it is unstable; without any the motion that lacks least damping, and the largest of the curve,
-    made as large as `reach` [m/s] and larger: on the brake a motion of that size along a mode may
-    lose what a cycle of half of it needs. Where one lasts the design squeals if kicked, and no more
-    are run. Where all of a family decay there is no cycle found if nothing but the curve's end was
-    missing; else that is told, and the verdict stays open. `band` [rad/s] is that of `run_on`.
+    One that squeals has the level of a run where no stable cycle is the loudest (`_with_level`). Of
+    one whose modes are all stable runs begin with what was found of families that are undecided:
+    the loudest cycle, above it where it is unstable; without any the motion that lacks least
+    damping, and the largest of the curve, made as large as `reach` [m/s] and larger: on the brake a
+    motion of that size along a mode may lose what a cycle of half of it needs. Where one lasts the
+    design squeals if kicked, and no more are run. Where all of a family decay there is no cycle
+    found if nothing but the curve's end was missing; else that is told, and the verdict stays open.
+    `band` [rad/s] is that of `run_on`.
     """
     families = [family for _, family in found.families]
     if found.unstable_outside or contact.point.growing.n_outside > 0:
@@ -168,33 +171,34 @@ def decided_in_time(
 def _with_level(
     contact: ContactOscillator, found: Followed, band: tuple[float, float], reach: float
 ) -> Followed:
-    """A design that squeals and of which no stable cycle is known, with the level of a run.
+    """A design that squeals, with the level of a run where no stable cycle is known to be loudest.
 
-    It begins with the loudest cycle of an unstable mode, above it where it is unstable; without any
-    with the largest motion of the curve of the fastest growing one.
+    It begins with the loudest cycle, above it where that is unstable; without any with the largest
+    motion of the curve of the unstable mode that grows fastest. Where it does not last the next
+    is tried.
     """
     families = dict(found.families)
-    tries = {
-        mode: start
-        for mode, family in families.items()
-        if family.verdict == SQUEALS and (start := next(_starts(contact, family, reach), None))
-    }
-    if not tries or any(family.loudest for family in families.values()):
+    known = [own.loudest.levels[LEVEL] for own in families.values() if own.loudest]
+    tries = {}
+    for mode, family in families.items():
+        level = max((c.levels[LEVEL] for c in family.cycles), default=0.0)
+        louder = level > LOUDER * max(known) if known else family.verdict == SQUEALS or level > 0.0
+        if louder and (start := next(_starts(contact, family, reach), None)):
+            tries[mode] = (level, family.lam.real), start
+    if not tries:
         return found
-
-    def first(mode: int) -> tuple[float, float]:
-        cycles = (c.levels["contact_velocity"] for c in families[mode].cycles)
-        return max(cycles, default=0.0), families[mode].lam.real
-
-    number = max(tries, key=first)
-    name, (q, v) = tries[number]
-    point = replace(contact.point, q0=q, v0=v, continued=name == CYCLE)
-    run = ended(name, run_on(contact, [point], band)[0])
-    if run.outcome == LASTS:
-        reason = f"unstable mode, no stable cycle found; level of a run in time from {name}"
-    else:
-        reason = f"{families[number].reason}; a run from {name} came to nothing that can be named"
-    families[number] = replace(families[number], run=run, reason=reason)
+    for number in sorted(tries, key=lambda mode: tries[mode][0], reverse=True)[:TRIES]:
+        family, (name, (q, v)) = families[number], tries[number][1]
+        point = replace(contact.point, q0=q, v0=v, continued=name == CYCLE)
+        run = ended(name, run_on(contact, [point], band)[0])
+        reason = f"{family.reason}; a run from {name} came to nothing that can be named"
+        if run.outcome == LASTS and family.verdict == SQUEALS:
+            reason = f"unstable mode; level of a run in time from {name}"
+        elif run.outcome == LASTS:
+            reason = f"{family.reason}; the design squeals, a run in time from {name} lasts"
+        families[number] = replace(family, run=run, reason=reason)
+        if run.outcome == LASTS:
+            break
     return found._replace(families=list(families.items()))
 
 
