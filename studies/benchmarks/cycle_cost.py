@@ -234,13 +234,17 @@ def drawn(rows: pd.DataFrame, path: Path) -> None:
     """Errors over CPU-s, a panel a scene."""
     names = list(dict.fromkeys(rows["scene"]))
     figure, panels = plt.subplots(1, len(names), figsize=(4.2 * len(names), 4.0), squeeze=False)
-    marks = {"in time, steps a period": "s-", "warm": "o-", "warm, level alone": "o:"}
+    marks = {
+        "in time, steps a period": ("s-", "run in time: steps a period"),
+        "warm": ("o-", "balance: harmonics"),
+        "warm, level alone": ("o:", "the same without multipliers"),
+    }
     for axes, name in zip(panels[0], names, strict=True):
         own = rows[(rows["scene"] == name) & rows["level_error"].notna()]
-        for method, mark in marks.items():
+        for method, (mark, label) in marks.items():
             part = own[own["method"] == method]
             part = part[part["setting"] != "auto"]
-            line = axes.plot(part["cpu_s"], 100 * part["level_error"], mark, label=method)[0]
+            line = axes.plot(part["cpu_s"], 100 * part["level_error"], mark, label=label)[0]
             for _, row in part.iterrows():
                 short = "" if row["n_found"] == len(AWAY) else f" ({row['n_found']} of {len(AWAY)})"
                 axes.annotate(
