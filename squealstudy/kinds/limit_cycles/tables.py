@@ -232,7 +232,7 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
     if loud is not None:
         hz = loud.motion.omega / (2 * np.pi)
         level = (loud.levels["torque_rms"], loud.level_error, hz)
-    run = family.run  # of a cycle that it has come to it tells the level less exactly
+    run = family.run  # where it has come to the stable cycle, that one's level is the exacter
     if run is not None and (loud is None or run.torque_rms * (1.0 - run.spread) > level[0]):
         level = (run.torque_rms, run.spread, run.frequency_hz)
     if kick is not None and loud is not None and loud.velocity_error <= VAGUE:
