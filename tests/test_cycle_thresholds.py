@@ -221,6 +221,15 @@ def test_a_louder_cycle_than_the_stable_ones_of_a_design_that_squeals_is_run(hof
     assert told(run_of) == (pytest.approx(level, rel=1e-2), ["lasts"])
     known = replace(run_of, run=replace(run_of.run, torque_rms=0.1 * level))
     assert told(known) == (0.1 * level, ["lasts"])
+    gone = replace(
+        vague,
+        levels=levels | {"torque_rms": 2.0 * level},
+        motion=replace(MOTION, omega=vague.motion.omega, Q=0.1 * vague.motion.Q),
+    )
+    three = found._replace(families=[(1, quiet), (2, other), (3, replace(other, cycles=(gone,)))])
+    _, (_, second), (_, first) = decided_in_time(contact, three, BAND, 1.0).families
+    assert "?; a run from the cycle came to nothing" in first.reason
+    assert (first.run.outcome, second.run.outcome) == (DECAYS, LASTS)
     stable = found._replace(families=[(1, replace(quiet, cycles=(family.loudest,))), (2, other)])
     assert decided_in_time(contact, stable, BAND, 1.0).families == stable.families
 

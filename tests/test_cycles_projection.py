@@ -231,6 +231,28 @@ def test_a_curve_that_turns_back_by_mistake_says_so(monkeypatch):
     assert sum(size < 0.5 for size in back) <= 2, back  # steps are long there
 
 
+@pytest.mark.parametrize(("share", "end"), [(0.2, ""), (0.05, "other_resonance")])
+def test_a_curve_passes_other_resonances_until_little_is_left_of_the_first_harmonic(
+    both, monkeypatch, share, end
+):
+    """The first harmonic's share of a motion, in the norm of the basis."""
+    _, exact, projection, _ = both
+    told = []
+
+    class Asked:
+        def __init__(self, *settings, watched):
+            self.ended = settings[3]
+
+        def from_motion(self, start):
+            Q = start.Q.copy()
+            Q[[2, start.harmonics + 2]] = Q[[1, start.harmonics + 1]] / share
+            told.append(self.ended(None, replace(start, Q=Q)))
+            return [], told[-1]
+
+    monkeypatch.setattr(growth, "Path", Asked)
+    assert family_curve(projection, exact, lambda _: "", STEPS) == ([], end)
+
+
 @pytest.mark.parametrize(
     ("times", "astray", "end"),
     [(1, False, "far"), (99, False, "not_converged"), (1, True, "not_converged")],
@@ -270,15 +292,11 @@ def test_a_lost_curve_is_taken_up_again_on_a_new_basis(monkeypatch, times, astra
     curve, reason = family_curve(projection, start, far, STEPS)
     assert lost
     assert reason == end
-    sizes, mu = (np.array([f(p.motion) for p in curve]) for f in (size_of, lambda m: m.mu))
+    sizes, mu = np.array([(p.motion.size, p.motion.mu) for p in curve]).T
     assert np.all(np.diff(sizes[[not p.event for p in curve]]) > 0)
-    known = [(size_of(p.motion), p.motion.mu) for p in smooth]
+    known = [(p.motion.size, p.motion.mu) for p in smooth]
     assert mu == pytest.approx(np.interp(sizes, *zip(*known, strict=True)), abs=5e-3)
     assert ("C" in [p.event for p in curve]) == (end == "far")
-
-
-def size_of(motion):
-    return motion.size
 
 
 @pytest.mark.parametrize(
