@@ -9,9 +9,9 @@ Run:  python studies/benchmarks/cycle_verdicts.py [--designs 3 5 20] [--modes 2]
 Of each design of `cycle_truth.csv` (`cycle_truth_medium.csv`) the modes of the band that grow
 fastest or decay slowest between 2.9 and 5.3 kHz, where this brake squeals (`--window`), are
 followed as by a study of limit cycles. A design has the verdict of these families alone, those
-undecided after a run in time. A line a family is printed as it is found. With `--thresholds`
-runs begin at .9 and 1.1 of the unstable cycle of every family that has a threshold. With
-`--nearby` a design away by that share of the range of every parameter is followed first, and its
+undecided after a run in time, and the level of the loudest stable cycle or run that lasts. A line a
+family is printed as it is found. With `--thresholds` runs begin at .9 and 1.1 of the unstable cycle
+of every family that has a threshold. With `--nearby` a design away by that share of the range of every parameter is followed first, and its
 silent curves serve the design itself; the seconds are those of the design itself. With
 `--in-time` those without an unstable mode are run in time as the proof of a design study runs
 them instead, today's design being that of the same friction and pressure, and that of the nominal
@@ -37,7 +37,7 @@ from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.families import families
 from squealstudy.cycles.kicked import decided_in_time
-from squealstudy.cycles.trials import Trials, state_of
+from squealstudy.cycles.trials import LASTS, Trials, state_of
 from squealstudy.cycles.verdicts import SQUEALS, VERDICTS, Family, Followed
 from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan
@@ -178,12 +178,15 @@ def main() -> None:
         for k, family in decided:
             if family.run is not None:
                 print(f"   mode {k}: {family.reason}; {family.run.torque_rms:.4g} N m")
+        levels = [f.loudest.levels["torque_rms"] for _, f in decided if f.loudest]
+        levels += [f.run.torque_rms for _, f in decided if f.run and f.run.outcome == LASTS]
         verdicts = [SQUEALS] * unstable + [f.verdict for _, f in decided]
         verdict = min(verdicts, key=VERDICTS.index)
         spent = time.process_time() - began
+        loudest = max(levels, default=np.nan)
         print(
-            f"{number}: {design['truth']} | {verdict}, families {seconds:.1f}, "
-            f"runs {spent:.1f} CPU-s",
+            f"{number}: {design['truth']}, {design['torque_rms']:.4g} N m | {verdict}, "
+            f"{loudest:.4g} N m, families {seconds:.1f}, runs {spent:.1f} CPU-s",
             flush=True,
         )
 
