@@ -11,11 +11,11 @@ fastest or decay slowest between 2.9 and 5.3 kHz, where this brake squeals (`--w
 followed as by a study of limit cycles. A design has the verdict of these families alone, those
 undecided after a run in time, and the level of the loudest stable cycle or run that lasts. A line a
 family is printed as it is found. With `--thresholds` runs begin at .9 and 1.1 of the unstable cycle
-of every family that has a threshold. With `--nearby` a design away by that share of the range of every parameter is followed first, and its
-silent curves serve the design itself; the seconds are those of the design itself. With
-`--in-time` those without an unstable mode are run in time as the proof of a design study runs
-them instead, today's design being that of the same friction and pressure, and that of the nominal
-ones.
+of every family that has a threshold. With `--nearby` a design away by that share of the range of
+every parameter is followed first, and its silent curves serve the design itself; the seconds are
+those of the design itself. With `--in-time` those without an unstable mode are run in time as the
+proof of a design study runs them instead, today's design being that of the same friction and
+pressure, and that of the nominal ones.
 """
 
 from __future__ import annotations
