@@ -40,7 +40,7 @@ UNSTABLE: dict[str, Any] = {
     "marker": "o",
     "color": COLOURS[0],
     "markerfacecolor": "white",
-    "label": "unstable cycle: the kick that is needed",
+    "label": "unstable cycle",
 }
 OTHER: dict[str, Any] = {"marker": "s", "color": GREY, "label": "stability or level not known"}
 RUN: dict[str, Any] = {
