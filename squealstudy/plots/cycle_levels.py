@@ -150,7 +150,8 @@ def cycle_levels(
     if told:
         names = "; ".join(text for event, text in EVENTS.items() if event in told)
         axes[0].set_title(names, fontsize=9, loc="right")
-    others = [n for n in parameter_columns(points, varied=True) if n != along]
+    varied = parameter_columns(points, varied=True)
+    others = [n for n in varied if n != along and (line[n] == line[n].iloc[0]).all()]
     count = plural(len(cycles), "cycle")
     where = describe(line.iloc[0], points, others, units)
     figure.suptitle(f"{where}; {count}" if where else count, fontsize=9.5)
