@@ -206,6 +206,8 @@ def test_verdict_map(tmp_path):
     border = found.table("borders")
     (own,) = border[border["line_difference"].notna().to_numpy(bool)].to_dict("records")
     assert own["value"] == pytest.approx(0.797, abs=1e-3)
+    title = found.plot.cycle_levels(along="friction").get_suptitle()
+    assert "contact.cubic_stiffness" not in title, "of several lines the title names none"
     figure = found.plot.verdict_map()
     assert {t.get_text() for t in figure.legends[0].texts} >= {"squeals", "squeals if kicked"}
 
