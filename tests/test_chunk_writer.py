@@ -7,9 +7,9 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 
+from squealstudy.engine.chunk_rows import ChunkRows
 from squealstudy.engine.chunk_writer import ChunkWriter
 from squealstudy.engine.store import CHUNKS, Store
-from squealstudy.engine.workers import ChunkRows
 from squealstudy.errors import MachineError
 
 SCHEMA = pa.schema([("point_id", pa.string())])

@@ -13,8 +13,9 @@ from types import TracebackType
 
 import pyarrow as pa
 
+from squealstudy.engine.chunk_rows import ChunkRows
 from squealstudy.engine.store import Store
-from squealstudy.engine.workers import MOST_POINTS, ChunkRows
+from squealstudy.engine.workers import MOST_POINTS
 from squealstudy.errors import SquealstudyError
 
 OLDEST = 5.0  # s

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -189,9 +190,17 @@ class Kind:
         return {}
 
     def points_of(self, task: Any) -> Iterable[Identified]:
-        """The design points of a task."""
-        points: Iterable[Identified] = task.points
+        """The design points of a task: its `points`, or itself."""
+        points: Iterable[Identified] = getattr(task, "points", task)
         return points
+
+    def single_tasks(self, task: Any) -> Iterable[Any]:
+        """The same work as tasks of one design point each; `task.points` is all that differs."""
+        if not hasattr(task, "points"):
+            return (task.at(np.array([k])) for k in range(len(task)))
+        points = task.points
+        each = ((p,) for p in points) if isinstance(points, tuple) else self.single_tasks(points)
+        return (replace(task, points=one) for one in each)
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Row of a design point that could not be solved."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
+from squealstudy.engine.chunk_rows import lost_chunk, solve_chunk
 from squealstudy.engine.chunk_writer import ChunkWriter
 from squealstudy.engine.journal import JOURNAL, Journal
 from squealstudy.engine.keys import ID_TYPE
@@ -34,7 +35,7 @@ from squealstudy.engine.store import (
     write_manifest,
 )
 from squealstudy.engine.validity import SOLVED
-from squealstudy.engine.workers import Progress, Workers, lost_chunk, silent, solve_chunk
+from squealstudy.engine.workers import Progress, Workers, silent
 from squealstudy.errors import MachineError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.machine import give_back_memory, peak_memory_mb
 from squealstudy.wording import failure_counts, plural

@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from squealstudy.engine.cluster import Cluster
-    from squealstudy.engine.kind import Kind
-
 FIRST_POINTS = 16  # points of a task while nothing is known of their time
 MOST_POINTS = 4096  # of a chunk file, too
 SECONDS = 2.0  # of a task
@@ -91,7 +89,6 @@ class Pace:
 
 
 AHEAD = 3  # tasks a worker that are drawn: one at work, others wait for it to be free
-DIED = "worker_died"  # status of the points of a task that ends every worker that tries it
 TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
 
 Item = TypeVar("Item")
@@ -288,32 +285,6 @@ class Solved:
     rows: Sequence[dict[str, Any]]
     files: Mapping[str, pa.Table | Mapping[str, Any]] = field(default_factory=dict)
     known: int = 0
-
-
-@dataclass(frozen=True)
-class ChunkRows:
-    """Rows that are written as one file, and what they took: seconds, MB of the worker."""
-
-    table: pa.Table
-    files: Mapping[str, pa.Table | Mapping[str, Any]]
-    known: int
-    wall_s: float
-    peak_mb: float
-
-
-def lost_chunk(kind: Kind, task: Any, why: str) -> ChunkRows:
-    """What stands for a task that ended every worker that tried it: a failed row a point."""
-    rows = [kind.failed_row(p.point_id, DIED, why) for p in kind.points_of(task)]
-    return ChunkRows(pa.Table.from_pylist(rows, schema=kind.schema), {}, 0, 0.0, 0.0)
-
-
-def solve_chunk(kind: Kind, task: Any) -> ChunkRows:
-    """What a worker does with a task of a kind of study; nothing is written here."""
-    started = time.perf_counter()
-    found = kind.solve(task)
-    table = pa.Table.from_pylist(list(found.rows), schema=kind.schema)
-    wall_s = time.perf_counter() - started
-    return ChunkRows(table, found.files, found.known, wall_s, peak_memory_mb())
 
 
 def worker_count(

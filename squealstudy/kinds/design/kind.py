@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -211,6 +211,13 @@ class Design(ModelKind):
         ]
         gaps.save()
         return Solved(rows)
+
+    def single_tasks(self, task: DesignTask) -> Iterator[DesignTask]:
+        """Each point with its own stage."""
+        return (
+            replace(task, points=task.points.at(np.array([k])), stages=(stage,))
+            for k, stage in enumerate(task.stages)
+        )
 
     def build_tables(
         self, plan: Plan, store: Store, workers: Workers

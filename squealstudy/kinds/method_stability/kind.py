@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -107,6 +107,10 @@ class MethodStability(Kind):
     def points_of(self, task: LineTask) -> Sequence[Run]:
         """Its cells."""
         return task.cells
+
+    def single_tasks(self, task: LineTask) -> list[LineTask]:
+        """One a cell."""
+        return [replace(task, cells=(cell,)) for cell in task.cells]
 
     def solve(self, task: LineTask) -> Solved:
         """Rows of one line of cells; no cell stops the others."""

@@ -110,6 +110,14 @@ class WorkPrecision(Kind):
         """One task a measurement."""
         return [(plan.study, run) for run in points]
 
+    def points_of(self, task: tuple[PrecisionFile, Run]) -> list[Run]:
+        """The measurement."""
+        return [task[1]]
+
+    def single_tasks(self, task: tuple[PrecisionFile, Run]) -> list[tuple[PrecisionFile, Run]]:
+        """It is one."""
+        return [task]
+
     def solve(self, task: tuple[PrecisionFile, Run]) -> Solved:
         """Run one measurement; ResultsError where the reference fails."""
         study, run = task

@@ -177,7 +177,12 @@ def _projected(product: np.ndarray, overlap: np.ndarray, modes: list[int]) -> fl
 
 
 def level_shares(run: Motion, window: slice) -> np.ndarray:
-    """Share (m,) of each followed complex mode in the energy of the vibration over a window."""
+    """Share (m,) of each followed complex mode in the energy of the vibration over a window.
+
+    Empty where none is followed, as where no complex mode lies in the band.
+    """
+    if not len(run.point.growing.lam):
+        return np.zeros(0)
     states = [run.plane(k)[window] for k in range(len(run.point.growing.lam))]
     energy = float(run.modal_energy[window].mean()) - static_energy(run.sensed_q[window], run.omega)
     return complex_shares(np.hstack(states), run.point.growing.overlap, energy)

@@ -1,0 +1,114 @@
+"""What a worker makes of a task: a row a design point, whatever happens there.
+
+What a kind of study foresees it puts into rows itself (`rows.FAILURES`); what nobody foresaw is
+made a failed row here. No point ends its study.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from traceback import extract_tb
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from squealstudy import faults
+from squealstudy.engine.rows import reason
+from squealstudy.engine.workers import Solved
+from squealstudy.errors import (
+    ExtensionError,
+    ResultsError,
+    SquealstudyError,
+    StudyFileError,
+)
+from squealstudy.machine import peak_memory_mb
+
+if TYPE_CHECKING:
+    from squealstudy.engine.kind import Kind
+
+DIED = "worker_died"  # status of the points of a task that ends every worker that tries it
+OF_THE_STUDY = (StudyFileError, ResultsError, ExtensionError)  # not of one of its points
+PACKAGE = Path(__file__).parents[1]
+
+
+@dataclass(frozen=True)
+class ChunkRows:
+    """Rows that are written as one file, and what they took: seconds, MB of the worker."""
+
+    table: pa.Table
+    files: Mapping[str, pa.Table | Mapping[str, Any]]
+    known: int
+    wall_s: float
+    peak_mb: float
+
+
+def lost_chunk(kind: Kind, task: Any, why: str) -> ChunkRows:
+    """What stands for a task that ended every worker that tried it: a failed row a point."""
+    rows = [kind.failed_row(p.point_id, DIED, why) for p in kind.points_of(task)]
+    return ChunkRows(pa.Table.from_pylist(rows, schema=kind.schema), {}, 0, 0.0, 0.0)
+
+
+def solve_chunk(kind: Kind, task: Any) -> ChunkRows:
+    """What a worker does with a task of a kind of study; nothing is written here.
+
+    Where the task fails as a whole, each of its design points is solved by itself, and those that
+    fail then are failed rows.
+
+    Raises
+    ------
+    SquealstudyError, OSError, MemoryError
+        What is at fault with the study as a whole, or with the machine.
+    """
+    started = time.perf_counter()
+    try:
+        parts = [_solved(kind, task)]
+    except Exception as error:
+        if _of_all_points(error):
+            raise
+        parts = [_solved_or_failed(kind, part) for part in kind.single_tasks(task)]
+    return ChunkRows(
+        table=pa.concat_tables(table for table, _ in parts),
+        files={name: content for _, one in parts for name, content in one.files.items()},
+        known=sum(one.known for _, one in parts),
+        wall_s=time.perf_counter() - started,
+        peak_mb=peak_memory_mb(),
+    )
+
+
+def _solved(kind: Kind, task: Any) -> tuple[pa.Table, Solved]:
+    found = kind.solve(task)
+    return pa.Table.from_pylist(list(found.rows), schema=kind.schema), found
+
+
+def _solved_or_failed(kind: Kind, task: Any) -> tuple[pa.Table, Solved]:
+    try:
+        return _solved(kind, task)
+    except Exception as error:
+        if _of_all_points(error):
+            raise
+        why = unforeseen(error)
+        rows = [kind.failed_row(p.point_id, *why) for p in kind.points_of(task)]
+        return pa.Table.from_pylist(rows, schema=kind.schema), Solved(rows)
+
+
+def _of_all_points(error: Exception) -> bool:
+    """Whether an error is of the machine or of the study, and would be that of every point."""
+    return isinstance(error, OF_THE_STUDY) or faults.sentence(error) is not None
+
+
+def unforeseen(error: Exception) -> tuple[str, str]:
+    """Status and message of a point that ended with an error nobody foresaw: its words, its place.
+
+    The place is the last line of this package that was being executed.
+    """
+    status, message = reason(error)
+    if isinstance(error, SquealstudyError):
+        return status, message
+    lines = extract_tb(error.__traceback__)
+    own = [line for line in lines if PACKAGE in Path(line.filename).parents] or list(lines)
+    if not own:
+        return status, message
+    return status, f"{message} ({Path(own[-1].filename).name}, line {own[-1].lineno})"
