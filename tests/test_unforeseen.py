@@ -14,7 +14,8 @@ from squealstudy.study.design import DesignPoint
 SWEEP = '[[sweep]]\nparameter = "friction"\nvalues = [0.1, 0.2, 0.25]\n'
 SHORT = '[transient]\nduration = 0.02\nstep = 1e-4\nslope_pilot = "never"\n'
 FAULTY = 0.2
-KINDS = {"complex_modes": "", "sensitivity": "", "limit_cycles": "", "transient": SHORT}
+DAMPED = "[parameters]\ndamping_ratio = 0.2\nsliding_speed = 5.0\n"
+KINDS = {"complex_modes": "", "sensitivity": "", "limit_cycles": DAMPED, "transient": SHORT}
 
 
 def break_points(patch: pytest.MonkeyPatch, error: Exception) -> None:
@@ -34,7 +35,7 @@ def test_an_error_nobody_foresaw_is_one_failed_row(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     break_points(monkeypatch, KeyError("a name that nobody gave"))
-    text = study_text("faulty", kind, "hulten") + SWEEP + KINDS[kind]
+    text = study_text("faulty", kind, "belt") + SWEEP + KINDS[kind]
     results = solved(text, tmp_path / "r")
     points = results.points
     assert points["status"].tolist() == ["ok", "failed", "ok"], points["message"].tolist()
