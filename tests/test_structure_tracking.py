@@ -188,11 +188,13 @@ def test_a_track_that_breaks_is_flagged_where_it_ends_and_where_the_next_begins(
 
 def test_modes_that_leave_the_band_and_come_into_it_are_no_break():
     lams = Ragged.of(HZ * 1j * np.array(f) for f in ((1000.0, 1990), (1050.0, 1995)))
-    tree = TrackTree(np.array([-1, 0]), lams)
-    pairings = tree.stepper(Known([np.eye(3)[[0, 1]], np.eye(3)[[0, 2]]])).all()
-    apart = tree.label(pairings, (HZ * 500, HZ * 2000))
-    assert not apart.ambiguous.flat.any()
-    inside = tree.label(pairings, (HZ * 500, HZ * 4000))
+
+    def tracks(top):
+        tree = TrackTree(np.array([-1, 0]), lams, band=(HZ * 500, HZ * top))
+        return tree.label(tree.stepper(Known([np.eye(3)[[0, 1]], np.eye(3)[[0, 2]]])).all())
+
+    assert not tracks(2000).ambiguous.flat.any()
+    inside = tracks(4000)
     assert inside.ambiguous.flat.tolist() == [False, True, False, True]
 
 

@@ -9,7 +9,6 @@ from squealstudy.modes.tracking.labels import _normalised, _steps
 from squealstudy.modes.tracking.pairing import (
     BLOCK,
     CLEAR,
-    LOST,
     LOW_MAC,
     PAIR_DAMPING,
     PAIR_FREQUENCY,
@@ -95,7 +94,7 @@ def pair_one(
     unclear = macs[rows] < CLEAR
     passing = _passing(lam_a[rows], lam_b[columns])
     trust[rows[unclear]] = np.minimum(trust[rows], passing)[unclear]
-    trust[_lost(far, partner)] = 1.0
+    trust[_lost(lam_b, partner)] = 1.0
     return Pairing(partner, macs, ambiguous, trust)
 
 
@@ -179,13 +178,10 @@ def _passing(lam_a: np.ndarray, lam_b: np.ndarray) -> np.ndarray:
     return found
 
 
-def _lost(far: np.ndarray, partner: np.ndarray) -> np.ndarray:
-    """Modes without partner that have another such mode nearby: a step too long, perhaps."""
+def _lost(lam_b: np.ndarray, partner: np.ndarray) -> np.ndarray:
+    """Modes without partner where another such mode is: a step too long, perhaps."""
     alone = (partner < 0).nonzero()[0]
-    if not len(alone):
-        return alone
-    free = _without(far.T, partner[partner >= 0]).T
-    return alone[(free[alone] < LOST).any(axis=1)]
+    return alone if len(lam_b) > (partner >= 0).sum() else alone[:0]
 
 
 def levels(parents: list[int], counts: list[int]) -> tuple[list[int], list[list[int]]]:

@@ -28,6 +28,7 @@ from squealstudy.tables.mode_ranking import (
     frequency_text,
     unstable_groups,
 )
+from squealstudy.tables.stability import INEXACT
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -108,7 +109,8 @@ def _shares(axes: Axes, shown: pd.DataFrame) -> None:
     for y, x, row in zip(place, share, shown.to_dict("records"), strict=True):
         text = f"{row['max_growth_rate']:+.3g} 1/s"
         if np.isfinite(row["threshold"]):
-            text += f", from {row['threshold']:.3g}"
+            mark = INEXACT.get(row["threshold_kind"], "")
+            text += f", from {mark}{row['threshold']:.3g}"
         elif row["threshold_kind"]:
             text += f", {row['threshold_kind']}"
         axes.annotate(text, (x, y), (4, 0), textcoords="offset points", va="center", fontsize=8.5)

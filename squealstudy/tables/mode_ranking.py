@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Hashable, Iterable, Mapping
 from typing import Any
 
@@ -14,7 +15,9 @@ from squealstudy.tables.point_rows import parts, point_codes
 from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,
+    BROKEN,
     CROSSING,
+    FIRST_SEEN,
     INTO,
     line_crossings,
     unstable_bounds,
@@ -105,8 +108,9 @@ def rank_modes(
         `threshold` is the smallest value of `along` at which the damping ratio crosses zero,
         on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
         "refined" (to 1e-4), "bracketed" (an upper bound: the mode before has no damping, or the
-        points are `scattered`), "below range" (unstable at the first value of a line; NaN) or
-        "first seen" (a track that begins unstable; an upper bound).
+        points are `scattered`), "below range" (unstable at the first value of a line; NaN),
+        "first seen" (a track that begins unstable; an upper bound) or "broken" (on some line it
+        begins so beside a track that ends, the same mode perhaps; an upper bound).
 
     Raises
     ------
@@ -309,7 +313,14 @@ def _thresholds(
         between = (found["kind"] == CROSSING).to_numpy()
         found.loc[between, "value"] = x[code[found.loc[between, "after"].to_numpy()]]
         found.loc[between, "kind"] = BRACKETED
+    begun = np.flatnonzero(found["kind"] == FIRST_SEEN)
+    ends = code[found["after"].to_numpy()[begun]]
+    keys = zip(found["track"].to_numpy()[begun], itertools.repeat(-1), ends)
+    at_break = begun[np.array([key in refined for key in keys], dtype=bool)]
     found["value"] = found["value"].mask(found["kind"] == BELOW_RANGE, -np.inf)
+    unsure = found["track"].isin(found["track"].to_numpy()[at_break])
+    unsure &= found["kind"] != BELOW_RANGE  # the least of all lines is a bound then
+    found["kind"] = found["kind"].mask(unsure, BROKEN)
     return found.sort_values("value", kind="stable").drop_duplicates("track").set_index("track")
 
 
@@ -323,12 +334,14 @@ def _starts(x: pd.Series, line: np.ndarray, held: np.ndarray) -> np.ndarray:
 def _refined_onsets(
     points: pd.DataFrame, onsets: pd.DataFrame | None
 ) -> dict[tuple[int, int, int], float]:
-    """Refined onsets by track and the rows in `points` of both ends; NaN where one is none."""
+    """Refined onsets by track and the rows in `points` of both ends; NaN where one is none.
+
+    The row before is -1 where the track begins beside one that ends.
+    """
     if onsets is None:
         return {}
-    kept = onsets[
-        onsets["status"].isin([REFINED, CUBIC, RENUMBERED]) & (onsets["direction"] == INTO)
-    ]
+    told = [REFINED, CUBIC, RENUMBERED, BROKEN]
+    kept = onsets[onsets["status"].isin(told) & (onsets["direction"] == INTO)]
     index = pd.Index(points["point_id"])
     ends = (index.get_indexer(pd.Index(kept[name])) for name in ("point_before", "point_after"))
     return dict(zip(zip(kept["track"], *ends, strict=True), kept["onset"], strict=True))

@@ -79,6 +79,8 @@ ROUNDING = 1e-9
 INTO, OUT_OF = "in", "out"  # of instability
 BELOW_RANGE, FIRST_SEEN, CROSSING = "below range", "first seen", "crossing"
 BRACKETED = "bracketed"
+BROKEN = "broken"  # a track begins unstable beside one that ends: the same mode, perhaps
+INEXACT = {CROSSING: "~", FIRST_SEEN: "<= ", BRACKETED: "<= ", BROKEN: "<= "}  # before a value
 
 
 def line_crossings(

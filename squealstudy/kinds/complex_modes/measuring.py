@@ -34,7 +34,8 @@ from squealstudy.modes.full_order.finer_model import finer_modes
 from squealstudy.modes.rungs import rung_named
 from squealstudy.study.parameters import onset_parameter
 from squealstudy.tables.method_quality import onset_errors, root_errors
-from squealstudy.tables.stability import FIRST_SEEN, INTO
+from squealstudy.tables.mode_ranking import RENUMBERED
+from squealstudy.tables.stability import BROKEN, FIRST_SEEN, INTO
 
 BRIEF = 5.0  # s: the first call of a process may owe a part of that to imports and what is kept
 
@@ -274,10 +275,11 @@ def first_onset(onsets: pd.DataFrame, x: np.ndarray) -> Interval:
     x : ndarray (n,)
         Values of the parameter, ascending.
     """
-    into = onsets[onsets["direction"] == INTO]
+    into = onsets[(onsets["direction"] == INTO) & (onsets["status"] != RENUMBERED)]
     if not len(into):
         return None, None, None
-    values = into["onset"].fillna(float(x[0])).to_numpy(float)  # unstable from the beginning on
+    seen = into["bracket_high"].where(into["status"] == BROKEN, float(x[0]))  # below the range
+    values = into["onset"].fillna(seen).to_numpy(float)
     row = into.iloc[int(np.argmin(values))]
     value = float(values.min())
     return value, *_bounds(row, value, x)
@@ -290,5 +292,7 @@ def _bounds(row: pd.Series, value: float, x: np.ndarray) -> tuple[float, float]:
         return value - error, value + error
     if row["status"] == UNREFINED[FIRST_SEEN]:
         return float(x[max(int(np.searchsorted(x, value)) - 1, 0)]), value
+    if row["status"] == BROKEN:
+        return float(x[0]), value
     low, high = row["bracket_low"], row["bracket_high"]
     return (float(low), float(high)) if np.isfinite(row["onset"]) else (value, value)

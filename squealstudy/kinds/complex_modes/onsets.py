@@ -14,6 +14,7 @@ from squealstudy.kinds.complex_modes.neighbourhood import FAILED, OnsetTask, ref
 from squealstudy.kinds.complex_modes.refinement_budget import RefinementBudget
 from squealstudy.kinds.complex_modes.rows import damping_ratios
 from squealstudy.kinds.complex_modes.study_tracks import Follower
+from squealstudy.kinds.complex_modes.track_crossings import TrackCrossings
 from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset, cubic_onsets
 from squealstudy.modes.tracking.refinement import Modes
@@ -29,16 +30,21 @@ from squealstudy.tables.mode_ranking import (
 from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,
+    BROKEN,
     FIRST_SEEN,
     INTO,
-    line_crossings,
 )
 
 PRECISION = 1e-4
 INTERPOLATED = "interpolated"
 WITHIN_ERROR = "within_error"
 UNKNOWN = 1e6  # relative error of a root: as good as infinite, and finite
-UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen", BRACKETED: "bracketed"}
+UNREFINED = {
+    BELOW_RANGE: "below_range",
+    FIRST_SEEN: "first_seen",
+    BRACKETED: "bracketed",
+    BROKEN: BROKEN,
+}
 EXPECTED = 8  # evaluations an onset
 BATCH = 32  # brackets refined together; fixed, so that results do not depend on the workers
 
@@ -97,7 +103,10 @@ class OnsetSearch:
         self._any[self._point[self._zeta < -self._tolerance]] = True
         self._neutral = (damping_ratios(lams.flat) < -self._tolerance) & (lam.real == 0)
         self._line = line_codes(points, along)
-        self._ok = (points["status"] == "ok").to_numpy(bool)[self._point]  # of their points
+        ok = (points["status"] == "ok").to_numpy(bool)
+        begins = plan.study.definition.design.type not in RANDOM_DESIGNS
+        self._crossings = TrackCrossings(follower, tracks, points, along, begins)
+        self._ok = ok[self._point]  # of their points
 
     def table(
         self, refine: bool, budget: RefinementBudget, spent: int, workers: Workers
@@ -117,12 +126,13 @@ class OnsetSearch:
         unstable mode stays so and only its number changes: NaN, "bracketed" where nothing is damped
         on the stable side: put at the unstable end, "below_range" for a mode that is unstable at
         the beginning of a line: NaN, "first_seen" for a track that begins unstable: an upper
-        bound),
+        bound, "broken" for one that begins so beside a track that ends, the same mode perhaps:
+        NaN),
         ``error_estimate`` of the value (that of root finding or of the interpolation, and what the
         errors of the roots make of it; NaN where there is none), ``evaluations``,
         ``point_before``, ``point_after``. Lines of one point have none.
         """
-        events = self._events()
+        events = self._crossings.events(self._zeta, self._tolerance)
         table = self._unrefined(events)
         self._place_neutral(events, table)
         left = 0
@@ -143,33 +153,6 @@ class OnsetSearch:
         }
         return pd.DataFrame(table), summary
 
-    def _events(self) -> pd.DataFrame:
-        """Crossings of tracked modes that are unstable somewhere; rows of modes at both ends."""
-        zeta = self._zeta
-        unstable = (zeta < -self._tolerance) & self._ok
-        x = self._points[self._along].where(self._points["status"] == "ok")
-        line = self._line
-        by_line = x.groupby(line)
-        several = (by_line.transform("nunique") > 1).to_numpy()
-        start = by_line.transform("min").to_numpy(dtype=float, copy=True)
-        if self._plan.study.definition.design.type in RANDOM_DESIGNS:
-            start[:] = np.nan  # its smallest value is drawn, the range begins below
-        rows = np.isin(self._track, self._track[unstable]) & several[self._point] & self._ok
-        kept = np.flatnonzero(rows)
-        point = self._point[kept]
-        events = line_crossings(
-            self._track[kept],
-            line[point],
-            x.to_numpy()[point],
-            start[point],
-            zeta[kept],
-            unstable[kept],
-        )
-        events["after"] = kept[events["after"]]
-        found = events["before"] >= 0
-        events.loc[found, "before"] = kept[events.loc[found, "before"]]
-        return events
-
     def _unrefined(self, events: pd.DataFrame) -> Cells:
         """Columns of the table of onsets, before anything is refined."""
         points, x = self._points, self._points[self._along].to_numpy()
@@ -183,8 +166,8 @@ class OnsetSearch:
         for name in parameter_columns(points, varied=True):
             if name != self._along:
                 table[name] = points[name].to_numpy()[p1]
-        below = (events["kind"] == BELOW_RANGE).to_numpy()
-        table["onset"] = np.where(below, np.nan, events["value"].to_numpy())
+        unknown = events["kind"].isin([BELOW_RANGE, BROKEN]).to_numpy()
+        table["onset"] = np.where(unknown, np.nan, events["value"].to_numpy())
         table["bracket_low"] = np.where(crossing, x[p0], np.nan)
         table["bracket_high"] = x[p1]
         table["frequency_hz"] = np.abs(low + part * (high - low)) / (2 * np.pi)

@@ -30,8 +30,10 @@ from squealstudy.tables.point_rows import ROW, point_codes
 from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,
+    BROKEN,
     CROSSING,
     FIRST_SEEN,
+    INEXACT,
     is_uncertain,
     uncertain_points,
 )
@@ -46,10 +48,11 @@ ONSETS = {
     "grows by less than its error; not refined",
     FIRST_SEEN: "<= before an onset: the mode is already unstable at the least value where its "
     "track was found",
+    BROKEN: "<= before an onset: on some line the mode's track begins unstable beside one that "
+    "ends, of the same mode perhaps",
     BRACKETED: "<= before an onset: between a stable point and this one, not refined",
     BELOW_RANGE: "below range: unstable at the first value of a line",
 }
-BOUNDS = {CROSSING: "~", FIRST_SEEN: "<= ", BRACKETED: "<= "}
 EXACT = 1e-9  # relative error of a method below which nothing is left to check
 SEEN = 0.1  # of the largest estimate: points that err by less say little about the method
 SIDES = (("unstable_", "_low"), ("unstable_", "_high"), ("", ""))
@@ -277,7 +280,7 @@ def _threshold(row: Row) -> str:
         return BELOW_RANGE
     if not isinstance(value, float) or value != value:
         return "-"
-    return f"{BOUNDS.get(kind, '')}{round(value, 9):.4g}"
+    return f"{INEXACT.get(kind, '')}{round(value, 9):.4g}"
 
 
 def _method(manifest: Mapping[str, Any]) -> Rows:

@@ -45,6 +45,8 @@ class Follower:
     ----------
     lams : Ragged
         Roots of the oscillating modes of each point, rad/s.
+    band : (low, high)
+        Of these roots, rad/s.
     seconds : float
         Spent on refinement so far.
     """
@@ -57,10 +59,17 @@ class Follower:
         costly = [sweep.parameter.structural for sweep in plan.study.sweeps]
         parents = tracking_tree(plan.coordinates, plan.grid_shape, costly)
         self._edges = cross_edges(plan.coordinates, parents, plan.grid_shape)
-        self._tree = TrackTree(parents, self.lams, plan.coordinates)
+        low, high = plan.band_hz
+        self.band = 2 * np.pi * low, 2 * np.pi * high
+        self._tree = TrackTree(parents, self.lams, plan.coordinates, self.band)
         self._shapes = CommonShapes(plan, columns.shapes, self.lams)
         self._stepper = self._tree.stepper(self._shapes)
         self.near = StudyNeighbourhoods(plan)
+
+    @property
+    def parents(self) -> np.ndarray:
+        """Point with modes that each point's modes were compared with (n,), -1 for none."""
+        return self._tree.parents
 
     def raw(self, point: int) -> np.ndarray:
         """Shapes (m, k) of the oscillating modes of a point, as they were solved."""
@@ -112,8 +121,7 @@ class Follower:
             "left": left,
             "still_ambiguous": int(pairings.ambiguous.flat.sum()),
         }
-        low, high = self._plan.band_hz
-        tracks = self._tree.label(pairings, (2 * np.pi * low, 2 * np.pi * high))
+        tracks = self._tree.label(pairings)
         return join_tracks(tracks, self.lams, self._edges, self._shapes), summary
 
     def _enter(self, pairings: Pairings, point: int, pairing: Pairing) -> bool:
@@ -203,7 +211,8 @@ def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
         except SquealstudyError:
             return task.point, task.direct, 0
         solve, a, b, foreign = way.solve, way.at_a(a), way.at_b(b), way.foreign(b)
-    refinement = StepRefinement(solve)
+    low, high = task.start.structure.band_hz
+    refinement = StepRefinement(solve, band=(2 * np.pi * low, 2 * np.pi * high))
     pairing = refinement.pair(a, b, task.start.x, task.end.x, task.expected)
     doubtful = np.zeros(len(a.lam), dtype=bool)
     paired = pairing.partner >= 0

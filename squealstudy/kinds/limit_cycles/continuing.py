@@ -55,6 +55,7 @@ from squealstudy.kinds.limit_cycles.tables import (
     known_velocity,
     summary,
 )
+from squealstudy.modes.tracking.tree import grid_places
 
 THRESHOLD = tuple(f"threshold_{name}" for name in ("velocity", "error", "energy", "share"))
 NEAREST = 3  # neighbours of a design that is on no grid
@@ -254,7 +255,7 @@ class Continuation:
         x, shape = plan.coordinates, plan.grid_shape
         same = plan.tasks.structure_index == plan.tasks.structure_index[k]
         if shape is not None:
-            place = np.array(np.unravel_index(np.arange(len(x)), shape, order="F")).T
+            place = grid_places(x, shape)
             away = np.abs(place - place[k]).sum(axis=1)
             return [int(i) for i in np.flatnonzero((away == 1) & same)]
         width = np.ptp(x, axis=0)

@@ -7,7 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from squealstudy.modes.tracking.pairing import DOUBTFUL, LOST, PAIR_FREQUENCY, broken, pair_modes
+from squealstudy.modes.tracking.pairing import (
+    DOUBTFUL,
+    LOST,
+    PAIR_FREQUENCY,
+    Band,
+    broken,
+    pair_modes,
+)
 from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.modes.tracking.steps import Pairings, Shapes, Stepper
 from squealstudy.modes.tracking.tree import tree_of_modes
@@ -30,7 +37,7 @@ class Tracks:
         MAC with the same track's mode in the parent point, NaN where the track begins.
     ambiguous : Ragged of bool
         The pairing with the parent point is in doubt; or the track ends here, or begins, and may
-        go on under another number at the next point (`broken`).
+        go on under another number at the next point, or come from one (`broken`).
     """
 
     labels: Ragged
@@ -52,6 +59,8 @@ class TrackTree:
         Roots of each point [rad/s], none of a failed one.
     coordinates : ndarray (n, p) or None
         Design points; with them roots are extrapolated along straight lines of the tree.
+    band : (low, high) or None
+        Of the roots, rad/s, at whose edges modes come and go.
 
     Attributes
     ----------
@@ -67,11 +76,15 @@ class TrackTree:
     """
 
     def __init__(
-        self, parents: np.ndarray, lams: Ragged, coordinates: np.ndarray | None = None
+        self,
+        parents: np.ndarray,
+        lams: Ragged,
+        coordinates: np.ndarray | None = None,
+        band: Band | None = None,
     ) -> None:
         if len(lams) != len(parents):
             raise ValueError(f"{len(parents)} parents, {len(lams)} sets of roots")
-        self.lams = lams
+        self.lams, self.band = lams, band
         self.parents, self._depth = tree_of_modes(np.asarray(parents), lams.counts)
         self.step = np.zeros(len(parents))
         if coordinates is not None and len(parents):
@@ -80,13 +93,10 @@ class TrackTree:
 
     def stepper(self, shapes: Shapes) -> Stepper:
         """What pairs the points with their parents."""
-        return Stepper(self.parents, self.step, self.lams, shapes)
+        return Stepper(self.parents, self.step, self.lams, shapes, self.band)
 
-    def label(self, pairings: Pairings, band: tuple[float, float] | None = None) -> Tracks:
-        """Labels of all points: a child inherits those of its parent. They depend on the tree.
-
-        `band` is that of the roots, rad/s, at whose edges modes come and go (`broken`).
-        """
+    def label(self, pairings: Pairings) -> Tracks:
+        """Labels of all points: a child inherits those of its parent. They depend on the tree."""
         lams, point = self.lams, self.lams.owner
         number = np.arange(len(point))
         parent = self.parents[point]
@@ -99,7 +109,8 @@ class TrackTree:
         ambiguous.flat[mode] = pairings.ambiguous.flat[there]
         for i in self._breaks(pairings).tolist():
             p = int(self.parents[i])
-            ended, began = broken(lams[p], lams[i], pairings.partner[i], band)
+            lost = pairings.trust[i] <= 1.0  # others ended in sight of smaller steps
+            ended, began = broken(lams[p], lams[i], pairings.partner[i], self.band, lost)
             ambiguous[p][ended] = True
             ambiguous[i][began] = True
         origin = number.copy()  # the mode itself, or the mode of the parent that it continues

@@ -20,6 +20,7 @@ JUMP = 0.1  # change of zeta across the root, as a share of its size over the br
 NO_CROSSING = "no_crossing"  # status of the error: the unstable mode stays so over the bracket
 ONE_SIDED = 0.02  # a square-root onset is as steep as a jump, but vanishes on one side
 HALVINGS = 50
+MOST_HALVINGS = 4  # of a step in which a mode is lost
 LOOKED_AT = 9  # places between both ends
 STEADY = 0.5  # largest change of the slope between neighbouring pairs of points, as its share
 
@@ -99,9 +100,8 @@ class FollowedMode:
 
     def root(self, x: float) -> complex:
         """Root of the mode, rad/s. Raises ConvergenceError where it cannot be followed."""
-        if x not in self._place:
-            self._place[x] = self._found(x)
-            insort(self._known, x)
+        if x not in self._place and not self._follow(x, MOST_HALVINGS):
+            raise ConvergenceError("lost", f"the mode cannot be followed at {x:g}")
         return complex(self._samples.at(x).lam[self._place[x]])
 
     def outwards(self, values: list[float]) -> list[float]:
@@ -113,7 +113,20 @@ class FollowedMode:
         lam = self.root(x)
         return -lam.real / max(abs(lam), 1e-300)
 
-    def _found(self, x: float) -> int:
+    def _follow(self, x: float, halvings: int) -> bool:
+        """Whether the mode is found at x, at values on the way where the step there is too long."""
+        place = self._found(x)
+        if place is None and halvings:
+            way = min(self._known, key=lambda known: abs(known - x))
+            middle = (x + way) / 2
+            if self._follow(middle, halvings - 1):
+                return self._follow(x, halvings - 1)
+        if place is not None:
+            self._place[x] = place
+            insort(self._known, x)
+        return place is not None
+
+    def _found(self, x: float) -> int | None:
         here = self._samples.at(x)
         number = bisect_left(self._known, x)
         choices = []
@@ -122,9 +135,7 @@ class FollowedMode:
             pairs = pair_modes(there.lam, there.shapes, here.lam, here.shapes)
             if pairs.partner[place] >= 0:
                 choices.append((float(pairs.trust[place]), int(pairs.partner[place])))
-        if not choices:
-            raise ConvergenceError("lost", f"the mode cannot be followed at {x:g}")
-        return max(choices, key=lambda choice: choice[0])[1]
+        return max(choices, key=lambda choice: choice[0])[1] if choices else None
 
 
 def refine_onset(

@@ -12,13 +12,16 @@ UNPAIRED = 1.0  # cost of leaving a mode without partner
 RIVAL = 1.5  # another pairing is nearly as good below this multiple of the chosen one's cost
 LOW_MAC = 0.5
 TIE = 1e-3  # what decides between two equal pairings, see `_cost`
-LOST = 0.8  # distance within which two modes that both stay alone may be one, see `_lost`
+LOST = 0.8  # distance within which two modes that both stay alone are looked at whatever the band
 DOUBTFUL = 1.5  # trust up to which a pairing is looked at again; ambiguous is up to 1
 PASSING = 1.2  # trust in a pair whose frequency passes that of another
 CLEAR = 0.99  # but for a MAC above this: a crossing
 EDGE = 1.5  # a mode may come or go at an edge of the band within this times the largest change
 ROUNDING = 1e-9  # costs nearer to each other than this are told apart by the assignment alone
 BLOCK = 40  # modes whose MAC is taken together: only those within the frequency window count
+
+
+Band = tuple[float, float]
 
 
 class Pairing(NamedTuple):
@@ -36,7 +39,7 @@ class Pairing(NamedTuple):
         How far a pair is from being ambiguous: cost of the next best pairing over RIVAL times its
         own, or MAC over LOW_MAC where that is less; ambiguous where not above 1. At most PASSING
         where two frequencies pass each other and the MAC is not CLEAR, 1 for a mode that stays
-        alone near another that does.
+        alone where another of b does that it may have become (`may_be_one`).
     """
 
     partner: np.ndarray
@@ -90,11 +93,12 @@ def pair_modes(
     lam_b: np.ndarray,
     shapes_b: np.ndarray,
     expected: np.ndarray | None = None,
+    band: Band | None = None,
 ) -> Pairing:
     """One-to-one pairing of the modes of two neighbouring design points.
 
     A pair costs 1 - MAC, plus its distance in frequency and in damping as shares of
-    FREQUENCY_WINDOW and DAMPING_WINDOW; the pairing of least total cost is taken, in which a mode
+    PAIR_FREQUENCY and PAIR_DAMPING; the pairing of least total cost is taken, in which a mode
     may stay alone. Where two modes coalesce their shapes are near-parallel and their distance in
     the complex plane decides.
 
@@ -106,9 +110,11 @@ def pair_modes(
         One shape a row, coordinates in one orthonormal basis.
     expected : ndarray (ma,) complex or None
         Where the roots of a are expected at b; None: where they are at a.
+    band : (low, high) or None
+        Of the roots, rad/s, at whose edges modes come and go; None: they do so nowhere.
     """
     there = lam_a if expected is None else expected
-    found = pair_many(lam_a[None], shapes_a[None], lam_b[None], shapes_b[None], there[None])
+    found = pair_many(lam_a[None], shapes_a[None], lam_b[None], shapes_b[None], there[None], band)
     return Pairing(*(part[0] for part in found))
 
 
@@ -118,6 +124,7 @@ def pair_many(
     lam_b: np.ndarray,
     shapes_b: np.ndarray,
     expected: np.ndarray,
+    band: Band | None = None,
 ) -> Pairing:
     """`pair_modes` of n pairs of design points that have as many modes each: arrays (n, ...)."""
     n, count = lam_a.shape
@@ -136,7 +143,10 @@ def pair_many(
     trust = np.where(paired, np.minimum(rival, macs / LOW_MAC), np.inf)
     passing = _passing(lam_a, np.take_along_axis(lam_b, column, axis=1), paired)
     trust = np.where(passing & (macs < CLEAR), np.minimum(trust, PASSING), trust)
-    trust[_lost(far, paired, column)] = 1.0
+    if not paired.all():
+        sizes = np.abs(lam_a), np.abs(lam_b)
+        lost = may_be_one(*sizes, partner, band) | (may_be_one(*sizes, partner) & (far < LOST))
+        trust[lost.any(axis=2)] = 1.0
     return Pairing(partner, macs, ambiguous, trust)
 
 
@@ -251,23 +261,51 @@ def _passing(lam_a: np.ndarray, lam_b: np.ndarray, paired: np.ndarray) -> np.nda
     return found & paired
 
 
-def _lost(far: np.ndarray, paired: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """Modes (n, ma) without partner near another such mode: a step too long, perhaps."""
-    lost = np.zeros(paired.shape, dtype=bool)
-    if paired.all():
-        return lost
-    free = np.ones((far.shape[0], far.shape[2]), dtype=bool)
+def may_be_one(
+    size_a: np.ndarray, size_b: np.ndarray, partner: np.ndarray, band: Band | None = None
+) -> np.ndarray:
+    """Modes of a and of b that both stay alone and may be one, in a step too long to show it.
+
+    However far apart: a mode may move by any amount in one step. But one may have left the band and
+    the other have come in where both are at its edges, by EDGE times the largest change of a
+    frequency among the pairs.
+
+    Parameters
+    ----------
+    size_a, size_b : ndarray (n, ma), (n, mb)
+        |lambda| of the modes of n steps, rad/s.
+    partner : ndarray (n, ma) of int
+        As of Pairing.
+    band : (low, high) or None
+        As of `pair_modes`.
+
+    Returns
+    -------
+    ndarray (n, ma, mb) of bool
+    """
+    paired = partner >= 0
+    alone = np.ones(size_b.shape, dtype=bool)
     i, row = np.nonzero(paired)
-    free[i, column[i, row]] = False
-    lost[:] = ~paired & ((far < LOST) & free[:, None, :]).any(axis=2)
-    return lost
+    alone[i, partner[i, row]] = False
+    both: np.ndarray = ~paired[:, :, None] & alone[:, None, :]
+    if band is None or not both.any():
+        return both
+    log_a, log_b = (np.log(np.maximum(size, 1e-300)) for size in (size_a, size_b))
+    change = np.zeros(size_a.shape)
+    change[i, row] = np.abs(log_b[i, partner[i, row]] - log_a[i, row])
+    reach = EDGE * change.max(axis=1, initial=0.0)[:, None]
+    edges = np.log(np.maximum(np.array(band), 1e-300))
+    at_a, at_b = (np.abs(x[:, :, None] - edges).min(axis=2) <= reach for x in (log_a, log_b))
+    both &= ~(at_a[:, :, None] & at_b[:, None, :])
+    return both
 
 
 def broken(
     lam_a: np.ndarray,
     lam_b: np.ndarray,
     partner: np.ndarray,
-    band: tuple[float, float] | None = None,
+    band: Band | None = None,
+    lost: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Modes that end at a point a, and those that begin at b, where they may be one.
 
@@ -278,31 +316,15 @@ def broken(
     partner : ndarray (ma,) of int
         As of Pairing.
     band : (low, high) or None
-        Of the roots, rad/s: none of two modes is in doubt where one may have left the band and the
-        other have come in, going by the largest change of a frequency among the pairs.
+        As of `pair_modes`.
+    lost : ndarray (ma,) of bool or None
+        Modes of a that may be ones of b; None: all that stay alone.
 
     Returns
     -------
     ended, began : ndarray (ma,), (mb,) of bool
     """
-    ended, began = np.zeros(len(lam_a), dtype=bool), np.ones(len(lam_b), dtype=bool)
-    paired = np.flatnonzero(partner >= 0)
-    began[partner[paired]] = False
-    a, b = np.flatnonzero(partner < 0), np.flatnonzero(began)
-    began[:] = False
-    if len(a) and len(b):
-        near = _distance(lam_a[a][None], lam_b[b][None])[0][0] < LOST
-        if band is not None:
-            ratio = np.abs(lam_b[partner[paired]]) / np.abs(lam_a[paired])
-            reach = EDGE * np.abs(np.log(ratio)).max(initial=0.0)
-            near &= ~(_at_edge(lam_a[a], band, reach)[:, None] & _at_edge(lam_b[b], band, reach))
-        ended[a], began[b] = near.any(axis=1), near.any(axis=0)
-    return ended, began
-
-
-def _at_edge(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.ndarray:
-    """Whether roots are within a relative distance of an edge of the band (m,)."""
-    size = np.maximum(np.abs(lam), 1e-300)
-    edges = np.log(np.maximum(np.array(band), 1e-300))
-    near: np.ndarray = np.abs(np.log(size)[:, None] - edges).min(axis=1) <= reach
-    return near
+    (one,) = may_be_one(np.abs(lam_a)[None], np.abs(lam_b)[None], partner[None], band)
+    if lost is not None:
+        one &= lost[:, None]
+    return one.any(axis=1), one.any(axis=0)

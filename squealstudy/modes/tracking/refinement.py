@@ -10,7 +10,14 @@ import numpy as np
 
 from squealstudy.errors import SquealstudyError
 from squealstudy.modes.tracking.labels import EXTRAPOLATED
-from squealstudy.modes.tracking.pairing import DOUBTFUL, PASSING, Pairing, pair_macs, pair_modes
+from squealstudy.modes.tracking.pairing import (
+    DOUBTFUL,
+    PASSING,
+    Band,
+    Pairing,
+    pair_macs,
+    pair_modes,
+)
 
 DEPTH = 4  # halvings of a step
 
@@ -35,6 +42,8 @@ class StepRefinement:
         Modes at the coordinates (p,) of an intermediate design point.
     depth : int
         Times that a step is halved at most.
+    band : (low, high) or None
+        Of the modes that `solve` gives, rad/s.
 
     Attributes
     ----------
@@ -44,6 +53,7 @@ class StepRefinement:
 
     solve: Solve
     depth: int = DEPTH
+    band: Band | None = None
     points: int = 0
 
     def pair(
@@ -78,7 +88,7 @@ class StepRefinement:
         expected: np.ndarray | None,
         depth: int,
     ) -> Pairing:
-        direct = pair_modes(a.lam, a.shapes, b.lam, b.shapes, expected)
+        direct = pair_modes(a.lam, a.shapes, b.lam, b.shapes, expected, self.band)
         doubtful = wanted & (direct.trust <= DOUBTFUL)
         if not depth:
             return unresolved(direct, wanted)
@@ -127,10 +137,10 @@ def _composed(
     a: Modes, b: Modes, direct: Pairing, first: Pairing, second: Pairing, doubtful: np.ndarray
 ) -> Pairing:
     """Pairing through the middle point where it is complete; else the direct one, if still free."""
-    via, trust = np.full(len(a.lam), -1), np.full(len(a.lam), np.inf)
+    via, trust = np.full(len(a.lam), -1), first.trust.copy()
     i = np.flatnonzero(first.partner >= 0)
     via[i] = second.partner[first.partner[i]]
-    trust[i] = np.minimum(first.trust[i], second.trust[first.partner[i]])
+    trust[i] = np.minimum(trust[i], second.trust[first.partner[i]])
     ambiguous = first.ambiguous.copy()
     ambiguous[i] |= second.ambiguous[first.partner[i]]
     sure = ~doubtful & (via == direct.partner)

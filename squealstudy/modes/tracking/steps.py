@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from squealstudy.modes.tracking.pairing import PASSING, Pairing, pair_many
+from squealstudy.modes.tracking.pairing import PASSING, Band, Pairing, pair_many
 from squealstudy.modes.tracking.ragged import Ragged
 
 AT_ONCE = 16_384  # entries of the tables of costs that are made together: they fit a cache
@@ -104,10 +104,20 @@ class Stepper:
     lams : Ragged
         Roots of each point, rad/s.
     shapes : Shapes
+    band : (low, high) or None
+        Of the roots, as of `pair_modes`.
     """
 
-    def __init__(self, parents: np.ndarray, step: np.ndarray, lams: Ragged, shapes: Shapes) -> None:
+    def __init__(
+        self,
+        parents: np.ndarray,
+        step: np.ndarray,
+        lams: Ragged,
+        shapes: Shapes,
+        band: Band | None = None,
+    ) -> None:
         self._parents, self._step, self._lams, self._shapes = parents, step, lams, shapes
+        self._band = band
         straight = np.flatnonzero(step)
         self._after = straight[np.argsort(parents[straight], kind="stable")]
 
@@ -179,4 +189,4 @@ class Stepper:
                     self._lams.flat[self._lams.block(*x)] for x in ((p, before), (batch, after))
                 )
                 lam_a, lam_b = lams
-                yield batch, pair_many(lam_a, at_a, lam_b, at_b, expected), int(after)
+                yield batch, pair_many(lam_a, at_a, lam_b, at_b, expected, self._band), int(after)

@@ -22,8 +22,9 @@ def tracking_tree(
 
     A grid has lines along its first parameter, whose first points are chained along the second,
     those of the planes along the third, and so on; parameters that change the structure come after
-    all others, so that no more steps than needed lead from one structure to the next. Any other
-    design has the minimum spanning tree of its points, each parameter scaled to [0, 1].
+    all others, so that no more steps than needed lead from one structure to the next. Points of a
+    line follow one another by value, in whatever order a study lists the values. Any other design
+    has the minimum spanning tree of its points, each parameter scaled to [0, 1].
 
     Parameters
     ----------
@@ -37,7 +38,8 @@ def tracking_tree(
     Returns
     -------
     ndarray (n,) of int
-        -1 for the root: point 0 of a grid, else the point nearest to the middle of the box.
+        -1 for the root: the point of least values of a grid, else the one nearest to the middle of
+        the box.
 
     Raises
     ------
@@ -51,7 +53,7 @@ def tracking_tree(
         raise ValueError(f"a grid of shape {grid_shape} does not have {len(x)} points")
     columns = range(len(grid_shape))
     order = sorted(columns, key=lambda k: k < len(structural) and structural[k])
-    return _grid_tree(grid_shape, order)
+    return _grid_tree(x, grid_shape, order)
 
 
 def cross_edges(
@@ -59,12 +61,14 @@ def cross_edges(
 ) -> np.ndarray:
     """Neighbouring design points (e, 2) that the tree does not connect.
 
-    In a grid those one step apart along any parameter; else the nearest points of each, two for
-    every parameter.
+    In a grid those whose values of one parameter are next to each other, all others equal; else
+    the nearest points of each, two for every parameter.
     """
     n = len(parents)
     if grid_shape is not None:
         index = np.arange(n).reshape(grid_shape, order="F")
+        places = value_orders(np.asarray(coordinates, dtype=float), grid_shape)
+        index = index[np.ix_(*places)] if places else index
         found = [
             np.column_stack([np.delete(index, -1, k).ravel(), np.delete(index, 0, k).ravel()])
             for k in range(index.ndim)
@@ -78,14 +82,42 @@ def cross_edges(
     return apart
 
 
-def _grid_tree(shape: tuple[int, ...], order: Sequence[int]) -> np.ndarray:
-    """One step back along the first parameter in order that is not at its first value."""
+def value_orders(coordinates: np.ndarray, grid_shape: tuple[int, ...]) -> list[np.ndarray]:
+    """Places of each parameter's values in its list, ascending in value: (n_k,) of each.
+
+    Parameters
+    ----------
+    coordinates : ndarray (n, p)
+        Of the points of a grid, the first parameter varying fastest.
+    grid_shape : tuple of int (p,)
+    """
+    strides = np.cumprod((1, *grid_shape))[:-1]
+    columns = zip(coordinates.T, strides, grid_shape, strict=True)
+    return [np.argsort(x[: stride * count : stride], kind="stable") for x, stride, count in columns]
+
+
+def grid_places(coordinates: np.ndarray, grid_shape: tuple[int, ...]) -> np.ndarray:
+    """Rank (n, p) of each point's values among those of its parameters, from 0."""
+    listed = np.unravel_index(np.arange(len(coordinates)), grid_shape, order="F")
+    orders = value_orders(coordinates, grid_shape)
+    places = np.zeros((len(coordinates), len(grid_shape)), dtype=int)
+    for k, (order, place) in enumerate(zip(orders, listed, strict=True)):
+        places[:, k] = np.argsort(order)[place]
+    return places
+
+
+def _grid_tree(x: np.ndarray, shape: tuple[int, ...], order: Sequence[int]) -> np.ndarray:
+    """One step back along the first parameter in order that is not at its least value."""
     index = np.arange(np.prod(shape, dtype=int))
     parents = np.full(len(index), -1)
     strides = np.cumprod((1, *shape))[:-1]
+    ordered = value_orders(x, shape)
     for k in reversed(order):
-        inside = (index // strides[k]) % shape[k] > 0
-        parents[inside] = index[inside] - strides[k]
+        back = np.zeros(shape[k], dtype=int)  # from each place to that of the next lower value
+        back[ordered[k][1:]] = ordered[k][:-1] - ordered[k][1:]
+        step = back[(index // strides[k]) % shape[k]]
+        inside = step != 0
+        parents[inside] = index[inside] + step[inside] * strides[k]
     return parents
 
 
