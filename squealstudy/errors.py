@@ -41,7 +41,7 @@ class StudyFileError(SquealstudyError):
     def __init__(
         self, message: str, path: Path | None = None, key: str = "", line: int | None = None
     ) -> None:
-        message, key = _printable(message), _printable(key)
+        message, key = printable(message), printable(key)
         self.message, self.path, self.key, self.line = message, path, key, line
         where = "" if path is None else str(path)
         if line is not None:
@@ -51,7 +51,7 @@ class StudyFileError(SquealstudyError):
         super().__init__(f"{where}: {message}" if where else message)
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
     """What a file says, with control characters of all kinds as escapes."""
     return "".join(
         c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text

@@ -107,6 +107,11 @@ def extension_files() -> tuple[Path, ...]:
     return tuple(_read)
 
 
+def executed_files() -> dict[Path, str]:
+    """All files outside the package that this process has executed, with their hashes."""
+    return dict(_read)
+
+
 def start_worker(lifeline: Connection, files: tuple[Path, ...]) -> None:
     """What a worker does first: it will end with its parent, has one thread, knows its files."""
     end_with(lifeline)

@@ -10,6 +10,7 @@ import json
 import os
 import platform
 import secrets
+import stat
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -81,6 +82,14 @@ def write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False
             save(handle, **arrays)
 
     write_atomic(path, write)
+
+
+def is_plain_file(path: Path) -> bool:
+    """Whether a path is a file itself: no link to one, no device that might never end."""
+    try:
+        return stat.S_ISREG(path.lstat().st_mode)
+    except OSError:
+        return False
 
 
 def file_hash(path: Path) -> str:

@@ -59,6 +59,8 @@ def lock(path: Path, wait: bool = True) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_symlink():  # a lock empties the file that it opens
+        raise MachineError(f"{path}: a link, where a lock file is expected: remove it")
     held = FileLock(path, fallback_to_soft=False)  # a soft lock outlives its process
     try:
         held.acquire(blocking=wait)

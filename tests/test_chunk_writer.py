@@ -9,7 +9,8 @@ import pytest
 
 from squealstudy.engine.chunk_rows import ChunkRows
 from squealstudy.engine.chunk_writer import ChunkWriter
-from squealstudy.engine.store import CHUNKS, Store
+from squealstudy.engine.result_names import CHUNKS
+from squealstudy.engine.store import Store
 from squealstudy.errors import MachineError
 
 SCHEMA = pa.schema([("point_id", pa.string())])

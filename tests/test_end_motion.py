@@ -9,8 +9,8 @@ from own_blocks import write_blocks
 from study_runs import command, load_plan, solved
 
 from squealstudy.engine.mode_shapes import PointShapes
+from squealstudy.engine.result_names import STATES
 from squealstudy.engine.results import Results
-from squealstudy.engine.store import STATES
 from squealstudy.errors import ModelError, ResultsError
 from squealstudy.shapes.files import Signal, write_uff
 from squealstudy.shapes.names import name_of

@@ -16,8 +16,9 @@ import squealstudy
 from squealstudy.engine import cache
 from squealstudy.engine import store as store_module
 from squealstudy.engine.journal import JOURNAL
+from squealstudy.engine.result_names import CHUNKS, MANIFEST, REFERENCES, SET_ASIDE
 from squealstudy.engine.runner import run_study
-from squealstudy.engine.store import CHUNKS, MANIFEST, REFERENCES, SET_ASIDE, Store, read_manifest
+from squealstudy.engine.store import Store, read_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.files import sealed, unsealed
 

@@ -14,7 +14,8 @@ from study_runs import plan_of
 
 import squealstudy
 from squealstudy.engine.journal import JOURNAL
-from squealstudy.engine.store import CHUNKS, Store
+from squealstudy.engine.result_names import CHUNKS
+from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import MachineError
 from squealstudy.kinds.complex_modes.errors import ModeErrors
@@ -101,7 +102,7 @@ def test_a_point_that_stands_twice_is_taken_once_and_other_schemas_are_passed_ov
     write_chunks(tmp_path, plan, {0: first, 1: first})
     again = pa.Table.from_pylist([solved_row(plan.tasks[0].point_id, 0.1, second)], schema=SCHEMA)
     store = Store(tmp_path)
-    store.write_table(f"{CHUNKS}/z.parquet", again)  # read after the others
+    store.write_table(f"{CHUNKS}/ffffffffffffffff.parquet", again)  # read after the others
     old = SCHEMA.remove(SCHEMA.get_field_index("method"))
     store.write_rows([solved_row(plan.tasks[1].point_id, 0.1, second)], old)
     ids = [t.point_id for t in plan.tasks]

@@ -13,9 +13,9 @@ from study_runs import plan_of, solved
 from study_texts import study_text
 
 from squealstudy.engine.plan import Plan
+from squealstudy.engine.result_names import HISTORIES, STATES
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
-from squealstudy.engine.store import HISTORIES, STATES
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.transient.batch import sampling, training_path
 from squealstudy.kinds.transient.section import TransientSection

@@ -9,24 +9,20 @@ from typing import Any
 
 import pyarrow as pa
 
-from squealstudy.engine.journal import JOURNAL, UNFINISHED
+from squealstudy.engine.journal import JOURNAL, MISSING, UNFINISHED, refused_names
 from squealstudy.engine.manifest import BESIDE
-from squealstudy.engine.store import (
-    LOCK,
-    MANIFEST,
-    PICTURES,
-    SET_ASIDE,
-    Store,
-    read_manifest,
-    version_of,
-)
+from squealstudy.engine.recorded_code import code_of
+from squealstudy.engine.result_names import LOCK, MANIFEST, SET_ASIDE
+from squealstudy.engine.store import PICTURES, Store, read_manifest, version_of
 from squealstudy.errors import ResultsError
-from squealstudy.files import TEMPORARY
+from squealstudy.files import TEMPORARY, is_plain_file
 from squealstudy.screen import Rows
 from squealstudy.study.kinds import kind_named, kind_names
 from squealstudy.wording import failure_counts, plural, status_counts
 
 FOREIGN = "of others"
+EXECUTED = "you have run it on this machine; shape and report execute your file, or a copy of it"
+NOT_EXECUTED = "you have not run it on this machine: no command executes it unless --extension does"
 
 
 def check_results(directory: Path) -> tuple[Rows, bool]:
@@ -49,9 +45,15 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
     told = tuple(str(manifest.get(key, "unknown")) for key in ("name", "kind", "model"))
     name, kind, model = told if manifest else store.journal.owner or told
     rows: Rows = [("study", f"{name}: {kind} of {model}"), *_run(store, manifest), *_sizes(store)]
+    rows += [
+        ("code", f"{name}: {EXECUTED if mine else NOT_EXECUTED}")
+        for name, mine in code_of(manifest, directory)
+    ]
     if not store.journal.begun:
         return [*rows, ("whole", "cannot be told: a version that kept no journal wrote it")], True
     faults = store.faults()
+    if not is_plain_file(directory / MANIFEST):
+        faults.setdefault(MISSING, []).append(MANIFEST)
     finished = manifest.get("status") == "complete"
     for fault, names in _in_no_journal(store, manifest).items():
         faults.setdefault(fault, []).extend(names)
@@ -59,6 +61,9 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
     if lost := store.journal.unreadable:
         text = f"{plural(lost, 'line')} cannot be read, after a kill or by damage"
         rows.append((JOURNAL, f"{text}: what only such a line names is made anew"))
+    rows += [
+        (JOURNAL, f"names {refused_names(store.journal)}, which no run writes here: not touched")
+    ] * bool(store.journal.refused)
     harmless = {FOREIGN} if finished else {FOREIGN, UNFINISHED}  # a killed run may leave these
     whole = faults.keys() <= harmless
     for folder, reason in manifest.get(BESIDE, {}).items():

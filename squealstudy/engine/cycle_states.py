@@ -12,7 +12,8 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from squealstudy.engine.store import STATES, Store
+from squealstudy.engine.result_names import STATES
+from squealstudy.engine.store import Store
 from squealstudy.errors import ResultsError
 
 

@@ -2,12 +2,14 @@
 
 Lines of JSON, appended by the one writer after a file is whole on disk. Files of one line belong
 together: a chunk with the histories of its points. What stands in no line was never finished; a
-line that cannot be read, as the last one of a killed run, counts for nothing.
+line that cannot be read, as the last one of a killed run, counts for nothing. So does one that
+names a file which no run writes, or which a link leads out of the directory.
 """
 
 from __future__ import annotations
 
 import os
+import stat
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,11 +17,15 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
+from squealstudy.engine.result_names import FINISHED, leads_out
+from squealstudy.errors import printable
 from squealstudy.faults import named
-from squealstudy.files import file_hash, write_text
+from squealstudy.files import file_hash, is_plain_file, write_text
+from squealstudy.wording import listed
 
 JOURNAL = "journal.jsonl"
 Owner = tuple[str, str, str]  # name, kind and model of the study
+MOST_NAMED, MOST_SHOWN = 4, 100  # names in a message, and letters of each
 DAMAGED, MISSING, UNFINISHED = "damaged", "missing", "in no journal"
 
 
@@ -52,6 +58,9 @@ class Journal:
     entries : dict of str -> Entry
     unreadable : int
         Lines that cannot be read: what they said counts for nothing.
+    refused : list of str
+        Names in lines that count for nothing because no run writes such a file, or because a link
+        leads out of the directory.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -59,11 +68,27 @@ class Journal:
         self.owner: Owner | None = None
         self.entries: dict[str, Entry] = {}
         self.unreadable = 0
+        self.refused: list[str] = []
+        self._leads_out: dict[str, bool] = {}  # by folder
         for line in _read(self._path):
             if line is None:
                 self.unreadable += 1
+            elif refused := self._refused(line):
+                self.unreadable += 1
+                self.refused += refused
             else:
                 self._take(line)
+
+    def _refused(self, line: Line) -> list[str]:
+        """Names of a line that are those of no file of a run, or that lead out."""
+        names = [*line.files, *line.gone]
+        return [n for n in names if not FINISHED.fullmatch(n) or self._is_outside(n)]
+
+    def _is_outside(self, name: str) -> bool:
+        folder = name.rpartition("/")[0]
+        if folder not in self._leads_out:
+            self._leads_out[folder] = bool(folder) and leads_out(self._directory, folder)
+        return self._leads_out[folder]
 
     def _take(self, line: Line) -> None:
         self.owner = line.owner or self.owner
@@ -75,7 +100,7 @@ class Journal:
     @property
     def begun(self) -> bool:
         """Whether there is one: results of earlier versions have none."""
-        return self._path.is_file()
+        return is_plain_file(self._path)
 
     def begin(self, owner: Owner) -> None:
         """Say whose the directory is, where no line does."""
@@ -85,7 +110,7 @@ class Journal:
     def restart(self, owner: Owner) -> None:
         """Begin anew, with no file."""
         write_text(self._path, _text(Line(owner=owner)))
-        self.owner, self.entries, self.unreadable = owner, {}, 0
+        self.owner, self.entries, self.unreadable, self.refused = owner, {}, 0, []
 
     def add(self, names: Sequence[str]) -> None:
         """Files that are whole on disk, and belong together."""
@@ -117,13 +142,19 @@ class Journal:
         entry, path = self.entries.get(name), self._directory / name
         if entry is None:
             return UNFINISHED
-        if not path.is_file():
+        try:
+            state = path.lstat()
+        except OSError:
             return MISSING
-        state = path.stat()
-        whole = state.st_size == entry.size
+        whole = stat.S_ISREG(state.st_mode) and state.st_size == entry.size  # never a link
         if whole and thoroughly:
             whole = _hash_of(path, state) == entry.sha256
         return "" if whole else DAMAGED
+
+
+def refused_names(journal: Journal) -> str:
+    """The names that count for nothing, as much of them as fits on a line."""
+    return listed([printable(name)[:MOST_SHOWN] for name in journal.refused], MOST_NAMED)
 
 
 _hashes: dict[Path, tuple[tuple[int, int], str]] = {}  # of files as they were when last read
@@ -147,7 +178,7 @@ def _text(line: Line) -> str:
 
 def _read(path: Path) -> Iterator[Line | None]:
     """Lines of a journal; None for one that cannot be read."""
-    for line in filter(None, path.read_bytes().split(b"\n") if path.is_file() else ()):
+    for line in filter(None, path.read_bytes().split(b"\n") if is_plain_file(path) else ()):
         try:
             yield Line.model_validate_json(line, strict=True)
         except ValueError:

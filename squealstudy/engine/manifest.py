@@ -13,7 +13,19 @@ import squealstudy
 from squealstudy.engine.journal import JOURNAL, Journal
 from squealstudy.engine.kind import Planned
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import LOCK, OWN, read_manifest, version_of
+from squealstudy.engine.recorded_code import RECORDS, recorded_extensions
+from squealstudy.engine.result_names import (
+    CHUNKS,
+    HISTORIES,
+    LOCK,
+    MANIFEST,
+    OWN,
+    REFERENCES,
+    SET_ASIDE,
+    STATES,
+    expect_inside,
+)
+from squealstudy.engine.store import read_manifest, version_of
 from squealstudy.errors import ModelError, ResultsError
 from squealstudy.files import TEMPORARY
 from squealstudy.machine import HeldError, cores, lock
@@ -87,6 +99,7 @@ def model_facts(plan: Plan) -> dict[str, Any]:
         "grid_shape": plan.grid_shape,
         "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),
         "study": study.source.text,
+        RECORDS: recorded_extensions(study.extensions),
         **_model_file(study.model),
     }
 
@@ -147,6 +160,7 @@ def check_owner(
     """
     if directory.exists() and not directory.is_dir():
         raise ResultsError(f"{directory}: expected a directory for results, found a file")
+    _expect_no_way_out(directory)
     begun_by = (journal or Journal(directory)).owner
     try:
         found = read_manifest(directory)
@@ -171,6 +185,16 @@ def check_owner(
             f"'{mine[0]}' ({mine[1]}, {mine[2]}); choose another with --output"
         )
     return found
+
+
+def _expect_no_way_out(directory: Path) -> None:
+    """Raise ResultsError where a link would have a run write outside its directory."""
+    folders = (CHUNKS, HISTORIES, STATES, REFERENCES)
+    aside = (f"{SET_ASIDE}/{folder}" for folder in folders)
+    tables = (path.name for path in directory.glob("*.parquet"))
+    for name in (MANIFEST, JOURNAL, LOCK, *folders, SET_ASIDE, *aside, *tables):
+        if (directory / name).is_symlink():
+            expect_inside(directory, name)
 
 
 def _foreign(path: Path) -> bool:

@@ -25,8 +25,9 @@ from squealstudy.engine.cache import (
     save_value,
 )
 from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.recorded_code import execute_recorded
 from squealstudy.engine.reduced import BuildTask, reduced_with_basis
-from squealstudy.engine.store import MANIFEST
+from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.structures import build_task
 from squealstudy.errors import ResultsError, SquealstudyError
 from squealstudy.machine import cores
@@ -261,12 +262,27 @@ def same_coordinates(made: ReducedModel, kept: ReducedModel) -> bool:
 
 
 def plan_of(results: Results) -> Plan:
-    """The design points of results, as their run had them."""
+    """The design points of results, as their run had them.
+
+    Raises
+    ------
+    ResultsError
+        Code of the study that this user has not run (`recorded_code.execute_recorded`), or a model
+        that has changed since.
+    """
     source = SourceText(results.directory / MANIFEST, str(results.manifest["study"]))
     tables = source.tables
+    hashes = execute_recorded(results.manifest, results.directory)
+    if "extensions" in tables.get("study", {}):
+        if not hashes:
+            raise ResultsError(
+                f"{results.directory}: the study has code of its own, and these results do not "
+                "keep which: run the study again"
+            )
+        tables = changed(source, tables, {"study.extensions": None})
     if "model_file" in results.manifest:  # it is where it was, the results may be elsewhere
         tables = changed(source, tables, {"model.file": results.manifest["model_file"]["path"]})
-    study = read_tables(source, tables)
+    study = replace(read_tables(source, tables), extensions=hashes)
     if (
         isinstance(study.model, FileDefinition)
         and list(study.model.files) != (results.manifest["model_file"]["files"])

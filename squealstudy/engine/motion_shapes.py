@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.engine.mode_shapes import PointShapes
-from squealstudy.engine.store import STATES
+from squealstudy.engine.result_names import STATES
 from squealstudy.errors import ResultsError
 from squealstudy.motion.growing_modes import coordinates, mode_planes
 from squealstudy.shapes.shape import Shape

@@ -26,14 +26,9 @@ from squealstudy.engine.manifest import (
     new_manifest,
     outdated,
 )
-from squealstudy.engine.store import (
-    CHUNKS,
-    INACCURATE,
-    LOCK,
-    PICTURES,
-    Store,
-    write_manifest,
-)
+from squealstudy.engine.recorded_code import RECORDS, enter_executed
+from squealstudy.engine.result_names import CHUNKS, LOCK, expect_inside, leads_out
+from squealstudy.engine.store import INACCURATE, PICTURES, Store, write_manifest
 from squealstudy.engine.validity import SOLVED
 from squealstudy.engine.workers import Progress, Workers, silent
 from squealstudy.errors import MachineError, ResultsError, SquealstudyError, StudyFileError
@@ -145,6 +140,7 @@ def run_study(
         manifest["timings"] = {"structures_s": prepared_s, **kind.timings(plan, failures)}
         manifest |= {BESIDE: beside} if beside else {}
         write_manifest(directory, manifest)
+        enter_executed([record["hash"] for record in manifest.get(RECORDS, [])])
         for text in kind.warnings(plan):
             warn(text)
         n_solved = _solve_points(plan, store, done, failures, workers, manifest)
@@ -181,6 +177,7 @@ def _run_beside(plan: Planned, directory: Path, options: _Options) -> tuple[dict
     """
     failures, changed = {}, False
     for folder, other in plan.kind.beside(plan).items():
+        expect_inside(directory, folder)
         own = replace(options, progress=partial(_told_of, options.progress, folder))
         failures[folder] = ""
         try:
@@ -199,7 +196,8 @@ def _left_beside(plan: Planned, directory: Path) -> list[Path]:
     """Results of studies that were run beside one, and are no more: their journals tell whose."""
     name, kind, _ = plan.owner
     known = {directory / folder for folder in plan.kind.beside(plan)}
-    begun = {path.parent for path in directory.glob(f"*/*/{JOURNAL}")} - known
+    found = {path.parent for path in directory.glob(f"*/*/{JOURNAL}")} - known
+    begun = {p for p in found if not leads_out(directory, p.relative_to(directory).as_posix())}
     return [p for p in sorted(begun) if _begun_by(p)[:2] == (f"{name}_{p.name}", kind)]
 
 
@@ -224,7 +222,7 @@ def _remove(directory: Path, tables: Sequence[str]) -> None:
 
 def _pictures(found: dict[str, Any] | None) -> list[str]:
     """Names of the pictures that a manifest lists."""
-    return [Path(name).name for name in found.get(PICTURES, [])] if found else []
+    return list(found.get(PICTURES, [])) if found else []
 
 
 def _told_of(

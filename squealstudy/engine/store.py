@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-import re
+import os
 import shutil
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
@@ -20,12 +20,26 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from squealstudy.engine.journal import DAMAGED, UNFINISHED, Journal, Owner
-from squealstudy.engine.keys import ID_TYPE, LENGTH, chunk_id, ids_of
+from squealstudy.engine.journal import DAMAGED, JOURNAL, UNFINISHED, Journal, Owner, refused_names
+from squealstudy.engine.keys import ID_TYPE, chunk_id, ids_of
+from squealstudy.engine.manifest_facts import MOST_BYTES, check_facts
+from squealstudy.engine.result_names import (
+    CHUNKS,
+    HISTORIES,
+    MANIFEST,
+    OWN,
+    PART,
+    REFERENCES,
+    SET_ASIDE,
+    STATES,
+    expect_inside,
+    leads_out,
+)
 from squealstudy.errors import MachineError, ResultsError
 from squealstudy.files import (
     SEAL,
     TEMPORARY,
+    is_plain_file,
     sealed,
     unsealed,
     write_arrays,
@@ -47,18 +61,8 @@ CYCLES, VERDICTS, BRANCHES = "cycles.parquet", "verdicts.parquet", "branches.par
 DESIGNS, VARIANTS = "designs.parquet", "variants.parquet"
 MARGINS, SLOPES, PROOF = "margins.parquet", "slopes.parquet", "proof.parquet"
 CURVES, VELOCITIES, BORDERS = "curves.parquet", "velocities.parquet", "borders.parquet"
-HISTORIES, STATES, REFERENCES = "histories", "states", "references"
 PICTURES = "pictures"  # key of the manifest: those drawn beside the tables
 INACCURATE = "inaccurate"  # status of a point whose roots are there, with too large an error
-MANIFEST = "manifest.json"
-CHUNKS = "chunks"
-SET_ASIDE = "damaged"  # folder of files that are not as they were written
-LOCK = ".lock"
-PART = "part-"  # how the names of files begin that hold a table together
-OWN = re.compile(
-    rf"({CHUNKS}|{HISTORIES}|{STATES}|{REFERENCES})/[0-9a-f]{{{LENGTH}}}\.[a-z]+"
-    rf"|[a-z]+\.parquet/{PART}\d{{5}}\.parquet"
-)
 PART_ROWS = 1_000_000  # rows of a table up to which it is one file
 GROUP_ROWS = 2**17  # rows of a table that are read together
 UNIT = b"unit"  # of a column, in the metadata of its field
@@ -81,17 +85,20 @@ def column_units(
 def read_manifest(directory: Path) -> dict[str, Any] | None:
     """The manifest of a results directory, None where there is none; ResultsError if damaged."""
     path = directory / MANIFEST
-    if not path.is_file():
+    if not is_plain_file(path):
         return None
+    if path.stat().st_size > MOST_BYTES:
+        raise ResultsError(f"{path}: too long for a manifest")
     try:
         text = path.read_bytes()
         content: dict[str, Any] = json.loads(text)
         if SEAL in content:  # those of older versions have none
             content = unsealed(text)
-    except (OSError, ValueError, TypeError) as error:
+    except (OSError, ValueError, TypeError, RecursionError) as error:
         raise ResultsError(f"{path}: not a readable manifest ({error})") from error
     if not isinstance(content, dict) or not {"name", "kind", "model"} <= set(content):
         raise ResultsError(f"{path}: not a manifest of squealstudy")
+    check_facts(content, path)
     return content
 
 
@@ -167,7 +174,7 @@ class Store:
         Without a journal, as of older versions, the file itself where it is there.
         """
         if not self.journal.begun:
-            return [name] if (self.directory / name).is_file() else []
+            return [name] if is_plain_file(self.directory / name) else []
         return sorted(n for n in self.journal.entries if n == name or n.startswith(f"{name}/"))
 
     def write_json(self, name: str, content: Any) -> None:
@@ -208,8 +215,15 @@ class Store:
         What is damaged is set aside, and what a killed run did not finish is removed. `warn` is
         told what is damaged or missing.
         """
-        for path in self.directory.rglob(TEMPORARY):
-            path.unlink(missing_ok=True)
+        for folder, _, files in os.walk(self.directory):  # which follows no links
+            for path in (Path(folder, name) for name in files):
+                if path.match(TEMPORARY):
+                    path.unlink(missing_ok=True)
+        if self.journal.refused:
+            warn(
+                f"{self.directory}: {JOURNAL} names {refused_names(self.journal)}, which no run "
+                "writes here: not touched"
+            )
         faults = self.faults()
         for fault, names in faults.items():
             self._give_up(names, fault == DAMAGED)
@@ -255,14 +269,16 @@ class Store:
         self.journal.withdraw(sorted(lost))
         for name in names if keep else ():
             aside = self.directory / SET_ASIDE / name.replace(f"/{PART}", f"-{PART}")
+            expect_inside(self.directory, aside.parent.relative_to(self.directory).as_posix())
             aside.parent.mkdir(parents=True, exist_ok=True)
             (self.directory / name).replace(aside)
 
     def unfinished(self) -> list[str]:
         """Files of our own making that stand in no journal."""
-        found = (path for path in self.directory.glob("*/*") if path.is_file())
-        names = (path.relative_to(self.directory).as_posix() for path in found)
-        return [n for n in names if OWN.fullmatch(n) and n not in self.journal.entries]
+        folders = (p for p in self.directory.iterdir() if p.is_dir() and not p.is_symlink())
+        names = (f"{p.name}/{file.name}" for p in folders for file in p.iterdir())
+        own = (n for n in names if OWN.fullmatch(n) and not (self.directory / n).is_dir())
+        return [name for name in own if name not in self.journal.entries]
 
     def unsolved(self, missing: int, asked: int) -> MachineError:
         """The error of design points that are in no chunk file, though all were solved."""
@@ -274,7 +290,9 @@ class Store:
     # -- reading -------------------------------------------------------------------------------
     def names(self, folder: str) -> list[str]:
         """Finished files of a folder that are there, sorted; without a journal all files."""
-        paths = (self.directory / folder).glob("[!.]*")
+        if leads_out(self.directory, folder):
+            return []
+        paths = filter(is_plain_file, (self.directory / folder).glob("[!.]*"))
         names = sorted(f"{folder}/{path.name}" for path in paths)
         return [n for n in names if n in self.journal.entries or not self.journal.begun]
 
@@ -284,7 +302,7 @@ class Store:
         By its size alone where not `thoroughly`.
         """
         if not self.journal.begun:
-            return "" if (self.directory / name).is_file() else UNFINISHED
+            return "" if is_plain_file(self.directory / name) else UNFINISHED
         faults = (self.journal.fault(part, thoroughly) for part in self.parts(name) or [name])
         return next(filter(None, faults), "")
 

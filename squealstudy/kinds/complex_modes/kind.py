@@ -16,8 +16,9 @@ from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import ModelKind, Solves
 from squealstudy.engine.plan import Plan, checked_points, has_mesh
+from squealstudy.engine.result_names import REFERENCES
 from squealstudy.engine.rows import FAILURES
-from squealstudy.engine.store import MODES, ONSETS, POINTS, REFERENCES, Store
+from squealstudy.engine.store import MODES, ONSETS, POINTS, Store
 from squealstudy.engine.structures import with_files
 from squealstudy.engine.workers import Progress, Solved, Workers
 from squealstudy.errors import ConvergenceError

@@ -20,7 +20,8 @@ from squealstudy.engine.cycle_states import stored_cycle
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import Columns
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import POINTS, STATES, Store, read_manifest
+from squealstudy.engine.result_names import STATES
+from squealstudy.engine.store import POINTS, Store, read_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.transient.section import TransientSection
 from squealstudy.models.operating import (

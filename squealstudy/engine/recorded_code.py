@@ -1,0 +1,110 @@
+"""Code that results were made with: kept as text, executed only where this user has run it before.
+
+A results directory may come from anybody, and so may a hash in its manifest. What is executed is
+never what the directory holds: it is the file, or the copy of it, of this user's own list, in which
+every run enters the extensions that it executes; or a file that ``--extension`` names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from squealstudy.errors import ExtensionError, ResultsError, printable
+from squealstudy.extensions import executed_files, hash_of, load_extension, sources_of
+from squealstudy.files import sealed, unsealed, write_bytes, write_text
+from squealstudy.paths import cache_directory, others_may_write, user_cache
+
+RECORDS = "extensions"  # key of the manifest
+LIST = "executed_extensions"  # folder of the cache: a folder a hash
+ENTRY = "entry.json"  # of it: where the file was
+
+
+def recorded_extensions(hashes: Sequence[str]) -> list[dict[str, Any]]:
+    """What a manifest keeps of extensions of a study, by their hashes: names and texts."""
+    files = {source: path for path, source in executed_files().items()}
+    return [
+        {
+            "name": files[source].name,
+            "hash": source,
+            "sources": {
+                n: t.decode(errors="replace") for n, t in sources_of(files[source]).items()
+            },
+        }
+        for source in hashes
+        if source in files
+    ]
+
+
+def enter_executed(hashes: Sequence[str]) -> None:
+    """Enter extensions that this process has executed, by their hashes, in the user's list."""
+    for path, source in executed_files().items():
+        if source in hashes and _listed_file(source) is None:
+            folder = _list() / source
+            for name, text in sources_of(path).items():
+                write_bytes(folder / name, text)
+            write_text(folder / ENTRY, sealed({"path": str(path), "name": path.name}))
+
+
+def execute_recorded(manifest: Mapping[str, Any], directory: Path) -> tuple[str, ...]:
+    """Execute the extensions of results; their hashes.
+
+    Raises
+    ------
+    ResultsError
+        Of code that neither this user has run here nor ``--extension`` has named.
+    """
+    named = executed_files()
+    hashes = []
+    for record in manifest.get(RECORDS, []):
+        name, source = _told(record, directory)
+        path = next((p for p in named if p.name == name), None) or _listed_file(source)
+        if path is None:
+            raise ResultsError(
+                f"{directory}: the study has code of its own, {name}, which you have not run on "
+                f"this machine: it is not executed. Read it ('{RECORDS}' in manifest.json), then "
+                f"name a file of yours with squealstudy --extension {name} and the command"
+            )
+        try:
+            hashes.append(load_extension(path))
+        except ExtensionError as error:
+            raise ResultsError(f"{directory}: {error}") from error
+    return tuple(hashes)
+
+
+def code_of(manifest: Mapping[str, Any], directory: Path) -> list[tuple[str, bool]]:
+    """Names of the files of code that results were made with, and whether commands execute them."""
+    told = [_told(record, directory) for record in manifest.get(RECORDS, [])]
+    return [(name, _listed_file(source) is not None) for name, source in told]
+
+
+def _told(record: Mapping[str, Any], directory: Path) -> tuple[str, str]:
+    """Name and hash of a record; ResultsError where it has none that can be."""
+    name, source = record.get("name"), record.get("hash")
+    if not isinstance(name, str) or not isinstance(source, str) or not source.isalnum():
+        raise ResultsError(f"{directory}: '{RECORDS}' in manifest.json names no file and hash")
+    return printable(Path(name).name)[:100], source
+
+
+def _list() -> Path:
+    """The user's own list, in which nobody else can write."""
+    given = cache_directory()
+    return (user_cache() if given.is_dir() and others_may_write(given) else given) / LIST
+
+
+def _listed_file(source: str) -> Path | None:
+    """The file of a hash in the user's list: where it was, or its copy; None where neither is."""
+    folder = _list() / source
+    try:
+        entry = unsealed((folder / ENTRY).read_bytes())
+        places = [Path(entry["path"]), folder / Path(entry["name"]).name]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    for path in places:
+        try:
+            if hash_of(path) == source:
+                return path
+        except ExtensionError:
+            continue
+    return None

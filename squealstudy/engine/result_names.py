@@ -1,0 +1,42 @@
+"""What the files of a results directory may be called, and whether a path stays inside it.
+
+A directory may come from anybody: a name in its journal or manifest is used only where a run would
+have written it, and where no link on the way leads out of the directory.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from squealstudy.engine.keys import LENGTH
+from squealstudy.errors import ResultsError
+
+CHUNKS, HISTORIES, STATES, REFERENCES = "chunks", "histories", "states", "references"
+MANIFEST = "manifest.json"
+LOCK = ".lock"
+SET_ASIDE = "damaged"  # folder of files that are not as they were written
+PART = "part-"  # how the names of files begin that hold a table together
+TABLE = r"[a-z][a-z0-9_]{0,80}\.parquet"
+OWN = re.compile(
+    rf"({CHUNKS}|{HISTORIES}|{STATES}|{REFERENCES})/[0-9a-f]{{{LENGTH}}}\.[a-z]{{1,10}}"
+    rf"|{TABLE}/{PART}\d{{5}}\.parquet"
+)
+FINISHED = re.compile(rf"{OWN.pattern}|{TABLE}")
+PICTURE = re.compile(r"[\w+][\w+.-]{0,250}\.png")
+FOLDER = re.compile(r"[\w+-][\w+. -]{0,100}(/[\w+-][\w+. -]{0,100})?")  # of a study run beside
+
+
+def leads_out(directory: Path, name: str) -> bool:
+    """Whether a path below a directory, or a link on the way to it, ends outside."""
+    return not (directory / name).resolve().is_relative_to(directory.resolve())
+
+
+def expect_inside(directory: Path, name: str) -> None:
+    """Raise ResultsError where a path below a results directory leads out of it."""
+    if leads_out(directory, name):
+        raise ResultsError(
+            f"{directory / name}: leads to {(directory / name).resolve()}, outside the results "
+            "directory, where nothing is read, written or removed; put a folder in the link's "
+            "place, or choose another directory with --output"
+        )
