@@ -13,6 +13,7 @@ from test_model_file import built, frequencies
 
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ModelError
+from squealstudy.models.components import ansys_archive
 from squealstudy.models.components.ansys import read_cdb
 from squealstudy.models.components.checks import check_mesh
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
@@ -311,3 +312,33 @@ def test_a_study_of_an_archive(tmp_path):
     np.testing.assert_allclose(frequencies(built(tmp_path / "blocks.toml")), expected, rtol=1e-9)
     results = solved(Plan(load_study(tmp_path / "study.toml")), tmp_path / "r")
     assert (results.points["status"] == "ok").all()
+
+
+# -- damaged files ---------------------------------------------------------------------------------
+def _sound() -> str:
+    return archive(box("C3D8_BBAR", (1, 1, 1)), 185, {}, range(8))
+
+
+@pytest.mark.parametrize("place", [2, 9, 14])  # lines of EBLOCK, of NBLOCK
+@pytest.mark.parametrize("more", ["7" * 4000, " 7" * 200, "\x00" * 5000])
+def test_a_line_longer_than_its_format_never_reaches_the_reader(tmp_path, place, more):
+    """The reader of others corrupts memory there."""
+    lines = _sound().split("\n")
+    start = next(k for k, line in enumerate(lines) if line.startswith("NBLOCK"))
+    lines[start + place] += more
+    with pytest.raises(ModelError, match=r"a\.cdb, line \d+: expected"):
+        read(tmp_path, "\n".join(lines))
+
+
+@pytest.mark.parametrize("format_", ["(99i9)", "(19i9999)", "(19i)", "19i9", "(19s9)", ""])
+def test_a_format_that_is_none_is_refused(tmp_path, format_):
+    with pytest.raises(ModelError, match="expected the format of a block"):
+        read(tmp_path, _sound().replace("(19i9)", format_))
+
+
+def test_a_reader_that_crashes_is_one_sentence(tmp_path, monkeypatch):
+    program = tmp_path / "crash.py"
+    program.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n")
+    monkeypatch.setattr(ansys_archive, "PROGRAM", program)
+    with pytest.raises(ModelError, match="its reader crashed"):
+        read(tmp_path, _sound())

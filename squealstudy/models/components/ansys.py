@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.models.components.ansys_archive import ArchiveBlocks, read_blocks
 from squealstudy.models.components.ansys_commands import (
     BESIDE,
     ENDS,
@@ -165,15 +166,8 @@ class _Deck:
         return replace(mesh, passed_over=(*mesh.passed_over, *self._notes))
 
     # -- blocks ----------------------------------------------------------------------------------
-    def _blocks(self) -> Any:
+    def _blocks(self) -> ArchiveBlocks:
         """What `mapdl_archive` reads of the blocks, held against their headers."""
-        try:
-            import mapdl_archive
-        except ImportError:
-            raise ModelError(
-                f"{self._path}: archives of ANSYS need mapdl-archive: "
-                "pip install 'squealstudy[ansys]'"
-            ) from None
         for name in ("NBLOCK", "EBLOCK"):
             if name not in self._commands:
                 raise ModelError(f"{self._path} has no {name}: expected what CDWRITE writes")
@@ -182,12 +176,8 @@ class _Deck:
             line, words = self._commands[name][0]
             if len(words) < 2 or words[1].upper() != "SOLID":
                 raise line.error(f"expected {name}, number of fields, SOLID")
-        try:
-            found = mapdl_archive.Archive(self._path, parse_vtk=False)
-            count = {"NBLOCK": len(found.nnum), "EBLOCK": len(found.elem)}
-        except Exception as error:  # a damaged file is whatever its reader runs into
-            reason = f"{type(error).__name__} {error}".strip()
-            raise ModelError(f"{self._path} cannot be read as an archive: {reason}") from error
+        found = read_blocks(self._text)
+        count = {"NBLOCK": len(found.nnum), "EBLOCK": len(found.elem)}
         for name, read in count.items():
             line, words = self._commands[name][0]
             stated = line.whole(words[3], "a number") if len(words) > 3 and words[3] else read

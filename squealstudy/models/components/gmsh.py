@@ -15,6 +15,7 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.models.components.faces import faces_with_corners
 from squealstudy.models.components.formulations import FORMULATIONS
+from squealstudy.models.components.gmsh_counts import check_counts
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 
 SOLIDS = {
@@ -106,6 +107,7 @@ def _read(path: Path) -> Any:
     if not path.is_file():
         raise ModelError(f"there is no file {path}")
     _check_names(path)
+    check_counts(path)
     said = io.StringIO()
     try:
         with redirect_stderr(said):  # it prints what it overlooks: sections without end

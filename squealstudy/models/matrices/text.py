@@ -19,6 +19,7 @@ OPENERS: dict[str, Callable[..., Any]] = {".gz": gzip.open, ".bz2": bz2.open}
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?"
 COUNT = re.compile(r"[0-9]{1,18}", re.ASCII)
 LONGEST_SHOWN = 40
+LONGEST = 2 * 10**9  # letters of a file, decompressed: a deck of 20 million elements
 
 
 @dataclass(frozen=True)
@@ -30,10 +31,18 @@ class TextFile:
 
     @classmethod
     def read(cls, path: Path) -> TextFile:
-        """The lines of a file; OSError, EOFError where it cannot be read or decompressed."""
+        """The lines of a file; OSError, EOFError where it cannot be read or decompressed.
+
+        Devices and pipes might never end, and a short file may be a very long one compressed.
+        """
+        if path.exists() and not path.is_file():
+            raise OSError("it is no file")
         opener = OPENERS.get(path.suffix.lower(), open)
         with opener(path, "rt", encoding="utf-8-sig", errors="replace") as handle:
-            return cls(path, handle.read().split("\n"))
+            text = handle.read(LONGEST + 1)
+        if len(text) > LONGEST:
+            raise OSError(f"it is longer than {LONGEST:.0e} letters")
+        return cls(path, text.split("\n"))
 
     def line(self, index: int) -> str:
         """A line, from 0; ModelError where the file ends before."""

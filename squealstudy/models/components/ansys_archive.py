@@ -1,0 +1,112 @@
+"""Blocks of an archive of ANSYS, read by `mapdl_archive` in a process of its own."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.matrices.text import TextFile
+
+PROGRAM = Path(__file__).with_name("archive_process.py")
+FORMAT = re.compile(r"\s*\((.*)\)\s*")
+FIELD = re.compile(r"\s*(\d{1,2})[ieg](\d{1,2})(?:\.\d+(?:e\d+)?)?\s*", re.I)  # 3i9, 6e21.13e3
+BLOCKS = ("NBLOCK", "EBLOCK", "CMBLOCK")
+LONGEST = 640  # letters of a command, as ANSYS has it
+MOST_FIELDS, WIDEST = 40, 40  # of a line of a block; letters of a field
+MOST_SECONDS = 600.0  # an archive of 5 million elements takes about a minute
+
+
+class ArchiveBlocks(NamedTuple):
+    """What the blocks hold: numbers and places of nodes, elements as rows, components by name."""
+
+    nnum: np.ndarray
+    nodes: np.ndarray
+    node_angles: np.ndarray
+    elem: list[np.ndarray]
+    node_components: Mapping[str, np.ndarray]
+    element_components: Mapping[str, np.ndarray]
+
+
+def read_blocks(text: TextFile) -> ArchiveBlocks:
+    """The blocks of an archive.
+
+    Raises
+    ------
+    ModelError
+        With the line that is longer than its block's format; without `mapdl_archive`; what the
+        reader says, or that it crashed.
+    """
+    if find_spec("mapdl_archive") is None:
+        raise ModelError(
+            f"{text.path}: archives of ANSYS need mapdl-archive: pip install 'squealstudy[ansys]'"
+        )
+    _check_widths(text)
+    with tempfile.TemporaryDirectory(prefix="squealstudy-archive-") as folder:
+        made = Path(folder) / "blocks.npz"
+        command = [sys.executable, "-I", str(PROGRAM), str(text.path.resolve()), str(made)]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=MOST_SECONDS, check=False)
+        except subprocess.TimeoutExpired:
+            raise _unreadable(text, f"no answer within {MOST_SECONDS:g} s") from None
+        said = (done.stderr.decode(errors="replace").strip().splitlines() or [""])[-1]
+        if done.returncode < 0 or (done.returncode and not said):
+            raise _unreadable(text, "its reader crashed, as damaged files make it")
+        if done.returncode or not made.is_file():
+            raise _unreadable(text, said)
+        with np.load(made, allow_pickle=False) as arrays:
+            return ArchiveBlocks(
+                nnum=arrays["nnum"],
+                nodes=arrays["nodes"],
+                node_angles=arrays["node_angles"],
+                elem=np.split(arrays["elem"], arrays["elem_ends"][:-1])
+                if len(arrays["elem"])
+                else [],
+                node_components=_components(arrays, "node_component:"),
+                element_components=_components(arrays, "element_component:"),
+            )
+
+
+def _components(arrays: Mapping[str, np.ndarray], start: str) -> dict[str, np.ndarray]:
+    return {key.removeprefix(start): arrays[key] for key in arrays if key.startswith(start)}
+
+
+def _unreadable(text: TextFile, reason: str) -> ModelError:
+    return ModelError(f"{text.path} cannot be read as an archive: {reason}")
+
+
+def _check_widths(text: TextFile) -> None:
+    """Raise ModelError for a line of a block that is longer than the format above it allows."""
+    widest = LONGEST
+    for place, line in enumerate(text.lines):
+        command = line.split(",")[0].strip().upper()
+        if command in BLOCKS:
+            widest = _width(text, place + 1)
+        elif command[:1].isalpha() or command[:1] in ("/", "*", "!"):
+            widest = LONGEST
+        elif (length := len(line.rstrip())) > widest and not FORMAT.fullmatch(line):
+            what = f"expected at most {widest} letters by the block's format, found {length}"
+            raise text.error(place, what)
+
+
+def _width(text: TextFile, place: int) -> int:
+    """Letters of a line by the format that stands in a line, ``(3i9,6e21.13e3)``."""
+    line = text.line(place)
+    found = FORMAT.fullmatch(line)
+    fields = [FIELD.fullmatch(part) for part in found[1].split(",")] if found else []
+    sizes = [(int(field[1]), int(field[2])) for field in fields if field]
+    if (
+        not sizes
+        or len(sizes) < len(fields)
+        or any(n > MOST_FIELDS or w > WIDEST for n, w in sizes)
+    ):
+        raise text.error(place, f"expected the format of a block, (19i9), found '{line[:40]}'")
+    return sum(n * w for n, w in sizes)

@@ -1,0 +1,99 @@
+"""Counts that a mesh of gmsh states, held against its lines: meshio believes them.
+
+Of text files, formats 2.2 and 4.1. A binary file holds as many bytes as it states, or fails.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from squealstudy.errors import ModelError
+
+FORMAT = re.compile(rb"\$MeshFormat\s+(\S+)\s+(\d+)")
+SECTION = r"^[ \t]*\${0}[ \t]*\r?\n(.*?)^[ \t]*\$End{0}"
+MOST_SHOWN = 5  # numbers in a message
+
+
+def check_counts(path: Path) -> None:
+    """Raise ModelError where sections of nodes and elements are not what their headers state.
+
+    Also where two nodes, or two elements, have one number.
+    """
+    content = path.read_bytes()
+    found = FORMAT.search(content)
+    if found is None or found[2] != b"0":
+        return  # meshio says what is wrong, or it is binary
+    blocks = found[1].startswith(b"4")
+    if blocks and not found[1].startswith(b"4.1"):
+        return  # meshio refuses 4.0 in its own words
+    for name, word in (("Nodes", "node"), ("Elements", "element")):
+        section = re.search(SECTION.format(name).encode(), content, re.M | re.S)
+        if section is None:
+            continue  # meshio says so
+        lines = [line.split() for line in section[1].splitlines() if line.strip()]
+        try:
+            numbers = _in_blocks(lines, word) if blocks else _in_a_list(lines, word)
+        except ValueError as error:
+            raise ModelError(f"{path}: section ${name}: {error}") from None
+        _expect_unique(numbers, path, word)
+
+
+def _in_a_list(lines: Sequence[list[bytes]], word: str) -> list[int]:
+    """Numbers of nodes or elements of format 2.2; ValueError where they are not as many."""
+    stated, rows = _whole(lines, 0, 1)[0], lines[1:]
+    if stated != len(rows):
+        raise ValueError(f"its header states {stated} {word}s, there are {len(rows)}")
+    return [_whole(rows, k, 1)[0] for k in range(len(rows))]
+
+
+def _in_blocks(lines: Sequence[list[bytes]], word: str) -> list[int]:
+    """Numbers of nodes or elements of format 4.1; ValueError where they are not as many."""
+    n_blocks, stated = _whole(lines, 0, 2)
+    numbers: list[int] = []
+    place = 1
+    for block in range(1, n_blocks + 1):
+        count = _whole(lines, place, 4)[3]
+        place += 1
+        rows = range(place, place + count)
+        of_block = [_whole(lines, k, 1)[0] for k in rows]
+        if word == "node":  # their coordinates follow
+            if any(len(lines[k]) != 1 for k in rows):
+                raise ValueError(f"block {block} states {count} nodes and has others")
+            place += count
+        elif len({len(lines[k]) for k in rows}) > 1:
+            raise ValueError(f"block {block} states {count} elements of one type and has others")
+        numbers += of_block
+        place += count
+    if len(numbers) != stated:
+        raise ValueError(f"its header states {stated} {word}s, its blocks {len(numbers)}")
+    if place != len(lines):
+        raise ValueError(f"{abs(len(lines) - place)} lines too {_many(len(lines) > place)}")
+    return numbers
+
+
+def _many(more: bool) -> str:
+    return "many" if more else "few"
+
+
+def _whole(lines: Sequence[list[bytes]], place: int, count: int) -> list[int]:
+    """The first whole numbers of a line, not negative; ValueError where there are none."""
+    if place >= len(lines):
+        raise ValueError("it ends before the last that its header states")
+    words = lines[place][:count]
+    if len(words) < count or not all(word.isdigit() for word in words):
+        raise ValueError(f"expected whole numbers, found '{_shown(lines[place])}'")
+    return [int(word) for word in words]
+
+
+def _shown(words: Sequence[bytes]) -> str:
+    return b" ".join(words)[:40].decode(errors="replace")
+
+
+def _expect_unique(numbers: Sequence[int], path: Path, word: str) -> None:
+    twice = [number for number, count in Counter(numbers).items() if count > 1]
+    if twice:
+        shown = ", ".join(map(str, twice[:MOST_SHOWN]))
+        raise ModelError(f"{path}: {word}s {shown} are there twice")
