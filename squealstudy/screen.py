@@ -6,10 +6,12 @@ Functions return what `rich` renders, on a terminal as in a notebook; `show` pri
 from __future__ import annotations
 
 import contextlib
+import re
 import shutil
 from collections.abc import Iterable
 from io import StringIO
 from typing import TYPE_CHECKING, Any
+from unicodedata import category
 
 from rich.console import Console, RenderableType
 from rich.table import Table
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 
 Rows = list[tuple[str, str]]
 STDOUT = "standard output"
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how texts begin that spreadsheets compute
+NUMBERS = re.compile(r"[-+\d.,eE\s]*")
 NARROW = 6  # least width of a column: figures are never cut
 LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
 COLUMNS: dict[str, dict[str, Any]] = {
@@ -44,11 +48,18 @@ console = _Screen(
 messages = Console(stderr=True, markup=False)
 
 
+def plain(text: str) -> str:
+    """A text with control characters as escapes: what a file says must not steer a terminal."""
+    if text.isprintable():
+        return text
+    return "".join(c if c == "\n" or category(c)[0] != "C" else ascii(c)[1:-1] for c in text)
+
+
 def show(*parts: RenderableType) -> None:
     """Print to stdout."""
     with named(STDOUT):
         for part in parts:
-            console.print(part)
+            console.print(plain(part) if isinstance(part, str) else part)
 
 
 def write(text: str) -> None:
@@ -59,8 +70,20 @@ def write(text: str) -> None:
 
 
 def show_csv(table: pd.DataFrame) -> None:
-    """Write all columns of a table to stdout as CSV."""
-    write(table.to_csv(index=False))
+    """Write all columns of a table to stdout as CSV.
+
+    A text that a spreadsheet would compute (``=1+1``) begins with an apostrophe.
+    """
+    told = table.copy()
+    for name in told.columns:
+        if told[name].dtype.kind not in "biufM":
+            told[name] = [_no_formula(v) if isinstance(v, str) else v for v in told[name]]
+    write(told.to_csv(index=False))
+
+
+def _no_formula(text: str) -> str:
+    """A text that no spreadsheet takes for a formula; numbers with signs stay."""
+    return f"'{text}" if text[:1] in FORMULA and not NUMBERS.fullmatch(text) else text
 
 
 def as_text(parts: Iterable[RenderableType]) -> str:
@@ -75,7 +98,7 @@ def as_text(parts: Iterable[RenderableType]) -> str:
 def warning(text: str) -> None:
     """Print a warning to stderr; a log that cannot be written ends no run."""
     with contextlib.suppress(OSError):
-        messages.print(f"warning: {text}", highlight=False, soft_wrap=True)
+        messages.print(f"warning: {plain(text)}", highlight=False, soft_wrap=True)
 
 
 def grid(*columns: str, rows: Iterable[Iterable[str]]) -> Table:
@@ -95,7 +118,7 @@ def grid(*columns: str, rows: Iterable[Iterable[str]]) -> Table:
             kind, title = "number", column
         table.add_column(title, **COLUMNS[kind])
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(plain, row))
     return table
 
 
@@ -105,10 +128,10 @@ def facts(rows: Iterable[tuple[str, str]]) -> Table:
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     for name, value in rows:
-        table.add_row(name, value)
+        table.add_row(plain(name), plain(value))
     return table
 
 
 def notes(*texts: str) -> Text:
     """What stands beneath a table, a line each; empty ones are left out."""
-    return Text("\n".join(text for text in texts if text), style="dim")
+    return Text("\n".join(plain(text) for text in texts if text), style="dim")

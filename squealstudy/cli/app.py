@@ -22,6 +22,7 @@ from squealstudy.cli.result_commands import compare, plot, rank, report, robust,
 from squealstudy.cli.study_commands import check, export, new, run, schema, sensitivity
 from squealstudy.errors import SquealstudyError
 from squealstudy.machine import InterruptedRun, cut_lifeline, interruptible
+from squealstudy.screen import plain
 
 NAME, DEBUG = "squealstudy", "SQUEALSTUDY_DEBUG"
 UsageError: type[Any] = typer.BadParameter.mro()[1]
@@ -123,4 +124,4 @@ def _outcome(arguments: list[str]) -> int:
 def _tell(text: str) -> None:
     """Write a line to stderr, where there is one."""
     with contextlib.suppress(AttributeError, OSError):
-        sys.stderr.write(text + "\n")
+        sys.stderr.write(plain(text) + "\n")

@@ -1,0 +1,41 @@
+"""What a file says never steers a terminal or a spreadsheet."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+from squealstudy import screen
+
+HOSTILE = "ok\x1b]0;title\x07\x1b[2J\u202emoc.live\x9b31m\u200b"
+
+
+def test_control_characters_are_escapes_everywhere(capsys):
+    table = screen.grid("word:name", rows=[[HOSTILE]])
+    parts = (HOSTILE, table, screen.facts([(HOSTILE, HOSTILE)]), screen.notes(HOSTILE))
+    text = screen.as_text(parts[1:]) + screen.plain(HOSTILE)
+    screen.warning(HOSTILE)
+    text += capsys.readouterr().err
+    assert not {c for c in HOSTILE if not c.isprintable()} & set(text)
+    assert "\\x1b]0;title\\x07" in text
+
+
+def test_what_is_printable_stays():
+    text = "mu = 0.5 \N{MULTIPLICATION SIGN}\N{NO-BREAK SPACE}2\n\N{GREEK SMALL LETTER MU}"
+    assert screen.plain(text) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("=HYPERLINK(1)", "'=HYPERLINK(1)"),
+        ("@SUM(A1)", "'@SUM(A1)"),
+        ("+cmd|' /C calc'!A0", "'+cmd|' /C calc'!A0"),
+        ("-0.5, 1e-3", "-0.5, 1e-3"),
+        ("disc 46 %", "disc 46 %"),
+    ],
+)
+def test_texts_in_csv_are_no_formulas(text, told, capsys):
+    screen.show_csv(pd.DataFrame({"name": [text], "growth_rate": [-1.5]}))
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].replace('"', "") == f"{told},-1.5"
