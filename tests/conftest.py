@@ -6,6 +6,7 @@ run in one.
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import os
 import pickle
@@ -16,6 +17,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from datetime import date
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -62,6 +64,11 @@ hypothesis.settings.load_profile("repeatable")
 
 
 MOST_WORKERS = 4
+TENTHS = 10  # of the tests of full size: a day of ten has its own
+LONGEST = (  # files that begin first, so that none of them ends a run alone
+    *("test_cluster", "test_design", "test_plots", "test_fidelity", "test_shipped_studies"),
+    *("test_shipped_transients", "test_boundary", "test_sweep_basis", "test_fixed_jacobian"),
+)
 CACHE = "SQUEALSTUDY_CACHE"
 COMPILED = "NUMBA_CACHE_DIR"
 SHARED = "SQUEALSTUDY_TESTS_SHARED"
@@ -72,6 +79,15 @@ def pytest_xdist_auto_num_workers(config):
     """None for what is named on the command line: starting them takes longer than most tests."""
     processors = yield
     return min(processors, MOST_WORKERS) if config.args == config.getini("testpaths") else 0
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--full-size-tenth",
+        metavar="DATE",
+        type=lambda text: date.fromisoformat(text).toordinal(),
+        help="the tests of full size that this day has too: a tenth, another on each of ten days",
+    )
 
 
 def is_worker(config) -> bool:
@@ -134,15 +150,33 @@ def shared(name: str, make: Callable[[], Any]) -> Any:
         return pickle.loads(path.read_bytes())
 
 
+def runs_on(nodeid: str, day: int) -> bool:
+    """Whether a test of full size belongs to the tenth of a day."""
+    number = int(hashlib.sha256(nodeid.encode()).hexdigest(), 16)
+    return number % TENTHS == day % TENTHS
+
+
+def order(path: Path) -> tuple[bool, int]:
+    """Place of a file among all: those without kernels first, and of each sort the longest."""
+    return needs_kernels(path), LONGEST.index(path.stem) if path.stem in LONGEST else len(LONGEST)
+
+
 def pytest_collection_modifyitems(config, items):
-    """Full-size validation runs only where it is asked for: ``pytest -m full_size``."""
+    """What is of full size runs where it is asked for: `-m full_size`, `--full-size-tenth DATE`."""
     if is_worker(config):
-        items.sort(key=lambda item: needs_kernels(item.path))
-    if config.option.markexpr:
+        items.sort(key=lambda item: order(item.path))
+    day = config.option.full_size_tenth
+    if config.option.markexpr and day is None:
         return
-    slow = [item for item in items if item.get_closest_marker("full_size")]
+
+    def left_out(item) -> bool:
+        return bool(item.get_closest_marker("full_size")) and (
+            day is None or not runs_on(item.nodeid, day)
+        )
+
+    slow = [item for item in items if left_out(item)]
     config.hook.pytest_deselected(items=slow)
-    items[:] = [item for item in items if item not in slow]
+    items[:] = [item for item in items if not left_out(item)]
 
 
 BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"

@@ -1,0 +1,42 @@
+"""Tests of full size: left out, asked for, and a tenth of them on each of ten days."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import conftest
+import pytest
+
+DAY = 739_000  # days since the year 1
+SLOW = [f"tests/test_x.py::test_{number}" for number in range(200)]
+QUICK = [f"tests/test_y.py::test_{number}" for number in range(20)]
+
+
+def chosen(day=None, expression=""):
+    """Those that run, after the hook of the session."""
+    told = []
+    hook = SimpleNamespace(pytest_deselected=lambda items: told.extend(items))
+    option = SimpleNamespace(full_size_tenth=day, markexpr=expression)
+    items = [
+        SimpleNamespace(nodeid=name, get_closest_marker=lambda _, slow=slow: slow or None)
+        for slow, names in ((True, SLOW), (False, QUICK))
+        for name in names
+    ]
+    conftest.pytest_collection_modifyitems(SimpleNamespace(option=option, hook=hook), items)
+    assert len(items) + len(told) == len(SLOW) + len(QUICK)
+    return [item.nodeid for item in items]
+
+
+def test_they_run_where_they_are_asked_for():
+    assert chosen() == QUICK
+    assert chosen(expression="full_size") == SLOW + QUICK  # which pytest then chooses from
+
+
+@pytest.mark.parametrize("expression", ["", "full_size"])
+def test_ten_days_in_a_row_have_each_of_them_once(expression):
+    days = [chosen(DAY + k, expression) for k in range(10)]
+    assert all(set(QUICK) < set(day) for day in days)
+    tenths = [set(day) - set(QUICK) for day in days]
+    assert sorted(name for tenth in tenths for name in tenth) == sorted(SLOW)
+    assert min(map(len, tenths)) > len(SLOW) / 40  # by a hash, not by where they stand
+    assert chosen(DAY + 10) == chosen(DAY)
