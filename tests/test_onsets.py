@@ -192,7 +192,7 @@ def test_no_cubic_onset_where_the_damping_ratio_falls_like_a_root_or_a_kink_or_j
     assert np.isinf(error).all()
 
 
-@pytest.mark.parametrize("num", [97, 121, 251, 601])
+@pytest.mark.parametrize("num", [97, 121, 251, pytest.param(601, marks=pytest.mark.full_size)])
 def test_fine_grids_do_not_take_an_undamped_lock_in_for_a_smooth_onset(tmp_path, num):
     (row,) = run(study(num=num), tmp_path / "r").onsets.to_dict("records")
     assert row["status"] == "refined"

@@ -202,7 +202,7 @@ def test_tasks_and_results_are_not_kept():
         pass
 
     def tasks():
-        for _ in range(20):
+        for _ in range(6):
             task = Task()
             kept.add(task)
             yield task

@@ -26,6 +26,7 @@ from squealstudy.laboratory.method_stability.contract import (
 )
 from squealstudy.laboratory.method_stability.fixed_jacobian import FIXED_JACOBIAN as ROUGH
 from squealstudy.laboratory.method_stability.fixed_jacobian import FIXED_JACOBIAN_POINT as POINT
+from squealstudy.motion.warmup import warm_kernels
 
 
 def stuck_state(values):
@@ -156,6 +157,8 @@ def test_rates_are_read_where_they_are_geometric():
 
 @pytest.mark.parametrize("name", known_cases())
 def test_knobs_are_checked(name):
+    if name == "storage":  # in one process of the session: both would take as long
+        warm_kernels(single_storage=True)
     case = known_cases()[name]
     knob = next(iter(case.knobs.values()))
     for values, key in (

@@ -15,11 +15,13 @@ from squealstudy.laboratory.method_stability.contract import CONVERGED, WRONG
 from squealstudy.laboratory.method_stability.storage import OMEGA, ROWS, STORAGE, UNIT, light_touch
 from squealstudy.motion import level_errors as doubts
 from squealstudy.motion.level_errors import storage_number
+from squealstudy.motion.warmup import warm_kernels
 from squealstudy.study.definition import parse_study
 
 
 @pytest.fixture(scope="module")
 def cells():
+    warm_kernels(single_storage=True)  # in one process of the session: both would take as long
     amplitudes, exponents = np.geomspace(1e-7, 1e-1, 7), np.geomspace(1e4, 1e9, 6)
     return [
         STORAGE.evaluate({"amplitude": a, "lambda": e})
