@@ -80,8 +80,9 @@ class ContactOscillator:
         U, m = system.shapes, len(system.shapes)
         d, s = (np.zeros(m) if x is None else x for x in (point.d, point.s))
         forces = ContactForces(point.points(system), law_row(point.contact, point.friction))
+        C = np.diag(point.c) + U.T @ (d[:, None] * U)
         return Oscillator(
-            C=np.diag(point.c) + U.T @ (d[:, None] * U),
+            C=C if point.damping_between is None else C + point.damping_between,
             K=np.diag(system.omega2) + U.T @ (s[:, None] * U),
             B=np.stack([system.N, system.T1, system.T2], axis=1),
             forces=forces,

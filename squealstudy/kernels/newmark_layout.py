@@ -79,10 +79,12 @@ N_STEP = 8
 # rows of Work.x: accepted state, its acceleration (of methods that need it), its pull: all forces
 # but those of the diagonal system, loads included; that of the state before; q and v of the new
 # time without the part of the new pull; trial state; B^T r there; residual, then correction;
-# correction before; room
+# correction before; room; velocity at the last evaluation and D times it (newmark_between), and the
+# same of the accepted state
 Q, V, A, PULL, PULL_OLD, Q_BASE, V_BASE = 0, 1, 2, 3, 4, 5, 6
 Q_TRIAL, V_TRIAL, PULL_TRIAL, FORCE, DELTA, DELTA_OLD, ROOM = 7, 8, 9, 10, 11, 12, 13
-N_ROWS = 14
+V_SEEN, RESISTED, V_SEEN_OLD, RESISTED_OLD = 14, 15, 16, 17
+N_ROWS = 18
 # rows of Work.point after OUT_* and R_* of the trial state: w1, w2, t1, t2 accepted last; t1, t2 of
 # the iteration before; their change a second over the last sub-step
 OLD_W1, OLD_W2, OLD_T1, OLD_T2, GUESS_1, GUESS_2, RATE_1, RATE_2 = 9, 10, 11, 12, 13, 14, 15, 16
@@ -110,6 +112,8 @@ class ModalArrays(NamedTuple):
     steps: np.ndarray  # (nb, L + 1, N_STEP, n) coefficients of a sub-step by halving level
     shapes: np.ndarray  # (m, n) rows u: C += u d u^T, K += u s u^T
     component_terms: np.ndarray  # (nb, 2, m) d, s
+    between: np.ndarray  # (.., n, n) dampings D between coordinates, zeros on the diagonal, 1/s
+    between_of: np.ndarray  # (nb,) int, the place of each design's D; -1 where it has none
     fixed: np.ndarray  # (nb, 2, nc) in the Jacobian: N/m beyond k_ref, tangential N s/m
     sensors: np.ndarray  # (nb, ns, n) zeros where a design has fewer
     tangential: np.ndarray  # (2 nc, n) T1 and T2 of each point

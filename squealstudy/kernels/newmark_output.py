@@ -7,6 +7,7 @@ import numpy as np
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, part_kernel
 from squealstudy.kernels.laws import mu_at, potential
+from squealstudy.kernels.newmark_between import resisted_work
 from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_vector import copy, dot, fill
 
@@ -35,6 +36,8 @@ def add_work(
             continue
         y0, y1 = dot(modal.shapes[m], x[at.V]), dot(modal.shapes[m], x[at.V_TRIAL])
         damped += modal.component_terms[k, 0, m] * ((y0 + y1) ** 2 + share * (y1 - y0) ** 2)
+    if modal.between_of[k] >= 0:
+        damped += resisted_work(x, share)
     load, belt, sliding = contact_work(modal.points[k], work.point[k], share)
     real = work.real[k]
     real[at.W_LOAD] += 0.5 * h * (w_load + load)

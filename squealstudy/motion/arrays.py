@@ -17,6 +17,7 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
 ALIGNMENT = 64  # bytes: a cache line, and the widest vector register
+ROUND_OFF = 1e-12  # of the largest entry of a matrix that is symmetric but for it
 PANEL_BYTES = 2**19  # of the tiles that wait in the second cache for their second use
 
 
@@ -75,6 +76,7 @@ def modal_arrays(
     steps = step_tables(modes, integrator, h)
     stuck = isinstance(integrator, FixedJacobian) and integrator.mockup == "auto"
     tangential, compliance, own = _tangential(system, steps[0, 0, layout.LAST_V], stuck)
+    between, between_of = _between(system, designs, n)
     modal = layout.ModalArrays(
         points=points,
         laws=np.array([law_row(x.contact, x.friction) for x in designs]),
@@ -82,6 +84,8 @@ def modal_arrays(
         steps=steps,
         shapes=_padded_rows(system.shapes, n),
         component_terms=np.stack(component_terms, axis=1),
+        between=between,
+        between_of=between_of,
         fixed=fixed,
         sensors=_sensors(system, designs, n),
         tangential=tangential,
@@ -109,6 +113,38 @@ def _padded_rows(rows: np.ndarray, n: int) -> np.ndarray:
     full = aligned_zeros(len(rows), n)
     full[:, : rows.shape[1]] = rows
     return full
+
+
+def _between(
+    system: ModalSystem, designs: Sequence[MotionPoint], n: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Modal.between and between_of; designs whose matrix is one object share it.
+
+    Raises
+    ------
+    ModelError
+        A matrix of another size, not finite, not symmetric, or with a diagonal.
+    """
+    matrices: list[np.ndarray] = []
+    places: dict[int, int] = {}
+    between_of = np.full(len(designs), -1)
+    for k, D in enumerate(x.damping_between for x in designs):
+        if D is None:
+            continue
+        if id(D) not in places:
+            if D.shape != (system.n,) * 2 or not np.isfinite(D).all():
+                raise ModelError(
+                    f"design point: 'damping_between' needs {system.n} x {system.n} finite values"
+                )
+            if np.diag(D).any() or not np.allclose(D, D.T, rtol=0.0, atol=ROUND_OFF * abs(D).max()):
+                raise ModelError("design point: 'damping_between' is symmetric, its diagonal zero")
+            places[id(D)] = len(matrices)
+            matrices.append(D)
+        between_of[k] = places[id(D)]
+    between = aligned_zeros(len(matrices), n, n)
+    for full, D in zip(between, matrices, strict=True):
+        full[: system.n, : system.n] = D
+    return between, between_of
 
 
 def _sensors(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> np.ndarray:

@@ -121,12 +121,14 @@ def motion_point(
     """
     system, operating = reference.system, state.operating
     d, s = shape_terms(reference, state)
+    c, between = reference.damping.at(state, system.area * point.tangent, s)
     force = point.forces(system, operating)
     made = MotionPoint(
         contact=operating.law,
         friction=friction,
         speed=operating.sliding_speed,
-        c=modal_damping_rates(reference, state),
+        c=c,
+        damping_between=between,
         d=d,
         s=s,
         gap=point.gap,
@@ -140,33 +142,12 @@ def motion_point(
     return replace(made, growing=growing_modes(C, K, system.omega2, band_hz, tolerance))
 
 
-def modal_damping_rates(reference: SharedModes, state: DesignState) -> np.ndarray:
-    """Diagonal damping 2 zeta omega + beta omega^2 of every coordinate (n,), rad/s.
-
-    THEORY.md eq. (18). Modes and stiffness are those of the reference, for all design points.
-    """
-    zeta = np.full(reference.system.n, state.damping_ratio)
-    for mode, value in state.assembly_damping.items():
-        if mode > reference.n_exact:
-            raise ParameterError(
-                f"modes[{mode}].damping_ratio",
-                f"this basis has assembly modes 1 to {reference.n_exact}",
-            )
-        zeta[mode - 1] = value
-    rates: np.ndarray = zeta * reference.rates + state.stiffness_damping * reference.system.omega2
-    return np.maximum(rates, 0.0)
-
-
 def shape_terms(reference: SharedModes, state: DesignState) -> tuple[np.ndarray, np.ndarray]:
     """Damping [rad/s] and stiffness change [(rad/s)^2] of the system's shapes (m,)."""
     omega, keys = reference.component_frequencies, reference.component_modes
     dampers, changes = state.modal_dampers(omega), state.stiffness_changes(omega)
-    s = np.array([changes.get(key, 0.0) for key in keys])
-    d = np.array([dampers.get(key, 0.0) for key in keys]) + state.stiffness_damping * s
-    basis = state.damping_ratio * reference.coupling
-    own = reference.own_damping
-    none = np.zeros(len(own) + len(basis))
-    return np.concatenate([d, own, basis]), np.concatenate([s, none])
+    d = np.array([dampers.get(key, 0.0) for key in keys])
+    return d, np.array([changes.get(key, 0.0) for key in keys])
 
 
 def tangent(
@@ -196,7 +177,7 @@ def tangent(
         shapes=system.shapes,
     )
     _, C, K = structure.system.matrices(weights)
-    return C, K
+    return (C if design.damping_between is None else C + design.damping_between), K
 
 
 def perturbed(

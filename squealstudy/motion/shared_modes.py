@@ -7,20 +7,19 @@ POD vectors of a run beside them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
 
 from squealstudy.errors import ParameterError
 from squealstudy.models.operating import DesignState, ModeKey
+from squealstudy.motion.assembly_damping import AssemblyDamping
 from squealstudy.motion.system import ModalSystem
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.linearise import component_frequencies, linearise, reduced_energy_shares
 
-NEGLIGIBLE = 1e-14  # of the largest own damping of a coordinate: round-off
-COUPLED = 1e-3  # of the largest damping: coupling below it is left out
 LEAST = 1e-3  # energy norm of what modes of unit energy have beyond the kept ones: less is left out
 
 
@@ -41,17 +40,12 @@ class SharedModes:
         Share of each component, then of the interfaces, in the elastic energy of each mode.
     n_exact : int
         Leading coordinates that are assembly modes; all of them unless the basis was reduced.
-    rates : ndarray (n,)
-        Diagonal damping for a damping ratio of one, 2 omega of assembly modes, rad/s.
-    coupling : ndarray (m,)
-        Damping, for a damping ratio of one, of the last m rows of `system.shapes`: what is not
-        diagonal in a reduced basis, rad/s.
+    damping : AssemblyDamping
+        What the damping of each design point is made of, at its own working point.
     component_modes : tuple of (component, mode)
-        In the order of the first rows of `system.shapes`: what design points may change.
+        In the order of the rows of `system.shapes`: what design points may change.
     component_frequencies : mapping of (component, mode) -> float
         Free-free, of every component mode of the reduced assembly, rad/s.
-    own_damping : ndarray (k,)
-        The components' own damping [rad/s] of the rows of `system.shapes` between these.
     """
 
     system: ModalSystem
@@ -60,11 +54,9 @@ class SharedModes:
     K: np.ndarray
     energies: np.ndarray
     n_exact: int
-    rates: np.ndarray
-    coupling: np.ndarray
+    damping: AssemblyDamping
     component_modes: tuple[ModeKey, ...]
     component_frequencies: Mapping[ModeKey, float]
-    own_damping: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 def shared_modes(
@@ -90,7 +82,6 @@ def shared_modes(
     tangent = linearise(model, point, state)
     omega2, phi = la.eigh(tangent.K_sym)
     rows = [model.mode_coordinate(*key) for key in component_modes]
-    own, own_rows = _own_damping(model, phi)
     system = ModalSystem(
         omega2=omega2,
         N=model.N @ phi,
@@ -102,8 +93,17 @@ def shared_modes(
         gap=point.gap,
         k_ref=model.area * point.tangent,
         force=point.forces(model, state.operating),
-        shapes=np.vstack([phi[rows], own_rows]),
+        shapes=phi[rows],
         speed_factor=model.speed_factor,
+    )
+    damping = AssemblyDamping(
+        omega2=omega2,
+        N=system.N,
+        k_ref=system.k_ref,
+        shapes=system.shapes,
+        own=None if model.C_el is None else phi.T @ model.C_el @ phi,
+        damped_to=model.damped_to,
+        n_exact=len(omega2),
     )
     return SharedModes(
         system=system,
@@ -112,21 +112,10 @@ def shared_modes(
         K=phi.T @ tangent.K @ phi,
         energies=reduced_energy_shares(model, tangent.weights, phi),
         n_exact=len(omega2),
-        rates=2.0 * system.frequencies,
-        coupling=np.zeros(0),
+        damping=damping,
         component_modes=component_modes,
         component_frequencies=component_frequencies(model),
-        own_damping=own,
     )
-
-
-def _own_damping(model: ReducedModel, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The components' own damping as values (m,) [rad/s] and rows (m, n): C = U^T d U."""
-    if model.C_el is None:
-        return np.zeros(0), np.zeros((0, model.n))
-    d, vectors = la.eigh(phi.T @ model.C_el @ phi)
-    kept = d > NEGLIGIBLE * d[-1]
-    return d[kept], vectors[:, kept].T
 
 
 @dataclass(frozen=True)
@@ -223,17 +212,13 @@ def project(reference: SharedModes, basis: np.ndarray) -> SharedModes:
     system = reference.system
     exact = int((np.abs(basis).max(axis=0) == 1.0).cumprod().sum())
     K = basis.T @ (system.omega2[:, None] * basis)
-    G = basis.T @ (reference.rates[:, None] * basis)
-    coupling, turn = la.eigh(G - np.diag(np.diag(G)))
-    kept = np.abs(coupling) > COUPLED * np.abs(G).max()
-    rows = turn[:, kept].T
     smaller = replace(
         system,
         omega2=np.diag(K).copy(),
         N=system.N @ basis,
         T1=system.T1 @ basis,
         T2=system.T2 @ basis,
-        shapes=np.vstack([system.shapes @ basis, rows]),
+        shapes=system.shapes @ basis,
     )
     return replace(
         reference,
@@ -243,6 +228,5 @@ def project(reference: SharedModes, basis: np.ndarray) -> SharedModes:
         K=basis.T @ reference.K @ basis,
         energies=reference.energies[:, :exact],
         n_exact=exact,
-        rates=np.diag(G).copy(),
-        coupling=coupling[kept],
+        damping=reference.damping.on(basis, exact),
     )

@@ -5,12 +5,13 @@ In coordinates that diagonalise the system at a reference working point, M = I
 
     q'' + C q' + K q = load + N^T (A p(g) - rn_ref) + T1^T (t1 - t1_ref) + T2^T (t2 - t2_ref)
     g = gap + N q,    w = (speed f + T1 q', T2 q')
-    K + N^T diag(k_ref) N = diag(omega2) + U^T diag(s) U,    C = diag(c) + U^T diag(d) U
+    K + N^T diag(k_ref) N = diag(omega2) + U^T diag(s) U,    C = diag(c) + D + U^T diag(d) U
 
-with q the deviation from a base state (gap, rn_ref, t_ref): the system's, or a design point's own,
-which makes q = 0 its steady sliding, and f the factors of the points' sliding speeds. Load, law,
-friction, speed, damping and base belong to a design point; they may all change against one
-reference. `k_ref` stays the system's: it is the tangent taken into `omega2`, wherever the base is.
+with D the damping between coordinates and q the deviation from a base state (gap, rn_ref, t_ref):
+the system's, or a design point's own, which makes q = 0 its steady sliding, and f the factors of
+the points' sliding speeds. Load, law, friction, speed, damping and base belong to a design point;
+they may all change against one reference. `k_ref` stays the system's: it is the tangent taken into
+`omega2`, wherever the base is.
 """
 
 from __future__ import annotations
@@ -125,7 +126,7 @@ class MotionPoint:
     speed : float
         Imposed sliding velocity along T1, m/s; a contact point has its own share of it.
     c : ndarray (n,)
-        Modal damping 2 zeta omega, 1/s; on a hybrid system of its real modes (m,).
+        Damping of each coordinate by itself, 1/s; on a hybrid system of its real modes (m,).
     load : ndarray (n,) or None
         Modal load beyond that of the reference state.
     d, s : ndarray (m,) or None
@@ -140,6 +141,8 @@ class MotionPoint:
         Initial deviation from the base state and velocity; None for none.
     continued : bool
         The start is the end of an earlier run; otherwise its energy is that of a perturbation.
+    damping_between : ndarray (n, n) or None
+        Damping between coordinates, symmetric, zeros on its diagonal, 1/s; None for none.
     beta : float
         Of a hybrid system: stiffness-proportional damping of all that is no real mode, s.
     static_torque : float
@@ -161,6 +164,7 @@ class MotionPoint:
     q0: np.ndarray | None = None
     v0: np.ndarray | None = None
     continued: bool = False
+    damping_between: np.ndarray | None = None
     beta: float = 0.0
     static_torque: float = 0.0
     growing: GrowingModes = field(default_factory=GrowingModes)

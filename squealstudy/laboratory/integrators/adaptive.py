@@ -116,6 +116,8 @@ class Equations:
         modes, (d, s) = case.modal.modes[0, :, : self.n], case.modal.component_terms[0]
         self.K = np.diag(modes[layout.W2]) + U.T @ (s[:, None] * U)
         self.C = np.diag(modes[layout.C]) + U.T @ (d[:, None] * U)
+        if case.designs[0].damping_between is not None:
+            self.C += case.designs[0].damping_between
         self.D = np.zeros((6, len(system.area)))
 
     def rate(self, _t: float, y: np.ndarray) -> np.ndarray:

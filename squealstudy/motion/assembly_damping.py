@@ -1,0 +1,122 @@
+"""Damping of the assembly at a design's own working point, in the coordinates of a run.
+
+Modal damping (THEORY.md eq. (18)) is on the real modes of the design's own symmetric stiffness, as
+complex modes have it. In the modes of a reference working point that is a full matrix.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.errors import ParameterError
+from squealstudy.models.operating import DesignState
+from squealstudy.system.linearise import modal_damping
+
+SAME = 1e-9  # relative change of contact tangents up to which a working point is the reference's
+
+
+@dataclass(frozen=True)
+class AssemblyDamping:
+    """What the damping of design points is made of: all modes of the reference.
+
+    Attributes
+    ----------
+    omega2 : ndarray (n,)
+        Diagonal stiffness at the reference, contact tangent included, (rad/s)^2.
+    N : ndarray (nc, n)
+        Gaps.
+    k_ref : ndarray (nc,)
+        Contact tangents inside `omega2`, N/m.
+    shapes : ndarray (m, n)
+        Rows of component modes that design points stiffen.
+    own : ndarray (n, n) or None
+        The components' own damping, rad/s; None where they have none.
+    damped_to : float
+        rad/s; modes beyond have the damping coefficient of a mode there.
+    basis : ndarray (n, r) or None
+        Orthonormal coordinates of the run; None for all modes.
+    n_exact : int
+        Leading coordinates of the run that are assembly modes.
+    """
+
+    omega2: np.ndarray
+    N: np.ndarray
+    k_ref: np.ndarray
+    shapes: np.ndarray
+    own: np.ndarray | None
+    damped_to: float
+    n_exact: int
+    basis: np.ndarray | None = None
+
+    def on(self, basis: np.ndarray, n_exact: int) -> AssemblyDamping:
+        """The same in coordinates of orthonormal columns (n, r) of all modes."""
+        return replace(self, basis=basis, n_exact=n_exact)
+
+    def at(
+        self, state: DesignState, tangents: np.ndarray, stiffness: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Damping of a design point on itself and between coordinates.
+
+        Parameters
+        ----------
+        state : DesignState
+        tangents : ndarray (nc,)
+            Contact tangents of its working point, N/m.
+        stiffness : ndarray (m,)
+            What it adds to the stiffness of the shapes, (rad/s)^2.
+
+        Returns
+        -------
+        diagonal : ndarray (r,)
+            1/s, not negative.
+        between : ndarray (r, r) or None
+            Symmetric with zeros on the diagonal, 1/s; None where nothing is beside the diagonal.
+
+        Raises
+        ------
+        ParameterError
+            Damping of an assembly mode that the basis does not have.
+        """
+        zeta = self._ratios(state)
+        changed = np.abs(tangents - self.k_ref).max(initial=0.0) > SAME * self.k_ref.max(initial=0)
+        if changed or stiffness.any():
+            C = self._anew(zeta, state.stiffness_damping, tangents, stiffness)
+        else:
+            omega = np.sqrt(np.maximum(self.omega2, 0.0))
+            rates = 2.0 * zeta * np.minimum(omega, self.damped_to)
+            rates += state.stiffness_damping * self.omega2
+            if self.own is None and self.basis is None:
+                return np.maximum(rates, 0.0), None
+            C = np.diag(rates)
+        if self.own is not None:
+            C = C + self.own
+        if self.basis is not None:
+            C = self.basis.T @ C @ self.basis
+        between = 0.5 * (C + C.T)
+        np.fill_diagonal(between, 0.0)
+        return np.maximum(np.diag(C), 0.0), between if between.any() else None
+
+    def _ratios(self, state: DesignState) -> np.ndarray:
+        """Damping ratios (n,) of the assembly's modes."""
+        beyond = [mode for mode in state.assembly_damping if mode > self.n_exact]
+        if beyond:
+            raise ParameterError(
+                f"modes[{beyond[0]}].damping_ratio",
+                f"this basis has assembly modes 1 to {self.n_exact}",
+            )
+        return state.assembly_damping_ratios(len(self.omega2))
+
+    def _anew(
+        self, zeta: np.ndarray, beta: float, tangents: np.ndarray, stiffness: np.ndarray
+    ) -> np.ndarray:
+        """Modal and stiffness damping (n, n) of the design's own stiffness, 1/s."""
+        change = (tangents - self.k_ref)[:, None]
+        K = np.diag(self.omega2) + self.N.T @ (change * self.N)
+        K += self.shapes.T @ (stiffness[:, None] * self.shapes)
+        C = beta * K
+        if zeta.any():
+            C += modal_damping(la.eigh(K, driver="evd"), zeta, self.damped_to)
+        return C
