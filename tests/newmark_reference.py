@@ -44,6 +44,8 @@ def acceleration(system, design, q, v):
     d = np.zeros(m) if design.d is None else design.d
     s = np.zeros(m) if design.s is None else design.s
     linear = design.c * v + system.omega2 * q + U.T @ (d * (U @ v) + s * (U @ q))
+    if design.damping_between is not None:
+        linear = linear + design.damping_between @ v
     return load - linear + forces(system, design, q, v)
 
 

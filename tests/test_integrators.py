@@ -75,7 +75,17 @@ def smooth_case():
     friction = FrictionLaw(0.4, 40.0, friction_curve(static_ratio=1.5), "smooth")
     load = np.array([15.0, 1.0])
     damped, stiff = np.array([4.0]), np.array([500.0])
-    design = MotionPoint(law, friction, 0.4, np.array([3.0, 8.0]), load, damped, stiff)
+    between = np.array([[0.0, -3.0], [-3.0, 0.0]])
+    design = MotionPoint(
+        law,
+        friction,
+        0.4,
+        np.array([3.0, 8.0]),
+        load,
+        damped,
+        stiff,
+        damping_between=between,
+    )
     return system, design, np.array([0.001, -0.002, 0.8, 0.4])
 
 

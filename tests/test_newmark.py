@@ -120,9 +120,11 @@ def linear_case():
     load = np.array([5.0, 1.0])
     system = replace(system, gap=np.array([-1.0]), force=np.array([[2e4, 0.0, 0.0]]))
     design = MotionPoint(law, friction, 0.0, c, load, np.array([4.0]), np.array([500.0]))
+    between = np.array([[0.0, 2.0], [2.0, 0.0]])
+    design = replace(design, damping_between=between)
     u = np.ones((2, 2))
     K = np.diag(w2) + 2e4 * np.outer(N, N) + 500 * u
-    C = np.diag(c) + 40 * np.outer(T, T) + 4 * u
+    C = np.diag(c) + between + 40 * np.outer(T, T) + 4 * u
     return system, design, K, C, load
 
 
@@ -289,7 +291,16 @@ def random_system(n=12, nc=20, seed=3):
         shapes=rng.normal(size=(1, n)) / np.sqrt(n),
         sensed=np.array([1, 2]),
     )
-    design = MotionPoint(law, friction, 0.5, 0.01 * np.sqrt(values), d=np.array([50.0]))
+    full = rng.normal(size=(n, n)) / np.sqrt(n)  # damping of about 1 % on other modes
+    C = (full * (0.02 * np.sqrt(values))) @ full.T
+    design = MotionPoint(
+        law,
+        friction,
+        0.5,
+        np.diag(C).copy(),
+        d=np.array([50.0]),
+        damping_between=C - np.diag(np.diag(C)),
+    )
     return system, design
 
 
@@ -345,6 +356,8 @@ def test_batches_agree_with_single_runs(rough):
         )
         for mu, v in ((0.1, 0.5), (0.3, 1.0), (0.6, 0.2), (0.2, 2.0), (0.0, 1.0))
     ]
+    others[1] = replace(others[1], damping_between=None)
+    others[2] = replace(others[2], damping_between=0.5 * design.damping_between)
     alone = [run(system, x, SHORT, np.zeros(12), KICK) for x in others]
     together = simulate(system, started([design, *others], np.zeros(12), KICK), SHORT)
     pair = simulate(system, started(others[:2], np.zeros(12), KICK), SHORT)
