@@ -13,9 +13,8 @@ import scipy.linalg as la
 
 from squealstudy.errors import ParameterError
 from squealstudy.models.operating import DesignState
+from squealstudy.reduction.hybrid import SAME
 from squealstudy.system.linearise import modal_damping
-
-SAME = 1e-9  # relative change of contact tangents up to which a working point is the reference's
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,8 @@ def hybrid_arrays(model: HybridModel, design: MotionPoint) -> layout.HybridArray
         raise ModelError("hybrid design: damping must be finite, not negative")
     if not np.isfinite(points).all():
         raise ModelError("hybrid design: 'speed' must be finite")
+    if design.damping_between is not None:
+        raise ModelError("hybrid design: damping is on real modes, 'damping_between' on none")
     damped = np.flatnonzero(d)
     B = sp.vstack([model.N, model.T, model.T_perp], format="csr")
     B = B[np.arange(3 * nc).reshape(3, nc).T.ravel()]

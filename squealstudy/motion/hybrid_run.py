@@ -43,6 +43,7 @@ def simulate_hybrid(
     design: MotionPoint,
     settings: MotionSettings,
     sensed: np.ndarray | None = None,
+    sensors_of: HybridModel | None = None,
 ) -> HybridMotion:
     """Integrate one design point from its start.
 
@@ -56,7 +57,10 @@ def simulate_hybrid(
         iteration is a Gauss-Seidel iteration in the contact directions, so that `aitken` and
         `mockup` have nothing to do.
     sensed : ndarray (ns,) of int or None
-        Modes of the model, from 1, whose amplitudes are kept; None for all.
+        Modes, from 1, whose amplitudes are kept; None for all.
+    sensors_of : HybridModel or None
+        The same coordinates about another working point, whose modes and whose stiffness amplitudes
+        and modal energies are of; None for `model`.
 
     Raises
     ------
@@ -71,9 +75,10 @@ def simulate_hybrid(
     for name in UNUSED:
         if getattr(method, name) != Newmark.model_fields[name].default:
             raise ParameterError(name, "belongs to the modal representation")
+    seen = model if sensors_of is None else sensors_of
     if sensed is None:
-        sensed = np.arange(len(model.omega)) + 1
-    return _Run(model, design, settings, method.max_halvings, sensed).motion()
+        sensed = np.arange(len(seen.omega)) + 1
+    return _Run(model, design, settings, method.max_halvings, sensed, seen).motion()
 
 
 class _Run:
@@ -86,13 +91,18 @@ class _Run:
         settings: MotionSettings,
         max_halvings: int,
         sensed: np.ndarray,
+        seen: HybridModel,
     ) -> None:
         self._model, self._design, self._settings = model, design, settings
         self._max_halvings, self._sensed = max_halvings, sensed
+        self._omega = seen.omega[sensed - 1]
         self._hybrid = hybrid_arrays(model, design)
         self._state = initial_state(model, self._hybrid, *design.start(model.n))
+        modes, watching = sensed - 1, design.growing.sensors.reshape(-1, model.n)
+        if seen is not model:
+            modes, watching = modes[:0], np.vstack([seen.sensors[modes], watching])
         self._recorder = Recorder(
-            model, self._hybrid, self._state, settings, sensed - 1, design.growing.sensors
+            model, self._hybrid, self._state, settings, modes, watching, model.k_ref - seen.k_ref
         )
         self._limits = layout.Limits(
             settings.tolerance, settings.friction_tolerance, settings.max_iterations
@@ -178,7 +188,7 @@ class _Run:
         return HybridMotion(
             point=self._design,
             sensed=self._sensed,
-            omega=self._model.omega[self._sensed - 1],
+            omega=self._omega,
             outcome=outcome,
             message=message,
             time=time,
@@ -216,8 +226,10 @@ class Recorder:
     settings : MotionSettings
     modes : ndarray (ns,) of int
         Places of the modes of the model whose amplitudes are kept.
-    watching : ndarray (8 m, n)
-        Rows whose products with q and q' are kept beside them (GrowingModes.sensors).
+    watching : ndarray (m, n)
+        Rows whose products with q and q' are kept behind them.
+    excess : ndarray (nc,)
+        Contact tangents in the stiffness beyond those that modal energies are of, N/m.
     """
 
     model: HybridModel
@@ -226,9 +238,9 @@ class Recorder:
     settings: MotionSettings
     modes: np.ndarray
     watching: np.ndarray
+    excess: np.ndarray
 
     def __post_init__(self) -> None:
-        self.watching = self.watching.reshape(-1, self.model.n)
         self._watching_modes = self.watching @ self.model.phi
         self._rows: list[np.ndarray] = []
         self._sensed: list[np.ndarray] = []
@@ -241,7 +253,7 @@ class Recorder:
         return x[layout.Q] + moved[:, 0], x[layout.V] + moved[:, 1]
 
     def stored(self) -> tuple[float, float]:
-        """Mechanical energy of the linear part, and with the contact potential, J.
+        """Mechanical energy with the stiffness of modal energies, and with the contact, J.
 
         Modes are orthogonal in M and K: theirs replaces that of the sparse part.
         """
@@ -252,7 +264,9 @@ class Recorder:
         twice = v @ (self.model.M @ v) + x[layout.Q] @ x[layout.KQ]
         twice += rate @ rate - rate_s @ rate_s + w2 @ (a * a - a_s * a_s)
         linear = 0.5 * float(twice)
-        return linear, linear + float(potential_energy(self.hybrid, self.state))
+        gaps = self.state.point[:, its.X_START]
+        modal = linear - 0.5 * float(self.excess @ (gaps * gaps))
+        return modal, linear + float(potential_energy(self.hybrid, self.state))
 
     def save(self, step: int) -> None:
         """Append the accepted state, if the step is one of those kept."""

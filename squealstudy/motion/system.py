@@ -200,6 +200,12 @@ class MotionPoint:
             raise ModelError("design point: 'gap' or 'force' has values that are not finite")
         return gap, force
 
+    def tangents(self, system: ModalSystem | HybridModel) -> np.ndarray:
+        """Contact tangents (nc,) of the base state, N/m."""
+        gap, _ = self.base(system)
+        found: np.ndarray = system.area * self.contact.evaluate(gap)[1]
+        return found
+
     def points(self, system: ModalSystem | HybridModel) -> np.ndarray:
         """Contact points (N_POINT_ROWS, nc) for the kernels, at the base state."""
         gap, force = self.base(system)

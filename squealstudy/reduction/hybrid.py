@@ -7,7 +7,7 @@ sliding at a reference working point, whose contact tangent is inside `K`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,6 +21,7 @@ from squealstudy.reduction.cmt import ComponentModes, momenta
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.working_point import WorkingPoint
 
+SAME = 1e-9  # relative change of contact tangents up to which a working point is the reference's
 STATIC_SHARE = 0.1  # size of the static state beside all assembly modes together
 
 
@@ -105,6 +106,25 @@ class HybridModel:
         """Rows phi^T M (m, n), whose products with q are modal amplitudes (THEORY.md eq. (85))."""
         rows: np.ndarray = (self.M @ self.phi).T
         return rows
+
+
+def hybrid_model_at(model: HybridModel, tangents: np.ndarray) -> HybridModel:
+    """The same coordinates with the contact tangents of another working point in the stiffness.
+
+    And with the real modes there: those that damping of a design is on (THEORY.md eq. (18)).
+
+    Parameters
+    ----------
+    model : HybridModel
+    tangents : ndarray (nc,)
+        N/m.
+    """
+    change = tangents - model.k_ref
+    if np.abs(change).max(initial=0.0) <= SAME * np.abs(model.k_ref).max(initial=0.0):
+        return model
+    K = (model.K + model.N.T @ sp.diags(change) @ model.N).tocsr()
+    omega, phi = real_modes(model.M, K, model.damping_cutoff)
+    return replace(model, K=K, k_ref=tangents, omega=omega, phi=phi)
 
 
 def assembly_stiffness(assembly: Assembly, point: WorkingPoint) -> sp.csr_matrix:

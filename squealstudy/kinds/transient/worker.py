@@ -43,7 +43,12 @@ from squealstudy.motion.shared_modes import SharedModes
 from squealstudy.motion.simulate import Watch, simulate
 from squealstudy.motion.system import MotionPoint, stick_number
 from squealstudy.reduction.cmt import component_modes
-from squealstudy.reduction.hybrid import HybridModel, HybridSettings, hybrid_model
+from squealstudy.reduction.hybrid import (
+    HybridModel,
+    HybridSettings,
+    hybrid_model,
+    hybrid_model_at,
+)
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
 from squealstudy.tables.validity import BETWEEN
@@ -230,8 +235,12 @@ def hybrid_motions(
     phi = np.hstack([model.phi[:, :m] * signs, model.phi[:, m:]])  # modes of the reference
     model = replace(model, phi=phi)
     sensed = sensed_modes(task.section, reference.system.omega2[:m], task.band_hz)
-    made = [_hybrid_point(task, model, m, *one) for one in zip(chosen, points, strict=True)]
-    return [simulate_hybrid(model, point, task.settings(), sensed) for point in made]
+    motions: list[Motion] = []
+    for one, point in zip(chosen, points, strict=True):
+        own = hybrid_model_at(model, point.tangents(reference.system))
+        design = _hybrid_point(task, model, own, m, one, point)
+        motions.append(simulate_hybrid(own, design, task.settings(), sensed, model))
+    return motions
 
 
 def _model(task: BatchTask) -> HybridModel:
@@ -281,11 +290,16 @@ def common_modes(reference: SharedModes, model: HybridModel) -> np.ndarray:
 
 
 def _hybrid_point(
-    task: BatchTask, model: HybridModel, m: int, chosen: DesignPoint, point: MotionPoint
+    task: BatchTask,
+    model: HybridModel,
+    own: HybridModel,
+    m: int,
+    chosen: DesignPoint,
+    point: MotionPoint,
 ) -> MotionPoint:
     """The design point in coordinates of the hybrid model, which has the first m modes too.
 
-    With the damping of the modal representation.
+    Damped on the real modes at its own working point, those of `own`.
     """
     state = chosen.state()
     if point.s is not None and point.s.any():
@@ -293,14 +307,15 @@ def _hybrid_point(
             "parameter", "the hybrid representation has no frequency_scale of component modes"
         )
     beta, shapes = state.stiffness_damping, model.phi[:, :m]
-    zeta = state.assembly_damping_ratios(len(model.omega)) + 0.5 * beta * model.omega
+    zeta = state.assembly_damping_ratios(len(own.omega)) + 0.5 * beta * own.omega
     q0, v0 = (shapes @ x[:m] for x in point.start(task.reference.system.n))
     if task.start is not None:
         q0, v0 = q0 + task.start.q, v0 + task.start.v
     watching = point.growing.sensors[:, :m] @ model.sensors[:m]
     return replace(
         point,
-        c=2.0 * zeta * model.omega,
+        c=2.0 * zeta * own.omega,
+        damping_between=None,
         beta=beta + state.damping_ratio / (np.pi * model.damping_cutoff),
         q0=q0,
         v0=v0,
