@@ -162,3 +162,40 @@ def test_no_text_does_anything_but_hold_or_fail_clearly(text: str) -> None:
     except ResultsError:
         return
     assert all(held.dtype == bool and held.shape == (3,) for held in found)
+
+
+@pytest.mark.parametrize(
+    ("text", "rows"),
+    [
+        ("not (friction > 0.1)", [False, True, False]),
+        ("friction != 0.5", [False, True, False]),
+        ("status != 'ok'", [False, True, False]),
+        ("not status == 'ok'", [False, True, False]),
+        ("status not in ['ok']", [False, True, False]),
+        ("not (friction > 0.1 and unstable)", [False, True, True]),
+        ("friction > 0.1 or not unstable", [True, True, True]),
+        ("not unstable", [False, True, True]),
+        ("abs(friction - 0.5) < 1", [True, True, False]),
+    ],
+)
+def test_a_missing_value_is_neither_true_nor_false(text, rows):
+    """Judged row by row by hand: the last row has neither friction nor status."""
+    table = pd.DataFrame(
+        {
+            "friction": [0.5, 0.05, np.nan],
+            "status": ["ok", "failed", None],
+            "unstable": [True, False, False],
+        }
+    )
+    (condition,) = conditions(text, table.columns)
+    assert condition.holds(table).tolist() == rows
+
+
+@pytest.mark.parametrize(
+    "text", ["abs(status) > 1", "sqrt(status) > 1", "-status > 1", "status * 2 == 'x'"]
+)
+def test_text_has_no_arithmetic(text):
+    table = pd.DataFrame({"status": ["ok"], "friction": [0.5]})
+    (condition,) = conditions(text, table.columns)
+    with pytest.raises(ResultsError, match="text and lists have no arithmetic"):
+        condition.holds(table)

@@ -76,7 +76,10 @@ class Condition:
         return {self.marked.get(name, name) for name in names}
 
     def holds(self, table: pd.DataFrame) -> np.ndarray:
-        """Rows of a table for which it holds, bool (n_rows,); not where a value is missing.
+        """Rows of a table for which it holds, bool (n_rows,).
+
+        What compares a missing value is neither true nor false, nor is its negation: such a row
+        counts only where the rest decides (Kleene's logic).
 
         Raises
         ------
@@ -102,18 +105,18 @@ class Condition:
             case ast.Constant(value=int() | float() as value):
                 return np.float64(value)  # whose powers overflow at once
             case ast.Name(id=name):
-                return table[self.marked.get(name, name)]
+                column = table[self.marked.get(name, name)]
+                known = pd.api.types.infer_dtype(column, skipna=True) == "boolean"
+                return column.astype("boolean") if known else column
             case ast.List(elts=parts) | ast.Tuple(elts=parts):
                 return [self._value(part, table) for part in parts]
             case ast.Call(func=ast.Name(id=name), args=[part], keywords=[]) if name in FUNCTIONS:
-                return FUNCTIONS[name](self._value(part, table))
+                return FUNCTIONS[name](_number(self._value(part, table)))
             case ast.UnaryOp(op=op, operand=part) if type(op) in OPERATORS:
-                return OPERATORS[type(op)](None, self._value(part, table))
+                return OPERATORS[type(op)](None, _number(self._value(part, table)))
             case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
                 sides = [self._value(left, table), self._value(right, table)]
-                if any(isinstance(side, str | list) for side in sides):
-                    raise TypeError("text and lists have no arithmetic")
-                return OPERATORS[type(op)](*sides)
+                return OPERATORS[type(op)](*map(_number, sides))
             case ast.BoolOp(op=op, values=parts):
                 return reduce(OPERATORS[type(op)], (self._value(part, table) for part in parts))
             case ast.Compare(left=left, ops=ops, comparators=rest):
@@ -188,13 +191,23 @@ def _compared(left: Any, op: ast.cmpop, right: Any) -> Any:
             raise TypeError("expected a column before 'in' and a list in brackets after it")
         if any(_is_text(left) != _is_text(value) for value in right):
             raise TypeError("text and numbers cannot be compared")
-        held = left.isin(right)
+        held = left.isin(right).astype("boolean").mask(left.isna())
         return held if isinstance(op, ast.In) else ~held
     if type(op) not in OPERATORS or isinstance(left, list) or isinstance(right, list):
         raise TypeError("a list stands after 'in' alone")
     if _is_text(left) != _is_text(right):
         raise TypeError("text and numbers cannot be compared")
-    return OPERATORS[type(op)](left, right)
+    held = OPERATORS[type(op)](left, right)
+    if not isinstance(held, pd.Series):
+        return held
+    return held.astype("boolean").mask(pd.isna(left) | pd.isna(right))
+
+
+def _number(value: Any) -> Any:
+    """What can be computed with, or is true or false; TypeError for text and lists."""
+    if isinstance(value, list) or _is_text(value):
+        raise TypeError("text and lists have no arithmetic")
+    return value
 
 
 def _is_text(value: Any) -> bool:
