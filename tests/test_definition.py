@@ -265,6 +265,16 @@ BAD = {
         "sweep[3].parameter",
         "'caliper.modes[13].damping_ratio' both set damping_ratio of caliper mode 13",
     ),
+    "parameter without a value": (
+        HEAD + "[parameters] #!\nfriction = {}\n",
+        "parameters",
+        "'friction' is an empty table, expected a value",
+    ),
+    "unknown parameter without a value": (
+        HEAD + "[parameters] #!\n[parameters.nosuch.deeper]\n",
+        "parameters",
+        "'nosuch.deeper' is an empty table, expected a value",
+    ),
     "parameter twice": (
         HEAD + '[parameters] #!\ndisc.density = 1\n"disc.density" = 1\n',
         "parameters",

@@ -91,6 +91,13 @@ SWEEPS = (
 )
 
 
+@pytest.mark.parametrize("std", [1e6, 1e9, 1e15, 1e17, 1e300])
+@pytest.mark.parametrize("mean", [0.0, 0.45, 1e3])
+def test_a_truncated_normal_much_wider_than_its_ends_is_uniform(mean, std):
+    distribution = Distribution("truncated_normal", mean, std, 0.3, 0.6)
+    np.testing.assert_allclose(distribution.quantiles(U), 0.3 + 0.3 * U, rtol=1e-6)
+
+
 def test_a_sobol_study_transforms_the_sequence_of_its_seed():
     points = design_points(study(*SWEEPS))
     unit = qmc.Sobol(4, scramble=True, seed=np.random.default_rng(1)).random_base2(6)

@@ -20,6 +20,7 @@ KEYS: dict[str, tuple[str, ...]] = {  # of a [[sweep]], all of them needed
     "lognormal": ("median", "sigma"),
 }
 TAIL = 1e-4  # probability beyond what is shown as the range of an unbounded distribution
+FLAT = 1e-7  # relative change of a density over its range: its differences are rounded away
 EDGE = 2.0**-31  # half a step of a Sobol sequence: keeps unbounded quantiles finite
 
 
@@ -90,6 +91,8 @@ class Distribution:
             return stats.lognorm(self.std, scale=self.mean)
         if self.name == "truncated_normal":
             a, b = ((end - self.mean) / self.std for end in (self.start, self.stop))
+            if max(abs(a), abs(b)) * (b - a) < FLAT:
+                return stats.uniform(self.start, self.stop - self.start)
             return stats.truncnorm(a, b, self.mean, self.std)
         if self.scale == "log":
             return stats.loguniform(self.start, self.stop)

@@ -18,12 +18,14 @@ def flatten(tables: object) -> object:
 def flat_keys(tables: Mapping[str, Any]) -> dict[str, Any]:
     """Dotted keys of [parameters] as they were written, whether quoted or not.
 
-    ValueError where one is given twice.
+    ValueError where one is given twice, or is a table without any.
     """
     flat: dict[str, Any] = {}
     pending = [(str(k), v) for k, v in reversed([*tables.items()])]
     while pending:
         name, value = pending.pop()
+        if value == {}:
+            raise ValueError(f"'{name}' is an empty table, expected a value")
         if isinstance(value, dict):
             pending.extend((f"{name}.{k}", v) for k, v in reversed(value.items()))
         elif name in flat:
