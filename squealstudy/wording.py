@@ -21,6 +21,13 @@ FAILED = "failed"
 SUSTAINED = (LIMIT_CYCLE, IRREGULAR)  # those whose level is that of the vibration that lasts
 LASTING = (*SUSTAINED, GROWING)
 
+# verdicts of studies of limit cycles
+SQUEALS = "squeals"  # a mode is unstable
+IF_KICKED = "squeals_if_kicked"  # all are stable, and a vibration lasts beside them
+NEUTRAL = "neutral"  # small motions neither grow nor decay, and larger ones do not grow
+NO_CYCLE = "no_cycle_found"
+VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NEUTRAL, NO_CYCLE)  # of a design the first of its modes'
+
 LEAST_DIGITS = 3
 UNKNOWN = "-"  # in place of a number that is not known
 
@@ -134,6 +141,17 @@ def in_digits(value: float, decimals: int = 0) -> str:
     if value and abs(value) < 10.0 ** (1 - decimals):
         return f"{value:.{LEAST_DIGITS}g}"
     return f"{value:.{decimals}f}"
+
+
+def motion_frequency(hz: float, line: float, decimals: int = 0) -> str:
+    """Frequency of a motion [Hz], and which harmonic of it a torque is loudest at: ``95, x3``.
+
+    Of a motion that does not repeat the line at which its torque is loudest: ``~3131``.
+    """
+    if hz != hz:
+        return f"~{in_digits(line, decimals)}" if line == line else UNKNOWN
+    loudest = round(line / hz) if line == line else 1
+    return in_digits(hz, decimals) + (f", x{loudest}" if loudest > 1 else "")
 
 
 def figure(value: float, form: str = ".4g", unknown: str = UNKNOWN) -> str:

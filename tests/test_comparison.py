@@ -39,7 +39,7 @@ def freq_modes(points, rows=((7, 3255.0, 320.0), (9, 4940.0, 250.0), (3, 5240.0,
     return table.assign(unstable=table["growth_rate"] > 0, overdamped=False)
 
 
-RUN = ("n_unstable", "dominant_frequency_hz", "torque_rms")
+RUN = ("n_unstable", "torque_line_hz", "torque_rms")
 
 
 def time_points(friction=(0.4, 0.5), kinds=("limit_cycle", "growing"), **others):
@@ -79,7 +79,7 @@ def test_instabilities_of_both_studies_stand_side_by_side():
     assert table["expressed"].tolist() == [True, False, pd.NA, pd.NA, pd.NA]  # p1 still grows
     assert table["class"].tolist() == ["limit_cycle"] * 2 + ["growing"] * 3
     assert (first["freq_point_id"], first["time_point_id"]) == ("f1", "p0")
-    assert first["dominant_frequency_hz"] == 3175.0
+    assert first["torque_line_hz"] == 3175.0
 
 
 def test_what_one_study_alone_predicts_has_nan_of_the_other():
@@ -105,7 +105,7 @@ def test_stable_modes_are_no_predictions_divergence_and_untracked_modes_are():
     assert "4 predicted instabilities, 1 expresses itself, 3 cannot be told" in text
 
 
-VIBRATES = {"dominant_frequency_hz": 77.0, "torque_rms": 5.0, "n_unstable": 0}
+VIBRATES = {"torque_line_hz": 77.0, "torque_rms": 5.0, "n_unstable": 0}
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_what_vibrates_though_no_mode_is_predicted_has_a_row(kind, found):
     if found:
         row = table.iloc[0]
         assert (row["kind"], row["track"], row["class"]) == ("vibration", 0, kind)
-        assert (row["dominant_frequency_hz"], row["torque_rms"]) == (77.0, 5.0)
+        assert (row["torque_line_hz"], row["torque_rms"]) == (77.0, 5.0)
         assert row["expressed"] is pd.NA
         lasts = kind in ("limit_cycle", "irregular")
         told = "vibrate in time" if lasts else "grow or are undecided in time"

@@ -20,7 +20,6 @@ from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import families
 from squealstudy.cycles.growth import looked_again
 from squealstudy.cycles.harmonics import derivative
-from squealstudy.cycles.verdicts import IF_KICKED, NO_CYCLE
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Pace
 from squealstudy.errors import ConvergenceError
@@ -29,6 +28,7 @@ from squealstudy.kinds.limit_cycles.kind import by_nearness
 from squealstudy.kinds.limit_cycles.screen import SCREEN
 from squealstudy.screen import as_text
 from squealstudy.study.definition import parse_study
+from squealstudy.wording import IF_KICKED, NO_CYCLE
 
 SEARCH = Search(5, 1e-2, 15.0)
 NAME = "the first"

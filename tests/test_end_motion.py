@@ -138,7 +138,7 @@ def test_a_signal_of_uneven_steps_is_refused(results, tmp_path):
 
 
 def test_what_has_no_motion(results, tmp_path):
-    changed = results.points.assign(dominant_frequency_hz=np.nan)
+    changed = results.points.assign(torque_line_hz=np.nan)
     with pytest.raises(ResultsError, match="has no motion to show"):
         results.with_tables(points=changed).end_motion(0)
     failed = results.points.assign(status="failed", message="no equilibrium")

@@ -261,7 +261,7 @@ def test_a_run_begins_on_a_cycle_and_stays_on_it(followed, tmp_path):
     _, stable = cycle_ids(followed)
     row = in_time(followed, stable["cycle_id"], tmp_path / "on").points.iloc[0]
     assert row["torque_rms"] == pytest.approx(stable["torque_rms"], rel=2e-3)
-    assert row["dominant_frequency_hz"] == pytest.approx(stable["frequency_hz"], rel=1e-3)
+    assert row["torque_line_hz"] == pytest.approx(stable["frequency_hz"], rel=1e-3)
     assert row["perturbation"] == 0.0
 
 
@@ -324,7 +324,7 @@ def test_verdicts_and_runs_agree_or_differ():
             | {"stable": [True, True], "frequency_hz": [100.0, 200.0], "torque_rms": [1.0, 2.0]}
         )
         runs = pd.DataFrame({"point_id": ["t"], "status": ["ok"], "friction": [0.5], "class": run})
-        runs = runs.assign(torque_rms=1.1, dominant_frequency_hz=101.0)
+        runs = runs.assign(torque_rms=1.1, torque_line_hz=101.0)
         has = verdict in ("squeals", "squeals_if_kicked")
         found = compare_cycles(
             points, cycles if has else cycles[:0], runs, ["friction"], ["friction"], {}

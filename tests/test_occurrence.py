@@ -71,7 +71,7 @@ def test_runs_that_are_not_known_to_last_are_counted_apart():
             "status": "ok",
             "class": ["limit_cycle", "growing", "undecided", "decaying"],
             "torque_rms": [2.0, 1.0, np.nan, 0.0],
-            "dominant_frequency_hz": [1500.0, 1500.0, np.nan, np.nan],
+            "torque_line_hz": [1500.0, 1500.0, np.nan, np.nan],
         }
     )
     table = made(kind="transient", points=points).occurrence([1e3, 2e3], [0.0, 10.0])

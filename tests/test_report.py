@@ -163,7 +163,7 @@ def test_a_heading_without_findings_is_left_out(tmp_path):
 
 def test_of_runs_it_counts_what_they_came_to():
     kinds = ["limit_cycle", "limit_cycle", "failed", "stable", "growing"]
-    levels = {"torque_rms": [40.0, 60.0, 0.0, 0.1, 99.0], "dominant_frequency_hz": 3175.0}
+    levels = {"torque_rms": [40.0, 60.0, 0.0, 0.1, 99.0], "torque_line_hz": 3175.0}
     points = points_table({"friction": np.linspace(0.3, 0.5, 5)}, kinds, **levels)
     runs = made(kind="transient", points=points, modes=modes_table({}), growth=growth_table([]))
     told = RUNS.verdict(runs)

@@ -477,7 +477,7 @@ def test_a_study_ends_runs_early_and_says_so(tmp_path):
     assert early["time_reached"][0.5] < 0.7
     assert early["time_reached"][1.1] == pytest.approx(1.0)
     assert early["time_reached"][1.3] < 0.3
-    names = ["torque_rms", "torque_mean", "dominant_frequency_hz", "growth_rate"]
+    names = ["torque_rms", "torque_mean", "torque_line_hz", "growth_rate"]
     for name, bound in zip(names, (0.05, 0.01, 0.01, 1e-3), strict=True):
         assert early[name][0.5] == pytest.approx(whole[name][0.5], rel=bound)
     saved = float((1.0 - early["time_reached"]).sum())

@@ -144,7 +144,7 @@ def test_the_other_columns(finished):
     history = finished.history(cycle["point_id"])
     end = history[history["time"] > 0.3]
     f, power = scipy.signal.periodogram(end["torque"], 1 / 4e-4, nfft=2**16, detrend="linear")
-    assert cycle["dominant_frequency_hz"] == pytest.approx(f[np.argmax(power)], rel=0.005)
+    assert cycle["torque_line_hz"] == pytest.approx(f[np.argmax(power)], rel=0.005)
     assert cycle["dominant_mode"] == 1
     assert cycle["dominant_share"] > 0.99
     assert abs(points["energy_balance"]).max() < 1e-3

@@ -96,7 +96,7 @@ def test_motion_is_classed_and_measured_equally_in_other_units(model, tmp_path):
         "growth_rate": "1/s",
         "torque_rms": "N",
         "torque_mean": "N",
-        "dominant_frequency_hz": "Hz",
+        "torque_line_hz": "Hz",
         "time_reached": "s",
         "stick_share": "",
     }

@@ -7,7 +7,7 @@ TEXT = ("point_id", "status", "message", "class", "growth_method")
 WHOLE = {"n_unstable": 0, "dominant_mode": 0, "transfer_from": 0, "transfer_to": 0}
 REAL = ("predicted_frequency_hz", "predicted_growth_rate", "growth_rate", "growth_rate_low")
 REAL += ("growth_rate_high", "onset_time", "settled_time", "torque_static", "torque_mean")
-REAL += ("torque_rms", "torque_rms_low", "torque_rms_high", "dominant_frequency_hz")
+REAL += ("torque_rms", "torque_rms_low", "torque_rms_high", "torque_line_hz")
 REAL += ("dominant_share", "transfer_time", "energy_outside_share")
 ENERGIES = ("energy_disc", "energy_caliper", "energy_interfaces")
 FREQUENCIES = {44: 3180.0, 45: 3260.0, 51: 4950.0}
@@ -25,7 +25,7 @@ def points_table(parameters, kinds, **columns):
     given |= {"growth_rate": 303.0, "growth_rate_low": 297.0, "growth_rate_high": 309.0}
     given |= {"settled_time": 0.03, "torque_static": 360.0, "torque_mean": 348.0}
     given |= {"torque_rms": 60.0, "torque_rms_low": 57.0, "torque_rms_high": 63.0}
-    given |= {"dominant_frequency_hz": 3175.0, "dominant_mode": 44, "dominant_share": 0.6}
+    given |= {"torque_line_hz": 3175.0, "dominant_mode": 44, "dominant_share": 0.6}
     given |= {"energy_outside_share": 0.05} | columns
     for name in REAL:
         values = pd.Series(given.get(name, np.nan), index=table.index, dtype=float)

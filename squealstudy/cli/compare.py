@@ -13,7 +13,14 @@ from squealstudy.tables.comparison import BOTH, TIME, UNFOLLOWED, VIBRATION
 from squealstudy.tables.comparison import FREQUENCY as PREDICTED
 from squealstudy.tables.cycle_comparison import AGREES, CANNOT, DIFFERS
 from squealstudy.tables.mode_ranking import group_kind
-from squealstudy.wording import SUSTAINED, figure, named_tracks, plural, with_unit
+from squealstudy.wording import (
+    SUSTAINED,
+    figure,
+    motion_frequency,
+    named_tracks,
+    plural,
+    with_unit,
+)
 
 TITLES = ("mode", "Hz", "growth 1/s", "forecast", "fitted", "95 %", "dev %", "energy %", "lives")
 AGREEMENTS = {AGREES: "agree", DIFFERS: "differ", CANNOT: "open"}
@@ -87,7 +94,7 @@ def _cycle_cells(row: dict[Hashable, Any]) -> list[str]:
         figure(row["torque_rms"]),
         figure(100 * row["level_deviation"], "+.2f"),
         figure(row["predicted_frequency_hz"], ".1f"),
-        figure(row["dominant_frequency_hz"], ".1f"),
+        motion_frequency(row["frequency_hz"], row["torque_line_hz"], 1),
         figure(100 * row["frequency_deviation"], "+.3f"),
         figure(row["threshold_velocity"]),
         bistable,
@@ -174,7 +181,7 @@ def _mode(track: int) -> str:
 
 def _motion(row: dict[Hashable, Any]) -> str:
     """Class, leading line and level of the run; of motion that nothing predicts, that it is."""
-    line = figure(row["dominant_frequency_hz"], ".0f")
+    line = figure(row["torque_line_hz"], ".0f")
     text = str(row["class"]) + (f", {line} Hz" if line != "-" else "")
     why = {VIBRATION: "not predicted", UNFOLLOWED: "not followed"}.get(str(row["kind"]))
     return f"{text}, RMS {figure(row['torque_rms'])}: {why}" if why else text

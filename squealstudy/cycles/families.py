@@ -30,7 +30,6 @@ from squealstudy.cycles.oscillator import WHOLE
 from squealstudy.cycles.projection import Projection
 from squealstudy.cycles.verdicts import (
     HOPELESS,
-    NO_CYCLE,
     NOT_FOLLOWED,
     SEARCHED,
     Family,
@@ -39,6 +38,7 @@ from squealstudy.cycles.verdicts import (
     judged,
 )
 from squealstudy.errors import ConvergenceError
+from squealstudy.wording import NO_CYCLE
 
 MORE = 2  # numbers of harmonics with which they are looked at again
 CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of projected ones

@@ -23,14 +23,8 @@ from squealstudy.cycles.trials import (
     run_on,
     state_of,
 )
-from squealstudy.cycles.verdicts import (
-    IF_KICKED,
-    NO_CYCLE,
-    SQUEALS,
-    UNDECIDED,
-    Family,
-    Followed,
-)
+from squealstudy.cycles.verdicts import Family, Followed
+from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
 
 PHASES = 8
 LEAST = 1e-3  # of the largest kick tried: smaller ones are not looked for

@@ -111,10 +111,12 @@ class Ended:
         Of its last window, about the mean, N m; NaN where no level lasts.
     spread : float
         Half of what this is uncertain by, relative.
-    frequency_hz : float
-        Of the largest line of the torque.
+    frequency_hz, line_hz : float
+        Of the motion, NaN where it does not repeat; of the strongest line of the torque.
     mode_hz : float
         Of the assembly mode with most energy at the end; NaN of one outside the band.
+    open_share_max : float
+        Of the contact area, in the last window.
     """
 
     start: str
@@ -122,7 +124,9 @@ class Ended:
     torque_rms: float = np.nan
     spread: float = np.nan
     frequency_hz: float = np.nan
+    line_hz: float = np.nan
     mode_hz: float = np.nan
+    open_share_max: float = 0.0
 
     @property
     def outcome(self) -> str:
@@ -184,4 +188,5 @@ def ended(start: str, motion: Motion) -> Ended:
         return Ended(start, found, mode_hz=mode)
     rms = float(point["torque_rms"])
     spread = 0.5 * (point["torque_rms_high"] - point["torque_rms_low"]) / rms if rms else np.nan
-    return Ended(start, found, rms, spread, point["dominant_frequency_hz"], mode)
+    hz, line = point["frequency_hz"], point["torque_line_hz"]
+    return Ended(start, found, rms, spread, hz, line, mode, float(point["open_share_max"]))

@@ -17,11 +17,8 @@ from squealstudy.cycles.cycle import OK, Cycle, same_cycle
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.growth import DAMPED, FAR, SecondLook
 from squealstudy.cycles.trials import Ended
-from squealstudy.wording import plural
+from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED, plural
 
-SQUEALS, IF_KICKED = "squeals", "squeals_if_kicked"
-NO_CYCLE, UNDECIDED = "no_cycle_found", "undecided"
-VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NO_CYCLE)  # of a design the first of its families'
 NOT_FOLLOWED = "not_followed"  # end of a curve that was not asked for
 SEARCHED = (FAR, DAMPED)  # ends of curves that were followed as far as there is hope
 HOPELESS = 0.02  # damping ratio missing, beyond small motions', at which large models are left

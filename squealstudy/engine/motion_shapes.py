@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 END = "end of the run"
 MODAL = "modal"  # representation whose states are in component-mode coordinates
-LEVEL, FREQUENCY = "torque_rms", "dominant_frequency_hz"  # columns of points
+LEVEL, FREQUENCY = "torque_rms", "torque_line_hz"  # columns of points
 
 
 @dataclass(frozen=True)

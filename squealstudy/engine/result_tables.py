@@ -18,6 +18,8 @@ from squealstudy.study.kinds import screen_of
 from squealstudy.study.parameters import onset_parameter
 from squealstudy.tables.point_rows import ROW
 
+RENAMED = {"dominant_frequency_hz": "torque_line_hz"}  # columns of results of before
+
 if TYPE_CHECKING:
     from squealstudy.engine.kind import KindScreen
 
@@ -85,7 +87,8 @@ class ResultTables:
                     f"{', '.join(self.tables)}"
                 )
             file = f"{name}.parquet"
-            self._loaded[name] = self.store.read_table(file).to_pandas(self_destruct=True)
+            found = self.store.read_table(file).to_pandas(self_destruct=True)
+            self._loaded[name] = found.rename(columns=RENAMED)
         table = self._loaded[name]
         if "units" not in table.attrs:
             self._give_units(table, f"{name}.parquet")

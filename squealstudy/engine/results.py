@@ -242,7 +242,7 @@ class Results(ResultTables):
             )
         elif self.kind == "transient":
             level, own = "torque_rms", points[points["class"].isin(SUSTAINED).to_numpy(bool)]
-            squeals = own.rename(columns={"dominant_frequency_hz": "frequency_hz"})
+            squeals = own.assign(frequency_hz=own["torque_line_hz"])  # where it is loudest
             open_ = int(points["class"].isin((GROWING, UNDECIDED)).sum())
         else:
             raise ResultsError(

@@ -167,6 +167,14 @@ def open_reason(law_kind: str, share: float) -> str:
     return f"{rule}: {share:.3g}" if share > most else ""
 
 
+def motion_reason(law_kind: str, share: float) -> str:
+    """What a motion breaks, of a run or a cycle, in which at most that share was ever open.
+
+    Of a law that pulls: it has no open contact. Others hold open contact too, and nothing is said.
+    """
+    return open_reason(law_kind, share) if CONTACT_LAWS[law_kind].pulls else ""
+
+
 def _reasons(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
     """Row of a point and what it breaks: found by a worker, known before, told by its findings."""
     if "invalid_reason" in points:
@@ -181,12 +189,12 @@ def _reasons(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
 def _of_findings(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
     """What the findings of points break."""
     kind = plan.first.law_kind
-    in_time = "class" in points
-    if not in_time or CONTACT_LAWS[kind].pulls:  # in time its worker has told of other laws
-        share = _numbers(points, "open_share_max" if in_time else "open_share")
-        for row in np.flatnonzero(share > 0).tolist():
-            if text := open_reason(kind, share[row]):
-                yield row, text
+    in_time = "class" in points  # steady sliding is told by its worker
+    share = _numbers(points, "open_share_max" if in_time else "open_share")
+    told = motion_reason if in_time else open_reason
+    for row in np.flatnonzero(share > 0).tolist():
+        if text := told(kind, share[row]):
+            yield row, text
     distance = _numbers(points, "perturbation")
     for row in np.flatnonzero(np.isfinite(distance)).tolist():
         kick = distance[row] / abs(plan.tasks[row].operating_point().sliding_speed)

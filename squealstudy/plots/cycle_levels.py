@@ -30,7 +30,15 @@ from squealstudy.plots.style import (
 )
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.wording import SUSTAINED, plural
+from squealstudy.wording import (
+    IF_KICKED,
+    NEUTRAL,
+    NO_CYCLE,
+    SQUEALS,
+    SUSTAINED,
+    UNDECIDED,
+    plural,
+)
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -64,10 +72,11 @@ EVENTS = {
     "BP": "BP: branch point",
 }
 VERDICTS = {  # heights and colours of the strip
-    "squeals": COLOURS[0],
-    "squeals_if_kicked": COLOURS[3],
-    "undecided": GREY,
-    "no_cycle_found": COLOURS[2],
+    SQUEALS: COLOURS[0],
+    IF_KICKED: COLOURS[3],
+    UNDECIDED: GREY,
+    NEUTRAL: COLOURS[4],
+    NO_CYCLE: COLOURS[2],
 }
 
 

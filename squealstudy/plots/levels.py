@@ -235,7 +235,7 @@ def _frequencies(axes: Axes, row: _Row) -> None:
     )
     for name in LASTING:
         own = row.is_class(name)
-        found = line.loc[own, "dominant_frequency_hz"].to_numpy(dtype=float)
+        found = line.loc[own, "torque_line_hz"].to_numpy(dtype=float)
         if own.any():
             label = "" if any(c.get_label() == "dominant" for c in axes.get_lines()) else "dominant"
             axes.plot(row.x[own], found, linestyle="", markersize=5, label=label, **CLASSES[name])

@@ -70,7 +70,7 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     finish(axes, "Time [ms]", "Frequency [Hz]")
     axes.grid(False)
     axes.set_ylim(0.0, top)
-    f = run.number("dominant_frequency_hz")
+    f = run.number("torque_line_hz")
     dominant = f"dominant {in_digits(f)} Hz" if f > 0 else ""
     reached = f"the samples kept reach {in_digits(nyquist)} Hz only" if band_top > nyquist else ""
     head(axes, run.title, joined(dominant, reached))

@@ -114,7 +114,7 @@ def _fit_window(growth: pd.DataFrame) -> tuple[float, float]:
 
 def _last_periods(run: Run) -> Run:
     """The run over its last periods; where no frequency is known, over its last twentieth."""
-    time, f = run.column("time"), run.number("dominant_frequency_hz")
+    time, f = run.column("time"), run.number("torque_line_hz")
     length = PERIODS / f if f > 0 else (time[-1] - time[0]) / 20
     return replace(run, history=run.history[time >= time[-1] - length])
 
@@ -158,7 +158,7 @@ def _shade(axes: Axes, found: list[Phase], named: bool) -> None:
 
 
 def _zoom_title(axes: Axes, run: Run) -> None:
-    f, rms = run.number("dominant_frequency_hz"), run.number("torque_rms")
+    f, rms = run.number("torque_line_hz"), run.number("torque_rms")
     text = f"last {PERIODS} periods of {in_digits(f)} Hz" if f > 0 else "the end"
     text += f"; RMS {rms:.3g} {friction_label(run.units)[1]}" if np.isfinite(rms) else ""
     head(axes, text)

@@ -23,10 +23,10 @@ COLUMNS = (
     {"kind": "str", "track": "int64", "frequency_hz": "f8", "growth_rate": "f8"}
     | {"predicted_frequency_hz": "f8", "predicted_growth_rate": "f8", "fitted_growth_rate": "f8"}
     | {"low": "f8", "high": "f8", "deviation": "f8", "level_share": "f8"}
-    | {"expressed": "boolean", "class": "str", "dominant_frequency_hz": "f8", "torque_rms": "f8"}
+    | {"expressed": "boolean", "class": "str", "torque_line_hz": "f8", "torque_rms": "f8"}
     | {"freq_point_id": "str", "time_point_id": "str"}
 )
-OF_THE_RUN = ("class", "dominant_frequency_hz", "torque_rms")
+OF_THE_RUN = ("class", "torque_line_hz", "torque_rms")
 
 
 def compare(
@@ -73,7 +73,7 @@ def compare(
         `predicted_...` those of the time study's own complex mode, beside its fitted growth with
         95 % bounds; `deviation` = fitted / growth_rate - 1. `level_share` is the share of the
         sustained vibration's energy (`motion.outcome.complex_shares`), `expressed` whether it is a
-        twentieth or more: missing where the run does not tell. `class`, `dominant_frequency_hz`
+        twentieth or more: missing where the run does not tell. `class`, `torque_line_hz`
         [Hz] and `torque_rms` are those of the run.
 
         `attrs` counts what is compared: ``points``, of them ``failed_frequency`` (left out) and

@@ -8,14 +8,13 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.tables.comparison import OF_THE_RUN, OPEN, STABLE, join_points
-from squealstudy.wording import SUSTAINED
+from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, SUSTAINED
 
-SQUEALS, IF_KICKED, NO_CYCLE = "squeals", "squeals_if_kicked", "no_cycle_found"
 AGREES, DIFFERS, CANNOT = "agrees", "differs", "open"  # verdict and run
 COLUMNS = (
     {"verdict": "str", "bistable": "boolean", "n_stable": "int64"}
     | {"predicted_torque_rms": "f8", "predicted_frequency_hz": "f8", "threshold_velocity": "f8"}
-    | {"class": "str", "torque_rms": "f8", "dominant_frequency_hz": "f8"}
+    | {"class": "str", "torque_rms": "f8", "frequency_hz": "f8", "torque_line_hz": "f8"}
     | {"level_deviation": "f8", "frequency_deviation": "f8", "agreement": "str"}
     | {"cycle_id": "str", "cycles_point_id": "str", "time_point_id": "str"}
 )
@@ -38,11 +37,12 @@ def compare_cycles(
     DataFrame
         The parameters of both studies, then COLUMNS. `bistable`: a stable cycle was found beside
         steady sliding without an unstable mode; missing where that is undecided. The predicted
-        cycle is, of the stable ones, that nearest in frequency to a run that lasts, else the
-        loudest. `level_deviation` and `frequency_deviation` are run / predicted - 1, of runs that
-        last. `agreement`: ``differs`` where a design of verdict squeals stays silent, or one
-        without a cycle vibrates; ``open`` where verdict or run is undecided. A design that squeals
-        if kicked agrees with both: it depends on the start.
+        cycle is, of the stable ones, that nearest in frequency to a run that lasts (to its loudest
+        line where the motion does not repeat), else the loudest. `level_deviation` and
+        `frequency_deviation` are run / predicted - 1, of runs that last. `agreement`: ``differs``
+        where a design of verdict squeals stays silent, or one without a cycle vibrates; ``open``
+        where verdict or run is undecided. A design that squeals if kicked agrees with both: it
+        depends on the start.
 
     Raises
     ------
@@ -79,12 +79,15 @@ def _verdict(design: pd.Series, n_stable: int) -> dict[str, object]:
 
 def _levels(stable: pd.DataFrame, run: pd.Series) -> dict[str, object]:
     found: dict[str, object] = {name: run[name] for name in OF_THE_RUN}
+    line = float(run["torque_line_hz"])
+    own = float(run.get("frequency_hz", np.nan))  # results of before have none
+    found["frequency_hz"] = own
     found |= {"predicted_torque_rms": np.nan, "predicted_frequency_hz": np.nan, "cycle_id": ""}
     found |= {"level_deviation": np.nan, "frequency_deviation": np.nan}
     if not len(stable):
         return found
     lasts = run["class"] in SUSTAINED
-    hz, level = float(run["dominant_frequency_hz"]), float(run["torque_rms"])
+    hz, level = own if np.isfinite(own) else line, float(run["torque_rms"])
     if lasts and np.isfinite(hz):
         cycle = stable.iloc[int(np.argmin(np.abs(stable["frequency_hz"] / hz - 1.0)))]
     else:

@@ -76,7 +76,7 @@ def main() -> None:
     values = [round(share * float(fold["value"]), 6) for share in SHARES]
     start = RUN.format(cycle=folder / "cycles" / cycle["cycle_id"])
     points = study("runs", "transient", values, start).points
-    print(points[["friction", "class", "torque_rms", "dominant_frequency_hz"]].to_string())
+    print(points[["friction", "class", "torque_rms", "torque_line_hz"]].to_string())
 
 
 if __name__ == "__main__":

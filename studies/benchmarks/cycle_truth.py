@@ -71,7 +71,7 @@ KEPT = [
     "torque_rms",
     "torque_rms_low",
     "torque_rms_high",
-    "dominant_frequency_hz",
+    "torque_line_hz",
 ]
 
 

@@ -38,7 +38,7 @@ from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.families import families
 from squealstudy.cycles.kicked import decided_in_time
 from squealstudy.cycles.trials import LASTS, Trials, state_of
-from squealstudy.cycles.verdicts import SQUEALS, VERDICTS, Family, Followed
+from squealstudy.cycles.verdicts import Family, Followed
 from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task
@@ -47,7 +47,7 @@ from squealstudy.kinds.limit_cycles.designs import CyclesRequest, request
 from squealstudy.modes.point import angular_band
 from squealstudy.study.definition import parse_study
 from squealstudy.study.design import DesignPoint
-from squealstudy.wording import STABLE
+from squealstudy.wording import SQUEALS, STABLE, VERDICTS
 
 WINDOW = (2.9e3, 5.3e3)  # Hz
 BESIDE = 0.9, 1.1  # times the motion of an unstable cycle
@@ -155,7 +155,7 @@ def main() -> None:
         for k, family in followed:
             print(
                 f"{number}: {design['truth']}, {design['torque_rms']:.4g} N m, "
-                f"{design['dominant_frequency_hz']:.1f} Hz | mode {k}, {hz[k - 1]:.0f} Hz, "
+                f"{design['torque_line_hz']:.1f} Hz | mode {k}, {hz[k - 1]:.0f} Hz, "
                 f"{lam[k - 1].real:.0f} 1/s: {family.verdict} ({family.reason}); "
                 f"{len(family.curve)} points, {family.end}"
             )

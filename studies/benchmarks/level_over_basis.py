@@ -122,7 +122,7 @@ def solved(variant: Variant, mesh: str) -> list[dict[str, object]]:
             "RMS": p["torque_rms"],
             "low": p["torque_rms_low"],
             "high": p["torque_rms_high"],
-            "Hz": p["dominant_frequency_hz"],
+            "Hz": p["torque_line_hz"],
             "class": p["class"] if p["status"] == "ok" else p["status"],
             "us a step": 1e6 * p["wall_s"] / steps,
         }

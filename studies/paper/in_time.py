@@ -65,9 +65,9 @@ def not_linear(found: Found) -> Answer:
     row = found.squeal.points.iloc[0]
     if row["status"] != "ok" or row["class"] not in SUSTAINED:
         return OPEN, "the run has no cycle that lasts"
-    moved = row["dominant_frequency_hz"] / row["predicted_frequency_hz"] - 1
+    moved = row["torque_line_hz"] / row["predicted_frequency_hz"] - 1
     harmonics = [row[f"harmonic_{n}_level"] / row["dominant_level"] for n in (2, 3)]
-    text = f"its line is at {row['dominant_frequency_hz']:.0f} Hz, {100 * moved:+.1f} % from the "
+    text = f"its line is at {row['torque_line_hz']:.0f} Hz, {100 * moved:+.1f} % from the "
     text += f"fastest complex mode; harmonics {100 * harmonics[0]:.1f} and "
     text += f"{100 * harmonics[1]:.1f} % of it; {100 * row['open_share']:.1f} % of the contact is "
     text += "open on average"

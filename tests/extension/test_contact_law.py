@@ -82,7 +82,7 @@ def test_in_time_it_keeps_the_energy_balance_and_the_frequency(tmp_path):
     assert abs(point.energy_balance) < 1e-10
     # both modes are neutral: the run begins along the lower one
     assert point.predicted_frequency_hz == pytest.approx(frequencies()[0], rel=1e-9)
-    assert point.dominant_frequency_hz == pytest.approx(frequencies()[0], rel=1e-4)
+    assert point.torque_line_hz == pytest.approx(frequencies()[0], rel=1e-4)
 
 
 def test_in_time_another_law_is_never_computed(tmp_path):

@@ -15,7 +15,7 @@ from squealstudy.kinds.design.in_time import TODAY
 from squealstudy.kinds.design.plan import CYCLES, FULL, IN_TIME, ROOTS, Ask, ask
 from squealstudy.kinds.design.state import Check, Extra
 from squealstudy.tables.robustness import probability_interval
-from squealstudy.wording import plural
+from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, plural
 
 if TYPE_CHECKING:
     from squealstudy.kinds.design.loop import Loop
@@ -155,7 +155,7 @@ class Proof:
             if row["status"] != "ok" or not np.isfinite(missing):
                 continue
             value = max(value, missing)
-            if missing > 0 or name in ("squeals", "squeals_if_kicked"):
+            if missing > 0 or name in (SQUEALS, IF_KICKED):
                 good = False
                 hz = float(row["frequency_hz"])
                 own = self._damping_near(self.loop.rows[self.loop.judging(p, design)], hz)
@@ -164,9 +164,9 @@ class Proof:
                 more = own + lack + (LACKING - 1.0) * beyond
                 self.loop.state.extras.append(Extra(p, more, hz))
                 self.loop.state.view = sorted({*self.loop.state.view, p})
-        known = good and set(verdicts) <= {"no_cycle_found"}
+        known = good and set(verdicts) <= {NO_CYCLE}
         text = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in verdicts.items())
-        if "no_cycle_found" in verdicts:
+        if NO_CYCLE in verdicts:
             text += " (on the curves searched; a cycle apart from them is not excluded)"
         if value > 0:
             text += f"; up to {100 * value:.2g} % of critical damping is missing at some amplitude"

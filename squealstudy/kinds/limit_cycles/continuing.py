@@ -16,7 +16,6 @@ import pandas as pd
 import pyarrow as pa
 
 from squealstudy.cycles.cycle import LEVELS, OK, alike
-from squealstudy.cycles.verdicts import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
 from squealstudy.engine.cycle_states import cycle_file, stored_cycles
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.plan import Plan
@@ -56,6 +55,7 @@ from squealstudy.kinds.limit_cycles.tables import (
     summary,
 )
 from squealstudy.modes.tracking.tree import grid_places
+from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
 
 THRESHOLD = tuple(f"threshold_{name}" for name in ("velocity", "error", "energy", "share"))
 NEAREST = 3  # neighbours of a design that is on no grid
@@ -364,6 +364,8 @@ def _judge_again(
                 verdict["torque_rms"] = cycle["torque_rms"]
                 verdict["level_error"] = cycle["level_error"]
                 verdict["cycle_frequency_hz"] = cycle["frequency_hz"]
+                verdict["torque_line_hz"] = cycle["torque_line_hz"]
+                verdict["invalid_reason"] = cycle["invalid_reason"]
                 verdict["threshold_share"] = verdict["threshold_velocity"] / known_velocity(cycle)
         if verdict["verdict"] == SQUEALS:
             if stable:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -9,11 +10,18 @@ import pandas as pd
 from rich.console import RenderableType
 
 from squealstudy.cycles.branch import CLOSED
-from squealstudy.cycles.verdicts import NO_CYCLE
 from squealstudy.engine.kind import KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, grid, notes
-from squealstudy.wording import TORQUE, amount, figure, in_digits, plural, with_unit
+from squealstudy.wording import (
+    NO_CYCLE,
+    TORQUE,
+    amount,
+    figure,
+    motion_frequency,
+    plural,
+    with_unit,
+)
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -54,8 +62,9 @@ class LimitCyclesScreen(KindScreen):
         legend = notes(
             f"{more} more in the points table" if more else "",
             "growth: fastest complex mode that was followed; RMS, Hz: of the loudest stable cycle, "
-            "or of a run in time that lasts; kick: contact velocity of the unstable cycle that a "
-            "disturbance must exceed, share of that of the loudest stable one",
+            "or of a run in time that lasts (x2: the torque is loudest at twice that; ~: its "
+            "loudest line, the motion does not repeat); kick: contact velocity of the unstable "
+            "cycle that a disturbance must exceed, share of that of the loudest stable one",
             "no cycle found: none on the curves of growth over amplitude of the modes followed"
             f"{_served(results)}, looked at again with more harmonics; cycles on a branch apart "
             "from these curves are not excluded, and a kick may start squeal"
@@ -147,14 +156,14 @@ def _cells(row: dict[Hashable, Any], own: list[str]) -> list[str]:
     place = [f"{row[p]:.6g}" for p in own]
     if row["status"] != "ok":
         return [*place, f"failed: {row['status']}", *[""] * 6, str(row["message"])]
-    hz = row["frequency_hz"]
+    hz = motion_frequency(row["frequency_hz"], row.get("torque_line_hz", math.nan), 1)
     return [
         *place,
         str(row["verdict"]).replace("_", " "),
         figure(row["max_growth_rate"]),
         figure(row["torque_rms"]),
         figure(100 * row["level_error"], ".2g"),
-        in_digits(hz, 1) if hz == hz else "-",
+        hz,
         figure(row["threshold_velocity"]),
         figure(100 * row["threshold_share"], ".0f"),
         str(row["reason"]),

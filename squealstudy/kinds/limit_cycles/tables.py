@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from squealstudy.cycles.cycle import Cycle, same_cycle
 from squealstudy.cycles.kicked import Kick
-from squealstudy.cycles.verdicts import IF_KICKED, UNDECIDED, VAGUE, VERDICTS, Family, Followed
+from squealstudy.cycles.verdicts import VAGUE, Family, Followed
 from squealstudy.engine.rows import (
     FLAG,
     HEAD,
@@ -23,8 +23,9 @@ from squealstudy.engine.rows import (
     structs,
     working_point_cells,
 )
-from squealstudy.engine.validity import open_reason
+from squealstudy.engine.validity import motion_reason
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.wording import IF_KICKED, SQUEALS, UNDECIDED, VERDICTS
 
 SUMMARY_FIELDS = (
     ("verdict", TEXT),
@@ -38,8 +39,10 @@ SUMMARY_FIELDS = (
     ("torque_rms", REAL),
     ("level_error", REAL),
     ("frequency_hz", REAL),
+    ("torque_line_hz", REAL),
     ("threshold_velocity", REAL),
     ("threshold_share", REAL),
+    ("invalid_reason", TEXT),
 )
 VERDICT_FIELDS = (
     ("mode", WHOLE),
@@ -57,6 +60,7 @@ VERDICT_FIELDS = (
     ("torque_rms", REAL),
     ("level_error", REAL),
     ("cycle_frequency_hz", REAL),
+    ("torque_line_hz", REAL),
     ("threshold_velocity", REAL),
     ("threshold_error", REAL),
     ("threshold_energy", REAL),
@@ -68,6 +72,7 @@ VERDICT_FIELDS = (
     ("kick_error", REAL),
     ("kick_status", TEXT),
     ("run_status", TEXT),
+    ("invalid_reason", TEXT),
 )
 LEVELS = (
     "torque_mean",
@@ -90,6 +95,7 @@ CYCLE_FIELDS = (
     ("mode", WHOLE),
     ("status", TEXT),
     ("frequency_hz", REAL),
+    ("torque_line_hz", REAL),
     *((name, REAL) for name in LEVELS),
     ("radiated_power", REAL),
     ("torque_harmonics", pa.list_(REAL)),
@@ -121,6 +127,7 @@ CURVE_FIELDS = (
     ("basis_error", REAL),
     ("balance_residual", REAL),
 )
+LEVEL = ("torque_rms", "level_error", "cycle_frequency_hz", "torque_line_hz")  # of a verdict
 NOT_KICKED = Kick(np.nan, np.nan, np.nan, np.nan, "")
 SCHEMA = pa.schema(
     [
@@ -184,7 +191,8 @@ def summary(
         numbers = dict.fromkeys((n for n, t in SUMMARY_FIELDS if t == REAL), np.nan)
         counts = dict.fromkeys(("n_families", "n_unstable", "n_cycles"), 0)
         reason = f"no mode was followed{beyond}"
-        return {"verdict": UNDECIDED, "reason": reason, **told, **counts, **numbers}
+        words = {"verdict": UNDECIDED, "reason": reason, "invalid_reason": ""}
+        return {**words, **told, **counts, **numbers}
     first = min(verdicts, key=lambda v: VERDICTS.index(v["verdict"]))
     loudest = max(
         (v for v in verdicts if np.isfinite(v["torque_rms"])),
@@ -197,7 +205,7 @@ def summary(
     return {
         "verdict": first["verdict"],
         "reason": f"mode {first['mode']}: {first['reason']}"
-        + ("" if first["verdict"] == VERDICTS[0] else beyond),
+        + ("" if first["verdict"] == SQUEALS else beyond),
         **told,
         "n_families": len(verdicts),
         "n_unstable": sum(v["unstable"] for v in verdicts),
@@ -206,6 +214,8 @@ def summary(
         "torque_rms": loudest["torque_rms"],
         "level_error": loudest["level_error"],
         "frequency_hz": loudest["cycle_frequency_hz"],
+        "torque_line_hz": loudest["torque_line_hz"],
+        "invalid_reason": loudest["invalid_reason"],
         "threshold_velocity": shown["threshold_velocity"],
         "threshold_share": shown["threshold_velocity"] / _velocity(loudest, cycles),
     }
@@ -225,16 +235,18 @@ def known_velocity(cycle: Mapping[str, Any]) -> float:
 def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[str, Any]:
     loud, kick = family.loudest, family.threshold
     velocity = np.nan if kick is None else kick.levels["contact_velocity"]
-    reason = family.reason
-    if loud is not None and (broken := open_reason(law_kind, loud.levels["open_share_max"])):
-        reason += f"; outside validity: {broken}"
-    level, share = (np.nan, np.nan, np.nan), np.nan
+    level, share, opened = dict.fromkeys(LEVEL, np.nan), np.nan, 0.0
     if loud is not None:
-        hz = loud.motion.omega / (2 * np.pi)
-        level = (loud.levels["torque_rms"], loud.level_error, hz)
+        hz, line = loud.motion.omega / (2 * np.pi), torque_line(loud)
+        values = (loud.levels["torque_rms"], loud.level_error, hz, line)
+        level, opened = dict(zip(LEVEL, values, strict=True)), loud.levels["open_share_max"]
     run = family.run  # where it has come to the stable cycle, that one's level is the exacter
-    if run is not None and (loud is None or run.torque_rms * (1.0 - run.spread) > level[0]):
-        level = (run.torque_rms, run.spread, run.frequency_hz)
+    louder = run is not None and run.torque_rms * (1.0 - run.spread) > level["torque_rms"]
+    if run is not None and (loud is None or louder):
+        values = (run.torque_rms, run.spread, run.frequency_hz, run.line_hz)
+        level, opened = dict(zip(LEVEL, values, strict=True)), run.open_share_max
+    broken = motion_reason(law_kind, opened)
+    reason = family.reason + (f"; outside validity: {broken}" if broken else "")
     if kick is not None and loud is not None and loud.velocity_error <= VAGUE:
         share = velocity / loud.levels["contact_velocity"]
     return {
@@ -244,14 +256,15 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
         "damping_ratio": -family.lam.real / abs(family.lam),
         "verdict": family.verdict,
         "reason": reason,
-        "unstable": family.verdict == VERDICTS[0],
+        "unstable": family.verdict == SQUEALS,
         "n_cycles": len(family.cycles),
         "n_lost": family.lost,
         "reached_velocity": family.reached,
         "curve_end": family.end,
         "curve_of": family.origin,
-        **dict(zip(("torque_rms", "level_error", "cycle_frequency_hz"), level, strict=True)),
+        **level,
         "run_status": "" if family.run is None else family.run.outcome,
+        "invalid_reason": broken,
         "threshold_velocity": velocity,
         "threshold_error": np.nan if kick is None else kick.velocity_error,
         "threshold_energy": np.nan if kick is None else kick.levels["energy"],
@@ -260,6 +273,14 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
         if kick is None
         else _cycle_id(point_id, mode, family.cycles.index(kick)),
     }
+
+
+def torque_line(cycle: Cycle) -> float:
+    """Frequency [Hz] of the strongest harmonic of a cycle's torque; NaN where it has none."""
+    sizes = cycle.torque_harmonics
+    if not sizes.any():
+        return np.nan
+    return float((1 + int(np.argmax(sizes))) * cycle.motion.omega / (2 * np.pi))
 
 
 def _cycle_id(point_id: str, mode: int, place: int) -> str:
@@ -291,6 +312,7 @@ def cycle_row(name: str, mode: int, cycle: Cycle, law_kind: str) -> dict[str, An
         "mode": mode,
         "status": cycle.status,
         "frequency_hz": motion.omega / (2 * np.pi),
+        "torque_line_hz": torque_line(cycle),
         **{name: cycle.levels[name] for name in LEVELS},
         "radiated_power": np.nan,
         "torque_harmonics": cycle.torque_harmonics.tolist(),
@@ -310,5 +332,5 @@ def cycle_row(name: str, mode: int, cycle: Cycle, law_kind: str) -> dict[str, An
         "balance_residual": cycle.residual,
         "same_as": "",
         "continued_from": "",
-        "invalid_reason": open_reason(law_kind, cycle.levels["open_share_max"]),
+        "invalid_reason": motion_reason(law_kind, cycle.levels["open_share_max"]),
     }

@@ -38,7 +38,7 @@ WITH_BOUNDS = {
     "torque_rms": ("torque_rms_low", "torque_rms_high"),
 }
 START_RATIO = 0.7  # size of the perturbation of each start over that of the one before
-PLAIN = {"dominant_frequency": "dominant_frequency_hz"}
+PLAIN = {"dominant_frequency": "torque_line_hz"}
 
 
 def measure_runs(plan: Plan, measured: Sequence[int], asked: Asked) -> Measurement:

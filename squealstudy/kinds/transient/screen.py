@@ -20,6 +20,7 @@ from squealstudy.wording import (
     UNDECIDED,
     figure,
     in_digits,
+    motion_frequency,
     plural,
     with_unit,
 )
@@ -89,7 +90,7 @@ class TransientScreen(KindScreen):
             row = lasting.iloc[int(lasting["torque_rms"].to_numpy().argmax())]
             what = "torque" if unit == "N m" else "force of friction"
             text += f" The loudest that lasts: RMS of the {what} {in_digits(row['torque_rms'], 1)} "
-            text += f"{unit}, near {in_digits(row['dominant_frequency_hz'])} Hz."
+            text += f"{unit}, at {_frequency(row)} Hz."
         return text
 
     def facts(self, results: Results) -> Rows:
@@ -131,13 +132,17 @@ def points(
         f"{more} more in the points table" if more else "",
         "growth: fitted in time, ~ within wide bounds; forecast: of the complex mode; "
         f"{what}{'' if what == 'torque' else ' of friction'} and RMS of its fluctuation, its "
-        "leading line (a harmonic where that is loudest), mode and its energy share: over the "
-        "last window",
+        "frequency (x2: the torque is loudest at twice that; ~: its loudest line, the motion does "
+        "not repeat), mode and its energy share: over the last window",
     )
     parts: list[RenderableType] = [shown, legend]
     if varied and not own:
         parts += ["", _changes(listed, varied)]
     return [*parts, *_undecided(table)]
+
+
+def _frequency(row: Mapping[Hashable, Any] | pd.Series) -> str:
+    return motion_frequency(row.get("frequency_hz", np.nan), row["torque_line_hz"])
 
 
 def _undecided(table: pd.DataFrame) -> list[RenderableType]:
@@ -175,7 +180,7 @@ def _findings(row: dict[Hashable, Any]) -> list[str]:
         transfer = (
             f"{row['transfer_from']} > {row['transfer_to']} at {1e3 * row['transfer_time']:.0f} ms"
         )
-    rate, hz = row["growth_rate"], row["dominant_frequency_hz"]
+    rate = row["growth_rate"]
     wide = row["growth_rate_high"] - row["growth_rate_low"] > 0.2 * abs(rate)  # bounds 10 % away
     return [
         str(row["class"]),
@@ -183,7 +188,7 @@ def _findings(row: dict[Hashable, Any]) -> list[str]:
         figure(row["predicted_growth_rate"]),
         figure(row["torque_mean"]),
         figure(row["torque_rms"]),
-        in_digits(hz) if hz == hz else "-",
+        _frequency(row),
         str(row["dominant_mode"]) if row["dominant_mode"] else "-",
         figure(100 * row["dominant_share"], ".0f"),
         transfer,

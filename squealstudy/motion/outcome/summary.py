@@ -23,6 +23,7 @@ from squealstudy.motion.outcome.energies import (
     round_off,
     transfer,
 )
+from squealstudy.motion.outcome.fundamental import fundamental_hz
 from squealstudy.motion.outcome.growth import LEFT_VECTOR, GrowthFit, fit_growth
 from squealstudy.motion.outcome.levels import last_window, torque_levels
 from squealstudy.motion.outcome.settling import settled
@@ -192,11 +193,19 @@ def run_levels(run: Motion) -> tuple[dict[str, Any], slice]:
         "torque_rms_low": found.rms_low,
         "torque_rms_high": found.rms_high,
         "torque_peak_to_peak": found.peak_to_peak,
-        "dominant_frequency_hz": found.frequency_hz,
+        "frequency_hz": _frequency(run, window),
+        "torque_line_hz": found.frequency_hz,
         "dominant_level": found.line,
         "harmonic_2_level": found.harmonic_2,
         "harmonic_3_level": found.harmonic_3,
     }, window
+
+
+def _frequency(run: Motion, window: slice) -> float:
+    """Frequency [Hz] of the motion of the sensed modes over a window; NaN where none repeats."""
+    time = run.times[window]
+    step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
+    return fundamental_hz(step, run.sensed_q[window], run.sensed_v[window], run.omega)
 
 
 def _class(run: Motion, energy: np.ndarray) -> RunClass:

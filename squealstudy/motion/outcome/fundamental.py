@@ -1,0 +1,153 @@
+"""Frequency of a motion itself: of the shortest time after which all of it comes back.
+
+The strongest line of a signal may be any harmonic of it, and of a torque often is the second: both
+directions of sliding load it. A motion repeats where its displacements do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import optimize
+
+REPEATS = 0.05  # RMS of what is left after a period, over that of the motion
+EXACT = 0.01  # the same: no longer period is looked for where as little is left
+BETTER = 0.25  # times what is left after a period: where a multiple of it is the period
+MULTIPLES = (2, 3, 4)  # that are tried
+ROUGH = 0.55  # of the way between rows: how far the next one is from where a period ends, at most
+DRIFTS = 1.5  # times what is left after one period, after two: no return, but two motions
+ROUNDED = 1e-3  # of what is left, that cubics between rows make
+APART = 0.7  # left half-way: a motion that never was as far from itself has no period
+LEAST = 3  # periods in a record
+MOST = 400  # places at which a period is looked for
+NEARLY_ALL = 1e-5  # of the variance may be in coordinates that are left out
+COARSE = 0.5  # square of the way between rows over that along slopes: less turns back between
+FLAT = 1e-20  # of the square of the values: a variance that is round-off
+
+
+def fundamental_hz(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> float:
+    """Frequency [Hz] of a motion that repeats within 5 %; NaN where it does not, or is not told.
+
+    The first time after which displacements are as they were (the mean over the record, between
+    rows by cubics of displacement and velocity), or a multiple of it after which a quarter of what
+    was left is. A later time after which the motion is far nearer than before, but after twice that
+    less so, is where two motions of unlike frequencies nearly meet, no period. At least three
+    periods must be in the record.
+
+    Parameters
+    ----------
+    step : float
+        Between rows, s.
+    q, v : ndarray (rows, m)
+        Displacements and velocities of modal coordinates.
+    omega : ndarray (m,)
+        rad/s: coordinates count by the root of their elastic energy, rigid ones as slow ones.
+    """
+    return _Record.of(step, q, v, omega).frequency() if len(q) > 2 * LEAST else np.nan
+
+
+class _Record:
+    """A record x (rows, m) with its changes along the slopes over a step, and what comes back."""
+
+    def __init__(self, step: float, x: np.ndarray, slope: np.ndarray) -> None:
+        self.step, self.x, self.slope = step, x, slope
+        self.variance = float((x**2).sum())
+
+    @classmethod
+    def of(cls, step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> _Record:
+        weight = np.where(omega > 0.0, omega, omega[omega > 0.0].min(initial=1.0))
+        x, slope = weight * (q - q.mean(axis=0)), step * weight * v
+        share = (x**2).sum(axis=0)
+        if not share.sum() > FLAT * ((weight * q) ** 2).sum():
+            return cls(step, x[:, :0], slope[:, :0])
+        order = np.argsort(-share)
+        count = 1 + int(np.argmax(np.cumsum(share[order]) >= (1.0 - NEARLY_ALL) * share.sum()))
+        return cls(step, *(np.ascontiguousarray(a[:, order[:count]]) for a in (x, slope)))
+
+    def frequency(self) -> float:
+        if not self.variance > 0.0 or self._coarse():
+            return np.nan
+        for place, first in self._places():
+            period, left = self._best(place)
+            if left > REPEATS or (not first and self._drifts(period, left)):
+                continue
+            if left > EXACT:
+                period = self._multiple(period, left)
+            return 1.0 / (self.step * self._refined(period))
+        return np.nan
+
+    def _drifts(self, period: float, left: float) -> bool:
+        return self._best(round(2.0 * period))[1] > DRIFTS * left + ROUNDED
+
+    def _coarse(self) -> bool:
+        """Whether the motion turns back between rows."""
+        return bool((np.diff(self.x, axis=0) ** 2).sum() < COARSE * (self.slope[1:] ** 2).sum())
+
+    @property
+    def _longest(self) -> int:
+        return len(self.x) // LEAST
+
+    def _places(self) -> Iterator[tuple[int, bool]]:
+        """Rows later near which a period may end, and whether it is the first near return.
+
+        There rows are nearer to what they were than one sooner or later.
+        """
+        rows, longest = len(self.x), self._longest
+        size = np.concatenate([[0.0], np.cumsum((self.x**2).sum(axis=1))])
+        spectrum = np.fft.rfft(self.x, 2 * rows, axis=0)
+        product = np.fft.irfft((np.abs(spectrum) ** 2).sum(axis=1), 2 * rows)[: longest + 2]
+        later = np.arange(longest + 2)
+        parted = size[rows - later] + size[rows] - size[later] - 2.0 * product
+        left = np.sqrt(np.maximum(parted, 0.0) / (rows - later) / (self.variance / rows))
+        if not (left > APART).any():
+            return
+        first = int(np.argmax(left > APART))
+        inner = left[first + 1 : -1]
+        places = np.flatnonzero((inner <= left[first:-2]) & (inner <= left[first + 2 :]))
+        row = ROUGH * np.sqrt((self.slope**2).sum() / self.variance)
+        for place in places[inner[places] < REPEATS + row][:MOST].tolist():
+            yield first + 1 + place, place == places[0]
+
+    def _best(self, place: int) -> tuple[float, float]:
+        """Rows within one of a place after which least is left, and how much."""
+        found = [self._between(k) for k in (place - 1, place) if k > 0]
+        return min(found, key=lambda pair: pair[1])
+
+    def _between(self, k: int) -> tuple[float, float]:
+        """The same from k to k + 1 rows later, by the cubic between both."""
+        count = len(self.x) - k - 1
+        now, ends = self.x[:count], slice(k, k + count)
+        after = slice(k + 1, k + 1 + count)
+        parts = (now, self.x[ends], self.x[after], self.slope[ends], self.slope[after])
+        gram = np.array([[float(np.vdot(a, b)) for b in parts] for a in parts])
+        whole = self.variance * count / len(self.x)
+
+        def left(s: float) -> float:
+            weights = np.array(
+                [-1, (1 + 2 * s) * (1 - s) ** 2, s**2 * (3 - 2 * s), s * (1 - s) ** 2, s**3 - s**2]
+            )
+            return float(np.sqrt(max(weights @ gram @ weights, 0.0) / whole))
+
+        found = optimize.minimize_scalar(left, bounds=(0.0, 1.0), method="bounded")
+        return k + float(found.x), float(found.fun)
+
+    def _multiple(self, period: float, left: float) -> float:
+        """The period, or the multiple of it at which far less is left: a doubled one."""
+        for n in MULTIPLES:
+            if n * period < self._longest:
+                longer, rest = self._best(round(n * period))
+                if rest < BETTER * left:
+                    return longer
+        return period
+
+    def _refined(self, period: float) -> float:
+        """The period from as many of them as still come back, twice as many each time."""
+        count = 1
+        while 2 * count * period < self._longest:
+            longer, left = self._best(round(2 * count * period))
+            if left > REPEATS:
+                break
+            count *= 2
+            period = longer / count
+        return period
