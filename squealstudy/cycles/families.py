@@ -24,6 +24,7 @@ from squealstudy.cycles.growth import (
     holds_here,
     linear_motion,
     looked_again,
+    without_noise,
 )
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import WHOLE
@@ -44,6 +45,7 @@ MORE = 2  # numbers of harmonics with which they are looked at again
 CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of projected ones
 ALIKE, UNLIKE = 0.95, 0.8  # MAC of modes of two designs that are one, and with all others
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
+ROUNDED = 1e-10  # damping ratio: less is round-off of a balance
 STEPS = Steps(first=0.3, largest=0.5, count=200)
 PROJECTED_STEPS = Steps(first=0.5, least=1e-4, largest=1.0, count=130)
 
@@ -101,10 +103,10 @@ def families(
     for number in numbers:
         known = silent.get(number)
         served = known and _silent_nearby(contact, *modes[number], search, known)
-        own[number] = served or _family(contact, *modes[number], search)
+        own[number] = served or _family(contact, *modes[number], search, tolerance)
     if near is not None and sum(f.grew for f in own.values()) < near.n_growing:
         for number in [n for n, f in own.items() if f.origin]:  # what grew there may go on in it
-            own[number] = _family(contact, *modes[number], search)
+            own[number] = _family(contact, *modes[number], search, tolerance)
     found = []
     for number, k in enumerate(places, start=1):
         family = own.get(number, Family(complex(lam[k]), (), 0, [], NOT_FOLLOWED))
@@ -169,7 +171,13 @@ def _silent_nearby(
     )
 
 
-def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: Search) -> Family:
+def _family(
+    contact: ContactOscillator,
+    lam: complex,
+    phi: np.ndarray,
+    search: Search,
+    tolerance: float,
+) -> Family:
     speed = abs(contact.point.speed)
     unit = PeriodicMotion(np.vstack([0 * phi.real, phi.real, -phi.imag]), abs(lam.imag))
     velocity = contact.contact_velocity(unit)
@@ -181,6 +189,7 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
     size = START * speed * float(np.linalg.norm(phi * scale)) / velocity
     harmonics = search.harmonics or (CURVE_HARMONICS if whole else PROJECTED_HARMONICS)
     start = linear_motion(phi, lam, scale, size)
+    noise = 2.0 * max(tolerance, ROUNDED) * abs(lam)
 
     def stop(motion: PeriodicMotion) -> str:
         if contact.contact_velocity(motion) > search.reach:
@@ -196,10 +205,11 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
             STEPS if whole else PROJECTED_STEPS,
         )
     except ConvergenceError as error:
-        return Family(lam, (), 0, [], error.status, largest=start)
+        return Family(lam, (), 0, [], error.status, largest=start, noise=noise)
+    curve = without_noise(curve, noise)
     cycles: list[Cycle] = []
     lost, look = _confirmed(contact, curve, search, cycles), None
-    if end in SEARCHED and start.mu <= 0.0 and not cycles:
+    if end in SEARCHED and start.mu <= 0.0 and not cycles and abs(start.mu) > noise:
         look = looked_again(contact.oscillator, curve, _more(harmonics))
         _confirmed(contact, chain(*look.pieces), search, cycles)
         if cycles or not (look.open or look.grows):  # more harmonics decide about its zeros
@@ -207,7 +217,17 @@ def _family(contact: ContactOscillator, lam: complex, phi: np.ndarray, search: S
     shown = _shown(contact, curve)
     place = max(range(len(curve)), key=lambda k: float(shown[k]["contact_velocity"]))
     furthest = curve[place].motion
-    return Family(lam, tuple(cycles), lost, shown, end, look, largest=furthest, path=tuple(curve))
+    return Family(
+        lam,
+        tuple(cycles),
+        lost,
+        shown,
+        end,
+        look,
+        largest=furthest,
+        path=tuple(curve),
+        noise=noise,
+    )
 
 
 def _more(harmonics: int) -> list[int]:

@@ -31,6 +31,7 @@ LOOKS = 3  # at least, where motions with more harmonics are found
 SAFETY = 2.0  # times the change by more harmonics: what still more may change
 APART = 0.1  # of its size, of a motion from that of a design nearby, beyond which it is another
 PLACES = 12  # of such a curve that are corrected to first order
+ON_ZERO = 1  # motions on a curve without damping to add: more are a range, no cycle
 DOUBT = 0.0025  # damping ratio by which more harmonics are thought to change a motion at least
 PIECE_STEPS = Steps(first=0.2, least=2e-3, largest=0.5, count=25)  # with more harmonics, each way
 
@@ -85,6 +86,24 @@ def family_curve(
     tests = {ZERO: lambda u, _: float(u[-1])}
     path = Path(projection, start.harmonics, (SIZE, 1.0), ended, steps, tests, watched=-1)
     return path.from_motion(start)
+
+
+def without_noise(curve: Sequence[CurveMotion], noise: float) -> list[CurveMotion]:
+    """A curve without the zeros at which added damping does not change sign beyond `noise` [1/s].
+
+    Motions of a mode without damping have none over a range of sizes, and any sign of round-off.
+    """
+    sign = [0 if abs(p.motion.mu) <= noise else 1 if p.motion.mu > 0 else -1 for p in curve]
+    kept = []
+    for k, point in enumerate(curve):
+        if point.event == ZERO:
+            before = next((i for i in range(k - 1, -1, -1) if sign[i]), -1)
+            after = next((i for i in range(k + 1, len(curve)) if sign[i]), -1)
+            range_ = [i for i in range(before + 1, after) if not curve[i].event]
+            if before < 0 or after < 0 or sign[before] == sign[after] or len(range_) > ON_ZERO:
+                continue
+        kept.append(point)
+    return kept
 
 
 def _retraced(passed: Sequence[PeriodicMotion]) -> bool:

@@ -24,7 +24,7 @@ from squealstudy.cycles.trials import (
     state_of,
 )
 from squealstudy.cycles.verdicts import Family, Followed
-from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
+from squealstudy.wording import IF_KICKED, NEUTRAL, NO_CYCLE, SQUEALS, UNDECIDED
 
 PHASES = 8
 LEAST = 1e-3  # of the largest kick tried: smaller ones are not looked for
@@ -137,6 +137,8 @@ def decided_in_time(
     families = [family for _, family in found.families]
     if found.unstable_outside or contact.point.growing.n_outside > 0:
         return found
+    if any(family.verdict == NEUTRAL for family in families):
+        return found  # every run keeps what it begins with of that mode
     if any(family.verdict == SQUEALS for family in families):
         return _with_level(contact, found, band, reach)
     starts = [list(_starts(contact, family, reach)) for family in families]

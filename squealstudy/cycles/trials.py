@@ -17,6 +17,7 @@ from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import series_at
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.behaviour import LEAST_DAMPING
 from squealstudy.motion.outcome.settling import known_outcome
 from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.settings import MotionSettings
@@ -175,6 +176,15 @@ def run_on(
     return found
 
 
+def _undamped(motion: Motion) -> bool:
+    """Whether no mode grows, and the least damped one does not decay either."""
+    growing = motion.point.growing
+    if growing.n_unstable or growing.n_outside or not len(growing.lam):
+        return False
+    lam = growing.lam[0]
+    return bool(abs(lam.real) <= LEAST_DAMPING * abs(lam))
+
+
 def ended(start: str, motion: Motion) -> Ended:
     """What a run from `start`, in words, came to."""
     if motion.outcome != "ok":
@@ -184,6 +194,8 @@ def ended(start: str, motion: Motion) -> Ended:
     shares = {float(m["frequency_hz"]): m["energy_share"] for m in summary.modes}
     outside = point.get("energy_outside_share", 0.0) > OUTSIDE
     mode = np.nan if outside else max(shares, key=lambda hz: shares[hz], default=np.nan)
+    if found in LASTING and _undamped(motion):
+        found = UNDECIDED  # any motion of that mode stays
     if found not in SUSTAINED:
         return Ended(start, found, mode_hz=mode)
     rms = float(point["torque_rms"])

@@ -6,6 +6,7 @@ was asked, `squeals_if_kicked` of a cycle that attracts, with all its digits in 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -17,7 +18,7 @@ from squealstudy.cycles.cycle import OK, Cycle, same_cycle
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.growth import DAMPED, FAR, SecondLook
 from squealstudy.cycles.trials import Ended
-from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED, plural
+from squealstudy.wording import IF_KICKED, NEUTRAL, NO_CYCLE, SQUEALS, UNDECIDED, plural
 
 NOT_FOLLOWED = "not_followed"  # end of a curve that was not asked for
 SEARCHED = (FAR, DAMPED)  # ends of curves that were followed as far as there is hope
@@ -57,6 +58,8 @@ class Family:
         Name of that design, of whose curve motions were balanced at this one.
     furthest : float
         Largest contact velocity of its curve, m/s.
+    noise : float
+        Added damping, 1/s: as little is none.
     """
 
     lam: complex
@@ -73,6 +76,7 @@ class Family:
     path: tuple[CurveMotion, ...] = ()
     origin: str = ""
     furthest: float = 0.0
+    noise: float = 0.0
 
     @property
     def reached(self) -> float:
@@ -90,7 +94,15 @@ class Family:
         """Whether a motion of the curve does, with the most harmonics that were tried."""
         if self.look is not None:
             return self.look.grows
-        return any(p["added_damping"] > 0.0 for p in self.curve)
+        return any(p["added_damping"] > self.noise for p in self.curve)
+
+    @property
+    def undamped(self) -> float:
+        """Contact velocity [m/s] up to which its motions neither grow nor decay; 0 for none."""
+        if abs(2.0 * self.lam.real) > self.noise:
+            return 0.0
+        small = itertools.takewhile(lambda p: abs(p["added_damping"]) <= self.noise, self.curve)
+        return max((p["contact_velocity"] for p in small), default=0.0)
 
     @property
     def grew(self) -> bool:
@@ -148,6 +160,8 @@ def judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
             threshold, why = _threshold(family, stable)
         reason = "a stable cycle beside a stable mode" + (f"; no threshold: {why}" if why else "")
         return replace(family, verdict=IF_KICKED, reason=reason, threshold=threshold)
+    if family.undamped and family.cut_short and family.end in SEARCHED:
+        return replace(family, verdict=NEUTRAL, reason=_neutral(family))
     if inexact:
         reason = f"{inexact} cycles whose stability or level cannot be told"
     elif family.cycles:
@@ -162,6 +176,16 @@ def judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
     else:
         return replace(family, verdict=NO_CYCLE, reason=_searched(family, family.look))
     return replace(family, reason=reason)
+
+
+def _neutral(family: Family) -> str:
+    """What becomes of kicks of a mode without damping."""
+    small = family.undamped
+    larger = f", larger ones decay up to {family.reached:.3g} m/s" if small < family.reached else ""
+    return (
+        f"without damping: motions up to {small:.3g} m/s neither grow nor decay{larger}; "
+        "as large as a kick makes it, and no cycle"
+    )
 
 
 def _searched(family: Family, look: SecondLook) -> str:

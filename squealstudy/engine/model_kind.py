@@ -63,6 +63,8 @@ class ModelKind(Kind):
         With the kind's own section, where it has one.
     file_defaults : mapping
         Keys of tables that are otherwise by default than in a study of complex modes.
+    begins_with : mapping of str -> float
+        Values of parameters, where the model has them and 0 by default, in a study to start from.
     tells_reduction : bool
         Its tables tell the error of the reduction, against a finer model.
     chooses_rung : bool
@@ -75,6 +77,7 @@ class ModelKind(Kind):
 
     definition: type[StudyDefinition] = StudyDefinition
     file_defaults: Mapping[str, Mapping[str, Any]] = {}
+    begins_with: Mapping[str, float] = {}
     tells_reduction: bool = True
     chooses_rung: bool = False
     has_fidelity: bool = False

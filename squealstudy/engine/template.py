@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
@@ -97,7 +97,11 @@ def study_text(name: str, kind: str, model: str) -> str:
         '# in SI units (angles in deg); values of parameters may have others: "12 bar".',
         "",
     ]
-    lines += [*_study(definition), *_model(MODELS[model]), *_parameters(MODELS[model])]
+    lines += [
+        *_study(definition),
+        *_model(MODELS[model]),
+        *_parameters(MODELS[model], asked.begins_with),
+    ]
     lines += [*_sweep(MODELS[model]), *_section("design", definition.design, commented=True)]
     for section, found in asked.definition.model_fields.items():
         if section in ELSEWHERE or (section == "fidelity" and not asked.has_fidelity):
@@ -138,11 +142,15 @@ def _model(model: ModelDefinition) -> Iterator[str]:
     yield ""
 
 
-def _parameters(model: ModelDefinition) -> Iterator[str]:
+def _parameters(model: ModelDefinition, begins_with: Mapping[str, float]) -> Iterator[str]:
     yield "[parameters]"
     for parameter in model.parameters:
-        unit = f" [{parameter.unit}]" if parameter.unit else ""
-        yield from _key(parameter.name, parameter.default, parameter.description + unit)
+        described = parameter.description + (f" [{parameter.unit}]" if parameter.unit else "")
+        if parameter.name in begins_with and parameter.default == 0.0:
+            yield from _comment(f"{described} (0 by default)")
+            yield f"{toml_key(parameter.name)} = {toml_value(begins_with[parameter.name])}"
+        else:
+            yield from _key(parameter.name, parameter.default, described)
     yield ""
 
 

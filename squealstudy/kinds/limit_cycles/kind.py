@@ -88,6 +88,7 @@ class LimitCycles(ModelKind):
     )
     schema: pa.Schema = SCHEMA
     tells_reduction = False
+    begins_with: Mapping[str, float] = {"damping_ratio": 0.005}  # an undamped mode has no cycle
 
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> ResolvedStudy:
         """The study; StudyFileError for what cannot be followed or observed, too."""

@@ -1,0 +1,142 @@
+"""Verdicts that must not be told wrong: undamped models, contact that would have to pull."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cycle_models import BAND, Designs
+from study_runs import solved
+
+from squealstudy.cycles.curve import CurveMotion
+from squealstudy.cycles.cycle import Search
+from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.families import families
+from squealstudy.cycles.growth import without_noise
+from squealstudy.cycles.trials import OPEN, ended, run_on
+from squealstudy.engine.template import study_text
+from squealstudy.engine.validity import motion_reason
+from squealstudy.laws import CONTACT_LAWS
+
+UNDAMPED = {"friction": 0.5, "sliding_speed": 0.5, "damping_ratio": 0.0}
+RADIANS = tuple(2 * np.pi * hz for hz in BAND)
+
+
+def undamped_roots(mass, k1, k2, k3, alpha1, alpha2, friction):
+    """Roots of Hoffmann's oscillator (Hoffmann et al. 2002), by its 2 x 2 matrix."""
+    angles = np.deg2rad([alpha1, alpha2])
+    rows = np.column_stack([np.cos(angles), np.sin(angles)])
+    K = rows.T @ np.diag([k1, k2]) @ rows + np.array([[0.0, -friction * k3], [0.0, k3]])
+    return np.sqrt(-np.linalg.eigvals(K / mass).astype(complex))
+
+
+@pytest.fixture(scope="module")
+def undamped():
+    return Designs("hoffmann", UNDAMPED, law="bilateral").at()
+
+
+def test_an_undamped_model_is_neutral(undamped):
+    """Its roots have no real part: any small motion stays, as large as it began."""
+    values = Designs("hoffmann", UNDAMPED, law="bilateral").nominal.values
+    names = ("mass", "k1", "k2", "contact_stiffness", "alpha1", "alpha2", "friction")
+    roots = undamped_roots(*(values[n] for n in names))
+    assert np.abs(roots.real).max() < 1e-9
+    found = families(undamped, RADIANS, None, 1e-7, Search(None, 1e-2, 1.0, 1e4)).families
+    lam = np.array([family.lam for _, family in found])
+    np.testing.assert_allclose(np.sort(lam.imag), np.sort(np.abs(roots.imag)), rtol=1e-4)
+    assert [family.verdict for _, family in found] == ["neutral", "neutral"]
+    assert all(not family.cycles for _, family in found)
+    reach = min(family.undamped for _, family in found)
+    assert reach > 0.5  # up to which no slip reverses, and no motion loses anything
+    assert not any(p["event"] for _, family in found for p in family.curve)
+
+
+def test_a_run_without_damping_does_not_last_by_itself(undamped):
+    q = 1e-5 * np.eye(2)[0]
+    start = replace(undamped.point, q0=q, v0=0 * q)
+    run = ended("a kick", run_on(undamped, [start], RADIANS)[0])
+    assert run.outcome == OPEN
+    assert np.isnan(run.torque_rms)
+
+
+def test_the_study_to_start_from_has_damping(tmp_path):
+    """As written it is silent; without damping every design is neutral, and has no level."""
+    text = study_text("start", "limit_cycles", "hoffmann").replace("num = 5", "num = 2")
+    assert re.search(r"^damping_ratio = 0\.005$", text, re.MULTILINE)
+    points = solved(text, tmp_path / "start").points
+    assert points["verdict"].tolist() == ["no_cycle_found"] * 2
+    points = solved(text.replace("= 0.005", "= 0.0"), tmp_path / "undamped").points
+    assert points["verdict"].tolist() == ["neutral"] * 2
+    assert points["torque_rms"].isna().all()
+    assert points["frequency_hz"].isna().all()
+
+
+def curve(*dampings):
+    """Motions with these added dampings; zeros of round-off (None) between."""
+    one = PeriodicMotion(np.zeros((3, 1)), 1.0)
+    return [
+        CurveMotion(replace(one, mu=d or 0.0), 0.0, 0.0, "" if d is not None else "C")
+        for d in dampings
+    ]
+
+
+@pytest.mark.parametrize(
+    ("dampings", "zeros"),
+    [
+        ((-1.0, None, 1.0), 1),
+        ((-1.0, None, 1e-9, 1.0), 1),  # a motion that happens to be near
+        ((1e-9, None, -1e-9, None, 1e-9, -2.0), 0),  # no damping, then decay
+        ((-1.0, -1e-9, None, 1e-9, None, -1e-9, 1.0), 0),  # a range without damping
+        ((-1.0, None, 1e-9, -1.0), 0),
+        ((-1.0, None, 1.0, None, -1.0), 2),
+    ],
+)
+def test_zeros_of_round_off_are_none(dampings, zeros):
+    found = without_noise(curve(*dampings), 1e-8)
+    assert sum(p.event == "C" for p in found) == zeros
+    assert sum(not p.event for p in found) == sum(d is not None for d in dampings)
+
+
+CUBIC = """
+[study]
+name = "pulls"
+kind = "limit_cycles"
+[model]
+name = "hoffmann"
+contact_law = "cubic"
+[parameters]
+k1 = 1541571.79
+k2 = 2006111.39
+contact_stiffness = 1741561.79
+normal_force = 665.871
+damping_ratio = 0.0245415
+friction = 0.967304
+"contact.cubic_stiffness" = 3.30346e17
+"contact.regularisation_speed" = 0.160653
+[[sweep]]
+parameter = "sliding_speed"
+values = [8.03265]
+[limit_cycles]
+reach = 1.5
+"""
+
+
+def test_a_cycle_whose_contact_would_have_to_pull_is_not_valid(tmp_path):
+    """Pressure of the law falls below zero in the cycle, which a contact cannot do."""
+    results = solved(CUBIC, tmp_path / "pulls")
+    point = results.points.iloc[0]
+    assert point["verdict"] == "squeals"
+    assert np.isfinite(point["torque_rms"])
+    assert not point["valid"]
+    cycles = results.table("cycles")
+    opened = cycles["open_share_max"].max()
+    assert opened > 0
+    assert point["invalid_reason"] == motion_reason("cubic", opened)
+
+
+def test_of_laws_that_open_an_open_contact_is_valid():
+    for law in CONTACT_LAWS:
+        assert bool(motion_reason(law.name, 1.0)) == law.pulls
+        assert not motion_reason(law.name, 0.0)
