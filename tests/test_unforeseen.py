@@ -68,5 +68,5 @@ def test_a_point_without_a_mode_in_the_band_has_its_class_and_level(tmp_path: Pa
     for row in points.itertuples():
         true = stick_slip(1.0, omega**2, omega, 0.5, 2.0, 0.05, row.sliding_speed, 0.05)
         assert row.torque_rms == pytest.approx(true.rms, rel=0.02)
-        assert row.dominant_frequency_hz == pytest.approx(true.frequency_hz, rel=0.01)
+        assert row.frequency_hz == pytest.approx(true.frequency_hz, rel=0.01)
     assert results.growth["point_id"].unique().tolist() == [points["point_id"].tolist()[0]]
