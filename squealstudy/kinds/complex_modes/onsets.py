@@ -119,7 +119,7 @@ class OnsetSearch:
         Columns: ``track``, the other varied parameters, ``onset``, ``bracket_low`` and
         ``bracket_high`` (values of the parameter at both ends), ``frequency_hz`` there,
         ``direction`` ("in" or "out" of instability as the parameter ascends), ``status``
-        ("refined" by root finding, "cubic" where four neighbouring points tell as much,
+        ("refined" by root finding, "cubic" where five or six neighbouring points tell as much,
         "interpolated" linearly, "within_error" put at a point that grows by less than its error,
         with a bracket to the next point beyond that does not (NaN where there is none), "failed"
         refinement of such a value or the next, "renumbered" where refinement finds that the
@@ -208,13 +208,17 @@ class OnsetSearch:
         crossing = self._open(events, table)
         ends = events[["before", "after"]].to_numpy()[crossing]
         before, after = self._neighbours()
-        rows = np.column_stack([before[ends[:, 0]], ends, after[ends[:, 1]]])
+        inner = np.column_stack([before[ends[:, 0]], ends, after[ends[:, 1]]])
         near = self._follower.near
-        whole = (rows >= 0).all(axis=1) & near.joined(*self._point[rows[:, [0, -1]]].T)
-        crossing, rows = crossing[whole], rows[whole]
+        whole = (inner >= 0).all(axis=1) & near.joined(*self._point[inner[:, [0, -1]]].T)
+        crossing, inner = crossing[whole], inner[whole]
+        rows = np.column_stack([before[inner[:, 0]], inner, after[inner[:, 3]]])
+        missing = (rows < 0) | ~near.joined(self._point[rows], self._point[inner[:, :1]])
         x = self._plan.coordinates[:, self._column][self._point[rows]]
-        value, error = cubic_onsets(x, self._zeta[rows] + self._tolerance)
-        good = error <= self._precision()
+        zeta = np.where(missing, np.nan, self._zeta[rows] + self._tolerance)
+        value, error = cubic_onsets(np.where(missing, np.nan, x), zeta)
+        sure = ~(self._ambiguous[rows] & ~missing).any(axis=1)
+        good = (error <= self._precision()) & sure
         error += self._shift(ends[:, 0], ends[:, 1])[whole]
         self._enter_value(table, crossing[good], value[good], error[good])
         table["status"][crossing[good]] = CUBIC
