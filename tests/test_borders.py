@@ -152,7 +152,7 @@ values = [-5.8e17, -5.6e17]
 [modes]"""
 SWEPT = ("\n[modes]", SOFTER)
 KEYS = 'follow = "friction"\nborders_over = "contact.cubic_stiffness"\nfamilies = [1]'
-KEYS += "\nneighbours = false"
+KEYS += "\nneighbours = false\nundecided_in_time = false\nharmonics = 3"
 TEXT = study([0.06, 0.5], swept=SWEPT, own=("tolerance = 1e-3", KEYS))
 
 

@@ -81,12 +81,31 @@ class ContactSpace:
 
     def opening(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Gaps N K0^-1 (N^T s - T^T t) (..., nc) [m] by forces s, t (..., nc) [N]."""
-        moved: np.ndarray = self.moved(s, t) @ self.S_N.T
-        return moved
+        return self.gaps(self.moved(s, t))
+
+    @cached_property
+    def _transposed(self) -> tuple[sp.csc_matrix, sp.csc_matrix]:
+        """S_N^T and S_T^T, which take longer to make than a product of a small model."""
+        return self.S_N.T, self.S_T.T
+
+    def gaps(self, x: np.ndarray) -> np.ndarray:
+        """Changes of the gaps (..., nc) [m] by coordinates x (..., r) of S_N."""
+        found: np.ndarray = (self.S_N @ x.T).T
+        return found
+
+    def pressed(self, s: np.ndarray) -> np.ndarray:
+        """S_N^T s of forces s (..., nc) [N]."""
+        found: np.ndarray = (self._transposed[0] @ s.T).T
+        return found
+
+    def rubbed(self, t: np.ndarray) -> np.ndarray:
+        """S_T^T t of forces t (..., nc) [N]."""
+        found: np.ndarray = (self._transposed[1] @ t.T).T
+        return found
 
     def moved(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
         """`opening` as the coordinates (..., r) of S_N."""
-        moved: np.ndarray = (s @ self.S_N) @ self.C_NN - (t @ self.S_T) @ self.C_TN
+        moved: np.ndarray = self.pressed(s) @ self.C_NN - self.rubbed(t) @ self.C_TN
         return moved
 
     def changed(self, dk: Mapping[int, float]) -> ContactSpace:

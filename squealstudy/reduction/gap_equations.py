@@ -54,12 +54,11 @@ class GapEquations:
         space, j = self.space, self._columns
         moved = space.moved(s, t) + self._load @ space.C_Nf.T
         if j:
-            seen = (s @ space.S_N) @ space.C_NU[:, j] - (t @ space.S_T) @ space.C_TU[:, j]
+            seen = space.pressed(s) @ space.C_NU[:, j] - space.rubbed(t) @ space.C_TU[:, j]
             seen += self._load @ space.C_fU[:, j]
             lost = np.array([core @ x for core, x in zip(self._cores, seen, strict=True)])
             moved -= lost @ space.C_NU[:, j].T
-        movement: np.ndarray = moved @ space.S_N.T
-        return movement
+        return space.gaps(moved)
 
     def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F(g) [m], pressure [Pa] and tangent [Pa/m], each (b, nc)."""
@@ -115,5 +114,4 @@ class GapJacobian:
         """(dF/dg)^-1 F of imbalances F (nc,) or (b, nc)."""
         seen = self._space.moved(self._normal * F, self._sliding * F)
         x, _ = self._solve(self._lu, self._pivots, seen.T)
-        found: np.ndarray = F - x.T @ self._space.S_N.T
-        return found
+        return F - self._space.gaps(x.T)

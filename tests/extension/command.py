@@ -14,6 +14,7 @@ import squealstudy
 
 HERE = Path(__file__).parent
 COMMAND = "from squealstudy.cli.app import main; main()"
+LAWS = ("my_contact_law.py", "my_friction_curve.py")  # kernels are compiled for a set of laws
 
 
 def command(*arguments, folder):
@@ -21,6 +22,14 @@ def command(*arguments, folder):
     line = [sys.executable, "-c", COMMAND, *map(str, arguments)]
     here = os.environ | {"PYTHONPATH": str(Path(squealstudy.__file__).parents[1])}
     return subprocess.run(line, capture_output=True, text=True, cwd=folder, env=here, check=False)
+
+
+def in_time(text, file, duration, perturbation):
+    """A study of a law, in time, and the files that it names: one set of laws in all tests."""
+    more = f"duration = {duration}\nstep = 1e-5\nperturbation = {perturbation}\nsave_every = 5\n"
+    names = ", ".join(f'"{name}"' for name in LAWS)
+    assert text.count(f'["{file}"]') == 1
+    return text.replace(f'["{file}"]', f"[{names}]") + f"[transient]\n{more}"
 
 
 def run(text, folder, *extensions, jobs=1, name="study"):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command import HERE, run
+from command import HERE, LAWS, in_time, run
 from scipy.optimize import brentq
 
 from squealstudy.engine.plan import Plan
@@ -75,8 +75,8 @@ def test_working_point_and_modes_are_those_of_the_closed_form(tmp_path):
 
 
 def test_in_time_it_keeps_the_energy_balance_and_the_frequency(tmp_path):
-    more = "[transient]\nduration = 0.2\nstep = 1e-5\nperturbation = 1e-5\nsave_every = 5\n"
-    tables = run(STUDY.format(kind="transient") + more, tmp_path, FILE, jobs=2)
+    text = in_time(STUDY.format(kind="transient"), FILE, 0.2, 1e-5)
+    tables = run(text, tmp_path, *LAWS, jobs=2)
     (point,) = tables["points"].itertuples()
     assert point.status == "ok"
     assert abs(point.energy_balance) < 1e-10
