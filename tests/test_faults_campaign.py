@@ -9,13 +9,14 @@ import pytest
 
 BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"
 FEW = {
-    "kills": 2,
-    "damage": 12,
-    "study_files": 60,
+    "kills": 1,
+    "damage": 6,
+    "study_files": 20,
     "matrix_files": 40,
     "model_files": 12,
     "environment": 3,
 }
+RARE = ("model_files", "environment")  # whose scenes take ten seconds to make
 SMALL = ("hulten_modes",)
 SCENES = {"kills": SMALL, "damage": SMALL, "environment": SMALL}
 NOTICED = {  # a campaign whose disturbances are never noticed would pass as well
@@ -28,7 +29,10 @@ NOTICED = {  # a campaign whose disturbances are never noticed would pass as wel
     not sys.platform.startswith("linux") or os.geteuid() != 0,
     reason="NOT TRIED HERE: the campaign needs Linux and mount namespaces",
 )
-@pytest.mark.parametrize("part", FEW)
+@pytest.mark.parametrize(
+    "part",
+    [pytest.param(p, marks=[pytest.mark.full_size] * (p in RARE)) for p in FEW],
+)
 def test_what_is_disturbed_ends_right_or_in_a_sentence(
     part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -271,7 +271,7 @@ def test_hoffmann_default_threshold(mu, unstable):
 def test_hoffmann_criterion_on_random_cases():
     rng = np.random.default_rng(20240)
     fluttered = diverged = 0
-    for _ in range(1000):
+    for _ in range(250):
         k1, k2, k3 = 10 ** rng.uniform(5, 6, 3)
         a1, a2 = rng.uniform(-180, 180, 2)
         mass, mu = 10 ** rng.uniform(-1, 1), rng.uniform(0, 3)
@@ -294,8 +294,8 @@ def test_hoffmann_criterion_on_random_cases():
             assert np.abs(lam**2 - value).min() < 1e-9 * (k11 + k22) / mass
         fluttered += disc < 0
         diverged += (lam.real > 1e-7 * np.abs(lam)).any() and disc > 0
-    assert fluttered >= 100
-    assert diverged >= 10  # static divergence is an instability, but no flutter
+    assert fluttered >= 25
+    assert diverged >= 3  # static divergence is an instability, but no flutter
 
 
 # -- generated brake -----------------------------------------------------------------------------
@@ -312,6 +312,7 @@ def test_medium_brake_size(medium):
     assert medium.contact.area.sum() == pytest.approx(np.pi * (0.14**2 - 0.09**2) / 3, rel=1e-6)
 
 
+@pytest.mark.full_size
 def test_medium_component_frequencies(medium):
     modes = component_modes(medium, 4500.0)
     frequencies = benchmark("component_reference").frequencies
