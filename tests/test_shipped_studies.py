@@ -122,7 +122,9 @@ def test_friction_pressure(tmp_path: Path) -> None:
     assert np.nanmax(points["reference_frequency_error"]) < 2e-2  # without enrichment
 
 
+@pytest.mark.full_size
 def test_friction_pressure_map(tmp_path: Path) -> None:
+    """By default windows of the brake: test_sweep_basis.py, studies: test_reanalysis_study.py."""
     plan = reduced("friction_pressure_map", 23, QUICK)
     results = solved(plan, tmp_path / "r")
     assert (results.points["status"] == "ok").all()
@@ -187,7 +189,9 @@ def test_caliper_modes_and_damping_agree_where_nothing_is_changed(tmp_path: Path
     assert np.ptp(shifted) > 1.0  # a shifted caliper changes who squeals
 
 
+@pytest.mark.full_size
 def test_sensitivity(tmp_path: Path) -> None:
+    """By default the brake of test_sensitivity_study.py."""
     plan = reduced(
         "sensitivity",
         1,
