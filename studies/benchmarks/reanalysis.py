@@ -10,12 +10,14 @@ Run:  python studies/benchmarks/reanalysis.py --mesh medium --top 16000 --box mu
       --tolerances 1e-4 1e-5         of the bases and windows
       --study N                      time N random points as a study too, patches counted
 
-One process, one core: set OMP_NUM_THREADS=1 and OPENBLAS_NUM_THREADS=1. Points are random, no basis
-was trained on them. Milliseconds are medians a point: of the roots alone (values), with right and
-left vectors, with the estimate of their errors besides. Working points are apart, and so is what is
-paid once (set-up). Light modes have |zeta| < 5 %; `heavy` is the largest relative error of all the
-others, overdamped roots among them; `missed` counts light modes that are more than 1 % off; <=2x
-and <=5x are the shares of light modes whose true error is within so many estimates.
+One process, one thread; times are of the processor, all rungs in turn at each point. Points are
+random, no basis was trained on them. Milliseconds are medians a point: of the roots alone (values),
+with right and left vectors, with the estimate of their errors besides. Working points are apart,
+and so is what is paid once (set-up). `x dense` compares with the exact rung, which finds the roots
+of the band with right vectors; `x geev` with all values by LAPACK, no vectors. Light modes have
+|zeta| < 5 %; `heavy` is the largest relative error of all the others, overdamped roots among them;
+`missed` counts light modes that are more than 1 % off; <=2x and <=5x are the shares of light modes
+whose true error is within so many estimates.
 """
 
 from __future__ import annotations
@@ -51,30 +53,27 @@ def brake(arguments: argparse.Namespace) -> None:
         f"{len(kept)} points of {len(theta)}; working points: set-up {setup / 1e3:.1f} s, "
         f"{ms / len(theta):.2f} ms a point"
     )
-    points, exact = rungs.dense(problem, theta[kept], weights)
-    print(measure.HEAD)
-    rows = [exact]
-    print(measure.line(exact, exact.ms), flush=True)
-
-    def add(*more: measure.Measured) -> None:
-        for row in more:
-            rows.append(row)
-            print(measure.line(row, exact.ms), flush=True)
-
-    for factor in (1.0, 2.0, 3.0):
-        add(rungs.two_step(problem, points, factor))
-    for order in (1, 2):
-        add(rungs.perturbation(problem, points, order))
+    points = rungs.exact_points(problem, theta[kept], weights)
+    ways = [rungs.geev(problem, points), rungs.dense(problem, points)]
+    ways += [rungs.two_step(problem, points, factor) for factor in (1.0, 2.0, 3.0)]
+    ways += [rungs.perturbation(problem, points, order) for order in (1, 2)]
     studies = []
     for tolerance in arguments.tolerances:
-        basis, row = rungs.sweep_basis(problem, points, tolerance / 3, MOST[d])
-        add(row, rungs.windows(problem, basis, points, tolerance))
+        basis, projected = rungs.sweep_basis(problem, points, tolerance / 3, MOST[d])
+        ways += [projected, rungs.windows(problem, basis, points, tolerance)]
         if arguments.study:
             many = np.random.default_rng(7).uniform(-1, 1, (arguments.study, d))
             each, served = rungs.whole_study(problem, basis, many, tolerance)
             studies.append(f"study at {tolerance:.0e}: {each:.2f} ms a point, {served}")
+    for i in range(len(kept)):
+        for way in ways:
+            way.at(i)
+    geev, dense, *_ = rows = [way.row for way in ways]
+    print(measure.HEAD)
+    for row in rows:
+        print(measure.line(row, dense.vectors_ms, geev.cheapest_ms))
     print("\n".join(studies))
-    marks = [(r.name, r.ms, r.error) for r in rows[1:]]
+    marks = [(r.name, r.vectors_ms, r.error) for r in rows[2:]]
     path = arguments.out / f"reanalysis_{arguments.mesh}_{arguments.top:.0f}_{arguments.box}.png"
     title = f"{arguments.mesh} brake to {arguments.top / 1e3:g} kHz: {arguments.box}"
     picture.draw(marks, title, "largest error of light modes, df/f or dzeta", path)

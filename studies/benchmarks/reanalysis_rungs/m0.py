@@ -125,14 +125,14 @@ class M0:
         Set-up counts half of a two-sided solve a speed: no left modes are needed.
         """
         pairs, seconds = self.modes(speeds)
-        started = time.perf_counter()
+        started = time.process_time()
         X = np.hstack([p.X / np.linalg.norm(p.X, axis=0) for p in pairs])
         U, s, _ = la.svd(np.hstack([X.real, X.imag]), full_matrices=False)
         if d > len(s):
             return None
         V = U[:, :d]
         small = [(t.order, V.T @ (t.matrix @ V)) for t in self.family.terms]
-        row = M0Row(name, len(speeds), d, seconds / 2 + time.perf_counter() - started)
+        row = M0Row(name, len(speeds), d, seconds / 2 + time.process_time() - started)
 
         def solve(weights: Weights) -> np.ndarray:
             parts = {STIFFNESS: 0.0, DAMPING: 0.0, MASS: 0.0}
@@ -153,19 +153,20 @@ class M0:
     def windows(self, tolerance: float, most: int) -> list[M0Row]:
         """Sweep basis of all modes of the band over the inverse speed, and patches of it."""
         problem = FamilyProblem(self.family, 1, omega_inverse, BAND_HZ, 100)
-        basis = build_sweep_basis(problem, tolerance / 3, most)
+        basis, basis_ms = timed(lambda: build_sweep_basis(problem, tolerance / 3, most))
         speeds = np.array([omega_log(t)["omega"] for t in self.theta])
         theta = (2 * (1 / speeds - 1 / LOW) / (1 / HIGH - 1 / LOW) - 1)[:, None]
         r, trained = basis.V.shape[1], len(basis.trained)
         name = f"{tolerance:.0e}"
-        rows = [M0Row(f"sweep_basis {name}", trained, r, basis.seconds)]
+        rows = [M0Row(f"sweep_basis {name}", trained, r, basis_ms / 1e3)]
         self._run(rows[0], lambda w: all_roots(*(A[0] for A in basis.small.matrices([w]))))
         rows[0].note = coverage(self._basis_ratios(problem, basis))
         solver = Windows(problem, basis, tolerance)
-        return [*rows, self._ritz(solver, theta, f"windows {name}")]
+        return [*rows, self._ritz(solver, theta, f"windows {name}", basis_ms)]
 
-    def _ritz(self, solver: Windows, theta: np.ndarray, name: str) -> M0Row:
+    def _ritz(self, solver: Windows, theta: np.ndarray, name: str, basis_ms: float) -> M0Row:
         row, patches = self._covered(solver, theta, name, ritz_hold(solver, theta))
+        row.reduce_s += basis_ms / 1e3
         ratios: list[float] = []
         for followed, own in patches:
             for i, point in solver._points(followed, theta, np.array(own)):
@@ -182,13 +183,11 @@ class M0:
     def _covered(
         self, solver: Windows, theta: np.ndarray, name: str, holds: Holds
     ) -> tuple[M0Row, Cover]:
-        started = time.perf_counter()
-        patches = cover(solver, theta, holds)
-        seconds = solver.basis.seconds + time.perf_counter() - started
+        patches, ms = timed(lambda: cover(solver, theta, holds))
         left = len(theta) - sum(len(own) for _, own in patches)
         note = f"{len(patches)} patches" + (f", {left} speeds left" if left else "")
         trained, r = len(solver.basis.trained), solver.basis.V.shape[1]
-        return M0Row(name, trained, r, seconds, note=note), patches
+        return M0Row(name, trained, r, ms / 1e3, note=note), patches
 
     def _basis_ratios(self, problem: FamilyProblem, basis: SweepBasis) -> list[float]:
         ratios = []

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from squealstudy.linalg.companion import all_pairs, all_roots
+from squealstudy.linalg.companion import Eigenpairs, all_pairs, all_roots
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.estimate import bounded, two_sided_error
@@ -36,86 +36,135 @@ class Points:
     exact: Sequence[np.ndarray]
 
 
-def dense(
-    problem: BrakeProblem, theta: np.ndarray, weights: Sequence[Weights]
-) -> tuple[Points, Measured]:
-    """The exact rung: roots alone, and with right vectors, which are the reference."""
-    row, exact = Measured("dense", size=f"{problem.system.n}"), []
-    for w in weights:
-        (_, C, K), assembled = timed(lambda w=w: problem.system.matrices(w))
-        _, values = timed(lambda C=C, K=K: all_roots(C, K))
-        (lam, _), vectors = timed(lambda C=C, K=K: dense_roots(C, K, problem.band))
-        row.values.append(assembled + values)
+class Way(NamedTuple):
+    """A rung that is set up: `at(i)` adds its times and errors at design point i to the row.
+
+    All ways are measured at one point before the next, so that a machine whose speed changes
+    changes all of them alike.
+    """
+
+    row: Measured
+    at: Callable[[int], None]
+
+
+def exact_points(problem: BrakeProblem, theta: np.ndarray, weights: Sequence[Weights]) -> Points:
+    """The points with the roots that all rungs are held against."""
+    matrices = (problem.system.matrices(w) for w in weights)
+    return Points(theta, weights, [dense_roots(C, K, problem.band)[0] for _, C, K in matrices])
+
+
+def dense(problem: BrakeProblem, points: Points) -> Way:
+    """The exact rung: roots of the band with right vectors, which are the reference."""
+    row = Measured("dense", size=f"{problem.system.n}")
+
+    def at(i: int) -> None:
+        (_, C, K), assembled = timed(lambda: problem.system.matrices(points.weights[i]))
+        (lam, _), vectors = timed(lambda: dense_roots(C, K, problem.band))
         row.vectors.append(assembled + vectors)
-        exact.append(lam)
-        row.compare(lam, lam)
-    return Points(theta, weights, exact), row
+        row.compare(points.exact[i], lam)
+
+    return Way(row, at)
 
 
-def two_step(problem: SweptProblem, points: Points, factor: float) -> Measured:
+def geev(problem: BrakeProblem, points: Points) -> Way:
+    """All roots by LAPACK's `geev`, without vectors: what a dense solver costs that is not ours."""
+    row = Measured("geev, all values", size=f"{problem.system.n}")
+
+    def at(i: int) -> None:
+        (_, C, K), assembled = timed(lambda: problem.system.matrices(points.weights[i]))
+        lam, values = timed(lambda: all_roots(C, K))
+        row.values.append(assembled + values)
+        row.compare(points.exact[i], lam[in_band(lam, problem.band, EDGE)])
+
+    return Way(row, at)
+
+
+def two_step(problem: SweptProblem, points: Points, factor: float) -> Way:
     """Real modes, then a small problem."""
     row, top = Measured(f"two_step {factor:g}x band"), factor * problem.band[1]
-    for w, exact in zip(points.weights, points.exact, strict=True):
-        pairs, vectors = timed(lambda w=w: two_step_pairs(problem.system, w, top))
+
+    def at(i: int) -> None:
+        pairs, ms = timed(lambda: two_step_pairs(problem.system, points.weights[i], top))
         row.size = f"{len(pairs.lam) // 2}"
-        _estimated(row, problem, w, exact, pairs, (None, vectors))
-    return row
+        _estimated(row, problem, points, i, pairs, ms)
+
+    return Way(row, at)
 
 
-def perturbation(problem: SweptProblem, points: Points, order: int) -> Measured:
+def perturbation(problem: SweptProblem, points: Points, order: int) -> Way:
     """From the middle of the box."""
     anchor, setup = timed(lambda: make_anchor(problem, np.zeros(problem.dimension), 1e6))
     near = np.flatnonzero(in_band(anchor.pairs.lam, problem.band, MARGIN))
     row = Measured(f"perturbation {order}", setup / 1e3, f"{len(anchor.pairs.lam)} modes")
-    for w, exact in zip(points.weights, points.exact, strict=True):
-        pairs, ms = timed(lambda w=w: perturbed_pairs(problem.system, anchor, w, order, near))
-        _estimated(row, problem, w, exact, pairs, (None, ms))
-    return row
+
+    def at(i: int) -> None:
+        (pairs, _), ms = timed(
+            lambda: perturbed_pairs(problem.system, anchor, points.weights[i], order, near)
+        )
+        _estimated(row, problem, points, i, pairs, ms)
+
+    return Way(row, at)
 
 
 def sweep_basis(
     problem: SweptProblem, points: Points, tolerance: float, most: int
-) -> tuple[SweepBasis, Measured]:
+) -> tuple[SweepBasis, Way]:
     """One basis for the box."""
-    basis = build_sweep_basis(problem, tolerance, most)
+    basis, setup = timed(lambda: build_sweep_basis(problem, tolerance, most))
     size = f"{basis.V.shape[1]}, {len(basis.trained)} points"
-    row = Measured(f"sweep_basis {tolerance:.0e}", basis.seconds, size)
-    for w, exact in zip(points.weights, points.exact, strict=True):
-        (C, K), assembled = timed(lambda w=w: basis.small.matrices([w]))
-        _, values = timed(lambda C=C, K=K: all_roots(C[0], K[0]))
-        pairs, vectors = timed(lambda C=C, K=K: all_pairs(C[0], K[0]))
+    row = Measured(f"sweep_basis {tolerance:.0e}", setup / 1e3, size)
+
+    def at(i: int) -> None:
+        w = points.weights[i]
+        (C, K), assembled = timed(lambda: basis.small.matrices([w]))
+        _, values = timed(lambda: all_roots(C[0], K[0]))
+        pairs, vectors = timed(lambda: all_pairs(C[0], K[0]))
         pairs = pairs.take(in_band(pairs.lam, problem.band, EDGE))
-        full, expanded = timed(lambda w=w, p=pairs: basis.expand(w, p))
-        times = (assembled + values, assembled + vectors + expanded)
-        _estimated(row, problem, w, exact, full, times)
-    return basis, row
+        full, expanded = timed(lambda: basis.expand(w, pairs))
+        row.values.append(assembled + values)
+        _estimated(row, problem, points, i, full, assembled + vectors + expanded)
+
+    return basis, Way(row, at)
 
 
-def _estimated(row, problem, weights, exact, pairs, times) -> None:
-    values, vectors = times
+def _estimated(
+    row: Measured,
+    problem: SweptProblem,
+    points: Points,
+    i: int,
+    pairs: Eigenpairs,
+    vectors_ms: float,
+) -> None:
+    """Add what a rung found at a point, with the time that its error estimate takes besides."""
     pairs = pairs.take(in_band(pairs.lam, problem.band, EDGE))
-    error, ms = timed(lambda: two_sided_error(problem, weights, pairs))
-    if values is not None:
-        row.values.append(values)
-    row.vectors.append(vectors)
-    row.estimate.append(vectors + ms)
-    row.compare(exact, pairs.lam, bounded(error, pairs.lam))
+    error, ms = timed(lambda: two_sided_error(problem, points.weights[i], pairs))
+    row.vectors.append(vectors_ms)
+    row.estimate.append(vectors_ms + ms)
+    row.compare(points.exact[i], pairs.lam, bounded(error, pairs.lam))
 
 
-def windows(problem: SweptProblem, basis: SweepBasis, points: Points, tolerance: float) -> Measured:
-    """Patches that cover the box: two-sided Ritz values, vectors, estimates of their errors."""
+def windows(problem: SweptProblem, basis: SweepBasis, points: Points, tolerance: float) -> Way:
+    """Patches that cover the box: two-sided Ritz values, vectors, estimates of their errors.
+
+    Points of a patch are solved together, as in a study, and share the time of that.
+    """
     solver = Windows(problem, basis, tolerance)
     name = f"windows {solver.tolerance:.0e}"
     row, patches = _covered(solver, points, name, ritz_hold(solver, points.theta))
+    serving = {i: (followed, rows) for followed, rows in patches for i in rows}
     for followed, rows in patches:
-        batch = [points.weights[i] for i in rows]
-        where = followed.patch, solver.basis, points.theta[rows], batch
-        ritz_roots(*where)
-        _, ms = timed(lambda where=where: ritz_roots(*where))
-        row.estimate += [ms / len(rows)] * len(rows)
         for i, p in solver._points(followed, points.theta, np.array(rows)):
             row.compare(points.exact[i], p.lam, p.error)
-    return row
+
+    def at(i: int) -> None:
+        if i in serving:
+            followed, rows = serving[i]
+            batch = [points.weights[k] for k in rows]
+            where = followed.patch, solver.basis, points.theta[rows], batch
+            _, ms = timed(lambda: ritz_roots(*where))
+            row.estimate.append(ms / len(rows))
+
+    return Way(row, at)
 
 
 Holds = Callable[[FollowedPatch, list[int]], bool]
@@ -132,12 +181,10 @@ Cover = list[tuple[FollowedPatch, list[int]]]
 
 
 def _covered(solver: Windows, points: Points, name: str, holds: Holds) -> tuple[Measured, Cover]:
-    started = time.perf_counter()
-    patches = cover(solver, points.theta, holds)
-    setup = time.perf_counter() - started
+    patches, ms = timed(lambda: cover(solver, points.theta, holds))
     missing = len(points.theta) - sum(len(rows) for _, rows in patches)
     name = f"{name}, {missing} left" if missing else name
-    return Measured(name, setup, f"{len(patches)} patches"), patches
+    return Measured(name, ms / 1e3, f"{len(patches)} patches"), patches
 
 
 def cover(
