@@ -29,6 +29,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pyarrow.dataset as pads
@@ -59,7 +60,6 @@ band = [1.0, 1000.0]
 track = false
 reference_points = 0
 """
-EMPTY = 2000  # tasks that do nothing
 DONE = re.compile(r"design points: .*?([\d,]+) of ([\d,]+) done")
 
 
@@ -84,14 +84,14 @@ def measured(points: int, jobs: int, client: Any = None) -> tuple[float, float]:
     return found["points_s"], found["points_worker_s"]
 
 
-def per_task(number: int, client: Any = None) -> float:
+def per_task(number: int, tasks: int, client: Any = None) -> float:
     """Seconds of a task that does nothing."""
     with connected(client, print) if client else nullcontext() as place:
         workers = Workers(number, cluster=place)
         list(workers.each(abs, range(10)))  # they start
         began = time.perf_counter()
-        list(workers.each(abs, range(EMPTY)))
-        return (time.perf_counter() - began) / EMPTY
+        list(workers.each(abs, range(tasks)))
+        return (time.perf_counter() - began) / tasks
 
 
 def killed_and_resumed(study: Path, against: Path | None) -> int:
@@ -142,15 +142,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--points", type=int, default=4000)
     parser.add_argument("--repeats", type=int, default=5, help="of which the medians are shown")
+    parser.add_argument("--empty", type=int, default=2000, help="tasks that do nothing")
     parser.add_argument("--killed", type=Path, metavar="STUDY")
     parser.add_argument("--against", type=Path, metavar="RESULTS", help="of the same study")
     given = parser.parse_args()
     if given.killed:
         raise SystemExit(killed_and_resumed(given.killed, given.against))
     points = given.points
-    model_kind.PATIENCE = 0.0  # s: all points by workers
     with tempfile.TemporaryDirectory() as cache, ExitStack() as stack:
-        os.environ["SQUEALSTUDY_CACHE"] = cache
+        stack.enter_context(patch.object(model_kind, "PATIENCE", 0.0))  # s: all points by workers
+        stack.enter_context(patch.dict(os.environ, SQUEALSTUDY_CACHE=cache))
         places = {("processes", workers): None for workers in (1, 2)}
         places |= {("cluster", n): stack.enter_context(cluster_of(n)) for n in (1, 2)}
         found: dict[tuple[str, int], list[tuple[float, ...]]] = {place: [] for place in places}
@@ -159,7 +160,7 @@ def main() -> None:
         for _ in range(given.repeats):  # in turn: the speed of a machine changes
             for (name, workers), client in places.items():
                 spent = measured(points, workers, client)
-                found[name, workers].append((*spent, per_task(workers, client)))
+                found[name, workers].append((*spent, per_task(workers, given.empty, client)))
     print(f"{'':10} workers  points s  at work s  overhead ms a point  ms an empty task")
     for (name, workers), each in found.items():
         spent_s, busy_s, empty_s = np.transpose(each)

@@ -1,6 +1,7 @@
 """Time and error of the complex-mode sweep on the medium brake, stage by stage.
 
 Run alone on an idle machine:  python studies/benchmarks/complex_modes.py [--mesh coarse]
+      --top 8000 --states 8     of the band, in Hz; how many of the states
 
 Prints seconds of each stage (compilation excluded; design points as the median of several, one
 BLAS thread) and the error of the reduced model against the full-order model at states away from
@@ -26,9 +27,7 @@ from squealstudy.reduction.cmt import ReductionSettings, component_modes
 from squealstudy.reduction.prepared import prepare
 from squealstudy.root_pairs import paired_with_full_order
 
-BAND = (500.0, 8000.0)
-CUTOFF = 1.5 * BAND[1]
-SETTINGS = ReductionSettings(CUTOFF, CUTOFF, 1.125 * BAND[1], 3e-5)
+BOTTOM = 500.0  # Hz
 GROUP = ("caliper", 7), ("caliper", 8), ("caliper", 9)
 REPEATS = 5
 
@@ -52,7 +51,11 @@ STATES = {
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mesh", default="medium", choices=["coarse", "medium", "fine"])
-    mesh = parser.parse_args().mesh
+    parser.add_argument("--top", type=float, default=8000.0, help="Hz")
+    parser.add_argument("--states", type=int, default=len(STATES), help="how many of them")
+    arguments = parser.parse_args()
+    mesh, band, cutoff = arguments.mesh, (BOTTOM, arguments.top), 1.5 * arguments.top
+    settings = ReductionSettings(cutoff, cutoff, 1.125 * arguments.top, 3e-5)
     brake = MODELS["disc_brake"]
     options = {o.name: o.choices[0] for o in brake.options} | {"mesh": mesh}
     contact_law().evaluate(np.zeros(1))  # compile
@@ -64,20 +67,20 @@ def main() -> None:
     nominal = STATES["nominal 12 bar, mu 0.5"].operating
     training = [STATES[s].operating for s in ("2 bar, mu 0.5", "30 bar, mu 0.5")]
     started = time.perf_counter()
-    prepared = prepare(assembly, nominal, SETTINGS, training)
+    prepared = prepare(assembly, nominal, settings, training)
     total = time.perf_counter() - started
     for stage, seconds in prepared.timings.items():
         print(f"  {stage.removesuffix('_s'):18s} {seconds:8.2f} s")
     print(f"reduction in all     {total:8.2f} s, {prepared.model.n} DOF")
-    modes = component_modes(assembly, CUTOFF)
+    modes = component_modes(assembly, cutoff)
     with threadpool_limits(1):
-        _points(prepared)
-        print("\nagainst the full-order model, light modes in 500 to 8000 Hz")
+        _points(prepared, band, list(STATES.values())[: min(arguments.states, 4)])
+        print(f"\nagainst the full-order model, light modes in {BOTTOM:g} to {arguments.top:g} Hz")
         print(f"{'state':30s}{'modes':>6s}{'df/f':>10s}{'d zeta':>10s}{'missed':>8s}{'full s':>8s}")
-        for name, state in STATES.items():
-            reduced = solve_point(prepared, state, BAND)
+        for name, state in list(STATES.items())[: arguments.states]:
+            reduced = solve_point(prepared, state, band)
             started = time.perf_counter()
-            full = full_order_modes(prepared, assembly, modes, state, BAND, CUTOFF)
+            full = full_order_modes(prepared, assembly, modes, state, band, cutoff)
             seconds = time.perf_counter() - started
             pairs = paired_with_full_order(reduced.lam, full.lam)
             print(
@@ -87,14 +90,14 @@ def main() -> None:
     print(f"\npeak memory {peak_memory_mb() / 1024:.2f} GB")
 
 
-def _points(prepared) -> None:
+def _points(prepared, band: tuple[float, float], states: list[DesignState]) -> None:
     working, point = [], []
-    for state in list(STATES.values())[:4] * REPEATS:
+    for state in states * REPEATS:
         started = time.perf_counter()
         state_working_point(prepared, state)
         working.append(time.perf_counter() - started)
         started = time.perf_counter()
-        solve_point(prepared, state, BAND)
+        solve_point(prepared, state, band)
         point.append(time.perf_counter() - started)
     for name, values in (("working point", working), ("design point", point)):
         print(

@@ -1,6 +1,7 @@
 """What the level of a limit cycle costs, by balance and in time, and what it errs by.
 
 Run:  python studies/benchmarks/cycle_cost.py [--scenes hoffmann belt coarse medium] [--png FILE]
+      --harmonics 3 5 --steps 50 100    in place of those of the scene; steps a period
 
 Of each scene one design has its mode's growth followed and its cycles found (`cold`, a cycle's
 share of both), and four designs within 1 % of its friction begin with its loudest stable cycle:
@@ -14,7 +15,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -185,16 +186,17 @@ def in_time(own: Scene, start: Cycle, steps: int, tolerance: float) -> tuple[np.
     return np.array(levels, float), (time.process_time() - began) / len(points)
 
 
-def measured(own: Scene) -> Iterator[dict[str, object]]:
+def measured(
+    own: Scene, ladder: Sequence[int], steps_a_period: Sequence[int]
+) -> Iterator[dict[str, object]]:
     """A row a setting."""
-    ladder = HARMONICS.get(own.name, OF_BRAKES)
     cold(own, ladder[0])  # kernels are compiled
     known = [c for c in cold(own, None) if c.attracts]
     start = max(known, key=lambda c: c.levels["torque_rms"])
-    in_time(own, start, STEPS[0], 0.1)
-    reference, seconds = in_time(own, start, FINER * STEPS[-1], REFERENCE)
-    yield {"method": "reference in time", "setting": FINER * STEPS[-1], "cpu_s": seconds}
-    for steps in STEPS:
+    in_time(own, start, steps_a_period[0], 0.1)
+    reference, seconds = in_time(own, start, FINER * steps_a_period[-1], REFERENCE)
+    yield {"method": "reference in time", "setting": FINER * steps_a_period[-1], "cpu_s": seconds}
+    for steps in steps_a_period:
         levels, seconds = in_time(own, start, steps, SETTLED)
         yield _row("in time, steps a period", steps, seconds, levels, reference)
     for harmonics in (*ladder, None):
@@ -268,11 +270,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     names = [*SMALL, *MODES]
     parser.add_argument("--scenes", nargs="*", choices=names, default=names)
+    parser.add_argument("--harmonics", type=int, nargs="+")
+    parser.add_argument("--steps", type=int, nargs="+", default=STEPS, help="a period")
     parser.add_argument("--png", type=Path)
     arguments = parser.parse_args()
     rows = []
     for name in arguments.scenes:
-        for row in measured(scene(name)):
+        ladder = arguments.harmonics or HARMONICS.get(name, OF_BRAKES)
+        for row in measured(scene(name), ladder, arguments.steps):
             rows.append({"scene": name, **row})
             print(
                 " ".join(f"{v:.3g}" if isinstance(v, float) else str(v) for v in rows[-1].values()),

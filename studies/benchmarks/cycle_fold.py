@@ -49,6 +49,7 @@ def main() -> None:
     parser.add_argument("--design", type=int, default=79)
     parser.add_argument("--mode", type=int, default=23)
     parser.add_argument("--lowest", type=float, default=0.26, help="friction")
+    parser.add_argument("--jobs", type=int, default=2)
     arguments = parser.parse_args()
     folder = arguments.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
@@ -62,7 +63,7 @@ def main() -> None:
         path = folder / f"{name}.toml"
         sweep = f'[[sweep]]\nparameter = "friction"\nvalues = {values}\n'
         path.write_text(f'[study]\nname = "{name}"\nkind = "{kind}"\n{brake}{sweep}{more}')
-        return squealstudy.run(path, folder / name, jobs=2, yes=True)
+        return squealstudy.run(path, folder / name, jobs=arguments.jobs, yes=True)
 
     more = CYCLES.format(mode=arguments.mode)
     found = study("cycles", "limit_cycles", [arguments.lowest, friction], more)

@@ -57,7 +57,7 @@ NOMINAL = {"friction": 0.5, "pressure": 12e5} | dict.fromkeys(list(RANGES)[2:], 
 ENDS = [{**NOMINAL, "pressure": pressure} for pressure in RANGES["pressure"]]
 IN_TIME = """
 [transient]
-duration = 0.2
+duration = {duration}
 step = 2e-6
 save_every = 10
 stop = "settled"
@@ -101,10 +101,13 @@ class Runs:
         Worker processes.
     mesh : str
         Of the brake.
+    duration : float
+        Of a run at most, s.
     """
 
-    def __init__(self, folder: Path, jobs: int, mesh: str) -> None:
+    def __init__(self, folder: Path, jobs: int, mesh: str, duration: float) -> None:
         self.folder, self.jobs, self.brake = folder, jobs, BRAKE.format(mesh=mesh)
+        self.motion = IN_TIME.format(duration=duration)
         folder.mkdir(parents=True, exist_ok=True)
 
     def __call__(self, name: str, kind: str, text: str) -> squealstudy.Results:
@@ -116,7 +119,7 @@ class Runs:
 
     def in_time(self, name: str, designs: pd.DataFrame, start: str) -> pd.DataFrame:
         """One run a design: its class and level, in the order of the designs."""
-        text = self.brake + swept(designs) + IN_TIME + start
+        text = self.brake + swept(designs) + self.motion + start
         points = self(name, "transient", text).points.round(dict.fromkeys(designs, 4))
         rows = designs.reset_index().merge(points, on=list(designs), how="left", validate="1:1")
         return rows.set_index("index")[KEPT].assign(start=name.rpartition("-")[2])
@@ -176,9 +179,10 @@ def main() -> None:
     parser.add_argument("--portion", type=int, default=20, help="designs of one study")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--kicks", type=float, nargs="*", default=list(VELOCITIES), help="m/s")
+    parser.add_argument("--duration", type=float, default=0.2, help="of a run at most, s")
     arguments = parser.parse_args()
-    runs = Runs(arguments.folder.resolve(), arguments.jobs, arguments.mesh)
-    nominal = runs.brake + swept(pd.DataFrame([NOMINAL])) + IN_TIME + "perturbation = 1e-2\n"
+    runs = Runs(arguments.folder.resolve(), arguments.jobs, arguments.mesh, arguments.duration)
+    nominal = runs.brake + swept(pd.DataFrame([NOMINAL])) + runs.motion + "perturbation = 1e-2\n"
     runs("nominal", "transient", nominal)
     designs, tables = drawn(arguments.draw, arguments.seed), []
     stable = linearly_stable(designs, runs)

@@ -11,6 +11,7 @@ from typing import Any
 from squealstudy.engine.measurement import Measurement
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structures
+from squealstudy.engine.workers import Workers, silent
 from squealstudy.fidelity.pilots import FidelityStudy
 from squealstudy.kinds.complex_modes.problems import swept_structures
 from squealstudy.kinds.transient.batch import training_path
@@ -34,8 +35,8 @@ class Clock:
         """Of reductions, and of bases or training runs; makes what is not there."""
         kind = kind_named(plan.study.definition.study.kind)
         keys = list(plan.structures)
-        total = sum(self._timed(k, partial(build_structures, plan, 1, _quiet, {k})) for k in keys)
-        return total + self._timed(what_is_prepared(plan), partial(kind.prepare, plan, _quiet))
+        total = sum(self._timed(k, partial(build_structures, plan, Workers(), {k})) for k in keys)
+        return total + self._timed(what_is_prepared(plan), partial(kind.prepare, plan, silent))
 
     def _timed(self, name: object, make: Callable[[], object]) -> float:
         if name not in self.spent:
@@ -53,7 +54,3 @@ def what_is_prepared(plan: Plan) -> tuple[Path, ...]:
     if not plan.method.rung.over_a_basis:
         return ()
     return tuple(structure.path for structure in swept_structures(plan))
-
-
-def _quiet(stage: str, done: int, total: int) -> None:
-    """No progress: what is timed prints nothing."""

@@ -81,9 +81,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mesh", default="coarse")
     parser.add_argument("--duration", type=float, default=0.06, help="s")
+    parser.add_argument("--jobs", type=int, default=cores())
     parser.add_argument("--only", nargs="+", default=list(VARIANTS))
     options = parser.parse_args()
-    rows = [row for v in variants(options) for row in solved(v, options.mesh)]
+    rows = [row for v in variants(options) for row in solved(v, options.mesh, options.jobs)]
     table = with_deviations(pd.DataFrame(rows))
     print(table.to_string(index=False, float_format=lambda x: f"{x:.4g}"))
     chart(table, Path("level_over_basis.png"))
@@ -105,10 +106,10 @@ def variants(options: argparse.Namespace) -> list[Variant]:
     ]
 
 
-def solved(variant: Variant, mesh: str) -> list[dict[str, object]]:
+def solved(variant: Variant, mesh: str, jobs: int) -> list[dict[str, object]]:
     plan = Plan(parse_study(variant.text, Path("level_over_basis.py")))
     directory = Path("results/level_over_basis") / mesh / plan.study.name
-    run_study(plan, directory, cores())
+    run_study(plan, directory, jobs)
     points = Results.open(directory).points
     steps = plan.study.section.duration / plan.study.section.step
     return [

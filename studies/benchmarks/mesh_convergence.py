@@ -1,6 +1,6 @@
 """Errors of the disc brake's meshes.
 
-Run:  python studies/benchmarks/mesh_convergence.py components [GEOMETRY ...]
+Run:  python studies/benchmarks/mesh_convergence.py components [GEOMETRY ...] [--only inner_pad]
       python studies/benchmarks/mesh_convergence.py refined
       python studies/benchmarks/mesh_convergence.py chart
       python studies/benchmarks/mesh_convergence.py assembled [coarse medium fine]
@@ -10,13 +10,14 @@ high order (`component_reference.py`), for the default geometry and five others;
 default alone some minutes. `refined`: the medium mesh with all cells divided in r, around, in z
 and in all, and with full integration; ten minutes. Both keep their rows in
 results/mesh_convergence.csv, which `chart` draws; with PARDISO (extra `mkl`) they stay below 6 GB.
-`assembled`: unstable modes of the brake to 8 kHz at 12 bar and friction 0.5, each density against
-the next finer one, in the reduced model of each mesh.
+`--only` takes some of the components, `--densities` some of the meshes, `--order` references up to
+another order. `assembled`: unstable modes of the brake to 8 kHz (`--top`) at 12 bar and friction
+0.5, each density against the next finer one, in the reduced model of each mesh.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +38,7 @@ from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import prepare
 
 TOP = 6e3  # Hz, of the free modes
-BAND = (500.0, 8000.0)
+BOTTOM = 500.0  # Hz, of complex modes
 NOMINAL = OperatingPoint(0.5, 12e5, 0.5, contact_law())
 TABLE, CHART = Path("results/mesh_convergence.csv"), Path("results/charts/mesh.png")
 COLUMNS = ["geometry", "component", "mesh", "points", "dof", "low", "high", "median"]  # errors, %
@@ -135,9 +136,10 @@ def show(key: tuple[str, str, str, int], n_dof: int, error: np.ndarray, started:
     table.to_csv(TABLE, index=False, float_format="%.5g")
 
 
-def reference(component: str, values: dict[str, float]) -> np.ndarray:
+def reference(component: str, values: dict[str, float], order: int | None) -> np.ndarray:
     started = time.perf_counter()
-    exact, step = extrapolated(component, values, TOP, *SOLIDS[component])
+    usual, layers = SOLIDS[component]
+    exact, step = extrapolated(component, values, TOP, order or usual, layers)
     print(
         f"{component}: {len(exact)} modes, the last order changes them by "
         f"{100 * np.abs(step).max():.3f} % at most, {time.perf_counter() - started:.0f} s",
@@ -146,24 +148,24 @@ def reference(component: str, values: dict[str, float]) -> np.ndarray:
     return exact
 
 
-def components(geometries: list[str]) -> None:
+def components(given: argparse.Namespace) -> None:
     """Errors of the densities."""
-    for geometry in geometries or list(GEOMETRIES):
+    for geometry in given.names or list(GEOMETRIES):
         print(f"\n{geometry}")
         values = MODELS["disc_brake"].defaults() | GEOMETRIES[geometry]
-        for component in SOLIDS:
-            exact = reference(component, values)
-            for name, density in DENSITIES.items():
+        for component in given.only:
+            exact = reference(component, values, given.order)
+            for name in given.densities:
                 started = time.perf_counter()
-                found = errors(BrakeMesher(values, density), component, exact)
+                found = errors(BrakeMesher(values, DENSITIES[name]), component, exact)
                 show((geometry, component, name, 8), *found, started)
 
 
-def refined() -> None:
+def refined(given: argparse.Namespace) -> None:
     """Errors of the medium mesh with divided cells."""
     values = MODELS["disc_brake"].defaults()
-    for component in SOLIDS:
-        exact = reference(component, values)
+    for component in given.only:
+        exact = reference(component, values, given.order)
         for split in ((1, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 2), (2, 2, 2)):
             for order in (REDUCED, FULL):
                 started = time.perf_counter()
@@ -173,32 +175,37 @@ def refined() -> None:
                 show(key, *errors(mesher, component, exact), started)
 
 
-def unstable(mesh: str) -> tuple[np.ndarray, np.ndarray]:
+def chart(_: argparse.Namespace) -> None:
+    """Draw the rows that are kept."""
+    CHART.parent.mkdir(parents=True, exist_ok=True)
+    mesh_chart(pd.read_csv(TABLE)).savefig(CHART, dpi=90)
+
+
+def unstable(mesh: str, top: float) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies [Hz] and damping ratios of the unstable modes of a mesh."""
     brake = MODELS["disc_brake"]
     options = {o.name: o.choices[0] for o in brake.options} | {"mesh": mesh}
     started = time.perf_counter()
     assembly = brake.build(options, brake.defaults())
     built = time.perf_counter() - started
-    cutoff = 1.5 * BAND[1]
-    settings = ReductionSettings(cutoff, cutoff, 1.125 * BAND[1], 3e-5)
+    settings = ReductionSettings(1.5 * top, 1.5 * top, 1.125 * top, 3e-5)
     prepared = prepare(assembly, NOMINAL, settings)
     seconds = time.perf_counter() - started
     print(
         f"\n{mesh}: {assembly.n_dof} DOF, built in {built:.1f} s, "
         f"with its reduction to {prepared.model.n} in {seconds:.1f} s"
     )
-    modes = solve_point(prepared, DesignState(NOMINAL), BAND)
+    modes = solve_point(prepared, DesignState(NOMINAL), (BOTTOM, top))
     size = np.abs(modes.lam)
     zeta = -modes.lam.real / size
     return size[zeta < -1e-7] / (2 * np.pi), zeta[zeta < -1e-7]
 
 
-def assembled(meshes: list[str]) -> None:
+def assembled(given: argparse.Namespace) -> None:
     """Unstable modes of meshes, each beside the nearest of the mesh before."""
     before = None
-    for mesh in meshes or list(DENSITIES):
-        hz, zeta = found = unstable(mesh)
+    for mesh in given.names or list(DENSITIES):
+        hz, zeta = found = unstable(mesh, given.top)
         for f, z in zip(hz, zeta, strict=True):
             text = f"  unstable {f:9.1f} Hz, damping {100 * z:+.3f} %"
             if before is not None and len(before[0]):
@@ -212,15 +219,17 @@ def assembled(meshes: list[str]) -> None:
 
 
 def main() -> None:
-    task, names = (sys.argv[1:2] or ["components"])[0], sys.argv[2:]
-    if task == "refined":
-        refined()
-    elif task == "chart":
-        mesh_chart(pd.read_csv(TABLE)).savefig(CHART, dpi=90)
-    elif task == "assembled":
-        assembled(names)
-    else:
-        components(names)
+    """Do what the command line asks for."""
+    tasks = {"components": components, "refined": refined, "assembled": assembled, "chart": chart}
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("task", nargs="?", choices=list(tasks), default="components")
+    parser.add_argument("names", nargs="*", help="geometries, or meshes of the assembled brake")
+    parser.add_argument("--only", nargs="+", choices=list(SOLIDS), default=list(SOLIDS))
+    parser.add_argument("--densities", nargs="+", choices=list(DENSITIES), default=list(DENSITIES))
+    parser.add_argument("--order", type=int, help="of the references, the highest of three")
+    parser.add_argument("--top", type=float, default=8000.0, help="Hz, of the assembled brake")
+    given = parser.parse_args()
+    tasks[given.task](given)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 Run:  python studies/benchmarks/method_costs.py [--mesh medium] [--jobs 2] [--varied 1 2 3]
       --points N  in place of as many as PAYS_FROM says
       --quick     the coarse mesh and a fifth of the points
+      --top 8000  of the band, in Hz
 
 For one to three parameters (friction, pressure, sliding speed): processor seconds of an exact
 point, of a sweep basis (BASIS_SOLVES is its ratio to the point), and of a point in windows with its
@@ -19,6 +20,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import one_thread  # noqa: F401
 
@@ -54,7 +56,7 @@ type = "sobol"
 samples = {samples}
 
 [modes]
-band = [500.0, 8000.0]
+band = [500.0, {top}]
 method = "{method}"
 """
 SWEEPS = ("friction", 0.0, 0.7), ("pressure", 2e5, 30e5), ("sliding_speed", 0.1, 3.0)
@@ -63,12 +65,19 @@ EXACT_POINTS = 12
 OTHER_POINTS = 60  # of methods whose cost does not depend on their number
 
 
-def plan_of(folder: Path, mesh: str, varied: int, samples: int, method: str) -> Plan:
-    """A study of random points over the first parameters."""
-    path = folder / "study.toml"
-    text = STUDY.format(mesh=mesh, samples=samples, method=method)
-    path.write_text(text + "".join(SWEEP.format(*sweep) for sweep in SWEEPS[:varied]))
-    return Plan(load_any(path))
+class Scene(NamedTuple):
+    """What all studies have in common: where they lie, the mesh, and the top of the band in Hz."""
+
+    folder: Path
+    mesh: str
+    top: float
+
+    def plan(self, varied: int, samples: int, method: str) -> Plan:
+        """A study of random points over the first parameters."""
+        path = self.folder / "study.toml"
+        text = STUDY.format(mesh=self.mesh, top=self.top, samples=samples, method=method)
+        path.write_text(text + "".join(SWEEP.format(*sweep) for sweep in SWEEPS[:varied]))
+        return Plan(load_any(path))
 
 
 def seconds(work: Callable[[], object]) -> float:
@@ -84,9 +93,9 @@ def solving_seconds(plan: Plan, points: DesignPoints) -> float:
     return seconds(lambda: [ComplexModes().solve(task) for task in tasks]) / len(points)
 
 
-def exact_seconds(folder: Path, mesh: str, varied: int, samples: int) -> float:
+def exact_seconds(scene: Scene, varied: int, samples: int) -> float:
     """Of a point by the exact method."""
-    plan = plan_of(folder, mesh, varied, samples, "dense")
+    plan = scene.plan(varied, samples, "dense")
     solving_seconds(plan, plan.tasks[:1])
     return solving_seconds(plan, plan.tasks[1 : EXACT_POINTS + 1])
 
@@ -105,6 +114,7 @@ def main() -> None:
     """Print a line a number of parameters, and one each of the other methods."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--mesh", default="medium")
+    parser.add_argument("--top", type=float, default=8000.0, help="Hz")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--varied", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--points", type=int)
@@ -113,17 +123,17 @@ def main() -> None:
     mesh = "coarse" if arguments.quick else arguments.mesh
     others = [r.name for r in all_rungs() if not r.exact and r is not RUNG]
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+        scene = Scene(Path(name), mesh, arguments.top)
         print(
             f"{'varied':<14}{'points':>7}{'exact s':>9}{'basis':>7}{'served':>8}{'pays from':>11}"
         )
         for varied in arguments.varied:
             asked = arguments.points or PAYS_FROM[varied]
             samples = asked // (5 if arguments.quick else 1)
-            plan = plan_of(folder, mesh, varied, samples, RUNG.name)
+            plan = scene.plan(varied, samples, RUNG.name)
             if reason := build_structure(build_task(plan, plan.tasks[0], 1))[1]:
                 raise SystemExit(reason)
-            exact = exact_seconds(folder, mesh, varied, samples)
+            exact = exact_seconds(scene, varied, samples)
             basis, point = served_seconds(plan)
             pays = arguments.jobs * basis / (exact - point) if exact > point else float("inf")
             line = (
@@ -131,7 +141,7 @@ def main() -> None:
             )
             print(f"{line}{pays:>11.0f}", flush=True)
             for method in others if varied == 2 else ():
-                other = plan_of(folder, mesh, varied, samples, method)
+                other = scene.plan(varied, samples, method)
                 _, point = served_seconds(other, OTHER_POINTS)
                 print(f"{method:<14}{OTHER_POINTS:>7}{'':>16}{point / exact:>8.2f}", flush=True)
 

@@ -1,6 +1,7 @@
 """Whether the tests notice a wrong line: small changes of the numerical core, one at a time.
 
     python studies/benchmarks/mutants.py [--number 300] [--seed 1] [--keep FOLDER] [--only 17 23 ..]
+    python studies/benchmarks/mutants.py --number 2 --folders laws --tests friction_law    to try it
 
 Of all changes that `mutations.py` makes in FOLDERS, a sample is drawn: of another state of the code
 it is another one. Each is written into a copy of the project and the tests that run its line are
@@ -26,7 +27,7 @@ import signal
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -62,6 +63,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=60.0, help="of tests, for each mutant")
     parser.add_argument("--keep", type=Path, help="folder that keeps which tests run which line")
+    parser.add_argument("--folders", nargs="+", default=FOLDERS, help="of the package, to change")
+    parser.add_argument("--tests", nargs="+", default=TESTS, help="files tests/test_NAME.py")
     parser.add_argument("--only", type=int, nargs="+", help="of the sample, by number")
     arguments = parser.parse_args()
     os.environ |= {"NUMBA_DISABLE_JIT": "1", "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
@@ -69,14 +72,16 @@ def main() -> None:
     for name in LOADED_ONCE:
         importlib.import_module(name)
 
-    files = [p for f in FOLDERS for p in sorted((ROOT / "squealstudy" / f).rglob("*.py"))]
+    files = [p for f in arguments.folders for p in sorted((ROOT / "squealstudy" / f).rglob("*.py"))]
     everything = [mutant for path in files for mutant in mutants_of(path, ROOT)]
     sample = random.Random(arguments.seed).sample(everything, arguments.number)
     print(f"{len(everything)} mutants in {len(files)} files, {len(sample)} drawn", flush=True)
     counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
         slots = [_copy(Path(folder) / f"slot{k}") for k in range(arguments.jobs)]
-        covered = Covered(_recorded(slots, arguments.keep or Path(folder)), arguments.seconds)
+        kept = arguments.keep or Path(folder)
+        recorded = _recorded(slots, kept, arguments.folders, arguments.tests)
+        covered = Covered(recorded, arguments.seconds)
         print(covered.summary, flush=True)
         numbers = arguments.only or range(len(sample))
         for number, verdict, test in _verdicts(slots, sample, numbers, covered):
@@ -146,20 +151,20 @@ def _enter(slot: Path) -> None:
 
 
 # -- tests ---------------------------------------------------------------------------------------
-def _recorded(slots: list[Path], kept: Path) -> Path:
-    """The folder with what `record` finds of TESTS, which is filled where it is not yet."""
+def _recorded(slots: list[Path], kept: Path, changed: Sequence[str], tests: Sequence[str]) -> Path:
+    """The folder with what `record` finds of the tests, which is filled where it is not yet."""
     kept = kept.resolve()
     kept.mkdir(exist_ok=True)
 
     def start(slot: Path, path: Path) -> int:
-        folders = [slot / "squealstudy" / folder for folder in FOLDERS]
+        folders = [slot / "squealstudy" / folder for folder in changed]
         record(folders, slot, path, into(path))
         return 0
 
     def into(path: Path) -> Path:
         return kept / f"{'_'.join(path.with_suffix('').parts)}.json"
 
-    paths = [Path("tests", test).with_name(f"test_{Path(test).name}.py") for test in TESTS]
+    paths = [Path("tests", test).with_name(f"test_{Path(test).name}.py") for test in tests]
     missing = [path for path in paths if not into(path).exists()]
     for path, _, status in _forked(slots, missing, start, lambda _: MOST_SECONDS):
         if status:

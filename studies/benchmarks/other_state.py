@@ -13,7 +13,10 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @contextmanager
 def tree_of(commit: str) -> Iterator[Path]:
-    """A folder with the tree of a commit, while the context lasts."""
+    """A folder with the tree of a commit, while the context lasts; or the folder that is named."""
+    if Path(commit).is_dir():
+        yield Path(commit).resolve()
+        return
     git = ["git", "-C", str(ROOT), "worktree"]
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"

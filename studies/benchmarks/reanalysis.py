@@ -132,13 +132,15 @@ def main() -> None:
     parser.add_argument("--box", choices=tuple(BOXES), default="mu")
     parser.add_argument("--m0", action="store_true")
     parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--tolerances", type=float, nargs="+", default=TOLERANCES)
+    parser.add_argument("--tolerances", type=float, nargs="+")
     parser.add_argument("--study", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("results") / "reanalysis")
     arguments = parser.parse_args()
     if arguments.quick:
         arguments.points = min(arguments.points, 4)
-        arguments.tolerances = TOLERANCES[:2]
+    arguments.tolerances = arguments.tolerances or (
+        TOLERANCES[:2] if arguments.quick else TOLERANCES
+    )
     if arguments.m0:
         m0_brake(arguments)
     else:

@@ -67,7 +67,7 @@ ROUND_OFF = {
 def main() -> None:
     """Run the studies by both states and compare."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--then", default=THEN)
+    parser.add_argument("--then", default=THEN, help="commit, or a folder with the code")
     parser.add_argument("--only", nargs="+", help="names of studies, with * as in file names")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--keep", type=Path, help="folder that keeps the tables of --then")

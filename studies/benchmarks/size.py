@@ -1,6 +1,7 @@
 """What a study costs as the mesh grows: a model of files to a ranked study, from a cold cache.
 
     python studies/benchmarks/size.py run [--sizes 15k 49k] [--jobs 2]
+    python studies/benchmarks/size.py run --sizes 15k --frictions 2 --top 1500    to try it
     python studies/benchmarks/size.py chart
 
 The generated brake is written as a model file (meshes in .inp) at growing densities: 15k, 29k, 49k,
@@ -27,6 +28,7 @@ from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import one_thread  # noqa: F401
 
@@ -58,7 +60,8 @@ EVERY = 0.25  # s between looks: one takes some 10 ms
 EXPORT, START, ALL, POINT = "files written", "start", "all, from files", "a point"
 CHECK = "full-order check"
 SAME_CONTACT = "95k"  # drawn apart: as 116k, with the contact faces of 15k
-POINTS = 29 * 6  # design points of the study
+PRESSURES = 6
+FRICTIONS, TOP = 29, 8000.0  # of the study; Hz
 DRAWN = ("reduction", "design points", CHECK, "tracking", ALL, POINT)  # stages on the chart
 STUDY = """
 [study]
@@ -70,12 +73,12 @@ file = "brake.toml"
 parameter = "friction"
 start = 0.0
 stop = 0.7
-num = 29
+num = {frictions}
 [[sweep]]
 parameter = "pressure"
 values = [2e5, 4e5, 8e5, 12e5, 20e5, 30e5]
 [modes]
-band = [500.0, 8000.0]
+band = [500.0, {top}]
 """
 
 
@@ -118,20 +121,26 @@ SIZES: dict[str, Density] = {
 }
 
 
-def write_model(folder: Path, size: str) -> tuple[Path, int]:
+def study_text(frictions: int = FRICTIONS, top: float = TOP) -> str:
+    """The study of a brake whose model file lies beside it."""
+    return STUDY.format(frictions=frictions, top=top)
+
+
+def write_model(folder: Path, size: str, text: str) -> tuple[Path, int]:
     """The study of a brake of that size, with its model file and meshes; degrees of freedom."""
     options = {option.name: option.choices[0] for option in DISC_BRAKE.options} | {"mesh": size}
     values = DISC_BRAKE.defaults()
-    DENSITIES[size] = SIZES[size]
     files, dof = {}, 0
-    for name, mesh in brake_meshes(options, values).items():
+    with patch.dict(DENSITIES, {size: SIZES[size]}):
+        meshes = brake_meshes(options, values)
+    for name, mesh in meshes.items():
         files[name] = f"{name}.inp"
         write_inp(mesh, folder / files[name])
         dof += 3 * len(mesh.nodes)
-    text = toml_text(brake_tables(options, values, files))
-    (folder / "brake.toml").write_text(text, encoding="utf-8")
+    brake = toml_text(brake_tables(options, values, files))
+    (folder / "brake.toml").write_text(brake, encoding="utf-8")
     path = folder / "study.toml"
-    path.write_text(STUDY)
+    path.write_text(text)
     return path, dof
 
 
@@ -220,13 +229,15 @@ def keep(record: Path, size: str, facts: dict[str, object]) -> None:
     record.write_text(json.dumps(known, indent=1) + "\n")
 
 
-def measure(size: str, jobs: int, record: Path, files: Path | None) -> None:
+def measure(size: str, given: argparse.Namespace) -> None:
     """Measure all figures of a size, print and keep them."""
+    jobs, record, files = given.jobs, given.record, given.keep
+    text = study_text(given.frictions, given.top)
     with tempfile.TemporaryDirectory() as made:
         folder = (files or Path(made)) / size
         folder.mkdir(parents=True, exist_ok=True)
         started, used = time.perf_counter(), time.process_time()
-        path, dof = write_model(folder, size)
+        path, dof = write_model(folder, size, text)
         written = {
             "stage": EXPORT,
             "wall_s": time.perf_counter() - started,
@@ -235,7 +246,8 @@ def measure(size: str, jobs: int, record: Path, files: Path | None) -> None:
         }
         command = [sys.executable, __file__, "child", str(path), str(Path(made) / "results")]
         environment = {**os.environ, "SQUEALSTUDY_CACHE": str(Path(made) / "cache")}
-        figures: dict[str, Any] = {"dof": dof, "jobs": jobs, "load_before": os.getloadavg()[0]}
+        figures: dict[str, Any] = {"dof": dof, "jobs": jobs, "points": PRESSURES * given.frictions}
+        figures["load_before"] = os.getloadavg()[0]
         started = time.perf_counter()
         with subprocess.Popen(
             [*command, str(jobs)], stdout=subprocess.PIPE, text=True, env=environment
@@ -287,13 +299,18 @@ def draw(record: Path, path: Path) -> None:
     known = json.loads(record.read_text())
     table = pd.DataFrame(
         [
-            {**row, "dof": size["dof"], "size": name}
+            {
+                **row,
+                "dof": size["dof"],
+                "size": name,
+                "points": size.get("points", PRESSURES * FRICTIONS),
+            }
             for name, size in known.items()
             for row in size["rows"]
         ]
     )
     solved = table[table["stage"] == "design points"]
-    point = solved.assign(stage=POINT, cpu_s=solved["cpu_s"] / POINTS, peak_mb=np.nan)
+    point = solved.assign(stage=POINT, cpu_s=solved["cpu_s"] / solved["points"], peak_mb=np.nan)
     table = pd.concat([table[table["stage"] != POINT], point]).sort_values("dof")
     apart, table = table[table["size"] == SAME_CONTACT], table[table["size"] != SAME_CONTACT]
     figure = new_figure(10.0, 4.6)
@@ -327,6 +344,8 @@ def main() -> None:
     run = commands.add_parser("run")
     run.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["15k", "49k"])
     run.add_argument("--jobs", type=int, default=2)
+    run.add_argument("--frictions", type=int, default=FRICTIONS, help="design points a pressure")
+    run.add_argument("--top", type=float, default=TOP, help="of the band, Hz")
     run.add_argument("--keep", type=Path, help="folder where the model files stay")
     chart = commands.add_parser("chart")
     chart.add_argument("png", type=Path, nargs="?", default=CHART)
@@ -344,7 +363,7 @@ def main() -> None:
         draw(given.record, given.png)
         return
     for size in given.sizes:
-        measure(size, given.jobs, given.record, given.keep)
+        measure(size, given)
 
 
 if __name__ == "__main__":

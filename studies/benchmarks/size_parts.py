@@ -4,11 +4,12 @@
     python studies/benchmarks/size_parts.py checks [--sizes 15k 49k]
     python studies/benchmarks/size_parts.py windows [--sizes 15k 49k]
 
-Of the studies of `size.py`. `points` solves steady sliding at every 13th design point: its
-processor seconds, and the factors it made. `checks` solves the first and the last one at full order
-about a uniform contact pressure, by the one factor that large models share. `windows` solves 2,000
-and then 10,000 points of a part of the range by that method, each with its modes and errors: the
-difference is what a point costs, the rest was spent once. No checks at full order.
+Of the studies of `size.py`, `--top` being that of their band in Hz. `points` solves steady sliding
+at every 13th design point: its processor seconds, and the factors it made. `checks` solves the
+first and the last one at full order about a uniform contact pressure, by the one factor that large
+models share. `windows` solves 2,000 and then 10,000 points (`--frictions` times 10 and 50) of a
+part of the range by that method, each with its modes and errors: the difference is what a point
+costs, the rest was spent once. No checks at full order.
 """
 
 from __future__ import annotations
@@ -18,13 +19,14 @@ import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import one_thread  # noqa: F401
 
 # isort: split
 
 import numpy as np
-from size import SIZES, STUDY, write_model
+from size import SIZES, TOP, study_text, write_model
 
 import squealstudy
 from squealstudy.engine.plan import Plan
@@ -45,17 +47,17 @@ NARROW = (  # many points of a part of the range: patches serve many points each
 )
 
 
-def built(size: str) -> tuple[Plan, Assembly]:
+def built(size: str, top: float) -> tuple[Plan, Assembly]:
     """The plan of the study of a size, and its assembly."""
     with tempfile.TemporaryDirectory() as folder:
-        study = load_study(write_model(Path(folder), size)[0])
+        study = load_study(write_model(Path(folder), size, study_text(top=top))[0])
         plan = study.kind.plan(study)
         return plan, plan.tasks[0].assembly()
 
 
-def checks(size: str) -> None:
+def checks(size: str, given: argparse.Namespace) -> None:
     """Processor seconds and memory of full-order checks about a uniform contact pressure."""
-    plan, assembly = built(size)
+    plan, assembly = built(size, given.top)
     area, n, started = assembly.contact.area, assembly.n_dof, time.process_time()
     k_c = mean_contact_stiffness(assembly, plan.nominal)
     held = HeldStiffness.of(assembly, k_c)
@@ -75,7 +77,7 @@ def checks(size: str) -> None:
         print(f"{peak_memory_mb():.0f} MB at most so far", flush=True)
 
 
-def sliding(size: str) -> None:
+def sliding(size: str, given: argparse.Namespace) -> None:
     """Processor seconds of steady sliding at every 13th design point."""
     made: list[float] = []
 
@@ -85,8 +87,7 @@ def sliding(size: str) -> None:
             super().__init__(*given)  # type: ignore[arg-type]
             made.append(time.process_time() - started)
 
-    solver.GapJacobian = Counted  # type: ignore[misc]
-    plan, assembly = built(size)
+    plan, assembly = built(size, given.top)
     states = [plan.tasks[i].state().operating for i in range(0, len(plan.tasks), 13)]
     nominal = replace(states[0], friction=0.35, brake_pressure=12e5)
     started = time.process_time()
@@ -95,21 +96,21 @@ def sliding(size: str) -> None:
     print(f"{size}: {len(space.area)} contact points, {len(space.C_NN)} independent rows; ", end="")
     print(f"compliances in {time.process_time() - started:.1f} s of a processor")
     start = solver.working_point(space, nominal).gap
-    made.clear()
     started = time.process_time()
-    for state in states:
-        solver.working_point(space, state, start)
+    with patch.object(solver, "GapJacobian", Counted):
+        for state in states:
+            solver.working_point(space, state, start)
     each, n = (time.process_time() - started) / len(states), len(states)
     print(f"a point {each:.3f} s, {len(made) / n:.1f} factors of {np.mean(made):.3f} s each")
 
 
-def windows(size: str) -> None:
+def windows(size: str, given: argparse.Namespace) -> None:
     """Processor seconds of many points by windows, and what was spent before the first."""
     with tempfile.TemporaryDirectory() as name:
         folder, spent = Path(name), []
-        path, dof = write_model(folder, size)
+        path, dof = write_model(folder, size, study_text(top=given.top))
         for number in (1, 5):  # the first also fills the cache
-            text = STUDY.replace("num = 29", f"num = {200 * number}")
+            text = study_text(given.frictions * number, given.top)
             for given, narrow in NARROW:
                 text = text.replace(given, narrow)
             path.write_text(text + 'method = "windows"\nreference_points = 0\n')
@@ -138,9 +139,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("part", choices=list(apart))
     parser.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["15k", "49k"])
+    parser.add_argument("--top", type=float, default=TOP, help="of the band, Hz")
+    parser.add_argument("--frictions", type=int, default=200, help="of the fewer points by windows")
     given = parser.parse_args()
     for size in given.sizes:
-        apart[given.part](size)
+        apart[given.part](size, given)
 
 
 if __name__ == "__main__":

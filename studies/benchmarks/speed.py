@@ -1,8 +1,8 @@
 """Time of the main jobs beside an earlier state of the project, in turns on one machine.
 
 Run:  python studies/benchmarks/speed.py [--rows study reduction point ..] [--rounds 2]
-      --quick          the coarse mesh and few points, to try it
-      --then COMMIT    the earlier state (a git worktree of it is made and removed)
+      --quick          the coarse mesh, few points and a band to 2 kHz, to try it
+      --then COMMIT    the earlier state (a git worktree of it is made and removed), or its folder
 
 Each row is a process of its own with a cold cache, first of the earlier state, then of this one.
 Both solve the same study file, with the damping of the generated brake written into it; each with
@@ -66,7 +66,7 @@ stop = 0.7
 num = {frictions}
 {pressures}
 [modes]
-band = [500.0, 8000.0]
+band = [500.0, {top}]
 {more}
 """
 PRESSURES = '[[sweep]]\nparameter = "pressure"\nvalues = [2e5, 4e5, 8e5, 12e5, 20e5, 30e5]\n'
@@ -118,13 +118,15 @@ LOW_BAND = "track = false\nreference_points = 0\n\n[fidelity]\ntolerance = 1e-3\
 
 def study_text(row: str, quick: bool, tolerance: float = 1e-4) -> str:
     """The study of a row."""
-    mesh = "coarse" if quick else "medium"
+    mesh, top = ("coarse", 2000.0) if quick else ("medium", 8000.0)
     if row in ("nominal", "squeal"):
         more, duration = (NOMINAL if row == "nominal" else SQUEAL), (0.02 if quick else 0.1)
         return IN_TIME.format(name=row, mesh=mesh, duration=duration, more=more)
     if row == "fidelity":
-        text = STUDY.format(name=row, mesh=mesh, frictions=400, pressures="", more=LOW_BAND)
-        return text.replace("8000.0", "3000.0")
+        top = min(top, 3000.0)
+        return STUDY.format(
+            name=row, mesh=mesh, top=top, frictions=400, pressures="", more=LOW_BAND
+        )
     frictions, pressures, more = (8 if quick else 29), PRESSURES, ""
     if row == "map":
         frictions = 40 if quick else 200
@@ -132,7 +134,9 @@ def study_text(row: str, quick: bool, tolerance: float = 1e-4) -> str:
         more = "tolerance = 1e-4"
     if row == "basis":
         frictions, pressures, more = 400, "", f'method = "windows"\ntolerance = {tolerance}'
-    return STUDY.format(name=row, mesh=mesh, frictions=frictions, pressures=pressures, more=more)
+    return STUDY.format(
+        name=row, mesh=mesh, top=top, frictions=frictions, pressures=pressures, more=more
+    )
 
 
 # -- in a process of its own ---------------------------------------------------------------------
@@ -324,7 +328,7 @@ def main() -> None:
     parser.add_argument("--rows", nargs="+", choices=[*WHOLE, *MEASURES])
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--then", default=THEN)
+    parser.add_argument("--then", default=THEN, help="commit, or a folder with the code")
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--measure", choices=list(MEASURES), help=argparse.SUPPRESS)
     arguments = parser.parse_args()

@@ -5,7 +5,8 @@ Run:  python studies/benchmarks/tracking.py --mesh medium --steps 0.02 0.05 0.1 
 All studies are solved exactly (dense), to a friction of 0.7. A mode of a coarse study is the mode
 of the reference at the same friction whose root is nearest; its label is wrong where the reference
 has another track there than at the point before. Changes at pairs that were flagged as ambiguous
-are counted apart. `--no-refinement` leaves the steps as they are.
+are counted apart. `--no-refinement` leaves the steps as they are, `--fine` are those of the
+reference, `--top` is that of the band in Hz.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.study.definition import parse_study
 
-TOP, FINE = 0.7, 0.002
+TOP = 0.7
 STUDY = """
 [study]
 name = "tracking"
@@ -43,6 +44,7 @@ start = 0.0
 stop = {top}
 num = {num}
 [modes]
+band = [500.0, {band_top}]
 method = "dense"
 reference_points = 0
 refine_onsets = false
@@ -56,6 +58,7 @@ def followed(arguments: argparse.Namespace, step: float, refine: bool) -> tuple[
         mesh=arguments.mesh,
         pressure=arguments.pressure,
         top=TOP,
+        band_top=arguments.top,
         num=round(TOP / step) + 1,
         refine=str(refine).lower(),
     )
@@ -95,14 +98,16 @@ def main() -> None:
     parser.add_argument("--mesh", default="coarse")
     parser.add_argument("--pressure", type=float, default=12e5, help="Pa")
     parser.add_argument("--steps", type=float, nargs="+", default=[0.02, 0.05, 0.1])
+    parser.add_argument("--fine", type=float, default=0.002)
+    parser.add_argument("--top", type=float, default=8000.0, help="Hz")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--no-refinement", action="store_true")
     arguments = parser.parse_args()
     started = time.perf_counter()
-    reference, facts = followed(arguments, FINE, True)
+    reference, facts = followed(arguments, arguments.fine, True)
     print(
-        f"{arguments.mesh} brake, {arguments.pressure:g} Pa, steps of {FINE:g}: {len(reference)} "
-        f"modes in {reference['track'].nunique()} tracks, {facts}, "
+        f"{arguments.mesh} brake, {arguments.pressure:g} Pa, steps of {arguments.fine:g}: "
+        f"{len(reference)} modes in {reference['track'].nunique()} tracks, {facts}, "
         f"{time.perf_counter() - started:.0f} s",
         flush=True,
     )

@@ -129,8 +129,11 @@ def main() -> None:
     )
     parts = np.split(theta, range(CHUNK, len(theta), CHUNK))
     started = time.perf_counter()
-    with get_context("spawn").Pool(arguments.jobs) as pool:
-        found = pool.map(partial(exact_roots, arguments), parts)
+    if arguments.jobs == 1:
+        found = [exact_roots(arguments, part) for part in parts]
+    else:
+        with get_context("spawn").Pool(arguments.jobs) as pool:
+            found = pool.map(partial(exact_roots, arguments), parts)
     ms = 1e3 * (time.perf_counter() - started) / len(theta)
     lost = len(solved) - len(points)
     print(f"dense: {ms:.0f} ms a point on {arguments.jobs} cores; no working point: {lost}")
