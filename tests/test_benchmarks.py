@@ -170,6 +170,7 @@ def test_every_benchmark_is_run():
 
 # -- studies -------------------------------------------------------------------------------------
 COARSER = ('mesh = "medium"', 'mesh = "coarse"')
+SHORT_PROOF = "[goal]", "[goal]\nstarts = 1\nscan = 0\nfull_order = 0\nin_time = 0\ncycles = 0"
 STUDIES: dict[str, list[tuple[str, str]]] = {
     "brake_families": [
         ("samples = 60", "samples = 1"),
@@ -187,6 +188,7 @@ STUDIES: dict[str, list[tuple[str, str]]] = {
         ("8000.0", "4000.0"),
         ("7-14", "7-9"),
         ("7-15", "7-9"),
+        SHORT_PROOF,
     ],
     "quiet_medium": [
         COARSER,
@@ -195,6 +197,7 @@ STUDIES: dict[str, list[tuple[str, str]]] = {
         ("8000.0", "4000.0"),
         ("7-14", "7-9"),
         ("7-15", "7-9"),
+        SHORT_PROOF,
     ],
 }
 
@@ -203,7 +206,10 @@ def test_every_study_is_run():
     assert {path.stem for path in BENCHMARKS.glob("*.toml")} == {*STUDIES}
 
 
-@pytest.mark.parametrize("name", STUDIES)
+SEARCHES = [pytest.param(n, marks=pytest.mark.full_size) for n in STUDIES if "quiet" in n]
+
+
+@pytest.mark.parametrize("name", [*(n for n in STUDIES if "quiet" not in n), *SEARCHES])
 def test_a_study_runs(name, tiny_brake, tmp_path, monkeypatch, capsys):
     text = (BENCHMARKS / f"{name}.toml").read_text(encoding="utf-8")
     for old, new in STUDIES[name]:
