@@ -50,7 +50,10 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"normal_force_rms", "N"),
     (r"(threshold|kick)_energy", "J"),
     (r"kick_phase", "rad"),
-    (r"multiplier\w*|(level|frequency|kick)_error|power_imbalance|harmonic_tail", ""),
+    (
+        r"multiplier\w*|(level|frequency|kick|regularisation)_error|power_imbalance|harmonic_tail",
+        "",
+    ),
     (r"\w*frequency\w*_hz|hz", "Hz"),
     (r"d_frequency_hz", "Hz per unit of the row"),
     (

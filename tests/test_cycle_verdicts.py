@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from cycle_models import BAND, Designs
+from stick_slip_cycle import stick_slip
 from study_runs import solved
 
 from squealstudy.cycles.curve import CurveMotion
@@ -15,7 +17,7 @@ from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import families
 from squealstudy.cycles.growth import without_noise
-from squealstudy.cycles.trials import OPEN, ended, run_on
+from squealstudy.cycles.trials import OPEN, band_level, ended, run_on
 from squealstudy.engine.template import study_text
 from squealstudy.engine.validity import motion_reason
 from squealstudy.laws import CONTACT_LAWS
@@ -97,6 +99,51 @@ def test_zeros_of_round_off_are_none(dampings, zeros):
     found = without_noise(curve(*dampings), 1e-8)
     assert sum(p.event == "C" for p in found) == zeros
     assert sum(not p.event for p in found) == sum(d is not None for d in dampings)
+
+
+SLOW = """
+[study]
+name = "slow"
+kind = "limit_cycles"
+[model]
+name = "belt"
+[parameters]
+mass = 10.0
+stiffness = 4000.0
+normal_force = 98.1
+friction = 0.2
+"friction_law.static_ratio" = 1.5
+"friction_law.decay_speed" = 1e-3
+damping_ratio = 0.01
+[[sweep]]
+parameter = "sliding_speed"
+values = [0.01]
+[modes]
+band = [0.1, 100.0]
+"""
+
+
+def test_slow_stick_slip_has_its_verdict_and_level(tmp_path):
+    """Truths: by phases without a corner of friction, and 4.758 N, 1.515 Hz with it (DOP853)."""
+    point = solved(SLOW, tmp_path / "slow").points.iloc[0]
+    assert point["verdict"] == "squeals_if_kicked"
+    assert point["level_error"] < 0.02
+    assert point["torque_rms"] == pytest.approx(4.758, rel=2e-3)
+    assert point["frequency_hz"] == pytest.approx(1.515, rel=1e-3)
+    sharp = stick_slip(10.0, 4000.0, 98.1, 0.2, 1.5, 1e-3, 0.01, 0.01)
+    without = point["torque_rms"] * (1 + point["regularisation_error"])
+    assert without == pytest.approx(sharp.rms, rel=3e-3)
+
+
+def test_the_part_of_a_level_within_a_band():
+    time = 1e-4 * np.arange(20000)
+    tones = [(3.0, 120.3), (5.0, 431.7), (2.0, 7.3)]
+    torque = 40.0 + sum(a * np.sin(2 * np.pi * hz * time) for a, hz in tones)
+    run = SimpleNamespace(times=time, history={"torque": torque})
+    rms, spread, line = band_level(run, (2 * np.pi * 50.0, 2 * np.pi * 300.0))
+    assert rms == pytest.approx(3.0 / np.sqrt(2), rel=5e-3)
+    assert spread < 0.01
+    assert line == pytest.approx(120.3, abs=1.0)
 
 
 CUBIC = """

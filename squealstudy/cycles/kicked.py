@@ -22,6 +22,7 @@ from squealstudy.cycles.trials import (
     ended,
     run_on,
     state_of,
+    with_regularisation,
 )
 from squealstudy.cycles.verdicts import Family, Followed
 from squealstudy.wording import IF_KICKED, NEUTRAL, NO_CYCLE, SQUEALS, UNDECIDED
@@ -135,12 +136,12 @@ def decided_in_time(
     `band` [rad/s] is that of `run_on`.
     """
     families = [family for _, family in found.families]
-    if found.unstable_outside or contact.point.growing.n_outside > 0:
-        return found
     if any(family.verdict == NEUTRAL for family in families):
         return found  # every run keeps what it begins with of that mode
     if any(family.verdict == SQUEALS for family in families):
         return _with_level(contact, found, band, reach)
+    if found.unstable_outside or contact.point.growing.n_outside > 0:
+        return found
     starts = [list(_starts(contact, family, reach)) for family in families]
     ends: list[list[Ended]] = [[] for _ in families]
     for some in (slice(0, 1), slice(1, None)):
@@ -151,7 +152,7 @@ def decided_in_time(
             replace(contact.point, q0=q, v0=v, continued=name == CYCLE) for _, name, (q, v) in tries
         ]
         for (own, name, _), motion in zip(tries, run_on(contact, points, band), strict=True):
-            own.append(ended(name, motion))
+            own.append(with_regularisation(contact, ended(name, motion), motion, band))
     decided = []
     for (k, family), own, tried in zip(found.families, ends, starts, strict=True):
         if len(own) == len(tried) or _lasting(own):
@@ -169,16 +170,18 @@ def _with_level(
 ) -> Followed:
     """A design that squeals, with the level of a run where no stable cycle is known to be loudest.
 
-    It begins with the loudest cycle, above it where that is unstable; without any with the largest
-    motion of the curve of the unstable mode that grows fastest. Where it does not last the next
-    is tried.
+    It begins with the loudest cycle, above it where that is unstable; then with the largest motion
+    of the curve of the mode without a stable cycle that grows fastest, also where another has one.
+    Where it does not last the next is tried. Where a mode outside the band grows the level is that
+    of the torque within it.
     """
     families = dict(found.families)
     known = [own.loudest.levels[LEVEL] for own in families.values() if own.loudest]
     tries = {}
     for mode, family in families.items():
         level = max((c.levels[LEVEL] for c in family.cycles), default=0.0)
-        louder = level > LOUDER * max(known) if known else family.verdict == SQUEALS or level > 0.0
+        louder = level > LOUDER * max(known, default=0.0)
+        louder |= family.verdict == SQUEALS and family.loudest is None  # it has a level of its own
         if louder and (start := next(_starts(contact, family, reach), None)):
             tries[mode] = (level, family.lam.real), start
     if not tries:
@@ -186,12 +189,16 @@ def _with_level(
     for number in sorted(tries, key=lambda mode: tries[mode][0], reverse=True)[:TRIES]:
         family, (name, (q, v)) = families[number], tries[number][1]
         point = replace(contact.point, q0=q, v0=v, continued=name == CYCLE)
-        run = ended(name, run_on(contact, [point], band)[0])
+        (motion,) = run_on(contact, [point], band)
+        run = with_regularisation(contact, ended(name, motion, band), motion, band)
         reason = f"{family.reason}; a run from {name} came to nothing that can be named"
         if run.outcome == LASTS and family.verdict == SQUEALS:
             reason = f"unstable mode; level of a run in time from {name}"
         elif run.outcome == LASTS:
             reason = f"{family.reason}; the design squeals, a run in time from {name} lasts"
+        if run.band:
+            hz = contact.point.growing.frequency_outside
+            reason += f"; the level is that within the band: {hz:.4g} Hz, outside it, grows too"
         families[number] = replace(family, run=run, reason=reason)
         if run.outcome == LASTS:
             break

@@ -14,11 +14,12 @@ import numpy as np
 
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.friction_steps import longest_step, rounds_off
 from squealstudy.cycles.harmonics import series_at
+from squealstudy.cycles.outcomes import class_of, known_so_far
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.behaviour import LEAST_DAMPING
-from squealstudy.motion.outcome.settling import known_outcome
+from squealstudy.motion.outcome.levels import hann, last_window, mean_interval
 from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import Watch, simulate
@@ -118,6 +119,11 @@ class Ended:
         Of the assembly mode with most energy at the end; NaN of one outside the band.
     open_share_max : float
         Of the contact area, in the last window.
+    regularisation : float
+        What friction without a corner at zero sliding would change the level by, relative, an
+        estimate; NaN where that was not looked for.
+    band : bool
+        The level is that of the torque within the band alone.
     """
 
     start: str
@@ -128,11 +134,18 @@ class Ended:
     line_hz: float = np.nan
     mode_hz: float = np.nan
     open_share_max: float = 0.0
+    regularisation: float = np.nan
+    band: bool = False
 
     @property
     def outcome(self) -> str:
         """``lasts``, ``decays``, or ``undecided``, failed runs among these."""
         return LASTS if self.found in LASTING else DECAYS if self.found == STABLE else OPEN
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether there is a vibration in the end that lasts, or may."""
+        return self.outcome != DECAYS and self.found != FAILED
 
     @property
     def text(self) -> str:
@@ -154,16 +167,19 @@ def run_on(
     sensed = np.flatnonzero((omega >= band[0]) & (omega <= band[1])) + 1
     system = replace(contact.system, sensed=sensed)
     top = 2 * np.pi / float(omega[sensed[-1] - 1] if len(sensed) else omega[-1])
+    step, saved = top / TOP_STEPS, TOP_SAVED
+    if (least := longest_step(contact)) < step:
+        step, saved = least, round(step / least)  # rows show how it breaks loose
     settings = MotionSettings(
         TOP_PERIODS * top,
-        top / TOP_STEPS,
-        TOP_SAVED,
+        step,
+        saved,
         integrator=ExactFreeMotion(),
         tolerance=ExactFreeMotion.tolerance,
     )
 
     def judge(_: int, motion: Motion) -> str:
-        return known_outcome(motion, settings.duration, TOLERANCE)
+        return known_so_far(motion, settings.duration, TOLERANCE)
 
     def run(some: Sequence[MotionPoint], how: MotionSettings) -> list[Motion]:
         return simulate(system, some, how, Watch([how.n_steps // LOOKS] * len(some), judge))
@@ -176,29 +192,65 @@ def run_on(
     return found
 
 
-def _undamped(motion: Motion) -> bool:
-    """Whether no mode grows, and the least damped one does not decay either."""
-    growing = motion.point.growing
-    if growing.n_unstable or growing.n_outside or not len(growing.lam):
-        return False
-    lam = growing.lam[0]
-    return bool(abs(lam.real) <= LEAST_DAMPING * abs(lam))
+def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -> Ended:
+    """What a run from `start`, in words, came to.
 
-
-def ended(start: str, motion: Motion) -> Ended:
-    """What a run from `start`, in words, came to."""
+    Where a mode outside `band` [rad/s], if that is given, grows, the level is that of the torque
+    within the band.
+    """
     if motion.outcome != "ok":
         return Ended(start, FAILED)
     summary = summarise(motion)
-    point, found = summary.point, summary.point["class"]
+    point, found = summary.point, class_of(motion)
     shares = {float(m["frequency_hz"]): m["energy_share"] for m in summary.modes}
     outside = point.get("energy_outside_share", 0.0) > OUTSIDE
     mode = np.nan if outside else max(shares, key=lambda hz: shares[hz], default=np.nan)
-    if found in LASTING and _undamped(motion):
-        found = UNDECIDED  # any motion of that mode stays
     if found not in SUSTAINED:
         return Ended(start, found, mode_hz=mode)
+    hz, line = point["frequency_hz"], point["torque_line_hz"]
+    opened = float(point["open_share_max"])
+    if band is not None and motion.point.growing.n_outside:
+        rms, spread, line = band_level(motion, band)
+        return Ended(start, found, rms, spread, hz, line, mode, opened, band=True)
     rms = float(point["torque_rms"])
     spread = 0.5 * (point["torque_rms_high"] - point["torque_rms_low"]) / rms if rms else np.nan
-    hz, line = point["frequency_hz"], point["torque_line_hz"]
-    return Ended(start, found, rms, spread, hz, line, mode, float(point["open_share_max"]))
+    return Ended(start, found, rms, spread, hz, line, mode, opened)
+
+
+def band_level(motion: Motion, band: tuple[float, float]) -> tuple[float, float, float]:
+    """RMS of the torque within a band [rad/s], half of its 95 % bounds over it, its line [Hz].
+
+    Of the last window. A filter has no history at its ends: a tenth at either is left out.
+    """
+    torque = motion.history["torque"]
+    window = last_window(motion.times, torque)
+    time, signal = motion.times[window], torque[window]
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    hz = np.fft.rfftfreq(len(signal), step)
+    low, high = (w / (2 * np.pi) for w in band)
+    inside = (hz >= low) & (hz <= high)
+    weighted = np.fft.rfft(hann(len(signal)) * (signal - signal.mean())) * inside
+    filtered = np.fft.irfft(np.fft.rfft(signal - signal.mean()) * inside, len(signal))
+    ends = len(signal) // 10
+    mean, least, most = (float(x) for x in mean_interval(filtered[ends : len(signal) - ends] ** 2))
+    rms = float(np.sqrt(mean))
+    spread = 0.5 * (np.sqrt(most) - np.sqrt(max(least, 0.0))) / rms if rms else np.nan
+    line = float(hz[int(np.argmax(np.abs(weighted)))]) if inside.any() else np.nan
+    return rms, float(spread), line
+
+
+def with_regularisation(
+    contact: ContactOscillator, run: Ended, motion: Motion, band: tuple[float, float]
+) -> Ended:
+    """What a run came to, and what the corner of its friction does to that.
+
+    Where the corner takes from the fall of friction the motion goes on with one of half the width:
+    levels change in proportion to it (THEORY.md, section 16), so twice what they change by is left.
+    """
+    if run.outcome != LASTS or not run.torque_rms > 0.0 or not rounds_off(contact):
+        return run
+    friction = replace(motion.point.friction, k_t=2.0 * motion.point.friction.k_t)
+    goes_on = replace(motion.point, friction=friction, q0=motion.q, v0=motion.v, continued=True)
+    sharper = ended("", run_on(contact, [goes_on], band)[0])
+    change = abs(sharper.torque_rms / run.torque_rms - 1.0) if sharper.outcome == LASTS else np.nan
+    return replace(run, regularisation=2.0 * change)

@@ -37,7 +37,7 @@ from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.families import families
 from squealstudy.cycles.kicked import decided_in_time
-from squealstudy.cycles.trials import LASTS, Trials, state_of
+from squealstudy.cycles.trials import DECAYS, LASTS, Trials, state_of
 from squealstudy.cycles.verdicts import Family, Followed
 from squealstudy.engine.cache import NewGaps, is_prepared
 from squealstudy.engine.plan import Plan
@@ -47,7 +47,7 @@ from squealstudy.kinds.limit_cycles.designs import CyclesRequest, request
 from squealstudy.modes.point import angular_band
 from squealstudy.study.definition import parse_study
 from squealstudy.study.design import DesignPoint
-from squealstudy.wording import SQUEALS, STABLE, VERDICTS
+from squealstudy.wording import SQUEALS, VERDICTS
 
 WINDOW = (2.9e3, 5.3e3)  # Hz
 BESIDE = 0.9, 1.1  # times the motion of an unstable cycle
@@ -94,7 +94,7 @@ def run_in_time(truth: pd.DataFrame, mesh: str) -> None:
         today = point.with_values({**point.values, **scales})  # noqa: PD011 - no pandas
         starts = {TODAY: today, ELSEWHERE: today.with_values({**today.values, **NOMINAL})}  # noqa: PD011
         _, runs = runs_in_time(point, starts, asked, NewGaps())
-        decayed = sum(run.found == STABLE for run in runs)
+        decayed = sum(run.outcome == DECAYS for run in runs)
         print(
             f"{number}: {design['truth']} | {decayed} of {len(runs)} decay; "
             f"{'; '.join(run.text for run in runs)}; {time.process_time() - began:.1f} CPU-s",

@@ -25,7 +25,6 @@ from squealstudy.motion.point import contact_speed, perturbed
 from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
-from squealstudy.wording import FAILED, STABLE
 
 LEAD = 0.02  # of the sliding speed: where the run of today's design begins
 SIZES = (1.0, 0.25)  # of kicks, of the reach of [limit_cycles]
@@ -151,7 +150,7 @@ def vibrations(today: _Today, asked: CyclesRequest) -> _Vibrations:
     starts = [(f" after a {name}", start) for name, start in _kicks(was, (), asked)]
     if growing.n_unstable:
         starts = [("", perturbed(was.system, was.point, LEAD * abs(was.point.speed)))]
-    found = [own for own in _runs(was, starts, asked) if own[0].found not in (STABLE, FAILED)]
+    found = [own for own in _runs(was, starts, asked) if own[0].goes_on]
     by_mode = {f"{told.mode_hz:.3g}": (told, motion) for told, motion in reversed(found)}
     near += [told.mode_hz for told, _ in by_mode.values() if np.isfinite(told.mode_hz)]
     return _Vibrations(near, [(told.start, m.q, m.v) for told, m in by_mode.values()])

@@ -363,6 +363,7 @@ def _judge_again(
             if stable and not least >= cycle["torque_rms"]:
                 verdict["torque_rms"] = cycle["torque_rms"]
                 verdict["level_error"] = cycle["level_error"]
+                verdict["regularisation_error"] = np.nan
                 verdict["cycle_frequency_hz"] = cycle["frequency_hz"]
                 verdict["torque_line_hz"] = cycle["torque_line_hz"]
                 verdict["invalid_reason"] = cycle["invalid_reason"]

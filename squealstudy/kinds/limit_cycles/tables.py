@@ -38,6 +38,7 @@ SUMMARY_FIELDS = (
     ("max_growth_rate", REAL),
     ("torque_rms", REAL),
     ("level_error", REAL),
+    ("regularisation_error", REAL),
     ("frequency_hz", REAL),
     ("torque_line_hz", REAL),
     ("threshold_velocity", REAL),
@@ -59,6 +60,7 @@ VERDICT_FIELDS = (
     ("curve_of", TEXT),
     ("torque_rms", REAL),
     ("level_error", REAL),
+    ("regularisation_error", REAL),
     ("cycle_frequency_hz", REAL),
     ("torque_line_hz", REAL),
     ("threshold_velocity", REAL),
@@ -213,6 +215,7 @@ def summary(
         "max_growth_rate": max(v["growth_rate"] for v in verdicts),
         "torque_rms": loudest["torque_rms"],
         "level_error": loudest["level_error"],
+        "regularisation_error": loudest["regularisation_error"],
         "frequency_hz": loudest["cycle_frequency_hz"],
         "torque_line_hz": loudest["torque_line_hz"],
         "invalid_reason": loudest["invalid_reason"],
@@ -242,7 +245,9 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
         level, opened = dict(zip(LEVEL, values, strict=True)), loud.levels["open_share_max"]
     run = family.run  # where it has come to the stable cycle, that one's level is the exacter
     louder = run is not None and run.torque_rms * (1.0 - run.spread) > level["torque_rms"]
+    by_corner = np.nan
     if run is not None and (loud is None or louder):
+        by_corner = run.regularisation
         values = (run.torque_rms, run.spread, run.frequency_hz, run.line_hz)
         level, opened = dict(zip(LEVEL, values, strict=True)), run.open_share_max
     broken = motion_reason(law_kind, opened)
@@ -263,6 +268,7 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
         "curve_end": family.end,
         "curve_of": family.origin,
         **level,
+        "regularisation_error": by_corner,
         "run_status": "" if family.run is None else family.run.outcome,
         "invalid_reason": broken,
         "threshold_velocity": velocity,
