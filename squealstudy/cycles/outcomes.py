@@ -20,6 +20,7 @@ from squealstudy.wording import LASTING, LIMIT_CYCLE, UNDECIDED
 
 PERIODS = 8.0  # of a motion that repeats, in the window that is judged
 EVEN = 5e-3  # of the RMS velocity: difference of the first and the second half of them
+STICKS = 0.05  # of the contact, in the mean: its friction is not that of small motions
 WOULD_CHANGE = 0.25  # of the logarithm: what growth or decay of small motions would have made of it
 
 
@@ -44,8 +45,8 @@ def repeats(run: Motion) -> bool:
     """Whether a run has come to a periodic motion that small motions would not explain.
 
     All modes that grow are followed, the sensed modes come back after a period (`fundamental_hz`),
-    at least eight times and as fast in both halves of these; and some of the contact sticks, or the
-    complex mode that grows fastest or decays slowest would have changed the motion by a quarter.
+    at least eight times and as fast in both halves of these; and a part of the contact sticks for a
+    while, or every followed complex mode would have changed the motion by a quarter.
     """
     modes = run.point.growing
     finite = run.outcome == "ok" and np.isfinite(run.modal_energy).all()
@@ -56,8 +57,10 @@ def repeats(run: Motion) -> bool:
     if len(time) < LEAST_ROWS:
         return False
     length = float(time[-1] - time[0])
-    pace = abs(float(modes.lam[0].real)) if len(modes.lam) else 0.0
-    if not (run.history["stick"][window].any() or pace * length >= WOULD_CHANGE):
+    pace = float(np.abs(np.real(modes.lam)).min()) if len(modes.lam) else 0.0
+    stick = run.history["stick"][window]
+    sticks = np.ptp(stick) > 0.0 and stick.mean() >= STICKS
+    if not (sticks or pace * length >= WOULD_CHANGE):
         return False
     step = length / (len(time) - 1)
     hz = fundamental_hz(step, run.sensed_q[window], v, run.omega)
