@@ -85,7 +85,12 @@ def test_a_silent_curve_serves_the_next_design(damped, first):
 
 @pytest.mark.parametrize(
     ("first", "last", "step"),
-    [(0.078, 0.084, 0.0005), (0.02, 0.17, 0.01), (0.02, 0.17, 0.03)],
+    [
+        (0.078, 0.084, 0.001),
+        (0.02, 0.17, 0.03),
+        pytest.param(0.078, 0.084, 0.0005, marks=pytest.mark.full_size),
+        pytest.param(0.02, 0.17, 0.01, marks=pytest.mark.full_size),
+    ],
 )
 def test_verdicts_are_those_of_the_designs_own_curves(designs, first, last, step):
     """Over the fold at .081: the top of damping moves fast in size."""

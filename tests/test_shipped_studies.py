@@ -191,7 +191,7 @@ def test_caliper_modes_and_damping_agree_where_nothing_is_changed(tmp_path: Path
 
 @pytest.mark.full_size
 def test_sensitivity(tmp_path: Path) -> None:
-    """By default the brake of test_sensitivity_study.py."""
+    """By default test_sensitivity_study.py, and a material of test_component_damping.py."""
     plan = reduced(
         "sensitivity",
         1,
