@@ -180,3 +180,26 @@ def test_scale_and_time_do_not_matter(scale, shift, rate, real):
     assert two.start - shift == pytest.approx(one.start, abs=1e-9)
     assert two.onset_time - shift == pytest.approx(one.onset_time, abs=1e-6)
     assert one.low <= one.growth_rate <= one.high
+
+
+def test_a_flank_of_a_ripple_is_no_growth():
+    """sqrt of the energy of one mode, over four of its periods, and over many."""
+    w, a = 2 * np.pi * 80, 15.0
+    for periods, told in ((4.0, False), (20.0, True)):
+        time = np.linspace(0.0, periods * 2 * np.pi / w, 2000)
+        rippled = np.exp(a * time) * np.sqrt(1.0 + 0.8 * np.cos(2 * w * time))
+        fit = fit_growth(time, rippled, period=2 * np.pi / w)
+        assert fit.status == ("ok" if told else "too_short")
+        if told:
+            assert fit.low <= a <= fit.high
+            assert (fit.stop - fit.start) * w / (2 * np.pi) == pytest.approx(
+                round((fit.stop - fit.start) * w / (2 * np.pi)), abs=0.05
+            )
+
+
+@pytest.mark.parametrize("r", [0.05, 0.15, 0.3])
+def test_growth_that_bends_tells_bounds_that_reach_the_small_amplitude(r):
+    """A record that ends before the cycle: slopes are a (1 - r^2), from r on."""
+    time, a = TIME[:1500], 20.0
+    fit = fit_growth(time, stuart_landau(a, r, time))
+    assert fit.status != "ok" or fit.low <= a <= fit.high

@@ -19,6 +19,7 @@ from squealstudy.engine.runner import run_study
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.transient.batch import sampling, training_path
 from squealstudy.kinds.transient.section import TransientSection
+from squealstudy.plots.growth_comparison import growth_pairs
 
 BELT = (
     study_text("belt", "transient", "belt")
@@ -322,3 +323,24 @@ def test_a_training_step_makes_one_basis_of_many_steps():
     assert training(**given) == training(**given, tolerance=1e-5, method='"exponential"')
     assert training(pod_step=2e-5) == training()  # that of the study
     assert training(pod_duration=0.02) != training()
+
+
+@pytest.mark.parametrize(
+    ("model", "law", "friction", "kick"),
+    [("hoffmann", 'contact_law = "unilateral"\n', 1.0, 1e-3), ("hulten", "", 0.5, 1e-2)],
+)
+def test_growth_that_ends_within_few_periods_is_told_by_no_table(
+    tmp_path, model, law, friction, kick
+):
+    """Energies gave 818 and 506 1/s, from one flank of a ripple, for 188 and 101."""
+    text = study_text("short", "transient", model) + (
+        f"{law}[parameters]\ndamping_ratio = 0.01\nfriction = {friction}\n"
+        "[modes]\nband = [20.0, 1500.0]\n"
+        f"[transient]\nduration = 0.1\nstep = 5e-6\nperturbation = {kick}\n"
+        'save_every = 5\nslope_pilot = "never"\n'
+    )
+    results = solved(text, tmp_path / "r")
+    row, fit = results.points.iloc[0], results.growth.iloc[0]
+    assert row["growth_method"] == fit["fit_status"] == "too_short"
+    assert np.isnan([row["growth_rate"], row["growth_rate_low"], fit["fitted_growth_rate"]]).all()
+    assert not len(growth_pairs(results.growth, results.points))

@@ -60,6 +60,7 @@ def growth_table(rows):
     table["fitted_low"] = table["fitted_growth_rate"] - 3.0
     table["fitted_high"] = table["fitted_growth_rate"] + 3.0
     table["fit_start"], table["fit_stop"] = 0.005, 0.015
+    table["fit_status"] = np.where(table["fitted_growth_rate"].notna(), "ok", "too_short")
     table["damping_ratio"] = -0.01
     table["unstable"] = table["growth_rate"] > 0
     lasting = table["level_share"].notna()

@@ -49,6 +49,9 @@ class GrowingModes:
         Mean mechanical energy of a motion along each mode at unit projection, J.
     overlap : ndarray (2 m, 2 m)
         Scalar products of the axes of the planes.
+    integrated : ndarray (2, m) complex
+        The roots with which these modes move at the step of a run, rad/s: where each step's
+        balance is found, and where forces are evaluated once a step; empty where not known.
     """
 
     lam: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
@@ -62,6 +65,7 @@ class GrowingModes:
     sensors: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     energy: np.ndarray = field(default_factory=lambda: np.zeros(0))
     overlap: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    integrated: np.ndarray = field(default_factory=lambda: np.zeros((2, 0), dtype=complex))
 
     @property
     def n_outside(self) -> int:

@@ -12,7 +12,10 @@ from squealstudy.laws import FrictionLaw
 from squealstudy.models.assembly import ContactPoints
 from squealstudy.models.operating import DesignState
 from squealstudy.motion.growing_modes import growing_modes
+from squealstudy.motion.integrator import KernelIntegrator
+from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes
+from squealstudy.motion.step_roots import integrated_roots
 from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import contact_weights
@@ -140,6 +143,29 @@ def motion_point(
         return made
     C, K = tangent(system, made, point, state)
     return replace(made, growing=growing_modes(C, K, system.omega2, band_hz, tolerance))
+
+
+def integrated(
+    made: MotionPoint,
+    system: ModalSystem,
+    point: WorkingPoint,
+    state: DesignState,
+    settings: MotionSettings,
+) -> MotionPoint:
+    """The design with the roots of its followed modes at the step of a run (`step_roots`).
+
+    As it is where it follows none, or where the integrator is none of the kernel.
+    """
+    method, modes = settings.integrator, made.growing
+    if not (len(modes.lam) and isinstance(method, KernelIntegrator)):
+        return made
+    C, K = tangent(system, made, point, state)
+    diagonal = system.omega2, made.c
+    roots = [
+        integrated_roots(C, K, diagonal, modes.lam, modes.right, method, settings.step, once)
+        for once in (False, True)
+    ]
+    return replace(made, growing=replace(modes, integrated=np.array(roots)))
 
 
 def shape_terms(reference: SharedModes, state: DesignState) -> tuple[np.ndarray, np.ndarray]:

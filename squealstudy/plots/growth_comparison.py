@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 SMALL = 0.05  # of the fastest growth: below, a relative deviation says nothing
+ENERGY = "energy"  # how growth is told where no complex mode is followed
 BOUNDS = 5.0  # largest deviations that the scale shows of wider bounds
 EXPRESSED, NOT_EXPRESSED = "expressed in the vibration", "not expressed"
 UNKNOWN, STABLE, FAILED = "not told yet", "stable mode", "point failed later"
@@ -95,6 +96,12 @@ def _nothing(growth: pd.DataFrame, points: pd.DataFrame) -> str:
     parts = [f"{plural(unstable, 'unstable mode')} predicted"]
     parts += [f"runs: {rest}"] if rest else []
     parts += [f"{failed} of {plural(len(points), 'point')} failed"] if failed else []
+    if "fit_status" in growth:  # results of earlier versions have no reasons
+        why = growth.loc[growth["unstable"].astype(bool), "fit_status"].value_counts()
+        reasons = [f"{n} {str(name).replace('_', ' ')}" for name, n in why.items() if name != "ok"]
+        parts += [f"fits: {', '.join(reasons)}"] if reasons else []
+    energy = int((points["growth_method"] == ENERGY).sum()) if "growth_method" in points else 0
+    parts += [f"of {plural(energy, 'run')} the energy alone tells growth"] if energy else []
     return "\n".join(["no growth rate was fitted", *parts])
 
 

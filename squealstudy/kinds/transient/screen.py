@@ -130,7 +130,8 @@ def points(
     more = len(table) - len(listed)
     legend = notes(
         f"{more} more in the points table" if more else "",
-        "growth: fitted in time, ~ within wide bounds; forecast: of the complex mode; "
+        "growth: fitted in time, ~ within wide bounds, - where fewer than five periods are "
+        "exponential; forecast: of the complex mode; "
         f"{what}{'' if what == 'torque' else ' of friction'} and RMS of its fluctuation, its "
         "frequency (x2: the torque is loudest at twice that; ~: its loudest line, the motion does "
         "not repeat), mode and its energy share: over the last window",

@@ -38,6 +38,7 @@ SUMMARY_FIELDS = (
     ("growth_rate", REAL),
     ("growth_rate_low", REAL),
     ("growth_rate_high", REAL),
+    ("growth_rate_step_error", REAL),
     ("growth_method", TEXT),
     ("onset_time", REAL),
     ("settled", FLAG),
@@ -100,6 +101,8 @@ GROWTH_FIELDS = (
     ("fitted_high", REAL),
     ("fit_start", REAL),
     ("fit_stop", REAL),
+    ("fit_status", TEXT),
+    ("step_error", REAL),
     ("level_share", REAL),
     ("expressed", FLAG),
 )

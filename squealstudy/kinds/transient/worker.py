@@ -37,7 +37,7 @@ from squealstudy.motion.level_errors import doubts
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.settling import known_outcome
 from squealstudy.motion.outcome.summary import history_frame, summarise
-from squealstudy.motion.point import friction_law, motion_point, perturbed
+from squealstudy.motion.point import friction_law, integrated, motion_point, perturbed
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes
 from squealstudy.motion.simulate import Watch, simulate
@@ -134,9 +134,12 @@ def set_up(task: BatchTask, point: DesignPoint, gaps: NewGaps) -> MotionPoint | 
     """Working point, forecast and perturbed start of a design point, or why there is none."""
     section = task.section
     try:
-        _, made = steady_motion(
+        steady, made = steady_motion(
             task.reference, point, section.friction, task.band_hz, task.tolerance, gaps
         )
+        if not task.hybrid:
+            system = task.reference.system
+            made = integrated(made, system, steady, point.state(), task.settings())
     except ParameterError as error:
         return "parameter", f"{error.key}: {error.message}"
     except FAILURES as error:

@@ -200,6 +200,20 @@ def moving_energy(run: Motion) -> np.ndarray:
     return vibration_energy(run.sensed_v)
 
 
+def slowest_period(run: Motion) -> float:
+    """Period of the slowest change of the energy of sensed modes that have 1 % of it at a time, s.
+
+    That of the slowest of these modes, or of the slowest beat of two of them. Infinite where a
+    rigid mode is among them.
+    """
+    energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
+    total = energies.sum(axis=1, keepdims=True)
+    shares = energies / np.where(total > 0, total, 1.0)
+    omega = np.sort(run.omega[(shares >= GROWN).any(axis=0)])
+    slowest = min(np.append(omega, np.diff(omega)), default=0.0)
+    return float(2 * np.pi / slowest) if slowest > 0 else np.inf
+
+
 def round_off(run: Motion) -> float:
     """Energy below which nothing moves, J: of the work of friction, which scales as it does.
 

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-LEFT_VECTOR = "left_vector"  # how a rate was found: along the fastest complex mode
+# how a rate was found: along the fastest complex mode; from the energy where none is followed
+LEFT_VECTOR, ENERGY = "left_vector", "energy"
 ONSET = 0.1  # of the final amplitude
 LEAST_ROWS = 24  # of a fit
-LEAST_PERIODS = 5.0  # of a fit to a complex amplitude
+LEAST_PERIODS = 5.0  # of a fit, of the slowest motion in it: a flank of its ripple has any slope
 LAST = 0.2  # of the record: where the final level is read
 SHARE = 0.05  # of the final amplitude: the phase ends there
 SHARE_SHORT = 0.075  # where the former leaves less than one e-folding
@@ -22,7 +23,7 @@ SEARCH_BLOCKS = 64  # resolution of the window's ends
 NOISY = 0.5  # change of ln|xi| between rows, in a block of a complex amplitude that is mostly noise
 LEAST_RISE = 0.05  # of ln|xi| over a record that never bends; less is a stationary signal
 TOLERANCE = 0.01  # of the slope, by which the slopes of the halves may differ
-CHANCE = 4.0  # standard errors that their difference may take
+CHANCE = 4.0  # standard errors that their difference, and a bend, may take
 LEAST_SCATTER = 1e-3  # below this a longer stretch is the better one
 FIT_BLOCKS = (48, 24, 12)  # block means of a line; fewer while neighbours are correlated
 CORRELATED = 0.3
@@ -43,6 +44,8 @@ class GrowthFit:
         When the fitted exponential reaches a tenth of the final amplitude (median over the last
         fifth of the whole record), s, or the first row where it begins above that; NaN unless the
         rate is above zero with 95 % confidence.
+    frequency : float
+        Of a complex amplitude over the window, rad/s; NaN of a real one.
     status : str
         ``ok``, ``no_signal`` (zero or not finite), ``too_short`` (fewer than 24 rows or 5 periods
         between start-up and bend, a stationary signal included) or ``not_exponential`` (no such
@@ -55,10 +58,13 @@ class GrowthFit:
     start: float = np.nan
     stop: float = np.nan
     onset_time: float = np.nan
+    frequency: float = np.nan
     status: str = "no_signal"
 
 
-def fit_growth(time: np.ndarray, amplitude: np.ndarray, until: float = np.inf) -> GrowthFit:
+def fit_growth(
+    time: np.ndarray, amplitude: np.ndarray, until: float = np.inf, *, period: float = 0.0
+) -> GrowthFit:
     """Fit |amplitude| = c exp(rate t) where the signal itself is exponential.
 
     The window ends before the logarithm first comes within `SHARE` of its final level: a
@@ -79,6 +85,9 @@ def fit_growth(time: np.ndarray, amplitude: np.ndarray, until: float = np.inf) -
         ripple.
     until : float
         Rows after this time are not looked at: where another, faster motion saturates, s.
+    period : float
+        Of the slowest motion in a real envelope, s: a fit lasts whole ones of them, five at least.
+        Zero for an envelope that does not ripple.
     """
     size = np.abs(amplitude)
     if not np.isfinite(size).all() or not size.any():
@@ -90,10 +99,14 @@ def fit_growth(time: np.ndarray, amplitude: np.ndarray, until: float = np.inf) -
         return GrowthFit(status="too_short")
     time, amplitude, log, first_time = time[:rows], amplitude[:rows], log[:rows], time[0]
     real = not np.iscomplexobj(amplitude)
-    found = growth_window(RisingLogarithm.of(log, real), least_rows(amplitude))
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    each = period / step if real else 0.0  # rows in a period
+    least = max(least_rows(amplitude), int(np.ceil(LEAST_PERIODS * each)))
+    found = growth_window(RisingLogarithm.of(log, real), least)
     if isinstance(found, str):
         return GrowthFit(status=found)
-    time, log = time[slice(*found)], log[slice(*found)]
+    found = found[0], whole_periods(*found, each)
+    time, log, part = (x[slice(*found)] for x in (time, log, amplitude))
     begin, end = float(time[0]), float(time[-1])
     rate, half, middle, level = slope_interval(log, (end - begin) / (len(time) - 1), real)
     reach = (float(np.log(ONSET)) + end_level - level) / rate if rate > half else np.nan
@@ -104,8 +117,14 @@ def fit_growth(time: np.ndarray, amplitude: np.ndarray, until: float = np.inf) -
         start=begin,
         stop=end,
         onset_time=float(np.maximum(begin + middle + reach, first_time)),
+        frequency=np.nan if real else turn(part) / step,
         status="ok",
     )
+
+
+def whole_periods(first: int, end: int, period: float) -> int:
+    """The row after the last of a stretch that is cut to whole periods [rows], by 0 not at all."""
+    return first + round(int((end - first) / period) * period) if period else end
 
 
 def final_level(log: np.ndarray) -> float:
@@ -187,9 +206,13 @@ def least_rows(amplitude: np.ndarray) -> int:
     """Rows in the shortest fit; periods from the mean turn of the phase between rows."""
     if not np.iscomplexobj(amplitude):
         return LEAST_ROWS
-    turn = np.angle(np.vdot(amplitude[:-1], amplitude[1:]))
-    periods = LEAST_PERIODS * 2 * np.pi / max(abs(float(turn)), 1e-12)
+    periods = LEAST_PERIODS * 2 * np.pi / max(abs(turn(amplitude)), 1e-12)
     return max(LEAST_ROWS, int(np.ceil(periods)))
+
+
+def turn(amplitude: np.ndarray) -> float:
+    """Mean turn of the phase of a complex amplitude (rows,) between rows, rad."""
+    return float(np.angle(np.vdot(amplitude[:-1], amplitude[1:])))
 
 
 def _noisy_blocks(log: np.ndarray, width: int) -> int:
@@ -302,7 +325,7 @@ def slope_interval(log: np.ndarray, step: float, real: bool) -> tuple[float, flo
     -------
     slope, half : float
         1/s, and half of its 95 % interval: HC3 variance, Student's t, widened by what correlation
-        of neighbours twelve blocks still have.
+        of neighbours twelve blocks still have, and by a bend beyond chance (`_bend`).
     time, level : float
         Mean time from the first row [s] and mean of the blocks: a point of the line.
     """
@@ -319,5 +342,32 @@ def slope_interval(log: np.ndarray, step: float, real: bool) -> tuple[float, flo
     leverage = 1.0 / len(y) + x**2 / (x @ x)
     error = float(np.sqrt(np.sum((x * rest / (1 - leverage)) ** 2))) / float(x @ x)
     rho = min(max(rho, 0.0), 0.9)
-    half = float(special.stdtrit(len(y) - 2, 0.975)) * error * float(np.sqrt((1 + rho) / (1 - rho)))
+    wider = float(np.sqrt((1 + rho) / (1 - rho)))
+    half = float(special.stdtrit(len(y) - 2, 0.975)) * error * wider + _bend(x, rest, slope, wider)
     return slope, half, step * (0.5 * len(y) * width - 0.5), float(y.mean())
+
+
+def _bend(x: np.ndarray, rest: np.ndarray, slope: float, wider: float) -> float:
+    """What a line's slope may be off that of a vanishing amplitude, 1/s, as it bends beyond chance.
+
+    By a growth a (1 - r^m) that depends on the amplitude r, slopes at the ends differ by d, and
+    the slope at the small end is d / (exp(m rise) - 1) off a: m = 1, the worst, is taken. The
+    slope of the line is off that by half of d, about.
+
+    Parameters
+    ----------
+    x, rest : ndarray (m,)
+        Times from the middle [s], and the logarithm beyond the line through it.
+    slope : float
+        1/s.
+    wider : float
+        Factor on standard errors that correlation makes.
+    """
+    square = x**2 - float(x @ x) / len(x)
+    bend = float(square @ rest / (square @ square))
+    left = rest - bend * square
+    error = float(np.sqrt(left @ left / (len(x) - 3) / (square @ square))) * wider
+    length = float(x[-1] - x[0]) * len(x) / (len(x) - 1)
+    apart = 2 * length * max(abs(bend) - CHANCE * error, 0.0)
+    rise = abs(slope) * length
+    return apart * (0.5 + 1.0 / float(np.expm1(max(rise, 1e-12))))

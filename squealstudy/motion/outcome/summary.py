@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,10 +21,11 @@ from squealstudy.motion.outcome.energies import (
     mode_energies,
     moving_energy,
     round_off,
+    slowest_period,
     transfer,
 )
 from squealstudy.motion.outcome.fundamental import fundamental_hz
-from squealstudy.motion.outcome.growth import LEFT_VECTOR, GrowthFit, fit_growth
+from squealstudy.motion.outcome.growth import ENERGY, LEFT_VECTOR, GrowthFit, fit_growth
 from squealstudy.motion.outcome.levels import last_window, torque_levels
 from squealstudy.motion.outcome.settling import settled
 from squealstudy.motion.outcome.verdict import EXPRESSED, run_verdict
@@ -34,6 +35,10 @@ NOTICEABLE_SHARE = (
     0.01  # share of the energy from which on a sensed mode has columns in the history
 )
 LEAST_ROWS = 10  # of a history that says anything
+# relative: how far a frequency may be from that of the mode at the step, of 300 runs at most 1e-3;
+# from that of the mode, where what the step makes of it is not known
+SAME_HZ, SAME_HZ_UNKNOWN = 5e-3, 0.05
+NOT_LINEAR = "not_linear"  # what moves along a left vector at another frequency than its mode
 
 
 @dataclass(frozen=True)
@@ -111,7 +116,8 @@ def mode_fits(run: Motion) -> list[GrowthFit]:
     fits: list[GrowthFit] = []
     for k in range(len(run.point.growing.lam)):
         until = fits[0].stop if k and fits[0].status == "ok" else np.inf
-        fits.append(fit_growth(run.times, run.xi(k), until) if _moves(run) else GrowthFit())
+        fit = fit_growth(run.times, run.xi(k), until) if _moves(run) else GrowthFit()
+        fits.append(_as_integrated(run, k, fit))
     return fits
 
 
@@ -145,6 +151,8 @@ def growth_rows(
             "fitted_high": fit.high,
             "fit_start": fit.start,
             "fit_stop": fit.stop,
+            "fit_status": fit.status,
+            "step_error": step_error(run, k),
             "level_share": float(share),
             "expressed": _expressed(float(share), kind, moving) if k < modes.n_unstable else None,
         }
@@ -164,20 +172,51 @@ def _expressed(share: float, kind: str, moving: bool) -> bool | None:
 
 
 def _growth(run: Motion, fits: list[GrowthFit]) -> dict[str, Any]:
-    """Growth of the fastest complex mode, or of the energy where it cannot be read."""
+    """Growth of the fastest complex mode; of the energy where no mode is followed.
+
+    Where a followed mode has no exponential stretch the motion is not linear for long enough: the
+    energy would then tell a flank of its ripple, or how a vibration fills up.
+    """
     if not _moves(run):
         return {}
-    fit, method = fits[0] if fits else GrowthFit(), LEFT_VECTOR
-    if not np.isfinite(fit.growth_rate):
-        fit = fit_growth(run.times, np.sqrt(moving_energy(run)))
-        method = "energy" if fit.status == "ok" else ""
+    if fits:
+        fit, method = fits[0], LEFT_VECTOR
+    else:
+        amplitude, period = np.sqrt(moving_energy(run)), slowest_period(run)
+        fit, method = fit_growth(run.times, amplitude, period=period), ENERGY
     return {
         "growth_rate": fit.growth_rate,
         "growth_rate_low": fit.low,
         "growth_rate_high": fit.high,
-        "growth_method": method,
+        "growth_rate_step_error": step_error(run, 0) if fits else np.nan,
+        "growth_method": method if fit.status == "ok" else fit.status,
         "onset_time": fit.onset_time,
     }
+
+
+def step_error(run: Motion, k: int) -> float:
+    """By how much the followed mode `k` grows too fast at the run's step, 1/s; NaN if unknown."""
+    balanced = run.point.growing.integrated[0]
+    return float(balanced[k].real - run.point.growing.lam[k].real) if len(balanced) else np.nan
+
+
+def _as_integrated(run: Motion, k: int, fit: GrowthFit) -> GrowthFit:
+    """The fit where it is one of the mode's linear motion, with what the contact iteration may do.
+
+    Whatever moves along a left vector has an amplitude, a limit cycle too; of the linear motion
+    frequency and growth are those of the mode, as the step makes it. The bounds reach as far as
+    steps of one evaluation change the growth.
+    """
+    if fit.status != "ok":
+        return fit
+    modes = run.point.growing
+    balanced, once = modes.integrated[:, k] if modes.integrated.shape[1] else (np.nan, np.nan)
+    known = np.isfinite(balanced)
+    hz, allowed = (balanced.imag, SAME_HZ) if known else (modes.lam[k].imag, SAME_HZ_UNKNOWN)
+    if abs(fit.frequency - hz) > allowed * hz:
+        return GrowthFit(status=NOT_LINEAR)
+    more = abs(once.real - balanced.real) if np.isfinite(once - balanced) else 0.0
+    return replace(fit, low=fit.low - more, high=fit.high + more)
 
 
 def run_levels(run: Motion) -> tuple[dict[str, Any], slice]:
