@@ -432,6 +432,7 @@ def test_growth_without_any_fit():
     assert said(none) == text
     unfitted = GROWTH.assign(fitted_growth_rate=np.nan)
     text = f"no growth rate was fitted\n{len(GROWTH)} unstable modes predicted\nruns: 1 limit cycle"
+    text += "\nfits: 1 too short"
     assert said(growth_comparison(unfitted, one_point())) == text
     empty = growth_comparison(GROWTH.iloc[:0], one_point().iloc[:0])
     assert said(empty) == "no growth rate was fitted\nno design points"
