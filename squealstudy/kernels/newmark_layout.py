@@ -112,7 +112,7 @@ class ModalArrays(NamedTuple):
     steps: np.ndarray  # (nb, L + 1, N_STEP, n) coefficients of a sub-step by halving level
     shapes: np.ndarray  # (m, n) rows u: C += u d u^T, K += u s u^T
     component_terms: np.ndarray  # (nb, 2, m) d, s
-    between: np.ndarray  # (.., n, n) dampings D between coordinates, zeros on the diagonal, 1/s
+    between: np.ndarray  # (.., n, n) f4, dampings D between coordinates, diagonal zero, 1/s
     between_of: np.ndarray  # (nb,) int, the place of each design's D; -1 where it has none
     fixed: np.ndarray  # (nb, 2, nc) in the Jacobian: N/m beyond k_ref, tangential N s/m
     sensors: np.ndarray  # (nb, ns, n) zeros where a design has fewer

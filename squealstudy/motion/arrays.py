@@ -136,12 +136,12 @@ def _between(
                 raise ModelError(
                     f"design point: 'damping_between' needs {system.n} x {system.n} finite values"
                 )
-            if np.diag(D).any() or not np.allclose(D, D.T, rtol=0.0, atol=ROUND_OFF * abs(D).max()):
+            if np.diag(D).any() or np.abs(D - D.T).max() > ROUND_OFF * np.abs(D).max():
                 raise ModelError("design point: 'damping_between' is symmetric, its diagonal zero")
             places[id(D)] = len(matrices)
             matrices.append(D)
         between_of[k] = places[id(D)]
-    between = aligned_zeros(len(matrices), n, n)
+    between = aligned_zeros(len(matrices), n, n, dtype=np.float32)
     for full, D in zip(between, matrices, strict=True):
         full[: system.n, : system.n] = D
     return between, between_of
