@@ -156,6 +156,16 @@ def test_compared_studies_predict_one_growth(tmp_path):
     np.testing.assert_allclose(table["fitted_growth_rate"], table["growth_rate"], rtol=1e-2)
 
 
+def test_verdicts_are_those_of_the_designs_alone(tmp_path):
+    """The design at 1e5 /m does not squeal by itself, whichever the nominal one is."""
+    text = STUDY.format(kind="limit_cycles", more="").replace("40000.0", "100000.0")
+    found = solved(text, tmp_path / "cycles")
+    growth = found.table("verdicts").groupby("point_id")["growth_rate"].max()
+    growth = growth[found.points["point_id"]]
+    np.testing.assert_allclose(growth, [224.178, -28.458], atol=1e-3)
+    assert found.points["verdict"].tolist() == ["squeals", "squeals_if_kicked"]
+
+
 # -- the brake ------------------------------------------------------------------------------------
 KEYS = (("caliper", 7), ("caliper", 8))
 
