@@ -103,6 +103,8 @@ def pytest_configure(config):
     absent = code_paths.missing()
     if absent:
         raise pytest.UsageError(f"code paths asked for and not in effect: {', '.join(absent)}")
+    sys.dont_write_bytecode = False  # hundreds of processes would each compile the package anew
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if is_worker(config):
         return
     if hasattr(config.option, "loadscopereorder"):  # from pytest-xdist 3.7 on
