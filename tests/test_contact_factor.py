@@ -74,6 +74,7 @@ def test_solves_are_those_of_a_factor_of_the_matrix(brake, held, name):
     )
 
 
+@pytest.mark.full_size
 def test_roots_with_changed_and_damped_modes_are_those_of_a_factor_of_the_matrix(brake, held):
     plain, system = systems(brake, CHANGED_STATE, held)
     b = np.random.default_rng(0).standard_normal(brake.assembly.n_dof)

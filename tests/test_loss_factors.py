@@ -46,8 +46,10 @@ def test_energy_of_a_mode_is_shared_by_its_materials(brake_model):
 @pytest.mark.parametrize(
     ("factors", "told"),
     [
-        ({"disc.density": 0.1}, "expected moduli of a component"),
-        ({"disc.thickness": 0.1}, "expected moduli of a component"),
+        *(
+            pytest.param({name: 0.1}, "expected moduli of a component", marks=pytest.mark.full_size)
+            for name in ("disc.density", "disc.thickness")
+        ),
         ({"pad.lining_poisson_ratio": 0.1}, "expected moduli of a component"),
         ({"pad.lining_young_modulus": 0.1}, "all of those that a material has"),
         ({"disc.young": 0.1}, "no parameter 'disc.young'"),
