@@ -498,7 +498,8 @@ def test_a_change_of_track_is_no_boundary():
     renamed = modes["point_id"].isin(points["point_id"][points["pressure"] > 1e6])
     modes.loc[renamed & (modes["track"] == 1), "track"] = 5
     figure = stability_map(points, modes, "friction", "pressure", units=UNITS)
-    (line,) = figure.axes[0].lines
+    ticks, line = figure.axes[0].lines
+    assert np.allclose(ticks.get_xdata(), 0.4)
     assert np.allclose(line.get_xdata(), 0.4)
 
 
@@ -722,7 +723,7 @@ def test_bars_of_the_ranking():
     assert np.allclose(widths[0], 50.0)
     texts = drawn(figure)
     assert {"disc", "pad", "interfaces"} <= set(texts)
-    assert any(text.endswith("from 0.4") for text in texts)
+    assert any(text.endswith("from ~0.4") for text in texts)
     assert "the friction from which on unstable" in left.get_title(loc="left")
 
 

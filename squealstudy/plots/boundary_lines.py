@@ -26,13 +26,17 @@ class Boundary(NamedTuple):
     Attributes
     ----------
     lines : list of ndarray (k, 2)
-        In values as drawn, the unstable side on the right.
+        In values as drawn, the unstable side on the right: straight between crossings, where
+        nothing was solved.
+    solved : ndarray (m, 2)
+        Crossings on the lines whose onset is refined.
     crossings, refined : int
         Neighbouring design points on lines along the onsets' parameter between which it passes,
         and how many of these have a refined onset.
     """
 
     lines: list[np.ndarray]
+    solved: np.ndarray
     crossings: int
     refined: int
 
@@ -58,8 +62,11 @@ def stability_boundary(
     segments: dict[Edge, Edge] = {}
     for polygon in plane.polygons():
         segments |= dict(_segments(polygon, plane.unstable))
-    lines = [np.array([finder.place(edge) for edge in chain]) for chain in _chains(segments)]
-    return Boundary(lines, len(finder.on_lines), finder.refined)
+    chains = list(_chains(segments))
+    lines = [np.array([finder.place(edge) for edge in chain]) for chain in chains]
+    solved = [finder.place(edge) for chain in chains for edge in chain if finder.is_refined(edge)]
+    at = np.array(solved).reshape(-1, 2)
+    return Boundary(lines, at, len(finder.on_lines), finder.refined)
 
 
 def _segments(polygon: np.ndarray, unstable: np.ndarray) -> Iterator[tuple[Edge, Edge]]:
@@ -110,6 +117,10 @@ class _Crossings:
         a, b = (self._xy[i] for i in edge)
         x, y = a + self._part(edge) * (b - a)
         return float(self._plane.across.uneven(x)), float(self._plane.up.uneven(y))
+
+    def is_refined(self, edge: Edge) -> bool:
+        """Whether an edge has a refined onset."""
+        return self._along is not None and self._refined_at(edge) is not None
 
     def _refined_at(self, edge: Edge) -> float | None:
         """Coordinate of the refined onset on an edge; nodes that were filled in have none."""

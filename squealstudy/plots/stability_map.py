@@ -13,7 +13,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withTickedStroke
+from matplotlib.patheffects import TickedStroke
 
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
@@ -36,6 +36,8 @@ BOUNDARY = COLOURS[1]
 STABLE = "#EFEFEF"
 SEVERITY = "YlOrBr"
 MOST_CLASSES = 12  # counts beyond share colours
+JOINED = (0, (4, 2))  # dashes of what joins onsets
+MOST_ONSETS = 150  # larger dots would hide the line
 TITLE = 90  # characters in a line of the title
 
 
@@ -56,9 +58,11 @@ def stability_map(
 ) -> Figure:
     """Cells of a grid, or triangles between scattered points, coloured by instability.
 
+    A cell has the value of the design point in it, on both sides of a boundary that passes through.
     A line parts the points at which any mode is unstable from those at which none is; ticks point
-    to the unstable side (plots.boundary_lines). The nodes of a boundary design that were solved
-    are marked.
+    to the unstable side (plots.boundary_lines). It is dashed, for it joins crossings straight on
+    where nothing was solved: the onset may jump between two lines. Refined onsets on it are dots.
+    The nodes of a boundary design that were solved are marked.
 
     Parameters
     ----------
@@ -107,7 +111,7 @@ def stability_map(
         mark = "hatched where no other is in the cell" if plane.gridded else "not shown"
     title = joined(
         plane.elsewhere,
-        gathered,
+        gathered or ("a cell: the value of the point in it" if plane.gridded else ""),
         _mark_solved(axes, plane, results.nodes[1]),
         f"{plural(failed, 'point')} failed ({mark})" if failed else "",
         "" if plane.unstable.any() else "no unstable mode",
@@ -164,16 +168,30 @@ def _mark_solved(axes: Axes, plane: StudyPlane, solved: np.ndarray | None) -> st
 
 def _boundary(figure: Figure, axes: Axes, boundary: Boundary, along: str | None) -> None:
     """The lines, ticks to the unstable side, and a legend that says how they were placed."""
-    for line in boundary.lines:
-        (drawn,) = axes.plot(*line.T, color=BOUNDARY, linewidth=1.8)
-        drawn.set_path_effects([withTickedStroke(angle=-60, spacing=9, length=0.5)])
     if not boundary.lines:
         return
+    for line in boundary.lines:
+        (ticks,) = axes.plot(*line.T, color=BOUNDARY, linewidth=1.0)
+        ticks.set_path_effects([TickedStroke(angle=-60, spacing=9, length=0.5)])
+        axes.plot(*line.T, color=BOUNDARY, linewidth=1.8, linestyle=JOINED)
+    if many := len(boundary.solved):
+        size = 4.5 if many <= MOST_ONSETS else 2.5
+        axes.plot(*boundary.solved.T, "o", color=BOUNDARY, markersize=size)
     crossings, refined = boundary.crossings, boundary.refined
     how = "between design points, not refined"
     if refined:
         how = f"refined along {along}"
         how += f" at {refined} of {crossings} crossings" if refined < crossings else ""
-    label = f"boundary of stability of any mode, ticks to the unstable side; {how}"
-    handle = Line2D([], [], color=BOUNDARY, linewidth=1.8, label=label)
-    legend_below(figure, [handle])
+    label = "boundary of stability of any mode, ticks to the unstable side: dashed where joined, "
+    label += f"not solved; {how}"
+    style: dict[str, Any] = {"color": BOUNDARY, "linewidth": 1.8, "linestyle": JOINED}
+    handles = [Line2D([], [], label=label, **style)]
+    if refined:
+        dot: dict[str, Any] = {
+            "color": BOUNDARY,
+            "marker": "o",
+            "markersize": 4.5,
+            "linestyle": "none",
+        }
+        handles.append(Line2D([], [], label="onset that was solved", **dot))
+    legend_below(figure, handles, 1)

@@ -2,8 +2,10 @@
 
 The nodes are those of a virtual grid of (num - 1) 2^levels + 1 values a sweep. The coarse grid is
 solved first. A cell is halved in every direction where `CellRule` says that stability may change
-inside, down to the spacing of the virtual grid. The known nodes of every cell that is left larger,
-those that smaller neighbours put on its faces included, agree: the map is complete.
+inside, or `PassingModes` that two modes pass each other there and may lock in, down to the spacing
+of the virtual grid. The known nodes of every cell that is left larger, those that smaller
+neighbours put on its faces included, agree. What lies inside unseen, neither shown by damping nor
+by the order of modes at its corners, the map does not have.
 
 Which cells are halved follows from the finished nodes alone, round by round from the coarse grid:
 a killed run finds the same points again.
@@ -21,6 +23,8 @@ import numpy as np
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import Store
+from squealstudy.kinds.complex_modes.node_modes import FinishedNodes
+from squealstudy.kinds.complex_modes.passing_modes import Node, PassingModes
 from squealstudy.kinds.complex_modes.rows import damping_ratios, read_roots, unstable_roots
 from squealstudy.root_pairs import partners
 from squealstudy.study.definition import ResolvedStudy
@@ -104,7 +108,10 @@ class BoundaryGrid:
 
 
 def refine(
-    grid: BoundaryGrid, roots: Mapping[Node, np.ndarray | None], tolerance: float
+    grid: BoundaryGrid,
+    roots: Mapping[Node, np.ndarray | None],
+    tolerance: float,
+    passing: PassingModes | None = None,
 ) -> list[Node]:
     """The nodes that follow from what is known: the coarse grid, then each round's.
 
@@ -115,13 +122,15 @@ def refine(
         Nodes that the refinement has not asked for are not looked at.
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
+    passing : PassingModes or None
+        Of the same nodes; None: their shapes are not known.
     """
     nodes, cells = grid.coarse_nodes(), grid.coarse_cells()
     rule = CellRule(grid.shape, tolerance)
     fresh = nodes
     while all(node in roots for node in fresh):
         rule.add({node: roots[node] for node in fresh})
-        split = [c for c in cells if c.stride > 1 and rule.changes_inside(c.corner, c.stride)]
+        split = [c for c in cells if c.stride > 1 and _changes(c, rule, passing)]
         if not split:
             break
         known, chosen = set(nodes), set(split)
@@ -132,11 +141,16 @@ def refine(
     return nodes
 
 
+def _changes(cell: GridCell, rule: CellRule, passing: PassingModes | None) -> bool:
+    if rule.changes_inside(cell.corner, cell.stride):
+        return True
+    return passing is not None and passing.inside(_edges(cell.corner, cell.stride))
+
+
 def _ordered(nodes: object) -> list[Node]:
     return sorted(nodes, key=lambda node: node[::-1])  # type: ignore[call-overload]
 
 
-Node = tuple[int, ...]
 UNKNOWN, FAILED = -1, -2
 SAME_MODE = 0.05  # relative: farther apart in frequency, two unstable modes are not the same one
 FREQUENCY_WINDOW, DAMPING_WINDOW = 0.05, 0.5  # changes that weigh alike when roots are paired
@@ -261,12 +275,14 @@ def grown(plan: Plan, store: Store) -> Plan:
         finished = read_roots(store, ids, tolerance=tolerance, largest_error=largest)
         if len(finished) < len(plan.tasks):
             break
-        roots = {
-            grid.node(values): finished[name]
-            for values, name in zip(plan.swept.tolist(), ids, strict=True)
-        }
+        known = [grid.node(values) for values in plan.swept.tolist()]
+        roots = {node: finished[name] for node, name in zip(known, ids, strict=True)}
         tolerance = plan.study.definition.modes.stability_tolerance
-        nodes = refine(grid, roots, tolerance)
+        modes = FinishedNodes(plan, store, known)
+        try:
+            nodes = refine(grid, roots, tolerance, PassingModes(modes, tolerance))
+        finally:
+            modes.close()
         if len(nodes) == len(plan.tasks):
             break
         plan = Plan(plan.study, grid.values(nodes), plan.enriched)

@@ -183,7 +183,14 @@ def _nothing(results: Results, where: str | None) -> str:
     none = "Within the query no mode" if where else "No mode"
     if not where:  # what lies outside the band may well be unstable
         none += " between {:g} and {:g} Hz".format(*results.manifest["band_hz"])
-    return f"{none} is unstable at any of {_counted(results, where)}."
+    if results.boundary is None:
+        return f"{none} is unstable at any of {_counted(results, where)}."
+    solved = int(counted_points(results.points, results.columns("modes"), where).sum())
+    nodes = _counted_points(results, where)
+    return (
+        f"{none} is unstable at any of the {plural(solved, 'point')} that were solved, of "
+        f"{plural(nodes, 'node')} of the map."
+    )
 
 
 def _counted_points(results: Results, where: str | None) -> int:
@@ -195,7 +202,8 @@ def _counted(results: Results, where: str | None) -> str:
     """What a ranking is over, in words."""
     count = _counted_points(results, where)
     if results.boundary is not None:
-        return f"the {plural(count, 'node')} of the map"
+        solved = results.boundary["points_solved"]
+        return f"the {plural(count, 'node')} of the map ({solved} solved)"
     return f"the {plural(count, 'solved point')}"
 
 
@@ -229,7 +237,10 @@ def _legend(table: pd.DataFrame, results: Results, where: str | None) -> list[st
     """What the columns of the ranking mean."""
     query = " within the query" if where else ""
     counted = _counted(results, where)
-    texts = [f"unstable: share of {counted}{query} at which the mode was found unstable"]
+    found = "the mode was found unstable"
+    if results.boundary is not None:
+        found += "; a node that was not solved is as the nearest corner of its cell"
+    texts = [f"unstable: share of {counted}{query} at which {found}"]
     if (table["unstable_points_low"] < table["unstable_points_high"]).any():
         texts += ["in brackets: from points where it is so whatever its error, to where it may be"]
     texts += [_doubt(results, where), _left_out(results)]

@@ -1,0 +1,97 @@
+"""Modes of the finished nodes of a map, with shapes that can be compared from node to node."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as la
+
+from squealstudy.engine.cache import prepared_any
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.store import Store
+from squealstudy.kinds.complex_modes.passing_modes import Node, NodeModes
+from squealstudy.kinds.complex_modes.rows import ModeColumns, read_columns
+from squealstudy.reduction.prepared import PreparedFamily
+
+
+class FinishedNodes:
+    """Oscillating modes of the points of a boundary design, all of them finished.
+
+    Parameters
+    ----------
+    plan : Plan
+    store : Store
+    nodes : list of Node
+        Of the plan's points, in their order.
+    """
+
+    def __init__(self, plan: Plan, store: Store, nodes: list[Node]) -> None:
+        self._plan, self._store = plan, store
+        self._row = {node: row for row, node in enumerate(nodes)}
+
+    def __call__(self, node: Node) -> NodeModes | None:
+        """Modes of a node; None where it failed or is inaccurate."""
+        row, columns = self._row[node], self._columns
+        if columns.shapes is None or self._status[row] != "ok":
+            return None
+        count = int(self._counts[row])
+        raw = columns.shapes.read(row)[:count].astype(complex)
+        lam = columns.lam[self._starts[row] : self._starts[row] + count]
+        to_orthogonal, to_seen = self._coordinates(self._plan.tasks[row].structure)
+        return NodeModes(lam, raw @ to_orthogonal, raw @ to_seen)
+
+    def close(self) -> None:
+        """Remove the file of shapes, where they were asked for."""
+        if "_columns" in self.__dict__ and self._columns.shapes is not None:
+            self._columns.shapes.remove()
+
+    @cached_property
+    def _columns(self) -> ModeColumns:
+        return read_columns(
+            self._store, self._plan.tasks.ids, largest_error=self._plan.method.largest_error
+        )
+
+    @cached_property
+    def _status(self) -> list[str]:
+        status: list[str] = self._columns.points["status"].to_pylist()
+        return status
+
+    @cached_property
+    def _starts(self) -> np.ndarray:
+        counts = self._columns.counts
+        starts: np.ndarray = np.cumsum(counts) - counts
+        return starts
+
+    @cached_property
+    def _counts(self) -> np.ndarray:
+        """Oscillating modes of each point; they come first."""
+        return self._columns.oscillating().counts
+
+    def _coordinates(self, key: str) -> tuple[np.ndarray, np.ndarray]:
+        """What leads from a structure's shapes to those of NodeModes, (k, k) and (k, s)."""
+        if key not in self._known:
+            prepared = prepared_any(key)
+            if isinstance(prepared, PreparedFamily):
+                M, _, _ = prepared.model.matrices(self._plan.nominal_values)
+                basis = prepared.shape_basis / prepared.scale[:, None]
+                mass = basis.T @ (M @ basis)
+                turned = _root(mass)
+                self._known[key] = turned, turned
+            else:
+                sensors = prepared.sensor_shapes
+                self._known[key] = np.eye(sensors.shape[1]), sensors.T
+        return self._known[key]
+
+    @cached_property
+    def _known(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        return {}
+
+
+def _root(mass: np.ndarray) -> np.ndarray:
+    """L with L L^T = mass (k, k); one where the mass of some shapes vanishes."""
+    try:
+        root: np.ndarray = la.cholesky((mass + mass.T) / 2, lower=True)
+    except la.LinAlgError:
+        return np.eye(len(mass))
+    return root

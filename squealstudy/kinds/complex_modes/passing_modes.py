@@ -1,0 +1,137 @@
+"""Two modes that pass each other between nodes of a map: where they may lock in, unseen at both.
+
+Where two frequencies cross, a coupling that is not symmetric, as friction makes it, locks both
+modes in within a tongue as narrow as the coupling is weak. At nodes on both sides the damping is
+flat; the order of the frequencies, by the shapes, has changed. Of two modes of roots lam and unit
+shapes x
+
+    growth <= largest eigenvalue of [[-d1, h], [h, -d2]],  d = -Re lam,
+    h = |lam1 - lam2| c / (2 sqrt(1 - c^2)),  c = |x1^H x2|,
+
+the numerical abscissa of the matrix that has these roots and shapes (Trefethen & Embree 2005): in
+coordinates in which modes without friction are orthogonal h is the part of their coupling that is
+not conservative, which hardly changes on the way to the crossing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.modes.tracking.pairing import mac
+
+Node = tuple[int, ...]
+COUPLING_CHANGE = 1.3  # by which coupling at the crossing may exceed that at both nodes: with 1.0
+# no node of 90 random maps was wrong either, for 7 % fewer points
+NOISE = 1e-6  # of c: shapes are kept in single precision
+ALIKE = 0.3  # two modes whose shapes tell their order by less may have passed each other
+AT_HAND = 4096  # nodes whose modes are held
+
+
+class NodeModes(NamedTuple):
+    """Oscillating modes of a node.
+
+    Attributes
+    ----------
+    lam : ndarray (m,) complex
+        rad/s.
+    shapes : ndarray (m, k)
+        Of unit norm, in coordinates in which modes without friction and damping are orthogonal.
+    seen : ndarray (m, s)
+        The shapes where they can be compared with those of other nodes.
+    """
+
+    lam: np.ndarray
+    shapes: np.ndarray
+    seen: np.ndarray
+
+
+class PassingModes:
+    """Whether modes may lock in inside a cell though no corner shows it.
+
+    Parameters
+    ----------
+    modes_of : callable
+        Modes of a solved node; None where it failed.
+    tolerance : float
+        A mode is unstable where its damping ratio is below minus this.
+    """
+
+    def __init__(self, modes_of: Callable[[Node], NodeModes | None], tolerance: float) -> None:
+        self._modes = lru_cache(maxsize=AT_HAND)(modes_of)
+        self._coupling = lru_cache(maxsize=AT_HAND)(self._coupled)
+        self._tolerance = tolerance
+        self._edges: dict[tuple[Node, Node], bool] = {}
+
+    def inside(self, edges: list[tuple[Node, Node]]) -> bool:
+        """Whether on one of the edges of a cell two modes pass each other that may lock in."""
+        return any(self._on(a, b) for a, b in edges)
+
+    def _on(self, a: Node, b: Node) -> bool:
+        if (a, b) not in self._edges:
+            self._edges[a, b] = self._may_lock_in(a, b)
+        return self._edges[a, b]
+
+    def _coupled(self, node: Node) -> np.ndarray:
+        """Coupling h (m, m) of each two modes of a node that is not conservative, rad/s."""
+        modes = self._modes(node)
+        assert modes is not None
+        c2 = mac(modes.shapes, modes.shapes).astype(float)
+        c = np.maximum(np.sqrt(c2) - NOISE, 0.0)
+        apart = np.abs(modes.lam[:, None] - modes.lam)
+        h: np.ndarray = apart * c / (2.0 * np.sqrt(np.maximum(1.0 - c2, NOISE)))
+        return h
+
+    def _may_lock_in(self, a: Node, b: Node) -> bool:
+        at_a, at_b = self._modes(a), self._modes(b)
+        if at_a is None or at_b is None or min(len(at_a.lam), len(at_b.lam)) < 2:
+            return False
+        h_a, h_b = self._coupling(a), self._coupling(b)
+        decay_a, decay_b = (
+            self._tolerance * np.abs(modes.lam) - modes.lam.real for modes in (at_a, at_b)
+        )
+        if not (_may_change(h_a, decay_a).any() or _may_change(h_b, decay_b).any()):
+            return False
+        likeness = mac(at_a.seen, at_b.seen)
+        from scipy.optimize import linear_sum_assignment  # slow to import
+
+        rows, columns = linear_sum_assignment(-likeness)
+        like = likeness[np.ix_(rows, columns)]
+        own = np.diagonal(like)
+        sure = own[:, None] + own - like - like.T > ALIKE
+        size_a, size_b = np.abs(at_a.lam)[rows], np.abs(at_b.lam)[columns]
+        passed = (size_a[:, None] - size_a) * (size_b[:, None] - size_b) < 0
+        h = np.maximum(h_a[np.ix_(rows, rows)], h_b[np.ix_(columns, columns)])
+        least = np.minimum(np.abs(decay_a[rows]), np.abs(decay_b[columns]))
+        decay = np.where(decay_a[rows] * decay_b[columns] > 0, least * np.sign(decay_a[rows]), 0.0)
+        locked = _locked(at_a.lam[rows]) | _locked(at_b.lam[columns])
+        found = (passed | ~sure) & ~locked & _may_change(h, decay)
+        return bool(found.any())
+
+
+def _locked(lam: np.ndarray) -> np.ndarray:
+    """Pairs (m, m) of a growing mode and one that decays, nearer in frequency than in growth.
+
+    Their lock-in is no news: the number of unstable modes shows where it ends.
+    """
+    apart = lam[:, None] - lam
+    opposite = lam.real[:, None] * lam.real < 0
+    locked: np.ndarray = opposite & (np.abs(apart.imag) < np.abs(apart.real))
+    return locked
+
+
+def _may_change(h: np.ndarray, decay: np.ndarray) -> np.ndarray:
+    """Whether two modes (m, m) of such coupling and decay [rad/s] may change their stability.
+
+    Two that decay, or both grow, do so where h^2 exceeds the product of both rates. Of a growing
+    one and one that decays the sum of both is shared where they mix.
+    """
+    product = decay[:, None] * decay
+    found: np.ndarray = (COUPLING_CHANGE * h) ** 2 > np.maximum(product, 0.0)
+    opposite = product < 0
+    found[opposite] = (COUPLING_CHANGE * h > np.abs(decay[:, None] - decay) / 2)[opposite]
+    np.fill_diagonal(found, False)
+    return found
