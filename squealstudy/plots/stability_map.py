@@ -101,7 +101,7 @@ def stability_map(
         bar.minorticks_off()
     if not plane.others_vary:
         found = stability_boundary(plane, results.onsets, results.along)
-        _boundary(figure, axes, found, results.along)
+        _boundary(figure, axes, found, results.along, plane.gridded)
     finish(axes, plane.across.label, plane.up.label)
     axes.grid(False)
     failed = int((~plane.known).sum())
@@ -111,7 +111,7 @@ def stability_map(
         mark = "hatched where no other is in the cell" if plane.gridded else "not shown"
     title = joined(
         plane.elsewhere,
-        gathered or ("a cell: the value of the point in it" if plane.gridded else ""),
+        gathered,
         _mark_solved(axes, plane, results.nodes[1]),
         f"{plural(failed, 'point')} failed ({mark})" if failed else "",
         "" if plane.unstable.any() else "no unstable mode",
@@ -166,7 +166,9 @@ def _mark_solved(axes: Axes, plane: StudyPlane, solved: np.ndarray | None) -> st
     return f"{here.sum()} of {len(here)} nodes solved (dots)"
 
 
-def _boundary(figure: Figure, axes: Axes, boundary: Boundary, along: str | None) -> None:
+def _boundary(
+    figure: Figure, axes: Axes, boundary: Boundary, along: str | None, cells: bool
+) -> None:
     """The lines, ticks to the unstable side, and a legend that says how they were placed."""
     if not boundary.lines:
         return
@@ -194,4 +196,7 @@ def _boundary(figure: Figure, axes: Axes, boundary: Boundary, along: str | None)
             "linestyle": "none",
         }
         handles.append(Line2D([], [], label="onset that was solved", **dot))
+    if cells:
+        label = "a cell is coloured by the point in it, also beyond the boundary"
+        handles.append(Line2D([], [], linestyle="none", label=label))
     legend_below(figure, handles, 1)
