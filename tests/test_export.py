@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.io import loadmat
-from study_runs import command
+from study_runs import command, plan_of, solved
 
 import squealstudy as sq
-from squealstudy.engine.export import export_model
+from squealstudy.engine.export import export_model, export_reduced
 from squealstudy.models.components.inp import read_inp
 from squealstudy.study.components import read_model
 from squealstudy.study.definition import parse_study
@@ -146,3 +146,48 @@ reference_points = 0
         assert np.abs(lam - root).min() < 1e-9 * abs(root)
     again = loadmat(tmp_path / "out" / "reduced.mat")
     np.testing.assert_array_equal(again["K"], found["K"])
+
+
+CHANGED = """\
+[study]
+name = "changed"
+kind = "complex_modes"
+[model]
+name = "disc_brake"
+mesh = "coarse"
+contact_points = 2
+[parameters]
+friction = 0.45
+pressure = 8e5
+CHANGE
+[reduction]
+enrichment = false
+[modes]
+band = [500.0, 2500.0]
+method = "dense"
+reference_points = 0
+track = false
+"""
+CHANGES = {
+    "stiffer": '"caliper.modes[8].frequency_scale" = 1.05',
+    "softer": '"disc.modes[7-18].frequency_scale" = 0.8',
+    "damped": '"caliper.modes[8].damping_ratio" = 0.03\n"modes[8].damping_ratio" = 0.02',
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_eigenvalues_of_exported_matrices_are_those_of_a_run(change, tmp_path):
+    """The working point is that of the changed structure, too: gaps move by its stiffness."""
+    text = CHANGED.replace("CHANGE", CHANGES[change])
+    modes = solved(text, tmp_path / "run").modes
+    export_reduced(plan_of(text), tmp_path / "out")
+    with np.load(tmp_path / "out" / "reduced.npz") as found:
+        C, K = found["C"], found["K"]
+    n = len(K)
+    lam = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]]))
+    told = modes["growth_rate"] + 2j * np.pi * np.sqrt(
+        modes["frequency_hz"] ** 2 - (modes["growth_rate"] / (2 * np.pi)) ** 2
+    )
+    assert len(told) > 5
+    for root in told[~modes["overdamped"]]:
+        assert np.abs(lam - root).min() < 1e-6 * abs(root)

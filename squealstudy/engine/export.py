@@ -19,7 +19,7 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.files import write_arrays, write_atomic, write_text
 from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.models.matrices.family import FamilyDefinition
-from squealstudy.reduction.working_point import working_point
+from squealstudy.modes.point import state_working_point
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.toml_text import toml_text
 from squealstudy.system.linearise import linearise
@@ -80,7 +80,7 @@ def export_reduced(
     if reason:
         raise SquealstudyError(f"{plan.study.source.path}: {reason}")
     prepared, state = load_prepared(key), design.state()
-    point = working_point(prepared.space, state.operating)
+    point = state_working_point(prepared, state)
     pencil = linearise(prepared.model, point, state).pencil
     model, law = prepared.model, state.operating.law
     content: dict[str, Any] = {
