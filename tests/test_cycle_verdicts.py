@@ -143,7 +143,7 @@ def test_the_part_of_a_level_within_a_band():
     rms, spread, line = band_level(run, (2 * np.pi * 50.0, 2 * np.pi * 300.0))
     assert rms == pytest.approx(3.0 / np.sqrt(2), rel=5e-3)
     assert spread < 0.01
-    assert line == pytest.approx(120.3, abs=1.0)
+    assert line == pytest.approx(120.3, abs=0.05)
 
 
 CUBIC = """

@@ -19,7 +19,7 @@ from squealstudy.cycles.harmonics import series_at
 from squealstudy.cycles.outcomes import class_of, known_so_far
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.levels import hann, last_window, mean_interval
+from squealstudy.motion.outcome.levels import last_window, mean_interval, spectrum
 from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import Watch, simulate
@@ -229,14 +229,12 @@ def band_level(motion: Motion, band: tuple[float, float]) -> tuple[float, float,
     hz = np.fft.rfftfreq(len(signal), step)
     low, high = (w / (2 * np.pi) for w in band)
     inside = (hz >= low) & (hz <= high)
-    weighted = np.fft.rfft(hann(len(signal)) * (signal - signal.mean())) * inside
     filtered = np.fft.irfft(np.fft.rfft(signal - signal.mean()) * inside, len(signal))
     ends = len(signal) // 10
     mean, least, most = (float(x) for x in mean_interval(filtered[ends : len(signal) - ends] ** 2))
     rms = float(np.sqrt(mean))
     spread = 0.5 * (np.sqrt(most) - np.sqrt(max(least, 0.0))) / rms if rms else np.nan
-    line = float(hz[int(np.argmax(np.abs(weighted)))]) if inside.any() else np.nan
-    return rms, float(spread), line
+    return rms, float(spread), spectrum(step, filtered).peak()
 
 
 def with_regularisation(

@@ -204,9 +204,12 @@ def summary(
     kicked = [v for v in verdicts if np.isfinite(v["threshold_velocity"])]
     weakest = min(kicked, key=lambda v: v["threshold_velocity"], default=first)
     shown = weakest if first["verdict"] == IF_KICKED else first
+    level = f"; its level, of mode {loudest['mode']}: {loudest['reason']}"
+    known = loudest is first or not np.isfinite(loudest["torque_rms"])
     return {
         "verdict": first["verdict"],
         "reason": f"mode {first['mode']}: {first['reason']}"
+        + ("" if known else level)
         + ("" if first["verdict"] == SQUEALS else beyond),
         **told,
         "n_families": len(verdicts),
