@@ -13,7 +13,7 @@ from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import LEAST_DAMPING
 from squealstudy.motion.outcome.energies import moving_energy
 from squealstudy.motion.outcome.fundamental import fundamental_hz
-from squealstudy.motion.outcome.levels import last_window
+from squealstudy.motion.outcome.levels import last_window, torque_levels
 from squealstudy.motion.outcome.settling import LEAST_ROWS, SETTLED, known_outcome
 from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
 from squealstudy.wording import LASTING, LIMIT_CYCLE, UNDECIDED
@@ -33,11 +33,18 @@ def class_of(run: Motion) -> str:
 
 
 def known_so_far(run: Motion, duration: float, tolerance: float) -> str:
-    """`known_outcome`, or ``settled`` of a motion that repeats, in which nothing else rises."""
+    """`known_outcome`, or ``settled`` of a motion that repeats, in which nothing else rises.
+
+    Its level is known within the tolerance, too.
+    """
     known = known_outcome(run, duration, tolerance)
     if known or len(run.times) < LEAST_ROWS or not repeats(run):
         return known
-    window = last_window(run.times, run.history["torque"])
+    torque = run.history["torque"]
+    window = last_window(run.times, torque)
+    levels = torque_levels(run.times[window], torque[window])
+    if not 0.5 * (levels.rms_high - levels.rms_low) <= tolerance * levels.rms:
+        return ""
     return SETTLED if expected_rise(run, window, duration) <= 2 * tolerance else ""
 
 
