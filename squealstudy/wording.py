@@ -37,6 +37,7 @@ PREFIXED = ("Pa", "N")  # units that take a prefix
 TORQUE = "torque"  # key of the units of a study: of its columns torque_*, N m or N
 TORQUE_COLUMN = re.compile(
     r"torque|torque_(mean|rms|static|peak_to_peak|residual)(_low|_high)?|worst_torque_rms"
+    r"|torque_rms_(window|step|rows)|torque_(min|max)"
     r"|predicted_torque_rms|torque_peak|torque_harmonics|dominant_level|harmonic_\d_level"
 )
 OF_THE_ONSET = "unit of the parameter along which onsets are sought"
@@ -77,7 +78,7 @@ UNITS: tuple[tuple[str, str], ...] = (
         r"n_\w+|\w*points\w*|\w*groups|point|rounds|evaluations|iterations\w*|halvings|newton_steps"
         r"|track|mode|component_mode|dominant_mode|transfer_(from|to)|missed|spurious"
         r"|\w*damping\w*|\w*share\w*|energy_(?!mean)\w+|track_mac|\w*residual|condition|match"
-        r"|biorthogonality|validity_range|disagreement|stick|slip|open|stick_creep|stick_number"
+        r"|biorthogonality|validity_range|disagreement|slip|(stick|open)(_mean|_max)?|stick_creep|stick_number"
         r"|contraction|energy_balance|reference_frequency_error|deviation|probability\w*"
         r"|(first|total)(_low|_high)?|predicted|measured|error\w*|(low|high|median|chance)\w*",
         "",

@@ -299,8 +299,9 @@ def test_histories_agree(rough, name):
     for column in ("time", "torque", "normal_force", "stored", "modal_energy", "stick", "open"):
         wanted = reference.history[column]
         size = np.abs(wanted).max()
-        loose = 0.06 if column in ("stick", "open") else 0.01  # shares jump by whole points
-        assert np.abs(r.history[column] - wanted).max() < loose * size
+        off = np.abs(r.history[column] - wanted)
+        jumps = column in ("stick", "open")  # by whole points, at the row of an instant
+        assert (off.mean() if jumps else off.max()) < 0.01 * size
     for got, wanted in (
         (r.displacement, reference.displacement),
         (r.velocity, reference.velocity),

@@ -322,9 +322,11 @@ def test_verdicts_and_runs_agree_or_differ():
         cycles = pd.DataFrame(
             {"point_id": ["a", "a"], "cycle_id": ["a-1-1", "a-1-2"], "same_as": ["", ""]}
             | {"stable": [True, True], "frequency_hz": [100.0, 200.0], "torque_rms": [1.0, 2.0]}
+            | {"level_error": 0.01}
         )
         runs = pd.DataFrame({"point_id": ["t"], "status": ["ok"], "friction": [0.5], "class": run})
         runs = runs.assign(torque_rms=1.1, torque_line_hz=101.0)
+        runs = runs.assign(torque_rms_low=1.05, torque_rms_high=1.2)
         has = verdict in ("squeals", "squeals_if_kicked")
         found = compare_cycles(
             points, cycles if has else cycles[:0], runs, ["friction"], ["friction"], {}
@@ -334,6 +336,7 @@ def test_verdicts_and_runs_agree_or_differ():
     lasts = row("squeals", "limit_cycle", 1)
     assert (lasts["agreement"], lasts["cycle_id"], lasts["bistable"]) == ("agrees", "a-1-1", False)
     assert lasts["level_deviation"] == pytest.approx(0.1)
+    assert lasts["level_deviation_error"] == pytest.approx(0.1 + 1.1 * 0.01)
     assert row("squeals", "stable", 1)["agreement"] == "differs"
     assert row("squeals", "growing", 1)["agreement"] == "open"
     silent = row("squeals_if_kicked", "stable")

@@ -15,7 +15,7 @@ from study_texts import study_text
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ModelError, ParameterError, StudyFileError
-from squealstudy.kernels.newmark_layout import HISTORY
+from squealstudy.kernels.newmark_layout import HISTORY, TORQUE_MEAN
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.growing_modes import GrowingModes
 from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
@@ -211,6 +211,7 @@ def recorded(until, rates, *sizes, forced=0.02, heard=(20.0, 20.0), drag=0.0, mo
     torque = torque if more is None else torque + more(time)
     known = {"time": time, "torque": torque, "modal_energy": energy}
     history = {name: known.get(name, 0 * time) for name in HISTORY}
+    history |= dict.fromkeys(HISTORY[TORQUE_MEAN:], np.full(len(time), np.nan))  # not summed
     lam = np.array(rates) + 1j * omega
     m = len(lam)
     known = {"energy": np.full(m, 0.5), "overlap": np.eye(2 * m)}

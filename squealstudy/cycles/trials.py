@@ -8,7 +8,7 @@ become (`run_on`, `ended`). Beside a stable cycle it is enough to know whether a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -19,10 +19,12 @@ from squealstudy.cycles.harmonics import series_at
 from squealstudy.cycles.outcomes import class_of, known_so_far
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
 from squealstudy.motion.outcome.levels import last_window, mean_interval, spectrum
-from squealstudy.motion.outcome.summary import summarise
+from squealstudy.motion.outcome.summary import run_levels, summarise
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import Watch, simulate
+from squealstudy.motion.step_errors import LARGEST, SETTLES, has_few_points, step_parts
 from squealstudy.motion.system import MotionPoint
 from squealstudy.wording import FAILED, LASTING, STABLE, SUSTAINED, UNDECIDED
 
@@ -36,6 +38,8 @@ NEAR = 0.02  # relative: an energy that is that of the cycle
 # runs of which nothing is known but the start
 TOP_STEPS = 64  # a period of the highest assembly mode of the band
 TOP_SAVED = 8  # steps between rows
+HALVINGS = 4  # of the step of a run that lasts, at most
+EXACT = 0.01  # of a level: a change by half the step that is small
 FINER = 4  # times as many steps where a run fails, as impacts of a strong kick make it
 TOP_PERIODS = 3000  # such periods, the longest
 LOOKS = 40  # at a run, evenly over the longest time
@@ -112,7 +116,7 @@ class Ended:
     torque_rms : float
         Of its last window, about the mean, N m; NaN where no level lasts.
     spread : float
-        Half of what this is uncertain by, relative.
+        What this is uncertain by, relative: the half-width of `level`.
     frequency_hz, line_hz : float
         Of the motion, NaN where it does not repeat; of the strongest line of the torque.
     mode_hz : float
@@ -124,6 +128,8 @@ class Ended:
         estimate; NaN where that was not looked for.
     band : bool
         The level is that of the torque within the band alone.
+    level : Level or None
+        The same level with its parts: of the window, of the step, of regularisation.
     """
 
     start: str
@@ -136,6 +142,7 @@ class Ended:
     open_share_max: float = 0.0
     regularisation: float = np.nan
     band: bool = False
+    level: Level | None = None
 
     @property
     def outcome(self) -> str:
@@ -184,12 +191,68 @@ def run_on(
     def run(some: Sequence[MotionPoint], how: MotionSettings) -> list[Motion]:
         return simulate(system, some, how, Watch([how.n_steps // LOOKS] * len(some), judge))
 
+    def lasts(motion: Motion) -> bool:
+        return motion.outcome == "ok" and class_of(motion) in SUSTAINED
+
+    def refined(motion: Motion) -> Refined:
+        """On from the end of a run that lasts, with ever shorter steps until its level is right."""
+        if not has_few_points(system):
+            return Refined.of(motion, step_parts(system, motion, settings))
+        parts = OF_THE_WINDOW
+        for halving in range(1, HALVINGS + 1):
+            how = shorter(settings, 2**halving)
+            (finer,) = run([replace(motion.point, q0=motion.q, v0=motion.v, continued=True)], how)
+            if not lasts(finer):
+                return Refined.of(motion, StepParts.unknown("it does not last with half the step"))
+            parts, near = between(motion, finer)
+            motion = finer
+            if near:
+                break
+        return Refined.of(motion, parts)
+
     found = run(starts, settings)
     bad = [k for k, motion in enumerate(found) if motion.outcome != "ok"]
-    finer = replace(settings, step=settings.step / FINER, save_every=settings.save_every * FINER)
-    for k, motion in zip(bad, run([starts[k] for k in bad], finer), strict=True):
+    again = run([starts[k] for k in bad], shorter(settings, FINER))
+    for k, motion in zip(bad, again, strict=True):
         found[k] = motion
-    return found
+    return [refined(motion) if lasts(motion) else motion for motion in found]
+
+
+def shorter(settings: MotionSettings, times: int) -> MotionSettings:
+    """The settings with a step so many times shorter, and the same rows."""
+    return replace(settings, step=settings.step / times, save_every=settings.save_every * times)
+
+
+def between(coarse: Motion, fine: Motion) -> tuple[StepParts, bool]:
+    """What is left to the levels of a run of half the step of another; whether that is little.
+
+    The whole difference: at first order the error of the finer one, at second three times that.
+    """
+    (one, _), (other, _) = run_levels(coarse), run_levels(fine)
+    rms, swing = other["torque_rms"], other["torque_peak_to_peak"]
+    if not (rms > 0 and swing > 0):
+        return StepParts.unknown("nothing vibrates at its end"), True
+    change = abs(other["torque_rms"] - one["torque_rms"]) / rms
+    windows = sum(0.5 * (r["torque_rms_high"] - r["torque_rms_low"]) for r in (one, other)) / rms
+    mean = abs(other["torque_mean"] - one["torque_mean"]) / rms
+    peaks = abs(other["torque_peak_to_peak"] - one["torque_peak_to_peak"]) / swing
+    if change > LARGEST:
+        return StepParts.unknown(f"half the step changes its level by {100 * change:.0f} %"), False
+    settles = SETTLES if fine.cuts else 0.0
+    return StepParts(change, mean, peaks + settles), change <= max(EXACT, windows)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refined(Motion):
+    """A run that lasts, and what its step does to its levels."""
+
+    by_step: StepParts
+
+    @classmethod
+    def of(cls, motion: Motion, by_step: StepParts) -> Refined:
+        """The motion with it."""
+        known = {one.name: getattr(motion, one.name) for one in fields(Motion)}
+        return cls(**known, by_step=by_step)
 
 
 def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -> Ended:
@@ -200,6 +263,7 @@ def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -
     """
     if motion.outcome != "ok":
         return Ended(start, FAILED)
+    by_step = motion.by_step if isinstance(motion, Refined) else OF_THE_WINDOW
     summary = summarise(motion)
     point, found = summary.point, class_of(motion)
     shares = {float(m["frequency_hz"]): m["energy_share"] for m in summary.modes}
@@ -211,10 +275,12 @@ def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -
     opened = float(point["open_share_max"])
     if band is not None and motion.point.growing.n_outside:
         rms, spread, line = band_level(motion, band)
+        spread += by_step.rms
         return Ended(start, found, rms, spread, hz, line, mode, opened, band=True)
     rms = float(point["torque_rms"])
-    spread = 0.5 * (point["torque_rms_high"] - point["torque_rms_low"]) / rms if rms else np.nan
-    return Ended(start, found, rms, spread, hz, line, mode, opened)
+    window, rows = (float(point[f"torque_rms_{name}"]) for name in ("window", "rows"))
+    level = Level.of(rms, LevelParts(window, by_step.rms * rms, rows), 0.0)
+    return Ended(start, found, rms, level.relative, hz, line, mode, opened, level=level)
 
 
 def band_level(motion: Motion, band: tuple[float, float]) -> tuple[float, float, float]:
@@ -251,4 +317,8 @@ def with_regularisation(
     goes_on = replace(motion.point, friction=friction, q0=motion.q, v0=motion.v, continued=True)
     sharper = ended("", run_on(contact, [goes_on], band)[0])
     change = abs(sharper.torque_rms / run.torque_rms - 1.0) if sharper.outcome == LASTS else np.nan
-    return replace(run, regularisation=2.0 * change)
+    level = run.level
+    if level is not None:
+        parts = replace(level.parts, regularisation=2.0 * change * run.torque_rms)
+        level = replace(level, parts=parts)
+    return replace(run, regularisation=2.0 * change, level=level)

@@ -35,7 +35,7 @@ from squealstudy.kernels.newmark_layout import (
     StepSettings,
     WorkArrays,
 )
-from squealstudy.kernels.newmark_output import add_work
+from squealstudy.kernels.newmark_output import add_sums, add_work
 from squealstudy.kernels.newmark_step import count_pass, keep_points
 from squealstudy.kernels.newmark_vector import copy
 
@@ -93,6 +93,7 @@ def one_step(
     copy(x[at.PULL], x[at.PULL_OLD])
     copy(x[at.DELTA], x[at.PULL])
     keep_points(work.point[0], h)
+    add_sums(modal, settings, work, 0, h)
     if not finite(x[at.DELTA]):
         work.counts[0, at.STATUS] = at.NOT_FINITE
 
@@ -187,5 +188,6 @@ def central_difference(
         copy(x[at.Q_TRIAL], x[at.Q])
         copy(x[at.V_TRIAL], x[at.V])
         keep_points(work.point[0], h)
+        add_sums(modal, settings, work, 0, h)
         counts[at.STEP] += 1
         close_step(modal, settings, work, saved)

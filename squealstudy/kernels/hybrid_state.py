@@ -12,6 +12,7 @@ from squealstudy.kernels.hybrid_step import multiply
 from squealstudy.kernels.jit import kernel
 from squealstudy.kernels.newmark_output import contact_energy, contact_row, contact_work
 from squealstudy.kernels.newmark_step import keep_points
+from squealstudy.kernels.row_sums import add_row, clear_sums, close_row, take_now
 
 
 @kernel
@@ -100,3 +101,26 @@ def history_row(model: HybridArrays, state: HybridState, row: np.ndarray) -> Non
     """Fill the columns newmark_layout.HISTORY of contact and work."""
     contact_row(model.points.T, model.law, state.point.T, np.empty(0), 0.0, row)
     row[its.WORK : its.WORK + 4] = state.work
+
+
+@kernel
+def sum_step(
+    model: HybridArrays, state: HybridState, h: float, row: np.ndarray, sums: np.ndarray
+) -> None:
+    """Add the accepted sub-step h to the sums (N_SUM,) of row_sums, none for the start, h = 0.
+
+    `row` (len(HISTORY),) is room. The energy, which takes products with K, is not summed.
+    """
+    contact_row(model.points.T, model.law, state.point.T, np.empty(0), 0.0, row)
+    row[its.MODAL_ENERGY] = np.nan
+    if h > 0.0:
+        add_row(sums, row, h)
+    else:
+        take_now(sums, row)
+        clear_sums(sums)
+
+
+@kernel
+def sums_to_row(sums: np.ndarray, row: np.ndarray) -> None:
+    """Columns of a row of histories from the sums since the one before, which begin anew."""
+    close_row(sums, row)

@@ -39,7 +39,7 @@ def direction(
     if not settings.dense:
         mock_up(modal, work, k, level)
         return True
-    slot = k * (settings.max_halvings + 1) + level
+    slot = k * (settings.levels + 1) + level
     lu, pivots = work.lu[slot], work.pivots[slot]
     if pivots[0] == NOT_FACTORED:
         fixed_jacobian(B, modal, k, level, work.row, lu)

@@ -23,7 +23,9 @@ START, FIXED, NEWTON = 0, 1, 2  # what the next evaluation of a design serves
 STATUS, MODE, STEP, POSITION, HALVING, ITERATION = 0, 1, 2, 3, 4, 5
 STEP_PASSES, PASSES, MAX_PASSES, HALVINGS, NEWTON_STEPS, SAVED = 6, 7, 8, 9, 10, 11
 PAUSE = 12  # the step after which the kernel returns; it must be later before the next call
-N_COUNT = 13
+CUTS = 13  # sub-steps made again because a contact point met a corner of its law in them
+EQUAL = 14  # accepted sub-steps of the present length, one after the other
+N_COUNT = 15
 
 # columns of Work.real: sub-step and the one before s; Aitken factor; squared residual of the
 # iteration before; square of the smallest force that means anything; Newton's damping; largest
@@ -48,10 +50,31 @@ HISTORY = (
     "stored",  # J, from the reference state, loads of the reference included
     "modal_energy",  # J, (v^2 + w^2 q^2) / 2 of all modes
     "creep",  # largest speed of a point that sticks over its imposed one; 0 where none does
+    # over all steps since the row before, not at the row; NaN where an integrator has no such sums
+    "torque_mean",  # N m
+    "torque_variance",  # N2 m2, about that mean
+    "torque_min",  # N m
+    "torque_max",
+    "stick_mean",
+    "stick_max",
+    "open_mean",
+    "open_max",
+    "creep_max",
+    "modal_energy_mean",  # J
 )
 # their places in a row; WORK is the first of four
 TIME, TORQUE, NORMAL_FORCE, STICK, SLIP, OPEN = 0, 1, 2, 3, 4, 5
 WORK, STORED, MODAL_ENERGY, CREEP = 6, 10, 11, 12
+TORQUE_MEAN, TORQUE_VARIANCE, TORQUE_MIN, TORQUE_MAX = 13, 14, 15, 16
+STICK_MEAN, STICK_MAX, OPEN_MEAN, OPEN_MAX, CREEP_MAX, ENERGY_MEAN = 17, 18, 19, 20, 21, 22
+
+# columns of Work.sums since the last saved row: time s; integrals of torque and its square, both
+# less its value at that row, of shares and energy; extremes; then values at the end of the last
+# sub-step
+SUM_TIME, SUM_TORQUE, SUM_SQUARE, SUM_STICK, SUM_OPEN, SUM_ENERGY = 0, 1, 2, 3, 4, 5
+LEAST_TORQUE, MOST_TORQUE, MOST_STICK, MOST_OPEN, MOST_CREEP = 6, 7, 8, 9, 10
+ROW_TORQUE, NOW_TORQUE, NOW_STICK, NOW_OPEN, NOW_ENERGY = 11, 12, 13, 14, 15
+N_SUM = 16
 
 # points: base gap m, area m2, factor on friction (0 or 1), arm of the torque m (negative where the
 # sliding is), contact stiffness N/m inside the diagonal stiffness, base forces N, sliding velocity
@@ -84,11 +107,14 @@ N_STEP = 8
 Q, V, A, PULL, PULL_OLD, Q_BASE, V_BASE = 0, 1, 2, 3, 4, 5, 6
 Q_TRIAL, V_TRIAL, PULL_TRIAL, FORCE, DELTA, DELTA_OLD, ROOM = 7, 8, 9, 10, 11, 12, 13
 V_SEEN, RESISTED, V_SEEN_OLD, RESISTED_OLD = 14, 15, 16, 17
-N_ROWS = 18
+SUM_QQ, SUM_VV = 18, 19  # integrals of q^2 and v^2 since the last saved row
+N_ROWS = 20
 # rows of Work.point after OUT_* and R_* of the trial state: w1, w2, t1, t2 accepted last; t1, t2 of
 # the iteration before; their change a second over the last sub-step
 OLD_W1, OLD_W2, OLD_T1, OLD_T2, GUESS_1, GUESS_2, RATE_1, RATE_2 = 9, 10, 11, 12, 13, 14, 15, 16
-N_POINT = 17
+REGIME = 17  # of the accepted state
+N_POINT = 18
+SLIPS, STICKS, IS_OPEN = 0, 1, 2  # regimes
 
 # of the integrators beside Newmark, and of hybrid runs
 # row of Work.point: change of gap in the accepted state
@@ -130,7 +156,9 @@ class StepSettings(NamedTuple):
     tolerance: float  # force balance, relative
     tolerance_t: float  # change of the friction forces between iterations, relative
     max_iterations: int
-    max_halvings: int
+    max_halvings: int  # of a sub-step that fails
+    corner_halvings: int  # of one in which a point meets a corner of its law; 0: it is not cut
+    levels: int  # the larger of both: halvings for which there are coefficients
     newton: bool  # the reference method: a fresh Jacobian at every iteration
     aitken: bool
     dense: bool  # the fixed Jacobian is not diagonal
@@ -147,6 +175,8 @@ class WorkArrays(NamedTuple):
     pivots: np.ndarray  # (nb (L + 1) + 1, n)
     counts: np.ndarray  # (nb, N_COUNT) int
     real: np.ndarray  # (nb, N_REAL)
+    sums: np.ndarray  # (nb, N_SUM)
+    now: np.ndarray  # (nb, len(HISTORY)) of the accepted state, what sums need of it
     tiles: np.ndarray  # (panel, LANES, ROWS) observed in a panel by each design, then the forces
     lanes: np.ndarray  # (3, n, LANES) q, v and F of the designs in one batched pass
     wide: np.ndarray  # (panel, n, ROWS) a panel of tiles stored in single precision; else (0, ..)
@@ -162,6 +192,7 @@ class SavedArrays(NamedTuple):
 
     history: np.ndarray  # (nb, rows, len(HISTORY))
     sensed: np.ndarray  # (nb, rows, 2, ns) sensors @ q, sensors @ v
+    squares: np.ndarray  # (nb, rows, 2, modes) means of q^2 and v^2 since the row before
     q: np.ndarray  # (nb, rows or 0, n)
 
 

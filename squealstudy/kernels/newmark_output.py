@@ -10,8 +10,15 @@ from squealstudy.kernels.laws import mu_at, potential
 from squealstudy.kernels.newmark_between import resisted_work
 from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_vector import copy, dot, fill
+from squealstudy.kernels.row_sums import (
+    add_row,
+    clear_sums,
+    close_row,
+    close_squares,
+    take_now,
+)
 
-OPEN_SHARE = 0.01  # a point is open below this share of the mean pressure
+OPEN_SHARE = 0.01  # a point is open below this share of the mean pressure of steady sliding
 
 
 @fast_kernel
@@ -123,7 +130,9 @@ def contact_row(
 ) -> None:
     """Torque, normal force, shares of the area, and creep, into a row of histories.
 
-    Points without friction neither stick nor slip: none of these counts them.
+    Points without friction neither stick nor slip: none of these counts them. A point is open
+    below 1 % of the area mean of pressure in the design's own steady sliding, whatever the others
+    do at that instant: a contact may lift off as a whole.
 
     The friction of a point that sticks alternates from step to step where the step is long for its
     slope: k_t A times its compliance `own` (Modal.own, empty where unknown) is then above 1. It
@@ -131,11 +140,13 @@ def contact_row(
     """
     torque = 0.0
     force = 0.0
+    steady = 0.0
     area = 0.0
     for i in range(points.shape[1]):
         torque -= points[at.POINT_RADIUS, i] * point[at.OUT_T1, i]
         own_area = points[at.POINT_AREA, i] * points[at.POINT_FRICTION, i]
         force += own_area * point[at.OUT_P, i]
+        steady += points[at.POINT_FRICTION, i] * points[at.POINT_NORMAL, i]
         area += own_area
     stick = 0.0
     opened = 0.0
@@ -147,7 +158,7 @@ def contact_row(
         w1, w2 = point[at.OUT_W1, i], point[at.OUT_W2, i]
         s = (w1 * w1 + w2 * w2) ** 0.5
         mu, _, _ = mu_at(law, s, p)
-        if p <= OPEN_SHARE * force / area:
+        if p <= OPEN_SHARE * steady / area:
             opened += points[at.POINT_AREA, i] / area
         elif law[at.LAW_SLOPE] * s < points[at.POINT_FRICTION, i] * mu * p:
             stick += points[at.POINT_AREA, i] / area
@@ -163,6 +174,42 @@ def contact_row(
     row[at.CREEP] = creep
 
 
+@fast_kernel
+def ringing(modal: ModalArrays, settings: StepSettings) -> np.ndarray:
+    """Modal.own where friction may alternate from step to step; empty where steps are cut."""
+    return modal.own[: 0 if settings.corner_halvings > 0 else modal.own.size]
+
+
+@fast_kernel
+def begin_sums(modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int) -> None:
+    """The initial state of design k is where its sums begin."""
+    row, sums, x = work.now[k], work.sums[k], work.x[k]
+    rings = ringing(modal, settings)
+    contact_row(modal.points[k], modal.laws[k], work.point[k], rings, 0.0, row)
+    row[at.MODAL_ENERGY] = modal_energy(x, modal.modes[k, at.W2])
+    take_now(sums, row)
+    clear_sums(sums)
+
+
+@fast_kernel
+def add_sums(
+    modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int, h: float
+) -> None:
+    """Add the accepted sub-step h of design k; Q and V hold its end, the rows before them are gone.
+
+    Squares of the coordinates are summed by the rule of rectangles, which over many steps is the
+    trapezoidal one but for the first and the last.
+    """
+    row, sums, x = work.now[k], work.sums[k], work.x[k]
+    rings = ringing(modal, settings)
+    contact_row(modal.points[k], modal.laws[k], work.point[k], rings, h, row)
+    row[at.MODAL_ENERGY] = modal_energy(x, modal.modes[k, at.W2])
+    add_row(sums, row, h)
+    for j in range(x.shape[1]):
+        x[at.SUM_QQ, j] += h * x[at.Q, j] * x[at.Q, j]
+        x[at.SUM_VV, j] += h * x[at.V, j] * x[at.V, j]
+
+
 @part_kernel
 def save(
     modal: ModalArrays, settings: StepSettings, work: WorkArrays, saved: SavedArrays, k: int
@@ -175,7 +222,8 @@ def save(
     row[at.TIME] = counts[at.STEP] * settings.h
     if modal.points.shape[2] > 0:
         h = work.real[k, at.SUBSTEP_OLD]
-        contact_row(modal.points[k], modal.laws[k], work.point[k], modal.own, h, row)
+        rings = ringing(modal, settings)
+        contact_row(modal.points[k], modal.laws[k], work.point[k], rings, h, row)
     for i in range(4):
         row[at.WORK + i] = work.real[k, at.W_LOAD + i]
     row[at.STORED] = stored_energy(modal, work, k)
@@ -183,6 +231,8 @@ def save(
     for m in range(modal.sensors.shape[1]):
         saved.sensed[k, number, 0, m] = dot(modal.sensors[k, m], x[at.Q])
         saved.sensed[k, number, 1, m] = dot(modal.sensors[k, m], x[at.V])
+    close_squares(x, modal.sensors[k], work.sums[k, at.SUM_TIME], saved.squares[k, number])
+    close_row(work.sums[k], row)
     if saved.q.shape[1] > 0:
         copy(x[at.Q], saved.q[k, number])
     counts[at.SAVED] += 1

@@ -21,8 +21,15 @@ from squealstudy.kernels.newmark_correct import (
 )
 from squealstudy.kernels.newmark_forces import all_forces, friction_change, residual
 from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
-from squealstudy.kernels.newmark_output import add_work, save, stored_energy
+from squealstudy.kernels.newmark_output import (
+    add_sums,
+    add_work,
+    begin_sums,
+    save,
+    stored_energy,
+)
 from squealstudy.kernels.newmark_vector import copy, dot, move
+from squealstudy.kernels.regimes import keep_regimes, meets_corner
 
 BIG = 1e290  # squares at or beyond it, and NaN, are not finite
 ROUND_OFF = 1e-12  # forces below this share of the contact forces at the start mean nothing
@@ -76,13 +83,35 @@ def open_part(settings: StepSettings, work: WorkArrays, k: int, h: float) -> flo
 
 
 @fast_kernel
+def lengthen(settings: StepSettings, counts: np.ndarray) -> None:
+    """Double the next sub-step, where it then ends on the grid: steps grow again after a corner.
+
+    Friction that begins to stick settles as exp(-k_t |T|^2 t). The trapezoidal rule answers with
+    (1 - z/2) / (1 + z/2) at a sub-step of z such times, negative beyond z = 2: of two sub-steps of
+    each length those before have left less than .1 % of it there, of one .5 %.
+    """
+    counts[at.EQUAL] += 1
+    longer = counts[at.HALVING] - 1
+    if longer < 0 or counts[at.EQUAL] < 2:
+        return
+    if counts[at.POSITION] % (1 << (settings.levels - longer)) == 0:
+        counts[at.HALVING] = longer
+        counts[at.EQUAL] = 0
+
+
+@fast_kernel
 def part_done(settings: StepSettings, counts: np.ndarray) -> bool:
     """Count an accepted sub-step; whether it ends a whole step."""
-    counts[at.POSITION] += 1 << (settings.max_halvings - counts[at.HALVING])
-    if counts[at.POSITION] < 1 << settings.max_halvings:
+    counts[at.POSITION] += 1 << (settings.levels - counts[at.HALVING])
+    whole = counts[at.POSITION] == 1 << settings.levels
+    if whole:
+        counts[at.POSITION] = 0
+    if settings.corner_halvings > 0:
+        lengthen(settings, counts)
+    elif whole:
+        counts[at.HALVING] = 0
+    if not whole:
         return False
-    counts[at.POSITION] = 0
-    counts[at.HALVING] = 0
     counts[at.STEP] += 1
     return True
 
@@ -90,10 +119,11 @@ def part_done(settings: StepSettings, counts: np.ndarray) -> bool:
 @fast_kernel
 def halved(settings: StepSettings, counts: np.ndarray) -> bool:
     """Halve the sub-step after it failed; False where it is the shortest."""
-    if counts[at.HALVING] == settings.max_halvings:
+    if counts[at.HALVING] >= settings.max_halvings:
         return False
     counts[at.HALVING] += 1
     counts[at.HALVINGS] += 1
+    counts[at.EQUAL] = 0
     return True
 
 
@@ -158,6 +188,8 @@ def start(
     keep_state(x)
     copy(x[at.PULL], x[at.PULL_OLD])
     keep_points(work.point[k], 0.0)
+    keep_regimes(modal, settings, work, k)
+    begin_sums(modal, settings, work, k)
     work.counts[k, at.MODE] = at.NEWTON if settings.newton else at.FIXED
     return e2 < BIG
 
@@ -187,6 +219,8 @@ def accept(
     keep_state(x)
     real[at.SUBSTEP_OLD] = h
     keep_points(work.point[k], h)
+    keep_regimes(modal, settings, work, k)
+    add_sums(modal, settings, work, k, h)
     counts[at.MODE] = at.NEWTON if settings.newton else at.FIXED
     if not part_done(settings, counts):
         return BEGIN
@@ -210,6 +244,11 @@ def iterate(
         return fail(settings, counts, at.NOT_FINITE)
     balanced = e2 <= settings.tolerance * settings.tolerance * scale2 + real[at.FLOOR2]
     if balanced and change2 <= settings.tolerance_t * settings.tolerance_t * bound2:
+        if counts[at.HALVING] < settings.corner_halvings and meets_corner(modal, work, k):
+            counts[at.HALVING] += 1
+            counts[at.CUTS] += 1
+            counts[at.EQUAL] = 0
+            return BEGIN
         return accept(B, modal, settings, work, k)
     if counts[at.ITERATION] >= settings.max_iterations:
         return fail(settings, counts, at.NOT_CONVERGED)

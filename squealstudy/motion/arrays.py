@@ -18,6 +18,7 @@ from squealstudy.motion.system import ModalSystem, MotionPoint
 
 ALIGNMENT = 64  # bytes: a cache line, and the widest vector register
 ROUND_OFF = 1e-12  # of the largest entry of a matrix that is symmetric but for it
+FEW_POINTS = 8  # contact points up to which steps are cut at corners: minimal models
 PANEL_BYTES = 2**19  # of the tiles that wait in the second cache for their second use
 
 
@@ -73,7 +74,7 @@ def modal_arrays(
     points[:, :, :nc] = [x.points(system) for x in designs]
     points[:, layout.POINT_SPEED, nc:] = [[x.speed] for x in designs]  # no curve at rest there
     fixed = _fixed(system, designs, integrator)
-    steps = step_tables(modes, integrator, h)
+    steps = step_tables(modes, integrator, h, _levels(integrator, nc))
     stuck = isinstance(integrator, FixedJacobian) and integrator.mockup == "auto"
     tangential, compliance, own = _tangential(system, steps[0, 0, layout.LAST_V], stuck)
     between, between_of = _between(system, designs, n)
@@ -95,15 +96,27 @@ def modal_arrays(
     return modal, bool(fixed.any())
 
 
-def step_tables(modes: np.ndarray, integrator: KernelIntegrator, h: float) -> np.ndarray:
+def corner_halvings(integrator: KernelIntegrator, contact_points: int) -> int:
+    """Halvings of a sub-step with a corner: of many points one would meet its own in every step."""
+    return integrator.corner_halvings if contact_points <= FEW_POINTS else 0
+
+
+def _levels(integrator: KernelIntegrator, contact_points: int) -> int:
+    """Halvings for which there are coefficients."""
+    return max(integrator.max_halvings, corner_halvings(integrator, contact_points))
+
+
+def step_tables(
+    modes: np.ndarray, integrator: KernelIntegrator, h: float, levels: int
+) -> np.ndarray:
     """Modal.steps for modes (nb, 3, n); designs of the same damping share the work."""
     nb, _, n = modes.shape
-    steps = aligned_zeros(nb, integrator.max_halvings + 1, layout.N_STEP, n)
+    steps = aligned_zeros(nb, levels + 1, layout.N_STEP, n)
     made: dict[bytes, np.ndarray] = {}
     for k, (w2, c, _) in enumerate(modes):
         key = w2.tobytes() + c.tobytes()
         if key not in made:
-            made[key] = integrator.steps(w2, c, h)
+            made[key] = integrator.steps(w2, c, h, levels)
         steps[k] = made[key]
     return steps
 
@@ -211,7 +224,7 @@ def _stack(rows: Sequence[np.ndarray | None], n: int, name: str) -> np.ndarray:
 
 
 def kernel_settings(
-    settings: MotionSettings, integrator: KernelIntegrator, dense: bool
+    settings: MotionSettings, integrator: KernelIntegrator, dense: bool, contact_points: int
 ) -> layout.StepSettings:
     """The kernels' settings; Newton converges quadratically and takes squares of tolerances."""
     fixed = isinstance(integrator, FixedJacobian)
@@ -224,6 +237,8 @@ def kernel_settings(
         tolerance_t=settings.friction_tolerance**power,
         max_iterations=settings.max_iterations,
         max_halvings=integrator.max_halvings,
+        corner_halvings=corner_halvings(integrator, contact_points),
+        levels=_levels(integrator, contact_points),
         newton=not fixed,
         aitken=isinstance(integrator, FixedJacobian) and integrator.aitken,
         dense=dense,
@@ -240,7 +255,7 @@ def work_arrays(
     `starts` (nb, 2, n) are initial deviations and velocities, also the first trial states.
     """
     nb, _, n = modal.modes.shape
-    n_matrices = 1 + (nb * (options.max_halvings + 1) if options.dense else 0)
+    n_matrices = 1 + (nb * (options.levels + 1) if options.dense else 0)
     panel = max(1, PANEL_BYTES // (8 * n * ROWS))
     x = aligned_zeros(nb, layout.N_ROWS, n)
     x[:, [layout.Q, layout.V], : starts.shape[2]] = starts
@@ -256,6 +271,8 @@ def work_arrays(
         pivots=np.full((n_matrices, n), NOT_FACTORED, dtype=np.int64),
         counts=counts,
         real=real,
+        sums=np.zeros((nb, layout.N_SUM)),
+        now=np.zeros((nb, len(layout.HISTORY))),
         tiles=aligned_zeros(panel, LANES, ROWS),
         lanes=aligned_zeros(3, n, LANES),
         wide=aligned_zeros(panel if B.dtype == np.float32 else 0, n, ROWS),
@@ -267,12 +284,15 @@ def work_arrays(
     )
 
 
-def saved_arrays(modal: layout.ModalArrays, n: int, settings: MotionSettings) -> layout.SavedArrays:
-    """Room for the histories of n modes."""
+def saved_arrays(
+    modal: layout.ModalArrays, system: ModalSystem, settings: MotionSettings
+) -> layout.SavedArrays:
+    """Room for the histories."""
     nb = len(modal.modes)
     rows = settings.n_steps // settings.save_every + 1 if settings.save_every else 0
     return layout.SavedArrays(
         history=np.empty((nb, rows, len(layout.HISTORY))),
         sensed=np.empty((nb, rows, 2, modal.sensors.shape[1])),
-        q=np.empty((nb, rows if settings.save_q else 0, n)),
+        squares=np.empty((nb, rows, 2, len(system.sensed))),
+        q=np.empty((nb, rows if settings.save_q else 0, system.n)),
     )

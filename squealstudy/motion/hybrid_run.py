@@ -9,7 +9,14 @@ import numpy as np
 from squealstudy.errors import ConvergenceError, ParameterError
 from squealstudy.kernels import hybrid_layout as layout
 from squealstudy.kernels import newmark_layout as its
-from squealstudy.kernels.hybrid_state import commit, history_row, potential_energy, start
+from squealstudy.kernels.hybrid_state import (
+    commit,
+    history_row,
+    potential_energy,
+    start,
+    sum_step,
+    sums_to_row,
+)
 from squealstudy.kernels.hybrid_step import balance, predict
 from squealstudy.motion.hybrid_arrays import StepSolver, hybrid_arrays, initial_state
 from squealstudy.motion.integrators.newmark import Newmark
@@ -19,7 +26,7 @@ from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.hybrid import HybridModel
 
 # options that have no meaning here
-UNUSED = ("contact_factor", "contact_stiffness", "prewarp", "single_storage")
+UNUSED = ("contact_factor", "contact_stiffness", "prewarp", "single_storage", "corner_halvings")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +122,7 @@ class _Run:
         self._status = its.DONE if start(self._hybrid, self._state) else its.NOT_FINITE
         self._stored_start = self._recorder.stored()[1]
         if self._status == its.DONE:
+            self._recorder.sum(0.0)
             self._recorder.save(0)
             self._integrate()
 
@@ -163,6 +171,7 @@ class _Run:
         else:
             self._columns += 3 * heavy
         commit(hybrid, solver.level, state)
+        self._recorder.sum(solver.level.h)
         self._equal += 1
         return its.DONE
 
@@ -245,6 +254,11 @@ class Recorder:
         self._rows: list[np.ndarray] = []
         self._sensed: list[np.ndarray] = []
         self._q: list[np.ndarray] = []
+        self._sums, self._now = np.zeros(its.N_SUM), np.zeros(len(its.HISTORY))
+
+    def sum(self, h: float) -> None:
+        """Add the accepted sub-step h [s] to the sums of the next row; 0 for the start."""
+        sum_step(self.hybrid, self.state, h, self._now, self._sums)
 
     def motion(self) -> tuple[np.ndarray, np.ndarray]:
         """Final deviation q [m] and velocity [m/s] in the model's coordinates, (n,) each."""
@@ -277,6 +291,7 @@ class Recorder:
         history_row(self.hybrid, self.state, row)
         row[its.TIME] = step * self.settings.step
         row[its.MODAL_ENERGY], row[its.STORED] = self.stored()
+        sums_to_row(self._sums, row)
         self._rows.append(row)
         amplitudes = self.state.modes[[layout.ALPHA, layout.RATE]][:, self.modes]
         motion = self.state.vectors[[layout.Q, layout.V]]

@@ -86,6 +86,13 @@ class KernelIntegrator(Integrator):
     max_halvings: int = Field(
         default=4, ge=0, le=20, description="times that a step which does not converge is halved"
     )
+    corner_halvings: int = Field(
+        default=0,
+        ge=0,
+        le=20,
+        description="times that a step is halved where a contact point begins or ceases to stick, "
+        "turns or opens, in models of up to 8 points; 0: never",
+    )
     single_storage: bool = Field(
         default=False, description="observation matrix in single precision"
     )
@@ -108,11 +115,17 @@ class KernelIntegrator(Integrator):
             and LAST_Q, LAST_V (answers to the pull at the start and at the end).
         """
 
-    def steps(self, w2: np.ndarray, c: np.ndarray, h: float) -> np.ndarray:
-        """Coefficients of steps h, h/2, ... by halving level (max_halvings + 1, 8, n)."""
+    def steps(
+        self, w2: np.ndarray, c: np.ndarray, h: float, levels: int | None = None
+    ) -> np.ndarray:
+        """Coefficients of steps h, h/2, ... by halving level (levels + 1, 8, n).
+
+        `levels` is `max_halvings` by default.
+        """
         import numpy as np
 
-        return np.array([self.step(w2, c, h / 2**k) for k in range(self.max_halvings + 1)])
+        levels = self.max_halvings if levels is None else levels
+        return np.array([self.step(w2, c, h / 2**k) for k in range(levels + 1)])
 
     def modes(self, w2: np.ndarray, c: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness and damping (n,) that are integrated in place of w2 and c at a step h."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -78,9 +78,14 @@ class Motion:
     displacement, velocity : ndarray (rows, ns + 8 m)
         Of the sensed modes, then products of the point's `GrowingModes.sensors`.
     q_history : ndarray (rows, n) or (0, n)
+    squares : ndarray (rows, 2, ns)
+        Means of the squares of displacement and velocity of the sensed modes since the row before;
+        NaN where the integrator does not sum them.
     mean_iterations, max_iterations : float, int
         Evaluations of the contact forces a step.
     halvings, newton_steps : int
+    cuts : int
+        Sub-steps that were made again because a contact point met a corner of its law in them.
     contraction : float
         Largest ratio of residuals over a plain first correction.
     energy : EnergyBalance
@@ -111,6 +116,8 @@ class Motion:
     energy: EnergyBalance
     steps: int
     stopped: str = ""
+    cuts: int = 0
+    squares: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 0)))
 
     @property
     def stop_reason(self) -> str:

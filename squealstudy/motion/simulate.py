@@ -140,14 +140,14 @@ class KernelRun:
         assert isinstance(integrator, KernelIntegrator)
         starts = np.array([design.start(system.n) for design in designs])
         modal, dense = modal_arrays(system, designs, settings, integrator)
-        options = kernel_settings(settings, integrator, dense)
+        options = kernel_settings(settings, integrator, dense, len(system.area))
         B = observation(system, integrator.single_storage)
         return KernelRun(
             B=B,
             modal=modal,
             options=options,
             work=work_arrays(modal, options, B, starts),
-            saved=saved_arrays(modal, system.n, settings),
+            saved=saved_arrays(modal, system, settings),
             system=system,
             designs=designs,
             settings=settings,
@@ -173,7 +173,7 @@ class KernelRun:
         system, settings, saved = self.system, self.settings, self.saved
         n, ns = system.n, len(system.sensed) + len(self.designs[k].growing.sensors)
         count, real = self.work.counts[k], self.work.real[k]
-        steps = count[layout.STEP] + count[layout.POSITION] / 2**self.options.max_halvings
+        steps = count[layout.STEP] + count[layout.POSITION] / 2**self.options.levels
         time = float(steps * settings.step)
         rows = int(count[layout.SAVED])
         outcome, message = outcome_of(int(count[layout.STATUS]), time)
@@ -192,6 +192,7 @@ class KernelRun:
             displacement=take(saved.sensed[k, :rows, 0, :ns]),
             velocity=take(saved.sensed[k, :rows, 1, :ns]),
             q_history=take(saved.q[k, :rows]),
+            squares=take(saved.squares[k, :rows]),
             mean_iterations=float(count[layout.PASSES] / max(count[layout.STEP], 1)),
             max_iterations=int(max(count[layout.MAX_PASSES], count[layout.STEP_PASSES])),
             halvings=int(count[layout.HALVINGS]),
@@ -199,6 +200,7 @@ class KernelRun:
             contraction=float(real[layout.CONTRACTION]),
             energy=EnergyBalance(*(float(x) for x in real[layout.W_LOAD : layout.N_REAL])),
             steps=int(count[layout.STEP]),
+            cuts=int(count[layout.CUTS]),
         )
 
 

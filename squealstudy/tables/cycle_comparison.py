@@ -15,7 +15,8 @@ COLUMNS = (
     {"verdict": "str", "bistable": "boolean", "n_stable": "int64"}
     | {"predicted_torque_rms": "f8", "predicted_frequency_hz": "f8", "threshold_velocity": "f8"}
     | {"class": "str", "torque_rms": "f8", "frequency_hz": "f8", "torque_line_hz": "f8"}
-    | {"level_deviation": "f8", "frequency_deviation": "f8", "agreement": "str"}
+    | {"level_deviation": "f8", "level_deviation_error": "f8", "frequency_deviation": "f8"}
+    | {"agreement": "str"}
     | {"cycle_id": "str", "cycles_point_id": "str", "time_point_id": "str"}
 )
 
@@ -39,10 +40,11 @@ def compare_cycles(
         steady sliding without an unstable mode; missing where that is undecided. The predicted
         cycle is, of the stable ones, that nearest in frequency to a run that lasts (to its loudest
         line where the motion does not repeat), else the loudest. `level_deviation` and
-        `frequency_deviation` are run / predicted - 1, of runs that last. `agreement`: ``differs``
-        where a design of verdict squeals stays silent, or one without a cycle vibrates; ``open``
-        where verdict or run is undecided. A design that squeals if kicked agrees with both: it
-        depends on the start.
+        `frequency_deviation` are run / predicted - 1, of runs that last; `level_deviation_error`
+        what the bounds of the run's level and the error of the cycle's leave open, NaN where one
+        of them cannot be told. `agreement`: ``differs`` where a design of verdict squeals stays
+        silent, or one without a cycle vibrates; ``open`` where verdict or run is undecided. A
+        design that squeals if kicked agrees with both: it depends on the start.
 
     Raises
     ------
@@ -83,7 +85,8 @@ def _levels(stable: pd.DataFrame, run: pd.Series) -> dict[str, object]:
     own = float(run.get("frequency_hz", np.nan))  # results of before have none
     found["frequency_hz"] = own
     found |= {"predicted_torque_rms": np.nan, "predicted_frequency_hz": np.nan, "cycle_id": ""}
-    found |= {"level_deviation": np.nan, "frequency_deviation": np.nan}
+    found |= dict.fromkeys(("level_deviation", "level_deviation_error"), np.nan)
+    found["frequency_deviation"] = np.nan
     if not len(stable):
         return found
     lasts = run["class"] in SUSTAINED
@@ -96,7 +99,12 @@ def _levels(stable: pd.DataFrame, run: pd.Series) -> dict[str, object]:
     found["predicted_torque_rms"] = cycle["torque_rms"]
     found["predicted_frequency_hz"] = cycle["frequency_hz"]
     if lasts:
-        found["level_deviation"] = level / float(cycle["torque_rms"]) - 1.0
+        predicted = float(cycle["torque_rms"])
+        found["level_deviation"] = level / predicted - 1.0
+        bounds = (float(run.get(f"torque_rms_{end}", np.nan)) for end in ("low", "high"))
+        own_error = max(abs(bound - level) for bound in bounds) / predicted
+        ratio_error = level / predicted * float(cycle.get("level_error", np.nan))
+        found["level_deviation_error"] = own_error + ratio_error
         found["frequency_deviation"] = hz / float(cycle["frequency_hz"]) - 1.0
     return found
 

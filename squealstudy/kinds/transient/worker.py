@@ -35,12 +35,15 @@ from squealstudy.modes.point import state_working_point
 from squealstudy.motion.hybrid_run import simulate_hybrid
 from squealstudy.motion.level_errors import doubts
 from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.history import history_frame
+from squealstudy.motion.outcome.level import StepParts
 from squealstudy.motion.outcome.settling import known_outcome
-from squealstudy.motion.outcome.summary import history_frame, summarise
+from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.point import friction_law, integrated, motion_point, perturbed
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes
 from squealstudy.motion.simulate import Watch, simulate
+from squealstudy.motion.step_errors import has_few_points, step_parts
 from squealstudy.motion.system import MotionPoint, stick_number
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.hybrid import (
@@ -80,18 +83,52 @@ def solve_batch(task: BatchTask) -> Solved:
     except FAILURES as error:
         rows += [lost_row(point.point_id, *reason(error)) for point in chosen]
     else:
-        wall = (time.perf_counter() - started) / max(len(ready), 1)
+        made, steps = [], BatchSteps(task)
         for point, motion in zip(chosen, motions, strict=True):
-            rows.append(_row(task, point, motion, wall))
+            made.append(_row(task, point, motion, steps))
             files |= _files(task, point, motion)
+        wall = (time.perf_counter() - started) / max(len(ready), 1)
+        rows += [one | {"wall_s": wall} for one in made]
     gaps.save()
     return Solved(rows, files)
 
 
-def _row(task: BatchTask, point: DesignPoint, motion: Motion, wall: float) -> dict[str, Any]:
+class BatchSteps:
+    """What the step does to levels of the runs of a batch.
+
+    Of few contact points each run is made again; of many, one of the batch is gone on with, the
+    first that lasts, and the others err by the same shares of their levels.
+    """
+
+    def __init__(self, task: BatchTask) -> None:
+        self._task = task
+        self._known: StepParts | None = None
+
+    def of(self, motion: Motion) -> StepParts:
+        """Of a run that lasts."""
+        task = self._task
+        if task.hybrid:
+            return StepParts.unknown("the hybrid representation is not run with another step")
+        system = replace(task.reference.system, sensed=motion.sensed)
+        if has_few_points(system):
+            return step_parts(system, motion, task.settings())
+        if self._known is None:
+            self._known = step_parts(system, motion, task.settings())
+        return self._known
+
+
+def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps) -> dict[str, Any]:
     reference, settings = task.reference, task.settings()
-    system, summary = reference.system, summarise(motion)
+    found: list[StepParts] = []
+
+    def by_step() -> StepParts:
+        found.append(steps.of(motion))
+        return found[0]
+
+    system, summary = reference.system, summarise(motion, by_step)
     said = doubts(motion, system, settings, summary.point)
+    if found and found[0].reason and not task.hybrid:
+        said["another step tells what the step does to levels"] = found[0].reason
     reasons = [open_reason(point.law_kind, motion.point.open_share)]
     reasons += [f"{rule}: {text}" for rule, text in said.items()]
     columns = {
@@ -105,10 +142,11 @@ def _row(task: BatchTask, point: DesignPoint, motion: Motion, wall: float) -> di
     modes = [
         {**m, "energies": reference.energies[:, m["mode"] - 1].tolist()} for m in summary.modes
     ]
-    message = motion.message or BETWEEN.join(said.values())
+    untold = [found[0].reason] if found and task.hybrid else []
+    message = motion.message or BETWEEN.join([*said.values(), *untold])
     return row(
         point.point_id,
-        wall,
+        0.0,
         motion.outcome,
         message,
         modes=modes,
@@ -122,7 +160,7 @@ def _files(task: BatchTask, point: DesignPoint, motion: Motion) -> dict[str, Any
     section, every = task.section, task.settings().save_every
     files: dict[str, Any] = {}
     if section.save_every:
-        kept = history_frame(motion).iloc[:: section.save_every // every]
+        kept = history_frame(motion, section.save_every // every)
         files |= history_file(point.point_id, kept)
     if motion.outcome == "ok":
         q, v = final_state(task, motion)

@@ -13,6 +13,9 @@ from squealstudy.kernels.newmark_layout import N_COEFFICIENT
 from squealstudy.motion.integrator import FixedJacobian
 from squealstudy.motion.integrators.newmark import average_acceleration
 
+# a step of 20 us is then cut to 20 ns where slip ends: friction settles within 1 us or more
+CORNER_HALVINGS = 10
+
 
 class ExactFreeMotion(FixedJacobian):
     """Modes that a step resolves move exactly under forces that are linear in time.
@@ -32,6 +35,13 @@ class ExactFreeMotion(FixedJacobian):
     drift_limit = 4e-3
     work_of_changes = 1.0
 
+    corner_halvings: int = Field(
+        default=CORNER_HALVINGS,
+        ge=0,
+        le=20,
+        description="times that a step is halved where a contact point begins or ceases to stick, "
+        "turns or opens, in models of up to 8 points; 0: never",
+    )
     exact_limit: float = Field(
         default=2.0, ge=0, description="omega h beyond which a mode moves by average acceleration"
     )
@@ -40,9 +50,12 @@ class ExactFreeMotion(FixedJacobian):
         """Coefficients (8, n)."""
         return self._mixed(w2, c, h, propagator_levels(w2, c, h, 0)[0])
 
-    def steps(self, w2: np.ndarray, c: np.ndarray, h: float) -> np.ndarray:
+    def steps(
+        self, w2: np.ndarray, c: np.ndarray, h: float, levels: int | None = None
+    ) -> np.ndarray:
         """Coefficients by halving level, exponentials by squaring those of the shortest step."""
-        exact = propagator_levels(w2, c, h, self.max_halvings)
+        levels = self.max_halvings if levels is None else levels
+        exact = propagator_levels(w2, c, h, levels)
         return np.array([self._mixed(w2, c, h / 2**k, rows) for k, rows in enumerate(exact)])
 
     def _mixed(self, w2: np.ndarray, c: np.ndarray, h: float, exact: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ LEAST_PERIODS = 20.0  # of the dominant line in it, where the record has them
 FLAT = 1e-10  # fluctuation below this share of the largest value is round-off
 BLOCKS = (20, 10, 5)  # sub-windows of an interval; fewer while neighbours are correlated
 CORRELATED = 0.1
+HARMONICS = 6  # periods of the second or third harmonic that are whole ones of the first
 LINE_PERIODS = 3.0  # of a line in the window; slower ones are drift
 LINE_WIDTH = 0.015  # of its frequency, either side; what counts as one line
 SAME = 1e-9  # relative: runs that agree so well are one run
@@ -26,7 +28,9 @@ class TorqueLevels:
     mean, rms, peak_to_peak : float
         rms is that of the fluctuation about the mean.
     mean_low, mean_high, rms_low, rms_high : float
-        95 % bounds of mean and rms.
+        95 % bounds of mean and rms, of what the window leaves open.
+    peak_scatter : float
+        By which the peak to peak of the quieter half of the window is smaller.
     frequency_hz : float
         Of the dominant line; NaN where the signal is flat or the window has fewer than three
         periods of any line.
@@ -42,6 +46,7 @@ class TorqueLevels:
     rms_low: float = 0.0
     rms_high: float = 0.0
     peak_to_peak: float = 0.0
+    peak_scatter: float = 0.0
     frequency_hz: float = np.nan
     line: float = 0.0
     harmonic_2: float = 0.0
@@ -68,22 +73,66 @@ def last_window(time: np.ndarray, signal: np.ndarray) -> slice:
     return slice(max(0, rows - count), rows)
 
 
-def torque_levels(time: np.ndarray, torque: np.ndarray) -> TorqueLevels:
-    """Levels of a window of a history.
+@dataclass(frozen=True)
+class TorqueSums:
+    """What the torque did over every step between rows, each (rows,).
+
+    Attributes
+    ----------
+    mean, variance : ndarray
+        Over the time since the row before, the variance about that mean.
+    least, most : ndarray
+        Extremes there.
+    """
+
+    mean: np.ndarray
+    variance: np.ndarray
+    least: np.ndarray
+    most: np.ndarray
+
+    @classmethod
+    def of(cls, history: Mapping[str, np.ndarray], window: slice) -> TorqueSums | None:
+        """Of the rows of a window; None where the integrator did not sum, as of old results."""
+        if "torque_mean" not in history:
+            return None
+        names = ("torque_mean", "torque_variance", "torque_min", "torque_max")
+        found = cls(*(history[name][window] for name in names))
+        return found if np.isfinite(found.mean).all() else None
+
+    def squares(self, mean: float) -> np.ndarray:
+        """Mean squares about a mean of all, in each row."""
+        squares: np.ndarray = self.variance + (self.mean - mean) ** 2
+        return squares
+
+
+def torque_levels(
+    time: np.ndarray, torque: np.ndarray, sums: TorqueSums | None = None
+) -> TorqueLevels:
+    """Levels of a window of a history: from sums over every step, else from the rows.
 
     Parameters
     ----------
     time, torque : ndarray (rows,)
         The window only, equally spaced, s and N m; all finite, one row or more.
+    sums : TorqueSums or None
+        Of the same rows. Mean and RMS are then those of whole periods of the dominant line.
     """
-    mean = float(torque.mean())
-    fluctuation = torque - mean
-    if np.abs(fluctuation).max() <= FLAT * np.abs(torque).max() or len(torque) < 2:
+    if sums is None:
+        sums = TorqueSums(torque, np.zeros_like(torque), torque, torque)
+        exact = False
+    else:
+        exact = True
+    mean, swing = float(sums.mean.mean()), float(sums.most.max() - sums.least.min())
+    rest = np.abs([sums.most.max() - mean, sums.least.min() - mean]).max()
+    if rest <= FLAT * np.abs(torque).max() or len(torque) < 2:
         return TorqueLevels(mean=mean, mean_low=mean, mean_high=mean)
-    square, low, high = (np.sqrt(np.maximum(x, 0.0)) for x in mean_interval(fluctuation**2))
-    found = spectrum((time[-1] - time[0]) / (len(time) - 1), torque)
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    found = spectrum(step, torque)
     frequency = found.peak()
-    _, mean_low, mean_high = mean_interval(torque)
+    width = 1.0 / (frequency * step) if exact and np.isfinite(frequency) else np.nan
+    mean, mean_low, mean_high = (float(x) for x in periods_interval(sums.mean, width))
+    squares = periods_interval(sums.squares(mean), width)
+    square, low, high = (np.sqrt(np.maximum(x, 0.0)) for x in squares)
     return TorqueLevels(
         mean=mean,
         mean_low=float(mean_low),
@@ -91,12 +140,33 @@ def torque_levels(time: np.ndarray, torque: np.ndarray) -> TorqueLevels:
         rms=float(square),
         rms_low=float(low),
         rms_high=float(high),
-        peak_to_peak=float(np.ptp(torque)),
+        peak_to_peak=swing,
+        peak_scatter=swing - min(float(np.ptp(part)) for part in _halves(sums)),
         frequency_hz=frequency,
         line=found.level(frequency),
         harmonic_2=found.level(2 * frequency),
         harmonic_3=found.level(3 * frequency),
     )
+
+
+def _halves(sums: TorqueSums) -> Iterator[np.ndarray]:
+    """Least and largest torque of either half of a window."""
+    middle = len(sums.least) // 2
+    for part in (slice(None, middle), slice(middle, None)):
+        yield np.array([sums.least[part].min(), sums.most[part].max()])
+
+
+def levels_by_rows(torque: np.ndarray) -> np.ndarray:
+    """What RMS, mean and peak to peak of a window err by where they are made from its rows alone.
+
+    The largest change by every other row of it: zeros of fewer than four rows.
+    """
+    if len(torque) < 4:
+        return np.zeros(3)
+    halves = (torque, torque[::2], torque[1::2])
+    whole, *others = (np.array([x.std(), x.mean(), np.ptp(x)]) for x in halves)
+    changes: np.ndarray = np.abs(np.array(others) - whole).max(axis=0)
+    return changes
 
 
 @dataclass(frozen=True)
@@ -174,14 +244,53 @@ def mean_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
         Bounds are the mean itself for fewer than five rows.
     """
     mean = values.mean(axis=0)
-    half = np.zeros_like(mean)
-    open_ = np.ones(np.shape(mean), dtype=bool)
+    half = _half_width(mean, _row_blocks(values))
+    return mean, mean - half, mean + half
+
+
+def periods_interval(values: np.ndarray, width: float) -> tuple[float, float, float]:
+    """As `mean_interval` of values (rows,) that are means between rows, over whole periods.
+
+    The periods have `width` rows, no whole number; they are counted from the last row backwards. A
+    periodic motion has no scatter then, where blocks that cut its periods have. As the loudest line
+    may be the second or third harmonic, the mean is over a multiple of six periods where there are
+    twelve. NaN, or fewer than five periods: `mean_interval` itself.
+    """
+    count = int(len(values) / width * (1 + 1e-12)) if width > 0 else 0
+    if count < BLOCKS[-1] or width < 1:
+        mean, low, high = mean_interval(values)
+        return float(mean), float(low), float(high)
+    summed = np.concatenate([[0.0], np.cumsum(values)])
+
+    def means(number: int, periods: int) -> np.ndarray:
+        """Of `number` blocks of so many periods, at the end."""
+        edges = len(values) - width * periods * np.arange(number, -1, -1)
+        at = np.interp(edges, np.arange(len(summed)), summed)
+        blocks: np.ndarray = np.diff(at) / (width * periods)
+        return blocks
+
+    count -= count % HARMONICS if count >= 2 * HARMONICS else 0
+    mean = means(1, count)[0]
+    blocks = (means(number, count // number) for number in BLOCKS if count >= number)
+    half = float(_half_width(np.array(mean), blocks))
+    return float(mean), float(mean - half), float(mean + half)
+
+
+def _row_blocks(values: np.ndarray) -> Iterator[np.ndarray]:
+    """Means of 20, 10 and 5 equal blocks of rows, where there are so many."""
     for count in BLOCKS:
         width = len(values) // count
-        if width == 0:
-            continue
-        cut = values[len(values) - count * width :]
-        blocks = np.add.reduceat(cut, np.arange(0, len(cut), width), axis=0) / width
+        if width:
+            cut = values[len(values) - count * width :]
+            yield np.add.reduceat(cut, np.arange(0, len(cut), width), axis=0) / width
+
+
+def _half_width(mean: np.ndarray, block_means: Iterable[np.ndarray]) -> np.ndarray:
+    """Of the interval of a mean () or (m,) from means of blocks (count, ..), finest first."""
+    half = np.zeros_like(mean)
+    open_ = np.ones(np.shape(mean), dtype=bool)
+    for blocks in block_means:
+        count = len(blocks)
         rest = blocks - blocks.mean(axis=0)
         size = (rest**2).sum(axis=0)
         product = (rest[1:] * rest[:-1]).sum(axis=0)
@@ -190,7 +299,7 @@ def mean_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
         error = np.sqrt(size / (count * (count - 1)) * (1 + rho_kept) / (1 - rho_kept))
         half = np.where(open_, special.stdtrit(count - 1, 0.975) * error, half)
         open_ = open_ & (rho > CORRELATED)
-    return mean, mean - half, mean + half
+    return half
 
 
 def pooled_interval(

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import RunClass, too_short
 from squealstudy.motion.outcome.energies import (
     ModalShares,
-    energy_outside,
     first_window,
     held_energies,
     level_shares,
@@ -26,14 +24,17 @@ from squealstudy.motion.outcome.energies import (
 )
 from squealstudy.motion.outcome.fundamental import fundamental_hz
 from squealstudy.motion.outcome.growth import ENERGY, LEFT_VECTOR, GrowthFit, fit_growth
-from squealstudy.motion.outcome.levels import last_window, torque_levels
+from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
+from squealstudy.motion.outcome.levels import (
+    TorqueSums,
+    last_window,
+    levels_by_rows,
+    torque_levels,
+)
 from squealstudy.motion.outcome.settling import settled
 from squealstudy.motion.outcome.verdict import EXPRESSED, run_verdict
 from squealstudy.wording import FAILED, STABLE, SUSTAINED
 
-NOTICEABLE_SHARE = (
-    0.01  # share of the energy from which on a sensed mode has columns in the history
-)
 LEAST_ROWS = 10  # of a history that says anything
 # relative: how far a frequency may be from that of the mode at the step, of 300 runs at most 1e-3;
 # from that of the mode, where what the step makes of it is not known
@@ -50,21 +51,28 @@ class Summary:
     growth: list[dict[str, Any]]
 
 
-def summarise(run: Motion) -> Summary:
+def summarise(run: Motion, by_step: Callable[[], StepParts] = lambda: OF_THE_WINDOW) -> Summary:
     """Levels, growth, class and shares of a run: the columns of its row.
 
     A failed run is summarised up to where it got, with the class ``failed``. Of a record of fewer
     than ten rows nothing is said but how the integration went and what is predicted.
+
+    Parameters
+    ----------
+    run : Motion
+    by_step : callable
+        Finds out what its step does to levels, where the run lasts: of others there is no level,
+        and bounds are those of the window alone, as they are by default.
     """
     energy = moving_energy(run)
     verdict = _class(run, energy)
     if len(run.times) < LEAST_ROWS or (verdict.name == FAILED and not np.isfinite(energy).all()):
         return Summary(_course(run) | _forecast(run) | _class_columns(verdict), [], [])
-    levels, window = run_levels(run)
+    levels, window = run_levels(run, by_step() if verdict.name in SUSTAINED else OF_THE_WINDOW)
     behaviour = _behaviour(run, energy, verdict)
     fits = mode_fits(run)
-    energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
-    shares = modal_shares(energies[window], run.modal_energy[window])
+    energies, total = energies_of_steps(run)
+    shares = modal_shares(energies[window], total[window])
     point = {
         **_course(run),
         **_forecast(run),
@@ -219,19 +227,33 @@ def _as_integrated(run: Motion, k: int, fit: GrowthFit) -> GrowthFit:
     return replace(fit, low=fit.low - more, high=fit.high + more)
 
 
-def run_levels(run: Motion) -> tuple[dict[str, Any], slice]:
+def run_levels(run: Motion, by_step: StepParts = OF_THE_WINDOW) -> tuple[dict[str, Any], slice]:
     """Torque columns of the last window, and that window."""
     torque = run.history["torque"]
     window = last_window(run.times, torque)
-    found = torque_levels(run.times[window], torque[window])
+    own = slice(max(window.start, min(1, len(torque) - 1)), window.stop)
+    sums = TorqueSums.of(run.history, own)
+    found = torque_levels(run.times[own], torque[own], sums)
+    rows = levels_by_rows(torque[own]) if sums is None else np.zeros(3)
+    half = 0.5 * np.array([found.rms_high - found.rms_low, found.mean_high - found.mean_low])
+    sizes = np.array([by_step.rms * found.rms, by_step.mean * found.rms])
+    swing = by_step.peak_to_peak * found.peak_to_peak
+    rms = Level.of(found.rms, LevelParts(half[0], sizes[0], rows[0]), 0.0)
+    mean = Level.of(found.mean, LevelParts(half[1], sizes[1], rows[1]))
+    peaks = Level.of(found.peak_to_peak, LevelParts(found.peak_scatter, swing, rows[2]), 0.0)
     return {
-        "torque_mean": found.mean,
-        "torque_mean_low": found.mean_low,
-        "torque_mean_high": found.mean_high,
-        "torque_rms": found.rms,
-        "torque_rms_low": found.rms_low,
-        "torque_rms_high": found.rms_high,
-        "torque_peak_to_peak": found.peak_to_peak,
+        "torque_mean": mean.value,
+        "torque_mean_low": mean.low,
+        "torque_mean_high": mean.high,
+        "torque_rms": rms.value,
+        "torque_rms_low": rms.low,
+        "torque_rms_high": rms.high,
+        "torque_rms_window": rms.parts.window,
+        "torque_rms_step": rms.parts.step,
+        "torque_rms_rows": rms.parts.rows,
+        "torque_peak_to_peak": peaks.value,
+        "torque_peak_to_peak_low": peaks.low,
+        "torque_peak_to_peak_high": peaks.high,
         "frequency_hz": _frequency(run, window),
         "torque_line_hz": found.frequency_hz,
         "dominant_level": found.line,
@@ -278,21 +300,35 @@ def _behaviour(run: Motion, energy: np.ndarray, verdict: RunClass) -> dict[str, 
 def _contact(run: Motion, window: slice) -> dict[str, Any]:
     """Shares of the contact area that stick or are open, and how fast what sticks creeps.
 
-    `stick_creep` is the largest sliding speed of a point that sticks, at any kept row of the last
+    `stick_creep` is the largest sliding speed of a point that sticks, at any step of the last
     window, over the speed imposed there: the slope of friction lets it move. A point sticks
     while its friction is below the bound, which is where it slides slower than bound / k_t: the
     regularisation speed, or more where its pressure exceeds the highest of steady sliding. NaN
     where nothing sticks.
     """
-    stick, opened, creep = (run.history[name][window] for name in ("stick", "open", "creep"))
-    sticks = stick > 0
+    stick, opened = (over_steps(run, f"{name}_mean", name, window) for name in ("stick", "open"))
+    most, widest = (over_steps(run, f"{name}_max", name, window) for name in ("stick", "open"))
+    creep = over_steps(run, "creep_max", "creep", window)
+    sticks = most > 0
     return {
         "stick_creep": float(creep[sticks].max()) if sticks.any() and run.point.speed else np.nan,
         "stick_share": float(stick.mean()),
-        "stick_share_max": float(stick.max()),
+        "stick_share_max": float(most.max()),
         "open_share": float(opened.mean()),
-        "open_share_max": float(opened.max()),
+        "open_share_max": float(widest.max()),
     }
+
+
+def over_steps(run: Motion, summed: str, at_rows: str, window: slice) -> np.ndarray:
+    """A column summed over every step, of the rows of a window, or the one at the rows.
+
+    Integrators outside the kernels, and old histories, have no sums.
+    """
+    found = run.history.get(summed)
+    if found is None or not np.isfinite(found[window]).all():
+        found = run.history[at_rows]
+    column: np.ndarray = found[window]
+    return column
 
 
 def _leader(run: Motion, shares: ModalShares) -> dict[str, Any]:
@@ -307,9 +343,23 @@ def _leader(run: Motion, shares: ModalShares) -> dict[str, Any]:
     }
 
 
+def energies_of_steps(run: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """Energies of the sensed modes (rows, ns) and of all modes (rows,) since the row before, J.
+
+    Means over every step where the integrator sums them, else those of the rows.
+    """
+    total = run.history.get("modal_energy_mean")
+    squares = run.squares[1:]
+    if total is None or len(squares) != len(run.times) - 1 or not np.isfinite(total).all():
+        return mode_energies(run.sensed_q, run.sensed_v, run.omega), run.modal_energy
+    energies = 0.5 * (squares[:, 1] + run.omega**2 * squares[:, 0])
+    first = mode_energies(run.sensed_q[:1], run.sensed_v[:1], run.omega)
+    return np.concatenate([first, energies]), total
+
+
 def _mode_rows(run: Motion, energies: np.ndarray, shares: ModalShares) -> list[dict[str, Any]]:
     begin = first_window(len(run.times))
-    first = modal_shares(energies[begin], run.modal_energy[begin]).share
+    first = modal_shares(energies[begin], energies_of_steps(run)[1][begin]).share
     return [
         {
             "mode": int(mode),
@@ -322,24 +372,3 @@ def _mode_rows(run: Motion, energies: np.ndarray, shares: ModalShares) -> list[d
         }
         for k, mode in enumerate(run.sensed)
     ]
-
-
-def history_frame(run: Motion) -> pd.DataFrame:
-    """History of a run: torque, contact shares, energies and amplitudes of the modes noticeable."""
-    history = run.history
-    energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
-    columns = {
-        name: history[name] for name in ("time", "torque", "normal_force", "stick", "slip", "open")
-    }
-    columns |= {
-        "energy": run.modal_energy,
-        "energy_outside": energy_outside(energies, run.modal_energy),
-    }
-    noticeable = (energies >= NOTICEABLE_SHARE * run.modal_energy[:, None]).any(axis=0) & (
-        energies > 0
-    ).any(axis=0)
-    for k in np.flatnonzero(noticeable):
-        mode, omega = run.sensed[k], max(float(run.omega[k]), 1e-300)
-        columns[f"energy_mode_{mode}"] = energies[:, k]
-        columns[f"amplitude_mode_{mode}"] = np.sqrt(2 * energies[:, k]) / omega
-    return pd.DataFrame(columns)

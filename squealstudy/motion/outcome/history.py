@@ -1,0 +1,61 @@
+"""The history of a run as results keep it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.energies import energy_outside, mode_energies
+
+NOTICEABLE_SHARE = 0.01  # share of the energy from which on a sensed mode has columns
+# columns over all steps since the row before, and how rows of them become one
+SUMMED: Mapping[str, Callable[..., np.ndarray]] = {
+    "torque_mean": np.mean,
+    "torque_min": np.min,
+    "torque_max": np.max,
+    "stick_mean": np.mean,
+    "stick_max": np.max,
+    "open_mean": np.mean,
+    "open_max": np.max,
+}
+
+
+def history_frame(run: Motion, every: int = 1) -> pd.DataFrame:
+    """History of a run: torque, contact shares, energies and amplitudes of the modes noticeable.
+
+    Of every so many rows one is kept; what is summed or extreme is that since the one before.
+    """
+    history = run.history
+    energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
+    columns = {
+        name: history[name] for name in ("time", "torque", "normal_force", "stick", "slip", "open")
+    }
+    columns |= {
+        "energy": run.modal_energy,
+        "energy_outside": energy_outside(energies, run.modal_energy),
+    }
+    noticeable = (energies >= NOTICEABLE_SHARE * run.modal_energy[:, None]).any(axis=0) & (
+        energies > 0
+    ).any(axis=0)
+    for k in np.flatnonzero(noticeable):
+        mode, omega = run.sensed[k], max(float(run.omega[k]), 1e-300)
+        columns[f"energy_mode_{mode}"] = energies[:, k]
+        columns[f"amplitude_mode_{mode}"] = np.sqrt(2 * energies[:, k]) / omega
+    kept = {name: values[::every] for name, values in columns.items()}
+    if "torque_mean" in history:
+        kept |= {name: _joined(history[name], every, how) for name, how in SUMMED.items()}
+        # mean of the variances, and what the means differ by
+        spread = _joined(history["torque_mean"], every, np.var)
+        within = _joined(history["torque_variance"], every, np.mean)
+        kept["torque_rms"] = np.sqrt(within + spread)
+    return pd.DataFrame(kept)
+
+
+def _joined(values: np.ndarray, every: int, how: Callable[..., np.ndarray]) -> np.ndarray:
+    """A column in which each row is what so many rows come to, behind the first row."""
+    count = (len(values) - 1) // every
+    parts = values[1 : 1 + count * every].reshape(count, every)
+    return np.concatenate([how(values[:1, None], axis=1), how(parts, axis=1)])

@@ -1,0 +1,157 @@
+"""What the step of a run does to its levels, by runs with another one.
+
+Steps of models with few contact points are cut at the corners of their laws, and levels converge by
+second order: the whole run once more with half the step differs by three quarters of the error.
+With many points some corner lies in every step and the order is between one and two: from the state
+in which the run ended, 20 periods are run with its step and with twice that. The difference is then
+at least the error of the step, at first order as well; where the longer step fails, it is half the
+error at least, with half the step. Each difference counts twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from squealstudy.motion.arrays import FEW_POINTS
+from squealstudy.motion.integrator import KernelIntegrator
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.level import StepParts
+from squealstudy.motion.outcome.levels import TorqueSums, hann, last_window, torque_levels
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.simulate import simulate
+from squealstudy.motion.system import ModalSystem
+
+PERIODS = 20.0  # of the torque's line, of many points
+ROWS = 16  # a period
+SAFETY = 2.0  # times a difference of levels
+# friction that begins to stick settles over cut sub-steps by the trapezoidal rule, whose least
+# value is up to this share of the peak to peak too low (belt, against events: .05 to .43 %)
+SETTLES = 5e-3
+# ratio of the differences in the second and the first half up to which the level comes to rest, and
+# what it then still goes beyond the second: of a difference that rises as 1 - exp(-t / tau)
+RESTS = ((1.5, 1.15), (2.08, 1.31), (2.45, 1.91))
+LARGEST = 0.5  # of the level: a step part beyond it says nothing
+
+
+def has_few_points(system: ModalSystem) -> bool:
+    """Whether steps of a model are cut at corners, and a run of it may be made again."""
+    return len(system.area) <= FEW_POINTS
+
+
+def step_parts(system: ModalSystem, run: Motion, settings: MotionSettings) -> StepParts:
+    """Step parts of a run that lasts.
+
+    Parameters
+    ----------
+    system : ModalSystem
+    run : Motion
+        With its start in its point.
+    settings : MotionSettings
+        By which it was integrated; rows saved.
+    """
+    if not isinstance(settings.integrator, KernelIntegrator):
+        return StepParts.unknown(f"'{settings.integrator.name}' has no step that could be halved")
+    if has_few_points(system):
+        return _again(system, run, settings)
+    return _from_the_end(system, run, settings)
+
+
+def _again(system: ModalSystem, run: Motion, settings: MotionSettings) -> StepParts:
+    """The whole run with half the step, compared over the window of its levels."""
+    finer = replace(
+        settings, duration=run.time, step=0.5 * settings.step, save_every=2 * settings.save_every
+    )
+    (other,) = simulate(system, [run.point], finer)
+    rows = len(run.times)
+    if other.outcome != "ok" or len(other.times) != rows:
+        return StepParts.unknown(f"with half the step: {other.message or 'no run'}")
+    window = last_window(run.times, run.history["torque"])
+    found = [_levels(one, window) for one in (run, other)]
+    return _parts(found[0], np.abs(found[0] - found[1]), _settling(run))
+
+
+def _settling(run: Motion) -> float:
+    """Relative part of the peak to peak where steps were cut."""
+    return SETTLES if run.cuts else 0.0
+
+
+def _levels(run: Motion, window: slice) -> np.ndarray:
+    """RMS, mean and peak to peak of a window."""
+    own = slice(max(window.start, 1), window.stop)
+    sums = TorqueSums.of(run.history, own)
+    found = torque_levels(run.times[own], run.history["torque"][own], sums)
+    return np.array([found.rms, found.mean, found.peak_to_peak])
+
+
+def _parts(level: np.ndarray, change: np.ndarray, settling: float = 0.0) -> StepParts:
+    """Twice the changes of RMS, mean and peak to peak over the levels."""
+    rms, _, swing = level
+    if not (rms > 0 and swing > 0 and np.isfinite(change).all()):
+        return StepParts.unknown("nothing vibrates at its end")
+    change = SAFETY * change / np.array([rms, rms, swing])
+    if change[0] > LARGEST:
+        return StepParts.unknown(
+            f"another step changes the level by {50 * change[0]:.0f} %: a shorter one is needed"
+        )
+    return StepParts(float(change[0]), float(change[1]), float(change[2]) + settling)
+
+
+def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) -> StepParts:
+    """Of 20 periods from the state in which the run ended."""
+    torque = run.history["torque"]
+    window = last_window(run.times, torque)
+    frequency = torque_levels(run.times[window], torque[window]).frequency_hz
+    if not np.isfinite(frequency):
+        return StepParts.unknown("the torque has no line whose periods could be counted")
+    own = 2 * max(1, round(1.0 / (2 * ROWS * frequency * settings.step)))
+    count = int(np.ceil(PERIODS / (frequency * settings.step * own)))
+    point = replace(run.point, q0=run.q, v0=run.v, continued=True)
+    length = count * own * settings.step
+
+    def run_with(factor: float) -> Motion:
+        how = replace(
+            settings,
+            duration=length,
+            step=factor * settings.step,
+            save_every=round(own / factor),
+            save_q=False,
+        )
+        return simulate(system, [point], how)[0]
+
+    here = run_with(1.0)
+    others = (run_with(factor) for factor in (2.0, 0.5))
+    other = next((one for one in others if one.outcome == "ok"), None)
+    if here.outcome != "ok" or other is None:
+        return StepParts.unknown("no run with another step came to its end")
+    halves = (slice(1, len(here.times) // 2), slice(len(here.times) // 2, len(here.times)))
+    found = [[_weighted(one.history, half) for half in halves] for one in (here, other)]
+    first, second = (np.abs(a - b) for a, b in zip(*found, strict=True))
+    return _parts(found[0][1], second * _beyond(first[0], second[0], run.time / length))
+
+
+def _weighted(history: Mapping[str, np.ndarray], rows: slice) -> np.ndarray:
+    """RMS, mean and peak to peak of some rows, Hann-weighted: they need not be whole periods."""
+    sums = TorqueSums.of(history, rows)
+    torque = history["torque"][rows]
+    if sums is None:
+        sums = TorqueSums(torque, np.zeros_like(torque), torque, torque)
+    weight = hann(len(torque))
+    mean = float(weight @ sums.mean / weight.sum())
+    square = float(weight @ sums.squares(mean) / weight.sum())
+    return np.array([np.sqrt(square), mean, sums.most.max() - sums.least.min()])
+
+
+def _beyond(first: float, second: float, ratio: float) -> float:
+    """What the difference of two levels comes to, over that in the second half.
+
+    A level that answers slowly to another step has gone part of the way in 20 periods. One that
+    is not seen to come to rest has moved at that speed for no longer than the whole run, `ratio`
+    times as long: the second half of a straight line has three quarters of its end.
+    """
+    for most, beyond in RESTS:
+        if second <= most * first:
+            return beyond
+    return max(RESTS[-1][1], ratio / 0.75)
