@@ -173,6 +173,29 @@ def test_bare_temperatures_are_kelvins_as_all_of_si():
     assert abs(drawn.tasks.column("temperature").mean() - 76.85) < 2.0
 
 
+@pytest.mark.parametrize("ends", [(293.15, 573.15), ("20 degC", "300 degC"), (253.15, 573.15)])
+def test_logarithms_of_temperatures_are_of_kelvins(ends):
+    """Whatever unit the file has: from 293.15 K to 573.15 K the middle is 409.9 K."""
+    start, stop = ends
+    table = FRICTION.replace('"20 degC"', '"-30 degC"')
+    low = 253.15 if start == 253.15 else 293.15
+    key = f"start = {start!r}\nstop = {stop!r}\n".replace("'", '"')
+    sweep = f'[[sweep]]\nparameter = "temperature"\n{key}scale = "log"\n'
+    grid = plan_of(HEAD + table + sweep + "num = 3\n").tasks.column("temperature")
+    assert grid[1] + 273.15 == pytest.approx(np.sqrt(low * 573.15), rel=1e-12)
+    halved = plan_of(HEAD + table + sweep + 'num = 2\n[design]\ntype = "boundary"\nlevels = 1\n')
+    (at,) = halved.study.sweeps
+    assert at.halved(1)[1] == grid[1]
+    design = '[design]\ntype = "sobol"\nsamples = 1024\n'
+    drawn = plan_of(HEAD + table + sweep + design).tasks.column("temperature") + 273.15
+    assert np.median(drawn) == pytest.approx(np.sqrt(low * 573.15), rel=2e-3)
+    scatter = 'distribution = "lognormal"\nmedian = 350.0\nsigma = 0.02\n'
+    text = f'[[sweep]]\nparameter = "temperature"\n{scatter}{design}'
+    drawn = plan_of(HEAD + table + text).tasks.column("temperature") + 273.15
+    assert np.std(np.log(drawn)) == pytest.approx(0.02, rel=0.02)
+    assert np.median(drawn) == pytest.approx(350.0, rel=1e-3)
+
+
 def test_samples_beyond_the_end_of_a_table_are_not_valid():
     """A normal scatter has no end, and the last pieces go on: the rare points say so."""
     scatter = (

@@ -39,6 +39,8 @@ class Distribution:
         Ends of the uniform and the truncated distribution, start < stop.
     scale : str
         ``log``: the logarithm is uniform.
+    zero : float
+        Logarithms are of the distance from here: -273.15 of a temperature in degC.
     """
 
     name: DistributionName
@@ -47,6 +49,7 @@ class Distribution:
     start: float = -math.inf
     stop: float = math.inf
     scale: Scale = "linear"
+    zero: float = 0.0
 
     @property
     def bounded(self) -> bool:
@@ -88,12 +91,12 @@ class Distribution:
         if self.name == "normal":
             return stats.norm(self.mean, self.std)
         if self.name == "lognormal":
-            return stats.lognorm(self.std, scale=self.mean)
+            return stats.lognorm(self.std, self.zero, self.mean - self.zero)
         if self.name == "truncated_normal":
             a, b = ((end - self.mean) / self.std for end in (self.start, self.stop))
             if max(abs(a), abs(b)) * (b - a) < FLAT:
                 return stats.uniform(self.start, self.stop - self.start)
             return stats.truncnorm(a, b, self.mean, self.std)
         if self.scale == "log":
-            return stats.loguniform(self.start, self.stop)
+            return stats.loguniform(self.start - self.zero, self.stop - self.zero, self.zero)
         return stats.uniform(self.start, self.stop - self.start)

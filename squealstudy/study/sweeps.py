@@ -16,6 +16,7 @@ from squealstudy.study.parameters import StudyParameter, parse_parameter
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import KeyPath
+from squealstudy.study.units import CELSIUS, ZERO_CELSIUS
 
 if TYPE_CHECKING:
     from squealstudy.models.parameter import ModelDefinition
@@ -64,7 +65,7 @@ class Sweep:
     def halved(self, times: int) -> tuple[float, ...]:
         """All values of a boundary design, each step between `values` halved so many times."""
         n = (len(self.values) - 1) * 2**times + 1
-        return levels(self.values[0], self.values[-1], n, self.scale)
+        return levels(self.values[0], self.values[-1], n, self.scale, zero=zero_of(self.parameter))
 
 
 def resolve_sweeps(
@@ -137,9 +138,9 @@ class _SweepReader:
         mean, std = (getattr(section, k) for k in KEYS[name][:2])
         scale: Scale = "log" if name == "lognormal" else section.scale
         found = (
-            Distribution(name, start=start, stop=stop, scale=scale)
+            Distribution(name, start=start, stop=stop, scale=scale, zero=zero_of(parameter))
             if name == UNIFORM
-            else Distribution(name, mean, std, start, stop, scale)
+            else Distribution(name, mean, std, start, stop, scale, zero_of(parameter))
         )
         low, high = found.range
         for end in (low, high):
@@ -218,8 +219,9 @@ class _SweepReader:
         section = self.section
         start = self._checked(parameter, section.start, ("start",))
         stop = self._checked(parameter, section.stop, ("stop",))
-        if section.scale == "log" and min(start, stop) <= 0:
-            key = "start" if start <= 0 else "stop"
+        zero = zero_of(parameter)
+        if section.scale == "log" and min(start, stop) <= zero:
+            key = "start" if start <= zero else "stop"
             raise self._error(key, f"a log scale needs values above 0, got {min(start, stop):g}")
         if section.num == 1:
             return (start,)
@@ -230,7 +232,7 @@ class _SweepReader:
             return (start, stop)
         # of a boundary design every 2^levels-th value of its full grid: rounded once
         every = 2**self.design.levels if self.design.type == BOUNDARY else 1
-        return levels(start, stop, (section.num - 1) * every + 1, section.scale, every)
+        return levels(start, stop, (section.num - 1) * every + 1, section.scale, every, zero)
 
     def _checked(self, parameter: StudyParameter, value: float | None, key: KeyPath) -> float:
         try:
@@ -249,19 +251,27 @@ def beyond(distribution: Distribution, message: str) -> str:
     return f"the {distribution.name} distribution has such values{tails}: {message}{cure}"
 
 
-def levels(start: float, stop: float, num: int, scale: Scale, every: int = 1) -> tuple[float, ...]:
+def zero_of(parameter: StudyParameter) -> float:
+    """Value of a parameter at which its quantity vanishes: -273.15 of a temperature in degC."""
+    return -float(ZERO_CELSIUS) if parameter.unit in CELSIUS else 0.0
+
+
+def levels(
+    start: float, stop: float, num: int, scale: Scale, every: int = 1, zero: float = 0.0
+) -> tuple[float, ...]:
     """`num` >= 2 values from start to stop, both exactly in; equally spaced, or in their logarithm.
 
     The values between are rounded far below their spacing, so that two sweeps over different
     ranges share the values they have in common. With `every`, a divisor of num - 1, only the first
-    of so many values each, and the last.
+    of so many values each, and the last. Logarithms are of the distance from `zero` (`zero_of`).
     """
     places = range(every, num - 1, every)
     if scale == "log":
-        a, b = math.log10(start), math.log10(stop)
+        a, b = math.log10(start - zero), math.log10(stop - zero)
         step = abs(math.expm1((b - a) / (num - 1) * math.log(10)))
         digits = min(max(12, 9 - math.floor(math.log10(step))), 17) if step else 17
         inner = [float(f"{10 ** (a + (b - a) * i / (num - 1)):.{digits}g}") for i in places]
+        inner = [round(x + zero, digits - 3) for x in inner] if zero else inner
     else:
         step = (stop - start) / (num - 1)
         digits = 9 - math.floor(math.log10(abs(step))) if step else 0
