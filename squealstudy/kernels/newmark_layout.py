@@ -73,8 +73,8 @@ STICK_MEAN, STICK_MAX, OPEN_MEAN, OPEN_MAX, CREEP_MAX, ENERGY_MEAN = 17, 18, 19,
 # sub-step
 SUM_TIME, SUM_TORQUE, SUM_SQUARE, SUM_STICK, SUM_OPEN, SUM_ENERGY = 0, 1, 2, 3, 4, 5
 LEAST_TORQUE, MOST_TORQUE, MOST_STICK, MOST_OPEN, MOST_CREEP = 6, 7, 8, 9, 10
-ROW_TORQUE, NOW_TORQUE, NOW_STICK, NOW_OPEN, NOW_ENERGY = 11, 12, 13, 14, 15
-N_SUM = 16
+ROW_TORQUE, NOW_TORQUE, NOW_STICK, NOW_OPEN = 11, 12, 13, 14
+N_SUM = 15
 
 # points: base gap m, area m2, factor on friction (0 or 1), arm of the torque m (negative where the
 # sliding is), contact stiffness N/m inside the diagonal stiffness, base forces N, sliding velocity

@@ -27,7 +27,7 @@ def add_row(sums: np.ndarray, row: np.ndarray, h: float) -> None:
     sums[at.SUM_SQUARE] += 0.5 * h * (old * old + new * new)
     sums[at.SUM_STICK] += 0.5 * h * (sums[at.NOW_STICK] + stick)
     sums[at.SUM_OPEN] += 0.5 * h * (sums[at.NOW_OPEN] + opened)
-    sums[at.SUM_ENERGY] += 0.5 * h * (sums[at.NOW_ENERGY] + energy)
+    sums[at.SUM_ENERGY] += h * energy  # as the squares of all modes are: shares sum to one
     sums[at.LEAST_TORQUE] = min(sums[at.LEAST_TORQUE], torque)
     sums[at.MOST_TORQUE] = max(sums[at.MOST_TORQUE], torque)
     sums[at.MOST_STICK] = max(sums[at.MOST_STICK], stick)
@@ -40,7 +40,7 @@ def add_row(sums: np.ndarray, row: np.ndarray, h: float) -> None:
 def take_now(sums: np.ndarray, row: np.ndarray) -> None:
     """Keep the end of a sub-step: the next one begins there."""
     sums[at.NOW_TORQUE], sums[at.NOW_STICK] = row[at.TORQUE], row[at.STICK]
-    sums[at.NOW_OPEN], sums[at.NOW_ENERGY] = row[at.OPEN], row[at.MODAL_ENERGY]
+    sums[at.NOW_OPEN] = row[at.OPEN]
 
 
 @fast_kernel
