@@ -32,6 +32,7 @@ D, V, TORQUE, SQUARE, NORMAL, FRICTION, BELT, DAMPING, STICKS, SLIPS, OPENS = (
     0, 2, 4, 5, 6, 7, 8, 9, 10, 11, 12,
 )  # fmt: skip
 N_ROWS = 13
+FAINT = 1e-12  # of the sliding speed: a corner so near to rest is below round-off, as its friction
 
 
 def _directory() -> str:
@@ -254,7 +255,10 @@ def left(case: Case, y: np.ndarray, phases: np.ndarray, opened: np.ndarray) -> b
                 return True
             continue
         bound = coefficient(case.friction, case.ratio, case.decay, abs(w))
-        sticks = case.slope * abs(w) < bound * normal(case, y, phase, i)
+        bound *= normal(case, y, phase, i)
+        if bound < FAINT * case.slope * abs(case.speed):
+            continue
+        sticks = case.slope * abs(w) < bound
         if sticks != (phase == STICK) or (not sticks and side * w < 0.0):
             return True
     return False

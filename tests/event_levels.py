@@ -9,7 +9,7 @@ import numpy as np
 from event_laws import Case
 
 MOST_TURNS = 24  # passages of a section in a period, at most
-SAME = 1e-5  # of the size of a cycle: passages that are the same
+SAME = 1e-4  # of the size of a cycle: passages that are the same over all periods looked at
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Levels:
 
 @dataclass(frozen=True)
 class Cycle:
-    """A motion that repeats: `deviation` is how far from one period to the next, relative."""
+    """A motion that repeats: `deviation` is how far it does not, of its size."""
 
     frequency_hz: float
     turns: int
@@ -134,7 +134,7 @@ class Record:
         omega = size[2:].max() / size[:2].max()
         states = states * [omega, omega, 1, 1] / size[2:].max()
         for turns in range(1, min(MOST_TURNS, (len(times) - 1) // 2) + 1):
-            apart = np.abs(states[turns:] - states[:-turns]).max()
+            apart = max(np.ptp(states[k::turns], axis=0).max() for k in range(turns))
             periods = times[turns:] - times[:-turns]
             if apart < same and np.ptp(periods) < same * periods.mean():
                 count = (len(times) - 1) // turns * turns

@@ -12,7 +12,10 @@ method at steps that change nothing, energy balances, tolerances and eigenvalues
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import wraps
+from typing import Any
 
 import event_laws as laws
 import event_steps as steps
@@ -103,6 +106,20 @@ def design(model: str, contact_law: str = "bilateral", smooth: bool = False, **v
     return found
 
 
+def once(function: Callable[[SmallDesign], Any]) -> Callable[[SmallDesign], Any]:
+    """A function of a design that is evaluated once for each."""
+    known: dict[object, Any] = {}
+
+    @wraps(function)
+    def kept(d: SmallDesign) -> Any:
+        key = (d.model, *sorted(d.values.items()), d.contact_law, d.smooth, d.slowest, d.coulomb)
+        if key not in known:
+            known[key] = function(d)
+        return known[key]
+
+    return kept
+
+
 # -- steady sliding and small motion --------------------------------------------------------------
 def geometry(d: SmallDesign) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """K (2, 2) of the springs, load (2,), N, T (points, 2), area (points,)."""
@@ -142,6 +159,7 @@ def friction_at(d: SmallDesign, s: float) -> float:
     )
 
 
+@once
 def steady(d: SmallDesign) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Displacements (2,), pressures and tangents (points,) of steady sliding (THEORY.md eq. (12)).
 
@@ -196,6 +214,7 @@ def damping(d: SmallDesign, kappa: np.ndarray) -> np.ndarray:
     return d["mass"] * (shapes * rates) @ shapes.T + d["stiffness_damping"] * K
 
 
+@once
 def roots(d: SmallDesign) -> tuple[np.ndarray, np.ndarray]:
     """Roots (k,) [rad/s] with positive imaginary part, fastest growth first, and vectors (2, k)."""
     K, _, N, T, area = geometry(d)
@@ -222,6 +241,7 @@ def slope_of(d: SmallDesign, p: np.ndarray) -> float:
     return max(friction_at(d, 0.0), 1e-3) * float(p.max()) / speed
 
 
+@once
 def case_of(d: SmallDesign) -> Case:
     """The design as the judge integrates it, about its own steady sliding."""
     K, load, N, T, area = geometry(d)

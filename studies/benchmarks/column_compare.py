@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from column_cases import BAND, Case
-from event_levels import Cycle, Record
-from event_reference import case_of, kicked, roots, run
+from event_levels import Cycle, Levels, Record
+from event_reference import SmallDesign, friction_at, kicked, roots, run, steady
 
 from squealstudy.engine.results import Results
 from squealstudy.wording import LASTING, LIMIT_CYCLE, STABLE, SUSTAINED, UNDECIDED
@@ -25,6 +25,8 @@ ROUND_OFF = 1e-6  # of a value: what the judge itself and tables in single preci
 LONGER = 4  # times the run: the judge's, by which lasting motions are judged
 AT_REST = 1e-3  # of the largest speed: vibration that has died away
 STEADY = 0.02  # change of level from one quarter to the next of motion that does not repeat
+COARSE = 64  # samples a period of what settles
+OBSERVED = 40  # periods of what it has settled to
 QUIET = 1e-9  # of the torque: levels below are none
 
 
@@ -71,39 +73,44 @@ def relative(table: str, column: str, told: float, error: float, truth: float) -
 # -- the judge's view of a motion -----------------------------------------------------------------
 @dataclass(frozen=True)
 class Fate:
-    """What a motion comes to: ``rest``, ``cycle``, ``lasts`` or ``open``."""
+    """What a motion comes to: ``rest``, ``cycle``, ``lasts`` or ``open``; its last periods."""
 
     name: str
     record: Record
     cycle: Cycle | None
 
     @property
-    def levels(self):
-        """Of the cycle, or of the second half of the record."""
+    def levels(self) -> Levels:
+        """Of the cycle, or of the record."""
         if self.cycle is not None:
             return self.cycle.levels
-        end = self.record.time[-1]
-        return self.record.levels(0.5 * end, end)
+        return self.record.levels(0.0, self.record.time[-1])
 
 
-def fate(record: Record) -> Fate:
-    """What the judge says of a record of many periods."""
+def fate(d: SmallDesign, start: np.ndarray, periods: float) -> Fate:
+    """What becomes of a start (4,) after so many periods of the slowest mode, in the judge's eyes.
+
+    Coarse samples first, by which it is seen whether it dies away, then fine ones of what is left.
+    """
+    lam, _ = roots(d)
+    period = 2 * np.pi / float(abs(lam).min())
+    record = run(d, periods * period, start=start, sample=period / COARSE)
     speed = np.abs(record.rows[:, 2:4]).max(axis=1)
-    quarters = [float(part.max()) for part in np.array_split(speed, 8)[4:]]
-    lam, _ = roots(record.design)
-    if quarters[-1] < AT_REST * speed.max() and lam[0].real < 0:
+    parts = [float(part.max()) for part in np.array_split(speed, 8)[4:]]
+    if parts[-1] < AT_REST * speed.max() and lam[0].real < 0:
         return Fate("rest", record, None)
-    found = record.cycle(0.3)
+    last = run(d, OBSERVED * period, start=record.end)
+    found = last.cycle(1.0)
     if found is not None and found.levels.rms > QUIET * abs(found.levels.mean):
-        return Fate("cycle", record, found)
-    steady = abs(quarters[-1] / quarters[0] - 1) < STEADY
-    growing = quarters[-1] > quarters[0] and lam[0].real > 0
-    return Fate("lasts" if steady or growing else "open", record, None)
+        return Fate("cycle", last, found)
+    steady = abs(parts[-1] / parts[0] - 1) < STEADY
+    growing = parts[-1] > parts[0] and lam[0].real > 0
+    return Fate("lasts" if steady or growing else "open", last, None)
 
 
 def strongest_line(record: Record, cycle: Cycle) -> tuple[np.ndarray, float]:
     """RMS of the torque's harmonics (30,) over one cycle, and the fundamental [Hz]."""
-    periods = max(1, int(0.3 * record.time[-1] / cycle.period))
+    periods = max(1, int(0.9 * record.time[-1] / cycle.period))
     at = record.time[-1] - periods * cycle.period + np.arange(256 * periods) * cycle.period / 256
     lines = np.fft.rfft(np.interp(at, record.time, record.torque))
     return np.abs(lines[periods : 31 * periods : periods]), cycle.frequency_hz
@@ -124,26 +131,18 @@ def of_transient(case: Case, results: Results) -> Iterator[Told]:
     yield plain("points", "n_unstable", row["n_unstable"], (seen.real > 0).sum(), "exact")
     section = case.section
     start = kicked(d, section["perturbation"], BAND)
-    record = run(d, LONGER * section["duration"], start=start, band=BAND)
-    static = float(record.torque[0] if not start.any() else _steady_torque(d))
+    record = run(d, section["duration"], start=start, band=BAND)
+    static = friction_at(d, abs(d["sliding_speed"])) * record.case.area @ steady(d)[1]
     yield plain("points", "torque_static", row["torque_static"], static, "exact")
     if np.isfinite(row["growth_rate"]):
         name = "growth_rate" if row["growth_method"] == "left_vector" else "growth_rate (energy)"
         low, high = row["growth_rate_low"], row["growth_rate_high"]
         yield Told("points", name, row["growth_rate"], low, high, seen[0].real)
-    found = fate(record)
+    found = fate(d, record.end, (LONGER - 1) * section["duration"] * hz)
     yield from _classes(row, found, section["duration"] * hz)
     yield from _levels(row, found, section["duration"])
     yield from _growth(results, seen)
     yield from _history(results, row, record)
-
-
-def _steady_torque(d) -> float:
-    c = case_of(d)
-    from event_reference import friction_at, steady
-
-    _, p, _ = steady(d)
-    return float(friction_at(d, abs(c.speed)) * (c.area @ p))
 
 
 def _classes(row: pd.Series, found: Fate, periods: float) -> Iterator[Told]:
@@ -230,28 +229,22 @@ def _history(results: Results, row: pd.Series, record: Record) -> Iterator[Told]
 
 # -- limit cycles ---------------------------------------------------------------------------------
 PERIODS = 150  # of a run of the judge
-MOST_PERIODS = 2400
+MOST_PERIODS = 1200
 SAME = 1e-3  # relative: attractors that are one
 
 
-def attractors(case: Case, sizes: list[float]) -> tuple[list[Fate], bool]:
-    """Lasting motions that kicks of these contact velocities [m/s] lead to; whether one decays."""
-    d = case.design
+def attractors(d: SmallDesign, sizes: list[float]) -> list[Fate]:
+    """Lasting motions that kicks of these contact velocities [m/s] lead to."""
     found: list[Fate] = []
-    decays = False
-    hz = np.sort(abs(roots(d)[0]))[0] / (2 * np.pi)
     for size in sizes:
-        for side in (1.0, -1.0):
-            start, periods = side * kicked(d, size, BAND), PERIODS
-            while True:
-                here = fate(run(d, periods / hz, start=start, band=BAND))
-                if here.name in ("rest", "cycle") or periods >= MOST_PERIODS:
-                    break
-                start, periods = here.record.end, 2 * periods
-            decays |= here.name == "rest"
-            if here.name in ("cycle", "lasts") and not any(_same(here, f) for f in found):
-                found.append(here)
-    return found, decays
+        start, periods = kicked(d, size, BAND), PERIODS
+        here = fate(d, start, periods)
+        while here.name not in ("rest", "cycle") and periods < MOST_PERIODS:
+            start, periods = here.record.end, 2 * periods
+            here = fate(d, start, periods)
+        if here.name in ("cycle", "lasts") and not any(_same(here, f) for f in found):
+            found.append(here)
+    return found
 
 
 def _same(a: Fate, b: Fate) -> bool:
@@ -277,8 +270,8 @@ def of_limit_cycles(case: Case, results: Results) -> Iterator[Told]:
     cycles = results.table("cycles")
     stable = cycles[cycles["stable"].fillna(False).astype(bool)]
     reach = case.section["reach"] * abs(d["sliding_speed"])
-    own = [x * c for c in stable["contact_velocity"] for x in (0.8, 1.1) if x * c < 3 * reach]
-    found, _ = attractors(case, [1e-3 * reach, 0.3 * reach, reach, *own])
+    own = [0.9 * v for v in stable["contact_velocity"]]
+    found = attractors(d, [0.03 * reach, reach, *own])
     yield from _verdict(row, seen, found)
     for _, cycle in stable.iterrows():
         yield from _cycle(cycle, found)
@@ -321,9 +314,8 @@ def _cycle(row: pd.Series, found: list[Fate]) -> Iterator[Told]:
         yield Told("cycles", "stable", f"{row['torque_rms']:.5g}", np.nan, np.nan, "not seen")
         return
     truth, record = best.levels, best.record
-    last = record.rows[-max(2, round(20 * best.cycle.period / record.sample)) :]
-    c = record.case
-    moved = [np.hypot(last[:, :4][:, 2:4] @ n, last[:, 2:4] @ t) for n, t in zip(c.N, c.T, strict=True)]
+    last, c = record.rows, record.case
+    moved = [np.hypot(last[:, 2:4] @ n, last[:, 2:4] @ t) for n, t in zip(c.N, c.T, strict=True)]
     velocity = float(np.max(moved))
     error = row["level_error"]
     yield relative("cycles", "torque_rms", row["torque_rms"], error, truth.rms)
