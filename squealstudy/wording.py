@@ -52,11 +52,14 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"(threshold|kick)_energy", "J"),
     (r"kick_phase", "rad"),
     (
-        r"multiplier\w*|(level|frequency|kick|regularisation)_error|power_imbalance|harmonic_tail",
+        r"multiplier\w*|power_imbalance|harmonic_tail"
+        r"|(level|frequency|velocity|kick|threshold|basis|regularisation)_error",
         "",
     ),
-    (r"\w*frequency\w*_hz|hz", "Hz"),
     (r"d_frequency_hz", "Hz per unit of the row"),
+    (r"d_growth_rate", "1/s per unit of the row"),
+    (r"d_damping_ratio", "1 per unit of the row"),
+    (r"\w+_hz|hz", "Hz"),
     (
         r"\w*growth_rate\w*|growth_(mean|std)|fitted_(low|high)|error_(rung|reduction|estimate)",
         "1/s",
@@ -72,10 +75,10 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"energy|energy_mean|energy_mode_\d+|energy_outside", "J"),
     (r"amplitude_mode_\d+", "m kg^0.5"),
     (r"variance", "1/s^2"),
-    (r"value|change|reference|truth|number", OF_THE_ROW),
+    (r"(over_)?value|change|reference|truth|number", OF_THE_ROW),
     (r"onset|bracket_(low|high)|threshold", OF_THE_ONSET),
     (  # counts, numbers of modes and tracks, ratios
-        r"n_\w+|\w*points\w*|\w*groups|point|rounds|evaluations|iterations\w*|halvings|newton_steps"
+        r"n_\w+|design|round|margin|\w*points\w*|\w*groups|point|rounds|evaluations|iterations\w*|halvings|newton_steps"
         r"|track|mode|component_mode|dominant_mode|transfer_(from|to)|missed|spurious"
         r"|\w*damping\w*|\w*share\w*|energy_(?!mean)\w+|track_mac|\w*residual|condition|match"
         r"|biorthogonality|validity_range|disagreement|slip|(stick|open)(_mean|_max)?|stick_creep|stick_number"

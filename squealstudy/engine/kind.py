@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import pyarrow as pa
 from pydantic import BaseModel
 
+from squealstudy.columns import Tables
 from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ResultsError
@@ -96,6 +98,9 @@ class Kind:
         Files of a complete results directory; the first has a row a design point, with its status.
     schema : pyarrow.Schema
         Of its chunk files.
+    columns : mapping of str -> sequence of Column
+        What the numbers of its tables mean, by their files' names without ending; of the package's
+        own kinds they stand in `squealstudy.columns`.
     row_word : str
         What a row is, in the singular.
     of_methods : bool
@@ -108,6 +113,7 @@ class Kind:
     definition: type[BaseModel]
     tables: tuple[str, ...]
     schema: pa.Schema
+    columns: Tables = MappingProxyType({})
     row_word: str = "design point"
     of_methods: bool = False
 

@@ -20,6 +20,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from squealstudy.columns import column_of
 from squealstudy.engine.journal import DAMAGED, JOURNAL, UNFINISHED, Journal, Owner, refused_names
 from squealstudy.engine.keys import ID_TYPE, chunk_id, ids_of
 from squealstudy.engine.manifest_facts import MOST_BYTES, check_facts
@@ -154,18 +155,21 @@ class Store:
         if len(rows) == 1 and folder.is_dir():
             folder.rmdir()
         for path, own in zip(names, rows, strict=True):
-            write_atomic(self.directory / path, _parquet(self._with_units(part(own), name)))
+            write_atomic(self.directory / path, _parquet(self._described(part(own), name)))
         self.journal.add(names)
 
-    def _with_units(self, table: pa.Table, name: str) -> pa.Table:
-        """The table with the unit of each column that has one in the metadata of its field."""
-        units = column_units(read_manifest(self.directory) or {}, table.column_names, name)
-        fields = [
-            field.with_metadata({**(field.metadata or {}), UNIT: units[field.name]})
-            if field.name in units
-            else field
-            for field in table.schema
-        ]
+    def _described(self, table: pa.Table, name: str) -> pa.Table:
+        """The table with unit, definition and error of each column in the metadata of its field."""
+        manifest = read_manifest(self.directory) or {}
+        units = column_units(manifest, table.column_names, name)
+        kind, parameters = manifest.get("kind", ""), frozenset(manifest.get("units", {}))
+        stem, fields = name.split("/")[0].removesuffix(".parquet"), []
+        for field in table.schema:
+            column = column_of(kind, stem, field.name, parameters)
+            told = dict(field.metadata or {}) | (column.metadata if column else {})
+            if field.name in units:
+                told[UNIT] = units[field.name].encode()
+            fields.append(field.with_metadata(told) if told else field)
         return table.cast(pa.schema(fields, metadata=table.schema.metadata))
 
     def parts(self, name: str) -> list[str]:
@@ -201,7 +205,7 @@ class Store:
         for name, content in contents.items():
             path = self.directory / name
             if isinstance(content, pa.Table):
-                told = content if name.startswith(CHUNKS) else self._with_units(content, name)
+                told = content if name.startswith(CHUNKS) else self._described(content, name)
                 write_atomic(path, _parquet(told))
             elif isinstance(content, str):
                 write_text(path, content)

@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any, cast
 
+from squealstudy.columns import register_columns
 from squealstudy.extensions import note_registered
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText, extensions_of, not_registered, shown
@@ -44,6 +45,7 @@ def register_kind(kind: Kind) -> None:
     if kind.name in _folders() or type(known) is not type(kind):
         raise ValueError(f"there is a kind of study '{kind.name}' already")
     _registered[kind.name] = kind
+    register_columns(kind.name, kind.columns)
     note_registered(type(kind).__module__)
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,12 +19,18 @@ from event_reference import SmallDesign, friction_at, kicked, roots, run, steady
 from squealstudy.engine.results import Results
 from squealstudy.wording import LASTING, LIMIT_CYCLE, STABLE, SUSTAINED, UNDECIDED
 
-PLAIN = {"share": 0.02, "hz": 5e-3, "exact": 1e-6, "level": 0.03}  # shares absolute, others relative
+PLAIN = {
+    "share": 0.02,
+    "hz": 5e-3,
+    "exact": 1e-6,
+    "level": 0.03,
+}  # shares absolute, others relative
 ROUND_OFF = 1e-6  # of a value: what the judge itself and tables in single precision owe
 LONGER = 4  # times the run: the judge's, by which lasting motions are judged
 AT_REST = 1e-3  # of the largest speed: vibration that has died away
 STEADY = 0.02  # change of level from one quarter to the next of motion that does not repeat
 COARSE = 64  # samples a period of what settles
+UNSURE = 10.0  # times the difference of periods over those observed: what is left to settle
 OBSERVED = 40  # periods of what it has settled to
 QUIET = 1e-9  # of the torque: levels below are none
 
@@ -65,9 +70,12 @@ def plain(table: str, column: str, told: float, truth: float, kind: str) -> Told
     return Told(table, column, told, told - room, told + room, truth, bounded=False)
 
 
-def relative(table: str, column: str, told: float, error: float, truth: float) -> Told:
-    """A number with a relative error."""
-    return Told(table, column, told, told - error * abs(told), told + error * abs(told), truth)
+def relative(
+    table: str, column: str, told: float, error: float, truth: float, unsure: float = 0.0
+) -> Told:
+    """A number with a relative error; `unsure` is that of the truth."""
+    room = (error + unsure) * abs(told)
+    return Told(table, column, told, told - room, told + room, truth)
 
 
 # -- the judge's view of a motion -----------------------------------------------------------------
@@ -78,6 +86,11 @@ class Fate:
     name: str
     record: Record
     cycle: Cycle | None
+
+    @property
+    def unsure(self) -> float:
+        """Relative error of the truth: how far periods differ that are still looked at."""
+        return UNSURE * self.cycle.deviation if self.cycle is not None else 0.0
 
     @property
     def levels(self) -> Levels:
@@ -125,7 +138,8 @@ def of_transient(case: Case, results: Results) -> Iterator[Told]:
         return
     lam, _ = roots(d)
     seen = lam[(abs(lam) > 2 * np.pi * BAND[0]) & (abs(lam) < 2 * np.pi * BAND[1])]
-    yield plain("points", "predicted_growth_rate", row["predicted_growth_rate"], seen[0].real, "exact")
+    growth = seen[0].real
+    yield plain("points", "predicted_growth_rate", row["predicted_growth_rate"], growth, "exact")
     hz = abs(seen[0]) / (2 * np.pi)
     yield plain("points", "predicted_frequency_hz", row["predicted_frequency_hz"], hz, "exact")
     yield plain("points", "n_unstable", row["n_unstable"], (seen.real > 0).sum(), "exact")
@@ -140,7 +154,7 @@ def of_transient(case: Case, results: Results) -> Iterator[Told]:
         yield Told("points", name, row["growth_rate"], low, high, seen[0].real)
     found = fate(d, record.end, (LONGER - 1) * section["duration"] * hz)
     yield from _classes(row, found, section["duration"] * hz)
-    yield from _levels(row, found, section["duration"])
+    yield from _levels(row, found, record, section["duration"])
     yield from _growth(results, seen)
     yield from _history(results, row, record)
 
@@ -161,16 +175,16 @@ def _classes(row: pd.Series, found: Fate, periods: float) -> Iterator[Told]:
     yield Told("points", "class", found.name if right else told, np.nan, np.nan, found.name)
 
 
-def _levels(row: pd.Series, found: Fate, duration: float) -> Iterator[Told]:
+def _levels(row: pd.Series, found: Fate, record: Record, duration: float) -> Iterator[Told]:
     """Levels of lasting motion against the cycle that it is; of others over the same window."""
     sustained = row["class"] in SUSTAINED
     if sustained and found.name in ("cycle", "lasts"):
         truth = found.levels
     elif not sustained and row["class"] != UNDECIDED:
-        truth = _window(row, found.record, duration)
+        truth = _window(row, record, duration)
     else:
         return
-    size = abs(row["torque_static"]) * 1e-6  # of levels that are none
+    size = abs(row["torque_static"]) * 1e-6 + found.unsure * truth.rms  # of levels that are none
     state = "" if sustained else " (passing)"
     for column, value in (("torque_mean", truth.mean), ("torque_rms", truth.rms)):
         low, high = row[f"{column}_low"], row[f"{column}_high"]
@@ -211,8 +225,8 @@ def _growth(results: Results, seen: np.ndarray) -> Iterator[Told]:
         yield plain("growth", "growth_rate", row["growth_rate"], lam.real, "exact")
         yield plain("growth", "frequency_hz", row["frequency_hz"], abs(lam) / (2 * np.pi), "exact")
         if np.isfinite(row["fitted_growth_rate"]):
-            low, high = row["fitted_low"], row["fitted_high"]
-            yield Told("growth", "fitted_growth_rate", row["fitted_growth_rate"], low, high, lam.real)
+            told, low, high = row["fitted_growth_rate"], row["fitted_low"], row["fitted_high"]
+            yield Told("growth", "fitted_growth_rate", told, low, high, lam.real)
 
 
 def _history(results: Results, row: pd.Series, record: Record) -> Iterator[Told]:
@@ -239,12 +253,16 @@ def attractors(d: SmallDesign, sizes: list[float]) -> list[Fate]:
     for size in sizes:
         start, periods = kicked(d, size, BAND), PERIODS
         here = fate(d, start, periods)
-        while here.name not in ("rest", "cycle") and periods < MOST_PERIODS:
+        while not _settled(here) and periods < MOST_PERIODS:
             start, periods = here.record.end, 2 * periods
             here = fate(d, start, periods)
         if here.name in ("cycle", "lasts") and not any(_same(here, f) for f in found):
             found.append(here)
     return found
+
+
+def _settled(here: Fate) -> bool:
+    return here.name == "rest" or (here.name == "cycle" and here.unsure < ROUND_OFF)
 
 
 def _same(a: Fate, b: Fate) -> bool:
@@ -291,7 +309,7 @@ def _verdict(row: pd.Series, seen: np.ndarray, found: list[Fate]) -> Iterator[To
         return
     best = min(found, key=lambda f: abs(f.levels.rms - row["torque_rms"]))
     told, error = row["torque_rms"], row["level_error"]
-    yield relative("points", "torque_rms", told, error, best.levels.rms)
+    yield relative("points", "torque_rms", told, error, best.levels.rms, best.unsure)
     loudest = max(f.levels.rms for f in found)
     seen_it = loudest <= told * (1 + error) or loudest == best.levels.rms
     words = "loudest" if seen_it else f"{told:.5g}"
@@ -317,18 +335,25 @@ def _cycle(row: pd.Series, found: list[Fate]) -> Iterator[Told]:
     last, c = record.rows, record.case
     moved = [np.hypot(last[:, 2:4] @ n, last[:, 2:4] @ t) for n, t in zip(c.N, c.T, strict=True)]
     velocity = float(np.max(moved))
-    error = row["level_error"]
-    yield relative("cycles", "torque_rms", row["torque_rms"], error, truth.rms)
-    yield relative("cycles", "contact_velocity", row["contact_velocity"], row["velocity_error"], velocity)
-    hz = best.cycle.frequency_hz
-    yield relative("cycles", "frequency_hz", row["frequency_hz"], row["frequency_error"], hz)
+    with_errors = (
+        ("torque_rms", "level_error", truth.rms),
+        ("contact_velocity", "velocity_error", velocity),
+        ("frequency_hz", "frequency_error", best.cycle.frequency_hz),
+    )
+    for name, error, value in with_errors:
+        yield relative("cycles", name, row[name], row[error], value, best.unsure)
     torque, force = last[:, -2], last[:, -1]
     peak = float(max(torque.max() - truth.mean, truth.mean - torque.min()))
-    yield plain("cycles", "torque_mean", row["torque_mean"], truth.mean, "level")
-    yield plain("cycles", "torque_peak", row["torque_peak"], peak, "level")
-    yield plain("cycles", "normal_force_rms", row["normal_force_rms"], float(force.std()), "level")
-    yield plain("cycles", "friction_power", row["friction_power"], truth.friction_power, "level")
-    yield plain("cycles", "damping_power", row["damping_power"], truth.damping_power, "level")
+    levels = {
+        "torque_mean": truth.mean,
+        "torque_peak": peak,
+        "friction_power": truth.friction_power,
+        "damping_power": truth.damping_power,
+    }
+    if force.std() > QUIET * abs(force.mean()):
+        levels["normal_force_rms"] = float(force.std())
+    for name, value in levels.items():
+        yield plain("cycles", name, row[name], value, "level")
     yield plain("cycles", "stick_share", row["stick_share"], truth.stick_share, "share")
     yield plain("cycles", "open_share", row["open_share"], truth.open_share, "share")
 

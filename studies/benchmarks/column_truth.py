@@ -46,7 +46,7 @@ def compared(case: Case) -> list[Told]:
             return list(COMPARERS[case.kind](case, Results.open(Path(folder))))
     except ArithmeticError as error:
         return [Told("judge", "judge", str(error), float("nan"), float("nan"), "a run")]
-    except Exception as error:  # noqa: BLE001 - a study that ends is a finding
+    except Exception as error:
         text = f"{type(error).__name__}: {error}"
         return [Told("study", "study", text[:200], float("nan"), float("nan"), "results")]
 

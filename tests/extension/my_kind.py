@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import pandas as pd
 import pyarrow as pa
 
+from squealstudy.columns import Column
+from squealstudy.columns.everywhere import HEAD as HEAD_COLUMNS
 from squealstudy.engine.cache import prepared_model
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.model_kind import ModelKind
@@ -30,6 +33,12 @@ from squealstudy.study.design import DesignPoint
 from squealstudy.study.kinds import register_kind
 
 FIELDS = (("contact_force", REAL), ("largest_pressure", REAL))  # N, Pa
+STATIC = "The error of the static solution and of the mesh."
+COLUMNS = (
+    *HEAD_COLUMNS,
+    Column("contact_force", "Normal force of all contact points.", leaves_out=STATIC),
+    Column("largest_pressure", "Largest contact pressure.", leaves_out=STATIC),
+)
 
 
 class SteadySliding(ModelKind):
@@ -39,6 +48,7 @@ class SteadySliding(ModelKind):
     description = "steady sliding"
     tables = (POINTS,)
     schema = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)])
+    columns = MappingProxyType({"points": COLUMNS})
 
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[Any]:
         """Consecutive points, as many at a time as are solved in some seconds."""

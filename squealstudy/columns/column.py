@@ -1,0 +1,71 @@
+"""What a column of a table of results is: one plain sentence, and what is known of its error."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from squealstudy.wording import units_of
+
+DEFINITION, ERROR, LEAVES_OUT = b"definition", b"error", b"leaves_out"  # keys of field metadata
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column, or all whose names fit a pattern.
+
+    Attributes
+    ----------
+    name : str
+        Regular expression that fits the whole name.
+    definition : str
+        One plain sentence.
+    errors : tuple of str
+        Columns of the same table that hold its bounds or its error.
+    leaves_out : str
+        Where there are none: what the number leaves out, or why it needs none.
+    """
+
+    name: str
+    definition: str
+    errors: tuple[str, ...] = ()
+    leaves_out: str = ""
+
+    def fits(self, name: str) -> bool:
+        """Whether it describes the column of that name."""
+        return re.fullmatch(self.name, name) is not None
+
+    @property
+    def metadata(self) -> dict[bytes, bytes]:
+        """As it stands in the metadata of a Parquet field."""
+        found = {DEFINITION: self.definition, ERROR: ", ".join(self.errors)}
+        found[LEAVES_OUT] = self.leaves_out
+        return {key: text.encode() for key, text in found.items() if text}
+
+
+Tables = Mapping[str, Sequence[Column]]  # of a kind, by the file's name without ending
+PARAMETER = Column(
+    ".+", "Value of this parameter at the design point.", leaves_out="It is given, not computed."
+)
+
+
+def number(name: str, definition: str, *errors: str, leaves_out: str = "") -> Column:
+    """A column of numbers, with its error columns or what it leaves out."""
+    return Column(name, definition, errors, leaves_out)
+
+
+def count(name: str, definition: str) -> Column:
+    """A column of whole numbers that are counted or numbered."""
+    return Column(name, definition, leaves_out="It is counted: exact.")
+
+
+def same_in(columns: Sequence[Column], *names: str) -> tuple[Column, ...]:
+    """Those of the columns that have these names."""
+    known = {c.name: c for c in columns}
+    return tuple(known[name] for name in names)
+
+
+def unit_of(column: str) -> str | None:
+    """Unit of a column that is no parameter; None where it has none, empty for a pure number."""
+    return units_of([column], {}).get(column)

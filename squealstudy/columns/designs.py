@@ -1,0 +1,119 @@
+"""Columns of searches for a design."""
+
+from __future__ import annotations
+
+from squealstudy.columns.column import Column, Tables, count, number
+from squealstudy.columns.everywhere import MAIN_COMPONENT, MODE, POINT
+
+REDUCED = "The error of the reduced model; the proof checks designs at full order."
+LEAST = (
+    number("min_damping_ratio", "Least damping ratio of a mode of the band.", leaves_out=REDUCED),
+    number("frequency_hz", "Frequency of that mode.", leaves_out=REDUCED),
+    MAIN_COMPONENT,
+)
+POINTS = (
+    *POINT,
+    count("design", "Number of the design; today's is 0."),
+    number(
+        "occurrence",
+        "How often the operating point occurs, of all.",
+        leaves_out="It is given, not computed.",
+    ),
+    count("n_modes", "Modes of the band that oscillate; of runs in time, starts that were run."),
+    count("n_unstable", "Unstable modes; of runs in time, starts that do not decay."),
+    number("max_growth_rate", "Largest growth rate in the band.", leaves_out=REDUCED),
+    *LEAST,
+    number(
+        "missing_damping",
+        "Damping ratio that would silence what lasts when kicked, beyond what there is.",
+        leaves_out="It is an estimate that the next round tries.",
+    ),
+)
+DESIGNS = (
+    count("design", "Number of the design; today's is 0."),
+    count("round", "Round of the search in which it was asked for."),
+    number("cost", "Weighted change from today's design.", leaves_out="It is exact."),
+    count("n_(points|failed|unstable)", "Operating points solved, failed, or with instability."),
+    number(
+        "unstable_share",
+        "Share of the operating points, by how often they occur, with an unstable mode.",
+        leaves_out=REDUCED,
+    ),
+    *LEAST,
+    number(
+        "margin",
+        "Least damping ratio less what was asked, over the operating points solved.",
+        leaves_out=REDUCED,
+    ),
+    Column("meets", "Whether the design does what was asked; missing where too few are solved."),
+)
+MARGINS = (
+    count("design", "Number of the design; today's is 0."),
+    MODE,
+    number("frequency_hz", "Modulus of the mode's root over 2 pi.", leaves_out=REDUCED),
+    number("growth_rate", "Real part of the mode's root.", leaves_out=REDUCED),
+    number("damping_ratio", "Minus the real part of the root over its modulus.", "damping_error"),
+    number(
+        "damping_error",
+        "Error of damping_ratio by the eigenvalue solver.",
+        leaves_out="It is itself an error; that of the reduction is not in it.",
+    ),
+    MAIN_COMPONENT,
+    number("main_share", "Share of its elastic energy there.", leaves_out=REDUCED),
+    number(
+        "pair_(first|second)_hz",
+        "Frequencies of the two real modes that it is mostly made of.",
+        leaves_out=REDUCED,
+    ),
+    number("pair_share", "Share of the mode that these two are.", leaves_out=REDUCED),
+    number(
+        "uncoupled_damping",
+        "Damping ratio that it would have without the coupling by friction.",
+        leaves_out="It is of the two real modes alone.",
+    ),
+)
+SLOPES = (
+    MODE,
+    number(
+        "d_(damping_ratio|growth_rate|frequency_hz)",
+        "Derivative of this figure of the mode by the parameter.",
+        leaves_out="It is of first order; steps of the search are tried by solving again.",
+    ),
+)
+PROOF = (
+    count("round", "Round of the search that asked for the check."),
+    count("design", "Number of the design that was checked."),
+    Column("passed", "Whether it passed; missing where that cannot be told."),
+    count("n_points", "Design points that the check solved."),
+    number(
+        "value",
+        "What the check found, as its text says.",
+        leaves_out="Its meaning and its error are the check's: see text.",
+    ),
+)
+VARIANTS = (
+    count("n_operating_points", "Operating points at which the alternative was searched."),
+    count("n_unstable", "Of them with an unstable mode, after the change."),
+    number(
+        "today_damping_ratio",
+        "Least damping ratio before the change.",
+        leaves_out=REDUCED,
+    ),
+    *LEAST[:2],
+    number("change_cost", "Weighted change from the alternative's own start.", leaves_out="Exact."),
+    number("cost", "change_cost and that of choosing the alternative.", leaves_out="Exact."),
+    count("n_designs", "Designs that were evaluated."),
+)
+VARIABLE = number(
+    ".+",
+    "Value of this variable of the design.",
+    leaves_out="It is chosen by the search, not computed.",
+)
+DESIGN: Tables = {
+    "points": POINTS,
+    "designs": DESIGNS,
+    "margins": MARGINS,
+    "slopes": SLOPES,
+    "proof": PROOF,
+    "variants": VARIANTS,
+}

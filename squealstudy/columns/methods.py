@@ -1,0 +1,53 @@
+"""Columns of studies that measure methods."""
+
+from __future__ import annotations
+
+from squealstudy.columns.column import Column, Tables, count, number
+
+SECONDS = "The scatter of a loaded machine: see seconds_min and seconds_max."
+OF_PROCESSOR = "Seconds of the processor"
+MEASUREMENTS = (
+    number("number", "The knob's value, where it is a number.", leaves_out="It is given."),
+    number("seconds_median", f"{OF_PROCESSOR} a design point, median of the rounds.",
+           "seconds_min", "seconds_max"),
+    number("seconds_(min|max)", "Least, or largest, of the rounds.", leaves_out="It is a bound."),
+    count("rounds", "How often it was measured."),
+    number("setup_seconds", f"{OF_PROCESSOR} for what design points share.", leaves_out=SECONDS),
+    number("reduction_seconds", f"{OF_PROCESSOR} for reductions.", leaves_out=SECONDS),
+    number("cost", "seconds_median with the design point's share of the set-up.",
+           leaves_out=SECONDS),
+    number("onset_seconds", f"{OF_PROCESSOR} for one onset.", leaves_out=SECONDS),
+    number("cost_onset", "onset_seconds with its share of the set-up.", leaves_out=SECONDS),
+    number("memory_mb", "Largest memory while it ran, above that before.",
+           leaves_out="What other processes do at the same time."),
+    number("iterations", "Evaluations of contact forces a step.", leaves_out="It is counted."),
+    count("n_(coordinates|failed)", "Coordinates solved for; design points without a result."),
+    count("missed|spurious", "Unstable modes of the reference that were missed, or made up."),
+    number(r"error_\w+", "Largest error of this quantity against the reference.",
+           leaves_out="That of the reference; low_ and high_ columns of the quantity bound it."),
+    number(r"(low|high)_\w+", "Bound of the largest error.", leaves_out="It is a bound."),
+    number(r"median_\w+", "Median error of this quantity.", leaves_out="That of the reference."),
+    number(r"chance_\w+", "What the intervals of both explain of the largest error.",
+           leaves_out="It is made of bounds."),
+)  # fmt: skip
+ERRORS = (
+    count("point", "Measured design point."),
+    count("mode", "Number of the mode; 0 where the quantity is of the run."),
+    number("value", "What the method found.", "error"),
+    number("truth", "What the reference found.", leaves_out="Its own error."),
+    number("error", "Difference of both, relative but for shares and ratios.", "low", "high"),
+    number("low|high", "Bound of the error.", leaves_out="It is a bound."),
+    number("chance", "What the intervals of both explain.", leaves_out="It is made of bounds."),
+)
+CELLS = (
+    number("predicted", "What theory says of the measured quantity.", leaves_out="Its own limits."),
+    number("measured", "The quantity, as the case's title names it.", "error"),
+    number("error", "Error of the method's result, relative.", leaves_out="That of the truth."),
+    number("cost", "What the method took, in its own unit.", leaves_out="It is counted."),
+)
+COMMON = (
+    Column("status", "ok, or why there is no result."),
+    number("wall_s", "Time by the clock that the row took.", leaves_out="The machine's load."),
+)
+WORK_PRECISION: Tables = {"measurements": (*COMMON[:1], *MEASUREMENTS), "errors": ERRORS}
+METHOD_STABILITY: Tables = {"cells": (*COMMON, *CELLS)}

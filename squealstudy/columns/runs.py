@@ -1,0 +1,223 @@
+"""Columns of studies in time."""
+
+from __future__ import annotations
+
+from squealstudy.columns.column import Column, Tables, count, number
+from squealstudy.columns.everywhere import ENERGY_SHARES, HEAD, VALIDITY
+
+STEPS = "It tells how the integration went, and needs no error."
+BASIS = "The error of the basis, where modes were left out."
+ROWS = "The step's error, and what happens between saved rows."
+AT_ROWS = "The step's error; it is of this instant alone."
+
+
+def bounded(name: str, definition: str) -> tuple[Column, Column]:
+    """A level with columns of its bounds."""
+    return (
+        number(name, definition, f"{name}_low", f"{name}_high"),
+        number(rf"{name}_(low|high)", f"Bound of {name}.", leaves_out="It is a bound."),
+    )
+
+
+FORECAST = (
+    count("n_unstable", "Predicted unstable modes in the band."),
+    count("n_unstable_(above|below)", "Predicted unstable modes above, or below, the band."),
+    number(
+        "predicted_frequency_hz",
+        "Modulus of the root, over 2 pi, of the fastest growing mode of the linearised run.",
+        leaves_out=BASIS,
+    ),
+    number(
+        "predicted_growth_rate",
+        "Growth rate of the fastest growing mode of the linearised run.",
+        leaves_out=BASIS,
+    ),
+)
+GROWTH_OF_POINT = (
+    *bounded("growth_rate", "Growth of small motion as fitted to the run; growth_method says how."),
+    number(
+        "onset_time",
+        "When the fitted exponential reaches a tenth of the final amplitude.",
+        leaves_out="The fit's error, which the bounds of growth_rate tell.",
+    ),
+    number(
+        "undecided_until",
+        "Duration that would decide an undecided run.",
+        leaves_out="It is an estimate without an error.",
+    ),
+    Column("settled", "Whether the levels of the judged part of the run agree."),
+    number(
+        "settled_time",
+        "Earliest time from which levels are those of the end.",
+        leaves_out="It is as coarse as the windows in which levels are compared.",
+    ),
+)
+LEVELS = (
+    number(
+        "torque_static",
+        "Torque of friction in steady sliding.",
+        leaves_out="The error of the static solution and of the mesh.",
+    ),
+    *bounded("torque_mean", "Mean of the torque over the judged part of the run."),
+    *bounded("torque_rms", "RMS of the torque about its mean over the judged part of the run."),
+    number(
+        "torque_peak_to_peak",
+        "Largest less least torque over the judged part of the run.",
+        leaves_out=ROWS,
+    ),
+    number(
+        "frequency_hz",
+        "The motion's own frequency: its fundamental, after one period of which it repeats.",
+        leaves_out="It is as fine as the judged part of the run is long.",
+    ),
+    number(
+        "torque_line_hz",
+        "Frequency of the strongest line of the torque, often a harmonic of frequency_hz.",
+        leaves_out="It is as fine as the judged part of the run is long.",
+    ),
+    number(
+        "dominant_level",
+        "RMS of the torque within 1.5 % of its strongest line.",
+        leaves_out="Leakage of the window, and all that bounds of torque_rms hold.",
+    ),
+    number(
+        "harmonic_(2|3)_level",
+        "RMS of the torque about twice, or three times, the frequency of its strongest line.",
+        leaves_out="Leakage of the window, and all that bounds of torque_rms hold.",
+    ),
+)
+MODES_OF_POINT = (
+    count("dominant_mode", "Real mode with most energy over the judged part; 0: none."),
+    number("dominant_share", "Its share of the energy.", leaves_out="Its scatter: see modes."),
+    count("transfer_(from|to)", "Real mode that leads at first, or at the end; 0: none."),
+    number(
+        "transfer_time",
+        "When the mode that leads at the end took over for good.",
+        leaves_out="It is as coarse as a fiftieth of the run.",
+    ),
+    number(
+        "energy_outside_share",
+        "Share of the energy in modes outside the band of the sensors.",
+        leaves_out="Its scatter over the window.",
+    ),
+    number(
+        "energy_balance",
+        "Energy from nowhere, or lost, over the whole run, relative to the work of friction.",
+        leaves_out="It is itself an error, of the step.",
+    ),
+)
+CONTACT = (
+    number(
+        "stick_share",
+        "Share of contact area and time in which contact sticks: friction is below its bound.",
+        leaves_out=ROWS,
+    ),
+    number("stick_share_max", "Largest share of the area that sticks at once.", leaves_out=ROWS),
+    number(
+        "stick_creep",
+        "Largest sliding speed of a point that sticks, over the speed imposed there.",
+        leaves_out=ROWS,
+    ),
+    number(
+        "open_share",
+        "Share of contact area and time in which the pressure is below a hundredth of the mean "
+        "of the design point's own steady sliding.",
+        leaves_out=ROWS,
+    ),
+    number("open_share_max", "Largest share of the area that is open at once.", leaves_out=ROWS),
+)
+INTEGRATION = (
+    number("iterations_mean", "Evaluations of contact forces a step, mean.", leaves_out=STEPS),
+    count("iterations_max", "Evaluations of contact forces in a step, at most."),
+    count("halvings", "How often a step was halved because it failed."),
+    count("corner_\\w+", "How often a step was cut where a point meets a corner of its law."),
+    count("newton_steps", "Steps that Newton's method had to solve."),
+    number("contraction", "Largest ratio of residuals over a first correction.", leaves_out=STEPS),
+    number(
+        "stick_number",
+        "Half the step times the fastest decay of sticking friction.",
+        leaves_out=STEPS,
+    ),
+    number("time_reached", "Simulated time.", leaves_out="It is exact."),
+    count("n_coordinates", "Coordinates that were integrated."),
+    count("n_contact_points", "Contact points of the model."),
+    number(
+        "perturbation",
+        "Largest velocity at a contact point with which the run starts.",
+        leaves_out="It is given.",
+    ),
+)
+POINTS = (
+    *HEAD,
+    Column("class", "What the run came to: stable, limit_cycle, irregular, growing, undecided."),
+    Column("growth_method", "How growth was fitted: left_vector, energy, too_short or nothing."),
+    *FORECAST,
+    *GROWTH_OF_POINT,
+    *LEVELS,
+    *MODES_OF_POINT,
+    *CONTACT,
+    *INTEGRATION,
+    *VALIDITY,
+)
+MODES = (
+    count("mode", "Number of the real mode at the working point, by frequency, from 1."),
+    number("frequency_hz", "Its frequency without friction.", leaves_out=BASIS),
+    *bounded("energy_share", "Its share of the energy over the judged part of the run."),
+    number("energy_mean", "Its mean energy there.", leaves_out="Its scatter: see energy_share."),
+    number(
+        "first_share",
+        "Its share of the energy in the first part of the run.",
+        leaves_out="Its scatter.",
+    ),
+    ENERGY_SHARES,
+)
+GROWTH = (
+    count("mode", "Number of the followed complex mode, fastest growth first."),
+    number("frequency_hz", "Modulus of its root over 2 pi.", leaves_out=BASIS),
+    number("growth_rate", "Its predicted growth rate.", leaves_out=BASIS),
+    number("damping_ratio", "Its predicted damping ratio.", leaves_out=BASIS),
+    Column("unstable", "Whether it is predicted to grow."),
+    number(
+        "fitted_growth_rate",
+        "Its growth as fitted to its amplitude in the run.",
+        "fitted_low",
+        "fitted_high",
+    ),
+    number("fitted_(low|high)", "Bound of fitted_growth_rate.", leaves_out="It is a bound."),
+    number("fit_(start|stop)", "Where the fitted part begins, or ends.", leaves_out="Chosen."),
+    number(
+        "level_share",
+        "Its share of the energy of the vibration that lasts.",
+        leaves_out="Its scatter over the window.",
+    ),
+    Column("expressed", "Whether it is in the vibration that lasts; missing where unknown."),
+)
+HISTORIES = (
+    number("time", "Simulated time of the row.", leaves_out="It is exact."),
+    number("torque", "Torque of friction at the row.", leaves_out=AT_ROWS),
+    number("normal_force", "Normal force of contact with friction.", leaves_out=AT_ROWS),
+    number("stick|slip|open", "Share of the contact area in this state.", leaves_out=AT_ROWS),
+    number("energy", "Kinetic and elastic energy of all modes.", leaves_out=AT_ROWS),
+    number(
+        "energy_outside",
+        "The part of it in modes outside the band of the sensors.",
+        leaves_out=AT_ROWS,
+    ),
+    number(r"energy_mode_\d+", "The part of it in this real mode.", leaves_out=AT_ROWS),
+    number(
+        r"amplitude_mode_\d+",
+        "Amplitude of a free vibration of this real mode with its energy.",
+        leaves_out=AT_ROWS,
+    ),
+    number(
+        r"\w+_(mean|variance|min|max)",
+        "Of this quantity over all steps since the row before.",
+        leaves_out="The step's error.",
+    ),
+)
+TRANSIENT: Tables = {
+    "points": POINTS,
+    "modes": MODES,
+    "growth": GROWTH,
+    "histories": HISTORIES,
+}
