@@ -75,10 +75,11 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"energy|energy_mean|energy_mode_\d+|energy_outside", "J"),
     (r"amplitude_mode_\d+", "m kg^0.5"),
     (r"variance", "1/s^2"),
-    (r"(over_)?value|change|reference|truth|number", OF_THE_ROW),
+    (r"(over_)?value|value_error|line_difference|change|reference|truth|number", OF_THE_ROW),
     (r"onset|bracket_(low|high)|threshold", OF_THE_ONSET),
     (  # counts, numbers of modes and tracks, ratios
-        r"n_\w+|design|round|margin|\w*points\w*|\w*groups|point|rounds|evaluations|iterations\w*|halvings|newton_steps"
+        r"n_\w+|design|round|margin|occurrence|change_cost|\w*points\w*|\w*groups|point|rounds"
+        r"|evaluations|iterations\w*|halvings|newton_steps"
         r"|track|mode|component_mode|dominant_mode|transfer_(from|to)|missed|spurious"
         r"|\w*damping\w*|\w*share\w*|energy_(?!mean)\w+|track_mac|\w*residual|condition|match"
         r"|biorthogonality|validity_range|disagreement|slip|(stick|open)(_mean|_max)?|stick_creep|stick_number"

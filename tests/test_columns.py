@@ -11,7 +11,7 @@ import pytest
 from squealstudy.columns import COLUMNS, column_of, unit_of
 from squealstudy.columns.column import DEFINITION, ERROR, LEAVES_OUT
 from squealstudy.engine.runner import run_study
-from squealstudy.engine.store import UNIT, read_manifest
+from squealstudy.engine.store import UNIT, column_units, read_manifest
 from squealstudy.face import read_study
 from squealstudy.study.kinds import kind_named, kind_names
 
@@ -196,3 +196,8 @@ def test_units_are_those_of_the_tables():
     assert unit_of("torque_line_hz") == "Hz"
     assert unit_of("d_growth_rate") == "1/s per unit of the row"
     assert unit_of("d_frequency_hz") == "Hz per unit of the row"
+
+
+def test_costs_of_designs_are_no_seconds():
+    for table, unit in (("designs.parquet", ""), ("measurements.parquet", "s")):
+        assert column_units({}, ["cost"], table) == {"cost": unit}

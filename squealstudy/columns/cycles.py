@@ -255,7 +255,7 @@ BORDERS = (
     ),
     number(
         "line_difference",
-        "Difference of the border to that of a branch at the same value, relative.",
+        "Value of the border less that of the branch which meets it.",
         leaves_out="It is itself an error.",
     ),
     N_HARMONICS,

@@ -67,7 +67,10 @@ INACCURATE = "inaccurate"  # status of a point whose roots are there, with too l
 PART_ROWS = 1_000_000  # rows of a table up to which it is one file
 GROUP_ROWS = 2**17  # rows of a table that are read together
 UNIT = b"unit"  # of a column, in the metadata of its field
-OWN_UNITS = {CELLS: {"cost": ""}, ONSETS: {"error_estimate": OF_THE_ONSET}}  # elsewhere others
+OWN_UNITS = {  # elsewhere others
+    **{table: {"cost": ""} for table in (CELLS, DESIGNS, VARIANTS)},
+    ONSETS: {"error_estimate": OF_THE_ONSET},
+}
 
 
 def column_units(
