@@ -1,0 +1,68 @@
+"""A reduced hunt for false columns (studies/benchmarks/column_truth.py), and that it finds some."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "studies" / "benchmarks"))
+
+from column_cases import case_of_kind
+from column_compare import Told, relative
+from column_truth import compared, report, table_of
+
+EXACT = {
+    "predicted_growth_rate",
+    "predicted_frequency_hz",
+    "n_unstable",
+    "torque_static",
+    "max_growth_rate",
+    "torque",
+    "normal_force",
+    "torque_mean",
+    "torque_rms",
+    "verdict",
+    "torque_rms (loudest)",
+}
+
+
+@pytest.fixture(scope="module")
+def found():
+    """What some cases tell beside the judge: a run of each model, and limit cycles."""
+    cases = [case_of_kind("transient", k, 1) for k in (0, 3, 14)]
+    cases += [case_of_kind("limit_cycles", 8, 1)]
+    return [(case, compared(case)) for case in cases]
+
+
+def test_cases_are_of_all_models_and_the_same_each_time(found):
+    assert {case.design.model for case, _ in found} == {"belt", "hoffmann", "hulten"}
+    for case, _ in found:
+        assert case_of_kind(case.kind, case.number, 1).text == case.text
+
+
+def test_what_the_judge_knows_exactly_is_told(found):
+    for case, told in found:
+        own = [t for t in told if t.column in EXACT]
+        assert len(own) >= 4
+        for t in own:
+            assert t.inside, (case.kind, case.number, t)
+
+
+def test_the_report_counts_what_is_outside(found):
+    case = found[0][0]
+    false = Told("points", "torque_rms", 1.0, 0.9, 1.1, 2.0)
+    table = table_of(iter([*found, (case, [false])]))
+    assert (~table["inside"]).sum() >= 1
+    text = report(table)
+    assert f"{len(table)} numbers" in text
+    assert "torque_rms" in text
+
+
+def test_bounds_of_a_number():
+    assert relative("points", "torque_rms", 100.0, 0.01, 100.9).inside
+    assert not relative("points", "torque_rms", 100.0, 0.01, 101.2).inside
+    assert relative("points", "torque_rms", 100.0, 0.01, 100.5).width == pytest.approx(2.0)
+    assert not Told("points", "class", "stable", np.nan, np.nan, "cycle").inside
