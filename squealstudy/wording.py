@@ -61,7 +61,8 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"d_damping_ratio", "1 per unit of the row"),
     (r"\w+_hz|hz", "Hz"),
     (
-        r"\w*growth_rate\w*|growth_(mean|std)|fitted_(low|high)|error_(rung|reduction|estimate)",
+        r"\w*growth_rate\w*|growth_(mean|std)|fitted_(low|high)|error_(rung|reduction|estimate)"
+        r"|step_error",
         "1/s",
     ),
     (r"growth_per_percent|(predicted|finite)_growth_change", "1/s"),

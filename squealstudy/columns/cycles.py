@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from squealstudy.columns.column import Column, Tables, count, number
+from squealstudy.columns.column import Column, Tables, count, number, same_in
 from squealstudy.columns.everywhere import POINT
 
 SERIES = "It has the error of the series, which level_error tells for the torque's RMS."
@@ -14,6 +14,12 @@ LEVEL = (
         "torque_rms",
         "RMS of the torque about its mean, of the loudest stable cycle or lasting run.",
         "level_error",
+        "regularisation_error",
+    ),
+    number(
+        "regularisation_error",
+        "Relative change of torque_rms that friction without a corner at zero sliding would make.",
+        leaves_out="It is itself an error, estimated; missing where it is not known.",
     ),
     number(
         "level_error",
@@ -180,7 +186,7 @@ RESIDUAL = number("balance_residual", "Imbalance of the harmonics, relative.", l
 CYCLES = (
     count("mode", "Number of the mode that led to it."),
     *OF_A_CYCLE,
-    LEVEL[2],
+    *same_in(LEVEL, "torque_line_hz"),
     number(
         "growth_rate",
         "Growth of the deviation that decays most slowly, or grows, from the multiplier.",

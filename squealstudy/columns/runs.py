@@ -34,7 +34,19 @@ FORECAST = (
     ),
 )
 GROWTH_OF_POINT = (
-    *bounded("growth_rate", "Growth of small motion as fitted to the run; growth_method says how."),
+    number(
+        "growth_rate",
+        "Growth of small motion as fitted to the run; growth_method says how, or why not.",
+        "growth_rate_low",
+        "growth_rate_high",
+        "growth_rate_step_error",
+    ),
+    number("growth_rate_(low|high)", "Bound of growth_rate.", leaves_out="It is a bound."),
+    number(
+        "growth_rate_step_error",
+        "By how much the fastest mode grows too fast at the run's step; not in the bounds.",
+        leaves_out="It is itself an error.",
+    ),
     number(
         "onset_time",
         "When the fitted exponential reaches a tenth of the final amplitude.",
@@ -182,7 +194,14 @@ GROWTH = (
         "Its growth as fitted to its amplitude in the run.",
         "fitted_low",
         "fitted_high",
+        "step_error",
     ),
+    number(
+        "step_error",
+        "By how much the mode grows too fast at the run's step; not in the bounds.",
+        leaves_out="It is itself an error.",
+    ),
+    Column("fit_status", "ok, or why no growth rate was fitted."),
     number("fitted_(low|high)", "Bound of fitted_growth_rate.", leaves_out="It is a bound."),
     number("fit_(start|stop)", "Where the fitted part begins, or ends.", leaves_out="Chosen."),
     number(

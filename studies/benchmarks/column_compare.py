@@ -32,6 +32,7 @@ STEADY = 0.02  # change of level from one quarter to the next of motion that doe
 COARSE = 64  # samples a period of what settles
 UNSURE = 10.0  # times the difference of periods over those observed: what is left to settle
 OBSERVED = 40  # periods of what it has settled to
+FITTED = 1e-4  # of a growth rate: what a fit may owe beyond its bounds and the step's error
 QUIET = 1e-9  # of the torque: levels below are none
 
 
@@ -150,8 +151,9 @@ def of_transient(case: Case, results: Results) -> Iterator[Told]:
     yield plain("points", "torque_static", row["torque_static"], static, "exact")
     if np.isfinite(row["growth_rate"]):
         name = "growth_rate" if row["growth_method"] == "left_vector" else "growth_rate (energy)"
-        low, high = row["growth_rate_low"], row["growth_rate_high"]
-        yield Told("points", name, row["growth_rate"], low, high, seen[0].real)
+        bounds = row["growth_rate_low"], row["growth_rate_high"]
+        step = row.get("growth_rate_step_error", 0.0)
+        yield _rate("points", name, row["growth_rate"], bounds, step, seen[0].real)
     found = fate(d, record.end, (LONGER - 1) * section["duration"] * hz)
     yield from _classes(row, found, section["duration"] * hz)
     yield from _levels(row, found, record, section["duration"])
@@ -225,8 +227,18 @@ def _growth(results: Results, seen: np.ndarray) -> Iterator[Told]:
         yield plain("growth", "growth_rate", row["growth_rate"], lam.real, "exact")
         yield plain("growth", "frequency_hz", row["frequency_hz"], abs(lam) / (2 * np.pi), "exact")
         if np.isfinite(row["fitted_growth_rate"]):
-            told, low, high = row["fitted_growth_rate"], row["fitted_low"], row["fitted_high"]
-            yield Told("growth", "fitted_growth_rate", told, low, high, lam.real)
+            told, bounds = row["fitted_growth_rate"], (row["fitted_low"], row["fitted_high"])
+            step = row.get("step_error", 0.0)
+            yield _rate("growth", "fitted_growth_rate", told, bounds, step, lam.real)
+
+
+def _rate(
+    table: str, column: str, told: float, bounds: tuple[float, float], step: float, truth: float
+) -> Told:
+    """A fitted growth rate: its bounds are about what the step makes of the truth."""
+    room = FITTED * abs(truth)
+    low, high = (x - (step if np.isfinite(step) else 0.0) for x in bounds)
+    return Told(table, column, told, low - room, high + room, truth)
 
 
 def _history(results: Results, row: pd.Series, record: Record) -> Iterator[Told]:
