@@ -7,7 +7,7 @@ from squealstudy.columns.everywhere import ENERGY_SHARES, HEAD, VALIDITY
 
 STEPS = "It tells how the integration went, and needs no error."
 BASIS = "The error of the basis, where modes were left out."
-ROWS = "The step's error, and what happens between saved rows."
+STEPPED = "The step's error."
 AT_ROWS = "The step's error; it is of this instant alone."
 
 
@@ -73,10 +73,11 @@ LEVELS = (
     *bounded("torque_mean", "Mean of the torque over the judged part of the run."),
     *bounded("torque_rms", "RMS of the torque about its mean over the judged part of the run."),
     number(
-        "torque_peak_to_peak",
-        "Largest less least torque over the judged part of the run.",
-        leaves_out=ROWS,
+        "torque_rms_(window|step|rows)",
+        "Part of the half width of torque_rms' bounds: by scatter, by the step, by rows.",
+        leaves_out="It is itself an error.",
     ),
+    *bounded("torque_peak_to_peak", "Largest less least torque over the judged part of the run."),
     number(
         "frequency_hz",
         "The motion's own frequency: its fundamental, after one period of which it repeats.",
@@ -122,27 +123,26 @@ CONTACT = (
     number(
         "stick_share",
         "Share of contact area and time in which contact sticks: friction is below its bound.",
-        leaves_out=ROWS,
+        leaves_out=STEPPED,
     ),
-    number("stick_share_max", "Largest share of the area that sticks at once.", leaves_out=ROWS),
+    number("stick_share_max", "Largest share of the area that sticks at once.", leaves_out=STEPPED),
     number(
         "stick_creep",
         "Largest sliding speed of a point that sticks, over the speed imposed there.",
-        leaves_out=ROWS,
+        leaves_out=STEPPED,
     ),
     number(
         "open_share",
         "Share of contact area and time in which the pressure is below a hundredth of the mean "
         "of the design point's own steady sliding.",
-        leaves_out=ROWS,
+        leaves_out=STEPPED,
     ),
-    number("open_share_max", "Largest share of the area that is open at once.", leaves_out=ROWS),
+    number("open_share_max", "Largest share of the area that is open at once.", leaves_out=STEPPED),
 )
 INTEGRATION = (
     number("iterations_mean", "Evaluations of contact forces a step, mean.", leaves_out=STEPS),
     count("iterations_max", "Evaluations of contact forces in a step, at most."),
     count("halvings", "How often a step was halved because it failed."),
-    count("corner_\\w+", "How often a step was cut where a point meets a corner of its law."),
     count("newton_steps", "Steps that Newton's method had to solve."),
     number("contraction", "Largest ratio of residuals over a first correction.", leaves_out=STEPS),
     number(
@@ -229,9 +229,14 @@ HISTORIES = (
         leaves_out=AT_ROWS,
     ),
     number(
-        r"\w+_(mean|variance|min|max)",
-        "Of this quantity over all steps since the row before.",
-        leaves_out="The step's error.",
+        "torque_(mean|rms|min|max)",
+        "Of the torque, over all steps since the row before.",
+        leaves_out=STEPPED,
+    ),
+    number(
+        "(stick|open)_(mean|max)",
+        "Of the share of the contact area in this state, over all steps since the row before.",
+        leaves_out=STEPPED,
     ),
 )
 TRANSIENT: Tables = {
