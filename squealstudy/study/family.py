@@ -36,6 +36,7 @@ TAKEN = {"point_id", "status", "message", "wall_s", "method", "mode", "track", "
 TAKEN |= {"track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio", "unstable"}
 TAKEN |= {"overdamped", "residual", "error_estimate", "n_modes", "n_unstable", "n_overdamped"}
 TAKEN |= {"error_rung", "error_reduction", "stability", "n_unstable_low", "n_unstable_high"}
+TAKEN |= {"n_unstable_below", "n_unstable_above", "growth_outside", "frequency_outside_hz"}
 TAKEN |= {"working_point_residual", "open_share", "onset", "line", "direction"}
 TAKEN |= {"contact_pressure_min", "contact_pressure_max"}
 TAKEN |= {"bracket_low", "bracket_high", "evaluations", "point_before", "point_after"}

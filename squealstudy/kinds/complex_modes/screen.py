@@ -11,6 +11,7 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind import KindScreen
 from squealstudy.engine.table_rows import ranked_modes
+from squealstudy.kinds.complex_modes.outside_text import grows_outside, outside_text
 from squealstudy.models.components.definition import NAME as OF_FILE
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.root_pairs import LIGHT_DAMPING
@@ -131,9 +132,10 @@ class ComplexModesScreen(KindScreen):
     def verdict(self, results: Results) -> str:
         """How many modes are unstable, the most widespread, and the one that grows fastest."""
         if not any(len(batch) for batch in results.batches("modes", ["mode"])):
-            return super().verdict(results)
+            return super().verdict(results) + grows_outside(results.manifest, results.units)
         doubt = _doubt(results, None)
         but = f" But {doubt}." if doubt else ""
+        but += grows_outside(results.manifest, results.units)
         table = self.rank(results, "share", None, None)
         if not len(table):
             return _nothing(results, None) + but
@@ -155,7 +157,13 @@ class ComplexModesScreen(KindScreen):
         """Which rungs served the points, what an audit of them found, estimates and errors."""
         manifest = results.manifest
         error = _full_order_error(manifest) + _unseen(results)
-        return [*_method(manifest), *_unrefined(manifest), ("error", error)]
+        outside = outside_text(manifest, results.units)
+        return [
+            *([("outside band", outside)] if outside else []),
+            *_method(manifest),
+            *_unrefined(manifest),
+            ("error", error),
+        ]
 
 
 def _told(row: pd.Series) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,6 +17,7 @@ from squealstudy.engine.store import MODES, ONSETS, Store
 from squealstudy.engine.validity import write_points
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.errors import ModeErrors, mode_errors
+from squealstudy.kinds.complex_modes.outside_band import Outside, look_outside, outside_facts
 from squealstudy.kinds.complex_modes.reduction_errors import ReductionErrors
 from squealstudy.kinds.complex_modes.rows import (
     POINT_FIELDS,
@@ -30,10 +32,14 @@ from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.tables.stability import stability_names
 
 COUNTS = ("n_modes", "n_unstable", "n_unstable_low", "n_unstable_high", "n_overdamped")
+OUTSIDE = ("n_unstable_below", "n_unstable_above")  # of the band; missing where not looked for
+GROWTH_OUTSIDE = ("growth_outside", "frequency_outside_hz")  # of the fastest of them
 ERRORS = ("reference_frequency_error", "reference_damping_error")
 POINT_COLUMNS = (
     *((name, COUNT) for name in COUNTS),
     *(field for field in POINT_FIELDS if field not in HEAD),
+    *((name, COUNT) for name in OUTSIDE),
+    *((name, REAL) for name in GROWTH_OUTSIDE),
     *((name, REAL) for name in ERRORS),
 )
 UNTRACKED = -1  # in place of a track number
@@ -63,7 +69,11 @@ def build_tables(
     judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
     unstable = damping_ratios(judged) < -section.stability_tolerance
     uncertain = uncertain_roots(columns.lam, errors.total, section.stability_tolerance)
-    points = write_points(plan, store, _findings(columns, unstable, uncertain, references))
+    started = time.perf_counter()
+    looked = look_outside(plan, columns, workers)
+    outside = outside_facts(plan, looked, started)
+    found_at = _findings(columns, unstable, uncertain, references, looked)
+    points = write_points(plan, store, found_at)
     tracks, onsets = None, None
     names = [f"energy_{part}" for part in plan.study.model.energy_parts]
     summary: dict[str, Any] = {}
@@ -84,7 +94,7 @@ def build_tables(
         return modes_table(columns, errors, labels, unstable, uncertain, names, rows)
 
     store.write_parts(MODES, len(columns.lam), modes)
-    return points, {**summary, "errors": facts}
+    return points, {**summary, "errors": facts, "outside_band": outside}
 
 
 def modes_table(
@@ -145,6 +155,7 @@ def _findings(
     unstable: np.ndarray,
     uncertain: np.ndarray,
     references: Mapping[str, Mapping[str, Any]],
+    looked: Sequence[Outside],
 ) -> pa.Table:
     """Findings of each point, counts of its modes, checks of it: HEAD, then POINT_COLUMNS."""
     points, point = columns.points, columns.point
@@ -160,6 +171,7 @@ def _findings(
     for name, mark in zip(COUNTS, marks, strict=True):
         number = np.bincount(point[mark], minlength=len(failed))
         found[name] = pa.array(number, COUNT, mask=failed)  # missing, not zero
+    found |= _outside_columns(looked, len(failed))
     for name in ERRORS:
         key = name.removeprefix("reference_")
         told = {i: c[key] for i, c in references.items() if c.get(key) is not None}
@@ -172,6 +184,26 @@ def _findings(
     names = [name for name, _ in (*HEAD, *POINT_COLUMNS)]
     schema = pa.schema([*HEAD, *POINT_COLUMNS])
     return pa.Table.from_arrays([found[name] for name in names], schema=schema)
+
+
+def _outside_columns(looked: Sequence[Outside], count: int) -> dict[str, pa.Array]:
+    """What grows outside the band at the points that were looked at; missing at others."""
+    values = np.full((4, count), np.nan)
+    for one in looked:
+        lam = np.concatenate([one.below, one.above])
+        values[:2, one.row] = len(one.below), len(one.above)
+        if len(lam):
+            root = lam[np.argmax(lam.real)]
+            values[2:, one.row] = root.real, abs(root) / (2 * np.pi)
+    missing = np.isnan(values)
+    counts = [
+        pa.array(np.nan_to_num(row).astype(int), COUNT, mask=mask)
+        for row, mask in zip(values[:2], missing[:2], strict=True)
+    ]
+    growth = [
+        pa.array(row, REAL, mask=mask) for row, mask in zip(values[2:], missing[2:], strict=True)
+    ]
+    return dict(zip((*OUTSIDE, *GROWTH_OUTSIDE), (*counts, *growth), strict=True))
 
 
 def onsets_arrow(table: pd.DataFrame | None) -> pa.Table:

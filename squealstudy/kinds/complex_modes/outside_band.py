@@ -1,0 +1,189 @@
+"""Growing modes outside a study's band, at a few of its design points.
+
+A study lists the modes of its band; what grows beside it squeals all the same. It is looked for
+below the band and up to `REACH` times its top, as far as the component modes of a reduced model
+are kept, by the exact method at few points: that of the fastest growth in the band, and others
+spread over the design, so that it costs a few percent of the study. Of models with few coordinates
+all modes are looked at.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from squealstudy.engine.cache import is_prepared, known_gap, prepared_any
+from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.rows import FAILURES
+from squealstudy.engine.workers import Workers
+from squealstudy.kinds.complex_modes.problems import SweptStructure, swept_structures
+from squealstudy.kinds.complex_modes.rows import ModeColumns, damping_ratios, settled
+from squealstudy.modes.full_order.modes import solve_family_point
+from squealstudy.modes.point import RIGID_SHARE, PointModes, solve_point
+from squealstudy.reduction.prepared import PreparedFamily
+from squealstudy.study.design import DesignPoint
+
+REACH = 1.5  # of the band's top
+EVERYTHING = 1e6  # of the band's top: above all modes of a model with few coordinates
+SHARE = 0.02  # of the design points that are looked at: one takes twice the time of an exact point
+LEAST, MOST = 3, 8  # design points
+SMALL, MOST_SMALL = 60, 64  # coordinates up to which a model is cheap, and its design points
+
+
+@dataclass(frozen=True)
+class OutsideTask:
+    """A design point, and where it is looked at.
+
+    Attributes
+    ----------
+    row : int
+        Of the design point in the plan.
+    point : DesignPoint
+    structure : SweptStructure
+        Whose band is the wider one.
+    band_hz : (low, high)
+        Of the study.
+    tolerance : float
+        Relative error up to which growth is judged.
+    neutral : float
+        A mode grows where its damping ratio is below minus this.
+    """
+
+    row: int
+    point: DesignPoint
+    structure: SweptStructure
+    band_hz: tuple[float, float]
+    tolerance: float
+    neutral: float
+
+
+@dataclass(frozen=True)
+class Outside:
+    """What grows outside the band at one design point.
+
+    Attributes
+    ----------
+    row : int
+    below, above : ndarray complex
+        Roots [rad/s] that grow, by more than their error, below and above the band.
+    """
+
+    row: int
+    below: np.ndarray
+    above: np.ndarray
+
+
+def look_outside(plan: Plan, columns: ModeColumns, workers: Workers) -> list[Outside]:
+    """What grows outside the band at chosen points; failed ones are left out.
+
+    None of a model that could be reduced and is solved unreduced, where each would take as long
+    again.
+    """
+    if plan.method.rung.unreduced and has_mesh(plan.study):
+        return []
+    section, low, high = plan.study.definition.modes, *plan.band_hz
+    top = high * (EVERYTHING if is_small(plan) else REACH)
+    wide = {s.key: replace(s, band_hz=(RIGID_SHARE * high, top)) for s in swept_structures(plan)}
+    tasks = [
+        OutsideTask(
+            row=row,
+            point=plan.tasks[row],
+            structure=wide[plan.tasks[row].structure],
+            band_hz=(low, high),
+            tolerance=plan.method.tolerance,
+            neutral=section.stability_tolerance,
+        )
+        for row in chosen_points(plan, columns)
+    ]
+    found = workers.each(growing_outside, tasks, "outside the band")
+    return sorted((one for one in found if one is not None), key=lambda one: one.row)
+
+
+def chosen_points(plan: Plan, columns: ModeColumns) -> list[int]:
+    """Rows of the design points that are looked at, that of the fastest growth first."""
+    growth = np.full(len(columns.counts), -np.inf)
+    np.maximum.at(growth, columns.point, columns.lam.real)
+    solved = np.flatnonzero(np.array(columns.points["status"].to_pylist()) == "ok")
+    if not len(solved):
+        return []
+    count = min(len(solved), max(LEAST, min(MOST, round(SHARE * len(solved)))))
+    if is_small(plan):
+        count = min(len(solved), MOST_SMALL)
+    return spread(plan.coordinates[solved], growth[solved], count, solved)
+
+
+def is_small(plan: Plan) -> bool:
+    """Whether the model has so few coordinates that all its modes cost next to nothing."""
+    keys = (key for key in plan.structures if is_prepared(key))
+    return all(prepared_any(key).model.n <= SMALL for key in islice(keys, 1))
+
+
+def spread(X: np.ndarray, growth: np.ndarray, count: int, rows: np.ndarray) -> list[int]:
+    """`count` of the rows (n,) whose coordinates X (n, d) lie far apart.
+
+    The first is that of the fastest growth; each further one is farthest from those chosen, of
+    equal ones that with the faster growth.
+    """
+    size = np.ptp(X, axis=0)
+    X = (X - X.min(axis=0)) / np.where(size > 0, size, 1.0)
+    order = np.argsort(-growth, kind="stable")
+    X, rows = X[order], rows[order]
+    chosen, distance = [0], np.linalg.norm(X - X[0], axis=1)
+    while len(chosen) < count and distance.max() > 0:
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(X - X[chosen[-1]], axis=1))
+    return rows[chosen].tolist()
+
+
+def growing_outside(task: OutsideTask) -> Outside | None:
+    """Solve a design point over the wider band, in a worker; None where that fails."""
+    try:
+        modes = _wider_modes(task)
+    except FAILURES:
+        return None
+    lam = settled(modes.lam, modes.error_rung, task.tolerance)
+    lam = lam[damping_ratios(lam) < -task.neutral]
+    hz = np.abs(lam) / (2 * np.pi)
+    return Outside(task.row, lam[hz < task.band_hz[0]], lam[hz > task.band_hz[1]])
+
+
+def _wider_modes(task: OutsideTask) -> PointModes:
+    key, band_hz = task.structure.key, task.structure.band_hz
+    prepared = prepared_any(key)
+    if isinstance(prepared, PreparedFamily):
+        return solve_family_point(prepared, task.point.plain_values(), band_hz)
+    return solve_point(prepared, task.point.state(), band_hz, known_gap(key, task.point))
+
+
+def outside_facts(plan: Plan, looked: Sequence[Outside], started: float) -> dict[str, Any]:
+    """What the manifest says of it: how far and at how many points it was looked, and the worst."""
+    return {
+        "reach_hz": None if is_small(plan) else REACH * plan.band_hz[1],
+        "looked": len(looked),
+        "below": _worst(plan, [(one.row, one.below) for one in looked]),
+        "above": _worst(plan, [(one.row, one.above) for one in looked]),
+        "seconds": time.perf_counter() - started,
+    }
+
+
+def _worst(plan: Plan, roots: Sequence[tuple[int, np.ndarray]]) -> dict[str, Any] | None:
+    """The point at which a root grows fastest, how many do there, and that root; None of none."""
+    growing = [(float(lam.real.max()), row, lam) for row, lam in roots if len(lam)]
+    if not growing:
+        return None
+    _, row, lam = max(growing, key=lambda entry: entry[:2])
+    root = lam[np.argmax(lam.real)]
+    names = [sweep.name for sweep in plan.study.sweeps]
+    return {
+        "point_id": plan.tasks[row].point_id,
+        "count": len(lam),
+        "points": len(growing),
+        "frequency_hz": float(abs(root) / (2 * np.pi)),
+        "growth_rate": float(root.real),
+        "at": {name: float(plan.tasks.column(name)[row]) for name in names},
+    }

@@ -1,0 +1,63 @@
+"""What screens and reports say of modes that grow outside a study's band."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from squealstudy.wording import amount, plural
+
+
+def outside_text(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    """One line on what grows outside the band, and where it was looked; empty of older results."""
+    facts = manifest.get("outside_band")
+    if not facts:
+        return ""
+    low, high = manifest["band_hz"]
+    if not facts["looked"]:
+        return f"below {low:g} and above {high:g} Hz was not looked"
+    parts = _growing(facts, manifest["band_hz"], units)
+    where = f"{plural(facts['looked'], 'design point')} of {manifest['n_points']:,}"
+    reach = facts["reach_hz"]
+    beyond = f"; beyond {reach:g} Hz was not looked" if reach else ""
+    if parts:
+        return f"{'; '.join(parts)} (looked for at {where}){beyond}"
+    below = f"below {low:g} Hz and " if low > 0 else ""
+    return f"nothing grows {below}{_above(facts, high)} at {where}{beyond}"
+
+
+def grows_outside(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    """A sentence on what grows outside the band, to follow others; empty where nothing does."""
+    facts = manifest.get("outside_band")
+    parts = _growing(facts, manifest["band_hz"], units) if facts else []
+    return f" Outside the band {'; '.join(parts)}." if parts else ""
+
+
+def _growing(
+    facts: Mapping[str, Any], band_hz: tuple[float, float], units: Mapping[str, str]
+) -> list[str]:
+    """What grows below and above the band, each in words."""
+    low, high = band_hz
+    sides = [
+        ("below", f"below {low:g} Hz"),
+        ("above", _above(facts, high)),
+    ]
+    return [_side(text, facts[side], units) for side, text in sides if facts[side]]
+
+
+def _above(facts: Mapping[str, Any], high: float) -> str:
+    """The range above the band, in words."""
+    reach = facts["reach_hz"]
+    return f"from {high:g} to {reach:g} Hz" if reach else f"above {high:g} Hz"
+
+
+def _side(text: str, worst: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    """Of one side: how many modes grow, and the fastest."""
+    settings = ", ".join(f"{n} {amount(v, units.get(n, ''))}" for n, v in worst["at"].items())
+    at = f" at {settings}" if settings else ""
+    grow = "grow" if worst["count"] > 1 else "grows"
+    fastest = "the fastest " if worst["count"] > 1 else ""
+    return (
+        f"{text} {plural(worst['count'], 'mode')} {grow}{at}: {fastest}"
+        f"{worst['frequency_hz']:.0f} Hz, {worst['growth_rate']:.3g} 1/s"
+    )
