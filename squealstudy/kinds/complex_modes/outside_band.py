@@ -31,7 +31,7 @@ from squealstudy.study.design import DesignPoint
 REACH = 1.5  # of the band's top
 EVERYTHING = 1e6  # of the band's top: above all modes of a model with few coordinates
 SHARE = 0.02  # of the design points that are looked at: one takes twice the time of an exact point
-LEAST, MOST = 3, 8  # design points
+LEAST, MOST = 5, 8  # design points
 SMALL, MOST_SMALL = 60, 64  # coordinates up to which a model is cheap, and its design points
 
 
