@@ -56,6 +56,7 @@ RUNS = [
     Run("elements", "speed 2", "memory"),
     Run("faults", "--part matrix_files --share 0.001", "matrix_files: 2 cases"),
     Run("fidelity_costs", f"{HULTEN} --points 1 --rounds 1", "most accurate"),
+    Run("growth_coverage", "--share 0.01", "all: 3 runs"),
     Run(
         "hybrid",
         "--top 3500 --traces 1500 --damped 1500 --growth 4e-5 --limit-cycle 1e-4",
@@ -79,6 +80,7 @@ RUNS = [
     ),
     Run("mesh_convergence", "assembled coarse --top 1500", "coarse: "),
     Run("method_costs", "--quick --top 1500 --varied 1 --points 20", "pays from"),
+    Run("narrow_tongues", "--maps 1", "maps"),
     Run("proofs", "--proofs 1 --of oscillator --linear", "1 proofs refuted"),
     Run("reanalysis", "--quick --top 1500 --points 1 --tolerances 1e-3", "windows 1e-03"),
     Run(
