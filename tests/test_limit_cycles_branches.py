@@ -359,6 +359,8 @@ QUIET = {
     "level_error": 1e-9,
     "velocity_error": 0.0,
     "energy": 4.0,
+    "torque_line_hz": 200.0,
+    "invalid_reason": "",
 }
 
 
