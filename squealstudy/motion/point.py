@@ -22,6 +22,7 @@ from squealstudy.system.contact_weights import contact_weights
 from squealstudy.system.linearise import ContactStructure, structure_weights
 
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
+AT_REST = 1e-6  # of the sliding speed: what may be left of it where a point is to stick
 LEAST_PRESSURE = 1e-300  # Pa: a slope is positive
 
 
@@ -234,6 +235,33 @@ def perturbed(
             v0 += (lam * x).real / size
     factor = velocity / contact_speed(system, v0)
     return replace(point, q0=factor * q0, v0=factor * v0)
+
+
+def stuck(system: ModalSystem, point: MotionPoint) -> MotionPoint:
+    """The point with a start at which nothing slides, of the least kinetic energy.
+
+    Its contact velocities along and across are those that end the imposed sliding, beside what the
+    start has already of them.
+
+    Raises
+    ------
+    ParameterError
+        Where the modes cannot bring every point with friction to rest.
+    """
+    q0, v0 = point.start(system.n)
+    held = system.frictional > 0
+    T = np.vstack([system.T1[held], system.T2[held]])
+    speed = point.speed * system.speed_factor[held]
+    wanted = -np.concatenate([speed, np.zeros(len(speed))])
+    v = np.linalg.lstsq(T, wanted, rcond=None)[0]
+    left = float(np.abs(T @ v - wanted).max(initial=0.0))
+    if left > AT_REST * abs(point.speed):
+        raise ParameterError(
+            "transient.start",
+            f"these modes cannot bring all contact points to rest: {left:.2g} m/s of sliding "
+            f"are left of {abs(point.speed):.3g} m/s",
+        )
+    return replace(point, q0=q0, v0=v0 + v)
 
 
 def contact_speed(system: ModalSystem, v: np.ndarray) -> float:

@@ -30,7 +30,7 @@ from squealstudy.plots.style import (
     legend_below,
     new_figure,
 )
-from squealstudy.wording import GROWING, STABLE, UNDECIDED, in_digits
+from squealstudy.wording import GROWING, LIMIT_CYCLE, STABLE, UNDECIDED, in_digits
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -183,7 +183,11 @@ def _class_text(run: Run) -> str:
     """The class; of an undecided run with the duration that would decide."""
     until = run.number("undecided_until")
     more = f" (a duration of {until:.3g} s would decide)" if np.isfinite(until) else ""
-    return str(run.row["class"]).replace("_", " ") + more
+    name = str(run.row["class"])
+    repeats = "frequency_hz" not in run.row or np.isfinite(run.number("frequency_hz"))
+    if name == LIMIT_CYCLE and not repeats:
+        more = " of several frequencies, whose peaks differ from period to period"
+    return name.replace("_", " ") + more
 
 
 def _failure(run: Run) -> str:

@@ -17,7 +17,7 @@ from squealstudy.kinds.transient.plan_facts import (
     start_of,
     training_designs,
 )
-from squealstudy.kinds.transient.section import TransientSection
+from squealstudy.kinds.transient.section import STUCK, TransientSection
 from squealstudy.models.operating import DesignState, ModeKey, OperatingPoint
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.integrator import Integrator
@@ -131,8 +131,9 @@ class BatchTask:
 
     @property
     def perturbation(self) -> float:
-        """Initial velocity [m/s]; none at a continued state unless the study gives one."""
-        if self.start is not None and "perturbation" not in self.section.model_fields_set:
+        """Initial velocity [m/s]; none at a continued or stuck state unless the study gives one."""
+        moves = self.start is not None or self.section.start == STUCK
+        if moves and "perturbation" not in self.section.model_fields_set:
             return 0.0
         return self.section.perturbation
 

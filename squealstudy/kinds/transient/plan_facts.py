@@ -23,7 +23,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.result_names import STATES
 from squealstudy.engine.store import POINTS, Store, read_manifest
 from squealstudy.errors import ResultsError
-from squealstudy.kinds.transient.section import TransientSection
+from squealstudy.kinds.transient.section import STUCK, TransientSection
 from squealstudy.models.operating import (
     REGULARISATION_SHARE,
     REGULARISATION_SPEED,
@@ -50,8 +50,8 @@ def motion_identity(plan: Plan) -> list[Any]:
     trained = training_designs(plan) if section.pod_vectors else ()
     return [
         section.model_dump(mode="json", exclude=NO_MOTION),
-        start is None or "perturbation" in section.model_fields_set,
-        "" if start is None else start.point_id,
+        (start is None and section.start != STUCK) or "perturbation" in section.model_fields_set,
+        (STUCK if section.start == STUCK else "") if start is None else start.point_id,
         plan.study.definition.modes.stability_tolerance,
         [sorted(d.values.items()) for d in trained],
         source_hash(TRANSIENT_SOURCES),

@@ -35,6 +35,7 @@ MOST_STEPS = 1e9
 PILOT_POINTS = 8  # of a meshed model: one run more is then a small part of the study
 AUTO = "auto"
 WORKING_POINT = "working_point"  # where a run starts by default
+STUCK = "stuck"  # at rest relative to what slides there
 CYCLE = "cycle:"  # begins a start on a limit cycle
 
 
@@ -95,7 +96,8 @@ class TransientSection(Section):
     start: str = Field(
         default=WORKING_POINT,
         min_length=1,
-        description="'working_point'; a results directory whose final state goes on: its "
+        description="'working_point'; 'stuck': at its displacements, all contact at rest relative "
+        "to what slides there; a results directory whose final state goes on: its "
         "deviation from steady sliding, about that of each design point; or 'cycle:DIRECTORY/ID' "
         "of a limit cycle in results of limit cycles",
     )
@@ -201,13 +203,15 @@ class TransientSection(Section):
             )
         if self.duration / self.step > MOST_STEPS:
             raise ValueError(f"{self.duration / self.step:.3g} steps: at most {MOST_STEPS:.0g}")
-        if self.start == WORKING_POINT and self.start_point is not None:
+        if not self.continued and self.start_point is not None:
             raise ValueError("start_point needs a results directory as start")
         if self.start_cycle and self.start_point is not None:
             raise ValueError("start_point is not for a cycle: its id names its design point")
+        if self.start == STUCK and self.representation == "hybrid":
+            raise ValueError('start = "stuck" is for representation = "modal"')
         if self.start_cycle and self.representation == "hybrid":
             raise ValueError('a cycle as start is for representation = "modal"')
-        if self.start == WORKING_POINT and self.start_scale != 1.0:
+        if not self.continued and self.start_scale != 1.0:
             raise ValueError("start_scale needs a state to start with")
         if self.pod_vectors and self.modes_below is None:
             raise ValueError("pod_vectors repair a truncated basis: give modes_below too")
@@ -275,7 +279,7 @@ class TransientSection(Section):
     @property
     def continued(self) -> bool:
         """Whether a run begins with the final state of another, or on a cycle."""
-        return self.start != WORKING_POINT
+        return self.start not in (WORKING_POINT, STUCK)
 
     @property
     def start_cycle(self) -> str:

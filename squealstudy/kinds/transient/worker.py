@@ -29,6 +29,7 @@ from squealstudy.engine.workers import Solved
 from squealstudy.errors import ConvergenceError, ModelError, ParameterError, SquealstudyError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
 from squealstudy.kinds.transient.plan_facts import state_file
+from squealstudy.kinds.transient.section import STUCK
 from squealstudy.kinds.transient.tables import lost_row, row
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE, DesignState
 from squealstudy.modes.point import state_working_point
@@ -39,7 +40,13 @@ from squealstudy.motion.outcome.history import history_frame
 from squealstudy.motion.outcome.level import StepParts
 from squealstudy.motion.outcome.settling import known_outcome
 from squealstudy.motion.outcome.summary import summarise
-from squealstudy.motion.point import friction_law, integrated, motion_point, perturbed
+from squealstudy.motion.point import (
+    friction_law,
+    integrated,
+    motion_point,
+    perturbed,
+    stuck,
+)
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes
 from squealstudy.motion.simulate import Watch, simulate
@@ -183,7 +190,12 @@ def set_up(task: BatchTask, point: DesignPoint, gaps: NewGaps) -> MotionPoint | 
     except FAILURES as error:
         return reason(error)
     made = replace(made, continued=task.start is not None)
-    return perturbed(task.reference.system, made, task.perturbation, section.perturb_modes)
+    system = task.reference.system
+    found = perturbed(system, made, task.perturbation, section.perturb_modes)
+    try:
+        return stuck(system, found) if section.start == STUCK else found
+    except ParameterError as error:
+        return "parameter", f"{error.key}: {error.message}"
 
 
 def steady_motion(

@@ -258,7 +258,8 @@ def transfer(
     Returns
     -------
     first, last : int
-        Mode numbers; 0 where one mode leads throughout or nothing moves.
+        Mode numbers; 0 where one mode leads throughout, the last from the start on, or nothing
+        moves.
     time : float
         s; NaN likewise.
     """
@@ -286,7 +287,9 @@ def transfer(
     leads = level[:, last] >= LEADS * level.max(axis=1)
     holds = np.flatnonzero(leads)
     not_yet = np.flatnonzero(~leads[: holds[-1]])
-    taken = int(not_yet[-1]) + 1 if len(not_yet) else 0
+    if not len(not_yet):
+        return 0, 0, np.nan
+    taken = int(not_yet[-1]) + 1
     return int(modes[first]), int(modes[last]), float(time[edges[taken]])
 
 

@@ -7,6 +7,8 @@ about such a motion: nor how it goes on, nor when that would be known.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from squealstudy.motion.motion import Motion
@@ -35,7 +37,7 @@ def repeats(run: Motion) -> bool:
     if count < PERIODS:
         return False
     ends = len(run.times) - np.round(period * np.arange(count, -1, -1)).astype(int)
-    parts = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    parts = [slice(a, b) for a, b in pairwise(ends.tolist())]
     if min(float(run.history["stick"][part].max()) for part in parts) < ALL:
         return False
     force = run.history["torque"]
