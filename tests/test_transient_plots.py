@@ -323,7 +323,8 @@ def test_the_spectrogram_marks_predictions_up_to_the_band_top():
     )
     assert not any(text.startswith("6000 Hz,") for text in texts)
     assert "Torque [dB of its maximum]" in texts
-    assert axes.get_title(loc="left") == "friction = 0.5\ndominant 3175 Hz"
+    reach = "rows kept reach 19995 Hz, what is faster folds back below it"
+    assert axes.get_title(loc="left") == f"friction = 0.5\ndominant 3175 Hz; {reach}"
     assert overlapping(figure) == []
 
 
@@ -331,7 +332,7 @@ def test_a_band_beyond_the_samples_is_said_and_uneven_samples_are_resampled():
     history = history_table(1001)
     figure = spectrogram(history)
     title = next(a for a in figure.axes if a.get_xlabel()).get_title(loc="left")
-    assert "; the samples kept reach 5" in title
+    assert "; rows kept reach 5" in title
     uneven = history_table().drop(index=range(100, 130))
     drawn(spectrogram(uneven, GROWTH.iloc[:0]))
     assert said(spectrogram(history.assign(torque=348.0))) == "the torque does not vary"

@@ -72,7 +72,7 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     axes.set_ylim(0.0, top)
     f = run.number("torque_line_hz")
     dominant = f"dominant {in_digits(f)} Hz" if f > 0 else ""
-    reached = f"rows kept tell lines up to {in_digits(nyquist)} Hz, faster ones fold back below it"
+    reached = f"rows kept reach {in_digits(nyquist)} Hz, what is faster folds back below it"
     head(axes, run.title, joined(dominant, reached))
     _predictions(figure, axes, run.growth, top)
     return figure
