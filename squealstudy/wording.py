@@ -62,7 +62,7 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"\w+_hz|hz", "Hz"),
     (
         r"\w*growth_rate\w*|growth_(mean|std)|fitted_(low|high)|error_(rung|reduction|estimate)"
-        r"|step_error",
+        r"|step_error|growth_outside",
         "1/s",
     ),
     (r"growth_per_percent|(predicted|finite)_growth_change", "1/s"),

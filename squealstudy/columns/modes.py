@@ -90,6 +90,20 @@ COMPLEX_POINTS = (
     ),
     count("n_unstable_(low|high)", "Unstable modes without, or with, all that are uncertain."),
     count("n_overdamped", "Real roots in the band."),
+    count(
+        "n_unstable_(below|above)",
+        "Unstable modes below, or above, the band; missing where nobody looked.",
+    ),
+    number(
+        "growth_outside",
+        "Growth rate of the fastest of these modes.",
+        leaves_out="The error of the reduced model, which is made for the band.",
+    ),
+    number(
+        "frequency_outside_hz",
+        "Frequency of that mode.",
+        leaves_out="The error of the reduced model, which is made for the band.",
+    ),
     number(
         "reference_(frequency|damping)_error",
         "Largest difference of a light mode to the unreduced model: relative frequency, or "
