@@ -310,6 +310,27 @@ def test_the_spectrum_peaks_at_the_frequency_of_the_torque():
     assert level[frequency > 6000].max() < -60.0
 
 
+def test_means_between_rows_damp_what_folds_back():
+    """A line at 2,400 Hz in rows of 2,500 a second would stand at 100 Hz, as loud as it is."""
+    step, every = 2e-5, 20
+    t = step * np.arange(1, 40001)
+    signal = 100 + np.sin(2 * np.pi * 300.0 * t) + 0.1 * np.sin(2 * np.pi * 2400.0 * t)
+    times, rows, means = (
+        t[every - 1 :: every],
+        signal[every - 1 :: every],
+        signal.reshape(-1, every).mean(axis=1),
+    )
+    levels = {}
+    for name, values in {"rows": rows, "means": means}.items():
+        _, frequency, level = short_time_levels(times, values, name == "means")
+        at = np.abs(frequency - 100.0).argmin()
+        levels[name] = level[at].max()
+        peak = np.abs(frequency - 300.0).argmin()
+        assert level[peak].max() == pytest.approx(0.0, abs=0.1)
+    assert levels["rows"] == pytest.approx(-20.0, abs=0.5)
+    assert levels["means"] < -45.0
+
+
 def test_the_spectrogram_marks_predictions_up_to_the_band_top():
     growth = GROWTH.assign(point_id="p0")
     figure = spectrogram(history_table(), growth, top=5500.0)

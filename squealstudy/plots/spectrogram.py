@@ -36,6 +36,9 @@ UNEVEN = 1e-3  # relative deviation of steps from which on a history is resample
 def spectrogram(results: Results, point: str | int = 0) -> Figure:
     """Short-time amplitude of the torque in dB of its maximum, up to the top of the band.
 
+    Of the means between rows, where a history has them: rows dropped from a signal fold what is
+    faster than half their rate onto lower frequencies, means damp it first.
+
     Predicted instabilities are marked at the right edge.
 
     Of a run of a transient study, `point` as of ``Results.history``, which raises ResultsError.
@@ -45,8 +48,10 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     what, _ = friction_label(results.units)
     if len(run.history) < FEWEST_SAMPLES:
         return empty_figure("no history of this design point to take spectra of")
-    time, torque = _even(run.column("time"), run.column("torque"))
-    centres, frequency, level = short_time_levels(time, torque)
+    means = run.column("torque_mean")
+    averaged = bool(np.isfinite(means[1:]).all()) and len(means) > 1
+    time, torque = _even(run.column("time"), means if averaged else run.column("torque"))
+    centres, frequency, level = short_time_levels(time, torque, averaged)
     if not np.isfinite(level).any():
         return empty_figure(f"the {what} does not vary")
     figure = new_figure(10.0, 5.6)
@@ -72,18 +77,21 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     axes.set_ylim(0.0, top)
     f = run.number("torque_line_hz")
     dominant = f"dominant {in_digits(f)} Hz" if f > 0 else ""
-    reached = f"rows kept reach {in_digits(nyquist)} Hz, what is faster folds back below it"
+    folds = "is damped and folds back" if averaged else "folds back"
+    reached = f"rows kept reach {in_digits(nyquist)} Hz, what is faster {folds} below it"
     head(axes, run.title, joined(dominant, reached))
     _predictions(figure, axes, run.growth, top)
     return figure
 
 
 def short_time_levels(
-    time: np.ndarray, signal: np.ndarray
+    time: np.ndarray, signal: np.ndarray, averaged: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Centres (m,) of Hann windows [s], frequencies (f,) [Hz] and levels (f, m) [dB of the max].
 
-    Each window's mean is taken away. Levels below -2 RANGE are cut there; all NaN for no signal.
+    Each window's mean is taken away. A signal of means over its steps (`averaged`) has lost
+    sinc(f step) of its amplitude, which is given back. Levels below -2 RANGE are cut there; all
+    NaN for no signal.
     """
     step = (time[-1] - time[0]) / (len(time) - 1)
     length = max(round(len(time) / WINDOWS), FEWEST_SAMPLES // 4)
@@ -91,6 +99,9 @@ def short_time_levels(
     frames = np.lib.stride_tricks.sliding_window_view(signal, length)[::hop]
     frames = (frames - frames.mean(axis=1, keepdims=True)) * np.hanning(length)
     amplitude = np.abs(np.fft.rfft(frames, PADDING * length, axis=1)).T
+    frequencies = np.fft.rfftfreq(PADDING * length, step)
+    if averaged:
+        amplitude /= np.sinc(frequencies * step)[:, None]
     largest = float(amplitude.max())
     floor = 1e-12 * float(np.abs(signal).max()) * length
     if not largest > floor:
@@ -98,7 +109,7 @@ def short_time_levels(
     else:
         level = 20 * np.log10(np.maximum(amplitude / largest, 10 ** (-2 * RANGE / 20)))
     centres = time[0] + step * (hop * np.arange(len(frames)) + (length - 1) / 2)
-    return centres, np.fft.rfftfreq(PADDING * length, step), level
+    return centres, frequencies, level
 
 
 def _even(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

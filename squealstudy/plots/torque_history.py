@@ -35,7 +35,8 @@ from squealstudy.wording import GROWING, LIMIT_CYCLE, STABLE, UNDECIDED, in_digi
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-PERIODS = 10  # of the dominant frequency that the zoom shows
+PERIODS = 10  # of the motion that the zoom shows
+FEW_ROWS = 40  # a period of the torque's line: fewer miss its peaks by up to .3 %
 STATES = {"stick": COLOURS[0], "slip": COLOURS[1], "open": COLOURS[2]}
 SHADES = {"growth": COLOURS[4], "saturation": COLOURS[3], "limit cycle": COLOURS[2]}
 
@@ -114,13 +115,29 @@ def _fit_window(growth: pd.DataFrame) -> tuple[float, float]:
 
 def _last_periods(run: Run) -> Run:
     """The run over its last periods; where no frequency is known, over its last twentieth."""
-    time, f = run.column("time"), run.number("torque_line_hz")
+    time, f = run.column("time"), _frequency(run)
     length = PERIODS / f if f > 0 else (time[-1] - time[0]) / 20
     return replace(run, history=run.history[time >= time[-1] - length])
 
 
+def _frequency(run: Run) -> float:
+    """Of the motion itself; where it does not repeat, of the strongest line of the torque."""
+    own = run.number("frequency_hz")
+    return own if np.isfinite(own) else run.number("torque_line_hz")
+
+
+def _rows_a_period(run: Run) -> float:
+    time, f = run.column("time"), run.number("torque_line_hz")
+    return len(time) / (f * (time[-1] - time[0])) if f > 0 and time[-1] > time[0] else np.nan
+
+
 def _torque(axes: Axes, run: Run, named: bool) -> None:
     what, unit = friction_label(run.units)
+    low, high = run.column("torque_min")[1:], run.column("torque_max")[1:]
+    if _rows_a_period(run) < FEW_ROWS and np.isfinite([*low, *high]).all():
+        label = "extremes of all steps between rows kept" if named else None
+        style: dict[str, Any] = {"color": COLOURS[1], "alpha": 0.3, "linewidth": 0}
+        axes.fill_between(run.milliseconds[1:], low, high, step="pre", label=label, **style)
     axes.plot(*outline(run.milliseconds, run.column("torque")), color=COLOURS[1], linewidth=0.8)
     mean = ("torque_mean", f"mean {what}", "--", "black")
     lines = (mean, ("torque_static", "static", "-.", DARK))
@@ -158,7 +175,7 @@ def _shade(axes: Axes, found: list[Phase], named: bool) -> None:
 
 
 def _zoom_title(axes: Axes, run: Run) -> None:
-    f, rms = run.number("torque_line_hz"), run.number("torque_rms")
+    f, rms = _frequency(run), run.number("torque_rms")
     text = f"last {PERIODS} periods of {in_digits(f)} Hz" if f > 0 else "the end"
     text += f"; RMS {rms:.3g} {friction_label(run.units)[1]}" if np.isfinite(rms) else ""
     head(axes, text)
