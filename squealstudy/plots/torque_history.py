@@ -136,8 +136,8 @@ def _torque(axes: Axes, run: Run, named: bool) -> None:
     low, high = run.column("torque_min")[1:], run.column("torque_max")[1:]
     if _rows_a_period(run) < FEW_ROWS and np.isfinite([*low, *high]).all():
         label = "extremes of all steps between rows kept" if named else None
-        style: dict[str, Any] = {"color": COLOURS[1], "alpha": 0.3, "linewidth": 0}
-        axes.fill_between(run.milliseconds[1:], low, high, step="pre", label=label, **style)
+        band: dict[str, Any] = {"color": COLOURS[1], "alpha": 0.3, "linewidth": 0}
+        axes.fill_between(run.milliseconds[1:], low, high, step="pre", label=label, **band)
     axes.plot(*outline(run.milliseconds, run.column("torque")), color=COLOURS[1], linewidth=0.8)
     mean = ("torque_mean", f"mean {what}", "--", "black")
     lines = (mean, ("torque_static", "static", "-.", DARK))
