@@ -11,7 +11,7 @@ import pytest
 from squealstudy.cycles import families as searched
 from squealstudy.cycles import kicked
 from squealstudy.cycles.curve import CurveMotion
-from squealstudy.cycles.cycle import LEVELS, Cycle, Search, _changes, cycle_near
+from squealstudy.cycles.cycle import LEVELS, Cycle, Search, cycle_near
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import families
 from squealstudy.cycles.floquet import Floquet
@@ -19,6 +19,7 @@ from squealstudy.cycles.growth import STILL, SecondLook
 from squealstudy.cycles.harmonics import series_at
 from squealstudy.cycles.kicked import PHASES, decided_in_time, kick_along_mode, kicks
 from squealstudy.cycles.projection import Projection
+from squealstudy.cycles.series_error import Found, change
 from squealstudy.cycles.trials import DECAYS, GROWS, LASTS, Trials, ended, run_on, state_of
 from squealstudy.cycles.verdicts import (
     IF_KICKED,
@@ -343,12 +344,14 @@ def test_levels_and_velocities_err_by_no_more_than_is_told(hoffmann, harmonics):
 
 
 def test_a_level_is_that_of_velocity_where_friction_has_none():
-    now = {"torque_rms": 2.0, "contact_velocity": 1.0}
-    np.testing.assert_allclose(
-        _changes({"torque_rms": 2.2, "contact_velocity": 1.5}, now), [0.1, 0.5]
-    )
-    none = {"torque_rms": 0.0, "contact_velocity": 1.0}
-    np.testing.assert_allclose(_changes({"torque_rms": 0.0, "contact_velocity": 1.5}, none), 0.5)
+    def found(rms, velocity, peak):
+        levels = {"torque_rms": rms, "contact_velocity": velocity, "torque_peak": peak}
+        return Found(PeriodicMotion(np.zeros((3, 1)), 10.0), levels)
+
+    told = change(found(2.2, 1.5, 3.0), found(2.0, 1.0, 4.0))
+    np.testing.assert_allclose(told.all, [0.1, 0.5, 0.25, 0.0])
+    told = change(found(0.0, 1.5, 0.0), found(0.0, 1.0, 0.0))
+    np.testing.assert_allclose(told.all, [0.5, 0.5, np.nan, 0.0])
 
 
 @pytest.mark.parametrize(

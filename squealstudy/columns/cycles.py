@@ -132,7 +132,7 @@ OF_A_CYCLE = (
         "velocity_error",
     ),
     number("torque_mean", "Mean of its torque.", leaves_out=SERIES),
-    number("torque_peak", "Largest distance of its torque from the mean.", leaves_out=PEAK),
+    number("torque_peak", "Largest distance of its torque from the mean.", "torque_peak_error"),
     number("normal_force_rms", "RMS of the normal force about its mean.", leaves_out=SERIES),
     number(
         "energy",
@@ -203,9 +203,10 @@ CYCLES = (
         leaves_out=SERIES,
     ),
     number(
-        "(level|velocity|frequency)_error",
-        "Relative error of torque_rms, contact_velocity or frequency_hz.",
-        leaves_out="It is itself an error, from fewer harmonics; regularisation is not in it.",
+        "(level|velocity|torque_peak|frequency)_error",
+        "Relative error of torque_rms, contact_velocity, torque_peak or frequency_hz.",
+        leaves_out="It is itself an error, from other harmonics and samples; regularisation is not "
+        "in it.",
     ),
     count("n_vectors", "Size of the basis on which it was balanced."),
 )

@@ -103,8 +103,8 @@ class ContactOscillator:
         per = (np.diag(self.oscillator.K) + h[:, None] ** 2) * motion.Q**2
         return float(weights @ per.sum(axis=1))
 
-    def levels(self, motion: PeriodicMotion) -> dict[str, float]:
-        """What the motion is like.
+    def levels(self, motion: PeriodicMotion, samples: int = LEVEL_SAMPLES) -> dict[str, float]:
+        """What the motion is like, at so many samples of the period.
 
         Returns
         -------
@@ -116,11 +116,11 @@ class ContactOscillator:
             what the belt gives less what is dissipated, over what the motion changes in friction
             power, or over damping power where that is more; ``energy`` J.
         """
-        y, w = self._observed(motion, LEVEL_SAMPLES)
+        y, w = self._observed(motion, samples)
         forces = self.oscillator.forces
         assert isinstance(forces, ContactForces)
-        rows = np.zeros((LEVEL_SAMPLES, len(layout.HISTORY)))
-        powers = np.zeros((LEVEL_SAMPLES, 3))
+        rows = np.zeros((samples, len(layout.HISTORY)))
+        powers = np.zeros((samples, 3))
         sampled_rows(forces.points, forces.law, y, w, rows, powers)
         torque, force = rows[:, layout.TORQUE], rows[:, layout.NORMAL_FORCE]
         friction, belt, loads = powers.mean(axis=0).tolist()

@@ -12,6 +12,14 @@ from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.growth import SLOWEST, STILL
 from squealstudy.cycles.projection import Projection
+from squealstudy.cycles.series_error import (
+    Found,
+    SeriesErrors,
+    change,
+    of_changes,
+    of_finer,
+    of_samples,
+)
 from squealstudy.errors import ConvergenceError
 
 OK, INACCURATE = "ok", "inaccurate"
@@ -19,7 +27,6 @@ LADDER = (5, 7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
 PROJECTED_LADDER = LADDER[:3]  # on projected models, where more cost seconds each
 HOPELESS = 2.5  # times the tolerance: an error that half as many harmonics again do not mend
 SURE = 0.1  # error of a level up to which the stability of a cycle is told
-SAFETY = 2.0  # error over the last change: series that converge like 1/H are bounded too
 LEVELS = ("torque_rms", "contact_velocity")  # by which cycles are told apart
 SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice, beside errors
 MOST_APART = 1e-2  # and the most of it, however large the errors are
@@ -59,10 +66,10 @@ class Cycle:
         `ContactOscillator.levels`.
     torque_harmonics : ndarray (H,)
         N m.
-    level_error, velocity_error, frequency_error : float
-        Estimates, relative: from fewer harmonics, and of the basis. The level is the RMS of the
-        torque, or the contact velocity where friction has none; the velocity is a peak, to which
-        harmonics converge more slowly.
+    level_error, velocity_error, peak_error, frequency_error : float
+        Bounds, relative: of the series (`series_error`), and of the basis. The level is the RMS of
+        the torque, or the contact velocity where friction has none; the velocity is a peak, to
+        which harmonics converge more slowly, as to that of the torque (NaN where it has none).
     basis_error : float
         The basis's share of the level's error: by how much it was corrected in all coordinates.
     n_vectors : int
@@ -78,6 +85,7 @@ class Cycle:
     torque_harmonics: np.ndarray
     level_error: float
     velocity_error: float
+    peak_error: float
     frequency_error: float
     basis_error: float
     n_vectors: int
@@ -103,41 +111,43 @@ def cycle_near(
     tried: tuple[int, ...] = LADDER if projection.complete else PROJECTED_LADDER
     if search.harmonics is not None:
         tried = _pair(search.harmonics)
-    cycle = rougher = motion
-    levels = dict[str, float]()
-    level_error = velocity_error = frequency_error = basis_error = residual = np.inf
+    rougher, rungs, errors = motion, list[Found](), SeriesErrors()
+    basis_error = residual = np.inf
     for harmonics in tried:
         try:
             motion, residual = projection.cycle_near(motion, harmonics)
         except ConvergenceError:
-            if not np.isfinite(level_error):
+            if len(rungs) < 2:
                 raise
-            break  # more harmonics are lost: what the last ones changed is the error
+            break  # more harmonics are lost: what is known of the last ones is the error
         if motion.omega < slowest:
             raise ConvergenceError(STILL, "a motion that comes to a standstill is no cycle")
-        rougher, before = cycle, levels
+        rougher = rungs[-1].motion if rungs else rougher
         cycle = projection.corrected(motion)
-        levels = contact.levels(cycle)
-        if before:
-            own, harmonic = (_changes(b, levels) for b in (contact.levels(motion), before))
-            basis_error = float(own[0])
-            level_error, velocity_error = (SAFETY * harmonic + own).tolist()
-            frequency_error = SAFETY * abs(cycle.omega / rougher.omega - 1.0)
-            frequency_error += abs(cycle.omega / motion.omega - 1.0)
-            if level_error < search.tolerance:
-                break
-            if not projection.complete and level_error > HOPELESS * search.tolerance:
-                break
-    status = OK if level_error < search.tolerance else INACCURATE
-    found = projection.stability(cycle, search.highest, rougher)
+        rungs.append(Found(cycle, contact.levels(cycle)))
+        if len(rungs) == 1:
+            continue
+        of_basis = change(Found(motion, contact.levels(motion)), rungs[-1])
+        errors, basis_error = of_changes(rungs) + of_basis, of_basis.level
+        if errors.level < search.tolerance or harmonics == tried[-1]:
+            finer = of_finer(contact, projection, rungs[-1])
+            errors = errors if finer is None else finer + of_basis
+        if errors.level < search.tolerance:
+            break
+        if not projection.complete and errors.level > HOPELESS * search.tolerance:
+            break
+    last, status = rungs[-1], OK if errors.level < search.tolerance else INACCURATE
+    torque = contact.torque_harmonics(last.motion)
+    errors += of_samples(torque, last)
     return Cycle(
-        cycle,
-        found,
-        levels,
-        contact.torque_harmonics(cycle),
-        level_error,
-        velocity_error,
-        frequency_error,
+        last.motion,
+        projection.stability(last.motion, search.highest, rougher),
+        last.levels,
+        torque,
+        errors.level,
+        errors.velocity,
+        errors.peak,
+        errors.frequency,
         basis_error,
         projection.size,
         residual,
@@ -148,13 +158,6 @@ def cycle_near(
 def _pair(harmonics: int) -> tuple[int, int]:
     """The number asked for, after two thirds of it to tell its error."""
     return max(1, min(harmonics - 1, round(harmonics / 1.5))), harmonics
-
-
-def _changes(before: dict[str, float], now: dict[str, float]) -> np.ndarray:
-    """Relative changes of the level and of the contact velocity (2,)."""
-    torque, velocity = (abs(before[n] - now[n]) / now[n] if now[n] > 0 else np.nan for n in LEVELS)
-    velocity = np.nan_to_num(velocity)
-    return np.array([velocity if np.isnan(torque) else torque, velocity])
 
 
 def same_cycle(one: Cycle, other: Cycle) -> bool:
