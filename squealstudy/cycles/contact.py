@@ -95,6 +95,11 @@ class ContactOscillator:
         w = self._observed(motion, LEVEL_SAMPLES // 4)[1]
         return float(np.sqrt((w**2).sum(axis=2).max(initial=0.0)))
 
+    def slip_apart(self, one: PeriodicMotion, other: PeriodicMotion) -> float:
+        """Largest difference of a point's sliding velocity at one angle of two motions, m/s."""
+        a, b = (self._observed(m, LEVEL_SAMPLES)[1][:, :, 1] for m in (one, other))
+        return float(np.abs(a - b).max(initial=0.0))
+
     def energy(self, motion: PeriodicMotion) -> float:
         """Mean of kinetic energy and energy in the reference stiffness over the period, J."""
         weights = np.full(len(motion.Q), 0.25)
@@ -143,14 +148,20 @@ class ContactOscillator:
             "energy": self.energy(motion),
         }
 
-    def torque_harmonics(self, motion: PeriodicMotion) -> np.ndarray:
-        """Amplitudes (H,) of the torque's harmonics from the first on, N m."""
+    def torque(self, motion: PeriodicMotion, slip: float = 0.0) -> np.ndarray:
+        """Torque (S,) [N m] over the period, of sliding that is faster by `slip` [m/s]."""
         y, w = self._observed(motion, LEVEL_SAMPLES)
         forces = self.oscillator.forces
         assert isinstance(forces, ContactForces)
+        w[:, :, 1] += slip
         rows = np.zeros((LEVEL_SAMPLES, len(layout.HISTORY)))
         sampled_rows(forces.points, forces.law, y, w, rows, np.zeros((LEVEL_SAMPLES, 3)))
-        spectrum = np.abs(np.fft.rfft(rows[:, layout.TORQUE])) * 2.0 / LEVEL_SAMPLES
+        found: np.ndarray = rows[:, layout.TORQUE]
+        return found
+
+    def torque_harmonics(self, motion: PeriodicMotion) -> np.ndarray:
+        """Amplitudes (H,) of the torque's harmonics from the first on, N m."""
+        spectrum = np.abs(np.fft.rfft(self.torque(motion))) * 2.0 / LEVEL_SAMPLES
         found: np.ndarray = spectrum[1 : motion.harmonics + 1]
         return found
 

@@ -16,9 +16,9 @@ from squealstudy.cycles.series_error import (
     Found,
     SeriesErrors,
     change,
+    in_the_end,
     of_changes,
     of_finer,
-    of_samples,
 )
 from squealstudy.errors import ConvergenceError
 
@@ -111,7 +111,7 @@ def cycle_near(
     tried: tuple[int, ...] = LADDER if projection.complete else PROJECTED_LADDER
     if search.harmonics is not None:
         tried = _pair(search.harmonics)
-    rougher, rungs, errors = motion, list[Found](), SeriesErrors()
+    rougher, other, rungs, errors = motion, motion, list[Found](), SeriesErrors()
     basis_error = residual = np.inf
     for harmonics in tried:
         try:
@@ -129,21 +129,22 @@ def cycle_near(
             continue
         of_basis = change(Found(motion, contact.levels(motion)), rungs[-1])
         errors, basis_error = of_changes(rungs) + of_basis, of_basis.level
+        other = rougher
         if errors.level < search.tolerance or harmonics == tried[-1]:
             finer = of_finer(contact, projection, rungs[-1])
-            errors = errors if finer is None else finer + of_basis
+            if finer is not None:
+                errors, other = finer[0] + of_basis, finer[1]
         if errors.level < search.tolerance:
             break
         if not projection.complete and errors.level > HOPELESS * search.tolerance:
             break
     last, status = rungs[-1], OK if errors.level < search.tolerance else INACCURATE
-    torque = contact.torque_harmonics(last.motion)
-    errors += of_samples(torque, last)
+    errors = in_the_end(contact, last, errors, other)
     return Cycle(
         last.motion,
         projection.stability(last.motion, search.highest, rougher),
         last.levels,
-        torque,
+        contact.torque_harmonics(last.motion),
         errors.level,
         errors.velocity,
         errors.peak,

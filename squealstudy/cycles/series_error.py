@@ -23,7 +23,7 @@ from squealstudy.errors import ConvergenceError
 
 SAFETY = 2.0  # error over the last change: series that converge like 1/H are bounded too
 FALL = 4.0  # by what changes fall at most from rung to rung, where the next one is not known
-FINER = 2.25  # times the harmonics of a cycle, two rungs: of the one that it is held against
+FINER = (2.25, 4.0)  # times the harmonics of a cycle: of those that it is held against
 LEAST_FINER = 1.5  # the same where that would be more than
 MOST_FINER = 39  # harmonics: of more the cost is that of the whole cycle
 SOLVED = 1e-8  # relative: to which balances are solved
@@ -92,29 +92,47 @@ def of_changes(found: Sequence[Found]) -> SeriesErrors:
 
 def of_finer(
     contact: ContactOscillator, projection: Projection, found: Found
-) -> SeriesErrors | None:
-    """Errors by the same cycle with more harmonics and twice the samples; None where not known."""
-    H = found.motion.harmonics
-    finer = min(math.ceil(FINER * H), MOST_FINER)
-    if not projection.complete or finer < LEAST_FINER * H:
+) -> tuple[SeriesErrors, PeriodicMotion] | None:
+    """Errors by the same cycle with more harmonics and twice the samples, and that motion.
+
+    The largest change of two such cycles, of which one may agree by chance. None where not known.
+    """
+    H, motion = found.motion.harmonics, found.motion
+    orders = sorted({min(math.ceil(f * H), MOST_FINER) for f in FINER})
+    orders = [order for order in orders if order >= LEAST_FINER * H]
+    if not projection.complete or not orders:
         return None
     osc = contact.oscillator
     osc = replace(osc, samples=2 * len(osc.sampling(H).synthesis))
+    finer, errors = Projection.about(osc, motion), SeriesErrors(0.0, 0.0, 0.0, 0.0)
     try:
-        motion, _ = Projection.about(osc, found.motion).cycle_near(found.motion, finer)
+        for order in orders:
+            motion, _ = finer.cycle_near(motion, order)
+            levels = contact.levels(motion, 2 * LEVEL_SAMPLES)
+            errors = errors.larger(change(found, Found(motion, levels)))
     except ConvergenceError:
         return None
-    levels = contact.levels(motion, 2 * LEVEL_SAMPLES)
-    return change(found, Found(motion, levels)) * SAFETY
+    return errors * SAFETY, motion
 
 
-def of_samples(torque_harmonics: np.ndarray, found: Found) -> SeriesErrors:
-    """What is owed to the tolerance of the balance, and to peaks between the samples of levels.
+def in_the_end(
+    contact: ContactOscillator, found: Found, errors: SeriesErrors, other: PeriodicMotion
+) -> SeriesErrors:
+    """With what is owed to the tolerance of balances, and of peaks to samples and to the corner.
 
-    A peak is missed by at most its curvature times the square of half a sample, over two.
+    Between the samples of levels a peak is missed by at most its curvature times the square of half
+    a sample, over two. Where sliding comes to rest or turns, its own error leads up and down the
+    steep slope of the law, and all motions that overshoot there have the law's peak: sliding is
+    moved by what it differs by from an `other` finding of the cycle.
     """
-    h = np.arange(1, len(torque_harmonics) + 1)
-    missed = 0.5 * (np.pi / LEVEL_SAMPLES) ** 2 * float(h**2 @ torque_harmonics)
-    peak = found.levels["torque_peak"]
-    peak = missed / peak if peak > 0 else np.nan
-    return SeriesErrors(SOLVED, SOLVED, SOLVED + peak, SOLVED)
+    torque = contact.torque(found.motion)
+    peak = float(np.abs(torque - torque.mean()).max())
+    if not peak > 0.0:
+        return errors + SeriesErrors(SOLVED, SOLVED, np.nan, SOLVED)
+    spectrum = np.abs(np.fft.rfft(torque))[1:] * 2.0 / len(torque)
+    h = np.arange(1, found.motion.harmonics + 1)
+    missed = 0.5 * (np.pi / len(torque)) ** 2 * float(h**2 @ spectrum[: len(h)])
+    slip = contact.slip_apart(found.motion, other)
+    moved = (contact.torque(found.motion, side * slip) for side in (-1.0, 1.0))
+    led = max(abs(float(np.abs(t - t.mean()).max()) - peak) for t in moved)
+    return errors + SeriesErrors(SOLVED, SOLVED, (missed + led) / peak + SOLVED, SOLVED)

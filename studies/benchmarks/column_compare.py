@@ -352,13 +352,14 @@ def _cycle(row: pd.Series, found: list[Fate]) -> Iterator[Told]:
         ("contact_velocity", "velocity_error", velocity),
         ("frequency_hz", "frequency_error", best.cycle.frequency_hz),
     )
+    ends, force = record.extremes, last[:, -1]
+    peak = float(max(ends.max() - truth.mean, truth.mean - ends.min()))
+    if "torque_peak_error" in row:
+        with_errors += (("torque_peak", "torque_peak_error", peak),)
     for name, error, value in with_errors:
         yield relative("cycles", name, row[name], row[error], value, best.unsure)
-    torque, force = last[:, -2], last[:, -1]
-    peak = float(max(torque.max() - truth.mean, truth.mean - torque.min()))
     levels = {
         "torque_mean": truth.mean,
-        "torque_peak": peak,
         "friction_power": truth.friction_power,
         "damping_power": truth.damping_power,
     }
