@@ -99,7 +99,7 @@ MOTION = PeriodicMotion(np.array([[0.0], [1.0], [0.0]]), 1.0, 1.0)
 def cycle(multipliers, errors, status="ok", error=0.0, faint=0.0):
     found = Floquet(np.array([*multipliers, 1.0]), np.eye(2), np.array([*errors, 1e-6]), 1.0)
     levels = {"contact_velocity": 1.0, "torque_rms": 1.0}
-    return Cycle(None, found, levels, np.zeros(0), error, faint, 0.0, 0.0, 2, 0.0, status)
+    return Cycle(None, found, levels, np.zeros(0), error, faint, 0.0, 0.0, 0.0, 2, 0.0, status)
 
 
 @pytest.fixture(scope="module")

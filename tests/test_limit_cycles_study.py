@@ -163,7 +163,7 @@ def test_points_that_cannot_be_searched_say_why(tmp_path):
     assert set(results.table("verdicts")["mode"]) == {1}
     assert results.points["n_left_out"].tolist() == [1]
     assert set(results.table("cycles")["n_harmonics"]) == {9}
-    changes = {"few": ("tolerance = 1e-3", "harmonics = 2\ntolerance = 1e-6")}
+    changes = {"few": ("tolerance = 1e-3", "harmonics = 1\ntolerance = 1e-6")}
     results = solved(plan_of(study([0.6], **changes), STUDY), tmp_path / "few")
     assert set(results.table("cycles")["status"]) == {"inaccurate"}
     assert results.table("cycles")["stable"].isna().all()
@@ -175,7 +175,7 @@ def test_points_that_cannot_be_searched_say_why(tmp_path):
         assert results.points[name].iloc[0] == pytest.approx(exact[name], rel=5e-3)
     assert results.points["level_error"].iloc[0] < 2e-2
     off = {
-        "few": ("tolerance = 1e-3", "harmonics = 2\ntolerance = 1e-6\nundecided_in_time = false")
+        "few": ("tolerance = 1e-3", "harmonics = 1\ntolerance = 1e-6\nundecided_in_time = false")
     }
     results = solved(plan_of(study([0.6], **off), STUDY), tmp_path / "off")
     assert results.points["verdict"].tolist() == ["undecided"]
