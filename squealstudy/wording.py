@@ -53,7 +53,7 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"kick_phase", "rad"),
     (
         r"multiplier\w*|power_imbalance|harmonic_tail"
-        r"|(level|frequency|velocity|kick|threshold|basis|regularisation)_error",
+        r"|(level|frequency|velocity|torque_peak|kick|threshold|basis|regularisation)_error",
         "",
     ),
     (r"d_frequency_hz", "Hz per unit of the row"),
