@@ -22,6 +22,7 @@ from squealstudy.cycles.projection import Projection
 from squealstudy.errors import ConvergenceError
 
 SAFETY = 2.0  # error over the last change: series that converge like 1/H are bounded too
+SURER = 2.5  # the same of finer ones, whose own error is up to a part of that of the cycle
 FALL = 4.0  # by what changes fall at most from rung to rung, where the next one is not known
 FINER = (2.25, 4.0)  # times the harmonics of a cycle: of those that it is held against
 LEAST_FINER = 1.5  # the same where that would be more than
@@ -112,7 +113,7 @@ def of_finer(
             errors = errors.larger(change(found, Found(motion, levels)))
     except ConvergenceError:
         return None
-    return errors * SAFETY, motion
+    return errors * SURER, motion
 
 
 def in_the_end(
