@@ -164,7 +164,10 @@ def order(path: Path) -> tuple[bool, int]:
 
 
 def pytest_collection_modifyitems(config, items):
-    """What is of full size runs where it is asked for: `-m full_size`, `--full-size-tenth DATE`."""
+    """What is of full size runs where it is asked for: `-m full_size`, `--full-size-tenth DATE`.
+
+    What takes many minutes (`by_hand`) runs by `-m by_hand` alone.
+    """
     if is_worker(config):
         items.sort(key=lambda item: order(item.path))
     day = config.option.full_size_tenth
@@ -172,6 +175,8 @@ def pytest_collection_modifyitems(config, items):
         return
 
     def left_out(item) -> bool:
+        if item.get_closest_marker("by_hand"):
+            return True
         return bool(item.get_closest_marker("full_size")) and (
             day is None or not runs_on(item.nodeid, day)
         )

@@ -41,7 +41,7 @@ class Run:
     prints: str
 
     def __str__(self) -> str:
-        return f"{self.script} {self.arguments}"
+        return f"{self.script} {self.arguments}".replace(str(ROOT), "HERE")
 
 
 HULTEN = BENCHMARKS / "same_tables" / "hulten_fidelity.toml"
@@ -154,7 +154,7 @@ def test_it_runs_and_prints_its_table(run, tiny_brake, tmp_path, monkeypatch, ca
     assert run.prints in printed(run, tmp_path, monkeypatch, capsys)
 
 
-@pytest.mark.full_size
+@pytest.mark.by_hand
 @pytest.mark.parametrize("run", LONG, ids=str)
 def test_it_runs_for_long(run, tmp_path, monkeypatch, capsys, request):
     pytest.importorskip(NEEDED.get(run.script, "numpy"))
@@ -209,7 +209,7 @@ def test_every_study_is_run():
     assert {path.stem for path in BENCHMARKS.glob("*.toml")} == {*STUDIES}
 
 
-SEARCHES = [pytest.param(n, marks=pytest.mark.full_size) for n in STUDIES if "quiet" in n]
+SEARCHES = [pytest.param(n, marks=pytest.mark.by_hand) for n in STUDIES if "quiet" in n]
 
 
 @pytest.mark.parametrize("name", [*(n for n in STUDIES if "quiet" not in n), *SEARCHES])
