@@ -12,13 +12,18 @@ SLOW = [f"tests/test_x.py::test_{number}" for number in range(200)]
 QUICK = [f"tests/test_y.py::test_{number}" for number in range(20)]
 
 
+def marker(slow):
+    """As of an item that has the mark of full size, or none."""
+    return lambda name: True if slow and name == "full_size" else None
+
+
 def chosen(day=None, expression=""):
     """Those that run, after the hook of the session."""
     told = []
     hook = SimpleNamespace(pytest_deselected=lambda items: told.extend(items))
     option = SimpleNamespace(full_size_tenth=day, markexpr=expression)
     items = [
-        SimpleNamespace(nodeid=name, get_closest_marker=lambda _, slow=slow: slow or None)
+        SimpleNamespace(nodeid=name, get_closest_marker=marker(slow))
         for slow, names in ((True, SLOW), (False, QUICK))
         for name in names
     ]
