@@ -853,8 +853,8 @@ GOAL = "[goal]\nmargin = {damping_ratio = 0.002}"
         (
             "[goal]",
             '[[variant]]\nname = "a"\nparameters.k2 = {}\n[goal]',
-            "variant[1]",
-            "that differ, got none",
+            "variant[1].parameters",
+            "'k2' is an empty table, expected a value",
         ),
         (
             "[goal]",

@@ -137,7 +137,7 @@ def _weighted(history: Mapping[str, np.ndarray], rows: slice) -> np.ndarray:
     sums = TorqueSums.of(history, rows)
     torque = history["torque"][rows]
     if sums is None:
-        sums = TorqueSums(torque, np.zeros_like(torque), torque, torque)
+        sums = TorqueSums.of_rows(torque)
     weight = hann(len(torque))
     mean = float(weight @ sums.mean / weight.sum())
     square = float(weight @ sums.squares(mean) / weight.sum())

@@ -99,6 +99,11 @@ class TorqueSums:
         found = cls(*(history[name][window] for name in names))
         return found if np.isfinite(found.mean).all() else None
 
+    @classmethod
+    def of_rows(cls, torque: np.ndarray) -> TorqueSums:
+        """Of rows alone, each taken for all of the time since the one before."""
+        return cls(torque, np.zeros_like(torque), torque, torque)
+
     def squares(self, mean: float) -> np.ndarray:
         """Mean squares about a mean of all, in each row."""
         squares: np.ndarray = self.variance + (self.mean - mean) ** 2
@@ -118,7 +123,7 @@ def torque_levels(
         Of the same rows. Mean and RMS are then those of whole periods of the dominant line.
     """
     if sums is None:
-        sums = TorqueSums(torque, np.zeros_like(torque), torque, torque)
+        sums = TorqueSums.of_rows(torque)
         exact = False
     else:
         exact = True
