@@ -79,10 +79,16 @@ def test_bounds_of_an_irregular_cycle_cover_the_mean_of_many(tmp_path):
         value, low, high = (points[f"{name}{end}"].to_numpy() for end in ("", "_low", "_high"))
         mean = value.mean()
         assert value.std() > spread * mean  # apart they are
-        assert ((low <= mean) & (high >= mean)).mean() >= 2 / 3  # of 95 %; .9 of 48 runs did
+        told = np.isfinite(low)
+        assert told.mean() > 0.5
+        covers = (low <= mean) & (high >= mean)
+        assert covers[told].mean() >= 2 / 3  # of 95 %; .9 of 48 runs did
         parts = [slice(first, first + 4) for first in range(0, 24, 4)]
         pooled = np.array([pooled_interval(value[p], low[p], high[p]) for p in parts])
-        assert ((pooled[:, 1] <= mean) & (pooled[:, 2] >= mean)).sum() >= 4  # of 6
+        # where another step changes a chaotic run by more than half, its bounds are not told
+        pooled = pooled[np.isfinite(pooled[:, 1:]).all(axis=1)]
+        assert len(pooled) >= 3  # of 6
+        assert ((pooled[:, 1] <= mean) & (pooled[:, 2] >= mean)).mean() >= 2 / 3
         assert (pooled[:, 2] - pooled[:, 1]).mean() < 0.5 * mean  # and they say something
 
 
