@@ -11,18 +11,19 @@ from typing import TYPE_CHECKING, Any
 from squealstudy import faults
 from squealstudy.errors import ParameterError, SquealstudyError, StudyFileError
 from squealstudy.face import Study, resolved_study, run
+from squealstudy.models.acting_laws import expect_acting, law_choices, laws_with
 from squealstudy.models.catalogue import MODELS, model_names
 from squealstudy.models.components.definition import DESCRIPTION as OF_A_FILE
 from squealstudy.models.components.definition import NAME as OF_FILE
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import DESCRIPTION as OF_MATRICES
 from squealstudy.models.matrices.family import NAME as MATRICES
+from squealstudy.models.parameter_names import parse_parameter
+from squealstudy.models.units import quantity
 from squealstudy.study.design import DesignPoint
-from squealstudy.study.laws import expect_acting, law_choices, laws_with
-from squealstudy.study.parameters import did_you_mean, parse_parameter
 from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import toml_text
-from squealstudy.study.units import quantity
+from squealstudy.wording import did_you_mean
 
 if TYPE_CHECKING:
     import pandas as pd

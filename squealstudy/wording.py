@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
+LONGEST_SHOWN = 40  # characters of a value in a message
 # classes of runs in time, as the points table of a transient study has them
 STABLE = "stable"  # decays to steady sliding
 LIMIT_CYCLE = "limit_cycle"
@@ -244,3 +246,22 @@ def named_tracks(tracks: Iterable[int], names: Mapping[int, tuple[str, bool]]) -
     """What the numbers of tracks stand for, a line each; none of tracks without a name."""
     known = dict.fromkeys(int(track) for track in tracks if track in names)
     return [f"{track}: {mostly(names[track])}" for track in known]
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Ending of a message: the closest of the known words, or nothing."""
+    matches = difflib.get_close_matches(word, list(known), n=3, cutoff=0.6)
+    return f"; did you mean {' or '.join(map(repr, matches))}?" if matches else ""
+
+
+def shown(value: object) -> str:
+    """A value that was given, short enough for a message."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int) and abs(value) >= 10**LONGEST_SHOWN:
+        return "a number too large"
+    if isinstance(value, dict | list):
+        kind = "table" if isinstance(value, dict) else "list"
+        return f"a {kind}" if value else f"an empty {kind}"
+    text = f"'{value}'" if isinstance(value, str) else str(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."

@@ -8,15 +8,15 @@ from hypothesis import strategies as st
 
 from squealstudy.errors import ParameterError
 from squealstudy.models.catalogue import MODELS
-from squealstudy.study.design import DesignPoint
-from squealstudy.study.parameters import (
+from squealstudy.models.parameter_names import (
     QUANTITIES,
     ModeParameter,
     PlainParameter,
     check_disjoint,
-    did_you_mean,
     parse_parameter,
 )
+from squealstudy.study.design import DesignPoint
+from squealstudy.wording import did_you_mean
 
 BRAKE = MODELS["disc_brake"]
 

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from squealstudy.engine.template import study_schema
 from squealstudy.errors import StudyFileError
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.units import UNITS, Unit, in_unit_of
 from squealstudy.study.definition import parse_study
 from squealstudy.study.design import DesignPoint
-from squealstudy.study.units import UNITS, Unit, in_unit_of
 
 HEAD = '[study]\nname = "s"\nkind = "complex_modes"\n[model]\nname = "disc_brake"\n'
 RANDOM = '[design]\ntype = "sobol"\nsamples = 8\n'

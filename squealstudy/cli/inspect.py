@@ -14,12 +14,12 @@ from squealstudy.models.components.component_facts import Inspection
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.components.faces import boundary, facet_groups, facets
 from squealstudy.models.components.geometry import Geometry
+from squealstudy.models.units import in_unit_of
 from squealstudy.plots.style import finish, head, new_figure
 from squealstudy.screen import Rows, facts, grid, show, warning
 from squealstudy.shapes.assembled import Body, draw_assembly, eight
 from squealstudy.shapes.measured import LEAST, Correlation, Measured, correlated, read_measured
 from squealstudy.study.components import free_component, read_model
-from squealstudy.study.units import in_unit_of
 from squealstudy.wording import figure, listed, plural
 
 if TYPE_CHECKING:

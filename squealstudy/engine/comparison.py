@@ -11,7 +11,7 @@ from squealstudy.engine.manifest import model_of
 from squealstudy.engine.store import version_of
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import IN_TIME_ONLY
-from squealstudy.study.parameters import DAMPING_RATIO, ModeParameter, parse_parameter
+from squealstudy.models.parameter_names import DAMPING_RATIO, ModeParameter, parse_parameter
 from squealstudy.study.tabled import taken
 from squealstudy.tables.comparison import compare
 from squealstudy.tables.cycle_comparison import compare_cycles

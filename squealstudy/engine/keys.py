@@ -28,9 +28,7 @@ NUMERIC_PACKAGES = (
     "laboratory",
     "root_pairs.py",
     "study/components.py",
-    "study/design.py",
     "study/family.py",
-    "study/parameters.py",
 )
 LENGTH = 16
 ID_TYPE = f"S{LENGTH}"  # of arrays of ids

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.models.matrices.family import FamilyDefinition
+from squealstudy.models.parameter_names import DAMPING_RATIO
 from squealstudy.modes.rung import Rung, Scope
 from squealstudy.modes.rungs import AUTO, all_rungs, exact_rung, rung_named
 from squealstudy.study.definition import ResolvedStudy, given_keys
-from squealstudy.study.parameters import DAMPING_RATIO
 from squealstudy.study.sampling import distinct_rows
 
 

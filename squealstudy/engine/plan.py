@@ -24,11 +24,11 @@ from squealstudy.models.operating import (
     OperatingPoint,
     contact_parameters,
 )
+from squealstudy.models.parameter_names import FREQUENCY_SCALE
 from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.family import file_digests
-from squealstudy.study.parameters import FREQUENCY_SCALE
 from squealstudy.study.sampling import design_points, farthest_points, grid_shape
 from squealstudy.study.toml_text import KeyPath
 

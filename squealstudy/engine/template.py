@@ -24,9 +24,9 @@ from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
 from squealstudy.study.design_sections import SweepSection
 from squealstudy.study.kinds import definition_of, kind_named, kind_names, model_kind
-from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.toml_text import toml_key, toml_value
+from squealstudy.wording import did_you_mean
 
 WIDTH = 100
 ELSEWHERE = ("study", "model", "parameters", "sweep", "design")  # written by hand below

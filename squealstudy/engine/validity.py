@@ -21,8 +21,8 @@ from squealstudy.engine.store import POINTS, Store
 from squealstudy.laws import CONTACT_LAWS
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import LARGEST_MODAL_DAMPING
+from squealstudy.models.parameter_names import DAMPING_RATIO
 from squealstudy.reduction.prepared import natural_frequencies
-from squealstudy.study.parameters import DAMPING_RATIO
 from squealstudy.tables.validity import BETWEEN
 
 if TYPE_CHECKING:

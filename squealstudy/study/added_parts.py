@@ -26,8 +26,8 @@ from squealstudy.models.components.model_file import GROUND, KeyPath, ModelFile
 from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
-from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.source import SourceText
+from squealstudy.wording import did_you_mean
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,6 @@ from squealstudy.models.operating import (
 from squealstudy.parameter import Parameter
 from squealstudy.study.added_parts import AddedPart, with_parts
 from squealstudy.study.file_parameters import file_parameters, file_places
-from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText, validate
 from squealstudy.study.stresses import (
@@ -45,7 +44,7 @@ from squealstudy.study.stresses import (
     stressed_point,
     with_stresses,
 )
-from squealstudy.wording import listed
+from squealstudy.wording import did_you_mean, listed
 
 if TYPE_CHECKING:
     import numpy as np

@@ -9,23 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ParameterError, StudyFileError
+from squealstudy.models.parameter_names import StudyParameter, check_disjoint, parse_parameter
 from squealstudy.study.kinds import kind_named, kind_names, kind_of_file, model_kind
 from squealstudy.study.measured import measured_values
-from squealstudy.study.parameters import (
-    StudyParameter,
-    check_disjoint,
-    did_you_mean,
-    parse_parameter,
-)
 from squealstudy.study.sections import OF_FILE, ModelSection, StudyDefinition
-from squealstudy.study.source import (
-    SourceText,
-    changed,
-    extensions_of,
-    not_registered,
-    shown,
-    validate,
-)
+from squealstudy.study.source import SourceText, changed, extensions_of, not_registered, validate
 from squealstudy.study.sweeps import BOUNDARY, Sweep, resolve_sweeps
 from squealstudy.study.tabled import (
     Found,
@@ -37,6 +25,7 @@ from squealstudy.study.tabled import (
 )
 from squealstudy.study.toml_text import KeyPath
 from squealstudy.study.units import TEMPERATURE, with_numbers
+from squealstudy.wording import did_you_mean, shown
 
 if TYPE_CHECKING:  # the catalogue imports scipy and scikit-fem: only where a study is loaded
     from squealstudy.engine.model_kind import ModelKind
@@ -298,8 +287,8 @@ def _check_acting(
     source: SourceText,
 ) -> None:
     """No parameter of a law that the study does not choose: it would seem to have no influence."""
+    from squealstudy.models.acting_laws import expect_acting
     from squealstudy.study.design import DesignPoint
-    from squealstudy.study.laws import expect_acting
 
     design = DesignPoint(model, options, {})
     for keys, parameter in used if design.has_working_point else ():

@@ -25,10 +25,10 @@ from squealstudy.models.matrices.family import (
 )
 from squealstudy.models.matrices.files import read_matrix
 from squealstudy.study.kinds import model_kind
-from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.sections import ModelSection, StudyDefinition, TermSection
 from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import KeyPath
+from squealstudy.wording import did_you_mean
 
 DATA = "SQUEALSTUDY_DATA"  # environment variable: replaces the folder that a study names
 # columns of the tables beside the parameters

@@ -27,11 +27,11 @@ from squealstudy.models.operating import (
     friction_parameters,
 )
 from squealstudy.models.parameter import Declared
+from squealstudy.models.units import Unit, in_unit_of
 from squealstudy.parameter import Parameter
 from squealstudy.study.family import TAKEN
-from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.source import SourceText
-from squealstudy.study.units import Unit, in_unit_of
+from squealstudy.wording import did_you_mean
 
 OPERATING = (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING, STIFFNESS_DAMPING)
 

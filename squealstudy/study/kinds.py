@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, cast
 from squealstudy.columns import register_columns
 from squealstudy.extensions import note_registered
 from squealstudy.study.sections import StudyDefinition
-from squealstudy.study.source import SourceText, extensions_of, not_registered, shown
+from squealstudy.study.source import SourceText, extensions_of, not_registered
+from squealstudy.wording import shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -89,7 +90,7 @@ def kind_of_file(source: SourceText, tables: Mapping[str, Any]) -> Kind | None:
         A kind that there is not.
     """
     extensions_of(source, tables)  # before kernels are imported: they may hold laws
-    from squealstudy.study.parameters import did_you_mean
+    from squealstudy.wording import did_you_mean
 
     study = tables.get("study")
     name = study.get("kind") if isinstance(study, dict) else None

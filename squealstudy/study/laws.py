@@ -7,47 +7,15 @@ from contextlib import suppress
 from itertools import product
 from typing import TYPE_CHECKING
 
-from squealstudy.errors import ModelError, ParameterError
-from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES
+from squealstudy.errors import ModelError
 from squealstudy.laws.consistency import NotComputedError
 from squealstudy.laws.friction_law import PRESSURES, SPEEDS
 from squealstudy.models.operating import CONTACT_OPTION, FRICTION_OPTION, OperatingPoint
 from squealstudy.study.design import DesignPoint
-from squealstudy.study.parameters import StudyParameter
 from squealstudy.study.toml_text import KeyPath
 
 if TYPE_CHECKING:
     from squealstudy.study.definition import ResolvedStudy
-
-
-def laws_with(name: str) -> dict[str, list[str]]:
-    """Laws that have a parameter of that name, by the option of [model] that chooses them."""
-    sorts = ((CONTACT_OPTION, CONTACT_LAWS), (FRICTION_OPTION, FRICTION_CURVES))
-    found = {
-        option.name: [law.name for law in laws if name in {p.name for p in law.parameters}]
-        for option, laws in sorts
-    }
-    return {option: laws for option, laws in found.items() if laws}
-
-
-def law_choices(laws: Mapping[str, list[str]]) -> str:
-    """Laws in words: ``contact_law unilateral or power``."""
-    return " or ".join(f"{option} {' or '.join(names)}" for option, names in laws.items())
-
-
-def expect_acting(parameter: StudyParameter, design: DesignPoint) -> None:
-    """ParameterError for a parameter of laws that a design point's model does not choose."""
-    owners = laws_with(parameter.name)
-    chosen = {CONTACT_OPTION.name: design.law_kind, FRICTION_OPTION.name: design.curve_kind}
-    acting = [option for option, laws in owners.items() if chosen[option] in laws]
-    if parameter.structural or not owners or acting:
-        return
-    here = law_choices({option: [chosen[option]] for option in owners})
-    raise ParameterError(
-        parameter.name,
-        f"'{parameter.name}' does nothing here: it belongs to {law_choices(owners)}, "
-        f"and this is {here}",
-    )
 
 
 def check_outside_laws(study: ResolvedStudy) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from squealstudy.study.parameters import (
+from squealstudy.models.parameter_names import (
     DAMPING_RATIO,
     FREQUENCY_SCALE,
     ModeParameter,

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict
 
-from squealstudy.study.source import shown
+from squealstudy.wording import shown
 
 
 def flatten(tables: object) -> object:

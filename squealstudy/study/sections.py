@@ -11,9 +11,9 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict,
 
 from squealstudy.modes.rungs import AUTO, rung_names
 from squealstudy.study.design_sections import MOST_LEVELS, DesignSection, SweepSection
-from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.section import Band, NamedSection, NumberTable, Section
-from squealstudy.study.source import SourceText, shown
+from squealstudy.study.source import SourceText
+from squealstudy.wording import did_you_mean, shown
 
 if TYPE_CHECKING:  # it imports models
     from squealstudy.study.added_parts import AddedPart

@@ -16,14 +16,12 @@ from pydantic_core import ErrorDetails
 
 from squealstudy.errors import ExtensionError, StudyFileError
 from squealstudy.extensions import load_extension
-from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.toml_text import KeyLines, KeyPath
-from squealstudy.wording import expectation
+from squealstudy.wording import did_you_mean, expectation, shown
 
 Model = TypeVar("Model", bound=BaseModel)
 TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 PLACE = re.compile(r"(?P<name>\w+)\[(?P<number>\d+)\]")
-LONGEST_SHOWN = 40
 MOST_LISTED, MOST_SOUGHT = 10, 50  # errors of one message; those put in order by their lines
 
 
@@ -193,19 +191,6 @@ def _place(data: Any, loc: KeyPath) -> KeyPath:
         else:
             return loc[:depth]
     return loc
-
-
-def shown(value: object) -> str:
-    """A value of the file, short enough for a message."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, int) and abs(value) >= 10**LONGEST_SHOWN:
-        return "a number too large"
-    if isinstance(value, dict | list):
-        kind = "table" if isinstance(value, dict) else "list"
-        return f"a {kind}" if value else f"an empty {kind}"
-    text = f"'{value}'" if isinstance(value, str) else str(value)
-    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
 
 
 def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:

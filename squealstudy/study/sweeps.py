@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from squealstudy.errors import ParameterError, StudyFileError
+from squealstudy.models.parameter_names import StudyParameter, parse_parameter
+from squealstudy.models.units import CELSIUS, ZERO_CELSIUS
 from squealstudy.study.design_sections import MOST_POINTS, DesignSection, Scale, SweepSection
 from squealstudy.study.distributions import KEYS, TAIL, UNIFORM, Distribution
 from squealstudy.study.kinds import model_kind
-from squealstudy.study.parameters import StudyParameter, parse_parameter
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import KeyPath
-from squealstudy.study.units import CELSIUS, ZERO_CELSIUS
 
 if TYPE_CHECKING:
     from squealstudy.models.parameter import ModelDefinition

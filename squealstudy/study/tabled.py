@@ -17,11 +17,13 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ParameterError
+from squealstudy.models.parameter_names import PlainParameter, parse_parameter
+from squealstudy.models.units import ZERO_CELSIUS, in_unit_of, with_bare_unit
 from squealstudy.parameter import Parameter
-from squealstudy.study.parameters import PlainParameter, parse_parameter
-from squealstudy.study.source import SourceText, shown
+from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import DEEPEST, KeyPath
-from squealstudy.study.units import TEMPERATURE, ZERO_CELSIUS, in_unit_of, with_bare_unit
+from squealstudy.study.units import TEMPERATURE
+from squealstudy.wording import shown
 
 if TYPE_CHECKING:  # numpy stays out of `squealstudy schema`
     from squealstudy.models.parameter import ModelDefinition, ParameterTable

@@ -28,6 +28,7 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.files import sealed, unsealed, write_text
 from squealstudy.kinds.complex_modes.full_order_check import solve_unreduced
 from squealstudy.models.operating import DesignState
+from squealstudy.models.parameter_names import FREQUENCY_SCALE
 from squealstudy.modes.full_order.modes import solve_family_point
 from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.modes.problem import Problem
@@ -38,7 +39,6 @@ from squealstudy.modes.rung import Rung
 from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint
-from squealstudy.study.parameters import FREQUENCY_SCALE
 
 MOST_KEPT = 2  # problems a process holds: of each its basis
 SHARE = 1 / 3  # of the tolerance that the basis may use up

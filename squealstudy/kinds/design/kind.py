@@ -58,11 +58,11 @@ from squealstudy.kinds.sensitivity.parameters import (
 from squealstudy.kinds.transient.batch import mode_keys
 from squealstudy.kinds.transient.plan_facts import slowest_speed, with_speed
 from squealstudy.models.operating import DAMPING
+from squealstudy.models.parameter_names import parse_parameter
 from squealstudy.modes.sensitivity.structural import check_structural
 from squealstudy.motion.warmup import begin_warming, warm_kernels
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
-from squealstudy.study.parameters import parse_parameter
 from squealstudy.study.source import SourceText
 from squealstudy.system.linearise import component_frequencies
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, model_validator
 
 from squealstudy.kinds.limit_cycles.section import LimitCyclesDefinition
+from squealstudy.models.units import in_unit_of
 from squealstudy.study.design_sections import QUANTITY, SweepSection
 from squealstudy.study.section import FloatList, Section, flatten
 from squealstudy.study.source import SourceText
-from squealstudy.study.units import in_unit_of
 
 if TYPE_CHECKING:  # it imports models
     from squealstudy.study.added_parts import AddedPart

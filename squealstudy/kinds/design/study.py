@@ -17,18 +17,17 @@ from squealstudy.kinds.design.section import (
     VariantSection,
 )
 from squealstudy.kinds.limit_cycles.section import LimitCyclesSection
+from squealstudy.models.acting_laws import expect_acting
 from squealstudy.models.operating import IN_TIME_ONLY
-from squealstudy.study.definition import ResolvedStudy, resolve_study
-from squealstudy.study.design import DesignPoint
-from squealstudy.study.design_sections import DesignSection
-from squealstudy.study.laws import expect_acting
-from squealstudy.study.parameters import (
+from squealstudy.models.parameter_names import (
     ModeParameter,
     StudyParameter,
     check_disjoint,
-    did_you_mean,
     parse_parameter,
 )
+from squealstudy.study.definition import ResolvedStudy, resolve_study
+from squealstudy.study.design import DesignPoint
+from squealstudy.study.design_sections import DesignSection
 from squealstudy.study.sampling import design_points
 from squealstudy.study.section import flat_keys
 from squealstudy.study.source import SourceText
@@ -36,7 +35,7 @@ from squealstudy.study.sweeps import BOUNDARY, Sweep, read_sweep
 from squealstudy.study.tabled import SECTION as PARAMETERS
 from squealstudy.study.tabled import TABLE, taken
 from squealstudy.study.toml_text import KeyPath, toml_text
-from squealstudy.wording import plural
+from squealstudy.wording import did_you_mean, plural
 
 SCATTERS = DesignSection(type="sobol", samples=1)  # what is read as the sweeps of a random design
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.kinds.design.search import Box
-from squealstudy.study.parameters import ModeParameter, StudyParameter
+from squealstudy.models.parameter_names import ModeParameter, StudyParameter
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, Strict
 from squealstudy.kinds.transient.section import TRANSIENT_BASIS
 from squealstudy.study.section import Section
 from squealstudy.study.sections import StudyDefinition
-from squealstudy.study.source import shown
+from squealstudy.wording import shown
 
 AUTO, ALL, SCREENED = "auto", "all", "screened"
 MOST_HARMONICS = 60

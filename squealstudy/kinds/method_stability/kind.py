@@ -21,9 +21,9 @@ from squealstudy.errors import ParameterError
 from squealstudy.kinds.method_stability.section import MethodStabilityDefinition
 from squealstudy.kinds.methods import MethodsFile, MethodsPlan, Run, Runs
 from squealstudy.laboratory.method_stability.contract import StabilityCase, checked, known_cases
-from squealstudy.study.parameters import did_you_mean
 from squealstudy.study.source import SourceText, validate
 from squealstudy.tables.method_quality import agreement
+from squealstudy.wording import did_you_mean
 
 Values = Mapping[str, float]
 FIELDS = (

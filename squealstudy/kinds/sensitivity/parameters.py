@@ -8,11 +8,18 @@ from functools import partial
 
 from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.kinds.sensitivity.section import UNSTABLE, SensitivitySection
+from squealstudy.models.acting_laws import expect_acting
 from squealstudy.models.operating import (
     DAMPING,
     IN_TIME_ONLY,
     ModeKey,
     contact_parameters,
+)
+from squealstudy.models.parameter_names import (
+    ModeParameter,
+    PlainParameter,
+    StudyParameter,
+    parse_parameter,
 )
 from squealstudy.modes.sensitivity.reduced import ModeChoice
 from squealstudy.modes.sensitivity.state_derivatives import FREQUENCY, StateParameter
@@ -20,13 +27,6 @@ from squealstudy.modes.sensitivity.structural import StructureBuilder
 from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
-from squealstudy.study.laws import expect_acting
-from squealstudy.study.parameters import (
-    ModeParameter,
-    PlainParameter,
-    StudyParameter,
-    parse_parameter,
-)
 
 EVERY, ONE = "[*]", "[1]"
 DEFAULTS = ("friction", "pressure", "contact.lambda", "sliding_speed")

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, Strict
 
 from squealstudy.study.section import Section
 from squealstudy.study.sections import StudyDefinition
-from squealstudy.study.source import shown
+from squealstudy.wording import shown
 
 UNSTABLE = "unstable"
 MOST_MODES = 1000
