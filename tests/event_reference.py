@@ -175,8 +175,9 @@ def steady(d: SmallDesign) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
         def imbalance(x, mu=mu):
             p, kappa = _pressure(law, N @ x)
-            F = K @ x - load - N.T @ (area * p) + T.T @ (area * mu * p)
-            J = K + N.T @ np.diag(area * kappa) @ N - T.T @ np.diag(area * mu * kappa) @ N
+            grip = area * mu * (p > 0)  # contact that pulls has no friction
+            F = K @ x - load - N.T @ (area * p) + T.T @ (grip * p)
+            J = K + N.T @ np.diag(area * kappa) @ N - T.T @ np.diag(grip * kappa) @ N
             return F, J
 
         x = _newton(imbalance, x, float(np.abs(load).max()))
@@ -222,8 +223,9 @@ def roots(d: SmallDesign) -> tuple[np.ndarray, np.ndarray]:
     C, speed = damping(d, kappa), d["sliding_speed"]
     mu = friction_at(d, abs(speed))
     falls = (d["friction"] - mu) / d["friction_law.decay_speed"]  # dmu/ds
-    K = K + N.T @ np.diag(area * kappa) @ N - np.sign(speed) * mu * T.T @ np.diag(area * kappa) @ N
-    C = C + falls * T.T @ np.diag(area * p) @ T
+    drag = np.sign(speed) * mu * area * kappa * (p > 0)
+    K = K + N.T @ np.diag(area * kappa) @ N - T.T @ np.diag(drag) @ N
+    C = C + falls * T.T @ np.diag(area * np.maximum(p, 0.0)) @ T
     zero, m = np.zeros((2, 2)), d["mass"]
     lam, vectors = np.linalg.eig(np.block([[zero, np.eye(2)], [-K / m, -C / m]]))
     keep = np.flatnonzero(lam.imag > 0)

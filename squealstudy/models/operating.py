@@ -178,10 +178,12 @@ class OperatingPoint:
         """Friction at contact pressures p (nc,) [Pa] of points with these factors (nc,).
 
         Of sliding against T the coefficient and dmu/dp are negative: traction is against sliding.
-        dmu/ds is the slope by the velocity along T either way. Floats where friction is the same
-        at all points, else (nc,).
+        dmu/ds is the slope by the velocity along T either way. Contact that pulls (p < 0) has no
+        friction, as in time. Floats where friction is the same at all points, else (nc,).
         """
         found = self.curve.at(self.friction, self.speed_at(speed_factor), p)
+        if (p < 0.0).any():
+            found = Friction(*(np.where(p < 0.0, 0.0, part) for part in found))
         if self.direction > 0:
             return found
         return found._replace(mu=-found.mu, by_pressure=-found.by_pressure)
@@ -194,6 +196,8 @@ class OperatingPoint:
         speeds = self.speed_at(speed_factor)
         rows = self.curve.slopes(self.friction, speeds, p)
         rows[0] = rows[0] * (speeds / abs(self.sliding_speed))
+        if (p < 0.0).any():
+            rows = np.where(p < 0.0, 0.0, rows)
         if self.direction < 0:
             rows[1:, [0, 2]] *= -1.0
             rows[0, 1] *= -1.0

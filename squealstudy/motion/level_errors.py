@@ -76,6 +76,8 @@ def _coarse(found: Mapping[str, Any], step: float) -> str:
     apart, fitted = "", found.get("growth_rate", np.nan)
     if found.get("growth_method") == LEFT_VECTOR:
         unsure = found["growth_rate_high"] - found["growth_rate_low"]
+        step_part = found.get("growth_rate_step_error", np.nan)
+        unsure -= 2 * abs(step_part) if np.isfinite(step_part) else 0.0
         allowed = max(GROWTH_APART * abs(predicted), DAMPING_APART * 2 * np.pi * hz) + unsure
         if abs(fitted - predicted) > allowed:
             apart = f" and small motions grow by {fitted:.4g} instead of {predicted:.4g} 1/s"

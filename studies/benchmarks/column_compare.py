@@ -32,8 +32,9 @@ STEADY = 0.02  # change of level from one quarter to the next of motion that doe
 COARSE = 64  # samples a period of what settles
 UNSURE = 10.0  # times the difference of periods over those observed: what is left to settle
 OBSERVED = 40  # periods of what it has settled to
-FITTED = 1e-4  # of a growth rate: what a fit may owe beyond its bounds and the step's error
 QUIET = 1e-9  # of the torque: levels below are none
+STILL = 1e-7  # of the sliding speed: what the judge's own tolerance leaves moving
+RESOLVED = 1e-5  # of the torque: what it leaves to levels of motion that dies away
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,8 @@ def fate(d: SmallDesign, start: np.ndarray, periods: float) -> Fate:
     period = 2 * np.pi / float(abs(lam).min())
     record = run(d, periods * period, start=start, sample=period / COARSE)
     speed = np.abs(record.rows[:, 2:4]).max(axis=1)
+    if speed.max() < STILL * abs(d["sliding_speed"]) and lam[0].real < 0:
+        return Fate("rest", record, None)
     parts = [float(part.max()) for part in np.array_split(speed, 8)[4:]]
     if parts[-1] < AT_REST * speed.max() and lam[0].real < 0:
         return Fate("rest", record, None)
@@ -152,8 +155,7 @@ def of_transient(case: Case, results: Results) -> Iterator[Told]:
     if np.isfinite(row["growth_rate"]):
         name = "growth_rate" if row["growth_method"] == "left_vector" else "growth_rate (energy)"
         bounds = row["growth_rate_low"], row["growth_rate_high"]
-        step = row.get("growth_rate_step_error", 0.0)
-        yield _rate("points", name, row["growth_rate"], bounds, step, seen[0].real)
+        yield Told("points", name, row["growth_rate"], *bounds, seen[0].real)
     found = fate(d, record.end, (LONGER - 1) * section["duration"] * hz)
     yield from _classes(row, found, section["duration"] * hz)
     yield from _levels(row, found, record, section["duration"])
@@ -186,7 +188,8 @@ def _levels(row: pd.Series, found: Fate, record: Record, duration: float) -> Ite
         truth = _window(row, record, duration)
     else:
         return
-    size = abs(row["torque_static"]) * 1e-6 + found.unsure * truth.rms  # of levels that are none
+    none = ROUND_OFF if sustained else RESOLVED
+    size = abs(row["torque_static"]) * none + found.unsure * truth.rms  # of levels that are none
     state = "" if sustained else " (passing)"
     for column, value in (("torque_mean", truth.mean), ("torque_rms", truth.rms)):
         low, high = row[f"{column}_low"], row[f"{column}_high"]
@@ -194,7 +197,9 @@ def _levels(row: pd.Series, found: Fate, record: Record, duration: float) -> Ite
     if "torque_peak_to_peak_low" in row:
         low, high = row["torque_peak_to_peak_low"], row["torque_peak_to_peak_high"]
         name = "torque_peak_to_peak" + state
-        yield Told("points", name, row["torque_peak_to_peak"], low, high, truth.peak_to_peak)
+        truth = truth if sustained else _window(row, record, duration, whole=False)
+        swing = truth.peak_to_peak
+        yield Told("points", name, row["torque_peak_to_peak"], low - size, high + size, swing)
     elif sustained:
         name, value = "torque_peak_to_peak", truth.peak_to_peak
         yield plain("points", name, row[name], value, "level")
@@ -213,10 +218,16 @@ def _levels(row: pd.Series, found: Fate, record: Record, duration: float) -> Ite
             yield plain("points", "frequency_hz", row["frequency_hz"], hz, "hz")
 
 
-def _window(row: pd.Series, record: Record, duration: float):
-    """The last 40 % of a run, or 20 periods of its line where that is longer."""
+def _window(row: pd.Series, record: Record, duration: float, whole: bool = True):
+    """The last 40 % of a run, or 20 periods of its line where that is longer.
+
+    Mean and RMS are of whole periods of it, of six at a time where there are twelve.
+    """
     line = row.get("torque_line_hz", row.get("dominant_frequency_hz", np.nan))
     length = max(0.4 * duration, 20.0 / line if np.isfinite(line) else 0.0)
+    if whole and line * length >= 5:
+        count = int(line * min(length, duration) * (1 + 1e-9))
+        length = (count - count % 6 if count >= 12 else count) / line
     return record.levels(max(0.0, duration - length), duration)
 
 
@@ -228,17 +239,7 @@ def _growth(results: Results, seen: np.ndarray) -> Iterator[Told]:
         yield plain("growth", "frequency_hz", row["frequency_hz"], abs(lam) / (2 * np.pi), "exact")
         if np.isfinite(row["fitted_growth_rate"]):
             told, bounds = row["fitted_growth_rate"], (row["fitted_low"], row["fitted_high"])
-            step = row.get("step_error", 0.0)
-            yield _rate("growth", "fitted_growth_rate", told, bounds, step, lam.real)
-
-
-def _rate(
-    table: str, column: str, told: float, bounds: tuple[float, float], step: float, truth: float
-) -> Told:
-    """A fitted growth rate: its bounds are about what the step makes of the truth."""
-    room = FITTED * abs(truth)
-    low, high = (x - (step if np.isfinite(step) else 0.0) for x in bounds)
-    return Told(table, column, told, low - room, high + room, truth)
+            yield Told("growth", "fitted_growth_rate", told, *bounds, lam.real)
 
 
 def _history(results: Results, row: pd.Series, record: Record) -> Iterator[Told]:

@@ -27,6 +27,7 @@ CHANCE = 4.0  # standard errors that their difference, and a bend, may take
 LEAST_SCATTER = 1e-3  # below this a longer stretch is the better one
 FIT_BLOCKS = (48, 24, 12)  # block means of a line; fewer while neighbours are correlated
 CORRELATED = 0.3
+ROUND_OFF = 1e-20  # of a square: an amplitude that hardly changes bends nothing
 WORST = 0.2  # of the slope: what is bent more is no straight line at all
 
 
@@ -325,7 +326,7 @@ def slope_interval(log: np.ndarray, step: float, real: bool) -> tuple[float, flo
     -------
     slope, half : float
         1/s, and half of its 95 % interval: HC3 variance, Student's t, widened by what correlation
-        of neighbours twelve blocks still have, and by a bend beyond chance (`_bend`).
+        of neighbours twelve blocks still have, and how far that of a vanishing amplitude is.
     time, level : float
         Mean time from the first row [s] and mean of the blocks: a point of the line.
     """
@@ -343,16 +344,17 @@ def slope_interval(log: np.ndarray, step: float, real: bool) -> tuple[float, flo
     error = float(np.sqrt(np.sum((x * rest / (1 - leverage)) ** 2))) / float(x @ x)
     rho = min(max(rho, 0.0), 0.9)
     wider = float(np.sqrt((1 + rho) / (1 - rho)))
-    half = float(special.stdtrit(len(y) - 2, 0.975)) * error * wider + _bend(x, rest, slope, wider)
+    half = float(special.stdtrit(len(y) - 2, 0.975)) * error * wider
+    half = max(half, _beyond_line(x, rest, slope, wider))
     return slope, half, step * (0.5 * len(y) * width - 0.5), float(y.mean())
 
 
-def _bend(x: np.ndarray, rest: np.ndarray, slope: float, wider: float) -> float:
-    """What a line's slope may be off that of a vanishing amplitude, 1/s, as it bends beyond chance.
+def _beyond_line(x: np.ndarray, rest: np.ndarray, slope: float, wider: float) -> float:
+    """How far the slope of a vanishing amplitude is from that of a line, 1/s, beyond chance.
 
-    By a growth a (1 - r^m) that depends on the amplitude r, slopes at the ends differ by d, and
-    the slope at the small end is d / (exp(m rise) - 1) off a: m = 1, the worst, is taken. The
-    slope of the line is off that by half of d, about.
+    Growth that depends on the amplitude r as a (1 + b r^m), m = 1 or 2, bends the logarithm by
+    r^m: along the line that is exp(m slope x), the third term of a fit whose straight one is a.
+    m = 1 reaches farther. One standard error is chance.
 
     Parameters
     ----------
@@ -363,11 +365,15 @@ def _bend(x: np.ndarray, rest: np.ndarray, slope: float, wider: float) -> float:
     wider : float
         Factor on standard errors that correlation makes.
     """
-    square = x**2 - float(x @ x) / len(x)
-    bend = float(square @ rest / (square @ square))
-    left = rest - bend * square
-    error = float(np.sqrt(left @ left / (len(x) - 3) / (square @ square))) * wider
-    length = float(x[-1] - x[0]) * len(x) / (len(x) - 1)
-    apart = 2 * length * max(abs(bend) - CHANCE * error, 0.0)
-    rise = abs(slope) * length
-    return apart * (0.5 + 1.0 / float(np.expm1(max(rise, 1e-12))))
+    grown = slope * x
+    bent = np.exp(grown - grown.max())
+    bent -= bent.mean()
+    lean = float(x @ bent) / float(x @ x)
+    bent -= lean * x
+    size = float(bent @ bent)
+    if not size > ROUND_OFF:
+        return 0.0
+    share = float(bent @ rest) / size
+    left = rest - share * bent
+    error = float(np.sqrt(left @ left / (len(x) - 3) / size)) * wider
+    return abs(lean) * max(abs(share) - error, 0.0)

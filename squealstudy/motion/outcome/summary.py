@@ -212,8 +212,8 @@ def _as_integrated(run: Motion, k: int, fit: GrowthFit) -> GrowthFit:
     """The fit where it is one of the mode's linear motion, with what the contact iteration may do.
 
     Whatever moves along a left vector has an amplitude, a limit cycle too; of the linear motion
-    frequency and growth are those of the mode, as the step makes it. The bounds reach as far as
-    steps of one evaluation change the growth.
+    frequency and growth are those of the mode, as the step makes it. The bounds reach to what the
+    step makes of the growth, and as far as steps of one evaluation change it.
     """
     if fit.status != "ok":
         return fit
@@ -224,6 +224,7 @@ def _as_integrated(run: Motion, k: int, fit: GrowthFit) -> GrowthFit:
     if abs(fit.frequency - hz) > allowed * hz:
         return GrowthFit(status=NOT_LINEAR)
     more = abs(once.real - balanced.real) if np.isfinite(once - balanced) else 0.0
+    more += abs(step_error(run, k)) if known else 0.0
     return replace(fit, low=fit.low - more, high=fit.high + more)
 
 
