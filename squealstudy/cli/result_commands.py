@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from squealstudy.cli.foreign import on_results
 from squealstudy.cli.options import (
     By,
     Csv,
@@ -17,6 +18,7 @@ from squealstudy.cli.options import (
 from squealstudy.errors import ResultsError
 
 
+@on_results
 def rank(
     results: ResultsPath,
     by: By = "share",
@@ -66,6 +68,7 @@ def rank(
     screen.show(*outside(found, "of the whole study: " if where else ""))
 
 
+@on_results
 def robust(
     results: ResultsPath,
     top: Top = None,
@@ -95,6 +98,7 @@ def robust(
     screen.show(*outside(found))
 
 
+@on_results
 def plot(
     results: ResultsPath,
     output: Annotated[
@@ -107,6 +111,7 @@ def plot(
     screen.show(*map(str, face.open_results(results).draw(output)))
 
 
+@on_results
 def report(
     results: Annotated[
         list[Path], typer.Argument(metavar="RESULTS...", help="Results directories.")
@@ -130,6 +135,7 @@ def report(
     screen.show(str(output))
 
 
+@on_results
 def shape(
     results: ResultsPath,
     point: Annotated[
@@ -170,6 +176,7 @@ def shape(
     screen.show(screen.facts(found))
 
 
+@on_results
 def compare(
     frequency: Annotated[
         Path, typer.Argument(metavar="RESULTS", help="Complex modes, or limit cycles.")

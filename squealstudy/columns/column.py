@@ -8,6 +8,12 @@ from dataclasses import dataclass
 
 from squealstudy.wording import units_of
 
+NUMBERS, TEXTS, FLAGS, LISTS = (
+    "numbers",
+    "texts",
+    "flags",
+    "lists of numbers",
+)  # what a column may hold
 DEFINITION, ERROR, LEAVES_OUT = b"definition", b"error", b"leaves_out"  # keys of field metadata
 
 
@@ -25,12 +31,15 @@ class Column:
         Columns of the same table that hold its bounds or its error.
     leaves_out : str
         Where there are none: what the number leaves out, or why it needs none.
+    holds : str
+        NUMBERS, TEXTS, FLAGS or LISTS; empty where that is not said.
     """
 
     name: str
     definition: str
     errors: tuple[str, ...] = ()
     leaves_out: str = ""
+    holds: str = ""
 
     def fits(self, name: str) -> bool:
         """Whether it describes the column of that name."""
@@ -46,18 +55,31 @@ class Column:
 
 Tables = Mapping[str, Sequence[Column]]  # of a kind, by the file's name without ending
 PARAMETER = Column(
-    ".+", "Value of this parameter at the design point.", leaves_out="It is given, not computed."
+    ".+",
+    "Value of this parameter at the design point.",
+    leaves_out="It is given, not computed.",
+    holds=NUMBERS,
 )
 
 
 def number(name: str, definition: str, *errors: str, leaves_out: str = "") -> Column:
     """A column of numbers, with its error columns or what it leaves out."""
-    return Column(name, definition, errors, leaves_out)
+    return Column(name, definition, errors, leaves_out, NUMBERS)
 
 
 def count(name: str, definition: str) -> Column:
     """A column of whole numbers that are counted or numbered."""
-    return Column(name, definition, leaves_out="It is counted: exact.")
+    return Column(name, definition, leaves_out="It is counted: exact.", holds=NUMBERS)
+
+
+def text(name: str, definition: str) -> Column:
+    """A column of texts."""
+    return Column(name, definition, holds=TEXTS)
+
+
+def flag(name: str, definition: str) -> Column:
+    """A column that tells whether something is so, or nothing."""
+    return Column(name, definition, holds=FLAGS)
 
 
 def same_in(columns: Sequence[Column], *names: str) -> tuple[Column, ...]:

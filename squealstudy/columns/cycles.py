@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from squealstudy.columns.column import Column, Tables, count, number, same_in
+from squealstudy.columns.column import LISTS, Column, Tables, count, flag, number, same_in, text
 from squealstudy.columns.everywhere import POINT
 
 SERIES = "It has the error of the series, which level_error tells for the torque's RMS."
@@ -46,11 +46,11 @@ THRESHOLD = (
 )
 POINTS = (
     *POINT,
-    Column("verdict", "squeals, squeals_if_kicked, undecided, neutral or no_cycle_found."),
-    Column("reason", "Why, in words."),
+    text("verdict", "squeals, squeals_if_kicked, undecided, neutral or no_cycle_found."),
+    text("reason", "Why, in words."),
     count("n_families", "Modes whose growth over amplitude was followed."),
     count("n_left_out", "Modes of the band that were not followed."),
-    Column("unstable_outside", "Whether a mode outside the band grows."),
+    flag("unstable_outside", "Whether a mode outside the band grows."),
     count("n_unstable", "Unstable modes among those followed."),
     count("n_cycles", "Different cycles that were found, unstable ones included."),
     number(
@@ -83,8 +83,8 @@ VERDICTS = (
         "Of small motion along the mode.",
         leaves_out="The error of the reduced model.",
     ),
-    Column("unstable", "Whether small motion grows."),
-    Column("verdict", "As in points, of this mode alone."),
+    flag("unstable", "Whether small motion grows."),
+    text("verdict", "As in points, of this mode alone."),
     count("n_cycles", "Cycles on its curve."),
     count("n_lost", "Zeros of its curve that more harmonics did not confirm."),
     number(
@@ -166,7 +166,7 @@ OF_A_CYCLE = (
     ),
 )
 STABLE = (
-    Column("stable", "Whether motions near it come to it; missing where that is not known."),
+    flag("stable", "Whether motions near it come to it; missing where that is not known."),
     count("n_unstable", "Floquet multipliers outside the unit circle."),
     number("multiplier", "Largest modulus of a Floquet multiplier.", "multiplier_error"),
     number("multiplier_error", "Error of multiplier.", leaves_out="It is itself an error."),
@@ -197,10 +197,11 @@ CYCLES = (
     TAIL,
     BASIS_ERROR,
     RESIDUAL,
-    number(
+    Column(
         "torque_harmonics",
         "Amplitudes of its torque's harmonics, from the first on.",
         leaves_out=SERIES,
+        holds=LISTS,
     ),
     number(
         "(level|velocity|torque_peak|frequency)_error",

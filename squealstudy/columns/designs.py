@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from squealstudy.columns.column import Column, Tables, count, number
+from squealstudy.columns.column import Tables, count, flag, number
 from squealstudy.columns.everywhere import MAIN_COMPONENT, MODE, POINT
 
 REDUCED = "The error of the reduced model; the proof checks designs at full order."
@@ -45,7 +45,7 @@ DESIGNS = (
         "Least damping ratio less what was asked, over the operating points solved.",
         leaves_out=REDUCED,
     ),
-    Column("meets", "Whether the design does what was asked; missing where too few are solved."),
+    flag("meets", "Whether the design does what was asked; missing where too few are solved."),
 )
 MARGINS = (
     count("design", "Number of the design; today's is 0."),
@@ -83,7 +83,7 @@ SLOPES = (
 PROOF = (
     count("round", "Round of the search that asked for the check."),
     count("design", "Number of the design that was checked."),
-    Column("passed", "Whether it passed; missing where that cannot be told."),
+    flag("passed", "Whether it passed; missing where that cannot be told."),
     count("n_points", "Design points that the check solved."),
     number(
         "value",

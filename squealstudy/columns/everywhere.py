@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from squealstudy.columns.column import Column, count, number
+from squealstudy.columns.column import count, flag, number, text
 
 OF_SAME_MODEL = "It is exact for the model as it is computed; the model's own error is not in it."
 HEAD = (
-    Column("point_id", "Id of the design point: a hash of all that decides its row."),
-    Column("status", "ok, or why the row has no results."),
-    Column("message", "What went wrong or was noted, in words."),
+    text("point_id", "Id of the design point: a hash of all that decides its row."),
+    text("status", "ok, or why the row has no results."),
+    text("message", "What went wrong or was noted, in words."),
     number(
         "wall_s",
         "Time by the clock that the row took.",
@@ -35,12 +35,12 @@ WORKING_POINT = (
     ),
 )
 VALIDITY = (
-    Column("valid", "Whether all assumptions of the method hold; missing without results."),
-    Column("invalid_reason", "Which assumptions do not hold, and by how much."),
+    flag("valid", "Whether all assumptions of the method hold; missing without results."),
+    text("invalid_reason", "Which assumptions do not hold, and by how much."),
 )
 POINT = (*HEAD, *WORKING_POINT, *VALIDITY)
 MODE = count("mode", "Number of the mode at its design point, by frequency, from 1.")
-MAIN_COMPONENT = Column("main_component", "Component with the largest share of elastic energy.")
+MAIN_COMPONENT = text("main_component", "Component with the largest share of elastic energy.")
 ENERGY_SHARES = number(
     r"energy_\w+",
     "Share of the mode's elastic energy in this component, or in the interfaces.",

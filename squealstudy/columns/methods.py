@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from squealstudy.columns.column import Column, Tables, count, number
+from squealstudy.columns.column import Tables, count, number, text
 
 SECONDS = "The scatter of a loaded machine: see seconds_min and seconds_max."
 OF_PROCESSOR = "Seconds of the processor"
@@ -46,7 +46,7 @@ CELLS = (
     number("cost", "What the method took, in its own unit.", leaves_out="It is counted."),
 )
 COMMON = (
-    Column("status", "ok, or why there is no result."),
+    text("status", "ok, or why there is no result."),
     number("wall_s", "Time by the clock that the row took.", leaves_out="The machine's load."),
 )
 WORK_PRECISION: Tables = {"measurements": (*COMMON[:1], *MEASUREMENTS), "errors": ERRORS}

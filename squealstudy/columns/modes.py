@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from squealstudy.columns.column import Column, Tables, count, number
+from squealstudy.columns.column import Tables, count, flag, number, text
 from squealstudy.columns.everywhere import ENERGY_SHARES, MAIN_COMPONENT, MODE, POINT
 
 EXACT_CHECK = "It is itself an error, found by a sparse solution of the unreduced equations."
@@ -50,11 +50,11 @@ MODES = (
         "MAC of the mode's shape with that of its track at the neighbouring design point.",
         leaves_out="It is a likeness: track_ambiguous tells where it does not decide.",
     ),
-    Column("track_ambiguous", "Whether another mode would continue the track about as well."),
+    flag("track_ambiguous", "Whether another mode would continue the track about as well."),
     *ROOT,
-    Column("unstable", "Whether the damping ratio is below minus the tolerance."),
-    Column("stability", "unstable, stable, or uncertain where growth is within its error."),
-    Column("overdamped", "Whether the root is real: the mode does not oscillate."),
+    flag("unstable", "Whether the damping ratio is below minus the tolerance."),
+    text("stability", "unstable, stable, or uncertain where growth is within its error."),
+    flag("overdamped", "Whether the root is real: the mode does not oscillate."),
     RESIDUAL,
     *ERRORS,
     ENERGY_SHARES,
@@ -178,7 +178,7 @@ SENSITIVITIES = (
         "Change of the parameter at which the second order is a quarter of the first.",
         leaves_out="It is an estimate from the nearest modes, and a range itself.",
     ),
-    Column("near_coalescence", "Whether derivatives mean nothing, for two modes merge."),
+    flag("near_coalescence", "Whether derivatives mean nothing, for two modes merge."),
 )
 SENSITIVITY_POINTS = (
     *POINT,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from squealstudy.columns.column import Column, Tables, count, number
+from squealstudy.columns.column import Column, Tables, count, flag, number, text
 from squealstudy.columns.everywhere import ENERGY_SHARES, HEAD, VALIDITY
 
 STEPS = "It tells how the integration went, and needs no error."
@@ -57,7 +57,7 @@ GROWTH_OF_POINT = (
         "Duration that would decide an undecided run.",
         leaves_out="It is an estimate without an error.",
     ),
-    Column("settled", "Whether the levels of the judged part of the run agree."),
+    flag("settled", "Whether the levels of the judged part of the run agree."),
     number(
         "settled_time",
         "Earliest time from which levels are those of the end.",
@@ -161,8 +161,8 @@ INTEGRATION = (
 )
 POINTS = (
     *HEAD,
-    Column("class", "What the run came to: stable, limit_cycle, irregular, growing, undecided."),
-    Column("growth_method", "How growth was fitted: left_vector, energy, too_short or nothing."),
+    text("class", "What the run came to: stable, limit_cycle, irregular, growing, undecided."),
+    text("growth_method", "How growth was fitted: left_vector, energy, too_short or nothing."),
     *FORECAST,
     *GROWTH_OF_POINT,
     *LEVELS,
@@ -188,7 +188,7 @@ GROWTH = (
     number("frequency_hz", "Modulus of its root over 2 pi.", leaves_out=BASIS),
     number("growth_rate", "Its predicted growth rate.", leaves_out=BASIS),
     number("damping_ratio", "Its predicted damping ratio.", leaves_out=BASIS),
-    Column("unstable", "Whether it is predicted to grow."),
+    flag("unstable", "Whether it is predicted to grow."),
     number(
         "fitted_growth_rate",
         "Its growth as fitted to its amplitude in the run.",
@@ -201,7 +201,7 @@ GROWTH = (
         "By how much the mode grows too fast at the run's step; not in the bounds.",
         leaves_out="It is itself an error.",
     ),
-    Column("fit_status", "ok, or why no growth rate was fitted."),
+    text("fit_status", "ok, or why no growth rate was fitted."),
     number("fitted_(low|high)", "Bound of fitted_growth_rate.", leaves_out="It is a bound."),
     number("fit_(start|stop)", "Where the fitted part begins, or ends.", leaves_out="Chosen."),
     number(
@@ -209,7 +209,7 @@ GROWTH = (
         "Its share of the energy of the vibration that lasts.",
         leaves_out="Its scatter over the window.",
     ),
-    Column("expressed", "Whether it is in the vibration that lasts; missing where unknown."),
+    flag("expressed", "Whether it is in the vibration that lasts; missing where unknown."),
 )
 HISTORIES = (
     number("time", "Simulated time of the row.", leaves_out="It is exact."),

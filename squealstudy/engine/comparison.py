@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import tomllib
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from squealstudy.engine.manifest import model_of
+from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.store import version_of
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import IN_TIME_ONLY
 from squealstudy.models.parameter_names import DAMPING_RATIO, ModeParameter, parse_parameter
+from squealstudy.study.source import SourceText
 from squealstudy.study.tabled import taken
 from squealstudy.tables.comparison import compare
 from squealstudy.tables.cycle_comparison import compare_cycles
@@ -97,14 +98,15 @@ def in_order(first: Results, second: Results) -> tuple[Results, Results]:
 def _followed(results: Results) -> dict[str, Any]:
     """The tables in [parameters] of a study, by what follows them."""
     text = str(results.manifest.get("study", "")) if results.manifest.get("tables") else ""
-    return {name: table for _, name, table in taken(tomllib.loads(text))[1]}
+    source = SourceText(results.directory / MANIFEST, text)
+    return {name: table for _, name, table in taken(source.tables)[1]}
 
 
 def _elsewhere(results: Results, name: str) -> float:
     """The value at which a study ran that neither sweeps nor sets the parameter."""
     model = model_of(results.manifest)
     parameter = parse_parameter(name, model)
-    values = model.defaults(version_of(results.manifest)) | results.manifest["nominal"]
+    values = model.defaults(version_of(results.manifest)) | results.fact("nominal")
     if isinstance(parameter, ModeParameter) and not parameter.component:  # instead of the uniform
         return float(values.get(DAMPING_RATIO, parameter.default))
     return float(values.get(name, parameter.default))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -254,11 +254,14 @@ class KindScreen:
         What a row of the first table is, in the singular.
     unfinished : bool
         Whether results can be read while a later run of the study is not finished.
+    needs : mapping of str -> sequence of str
+        Columns by table without which nothing can be shown.
     """
 
     tables: tuple[str, ...] = ()
     row_word: str = "design point"
     unfinished: bool = True
+    needs: Mapping[str, Sequence[str]] = MappingProxyType({})
 
     def __init__(self, tables: tuple[str, ...] = (), row_word: str = "") -> None:
         self.tables, self.row_word = tables or self.tables, row_word or self.row_word
@@ -296,7 +299,7 @@ class KindScreen:
     def verdict(self, results: Results) -> str:
         """What a study came to, in a sentence: by default the first words of its findings."""
         told = next((part for part in self.findings(results) if isinstance(part, str)), "")
-        return told or f"{plural(int(results.manifest['n_points']), self.row_word)}."
+        return told or f"{plural(results.n_points, self.row_word)}."
 
     def facts(self, results: Results) -> Rows:
         """Lines on methods and errors beneath the findings."""

@@ -131,7 +131,9 @@ def model_of(manifest: Mapping[str, Any]) -> ModelDefinition:
     """The model of results: its parameters, their defaults, its components."""
     found = manifest.get("model_file")
     if found is None:
-        return MODELS[str(manifest["model"])]
+        if (model := str(manifest["model"])) not in MODELS:
+            raise ResultsError(f"results of a model '{model}', which is not known here")
+        return MODELS[model]
     parameters = tuple(Parameter(n, float(v), "", "") for n, v in found["defaults"].items())
     components = tuple(found["components"])
     return FileDefinition(NAME, "", (), parameters, components, _not_built, path=found["path"])

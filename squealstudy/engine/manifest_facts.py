@@ -1,7 +1,8 @@
-"""What the facts of a manifest must be, whoever wrote it: types, and names that stay inside.
+"""What the facts of a manifest must be, whoever wrote it: types at any depth, names inside.
 
-A seal tells that a manifest is as it was written, not by whom. Facts that only one kind of study
-writes are checked to be tables where they are; older versions have fewer of them.
+A seal tells that a manifest is as it was written, not by whom. What every study has is here; what
+one kind has beside it stands in ``facts.py`` of its folder, as FACTS. Facts that are not named in
+either are read by nobody. Older versions have fewer of them.
 """
 
 from __future__ import annotations
@@ -11,21 +12,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    StringConstraints,
-    ValidationError,
-)
+from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
+from squealstudy.engine.fact_types import Count, Finite, Name, Positive, Range, Text, Told
 from squealstudy.engine.result_names import FOLDER, PICTURE
 from squealstudy.errors import ResultsError, printable
+from squealstudy.study.kinds import facts_of
 
 MOST_BYTES = 2**28  # of a manifest; one of 20,000 design points with checks has 2**20
 Table = dict[str, Any]
-Name = Annotated[str, StringConstraints(max_length=300)]
 
 
 def _named(pattern: re.Pattern[str], what: str) -> AfterValidator:
@@ -41,10 +36,93 @@ PictureName = Annotated[str, _named(PICTURE, "a picture beside the tables")]
 FolderName = Annotated[str, _named(FOLDER, "a folder below")]
 
 
-class Facts(BaseModel):
-    """Those that every reader relies on."""
+class DesignFacts(Told):
+    """Which design points there are."""
 
-    model_config = ConfigDict(extra="allow", strict=True)
+    type: Name = "grid"
+    samples: Count | None = None
+    seed: Count | None = None
+    levels: Count | None = None
+
+
+class ModelFileFacts(Told):
+    """Of a model of one's own what the catalogue says of others."""
+
+    path: Name
+    files: list[Name]
+    defaults: dict[str, Finite]
+    components: list[Name]
+
+
+class RotationFacts(Told):
+    """Of a model that turns."""
+
+    effective_radius: Finite
+    rotation_speed: Finite
+
+
+class SharedFacts(Told):
+    """One basis over a range of structures."""
+
+    range: Text
+    used: bool
+    error: Finite | None
+    reductions: Count = 0
+
+
+class CodeFacts(Told):
+    """A file of code that results were made with."""
+
+    name: Name
+    hash: Annotated[str, Field(pattern=r"^[0-9a-zA-Z]{1,128}$")]
+    sources: dict[str, str] = Field(default_factory=dict)
+
+
+class Setting(Told):
+    """A setting that [fidelity] chose, or one beside it."""
+
+    settings: Text | None = None
+    reason: Text = ""
+    estimated_error: float | None = None
+    seconds: Finite | None = None
+
+
+class ChosenSetting(Setting):
+    """The one chosen: its error is known where its time is."""
+
+    settings: Text
+    estimated_error: float
+    seconds: Finite
+
+
+class FidelityAudit(Told):
+    """Design points of a finished study that were solved by the reference."""
+
+    error: float | None
+    passed: bool
+    points: list[Any]
+    against: Text
+
+
+class FidelityFacts(Told):
+    """What [fidelity] chose, and what stands beside it."""
+
+    chosen: ChosenSetting
+    cheaper: Setting
+    dearer: Setting
+    reason: Text
+    tolerance: Positive
+    audit: FidelityAudit | None = None
+
+
+class Timings(Told):
+    """Seconds of stages, and counts of what was solved in them."""
+
+    total_s: Finite | None = None
+
+
+class Facts(Told):
+    """Those of every kind of study."""
 
     name: Name
     kind: Name
@@ -52,33 +130,59 @@ class Facts(BaseModel):
     status: Name = ""
     study_hash: Name = ""
     study: str = ""
-    n_points: Annotated[int, Field(ge=0)] = 0
-    n_failed: Annotated[int, Field(ge=0)] = 0
-    n_inaccurate: Annotated[int, Field(ge=0)] = 0
-    parameters: list[str] = []
-    sweeps: list[str] = []
-    units: dict[str, str] = {}
-    nominal: dict[str, float] = {}
-    options: dict[str, str | int] = {}
-    tables: dict[str, list[str]] = {}
-    versions: dict[str, str] = {}
-    machine: Table = {}
-    threads: Table = {}
-    timings: Table = {}
-    design: Table = {}
-    model_file: Table = {}
-    pictures: list[PictureName] = []
-    beside: dict[FolderName, str] = {}
-    extensions: list[Table] = []
+    n_points: Count = 0
+    n_failed: Count = 0
+    n_inaccurate: Count = 0
+    parameters: list[Name] = Field(default_factory=list)
+    sweeps: list[Name] = Field(default_factory=list)
+    units: dict[str, Name] = Field(default_factory=dict)
+    nominal: dict[str, Finite] = Field(default_factory=dict)
+    options: dict[str, str | int] = Field(default_factory=dict)
+    tables: dict[str, list[Name]] = Field(default_factory=dict)
+    structures: list[Name] = Field(default_factory=list)
+    basis_enriched: bool = False
+    band_hz: Range | None = None
+    grid_shape: list[Count] | None = None
+    versions: dict[str, Name] = Field(default_factory=dict)
+    python: Name = ""
+    machine: dict[str, str | int] = Field(default_factory=dict)
+    threads: dict[str, str | int] = Field(default_factory=dict)
+    timings: Timings = Timings()
+    peak_memory_mb: dict[str, float] = Field(default_factory=dict)
+    design: DesignFacts = DesignFacts()
+    model_file: ModelFileFacts | None = None
+    rotation: RotationFacts | None = None
+    shared_basis: SharedFacts | None = None
+    fidelity: FidelityFacts | None = None
+    pictures: list[PictureName] = Field(default_factory=list)
+    beside: dict[FolderName, Text] = Field(default_factory=dict)
+    extensions: list[CodeFacts] = Field(default_factory=list)
 
 
 def check_facts(content: Mapping[str, Any], path: Path) -> None:
-    """Raise ResultsError naming the first fact of a manifest that is none."""
+    """Raise ResultsError naming the first fact of a manifest that is none.
+
+    A fact that is null where only its absence is allowed counts as absent for nobody: it is none.
+    """
+    kinds = facts_of(str(content.get("kind")))
+    for model in (Facts, kinds) if kinds else (Facts,):
+        _check(model, content, path)
+    if nulls := sorted(key for key in NEVER_NULL if key in content and content[key] is None):
+        raise _no_fact(path, nulls[0], "null is no value of it")
+
+
+# optional where they are not there; those who read them ask whether they are
+NEVER_NULL = ("band_hz", "model_file", "rotation", "shared_basis", "fidelity")
+
+
+def _check(model: type[BaseModel], content: Mapping[str, Any], path: Path) -> None:
     try:
-        Facts.model_validate(content)
+        model.model_validate(content)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        place = printable(".".join(map(str, first["loc"])))
-        raise ResultsError(
-            f"{path}: not a manifest as squealstudy writes it: key '{place}': {first['msg']}"
-        ) from None
+        raise _no_fact(path, ".".join(map(str, first["loc"])), first["msg"]) from None
+
+
+def _no_fact(path: Path, key: str, why: str) -> ResultsError:
+    text = f"key '{printable(key)[:200]}': {printable(why)[:300]}"
+    return ResultsError(f"{path}: not a manifest as squealstudy writes it: {text}")

@@ -131,7 +131,7 @@ _last: dict[tuple[str, str, int], PointShapes] = {}
 
 def point_shapes(results: Results, row: int) -> PointShapes:
     """The shapes of a design point by its row; those of the last call are kept."""
-    key = str(results.directory.resolve()), str(results.manifest["study_hash"]), row
+    key = str(results.directory.resolve()), str(results.manifest.get("study_hash", "")), row
     if key not in _last:
         _last.clear()  # an assembly is large
         _last[key] = PointShapes(results, row)
@@ -270,10 +270,11 @@ def plan_of(results: Results) -> Plan:
         Code of the study that this user has not run (`recorded_code.execute_recorded`), or a model
         that has changed since.
     """
-    source = SourceText(results.directory / MANIFEST, str(results.manifest["study"]))
+    source = SourceText(results.directory / MANIFEST, str(results.fact("study")))
     tables = source.tables
     hashes = execute_recorded(results.manifest, results.directory)
-    if "extensions" in tables.get("study", {}):
+    head = tables.get("study")
+    if isinstance(head, dict) and "extensions" in head:
         if not hashes:
             raise ResultsError(
                 f"{results.directory}: the study has code of its own, and these results do not "

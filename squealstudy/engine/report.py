@@ -128,13 +128,16 @@ def _head(one: Results) -> Iterator[str]:
 
 
 def _description(one: Results) -> str:
-    import tomllib
+    study = _study_tables(one).get("study")
+    return str(study.get("description", "")) if isinstance(study, dict) else ""
 
+
+def _study_tables(one: Results) -> dict[str, Any]:
+    """Tables of the study file that results keep; none of a text that is no such file."""
     try:
-        study = tomllib.loads(str(one.manifest.get("study", "")))
-    except tomllib.TOMLDecodeError:
-        return ""
-    return str(study.get("study", {}).get("description", ""))
+        return tomllib.loads(str(one.manifest.get("study", "")))
+    except (ValueError, RecursionError):
+        return {}
 
 
 def _findings(one: Results) -> Iterator[str]:
@@ -297,7 +300,7 @@ def _provenance(one: Results) -> Iterator[str]:
     rows = [
         ("results", f"{one.directory}, {m.get('status', '')}"),
         ("study hash", str(m.get("study_hash", ""))),
-        ("points", str(m["n_points"])),
+        ("points", str(one.n_points)),
         ("versions", f"{versions}, Python {m.get('python', '')}"),
         ("machine", machine),
         ("time", duration(seconds) if seconds is not None else "not known"),
@@ -309,7 +312,7 @@ def _provenance(one: Results) -> Iterator[str]:
         yield "<h2>To reproduce</h2>"
         yield f"<p>Save what follows as {name}.toml, then <code>squealstudy run {name}.toml</code>"
         yield f" and <code>squealstudy report results/{name}</code>.</p>"
-        if files := named_files(tomllib.loads(str(text))):
+        if files := named_files(_study_tables(one)):
             yield "<p>It reads files by paths from the folder it is saved in, which this page does"
             yield f" not hold: {escape(', '.join(files))}.</p>"
         yield f"<pre>{escape(str(text))}</pre>"

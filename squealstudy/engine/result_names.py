@@ -12,6 +12,7 @@ from pathlib import Path
 from squealstudy.engine.keys import LENGTH
 from squealstudy.errors import ResultsError
 
+MOST_CELLS = 4 * 10**9  # of a table; one of a million design points with 40 modes has 2e9
 CHUNKS, HISTORIES, STATES, REFERENCES = "chunks", "histories", "states", "references"
 MANIFEST = "manifest.json"
 LOCK = ".lock"

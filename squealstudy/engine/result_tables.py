@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
+from squealstudy.engine.column_types import misfit
+from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.store import Store, column_units
 from squealstudy.engine.table_rows import Keep, batches, chosen_rows, mode_points
-from squealstudy.errors import ResultsError
+from squealstudy.errors import ResultsError, printable
 from squealstudy.study.kinds import screen_of
 from squealstudy.study.parameters import onset_parameter
 from squealstudy.tables.point_rows import ROW
 
+POINT_TABLE = "points"
 RENAMED = {"dominant_frequency_hz": "torque_line_hz"}  # columns of results of before
 
 if TYPE_CHECKING:
@@ -68,6 +72,15 @@ class ResultTables:
         """Its files, held against what the run wrote."""
         return Store(self.directory)
 
+    def fact(self, key: str) -> Any:
+        """A fact of the manifest; ResultsError where it has none of that name."""
+        if self.manifest.get(key) is None:
+            raise ResultsError(
+                f"{self.directory}: {MANIFEST} says nothing of '{key}': the run is not finished, "
+                "or of an earlier version; run the study again"
+            )
+        return self.manifest[key]
+
     @cached_property
     def _loaded(self) -> dict[str, pd.DataFrame]:
         return {}
@@ -87,6 +100,7 @@ class ResultTables:
                     f"{', '.join(self.tables)}"
                 )
             file = f"{name}.parquet"
+            self._expect_fit(name)
             found = self.store.read_table(file).to_pandas(self_destruct=True)
             self._loaded[name] = found.rename(columns=RENAMED)
         table = self._loaded[name]
@@ -94,11 +108,32 @@ class ResultTables:
             self._give_units(table, f"{name}.parquet")
         return table
 
+    def _expect_fit(self, name: str) -> pa.Schema:
+        """The schema of a table of a file; ResultsError where it is not one of this kind's."""
+        if name not in self._fits:
+            schema, n_rows = self.store.shape_of(f"{name}.parquet")
+            why = misfit(schema, self.kind, name, self.units, n_rows)
+            if name == POINT_TABLE and (lost := set(self.parameters) - set(schema.names)):
+                why = why or f"the parameter '{printable(min(lost))}' has no column"
+            if lacking := sorted(set(self.screen.needs.get(name, ())) - set(schema.names)):
+                why = why or f"it has no column '{lacking[0]}'"
+            if why:
+                raise ResultsError(
+                    f"{self.directory / name}.parquet: not a table of a {self.kind} study as this "
+                    f"version writes it: {why}; run the study again"
+                )
+            self._fits[name] = schema
+        return self._fits[name]
+
+    @cached_property
+    def _fits(self) -> dict[str, pa.Schema]:
+        return {}
+
     def columns(self, name: str) -> list[str]:
         """Names of the columns of a table, without reading it; ResultsError as of `table`."""
         if name in self._loaded or name not in self.tables:
             return [str(column) for column in self.table(name)]
-        return self.store.columns(f"{name}.parquet")
+        return self._expect_fit(name).names
 
     def batches(self, name: str, columns: Sequence[str]) -> Iterator[pd.DataFrame]:
         """Columns of a table, some thousand rows at a time, indexed by the rows' numbers.
@@ -107,6 +142,8 @@ class ResultTables:
         """
         plain = [column for column in columns if column != ROW]
         found = self._loaded.get(name)
+        if found is None and name in self.tables:
+            self._expect_fit(name)
         for batch in batches(found, self.store, f"{name}.parquet", plain):
             if ROW in columns:
                 batch = batch.assign(**{ROW: self.point_rows[batch.index]})
@@ -223,6 +260,11 @@ class ResultTables:
         return self._give_units(found)
 
     @property
+    def n_points(self) -> int:
+        """Design points, or what stands for them."""
+        return int(self.manifest.get("n_points", 0))
+
+    @property
     def kind(self) -> str:
         """The kind of the study, as ``complex_modes``."""
         return str(self.manifest["kind"])
@@ -235,7 +277,7 @@ class ResultTables:
     @property
     def parameters(self) -> list[str]:
         """Names of the parameter columns of `points`."""
-        return list(self.manifest["parameters"])
+        return list(self.manifest.get("parameters", []))
 
     @property
     def swept(self) -> list[str]:

@@ -48,7 +48,7 @@ class Results(ResultTables):
         facts = self.manifest
         text = f"{self.kind} of {facts.get('model', 'methods')}"
         text += f" over {', '.join(self.swept)}" if self.swept else ""
-        count, failed = facts["n_points"], facts.get("n_failed", 0)
+        count, failed = self.n_points, facts.get("n_failed", 0)
         text += f": {plural(count, self.screen.row_word)}"
         text += f", {failed} failed" if failed else ""
         return f"<Results {str(self.directory)!r}: {text}>"
@@ -170,7 +170,7 @@ class Results(ResultTables):
         """
         names = self.manifest.get(PICTURES, [])
         paths = [self.directory / name for name in names]
-        shown = self.manifest["n_points"]
+        shown = self.n_points
         if self.design == BOUNDARY and self.boundary is not None:
             shown = self.boundary["full_grid_points"]
         kept = self.solved == 0 and shown >= KEEP_PICTURES
@@ -182,7 +182,7 @@ class Results(ResultTables):
 
     def nominal_others(self, along: str) -> dict[str, float]:
         """The other varied parameters at their nominal values, where the design has them."""
-        nominal, chosen = self.manifest["nominal"], self.points
+        nominal, chosen = self.fact("nominal"), self.points
         fixed: dict[str, float] = {}
         for name in parameter_columns(self.points, varied=True):
             if name == along:

@@ -329,10 +329,12 @@ class Store:
             parts = [pq.read_table(self.directory / n, columns=columns) for n in self.parts(name)]
             return pa.concat_tables(parts)
 
-    def columns(self, name: str) -> list[str]:
-        """Names of the columns of a table; ResultsError where it is not as it was written."""
+    def shape_of(self, name: str) -> tuple[pa.Schema, int]:
+        """Schema and number of rows of a table; ResultsError where it is not as it was written."""
         with _readable(self.whole(name)):
-            return list(pq.read_schema(self.directory / self.parts(name)[0]).names)
+            found = [pq.ParquetFile(self.directory / part) for part in self.parts(name)]
+            rows = sum(part.metadata.num_rows for part in found)
+            return found[0].schema_arrow, rows
 
     def batches(self, name: str, columns: Sequence[str], rows: int) -> Iterator[pa.Table]:
         """Columns of a table, so many rows at a time; ResultsError as of `read_table`."""

@@ -34,7 +34,7 @@ def design_history(results: Results) -> Figure:
     chosen = designs["chosen"].to_numpy(bool)
     today = (designs["role"] == "today").to_numpy(bool)
     damping = 100.0 * designs["min_damping_ratio"].to_numpy(float)
-    facts = results.manifest["design_study"]
+    facts = results.fact("design_study")
     margin, targets = 100.0 * float(facts["margin"]), designs["role"].str.startswith("target")
     alone = targets.to_numpy(bool) & ~scan
     figure = new_figure(9.0, 6.4)

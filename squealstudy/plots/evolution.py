@@ -66,7 +66,7 @@ def _lines(results: Results) -> Iterator[tuple[str, Choices]]:
     """A picture a parameter of a grid; one more where two parameters share their values."""
     points = results.points
     varied = parameter_columns(points, varied=True)
-    for name in varied if results.manifest["grid_shape"] else []:
+    for name in varied if results.manifest.get("grid_shape") else []:
         yield f"_{results.file_word(name)}", {"along": name, "fixed": results.nominal_others(name)}
     values = [np.unique(points[name].to_numpy()) for name in varied]
     if len(varied) == 2 and np.array_equal(values[0], values[1]):

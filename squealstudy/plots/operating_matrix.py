@@ -35,7 +35,7 @@ def operating_matrix(results: Results) -> Figure:
     results : Results
         Of a design study.
     """
-    facts, points = results.manifest["design_study"], results.points
+    facts, points = results.fact("design_study"), results.points
     # of a design that scatters, roots are those of samples
     stages = ["modes", "roots"] if facts["probability"] is None else ["modes"]
     solved = points[points["stage"].isin(stages).to_numpy(bool)]

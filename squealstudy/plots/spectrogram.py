@@ -44,7 +44,7 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     Of a run of a transient study, `point` as of ``Results.history``, which raises ResultsError.
     """
     run = run_of(results, point)
-    band_top = float(results.manifest["band_hz"][1])
+    band_top = float(results.fact("band_hz")[1])
     what, _ = friction_label(results.units)
     if len(run.history) < FEWEST_SAMPLES:
         return empty_figure("no history of this design point to take spectra of")

@@ -69,6 +69,13 @@ def definition_of(name: str) -> type[BaseModel]:
     return kind_named(name).definition
 
 
+def facts_of(name: str) -> type[BaseModel] | None:
+    """What the facts of a manifest of a kind must be; None of kinds that have not said."""
+    if name not in _folders() or not find_spec(f"{FOLDER}.{name}.facts"):
+        return None
+    return cast("type[BaseModel]", _module(name, "facts").FACTS)
+
+
 def _module(kind: str, name: str) -> ModuleType:
     return import_module(f"{FOLDER}.{kind}.{name}")
 

@@ -17,7 +17,7 @@ def outside_text(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
     if not facts["looked"]:
         return f"below {low:g} and above {high:g} Hz was not looked"
     parts = _growing(facts, manifest["band_hz"], units)
-    where = f"{plural(facts['looked'], 'design point')} of {manifest['n_points']:,}"
+    where = f"{plural(facts['looked'], 'design point')} of {manifest.get('n_points', 0):,}"
     reach = facts["reach_hz"]
     beyond = f"; beyond {reach:g} Hz was not looked" if reach else ""
     if parts:

@@ -122,7 +122,7 @@ class ComplexModesScreen(KindScreen):
         """The ranking, or that there is no mode at all."""
         if any(len(batch) for batch in results.batches("modes", ["mode"])):
             return self.ranking(results)
-        low, high = results.manifest["band_hz"]
+        low, high = results.fact("band_hz")
         lost = _left_out(results)
         if not (results.points["status"] == "ok").any():
             return [_nothing(results, None), notes(lost)]
@@ -190,7 +190,7 @@ def _nothing(results: Results, where: str | None) -> str:
         return f"No design point is {'solved and within the query' if where else 'solved'}."
     none = "Within the query no mode" if where else "No mode"
     if not where:  # what lies outside the band may well be unstable
-        none += " between {:g} and {:g} Hz".format(*results.manifest["band_hz"])
+        none += " between {:g} and {:g} Hz".format(*results.fact("band_hz"))
     if results.boundary is None:
         return f"{none} is unstable at any of {_counted(results, where)}."
     solved = int(counted_points(results.points, results.columns("modes"), where).sum())
@@ -356,7 +356,7 @@ def _full_order_error(manifest: Mapping[str, Any]) -> str:
     meshed = manifest["model"] == OF_FILE or "mesh" in manifest.get("options", {})
     other += " of the same mesh" if meshed else ""
     if not asked:
-        failed = ", or those points failed" if manifest["n_failed"] else ""
+        failed = ", or those points failed" if manifest.get("n_failed") else ""
         return f"not checked against {other} ([modes] reference_points = 0{failed})"
     if not checks:
         return f"not known, {other} failed at {plural(len(asked), 'point')}: {asked[0]['message']}"

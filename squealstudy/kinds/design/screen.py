@@ -42,7 +42,7 @@ class DesignScreen(KindScreen):
 
     def findings(self, results: Results) -> list[RenderableType]:
         """Verdict, modes of today's design, designs that meet the margin, checks."""
-        facts = results.manifest["design_study"]
+        facts = results.fact("design_study")
         modes = squealing_modes(results)
         found: list[RenderableType] = [facts["verdict"]]
         if len(variants := results.table("variants")):
@@ -53,7 +53,7 @@ class DesignScreen(KindScreen):
 
     def facts(self, results: Results) -> Rows:
         """How much was evaluated, and how far the modes of the table may be off."""
-        facts, margins = results.manifest["design_study"], results.table("margins")
+        facts, margins = results.fact("design_study"), results.table("margins")
         error = margins["damping_error"].max()
         text = plural(facts["n_designs"], "design")
         text += f" in {plural(facts['rounds'], 'round')}" if facts["rounds"] else ""
@@ -73,7 +73,7 @@ class DesignScreen(KindScreen):
 
 def _of_reduction(results: Results) -> str:
     """How far least damping ratios of the reduced model are from those at full order, if it is."""
-    if not results.manifest["design_study"]["n_reductions"]:
+    if not results.fact("design_study")["n_reductions"]:
         return ""
     points, by = results.points, [*results.parameters, "design"]
     solved = points[(points["status"] == "ok").to_numpy(bool)]
@@ -91,7 +91,7 @@ def _of_reduction(results: Results) -> str:
 
 def today_rows(results: Results) -> pd.DataFrame:
     """Points of today's design over the matrix of operation."""
-    facts, points = results.manifest["design_study"], results.points
+    facts, points = results.fact("design_study"), results.points
     own = (points["design"] == facts["today"]) & (points["stage"] == "modes")
     return points[own.to_numpy(bool)].iloc[: facts["n_operating_points"]]
 
@@ -113,7 +113,7 @@ def squealing_modes(results: Results) -> pd.DataFrame:
         first; ``growth_by_damping`` there, 1/s: slope by the uniform damping ratio, which
         destabilises where it is above zero.
     """
-    facts = results.manifest["design_study"]
+    facts = results.fact("design_study")
     today = today_rows(results)
     margins = results.table("margins")
     own = margins[margins["point_id"].isin(today["point_id"])]

@@ -43,7 +43,7 @@ class WorkPrecisionScreen(KindScreen):
 
 
 def _measurements(results: Results) -> list[RenderableType]:
-    quantities = results.manifest["quantities"]
+    quantities = results.fact("quantities")
     lines = ["onset_seconds"] if "onset" in quantities else []
 
     def cells(row: dict[Hashable, Any]) -> list[str]:
@@ -71,8 +71,8 @@ def _measurements(results: Results) -> list[RenderableType]:
     within = table[[f"within_{q}" for q in quantities]].to_numpy(bool).any()
     legend = notes(
         "*: no more than the 95 % bounds of both explain" if within else "",
-        f"errors against {results.manifest['reference']}, the largest of all measured points; cost "
-        f"in the chart: seconds a point and 1/{results.manifest['over']} of the set-up",
+        f"errors against {results.fact('reference')}, the largest of all measured points; cost "
+        f"in the chart: seconds a point and 1/{results.fact('over')} of the set-up",
     )
     return [shown, legend]
 
@@ -83,7 +83,7 @@ def _error(value: float, within: bool) -> str:
 
 def _fronts(results: Results) -> RenderableType:
     """The cheapest measurement within each tolerance, and how far the default is from it."""
-    table = at_tolerances(results.measurements, results.manifest["quantities"], TOLERANCES)
+    table = at_tolerances(results.measurements, results.fact("quantities"), TOLERANCES)
     table = table[(table["quantity"] == table["quantity"].iloc[-1]) & (table["cheapest"] != "")]
     return grid(
         *("all within", "word:cheapest", "cost s", "word:default", "cost s", "ratio"),

@@ -1,0 +1,45 @@
+"""Results of others in commands: what contradicts itself is a sentence, as all else is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from inspect import signature
+from typing import Any
+
+import typer
+
+from squealstudy.errors import ResultsError, SquealstudyError
+from squealstudy.machine import InterruptedRun
+
+PASSED = (SquealstudyError, OSError, MemoryError, InterruptedRun, typer.Exit, typer.BadParameter)
+
+
+class ContradictionError(ResultsError):
+    """Results whose files do not fit together, or a mistake of ours: one cannot tell which."""
+
+    exit_code = 1
+
+
+def on_results(command: Callable[..., None]) -> Callable[..., None]:
+    """A command that reads results: facts and columns are checked, but not every value of them."""
+
+    @wraps(command)
+    def told(*arguments: Any, **options: Any) -> None:
+        try:
+            command(*arguments, **options)
+        except PASSED:
+            raise
+        except Exception as error:
+            given = signature(command).bind(*arguments, **options).arguments
+            names = ("results", "frequency", "time")
+            found = [given[name] for name in names if name in given]
+            listed = [one for part in found for one in (part if isinstance(part, list) else [part])]
+            raise ContradictionError(
+                f"{', '.join(map(str, listed))}: what the files say does not fit together "
+                f"({type(error).__name__}: {error}): they are not as a run of this version writes "
+                "them, or this is a mistake of ours; run the study again. SQUEALSTUDY_DEBUG=1 "
+                "shows where"
+            ) from error
+
+    return told

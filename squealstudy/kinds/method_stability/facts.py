@@ -1,0 +1,25 @@
+"""Facts of a manifest of method stability: what they must be, whoever wrote them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from squealstudy.engine.fact_types import Count, Finite, Name, Text, Told
+
+
+class MethodStabilityFacts(Told):
+    """Beside those of every kind; the last ones are of a finished run."""
+
+    title: Text
+    boundary: Text
+    knobs: Annotated[list[Name], Field(min_length=2, max_length=2)]
+    words: dict[str, Text]
+    agreement: Finite | None = None
+    judged: Count = 0
+    unflagged_wrong: Count = 0
+    counts: dict[str, Count] = Field(default_factory=dict)
+
+
+FACTS = MethodStabilityFacts

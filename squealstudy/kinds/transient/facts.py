@@ -1,0 +1,52 @@
+"""Facts of a manifest of runs in time: what they must be, whoever wrote them."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from squealstudy.engine.fact_types import Count, Finite, Name, Text, Told
+
+
+class ChangeAtDouble(Told):
+    """Of one quantity, what a run at twice the slope of friction told."""
+
+    error: float
+    chance: float
+
+
+class Pilot(Told):
+    """One run at twice the slope of friction."""
+
+    status: Name
+    message: Text
+    errors: dict[str, ChangeAtDouble] = Field(default_factory=dict)
+
+
+class Regularisation(Told):
+    """What slopes of friction follow from."""
+
+    speed: Finite
+    speed_highest: Finite
+    automatic: Count
+    share: Finite
+    slowest_sliding_speed: Finite
+    pilot: Pilot | None = None
+
+
+class SimulatedTime(Told):
+    """What runs that stopped early have saved."""
+
+    saved_s: Finite
+    asked_s: Finite
+    settled: Count
+    decayed: Count
+
+
+class TransientFacts(Told):
+    """Beside those of every kind."""
+
+    regularisation: Regularisation | None = None
+    simulated_time: SimulatedTime | None = None
+
+
+FACTS = TransientFacts
