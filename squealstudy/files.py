@@ -106,7 +106,10 @@ def sealed(content: Mapping[str, Any]) -> str:
 
 def unsealed(text: str | bytes) -> dict[str, Any]:
     """What `sealed` wrote; ValueError where it is not what was written, or was never sealed."""
-    content = json.loads(text)
+    try:
+        content = json.loads(text)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
     if not isinstance(content, dict) or SEAL not in content:
         raise ValueError("it has no hash of its content")
     if content.pop(SEAL) != _seal(content):

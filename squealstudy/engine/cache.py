@@ -6,16 +6,19 @@ values: arrays are files of their own, all else stands in one JSON file beside t
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
+import re
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,6 +29,7 @@ from squealstudy.files import (
     TEMPORARY,
     abandoned,
     file_hash,
+    is_plain_file,
     sealed,
     temporary_name,
     unsealed,
@@ -35,6 +39,7 @@ from squealstudy.paths import cache_directory
 from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint
 
+ARRAY = re.compile(r"[^/\\\x00]{1,250}\.npy")
 META, MODELS, GAPS = "meta.json", "models", ".npz"
 FORMAT = 3  # of a folder: what an earlier version wrote is made again
 # of values, below the package: a cache may be shared, and no other class is made of what it says
@@ -75,16 +80,25 @@ def is_whole(folder: Path) -> bool:
     Its files are read once a process; from then on their sizes and times are looked at.
     """
     try:
+        if not is_plain_file(folder / META):
+            return False
         meta = unsealed((folder / META).read_bytes())
+        if not all(map(ARRAY.fullmatch, meta["files"])):
+            return False
         files = {folder / name: sha256 for name, sha256 in meta["files"].items()}
+        if not all(map(is_plain_file, files)):  # a device might never end
+            return False
         seen = [(p.stat().st_size, p.stat().st_mtime_ns) for p in (folder / META, *files)]
         if _verified.get(folder) != seen:
             if meta["format"] != FORMAT or any(file_hash(p) != h for p, h in files.items()):
                 return False
             _check_classes(meta["value"])
+            if not _names(meta["value"]) <= set(meta["files"]):
+                return False
+            _unpacked(meta["value"], folder, thoroughly=True)
             _verified[folder] = seen
-    except (OSError, ValueError, KeyError):
-        return False
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError):
+        return False  # whoever wrote it
     _touch(folder)
     return True
 
@@ -236,22 +250,34 @@ def _check_classes(content: Any) -> None:
             _check_classes(part)
 
 
-def _unpacked(found: Any, folder: Path) -> Any:
+def _names(content: Any) -> set[str]:
+    """Files of the arrays that packed content names."""
+    if isinstance(content, dict):
+        own = {f"{content['array']}.npy"} if "array" in content else set()
+        return own.union(*map(_names, content.values()))
+    return set().union(*map(_names, content)) if isinstance(content, list) else set()
+
+
+def _unpacked(found: Any, folder: Path, thoroughly: bool = False) -> Any:
+    """A packed value; indices of sparse matrices are looked at where `thoroughly`."""
+    unpacked = partial(_unpacked, folder=folder, thoroughly=thoroughly)
     if not isinstance(found, dict):
         return found
     if "array" in found:
         path = folder / f"{found['array']}.npy"
         return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
     if "csr" in found:
-        parts = tuple(_unpacked(part, folder) for part in found["csr"])
-        return sp.csr_matrix(parts, shape=found["shape"])
+        matrix = sp.csr_matrix(tuple(map(unpacked, found["csr"])), shape=found["shape"])
+        if thoroughly:  # compiled code follows them without a look
+            matrix.check_format(full_check=True)
+        return matrix
     if "tuple" in found:
-        return tuple(_unpacked(v, folder) for v in found["tuple"])
+        return tuple(map(unpacked, found["tuple"]))
     if "mapping" in found:
-        return {k: _unpacked(v, folder) for k, v in found["mapping"].items()}
+        return {k: unpacked(v) for k, v in found["mapping"].items()}
     module, _, name = found["class"].rpartition(".")
     kind = getattr(import_module(module), name)
-    return kind(**{n: _unpacked(v, folder) for n, v in found["fields"].items()})
+    return kind(**{n: unpacked(v) for n, v in found["fields"].items()})
 
 
 # -- prepared models -----------------------------------------------------------------------------
@@ -301,12 +327,17 @@ def prepared_model(key: str) -> PreparedModel:
 def _gaps(key: str) -> dict[str, np.ndarray]:
     found: dict[str, np.ndarray] = {}
     for file in sorted(_gap_folder(key).glob(f"[!.]*{GAPS}")):
-        content = file.read_bytes()
+        content = file.read_bytes() if is_plain_file(file) else b""
         if hashlib.sha256(content).hexdigest() != file.stem:
             file.unlink(missing_ok=True)  # damaged, or of a version that named it otherwise
             continue
-        with np.load(io.BytesIO(content), allow_pickle=False) as data:
-            found.update(zip(data["keys"].tolist(), data["gaps"], strict=True))
+        with (
+            contextlib.suppress(ValueError, KeyError, OSError, BadZipFile, TypeError),
+            np.load(io.BytesIO(content), allow_pickle=False) as data,
+        ):
+            keys, gaps = data["keys"], data["gaps"]
+            if gaps.ndim == 2 and gaps.dtype == float and np.isfinite(gaps).all():
+                found.update(zip(keys.tolist(), gaps, strict=True))
     return found
 
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from pydantic import BaseModel
 
 from squealstudy.engine.mode_shapes import expect_complex_modes, point_shapes
 from squealstudy.errors import ResultsError
-from squealstudy.files import file_hash, sealed, unsealed, write_text
+from squealstudy.files import file_hash, is_plain_file, sealed, unsealed, write_text
 from squealstudy.progress import progress
 from squealstudy.shapes.names import AND, name_of
 
@@ -166,18 +166,23 @@ def keep_track_names(results: Results, table: pd.DataFrame) -> None:
     write_text(results.directory / FILE, sealed(content))
 
 
+class KeptNames(BaseModel):
+    """What the file of names holds, whoever wrote it."""
+
+    modes: list[str]
+    tracks: dict[int, tuple[str, bool]]
+
+
 def read_track_names(results: Results) -> dict[int, tuple[str, bool]]:
     """Name of each track that was named, and whether it changes; none of other tables' tracks."""
     path = results.directory / FILE
-    if not path.is_file():
+    if not is_plain_file(path):
         return {}
     try:
-        content = unsealed(path.read_bytes())
-    except (ValueError, json.JSONDecodeError):
-        return {}  # damaged: it is made again when names are asked for
-    if content.get("modes") != _identity(results):
-        return {}
-    return {int(track): (str(v[0]), bool(v[1])) for track, v in content["tracks"].items()}
+        content = KeptNames.model_validate(unsealed(path.read_bytes()))
+    except ValueError:
+        return {}  # damaged, or no such file: it is made again when names are asked for
+    return content.tracks if content.modes == _identity(results) else {}
 
 
 def _identity(results: Results) -> list[str]:

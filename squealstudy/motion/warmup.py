@@ -38,7 +38,7 @@ def begin_warming(single_storage: bool = False) -> None:
     end = "from squealstudy.machine import end_with_input; end_with_input()"
     read = f"from squealstudy.extensions import load_extension; [*map(load_extension, {files})]"
     call = f"{end}; {read}; from {__name__} import warm_kernels; warm_kernels({single_storage})"
-    command, nothing = [sys.executable, "-c", call], subprocess.DEVNULL
+    command, nothing = [sys.executable, "-P", "-c", call], subprocess.DEVNULL
     with starting_processes():
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=nothing, stderr=nothing)
     _begun.append(process)

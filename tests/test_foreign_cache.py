@@ -1,0 +1,199 @@
+"""Entries of a cache that others wrote or that changed: made again, never followed or executed."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from squealstudy.engine import cache
+from squealstudy.files import file_hash, sealed
+from squealstudy.models.matrices.family import FamilyTerm
+from squealstudy.reduction.contact_space import ContactRows
+
+SECRET = "not yours"
+
+
+@pytest.fixture
+def entry(tmp_path) -> Path:
+    eye = sp.eye(3).tocsr()
+    value = ContactRows(eye, eye, np.arange(3), np.eye(3), np.arange(3))
+    cache.save_value(tmp_path / "entry", value)
+    assert cache.is_whole(tmp_path / "entry")
+    return tmp_path / "entry"
+
+
+def meta(entry: Path) -> dict:
+    return json.loads((entry / cache.META).read_text())
+
+
+def write(entry: Path, content: dict) -> None:
+    (entry / cache.META).write_text(sealed(content))
+    os.utime(entry / cache.META, ns=(1, hash(str(content)) % 10**9))
+    cache._verified.clear()
+
+
+def test_a_value_of_arrays_and_matrices_is_read(entry):
+    found = cache.load_value(entry)
+    assert found.normal.tolist() == [0, 1, 2]
+    assert (sp.eye(3) != found.S_N).nnz == 0
+
+
+@pytest.mark.parametrize("name", ["../secret.npy", "/dev/zero", "a/b.npy", "x.npy\x00", "y.pkl"])
+def test_names_outside_the_folder_are_not_read(entry, name):
+    content = meta(entry)
+    content["files"][name] = "00"
+    write(entry, content)
+    assert not cache.is_whole(entry)
+
+
+def test_arrays_that_are_no_files_of_the_entry_are_not_read(entry):
+    np.save(entry.parent / "other.npy", np.arange(3))
+    content = meta(entry)
+    content["value"]["fields"]["normal"] = {"array": "../other"}
+    write(entry, content)
+    assert not cache.is_whole(entry)
+
+
+def test_a_link_to_a_device_is_not_read(entry):
+    (entry / "normal.npy").unlink()
+    (entry / "normal.npy").symlink_to("/dev/zero")
+    cache._verified.clear()
+    assert not cache.is_whole(entry)
+
+
+WRONG = [
+    {"class": "os.system", "fields": {}},
+    {"class": "squealstudy.reduction.contact_space.ContactRows", "fields": {"x": 1}},
+    {"class": "squealstudy.reduction.contact_space.ContactRows", "fields": []},
+    {"csr": [1, 2, 3], "shape": [3, 3]},
+    {"tuple": 3},
+    {"mapping": []},
+    {"array": 5},
+    {},
+]
+
+
+@pytest.mark.parametrize("value", WRONG)
+def test_sealed_values_that_are_none_are_made_again(entry, value):
+    write(entry, meta(entry) | {"value": value})
+    assert not cache.is_whole(entry)
+    with pytest.raises(OSError, match="not as it was written"):
+        cache.load_value(entry)
+
+
+def test_indices_that_lead_out_of_a_matrix_are_refused(entry):
+    """Compiled code follows them into memory of others."""
+    file = entry / "S_N.indices.npy"
+    indices = np.load(file)
+    indices[1] = 10**6
+    np.save(file, indices)
+    content = meta(entry)
+    content["files"][file.name] = file_hash(file)
+    write(entry, content)
+    assert not cache.is_whole(entry)
+
+
+def test_pickles_are_not_read(entry):
+    file = entry / "normal.npy"
+    np.save(file, np.array([Executed()], dtype=object), allow_pickle=True)
+    content = meta(entry)
+    content["files"][file.name] = file_hash(file)
+    write(entry, content)
+    assert not cache.is_whole(entry)
+    assert not Path(MARK).exists()
+
+
+MARK = "executed_by_a_pickle"
+
+
+class Executed:
+    def __reduce__(self):
+        return (open, (MARK, "w"))
+
+
+def test_working_points_that_are_none_are_passed_over(monkeypatch, tmp_path):
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path))
+    folder = cache._gap_folder("k")
+    folder.mkdir(parents=True)
+    good, nan, text = io.BytesIO(), io.BytesIO(), io.BytesIO()
+    np.savez(good, keys=np.array(["a"]), gaps=np.ones((1, 2)))
+    np.savez(nan, keys=np.array(["b"]), gaps=np.full((1, 2), np.nan))
+    np.savez(text, keys=np.array(["c"]))
+    pickled = pickle.dumps(Executed())
+    for content in (good.getvalue(), nan.getvalue(), text.getvalue(), pickled, b"no archive"):
+        (folder / f"{hashlib.sha256(content).hexdigest()}.npz").write_bytes(content)
+    cache._gaps.cache_clear()
+    assert list(cache._gaps("k")) == ["a"]
+    assert not Path(MARK).exists()
+
+
+@pytest.mark.parametrize("damage", ["flip", "cut", "empty", "swap"])
+def test_changed_files_are_noticed(entry, damage):
+    file = entry / "normal.npy"
+    content = bytearray(file.read_bytes())
+    if damage == "flip":
+        content[-1] ^= 4
+    elif damage == "swap":
+        content = bytearray((entry / "S_N.indices.npy").read_bytes())
+    else:
+        del content[0 if damage == "empty" else -3 :]
+    file.write_bytes(bytes(content))
+    cache._verified.clear()
+    assert not cache.is_whole(entry)
+
+
+def test_another_version_is_made_again(entry):
+    write(entry, meta(entry) | {"format": cache.FORMAT - 1})
+    assert not cache.is_whole(entry)
+
+
+def test_classes_of_values_are_those_of_the_package():
+    assert f"{FamilyTerm.__module__}.FamilyTerm" in cache.CLASSES
+
+
+# -- the directory in which a command is run ----------------------------------------------------
+SCRIPT = """\
+import sys
+from multiprocessing import get_context
+from squealstudy.__main__ import main
+if __name__ == "__main__":
+    sys.argv[1:] = ["models"]
+    try:
+        main()
+    except SystemExit:
+        worker = get_context("spawn").Process(target=int)
+        worker.start()
+        worker.join()
+"""
+
+
+def test_modules_in_the_current_directory_are_not_imported(tmp_path):
+    """A folder of a colleague may hold a file that is called as a module of Python."""
+    for name in ("multiprocessing", "signal", "threading"):
+        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'w').close()")
+    (tmp_path / "bin").mkdir()
+    script = tmp_path / "bin" / "command.py"  # as that of an installation, elsewhere
+    script.write_text(SCRIPT)
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    environment.pop("PYTHONSAFEPATH", None)
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert "disc_brake" in done.stdout
+    assert not (tmp_path / "executed").exists(), done.stderr
