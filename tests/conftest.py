@@ -29,11 +29,11 @@ import numpy as np
 import pytest
 import threadpoolctl
 
-from squealstudy.engine.plan import LOAD_FACTOR
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.laws import contact_law
 from squealstudy.linalg.band_roots import BandRoots
 from squealstudy.machine import lock
+from squealstudy.mechanics.basis import LOAD_FACTOR
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import OperatingPoint

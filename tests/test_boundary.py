@@ -27,7 +27,8 @@ from squealstudy.kinds.complex_modes.boundary import (
     refine,
 )
 from squealstudy.kinds.complex_modes.kind import ComplexModes
-from squealstudy.kinds.complex_modes.rows import read_roots, unstable_roots
+from squealstudy.kinds.complex_modes.rows import read_roots
+from squealstudy.modes.judged_roots import unstable_roots
 from squealstudy.tables.boundary_map import full_points, full_tables
 from squealstudy.tables.mode_ranking import rank_modes
 

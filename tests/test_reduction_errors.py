@@ -20,7 +20,7 @@ from squealstudy.kinds.complex_modes import reduction_errors as reduction
 from squealstudy.kinds.complex_modes.errors import mode_errors, widening
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.reduction_errors import CARRIED, ReductionErrors, carried
-from squealstudy.kinds.complex_modes.rows import read_columns, uncertain_roots
+from squealstudy.kinds.complex_modes.rows import read_columns
 from squealstudy.kinds.complex_modes.tables import build_tables
 from squealstudy.laws import contact_law, friction_curve
 from squealstudy.models.assembly import Assembly, Component, ContactInterface
@@ -34,6 +34,7 @@ from squealstudy.modes.full_order.finer_model import (
     with_finer_model,
 )
 from squealstudy.modes.full_order.modes import full_order_system
+from squealstudy.modes.judged_roots import uncertain_roots
 from squealstudy.modes.point import solve_point, state_working_point, working_point_error
 from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import prepare_with_basis

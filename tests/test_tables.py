@@ -19,15 +19,10 @@ from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import MachineError
 from squealstudy.kinds.complex_modes.errors import ModeErrors
-from squealstudy.kinds.complex_modes.rows import (
-    SCHEMA,
-    read_columns,
-    read_roots,
-    solved_row,
-    unstable_roots,
-)
+from squealstudy.kinds.complex_modes.rows import SCHEMA, read_columns, read_roots, solved_row
 from squealstudy.kinds.complex_modes.study_tracks import Follower
 from squealstudy.kinds.complex_modes.tables import build_tables, mode_labels, modes_table
+from squealstudy.modes.judged_roots import unstable_roots
 from squealstudy.tables.mode_ranking import rank_modes
 
 # -- columns

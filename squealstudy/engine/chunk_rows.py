@@ -1,6 +1,6 @@
 """What a worker makes of a task: a row a design point, whatever happens there.
 
-What a kind of study foresees it puts into rows itself (`rows.FAILURES`); what nobody foresaw is
+What a kind of study foresees it puts into rows itself (`failures.FAILURES`); what nobody foresaw is
 made a failed row here. No point ends its study.
 """
 
@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from squealstudy import faults
-from squealstudy.engine.rows import reason
 from squealstudy.engine.workers import Solved
 from squealstudy.errors import (
     ExtensionError,
@@ -25,6 +24,7 @@ from squealstudy.errors import (
     StudyFileError,
 )
 from squealstudy.machine import peak_memory_mb
+from squealstudy.mechanics.failures import reason
 
 if TYPE_CHECKING:
     from squealstudy.engine.kind import Kind

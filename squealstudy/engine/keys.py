@@ -25,6 +25,7 @@ NUMERIC_PACKAGES = (
     "system",
     "modes",
     "motion",
+    "mechanics",
     "laboratory",
     "root_pairs.py",
     "study/components.py",

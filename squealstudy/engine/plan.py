@@ -15,6 +15,7 @@ from squealstudy.engine.method import RungChoice, choose_method
 from squealstudy.engine.shared_range import SharedRange, shared_range
 from squealstudy.errors import StudyFileError
 from squealstudy.extensions import in_models
+from squealstudy.mechanics.basis import reduction_settings
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
@@ -41,8 +42,6 @@ STRUCTURE_SOURCES = ("laws", "parameter.py", "linalg", "models", "reduction")
 # beside them, they decide its finer model
 FINER_SOURCES = ("system", "modes/full_order")
 TABLE_SOURCES = (*NUMERIC_PACKAGES, "study", "tables", "engine", "kinds")
-LOAD_FACTOR = 1.125  # assembly modes up to this times the band are loads of the enrichment
-SMALL_MODEL = np.inf  # Hz: a cutoff above every mode; bases of minimal models are complete
 
 
 class Plan:
@@ -110,14 +109,13 @@ class Plan:
     def settings(self) -> ReductionSettings:
         """Basis of the component-mode reduction, from the band and the [reduction] section."""
         section = self.study.definition.reduction
-        if not has_mesh(self.study):
-            return ReductionSettings(SMALL_MODEL, SMALL_MODEL, 0.0, section.tolerance)
-        top = self.band_hz[1]
-        return ReductionSettings(
-            section.component_cutoff_factor * top,
-            section.assembly_cutoff_factor * top,
-            LOAD_FACTOR * top if section.enrichment else 0.0,
+        return reduction_settings(
+            has_mesh(self.study),
+            self.band_hz[1],
+            section.component_cutoff_factor,
+            section.assembly_cutoff_factor,
             section.tolerance,
+            section.enrichment,
         )
 
     @cached_property

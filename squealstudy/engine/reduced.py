@@ -28,12 +28,12 @@ from squealstudy.engine.plan import Plan
 from squealstudy.errors import ConvergenceError, ModelError, SquealstudyError, StudyFileError
 from squealstudy.linalg.factor import solve_threads
 from squealstudy.machine import give_back_memory
+from squealstudy.mechanics.reduction import SpaceOf, reduced
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import ModeKey, OperatingPoint
 from squealstudy.modes.full_order.finer_model import (
     ReductionRecord,
     root_distances,
-    with_finer_model,
 )
 from squealstudy.reduction.cmt import ComponentBasis, ComponentModes, ReductionSettings
 from squealstudy.reduction.contact_space import ContactSpace, contact_space
@@ -41,7 +41,6 @@ from squealstudy.reduction.prepared import (
     PreparedModel,
     mean_contact_stiffness,
     mode_shapes,
-    prepare_with_basis,
 )
 from squealstudy.reduction.projected import AnyAssembly, projected
 from squealstudy.reduction.shared_basis import (
@@ -54,7 +53,6 @@ from squealstudy.reduction.shared_basis import (
 from squealstudy.study.design import DesignPoint
 
 MOST_ENTRIES = 60_000_000  # of the assemblies on bases that a process keeps: about a gigabyte
-SpaceOf = Callable[[Mapping[str, ComponentModes]], ContactSpace]
 
 
 @dataclass(frozen=True)
@@ -138,15 +136,17 @@ def _reduced(
     task: BuildTask, assembly: AnyAssembly, space: ContactSpace | SpaceOf | None
 ) -> tuple[PreparedModel, ComponentBasis]:
     """The prepared model of an assembly, with its finer one where it is asked for."""
-    prepared, modes, basis = prepare_with_basis(
-        assembly, task.nominal, task.settings, task.training, space
+    made = reduced(
+        assembly,
+        task.nominal,
+        task.settings,
+        task.training,
+        task.top_hz,
+        task.scales,
+        task.enriching,
+        space,
     )
-    started, timings = time.perf_counter(), prepared.timings
-    if task.top_hz is not None:
-        made = task.record(assembly, modes, task.top_hz)
-        prepared, basis = with_finer_model(prepared, basis, made, task.enriching)
-    timings = {**timings, "finer_model_s": time.perf_counter() - started}
-    return replace(prepared, timings=timings), basis
+    return made.prepared, made.basis
 
 
 def _by_shared(

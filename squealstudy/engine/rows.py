@@ -10,7 +10,6 @@ import pyarrow as pa
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import Store
-from squealstudy.errors import SquealstudyError
 from squealstudy.reduction.working_point import WorkingPoint
 
 Fields = Sequence[tuple[str, pa.DataType]]
@@ -23,9 +22,6 @@ WORKING_POINT_FIELDS = (
     ("contact_pressure_max", REAL),
 )
 HEAD = (("point_id", TEXT), ("status", TEXT), ("message", TEXT), ("wall_s", REAL))
-
-# what makes a design point a failed row: the named errors, and those of the numerical libraries
-FAILURES = (SquealstudyError, np.linalg.LinAlgError, FloatingPointError, ValueError)
 
 
 def head(point_id: str, wall_s: float, status: str = "ok", message: str = "") -> dict[str, Any]:
@@ -60,13 +56,6 @@ def _nothing(kind: pa.DataType) -> Any:
     if pa.types.is_floating(kind):
         return np.nan
     return {TEXT: "", pa.binary(): b""}.get(kind)
-
-
-def reason(error: Exception) -> tuple[str, str]:
-    """Status and message of a design point that ended with one of FAILURES."""
-    if isinstance(error, SquealstudyError):
-        return getattr(error, "status", "failed"), str(error)
-    return "failed", f"{type(error).__name__}: {error}"
 
 
 def planned_rows(plan: Plan, store: Store, schema: pa.Schema) -> list[dict[str, Any]]:

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ParameterError, StudyFileError
+from squealstudy.mechanics.defaults import OF_FILE
 from squealstudy.models.parameter_names import StudyParameter, check_disjoint, parse_parameter
 from squealstudy.study.kinds import kind_named, kind_names, kind_of_file, model_kind
 from squealstudy.study.measured import measured_values
-from squealstudy.study.sections import OF_FILE, ModelSection, StudyDefinition
+from squealstudy.study.sections import ModelSection, StudyDefinition
 from squealstudy.study.source import SourceText, changed, extensions_of, not_registered, validate
 from squealstudy.study.sweeps import BOUNDARY, Sweep, resolve_sweeps
 from squealstudy.study.tabled import (

@@ -9,6 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, model_validator
 
+from squealstudy.mechanics.defaults import (
+    ASSEMBLY_CUTOFF_FACTOR,
+    BANDS,
+    BASIS_TOLERANCE,
+    COMPONENT_CUTOFF_FACTOR,
+    DEFAULT_BAND,
+    MODE_TOLERANCE,
+    OF_FILE,
+    STABILITY_TOLERANCE,
+)
 from squealstudy.modes.rungs import AUTO, rung_names
 from squealstudy.study.design_sections import MOST_LEVELS, DesignSection, SweepSection
 from squealstudy.study.section import Band, NamedSection, NumberTable, Section
@@ -18,9 +28,6 @@ from squealstudy.wording import did_you_mean, shown
 if TYPE_CHECKING:  # it imports models
     from squealstudy.study.added_parts import AddedPart
 
-OF_FILE = "components"  # name of a model that a file describes
-# Hz; of other models the field's default
-BANDS = {"disc_brake": (500.0, 8000.0), OF_FILE: (500.0, 8000.0)}
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 DURATION = re.compile(r"\s*([0-9.]+)\s*(s|min|h)\s*")
 
@@ -163,13 +170,13 @@ class ModesSection(Section):
     """Which complex modes are computed and how they are judged."""
 
     band: Band = Field(
-        default=(1.0, 16000.0),
+        default=DEFAULT_BAND,
         description="lowest and highest frequency [Hz]; [500, 8000] for the disc brake; "
         "one from 0 begins at 1e-5 of its top, and what cannot be told from zero, motion of a free "
         "body, is not listed",
     )
     stability_tolerance: float = Field(
-        default=1e-7,
+        default=STABILITY_TOLERANCE,
         ge=0,
         le=1,
         description="a mode is unstable where its damping ratio is below minus this and its growth "
@@ -182,7 +189,7 @@ class ModesSection(Section):
         json_schema_extra={"enum": [AUTO, *rung_names()]},
     )
     tolerance: float = Field(
-        default=1e-4,
+        default=MODE_TOLERANCE,
         gt=0,
         le=0.1,
         description="largest estimated error of lightly damped and of growing modes, relative in "
@@ -228,19 +235,19 @@ class ReductionSection(Section):
     """The [reduction] section: what a component-mode basis keeps."""
 
     component_cutoff_factor: float = Field(
-        default=1.5,
+        default=COMPONENT_CUTOFF_FACTOR,
         ge=1,
         le=100,
         description="component modes up to this times the top of the band",
     )
     assembly_cutoff_factor: float = Field(
-        default=1.25,
+        default=ASSEMBLY_CUTOFF_FACTOR,
         ge=1,
         le=100,
         description="assembly modes up to this times the top of the band; 1.5 in transient studies",
     )
     tolerance: float = Field(
-        default=1e-4,
+        default=BASIS_TOLERANCE,
         gt=0,
         le=0.1,
         description="enrichment shapes with relative singular values below this are left out; "

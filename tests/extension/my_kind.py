@@ -16,18 +16,10 @@ from squealstudy.engine.cache import prepared_model
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import (
-    FAILURES,
-    HEAD,
-    REAL,
-    head,
-    planned_rows,
-    points_table,
-    reason,
-    tabled,
-)
+from squealstudy.engine.rows import HEAD, REAL, head, planned_rows, points_table, tabled
 from squealstudy.engine.store import POINTS, Store
 from squealstudy.engine.workers import Solved, Workers
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.modes.point import state_working_point
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.kinds import register_kind

@@ -25,7 +25,8 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import Store
 from squealstudy.kinds.complex_modes.node_modes import FinishedNodes
 from squealstudy.kinds.complex_modes.passing_modes import Node, PassingModes
-from squealstudy.kinds.complex_modes.rows import damping_ratios, read_roots, unstable_roots
+from squealstudy.kinds.complex_modes.rows import read_roots
+from squealstudy.modes.judged_roots import damping_ratios, unstable_roots
 from squealstudy.root_pairs import partners
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.sampling import count_points

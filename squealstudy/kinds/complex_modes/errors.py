@@ -18,7 +18,8 @@ from squealstudy.kinds.complex_modes.reduction_errors import (
     carried_errors,
     is_reduced,
 )
-from squealstudy.kinds.complex_modes.rows import ModeColumns, light_or_growing
+from squealstudy.kinds.complex_modes.rows import ModeColumns
+from squealstudy.modes.judged_roots import light_or_growing
 from squealstudy.root_pairs import paired_with_full_order
 
 COVERED = 0.95  # share of the checked modes whose error an estimate is to reach

@@ -17,7 +17,6 @@ from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import ModelKind, Solves
 from squealstudy.engine.plan import Plan, checked_points, has_mesh
 from squealstudy.engine.result_names import REFERENCES
-from squealstudy.engine.rows import FAILURES
 from squealstudy.engine.store import MODES, ONSETS, POINTS, Store
 from squealstudy.engine.structures import with_files
 from squealstudy.engine.workers import Progress, Solved, Workers
@@ -38,6 +37,7 @@ from squealstudy.kinds.complex_modes.solve_tasks import (
     solve_tasks,
     whole_box,
 )
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.modes.rung import Rung
 from squealstudy.modes.rungs import AUTO, rung_named
 from squealstudy.study.design import DesignPoint

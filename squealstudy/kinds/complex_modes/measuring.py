@@ -19,18 +19,19 @@ from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.method import RungChoice
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.onsets import UNREFINED
 from squealstudy.kinds.complex_modes.problems import problem_of
-from squealstudy.kinds.complex_modes.rows import SCHEMA, read_columns, settled
+from squealstudy.kinds.complex_modes.rows import SCHEMA, read_columns
 from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
 from squealstudy.kinds.complex_modes.tracked_modes import follow_modes
 from squealstudy.machine import memory_above
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.modes.full_order.finer_model import finer_modes
+from squealstudy.modes.judged_roots import settled
 from squealstudy.modes.rungs import rung_named
 from squealstudy.study.parameters import onset_parameter
 from squealstudy.tables.method_quality import onset_errors, root_errors

@@ -13,10 +13,10 @@ from threadpoolctl import ThreadpoolController
 
 from squealstudy.engine.cache import known_gap, load_prepared
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FAILURES
 from squealstudy.errors import ConvergenceError, ExtensionError, SquealstudyError
 from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
 from squealstudy.kinds.complex_modes.solve_tasks import boxes, rung_of, whole_box
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rungs import rung_named

@@ -12,9 +12,9 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.neighbourhood import FAILED, OnsetTask, refine_onsets
 from squealstudy.kinds.complex_modes.refinement_budget import RefinementBudget
-from squealstudy.kinds.complex_modes.rows import damping_ratios
 from squealstudy.kinds.complex_modes.study_tracks import Follower
 from squealstudy.kinds.complex_modes.track_crossings import TrackCrossings
+from squealstudy.modes.judged_roots import damping_ratios
 from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset, cubic_onsets
 from squealstudy.modes.tracking.refinement import Modes

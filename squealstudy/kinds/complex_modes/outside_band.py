@@ -19,11 +19,12 @@ import numpy as np
 
 from squealstudy.engine.cache import is_prepared, known_gap, prepared_any
 from squealstudy.engine.plan import Plan, has_mesh
-from squealstudy.engine.rows import FAILURES
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.problems import SweptStructure, swept_structures
-from squealstudy.kinds.complex_modes.rows import ModeColumns, damping_ratios, settled
+from squealstudy.kinds.complex_modes.rows import ModeColumns
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.modes.full_order.modes import solve_family_point
+from squealstudy.modes.judged_roots import damping_ratios, settled
 from squealstudy.modes.point import RIGID_SHARE, PointModes, solve_point
 from squealstudy.reduction.prepared import PreparedFamily
 from squealstudy.study.design import DesignPoint

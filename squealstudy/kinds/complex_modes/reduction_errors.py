@@ -23,10 +23,11 @@ from squealstudy.engine.cache import (
 )
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan, has_mesh
-from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.workers import Workers
-from squealstudy.kinds.complex_modes.rows import ModeColumns, light_or_growing
+from squealstudy.kinds.complex_modes.rows import ModeColumns
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.modes.full_order.finer_model import reduction_errors
+from squealstudy.modes.judged_roots import light_or_growing
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import farthest_points
 

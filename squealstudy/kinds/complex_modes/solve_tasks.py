@@ -15,11 +15,12 @@ import numpy as np
 from squealstudy.engine.cache import NewGaps, known_gap
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FAILURES, failed_row, reason
+from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ConvergenceError, ExtensionError
 from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
 from squealstudy.kinds.complex_modes.rows import SCHEMA, solved_row
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.modes.point import PointModes
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rung import answers, beyond_tolerance

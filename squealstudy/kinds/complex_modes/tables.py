@@ -19,15 +19,9 @@ from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.errors import ModeErrors, mode_errors
 from squealstudy.kinds.complex_modes.outside_band import Outside, look_outside, outside_facts
 from squealstudy.kinds.complex_modes.reduction_errors import ReductionErrors
-from squealstudy.kinds.complex_modes.rows import (
-    POINT_FIELDS,
-    ModeColumns,
-    damping_ratios,
-    read_columns,
-    settled,
-    uncertain_roots,
-)
+from squealstudy.kinds.complex_modes.rows import POINT_FIELDS, ModeColumns, read_columns
 from squealstudy.kinds.complex_modes.tracked_modes import follow_modes
+from squealstudy.modes.judged_roots import damping_ratios, settled, uncertain_roots
 from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.tables.stability import stability_names
 

@@ -14,7 +14,6 @@ from squealstudy.cycles.trials import DECAYS, LASTS, OPEN
 from squealstudy.engine.cache import NewGaps, known_gap, prepared_model
 from squealstudy.engine.reduced import BuiltOnBasis
 from squealstudy.engine.rows import (
-    FAILURES,
     HEAD,
     REAL,
     TEXT,
@@ -22,7 +21,6 @@ from squealstudy.engine.rows import (
     WORKING_POINT_FIELDS,
     failed_row,
     head,
-    reason,
     structs,
     working_point_cells,
 )
@@ -42,6 +40,7 @@ from squealstudy.kinds.sensitivity.parameters import (
     state_parameters,
     structural_names,
 )
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.modes.point import angular_band, band_modes, linearised_point
 from squealstudy.modes.sensitivity.mode_family import known_mode
 from squealstudy.modes.sensitivity.mode_sensitivities import figure_slopes, figures

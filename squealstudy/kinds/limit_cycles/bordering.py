@@ -16,12 +16,13 @@ from squealstudy.cycles.branch import RANGE, TURN
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.oscillator import WHOLE
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FAILURES, REAL, TEXT
+from squealstudy.engine.rows import REAL, TEXT
 from squealstudy.engine.rows import WHOLE as COUNT
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.limit_cycles.continued import NEAR_HZ, SAME_FOLD, Mark, ended
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest, Way
 from squealstudy.kinds.limit_cycles.onset import onset_near
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.design import DesignPoint
 
 HALF = 1e-3  # of the range: bracket of an onset at least

@@ -33,10 +33,10 @@ from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.projection import Projection
 from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.design_points import DesignPoints
-from squealstudy.engine.rows import FAILURES
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest, Way
 from squealstudy.kinds.limit_cycles.onset import onset_near
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.design import DesignPoint
 
 TURNED = "turned"  # why a step to a neighbour ends: the cycle folds before it

@@ -22,7 +22,7 @@ from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import Columns, ModelKind
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FAILURES, failed_row, reason
+from squealstudy.engine.rows import failed_row
 from squealstudy.engine.store import (
     BORDERS,
     BRANCHES,
@@ -47,6 +47,7 @@ from squealstudy.kinds.limit_cycles.section import (
 )
 from squealstudy.kinds.limit_cycles.tables import SCHEMA, solved_row
 from squealstudy.kinds.transient.plan_facts import slowest_speed, with_speed
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import design_points, grid_shape

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict
 
-from squealstudy.kinds.transient.section import TRANSIENT_BASIS
+from squealstudy.mechanics.defaults import CYCLE_REACH, CYCLE_TOLERANCE, TRANSIENT_BASIS
 from squealstudy.study.section import Section
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.wording import shown
@@ -77,7 +77,7 @@ class LimitCyclesSection(Section):
         "change by less than the tolerance",
     )
     tolerance: float = Field(
-        default=1e-2,
+        default=CYCLE_TOLERANCE,
         gt=0,
         le=0.1,
         description="error of a cycle's level that is accepted, relative; a cycle beyond it has "
@@ -97,7 +97,7 @@ class LimitCyclesSection(Section):
         description="1/s: modes that decay faster are not followed where families are 'screened'",
     )
     reach: float = Field(
-        default=2.0,
+        default=CYCLE_REACH,
         gt=0,
         le=100,
         description="velocity at a contact point up to which growth is followed, over the "

@@ -14,13 +14,14 @@ import pyarrow as pa
 
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.kind import Kind, Warn
-from squealstudy.engine.rows import FAILURES, FLAG, HEAD, REAL, TEXT, head, reason
+from squealstudy.engine.rows import FLAG, HEAD, REAL, TEXT, head
 from squealstudy.engine.store import CELLS, Store
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.method_stability.section import MethodStabilityDefinition
 from squealstudy.kinds.methods import MethodsFile, MethodsPlan, Run, Runs
 from squealstudy.laboratory.method_stability.contract import StabilityCase, checked, known_cases
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.study.source import SourceText, validate
 from squealstudy.tables.method_quality import agreement
 from squealstudy.wording import did_you_mean

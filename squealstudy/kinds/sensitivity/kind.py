@@ -15,7 +15,7 @@ from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FAILURES, failed_row, reason
+from squealstudy.engine.rows import failed_row
 from squealstudy.engine.store import POINTS, SENSITIVITIES, Store
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError
@@ -30,6 +30,7 @@ from squealstudy.kinds.sensitivity.parameters import (
 )
 from squealstudy.kinds.sensitivity.section import SensitivityDefinition
 from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables, solved_row
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.modes.sensitivity.mode_sensitivities import ModeSensitivities, with_more
 from squealstudy.modes.sensitivity.reduced import ModeChoice, point_sensitivities, solve_families
 from squealstudy.modes.sensitivity.structural import (

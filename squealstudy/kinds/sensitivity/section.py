@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict
 
+from squealstudy.mechanics.defaults import FINITE_CHANGE
 from squealstudy.study.section import Section
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.wording import shown
@@ -56,7 +57,7 @@ class SensitivitySection(Section):
         "contact.lambda, sliding_speed, and frequencies and damping of all component modes",
     )
     change: float = Field(
-        default=0.01,
+        default=FINITE_CHANGE,
         gt=0,
         le=0.5,
         description="finite change that each derivative is held against, relative to the value; of "

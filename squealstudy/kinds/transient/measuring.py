@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.workers import silent
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.measuring import reduction_seconds
@@ -23,6 +22,7 @@ from squealstudy.kinds.transient.batch import batch_task
 from squealstudy.kinds.transient.preparation import make_training_runs, training_seconds
 from squealstudy.kinds.transient.worker import integrate, set_up
 from squealstudy.machine import memory_above
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.levels import pooled_interval

@@ -14,6 +14,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from squealstudy.errors import ParameterError
+from squealstudy.mechanics.defaults import TRANSIENT_BASIS
 from squealstudy.motion.integrator import (
     SLOW_TOLERANCE,
     TOLERANCE,
@@ -26,11 +27,6 @@ from squealstudy.study.sections import StudyDefinition
 
 # enrichment shapes of small singular values are local contact shapes: in time they are modes far
 # above the band, some of them unstable (studies/benchmarks/hybrid.py --flat)
-TRANSIENT_BASIS = {
-    "tolerance": 1e-3,
-    "assembly_cutoff_factor": 1.5,
-    "residual_responses": False,
-}
 MOST_STEPS = 1e9
 PILOT_POINTS = 8  # of a meshed model: one run more is then a small part of the study
 AUTO = "auto"

@@ -15,13 +15,13 @@ import pandas as pd
 
 from squealstudy.engine.measurement import Asked
 from squealstudy.engine.plan import Plan, has_mesh
-from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Progress
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.transient.measuring import measure_points, run_finding
 from squealstudy.kinds.transient.section import PILOT_POINTS
 from squealstudy.kinds.transient.tables import SCHEMA
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.tables.method_quality import run_errors
 

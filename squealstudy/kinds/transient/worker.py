@@ -22,7 +22,6 @@ from squealstudy.engine.cache import (
     save_value,
 )
 from squealstudy.engine.keys import content_hash, source_hash
-from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.store import history_file
 from squealstudy.engine.validity import open_reason
 from squealstudy.engine.workers import Solved
@@ -31,6 +30,7 @@ from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
 from squealstudy.kinds.transient.plan_facts import state_file
 from squealstudy.kinds.transient.section import STUCK
 from squealstudy.kinds.transient.tables import lost_row, row
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE, DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.hybrid_run import simulate_hybrid

@@ -14,7 +14,6 @@ from squealstudy.engine.cache import is_prepared
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.kind import Kind, Warn
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
-from squealstudy.engine.rows import FAILURES, reason
 from squealstudy.engine.store import ERRORS, MEASUREMENTS, Store
 from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Solved, Workers, at_once
@@ -30,6 +29,7 @@ from squealstudy.kinds.work_precision.variants import (
     make_variants,
 )
 from squealstudy.laboratory import integrators  # noqa: F401 - they register themselves
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.motion.integrator import integrator
 from squealstudy.motion.warmup import warm
 from squealstudy.study.definition import load_study

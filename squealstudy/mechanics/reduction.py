@@ -1,0 +1,113 @@
+"""The reduction of a structure: component modes, contact compliances, basis, reduced matrices."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from squealstudy.models.operating import ModeKey, OperatingPoint
+from squealstudy.modes.full_order.finer_model import ReductionRecord, with_finer_model
+from squealstudy.reduction.cmt import ComponentBasis, ComponentModes, ReductionSettings
+from squealstudy.reduction.contact_space import ContactSpace
+from squealstudy.reduction.prepared import PreparedModel, prepare_with_basis
+from squealstudy.reduction.projected import AnyAssembly
+
+SpaceOf = Callable[[Mapping[str, ComponentModes]], ContactSpace]
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """A structure in component-mode coordinates x, in which the mass is the identity.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        What was reduced; degrees of freedom u = T x.
+    prepared : PreparedModel
+        Contact space, reduced matrices, nominal working point.
+    component_modes : mapping of str -> ComponentModes
+        Free-free modes by component: omega (m,) [rad/s], phi (n_component, m), mass-normalised.
+    basis : ComponentBasis
+        Columns T, block by block; assembly modes.
+    settings : ReductionSettings
+        Cutoffs [Hz] of the basis.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> reduction = sq.model("hulten").at().reduced()
+    >>> reduction.n, reduction.basis_matrix.shape
+    (2, (2, 2))
+    """
+
+    assembly: AnyAssembly
+    prepared: PreparedModel
+    component_modes: Mapping[str, ComponentModes]
+    basis: ComponentBasis
+    settings: ReductionSettings
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return self.prepared.model.n
+
+    @property
+    def space(self) -> ContactSpace:
+        """Contact compliances, from which steady sliding is solved."""
+        return self.prepared.space
+
+    @property
+    def basis_matrix(self) -> np.ndarray:
+        """The basis T (n_dof, n): columns of displacements, sqrt(kg)^-1."""
+        return self.expand(np.eye(self.n))
+
+    def expand(self, x: np.ndarray) -> np.ndarray:
+        """Displacements (n_dof, ...) of the assembly from coordinates x (n, ...)."""
+        return self.basis.expand(x)
+
+
+def reduced(
+    assembly: AnyAssembly,
+    nominal: OperatingPoint,
+    settings: ReductionSettings,
+    training: Sequence[OperatingPoint] = (),
+    top_hz: float | None = None,
+    scales: Sequence[Mapping[ModeKey, float]] = (),
+    enriching: int = 0,
+    space: ContactSpace | SpaceOf | None = None,
+) -> Reduction:
+    """Reduce an assembly, with its finer model where the error of the reduction is asked for.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    nominal : OperatingPoint
+        About whose steady sliding the basis is made.
+    settings : ReductionSettings
+    training : sequence of OperatingPoint
+        Others that the basis is to serve.
+    top_hz : float or None
+        Top of the band of the finer model [Hz]; None without one.
+    scales : sequence of mapping of (component, mode) -> float
+        Factors on component frequencies that residual loads are taken with.
+    enriching : int
+        How often what the finer model shows joins the basis.
+    space : ContactSpace, callable or None
+        That of the same assembly, where it is there already, or what makes it of the modes.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no steady sliding at the nominal operating point.
+    """
+    prepared, modes, basis = prepare_with_basis(assembly, nominal, settings, training, space)
+    started, timings = time.perf_counter(), prepared.timings
+    if top_hz is not None:
+        points = (nominal, *training)
+        made = ReductionRecord(assembly, modes, points, top_hz, settings.damped_to, tuple(scales))
+        prepared, basis = with_finer_model(prepared, basis, made, enriching)
+    timings = {**timings, "finer_model_s": time.perf_counter() - started}
+    return Reduction(assembly, replace(prepared, timings=timings), modes, basis, settings)
