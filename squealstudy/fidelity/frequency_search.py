@@ -17,8 +17,8 @@ from squealstudy.fidelity.ladders import FIRST, REDUCTION, Setting, free_ladders
 from squealstudy.fidelity.pilots import MISSED, SPARE, FidelityStudy
 from squealstudy.kinds.complex_modes.kind import point_share
 from squealstudy.kinds.complex_modes.measuring import finer_finding
-from squealstudy.kinds.complex_modes.reduction_errors import SAFETY
 from squealstudy.models.matrices.family import FamilyDefinition
+from squealstudy.modes.full_order.finer_model import SAFETY
 from squealstudy.modes.rung import Scope
 from squealstudy.modes.rungs import all_rungs, exact_rung, full_order_rung, rung_named
 from squealstudy.study.definition import ResolvedStudy, given_keys

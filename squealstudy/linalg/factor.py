@@ -11,10 +11,10 @@ import contextlib
 import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextvars import ContextVar
 from importlib.util import find_spec
-from typing import Any, Protocol
+from typing import Any, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 import scipy.linalg as la
@@ -37,10 +37,14 @@ FULL = 0.2  # of all entries: a projected assembly is block by block full
 LEAST_FULL = 1000  # rows: below it time is no matter, and SuperLU has the same bits in any process
 LEAST_PIVOT = 1e-12  # of the diagonal entry it came from: the round-off of a singular one
 
+FEW_ROWS = 200  # solved faster than a thread starts (0.1 ms)
+
 DEFINITE, UNSYMMETRIC = 2, 11  # PARDISO's types of real matrices
 
 MODULES = {"pardiso": "pypardiso", "cholmod": "cholespy"}
 
+P = ParamSpec("P")
+R = TypeVar("R")
 _threads: ContextVar[int] = ContextVar("threads", default=1)
 
 
@@ -54,9 +58,26 @@ def solve_threads(count: int) -> Iterator[None]:
         _threads.reset(token)
 
 
-def side_by_side() -> ThreadPoolExecutor:
-    """A pool of that many threads; each of them shares its own solves with no other."""
-    return ThreadPoolExecutor(_threads.get())
+def side_by_side(rows: int) -> Executor:
+    """A pool of that many threads; each of them shares its own solves with no other.
+
+    Of systems of few `rows`, where starting a thread takes longer than its work, it does what it
+    is given at once.
+    """
+    return AtOnce() if rows < FEW_ROWS else ThreadPoolExecutor(_threads.get())
+
+
+class AtOnce(Executor):
+    """Runs what it is given, at once, in the same thread."""
+
+    def submit(self, fn: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
+        """A future that is done; an exception is raised by its ``result``."""
+        future: Future[R] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
 
 
 class Factor(Protocol):
@@ -222,7 +243,7 @@ class SuperLUFactor(RefinedFactor):
         if b.ndim == 1 or b.shape[1] <= BLOCK:
             return self._lu.solve(np.ascontiguousarray(b))
         parts = [b[:, i : i + BLOCK] for i in range(0, b.shape[1], BLOCK)]
-        with side_by_side() as pool:  # SuperLU lets go of the interpreter
+        with side_by_side(len(b)) as pool:  # SuperLU lets go of the interpreter
             return np.hstack(list(pool.map(self._lu.solve, parts)))
 
 

@@ -309,12 +309,12 @@ class Assembly:
     @cached_property
     def M(self) -> sp.csr_matrix:
         """Mass (n_dof, n_dof), kg."""
-        return sp.block_diag([c.M for c in self.components], format="csr")
+        return _block_diagonal([c.M for c in self.components])
 
     @cached_property
     def K_el(self) -> sp.csr_matrix:
         """Elastic stiffness (n_dof, n_dof) of the components, N/m: block diagonal."""
-        return sp.block_diag([c.K for c in self.components], format="csr")
+        return _block_diagonal([c.K for c in self.components])
 
     @cached_property
     def C_el(self) -> sp.csr_matrix | None:
@@ -327,7 +327,7 @@ class Assembly:
     @cached_property
     def correspondence(self) -> sp.csr_matrix:
         """Component.seen of all components, block by block: (rows, n_dof)."""
-        return sp.block_diag([c.seen for c in self.components], format="csr")
+        return _block_diagonal([c.seen for c in self.components])
 
     @cached_property
     def node_slices(self) -> dict[str, slice]:
@@ -355,6 +355,11 @@ class Assembly:
         """Stiffness (n_dof, n_dof) of the contact with tangents (n_points,) [Pa/m]."""
         c = self.contact
         return (c.N.T @ sp.diags(c.area * tangent) @ c.N).tocsr()
+
+
+def _block_diagonal(blocks: Sequence[sp.csr_matrix]) -> sp.csr_matrix:
+    """Blocks one after the other; a single one as it is, for minimal models are built often."""
+    return blocks[0].tocsr() if len(blocks) == 1 else sp.block_diag(blocks, format="csr")
 
 
 class Sized(Protocol):

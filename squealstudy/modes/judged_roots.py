@@ -6,6 +6,8 @@ import numpy as np
 
 from squealstudy.root_pairs import LIGHT_DAMPING
 
+UNSTABLE, STABLE, UNCERTAIN = "unstable", "stable", "uncertain"  # column `stability` of modes
+
 
 def settled(lam: np.ndarray, error: np.ndarray, tolerance: float) -> np.ndarray:
     """Roots (m,) for judging their stability: those that grow by less than their error are neutral.
@@ -76,3 +78,9 @@ def damping_ratios(lam: np.ndarray) -> np.ndarray:
 def unstable_roots(lam: np.ndarray, tolerance: float) -> np.ndarray:
     """The roots whose damping ratio is below minus the tolerance."""
     return lam[damping_ratios(lam) < -tolerance]
+
+
+def stability_names(unstable: np.ndarray, uncertain: np.ndarray) -> np.ndarray:
+    """Name of each mode (m,) of str: uncertain whatever its sign, else by `unstable`."""
+    names: np.ndarray = np.where(uncertain, UNCERTAIN, np.where(unstable, UNSTABLE, STABLE))
+    return names.astype(object)

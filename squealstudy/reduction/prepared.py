@@ -115,7 +115,7 @@ def prepare_with_basis(
         Where the nominal working point does not exist.
     """
     clock = _Clock()
-    with side_by_side() as pool:
+    with side_by_side(assembly.n_dof) as pool:
         found = pool.submit(component_modes, assembly, settings.component_cutoff)
         if space is None:
             stiffness = mean_contact_stiffness(assembly, nominal)

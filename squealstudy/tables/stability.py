@@ -5,13 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-UNSTABLE, STABLE, UNCERTAIN = "unstable", "stable", "uncertain"  # column `stability` of modes
-
-
-def stability_names(unstable: np.ndarray, uncertain: np.ndarray) -> np.ndarray:
-    """Name of each mode (m,) of str: uncertain whatever its sign, else by `unstable`."""
-    names: np.ndarray = np.where(uncertain, UNCERTAIN, np.where(unstable, UNSTABLE, STABLE))
-    return names.astype(object)
+from squealstudy.modes.judged_roots import UNCERTAIN
 
 
 def is_uncertain(modes: pd.DataFrame) -> np.ndarray:

@@ -26,14 +26,13 @@ from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.rows import ModeColumns
 from squealstudy.mechanics.failures import FAILURES, reason
-from squealstudy.modes.full_order.finer_model import reduction_errors
+from squealstudy.modes.full_order.finer_model import relative_errors
 from squealstudy.modes.judged_roots import light_or_growing
+from squealstudy.modes.point import solve_point
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import farthest_points
 
-SAFETY = 2.0  # on the distance to the finer model, for what that lacks too
 CARRIED = 2.0  # on errors carried from other points, besides
-ROUND_OFF = 1e-12  # relative: of the difference of two dense eigenvalues
 POINTS_A_SAMPLE = 16  # design points that pay for one: it costs some three of them
 LEAST, MOST = 8, 16  # sample points of a structure
 NEAREST = 3  # of which errors are carried to a point
@@ -79,13 +78,13 @@ def solve_sample(task: ReductionErrorTask) -> None:
     """Solve a sample point and keep its errors, or why it has none."""
     prepared = prepared_model(task.point.structure)
     try:
-        lam, error = reduction_errors(prepared, task.point.state(), task.band_hz)
+        state = task.point.state()
+        found = solve_point(prepared, state, task.band_hz)
+        relative = relative_errors(prepared, state, task.band_hz, found)
     except FAILURES as failure:
         save_value(task.path, reason(failure))
     else:
-        relative = SAFETY * (error / np.abs(lam) + prepared.basis_error)
-        relative = np.maximum(relative, ROUND_OFF)
-        save_value(task.path, ReductionErrors(lam, relative))
+        save_value(task.path, ReductionErrors(found.lam, relative))
 
 
 def is_reduced(plan: Plan) -> bool:

@@ -21,9 +21,8 @@ from squealstudy.kinds.complex_modes.outside_band import Outside, look_outside, 
 from squealstudy.kinds.complex_modes.reduction_errors import ReductionErrors
 from squealstudy.kinds.complex_modes.rows import POINT_FIELDS, ModeColumns, read_columns
 from squealstudy.kinds.complex_modes.tracked_modes import follow_modes
-from squealstudy.modes.judged_roots import damping_ratios, settled, uncertain_roots
+from squealstudy.modes.judged_roots import damping_ratios, settled, stability_names, uncertain_roots
 from squealstudy.modes.tracking.labels import Tracks
-from squealstudy.tables.stability import stability_names
 
 COUNTS = ("n_modes", "n_unstable", "n_unstable_low", "n_unstable_high", "n_overdamped")
 OUTSIDE = ("n_unstable_below", "n_unstable_above")  # of the band; missing where not looked for

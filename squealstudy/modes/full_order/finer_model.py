@@ -40,6 +40,8 @@ FINER = 0.003  # smallest direction of the finer model, in the largest; of its s
 ENRICHING = 0.012  # and of what enriches a basis
 STRONG = 0.7  # least friction of the loads: they grow with it, and hold those of weaker friction
 EDGE = 0.02  # of the band: how far beyond it the finer model is looked at
+SAFETY = 2.0  # on the distance to the finer model, for what that lacks too
+SAME_ROOT = 1e-12  # relative: round-off of the difference of two dense eigenvalues
 LOWEST = 0.02  # of the band's top: below it lies motion of nearly free bodies
 
 
@@ -230,11 +232,34 @@ def reduction_errors(
         Where there is no working point, or no finer model.
     """
     found = solve_point(prepared, state, band_hz)
+    return found.lam, _from_finer(prepared, state, band_hz, found)
+
+
+def relative_errors(
+    prepared: PreparedModel, state: DesignState, band_hz: tuple[float, float], found: PointModes
+) -> np.ndarray:
+    """Errors of reduced roots (m,) against the unreduced model, relative to their moduli.
+
+    `found` are the modes of the design point in the reduced model; what the finer one lacks itself
+    is allowed for.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no finer model.
+    """
+    apart = _from_finer(prepared, state, band_hz, found) / np.abs(found.lam)
+    return np.maximum(SAFETY * (apart + prepared.basis_error), SAME_ROOT)
+
+
+def _from_finer(
+    prepared: PreparedModel, state: DesignState, band_hz: tuple[float, float], found: PointModes
+) -> np.ndarray:
     low, high = band_hz
     margin = (low * (1.0 - EDGE), high * (1.0 + EDGE))
     assert found.working_point is not None
     finer = finer_modes(prepared, state, margin, found.working_point.gap)
-    return found.lam, partner_distances(found.lam, finer.lam)
+    return partner_distances(found.lam, finer.lam)
 
 
 def root_distances(

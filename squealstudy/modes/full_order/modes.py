@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -282,26 +282,38 @@ def solve_family_point(
     ConvergenceError
         ``undefined`` where a coefficient has no value; where no roots are found.
     """
-    M, C, K = _matrices(prepared.model, values)
-    band = angular_band(band_hz)
-    shift = CHECK_SHIFT * band[1] if check else 0.0
-    roots = roots_in_band(M, C, K, band, prepared.n_roots, shift)
-    order = oscillating_first(roots.lam)
-    lam, psi = roots.lam[order], roots.psi[:, order]
+    M, C, K = family_matrices(prepared.model, values)
+    roots = family_roots(prepared, (M, C, K), band_hz, check)
+    lam, psi = roots.lam, roots.psi
     return PointModes(
         lam=lam,
         residual=pair_residuals(M, C, K, lam, psi),
         energies=np.zeros((0, len(lam))),
         shapes=unit_shapes(prepared.shape_rows @ psi),
         working_point=None,
-        error_rung=roots.error[order],
+        error_rung=roots.error,
         method=FULL,
     )
 
 
-def _matrices(
+def family_roots(
+    prepared: PreparedFamily,
+    matrices: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix],
+    band_hz: tuple[float, float],
+    check: bool = False,
+) -> BandRoots:
+    """Roots of M, C, K in a band, oscillating ones first; arguments of `solve_family_point`."""
+    band = angular_band(band_hz)
+    shift = CHECK_SHIFT * band[1] if check else 0.0
+    roots = roots_in_band(*matrices, band, prepared.n_roots, shift)
+    order = oscillating_first(roots.lam)
+    return replace(roots, lam=roots.lam[order], psi=roots.psi[:, order], error=roots.error[order])
+
+
+def family_matrices(
     family: MatrixFamily, values: Mapping[str, float]
 ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
+    """M, C, K of a family; ConvergenceError ``undefined`` where a coefficient has no value."""
     try:
         return family.matrices(values)
     except ExpressionError as error:

@@ -1,0 +1,250 @@
+"""A model with values of some parameters: what design points are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Self
+
+from squealstudy.errors import ParameterError
+from squealstudy.mechanics.basis import Basis
+from squealstudy.mechanics.component_tables import component_modes, loss_damping
+from squealstudy.mechanics.system import System
+from squealstudy.mechanics.values import Values, column_of
+from squealstudy.models.acting_laws import expect_acting, law_choices, laws_with
+from squealstudy.models.matrices.family import MatrixFamily
+from squealstudy.models.model_point import ModelPoint
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.models.parameter_names import check_disjoint, parse_parameter
+from squealstudy.models.units import quantity
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model at one design point.
+
+    Attributes
+    ----------
+    definition : ModelDefinition
+    given : mapping of str -> value
+        Parameters and options that are not at their defaults; parameters as numbers, whether they
+        came as such or with a unit, "12 bar".
+    basis : Basis or None
+        Band of the modes and basis of the reduction; None for those of studies.
+    family : MatrixFamily or None
+        Of a family of matrices.
+
+    Raises
+    ------
+    ParameterError
+        A parameter or option that the model does not have or that does nothing with the laws
+        chosen; a value that it cannot take.
+    """
+
+    definition: ModelDefinition
+    given: Mapping[str, Any]
+    basis: Basis | None = field(default=None, kw_only=True)
+    family: MatrixFamily | None = field(default=None, kw_only=True)
+
+    def __repr__(self) -> str:
+        """Name, description and what was given, on one line."""
+        given = ", ".join(f"{name} = {value}" for name, value in self.given.items())
+        return f"<Model {self.definition.name!r}: {given or 'defaults'}>"
+
+    def __post_init__(self) -> None:
+        """Check names, bounds, options, and that every parameter acts; ParameterError."""
+        options = {option.name: option.choices for option in self.definition.options}
+        parameters = {
+            name: parse_parameter(name, self.definition)
+            for name in self.given
+            if name not in options
+        }
+        numbers = {name: quantity(self.given[name], p) for name, p in parameters.items()}
+        object.__setattr__(self, "given", {**self.given, **numbers})
+        for name, value in self.given.items():
+            if name in parameters:
+                parameters[name].check(value)
+            elif value not in options[name]:
+                choices = ", ".join(map(str, options[name]))
+                raise ParameterError(name, f"expected one of {choices}, got {value!r}")
+        check_disjoint(parameters.values())
+        design = ModelPoint(self.definition, self._options, {})
+        for parameter in parameters.values():
+            expect_acting(parameter, design)
+
+    @property
+    def _options(self) -> dict[str, str | int]:
+        """A value of every option."""
+        return {o.name: self.given.get(o.name, o.choices[0]) for o in self.definition.options}
+
+    @property
+    def _values(self) -> dict[str, float]:
+        """A value of every parameter, and of the mode parameters given."""
+        names = self._options
+        own = {k: float(v) for k, v in self.given.items() if k not in names}
+        return {**self.definition.defaults(), **own}
+
+    def with_(self, **values: Any) -> Self:
+        """The model with other values of parameters or options, as of `squealstudy.model`."""
+        return replace(self, given={**self.given, **values})
+
+    def with_basis(self, **changes: Any) -> Self:
+        """The model with another basis of its reduction.
+
+        Parameters
+        ----------
+        **changes
+            Fields of `Basis`: ``band_hz=(1e3, 6e3)``, ``component_cutoff_factor=2.0``,
+            ``ranges={"pressure": (2e5, 20e5)}``, over which one basis serves.
+        """
+        basis = self.basis or Basis.of_modes(self.definition)
+        return replace(self, basis=replace(basis, **changes))
+
+    def at(self, **values: Any) -> System:
+        """The system at values of parameters: one design point, or a batch.
+
+        Bases of meshed models are made at the values of the model itself, and serve those of the
+        design points.
+
+        Parameters
+        ----------
+        **values
+            Numbers, texts with a unit, or arrays of one axis, which are broadcast as by numpy;
+            names with dots as ``**{"contact.lambda": 1e6}``. Options too, one value each.
+
+        Raises
+        ------
+        ParameterError
+            An unknown name, a value out of bounds, a parameter that does nothing here; arrays
+            whose lengths differ.
+
+        Examples
+        --------
+        >>> import numpy as np, squealstudy as sq
+        >>> system = sq.model("hulten").at(friction=np.linspace(0.0, 0.6, 7), damping_ratio=0.01)
+        >>> system.modes().growth_rate.max(axis=1).round(1).tolist()
+        [-4.7, -4.7, -4.9, -5.5, 34.5, 70.0, 99.0]
+        """
+        names = {option.name for option in self.definition.options}
+        chosen = {k: v for k, v in values.items() if k in names}
+        if chosen:
+            return self.with_(**chosen).at(**{k: v for k, v in values.items() if k not in names})
+        parameters = {name: parse_parameter(name, self.definition) for name in values}
+        columns = {name: column_of(p, values[name]) for name, p in parameters.items()}
+        common, options = self._values, self._options
+        mine = (n for n in self.given if n not in options and n not in parameters)
+        others = [parse_parameter(name, self.definition) for name in mine]
+        check_disjoint([*parameters.values(), *others])
+        nominal = ModelPoint(self.definition, options, self.definition.followed(common))
+        for parameter in parameters.values():
+            expect_acting(parameter, nominal)
+        return System(
+            values=Values.of(self.definition, options, common, columns),
+            nominal=nominal,
+            basis=self.basis or Basis.of_modes(self.definition),
+            chosen=self.basis is not None,
+            family=self.family,
+        )
+
+    def modes(self, band: tuple[float, float] | None = None) -> pd.DataFrame:
+        """Complex modes of the design point, one row each, with their errors.
+
+        ``at().modes(band)`` has them in arrays, with their vectors. Units are in
+        ``attrs["units"]``; columns as those of the modes table of a study. A meshed model is
+        reduced first, once for each structure, whose reduction stays in memory.
+
+        Parameters
+        ----------
+        band : (float, float) or None
+            Lowest and highest frequency [Hz]; by default that of study files.
+
+        Raises
+        ------
+        ConvergenceError
+            Where the design point has no working point.
+
+        Examples
+        --------
+        >>> import squealstudy as sq
+        >>> sq.model("hulten", friction=0.5).modes()["unstable"].tolist()
+        [False, True]
+        """
+        return self.at().modes(band).to_pandas()
+
+    @property
+    def parameters(self) -> pd.DataFrame:
+        """Value, default, unit and description of every parameter, a row each, by name.
+
+        A `structural` one changes masses or stiffnesses: each value costs a new reduction. One with
+        `laws` acts where one of them is chosen, and is refused otherwise.
+        """
+        import pandas as pd
+
+        rows = {
+            p.name: {
+                "value": self.given.get(p.name, p.default),
+                "default": p.default,
+                "unit": p.unit,
+                "structural": p.structural,
+                "laws": law_choices(laws_with(p.name)),
+                "description": p.description,
+            }
+            for p in self.definition.parameters
+        }
+        table = pd.DataFrame.from_dict(rows, orient="index")
+        table.index.name = "parameter"
+        return table
+
+    @property
+    def options(self) -> pd.DataFrame:
+        """Value, choices (the first is the default) and description of every option, by name."""
+        import pandas as pd
+
+        rows = [
+            (o.name, self.given.get(o.name, o.choices[0]), o.choices, o.description)
+            for o in self.definition.options
+        ]
+        return pd.DataFrame(rows, columns=["option", "value", "choices", "description"]).set_index(
+            "option"
+        )
+
+    def component_modes(self, cutoff_hz: float = 8000.0) -> pd.DataFrame:
+        """Free-free modes of the components up to a frequency, as study files number them.
+
+        Columns ``component``, ``n_dof``, ``mode`` (from 1, rigid ones first), ``frequency_hz`` [Hz]
+        and ``rigid``. The model is meshed for this.
+        """
+        return component_modes(self.at().point, cutoff_hz)
+
+    def loss_damping(
+        self, factors: Mapping[str | tuple[str, ...], float], cutoff_hz: float = 8000.0
+    ) -> pd.DataFrame:
+        """Damping ratios of component modes that stand for loss factors of materials.
+
+        A mode with the share e_m of its elastic energy in the material m gets
+        zeta = sum of eta_m e_m / 2 (THEORY.md eq. (19a)).
+
+        Parameters
+        ----------
+        factors : mapping of str or tuple of str -> float
+            Loss factor eta of a material, by the parameter that is its modulus; of one that has
+            several moduli by all of them.
+        cutoff_hz : float
+            Modes up to here, Hz.
+
+        Returns
+        -------
+        DataFrame
+            A row an elastic mode of a component that has one of the materials: ``parameter``, its
+            damping ratio as study files call it, ``component``, ``mode``, ``frequency_hz``,
+            ``energy_share`` in these materials, ``damping_ratio``.
+
+        Raises
+        ------
+        ParameterError
+            What is no modulus of a component or not all of a material's, or a negative factor.
+        """
+        return loss_damping(self.at().point, factors, cutoff_hz)

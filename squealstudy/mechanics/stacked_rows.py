@@ -1,0 +1,65 @@
+"""Findings of design points as arrays with a leading axis, and their statuses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from squealstudy.errors import SquealstudyError
+from squealstudy.mechanics.failures import reason
+
+OK = "ok"
+Found = TypeVar("Found")
+
+
+def statuses(found: Sequence[object]) -> np.ndarray:
+    """``ok`` of each finding, or why there is none: (m,) of str."""
+    return np.array([reason(x)[0] if isinstance(x, Exception) else OK for x in found], object)
+
+
+def messages(found: Sequence[object]) -> np.ndarray:
+    """What is to be said of each failure: (m,) of str, empty where there is none."""
+    return np.array([reason(x)[1] if isinstance(x, Exception) else "" for x in found], object)
+
+
+def stacked(
+    found: Sequence[Found | Exception],
+    take: Callable[[Found], np.ndarray],
+    single: bool,
+    ragged: bool = False,
+) -> np.ndarray:
+    """An array of each finding, one after the other: (m, ...); without the axis where `single`.
+
+    Those of failures are NaN (of whole numbers -1). `ragged` ones may differ in their last axis:
+    they are filled up with NaN.
+
+    Raises
+    ------
+    SquealstudyError
+        Shapes that differ, of structures of other sizes.
+    """
+    arrays = [None if isinstance(x, Exception) else np.asarray(take(x)) for x in found]
+    if single:
+        assert arrays[0] is not None
+        return arrays[0]
+    known = [a for a in arrays if a is not None]
+    if not known:
+        return np.full((len(found), 0), np.nan) if ragged else np.full(len(found), np.nan)
+    shapes = {a.shape[:-1] if ragged else a.shape for a in known}
+    if len(shapes) > 1:
+        raise SquealstudyError(
+            "design points of these structures have arrays of other sizes: take them one by one, "
+            "[point.linear for point in system]"
+        )
+    shape = known[0].shape
+    if ragged:
+        shape = (*shape[:-1], max(a.shape[-1] for a in known))
+    kind = np.result_type(*known)
+    nothing = -1 if np.issubdtype(kind, np.integer) else np.nan
+    filled = np.full((len(found), *shape), nothing, dtype=kind)
+    for row, array in zip(filled, arrays, strict=True):
+        if array is not None:
+            row[tuple(slice(size) for size in array.shape)] = array
+    return filled

@@ -1,0 +1,236 @@
+"""The structures of design points, reduced: of meshed models the last ones stay in memory."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from squealstudy.errors import ModelError, ParameterError
+from squealstudy.mechanics.basis import Basis
+from squealstudy.mechanics.defaults import MODE_TOLERANCE
+from squealstudy.mechanics.failures import FAILURES
+from squealstudy.mechanics.pairs import PointPairs, point_pairs
+from squealstudy.mechanics.reduction import Reduction, reduced
+from squealstudy.mechanics.values import Values
+from squealstudy.models.components.definition import FileDefinition
+from squealstudy.models.matrices.family import FamilyDefinition
+from squealstudy.models.model_point import ModelPoint
+from squealstudy.models.operating import (
+    CONTACT_OPTION,
+    FRICTION_OPTION,
+    PRESSURE,
+    ModeKey,
+    OperatingPoint,
+    contact_parameters,
+)
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.models.parameter_names import FREQUENCY_SCALE
+from squealstudy.modes.judged_roots import light_or_growing
+
+LAW_OPTIONS = (CONTACT_OPTION.name, FRICTION_OPTION.name)  # they change no structure
+MOST_KEPT = 4  # reductions of meshed models in memory: some 100 MB each of a medium brake
+SAMPLES = 8  # design points at which is looked whether a basis is good enough
+MOST_SMALL = 64  # and of others: a kilobyte each
+Memory = OrderedDict[Hashable, tuple[ModelDefinition, Reduction]]
+_kept: Memory = OrderedDict()
+_small: Memory = OrderedDict()
+
+
+@dataclass(frozen=True, eq=False)
+class Structures:
+    """How the structures of some design points are reduced.
+
+    Attributes
+    ----------
+    values : Values
+        Of the design points.
+    nominal : ModelPoint
+        Whose operating point bases are made at: the model as it is, nothing varied.
+    basis : Basis
+    improved : bool
+        A basis whose error is beyond the tolerance of modes is enriched once.
+    """
+
+    values: Values
+    nominal: ModelPoint
+    basis: Basis
+    improved: bool = True
+    _rounds: dict[int, int] = field(default_factory=dict, repr=False)
+    _tried: dict[Hashable, PointPairs] = field(default_factory=dict, repr=False)
+
+    def reduction(self, first: ModelPoint, own: np.ndarray) -> Reduction:
+        """That of a structure, by its first design point and the numbers of its design points.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no steady sliding at the nominal operating point.
+        ModelError
+            A geometry that cannot be built; a family of matrices.
+        ParameterError
+            A component mode that the basis does not hold.
+        """
+        if isinstance(first.model, FamilyDefinition):
+            raise ModelError("a family of matrices has neither contact nor components to reduce")
+        if not first.model.meshed:
+            found = self._small(first)
+        else:
+            found = self._meshed(first, own)
+        _check_modes(first, found)
+        return found
+
+    @property
+    def _nominal(self) -> OperatingPoint:
+        return self.nominal.operating_point()
+
+    def _small(self, first: ModelPoint) -> Reduction:
+        """Of a model without a mesh, whose basis is complete: that of one structure is kept."""
+        varied = self.values.varied.keys() & first.structural_values().keys()
+        key = () if varied else self._identity(first)
+        if key not in _small:
+            made = reduced(first.assembly(), self._nominal, self.basis.settings(False))
+            if varied:  # of many structures none is asked for again
+                return made
+            _small[key] = first.model, made
+        return _recalled(_small, key, MOST_SMALL)
+
+    def _meshed(self, first: ModelPoint, own: np.ndarray) -> Reduction:
+        """A reduction whose error is known, enriched where that is beyond the tolerance."""
+        once = int(self.basis.enrichment and self.basis.residual_responses)
+        number = int(own[0])
+        if number not in self._rounds:
+            self._rounds[number] = once
+            found = self._made(first, once)
+            chosen = own[np.unique(np.linspace(0, len(own) - 1, SAMPLES).astype(int))]
+            looked_at = chosen if self.improved and self.basis.tells_error else ()
+            if any(self._error(found, int(i)) > MODE_TOLERANCE for i in looked_at):
+                self._rounds[number] = once + 1
+                self._tried.clear()
+        return self._made(first, self._rounds[number])
+
+    def pairs(self, point: ModelPoint, reduction: Reduction) -> PointPairs:
+        """Complex modes of a design point in the basis' band, with their errors."""
+        found = self._tried.pop(_place(point), None)
+        return found or point_pairs(point, reduction, self.basis.band_hz, self.basis.tells_error)
+
+    def _error(self, found: Reduction, number: int) -> float:
+        """Largest relative error of light and growing modes of a design point; 0 without any."""
+        point = self.values.point(number)
+        try:
+            modes = point_pairs(point, found, self.basis.band_hz, True)
+        except FAILURES:
+            return 0.0
+        self._tried[_place(point)] = modes
+        relative = np.nan_to_num(modes.error_reduction) / np.abs(modes.lam)
+        return float(relative[light_or_growing(modes.lam)].max(initial=0.0))
+
+    def _made(self, first: ModelPoint, enriching: int) -> Reduction:
+        """From memory, or made now."""
+        key = (*self._identity(first), enriching)
+        if key not in _kept:
+            with threadpool_limits(1):  # as studies make it: the threads are those of the factors
+                made = reduced(
+                    first.assembly(),
+                    self._nominal,
+                    self.basis.settings(True),
+                    self.training(),
+                    self.basis.band_hz[1] if self._judged else None,
+                    self.scales() if self._judged else (),
+                    enriching,
+                )
+            _kept[key] = first.model, made
+        return _recalled(_kept, key, MOST_KEPT)
+
+    @property
+    def _judged(self) -> bool:
+        return self.basis.tells_error or self.basis.residual_responses
+
+    def _identity(self, first: ModelPoint) -> tuple[Hashable, ...]:
+        """What decides a reduction; of a model file its content."""
+        model = first.model
+        files = (model.files, model.added) if isinstance(model, FileDefinition) else id(model)
+        options = {k: v for k, v in first.options.items() if k not in LAW_OPTIONS}
+        scales = tuple(tuple(sorted(scale.items())) for scale in self.scales())
+        points = tuple(map(_operating_identity, (self._nominal, *self.training())))
+        return (
+            str(files),
+            tuple(sorted(options.items())),
+            tuple(first.structural_values().items()),
+            points,
+            scales,
+            self.basis.identity,
+        )
+
+    def training(self) -> tuple[OperatingPoint, ...]:
+        """Ends of the ranges of pressure and of the contact law, the rest nominal."""
+        if not self.basis.enrichment:
+            return ()
+        names = (PRESSURE.name, *(p.name for p in contact_parameters()))
+        found = []
+        for name in (n for n in self.values.columns if n in names):
+            for value in sorted(set(self._varied_ends(name))):
+                other = replace(self.nominal, values={**self.nominal.values, name: value})
+                found.append(other.operating_point())
+        return tuple(found)
+
+    def _varied_ends(self, name: str) -> tuple[float, ...]:
+        x, own = self.values.columns[name], self.basis.ranges.get(name)
+        if own is None and not isinstance(x, np.ndarray) and x == self.nominal.values[name]:
+            return ()
+        low, high = self.values.ends(name)
+        return (low, high) if own is None else (min(low, own[0]), max(high, own[1]))
+
+    def scales(self) -> tuple[Mapping[ModeKey, float], ...]:
+        """Factors on component frequencies: all at their least, then all at their largest."""
+        first = self.values.point(0)
+        swept = [p for p in first.mode_parameters() if p.quantity == FREQUENCY_SCALE]
+        found: list[Mapping[ModeKey, float]] = []
+        for end, extreme in ((0, min), (1, max)):
+            scale: dict[ModeKey, float] = {}
+            for p in swept:
+                value = self.values.ends(p.name)[end]
+                if p.name in self.basis.ranges:
+                    value = extreme(value, self.basis.ranges[p.name][end])
+                scale |= {(p.component, mode): value for mode in p.modes}
+            if any(factor != 1.0 for factor in scale.values()) and scale not in found:
+                found.append(scale)
+        return tuple(found)
+
+
+def _operating_identity(point: OperatingPoint) -> tuple[Hashable, ...]:
+    laws = (point.law.kind, *point.law.parameters, point.law.definition.source)
+    curve = (point.curve.kind, point.curve.definition.source)
+    return (*point.sliding_friction, point.brake_pressure, *laws, *curve)
+
+
+def _recalled(memory: Memory, key: Hashable, most: int) -> Reduction:
+    """One of what is kept; what was not asked for longest is forgotten."""
+    memory.move_to_end(key)
+    while len(memory) > most:
+        memory.popitem(last=False)
+    return memory[key][1]
+
+
+def _place(point: ModelPoint) -> Hashable:
+    return tuple(point.values.values())
+
+
+def _check_modes(point: ModelPoint, found: Reduction) -> None:
+    """Raise ParameterError where a component mode in use is not in the basis."""
+    counts = found.prepared.model.mode_counts
+    for parameter in point.mode_parameters():
+        if (highest := max(parameter.modes)) > (count := counts[parameter.component]):
+            where = f" up to {found.settings.component_cutoff:g} Hz in this basis"
+            held = where if point.model.meshed else ""
+            text = f"{parameter.component} has modes 1 to {count}{held}, got mode {highest}"
+            raise ParameterError(parameter.name, text)
+
+
+def forget() -> None:
+    """Free the memory of reductions that no one else holds."""
+    _kept.clear()
+    _small.clear()

@@ -1,0 +1,79 @@
+"""The unreduced matrices of a design point, as they are assembled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.models.assembly import Assembly, ContactInterface
+from squealstudy.models.operating import OperatingPoint
+
+
+@dataclass(frozen=True, eq=False)
+class Unreduced:
+    """M u'' + C u' + K u = load + contact forces, before anything is reduced.
+
+    Attributes
+    ----------
+    assembled : Assembly
+        Components, interfaces, degrees of freedom.
+    operating : OperatingPoint
+        Pressure, friction, sliding and laws of the design point.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> assembly = sq.model("hoffmann").at().assembly
+    >>> assembly.names, assembly.M.shape, assembly.contact.n_points
+    (('mass',), (2, 2), 1)
+    """
+
+    assembled: Assembly
+    operating: OperatingPoint
+
+    @property
+    def n_dof(self) -> int:
+        """Number of degrees of freedom."""
+        return self.assembled.n_dof
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Components, in the order of the degrees of freedom; `slices` has those of each."""
+        return self.assembled.component_names
+
+    @property
+    def slices(self) -> dict[str, slice]:
+        """Degrees of freedom of each component."""
+        return self.assembled.slices
+
+    @property
+    def M(self) -> sp.csr_matrix:
+        """Mass (n_dof, n_dof), kg."""
+        return self.assembled.M
+
+    @cached_property
+    def C(self) -> sp.csr_matrix:
+        """Damping (n_dof, n_dof) of the components' own, N s/m; modal damping is none of it."""
+        own = self.assembled.C_el
+        return sp.csr_matrix(self.M.shape) if own is None else own
+
+    @cached_property
+    def K(self) -> sp.csr_matrix:
+        """Stiffness (n_dof, n_dof) of components and springs, without contact, N/m."""
+        return (self.assembled.K_el + self.assembled.K_springs()).tocsr()
+
+    @property
+    def contact(self) -> ContactInterface:
+        """Contact points: N, T, T_perp (nc, n_dof), areas [m2], gaps [m], radii [m]."""
+        return self.assembled.contact
+
+    @property
+    def load(self) -> np.ndarray:
+        """Forces (n_dof,) of the brake pressure, and those that are always there, N."""
+        found: np.ndarray = (
+            self.operating.brake_pressure * self.assembled.load + self.assembled.constant_load
+        )
+        return found

@@ -1,0 +1,153 @@
+"""Values of parameters: numbers or arrays, checked, one design point or a batch of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from squealstudy.errors import ParameterError
+from squealstudy.models.model_point import ModelPoint
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.models.parameter_names import StudyParameter
+from squealstudy.models.units import quantity
+
+Column = float | np.ndarray
+
+
+def column_of(parameter: StudyParameter, value: Any) -> Column:
+    """A number, or an array (m,), of what a parameter can take.
+
+    Raises
+    ------
+    ParameterError
+        Not numbers, of more than one axis, empty, or one that is out of bounds.
+    """
+    value = quantity(value, parameter)
+    if isinstance(value, int | float):  # a truth value is none of them: the check says so
+        return parameter.check(value)
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        text = f"expected a number or an array of numbers, got {value!r}"
+        raise ParameterError(parameter.name, text) from None
+    if array.ndim == 0:
+        return parameter.check(float(array))
+    if array.ndim > 1 or not array.size:
+        text = f"expected a number or an array of one axis, got the shape {array.shape}"
+        raise ParameterError(parameter.name, text)
+    _check_all(parameter, array)
+    return array
+
+
+def _check_all(parameter: StudyParameter, array: np.ndarray) -> None:
+    """The bounds are intervals, and zero: what is extreme speaks for all."""
+    finite = np.isfinite(array)
+    if not finite.all():
+        parameter.check(float(array[np.argmin(finite)]))
+    for place in (np.argmin(array), np.argmax(array), np.argmin(np.abs(array))):
+        parameter.check(float(array[place]))
+
+
+def common_length(columns: Mapping[str, Column]) -> int | None:
+    """Length of a batch, arrays of one value broadcast; None where all are numbers.
+
+    Raises
+    ------
+    ParameterError
+        Arrays whose lengths differ.
+    """
+    lengths = {name: len(x) for name, x in columns.items() if isinstance(x, np.ndarray)}
+    if not lengths:
+        return None
+    longest = max(lengths, key=lambda name: lengths[name])
+    for name, length in lengths.items():
+        if length not in (1, lengths[longest]):
+            raise ParameterError(
+                name, f"has {length} values, '{longest}' has {lengths[longest]}: expected as many"
+            )
+    return lengths[longest]
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """Values of all parameters of a model, at one design point or a batch of m.
+
+    Attributes
+    ----------
+    definition : ModelDefinition
+    options : mapping of str -> str or int
+        A value of every option.
+    columns : mapping of str -> float or ndarray (m,)
+        A value of every parameter, and of the mode parameters in use.
+    length : int or None
+        m; None for one design point.
+    """
+
+    definition: ModelDefinition
+    options: Mapping[str, str | int]
+    columns: Mapping[str, Column]
+    length: int | None
+
+    @classmethod
+    def of(
+        cls,
+        definition: ModelDefinition,
+        options: Mapping[str, str | int],
+        common: Mapping[str, float],
+        columns: Mapping[str, Column],
+    ) -> Values:
+        """Those of `columns`, the others as in `common`; what has a table follows it."""
+        length = common_length(columns)
+        spread = {
+            name: np.broadcast_to(x, length or 1) if isinstance(x, np.ndarray) else x
+            for name, x in columns.items()
+        }
+        return cls(definition, options, definition.followed({**common, **spread}), length)
+
+    @property
+    def count(self) -> int:
+        """Design points."""
+        return 1 if self.length is None else self.length
+
+    @cached_property
+    def varied(self) -> dict[str, np.ndarray]:
+        """The arrays (m,) among them."""
+        return {k: x for k, x in self.columns.items() if isinstance(x, np.ndarray)}
+
+    @cached_property
+    def _common(self) -> dict[str, float]:
+        return {k: float(x) for k, x in self.columns.items() if not isinstance(x, np.ndarray)}
+
+    def point(self, number: int) -> ModelPoint:
+        """One of the design points, from 0."""
+        own = {name: float(x[number]) for name, x in self.varied.items()}
+        return ModelPoint(self.definition, self.options, {**self._common, **own})
+
+    def at(self, number: int) -> Values:
+        """One of the design points by itself."""
+        point = self.point(number)
+        return Values(self.definition, self.options, dict(point.values), None)
+
+    def ends(self, name: str) -> tuple[float, float]:
+        """Least and largest value of a parameter."""
+        x = self.columns[name]
+        return (float(np.min(x)), float(np.max(x)))
+
+    def of_structures(self) -> Iterator[tuple[ModelPoint, np.ndarray]]:
+        """The first design point of every structure, and the numbers of all of them."""
+        names = [
+            p.name for p in self.definition.parameters if p.structural and p.name in self.varied
+        ]
+        if not names:
+            yield self.point(0), np.arange(self.count)
+            return
+        rows = np.column_stack([self.varied[name] for name in names])
+        _, first, structure = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(structure.ravel(), kind="stable")
+        cuts = np.cumsum(np.bincount(structure.ravel()))[:-1]
+        for place, own in zip(first, np.split(order, cuts), strict=True):
+            yield self.point(int(place)), own
