@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from squealstudy.engine.template import new_study
     from squealstudy.face import Study, open_results, read_study, run
     from squealstudy.face_model import Model, list_models, model
+    from squealstudy.mechanics.matrices import matrices
+    from squealstudy.mechanics.system import System
     from squealstudy.tables.other_codes import other_codes
 
 __version__ = "0.2.0"
@@ -21,8 +23,10 @@ __all__ = [
     "Model",
     "Results",
     "Study",
+    "System",
     "__version__",
     "list_models",
+    "matrices",
     "model",
     "new_study",
     "open_results",
@@ -37,6 +41,8 @@ FACE = "squealstudy.face"  # where the names are that are not elsewhere
 ELSEWHERE = {
     **dict.fromkeys(("Model", "list_models", "model"), "squealstudy.face_model"),
     "Results": "squealstudy.engine.results",
+    "System": "squealstudy.mechanics.system",
+    "matrices": "squealstudy.mechanics.matrices",
     "new_study": "squealstudy.engine.template",
     "other_codes": "squealstudy.tables.other_codes",
     "register_plot": "squealstudy.engine.pictures",

@@ -119,9 +119,17 @@ class Basis:
 def checked_band(band_hz: object) -> tuple[float, float]:
     """A band [Hz] as two floats; ParameterError where it is none."""
     try:
-        low, high = (float(x) for x in band_hz)  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
+        ends = list(band_hz)  # type: ignore[call-overload]
+    except TypeError:
         raise ParameterError("band", f"expected [low, high] in Hz, got {band_hz!r}") from None
-    if not (0.0 <= low < high < np.inf):
-        raise ParameterError("band", f"expected 0 <= low < high, both finite, got {band_hz!r}")
+    if len(ends) != 2:
+        raise ParameterError("band", f"expected two frequencies [low, high], got {band_hz!r}")
+    for end in ends:
+        if isinstance(end, bool | np.bool_) or not isinstance(end, int | float | np.number):
+            raise ParameterError("band", f"expected a number of Hz, got {end!r}")
+        if not np.isfinite(end):
+            raise ParameterError("band", f"expected a finite number of Hz, got {end!r}")
+    low, high = (float(end) for end in ends)
+    if not 0.0 <= low < high:
+        raise ParameterError("band", f"expected 0 <= low < high, got {band_hz!r}")
     return low, high

@@ -30,15 +30,12 @@ UNITS = {
     "frequency_hz": "Hz",
     "growth_rate": "1/s",
     "damping_ratio": "",
-    "unstable": "",
-    "stability": "",
-    "overdamped": "",
     "residual": "",
     "error_rung": "1/s",
     "error_reduction": "1/s",
     "error_estimate": "1/s",
-    "method": "",
 }
+OWN = {*UNITS, "unstable", "stability", "overdamped", "method"}  # columns
 BEYOND = 1.01  # of the largest root: the circle in which left vectors are looked for
 
 
@@ -178,7 +175,7 @@ class ComplexModes:
         table: dict[str, Any] = {}
         if isinstance(self.counts, np.ndarray):
             table["point"] = point
-            table |= {name: x[point] for name, x in self.varied.items() if name not in UNITS}
+            table |= {name: x[point] for name, x in self.varied.items() if name not in OWN}
         table["mode"] = (np.nonzero(kept)[1] + 1).astype(np.int32)
         unstable, uncertain = flat(self.unstable), flat(self.uncertain)
         table |= {

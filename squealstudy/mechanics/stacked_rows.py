@@ -59,7 +59,8 @@ def stacked(
     kind = np.result_type(*known)
     nothing = -1 if np.issubdtype(kind, np.integer) else np.nan
     filled = np.full((len(found), *shape), nothing, dtype=kind)
-    for row, array in zip(filled, arrays, strict=True):
+    for number, array in enumerate(arrays):
         if array is not None:
-            row[tuple(slice(size) for size in array.shape)] = array
+            place = (number, *(slice(size) for size in array.shape))
+            filled[place] = array  # type: ignore[index]
     return filled

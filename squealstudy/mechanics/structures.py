@@ -76,10 +76,7 @@ class Structures:
         """
         if isinstance(first.model, FamilyDefinition):
             raise ModelError("a family of matrices has neither contact nor components to reduce")
-        if not first.model.meshed:
-            found = self._small(first)
-        else:
-            found = self._meshed(first, own)
+        found = self._small(first) if not first.model.meshed else self._meshed(first, own)
         _check_modes(first, found)
         return found
 

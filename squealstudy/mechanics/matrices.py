@@ -1,0 +1,81 @@
+"""A model of matrices that are there already: M(p), C(p), K(p) as sums of terms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError, ParameterError
+from squealstudy.mechanics.model import Model
+from squealstudy.models.matrices.expression import Expression
+from squealstudy.models.matrices.family import (
+    ORDERS,
+    FamilyTerm,
+    MatrixFamily,
+    family_definition,
+)
+from squealstudy.wording import did_you_mean
+
+
+def matrices(M: Any, K: Any, C: Any = None, **values: float) -> Model:
+    """The model lam^2 M(p) + lam C(p) + K(p), each a matrix or a sum of matrices.
+
+    It has complex modes, and neither contact nor components.
+
+    Parameters
+    ----------
+    M, K, C : matrix (n, n), or mapping of str -> matrix (n, n)
+        Real, dense or sparse; the keys of a mapping are coefficients as study files have them:
+        numbers, or expressions of parameters such as ``"mu"`` and ``"2*sin(angle)"``.
+    **values
+        Of every parameter in the coefficients.
+
+    Raises
+    ------
+    ModelError
+        Matrices that are not real and square, or of different sizes; a coefficient that is no
+        expression.
+    ParameterError
+        A parameter without a value, or that no coefficient has.
+
+    Examples
+    --------
+    >>> import numpy as np, squealstudy as sq
+    >>> follower = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    >>> model = sq.matrices(np.eye(2), {"1": np.diag([1e6, 1.2e6]), "mu": 1e6 * follower}, mu=0.0)
+    >>> model.at(mu=[0.05, 0.15]).modes().unstable.any(axis=1).tolist()
+    [False, True]
+    """
+    terms = []
+    for letter, given in (("M", M), ("C", C), ("K", K)):
+        parts = given if isinstance(given, Mapping) else {"1": given}
+        for coefficient, matrix in parts.items():
+            if matrix is not None:
+                found = FamilyTerm(ORDERS[letter], _real(letter, matrix), Expression(coefficient))
+                terms.append(found)
+    family = MatrixFamily(tuple(terms))
+    for name in values:
+        if name not in family.names:
+            known = did_you_mean(name, family.names) or ""
+            raise ParameterError(name, f"'{name}' is in none of the coefficients{known}")
+    for name in family.names:
+        if name not in values:
+            raise ParameterError(name, f"'{name}' of the coefficients has no value")
+    nominal = {name: float(values[name]) for name in family.names}
+    return Model(family_definition((), nominal), {}, family=family)
+
+
+def _real(letter: str, matrix: Any) -> sp.csr_matrix:
+    """A matrix as it is computed with; ModelError where it is none."""
+    found = matrix if sp.issparse(matrix) else np.asarray(matrix)
+    if found.ndim != 2 or found.shape[0] != found.shape[1] or not found.shape[0]:
+        raise ModelError(f"{letter}: expected a square matrix, got the shape {found.shape}")
+    if found.dtype.kind not in "iuf":
+        raise ModelError(f"{letter}: expected a matrix of real numbers, got {found.dtype}")
+    made = sp.csr_matrix(found, dtype=float)
+    if not np.isfinite(made.data).all():
+        raise ModelError(f"{letter}: expected finite numbers")
+    return made

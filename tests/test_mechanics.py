@@ -1,0 +1,333 @@
+"""The mechanics as a library: arrays against numpy and against studies, batches against loops."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from own_blocks import write_blocks
+
+import squealstudy as sq
+from squealstudy.errors import ConvergenceError, ModelError, ParameterError, SquealstudyError
+
+PACKAGE = Path(sq.__file__).parent
+# from the laws up to the library: what a study has nothing to do with
+MECHANICS = ("laws", "kernels", "linalg", "models", "reduction", "system", "modes", "motion")
+MECHANICS += ("cycles", "shapes", "mechanics")
+ABOVE = ("study", "engine", "kinds", "fidelity", "face", "face_model", "cli", "tables", "plots")
+MODES_BAND = (10.0, 3000.0)
+BRAKE_BAND = (800.0, 1600.0)
+BLOCKS_BAND = (1e3, 4e4)
+NOT_OF_ONE_POINT = ["point_id", "track", "track_mac", "track_ambiguous"]
+
+
+def companion_roots(C: np.ndarray, K: np.ndarray) -> np.ndarray:
+    """Roots (2n,) of lam^2 + lam C + K by numpy."""
+    n = len(K)
+    return np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]]))
+
+
+def study_modes(model: sq.Model, band: tuple[float, float], folder: Path):
+    """The modes table of a study of the one design point."""
+    found = sq.run(model.study(band=band), folder / "results", jobs=1).modes
+    return found.drop(columns=[name for name in NOT_OF_ONE_POINT if name in found])
+
+
+# -- layers
+
+
+@pytest.mark.parametrize("package", MECHANICS)
+def test_the_mechanics_knows_no_study_and_no_engine(package):
+    """What is imported for types alone counts as well."""
+    for path in (PACKAGE / package).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            for name in names:
+                parts = name.split(".")
+                assert not (parts[0] == "squealstudy" and parts[1:2] and parts[1] in ABOVE), path
+
+
+@pytest.mark.parametrize(
+    "module", sorted(path.stem for path in (PACKAGE / "mechanics").glob("[a-z]*.py"))
+)
+def test_examples_of_docstrings(module):
+    found = doctest.testmod(importlib.import_module(f"squealstudy.mechanics.{module}"))
+    assert found.failed == 0
+
+
+# -- against numpy
+
+
+def test_hulten_is_its_closed_form():
+    """Contact 1 slides along -q2, contact 2 along q1, and friction is against sliding."""
+    mu, zeta = 0.4, 0.01
+    system = sq.model("hulten", friction=mu).at(damping_ratio=zeta)
+    w1, w2 = 2 * np.pi * np.array([100.0, 75.0])
+    K = np.array([[w1**2, -mu * w2**2], [mu * w1**2, w2**2]])
+    np.testing.assert_allclose(system.linear.K, K, rtol=1e-12)
+    np.testing.assert_allclose(system.linear.C, 2 * zeta * np.diag([w1, w2]), atol=1e-9)
+    # N1 - mu N2 = 100 N and N2 + mu N1 = 100 N
+    normal = np.linalg.solve([[1.0, -mu], [mu, 1.0]], [100.0, 100.0])
+    np.testing.assert_allclose(system.steady.force[:, 0], normal, rtol=1e-10)
+    np.testing.assert_allclose(np.abs(system.steady.force[:, 1]), mu * normal, rtol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["hulten", "hoffmann", "belt"])
+def test_modes_are_roots_of_the_linearised_matrices(name):
+    system = sq.model(name).at(friction=0.6, damping_ratio=0.002)
+    linear, modes = system.linear, system.modes(MODES_BAND)
+    roots = companion_roots(linear.C, linear.K)
+    roots = roots[(roots.imag >= 0) & (np.abs(roots) < 2 * np.pi * MODES_BAND[1])]
+    order = np.argsort(np.abs(roots))
+    np.testing.assert_allclose(np.sort(np.abs(modes.lam)), np.abs(roots[order]), rtol=1e-9)
+    for lam, x, y in zip(modes.lam, modes.right.T, modes.left.T, strict=True):
+        Q = lam**2 * linear.M + lam * linear.C + linear.K
+        size = np.linalg.norm(linear.K)
+        assert np.linalg.norm(Q @ x) < 1e-9 * size
+        assert np.linalg.norm(y.conj() @ Q) < 1e-9 * size * np.linalg.norm(y)
+        slope = y.conj() @ (2 * lam * linear.M + linear.C) @ x
+        assert slope == pytest.approx(1.0, abs=1e-9)
+
+
+def test_left_vectors_give_the_derivative_of_roots():
+    mu, h = 0.4, 1e-5
+    model = sq.model("hulten")
+    ends = model.at(friction=[mu - h, mu + h])
+    K_mu = np.diff(ends.linear.K, axis=0)[0] / (2 * h)
+    modes = model.at(friction=mu).modes()
+    slope = -np.einsum("ij,ij->j", modes.left.conj(), K_mu @ modes.right)
+    by_difference = np.diff(ends.modes().lam, axis=0)[0] / (2 * h)
+    np.testing.assert_allclose(slope, by_difference, rtol=1e-6)
+
+
+def test_unreduced_matrices_hold_the_model():
+    assembly = sq.model("hulten", mass=2.0).at().assembly
+    np.testing.assert_allclose(assembly.M.toarray(), 2.0 * np.eye(2))
+    assert assembly.K.nnz == 0  # all stiffness is that of contacts
+    assert assembly.C.nnz == 0
+    np.testing.assert_allclose(assembly.load, [-100.0, -100.0])
+    assert list(assembly.slices) == ["mass"]
+
+
+# -- against studies
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("hulten", {"friction": 0.5, "damping_ratio": 0.01}),
+        ("hoffmann", {"friction": 0.9, "contact_law": "exponential"}),
+    ],
+)
+def test_modes_are_those_of_a_study(name, values, tmp_path):
+    model = sq.model(name, **values)
+    own, study = model.modes(MODES_BAND), study_modes(model, MODES_BAND, tmp_path)
+    assert list(own.columns) == list(study.columns)
+    units = study.attrs["units"]
+    assert own.attrs["units"] == {name: units[name] for name in own if name in units}
+    assert (own.dtypes == study.dtypes).all()
+    for column in own:
+        if own[column].dtype == float:
+            np.testing.assert_allclose(own[column], study[column], rtol=1e-12, atol=0.0)
+        else:
+            assert (own[column] == study[column]).all()
+
+
+def expect_those_of_a_study(model: sq.Model, band: tuple[float, float], folder: Path) -> None:
+    """Of a meshed model; and its basis is orthonormal in the mass."""
+    own, study = model.modes(band), study_modes(model, band, folder)
+    assert list(own.columns) == list(study.columns)
+    assert len(own) == len(study) > 1
+    np.testing.assert_allclose(own["frequency_hz"], study["frequency_hz"], rtol=1e-9)
+    np.testing.assert_allclose(own["damping_ratio"], study["damping_ratio"], atol=1e-9)
+    np.testing.assert_allclose(own["error_reduction"], study["error_reduction"], rtol=1e-3)
+    np.testing.assert_allclose(own.filter(like="energy"), study.filter(like="energy"), atol=1e-8)
+    assert (own["stability"] == study["stability"]).all()
+    reduction = model.at().reduced(band)
+    T, assembled = reduction.basis_matrix, reduction.assembly
+    np.testing.assert_allclose(T.T @ (assembled.M @ T), np.eye(reduction.n), atol=1e-8)
+
+
+def test_modes_of_a_model_file_are_those_of_a_study(tmp_path):
+    write_blocks(tmp_path)
+    model = sq.model(str(tmp_path / "blocks.toml"), friction=0.4, damping_ratio=0.001)
+    expect_those_of_a_study(model, BLOCKS_BAND, tmp_path)
+
+
+@pytest.mark.full_size
+def test_modes_of_the_brake_are_those_of_a_study(tmp_path):
+    model = sq.model("disc_brake", mesh="coarse", friction=0.4, damping_ratio=0.001)
+    expect_those_of_a_study(model, BRAKE_BAND, tmp_path)
+
+
+def test_design_points_of_a_meshed_structure_share_its_reduction(tmp_path):
+    write_blocks(tmp_path)
+    model = sq.model(str(tmp_path / "blocks.toml")).with_basis(band_hz=BLOCKS_BAND)
+    batch = model.at(friction=[0.2, 0.4], pressure=[8e5, 2e6], sliding_speed=1.0)
+    assert batch.reduced() is batch.reduced()
+    for k, point in enumerate(batch):
+        alone = model.with_basis(ranges={"pressure": (8e5, 2e6)}).at(
+            **{name: point.values.columns[name] for name in ("friction", "pressure")},
+            sliding_speed=1.0,
+        )
+        np.testing.assert_allclose(alone.linear.K, batch.linear.K[k], rtol=1e-9, atol=1e-3)
+
+
+# -- batches
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.floats(0.0, 0.9), st.floats(0.05, 3.0), st.floats(0.0, 0.05)),
+        min_size=1,
+        max_size=4,
+    )
+)
+def test_a_batch_is_a_loop(points):
+    friction, speed, damping = np.array(points).T
+    model = sq.model("hulten", **{"friction_law.static_ratio": 1.2})
+    batch = model.at(friction=friction, sliding_speed=speed, damping_ratio=damping)
+    modes = batch.modes(MODES_BAND)
+    for k, (mu, v, zeta) in enumerate(points):
+        one = model.at(friction=mu, sliding_speed=v, damping_ratio=zeta)
+        np.testing.assert_allclose(batch.linear.K[k], one.linear.K, rtol=1e-12)
+        np.testing.assert_allclose(batch.linear.C[k], one.linear.C, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(batch.steady.pressure[k], one.steady.pressure, rtol=1e-9)
+        alone, count = one.modes(MODES_BAND), modes.counts[k]
+        np.testing.assert_allclose(modes.lam[k, :count], alone.lam, rtol=1e-9, atol=1e-6)
+
+
+def test_scalars_arrays_and_structures_are_broadcast():
+    system = sq.model("hulten").at(
+        friction=0.3, frequency_1=[100.0, 110.0, 100.0], frequency_2=np.array([75.0])
+    )
+    assert len(system) == 3
+    found = system.modes().frequency_hz
+    np.testing.assert_allclose(found[0], found[2])
+    assert found[1, -1] > found[0, -1]
+    assert system[1].modes().frequency_hz == pytest.approx(found[1])
+    table = system.modes().to_pandas()
+    assert table["point"].tolist() == [0, 0, 1, 1, 2, 2]
+    assert table["frequency_1"].tolist() == [100.0, 100.0, 110.0, 110.0, 100.0, 100.0]
+    assert [point.values.columns["frequency_1"] for point in system] == [100.0, 110.0, 100.0]
+
+
+def test_a_point_that_fails_is_the_status_of_its_row():
+    family = sq.matrices(np.eye(1), {"1 / p": np.array([[4.0e4]])}, p=1.0)
+    batch = family.at(p=[1.0, 0.0, 4.0])
+    modes = batch.modes((1.0, 1e3))
+    assert modes.status.tolist() == ["ok", "undefined", "ok"]
+    assert modes.counts.tolist() == [1, 0, 1]
+    assert np.isnan(modes.lam[1]).all()
+    assert "1 / p" in modes.message[1]
+    np.testing.assert_allclose(np.abs(modes.lam[[0, 2], 0]), [200.0, 100.0], rtol=1e-9)
+    assert modes.to_pandas()["point"].tolist() == [0, 2]
+    with pytest.raises(ConvergenceError):
+        batch[1].modes((1.0, 1e3))
+
+
+def test_steady_sliding_that_does_not_exist():
+    """Rubbed the other way at high friction, contact that may open does."""
+    model = sq.model("hoffmann", contact_law="unilateral", sliding_speed=-1.0)
+    steady = model.at(friction=[0.5, 5.0]).steady
+    assert steady.status.tolist() == ["ok", "working_point"]
+    assert np.isfinite(steady.gap[0]).all()
+    assert np.isnan(steady.gap[1]).all()
+    assert steady.iterations.tolist()[1] == -1
+    assert "no steady sliding" in steady.message[1]
+    for step in ("steady", "linear"):
+        with pytest.raises(ConvergenceError, match="no steady sliding"):
+            getattr(model.at(friction=5.0), step)
+
+
+# -- matrices
+
+
+def test_matrices_that_are_there_are_a_model():
+    rng = np.random.default_rng(1)
+    M, C, K0 = (A @ A.T + np.eye(4) for A in rng.standard_normal((3, 4, 4)))
+    G = rng.standard_normal((4, 4))
+    model = sq.matrices(M, {"1": 1e6 * K0, "2*mu": 1e5 * G}, C, mu=0.2)
+    system = model.at(mu=0.7)
+    K = 1e6 * K0 + 1.4e5 * G
+    np.testing.assert_allclose(system.linear.K, K)
+    modes = system.modes((0.1, 1e4))
+    wanted = companion_roots(np.linalg.solve(M, C), np.linalg.solve(M, K))
+    wanted = wanted[wanted.imag > 0]
+    np.testing.assert_allclose(np.sort(np.abs(modes.lam)), np.sort(np.abs(wanted)), rtol=1e-8)
+    for lam, x, y in zip(modes.lam, modes.right.T, modes.left.T, strict=True):
+        Q = lam**2 * M + lam * C + K
+        assert np.linalg.norm(y.conj() @ Q) < 1e-8 * np.linalg.norm(K) * np.linalg.norm(y)
+        assert y.conj() @ (2 * lam * M + C) @ x == pytest.approx(1.0, abs=1e-8)
+    for step in ("steady", "assembly"):
+        with pytest.raises(ModelError, match="neither contact nor components"):
+            getattr(system, step)
+    with pytest.raises(ParameterError, match="no value"):
+        sq.matrices(M, {"mu": K})
+    with pytest.raises(ParameterError, match="none of the coefficients"):
+        sq.matrices(M, {"mu": K}, mu=1.0, nu=2.0)
+    with pytest.raises(ModelError, match="square"):
+        sq.matrices(M, K[:3])
+
+
+# -- what is wrong
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"frction": 0.3}, "did you mean 'friction'"),
+        ({"friction": [0.1, 0.2], "sliding_speed": [1.0, 2.0, 3.0]}, "has 2 values"),
+        ({"friction": [0.1, -0.2]}, "at least 0"),
+        ({"friction": [0.1, np.nan]}, "finite"),
+        ({"sliding_speed": [1.0, 0.0]}, "other than 0"),
+        ({"friction": [[0.1], [0.2]]}, "one axis"),
+        ({"friction": []}, "one axis"),
+        ({"friction": ["a", "b"]}, "an array of numbers"),
+        ({"sliding_speed": "3 bar"}, "m/s"),
+        ({"contact.cubic_stiffness": 1e15}, "does nothing here"),
+    ],
+)
+def test_values_that_cannot_be_taken(values, message):
+    with pytest.raises(ParameterError, match=message):
+        sq.model("hulten").at(**values)
+
+
+def test_what_a_batch_does_not_have():
+    batch = sq.model("hulten").at(friction=[0.1, 0.2])
+    with pytest.raises(ModelError, match=r"system\[i\].assembly"):
+        batch.assembly  # noqa: B018
+    with pytest.raises(ModelError, match="2 structures"):
+        sq.model("hulten").at(mass=[1.0, 2.0]).reduced()
+    with pytest.raises(TypeError, match="no length"):
+        len(batch[0])
+    with pytest.raises(IndexError):
+        batch[2]
+    for band in ((100.0, 10.0), (1.0,), "low"):
+        with pytest.raises(ParameterError, match="band"):
+            batch.modes(band)
+
+
+def test_nothing_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
+    sq.model("hulten", friction=0.5).modes()
+    sq.model("hulten").at(friction=[0.1, 0.2]).modes()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_units_and_options_of_design_points():
+    model = sq.model("hoffmann")
+    assert model.at(sliding_speed="36 km/h").point.values["sliding_speed"] == pytest.approx(10.0)
+    own = model.at(contact_law="exponential", friction=0.3)
+    assert own.point.law_kind == "exponential"
+    with pytest.raises(SquealstudyError):
+        model.at(contact_law="sticky")
