@@ -209,6 +209,7 @@ def _numbers(points: pd.DataFrame, name: str) -> np.ndarray:
     return points[name].to_numpy(dtype=float, na_value=np.nan)
 
 
+@np.errstate(over="ignore")  # an infinite ratio is beyond the limit too
 def _damped_modes(plan: Plan) -> Broken:
     """Where a real mode of the band does not oscillate.
 

@@ -13,15 +13,17 @@ import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.faults import raise_if_memory
-from squealstudy.linalg.companion import one_of_each_pair, right_pairs
+from squealstudy.linalg.companion import inverse_pairs, one_of_each_pair, pairs_up_to
 from squealstudy.linalg.factor import SINGULAR, Factor, factorise
 from squealstudy.linalg.root_error import Matrix, root_errors
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_roots
 
 FIRST_ROOTS = 60  # asked for where nothing is known
 SHIFT = 0.02  # of the band's top: where K itself is singular
-TOLD = 1e-6  # of the band's top: roots from there on must be told from round-off of the largest
-SINGULAR_STIFFNESS = "a stiffness matrix is singular"
+SINGULAR_PENCIL = (
+    "lambda^2 M + lambda C + K is singular for every lambda: some coordinate, or a sum of several, "
+    "has no mass, no damping and no stiffness"
+)
 LARGEST_DENSE = 2000  # degrees of freedom that LAPACK takes where most of the roots are wanted
 
 
@@ -94,6 +96,8 @@ def roots_in_band(
             return found
         if worst < least:
             best, least = found, worst
+    if best is None and failure.status == SINGULAR:  # not at zero alone, but about a shift too
+        raise ConvergenceError(SINGULAR, SINGULAR_PENCIL)
     if best is None:
         raise failure
     return best
@@ -183,27 +187,7 @@ def _dense_roots(
 
     The inverse is also more accurate for small roots beside stiff springs.
     """
-    n, (M_d, C_d, K_d) = M.shape[0], (A.toarray() for A in (M, C, K))
-    lost = n * np.finfo(float).eps / TOLD  # of the largest root: what is smaller may be anything
-    if not inverse and np.linalg.matrix_rank(M_d) == n:
-        lam, psi = right_pairs(C_d, K_d, M_d)
-        if np.abs(lam).max() * lost < limit:
-            return lam, psi
-    if not _regular(K_d):  # at a shift: of all matrices together, if not by chance
-        raise ConvergenceError(SINGULAR, SINGULAR_STIFFNESS)
-    theta, psi = right_pairs(C_d, M_d * limit, K_d / limit)  # of 1/lambda, in units of the limit
-    largest = np.abs(theta).max()
-    if largest * lost > 1.0:
-        raise ConvergenceError(SINGULAR, SINGULAR_STIFFNESS)
-    finite = np.abs(theta) > largest * np.finfo(float).eps * n
-    return limit / theta[finite], psi[:, finite]
-
-
-def _regular(A: np.ndarray) -> bool:
-    """Whether a matrix (n, n) has full rank, whatever the units of its rows and columns."""
-    for axis in (1, 0):
-        size = np.abs(A).max(axis=axis, keepdims=True)
-        if not size.all():
-            return False
-        A = A / size
-    return bool(np.linalg.matrix_rank(A) == len(A))
+    M_d, C_d, K_d = (A.toarray() for A in (M, C, K))
+    if not inverse and np.linalg.matrix_rank(M_d) == M.shape[0]:
+        return pairs_up_to(C_d, K_d, limit, M_d)
+    return inverse_pairs(C_d, K_d, limit, M_d)  # at a shift: of all matrices, if not by chance

@@ -6,10 +6,19 @@ of one size, and for LAPACK's balanced `geev` (THEORY.md eq. (30)).
 
 from __future__ import annotations
 
+import contextlib
 from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as la
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.factor import SINGULAR
+from squealstudy.linalg.overflow import OVERFLOW
+
+SHIFT = 0.013  # of a limit: about which roots are taken beside much smaller ones
+TOLD = 1e-6  # of a limit: roots from there on must be told from round-off of the largest
+SINGULAR_STIFFNESS = "a stiffness matrix is singular, or nearly so beside its largest entries"
 
 
 class Eigenpairs(NamedTuple):
@@ -35,13 +44,22 @@ class Eigenpairs(NamedTuple):
 
 
 def companion(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, float]:
-    """First companion matrix (2n, 2n) in time scaled by s, and s: its roots times s are lam."""
+    """First companion matrix (2n, 2n) in time scaled by s, and s: its roots times s are lam.
+
+    Raises
+    ------
+    ConvergenceError
+        ``overflow``: where it is not finite, which LAPACK answers with anything.
+    """
     n = len(K)
-    scale = float(np.sqrt(np.linalg.norm(K) / np.sqrt(n))) or 1.0
-    A = np.zeros((2 * n, 2 * n))
-    A[:n, n:] = np.eye(n)
-    A[n:, :n] = K / -(scale**2)
-    A[n:, n:] = C / -scale
+    with np.errstate(over="ignore", invalid="ignore"):
+        scale = float(np.sqrt(np.linalg.norm(K) / np.sqrt(n))) or 1.0
+        A = np.zeros((2 * n, 2 * n))
+        A[:n, n:] = np.eye(n)
+        A[n:, :n] = K / -(scale**2)
+        A[n:, n:] = C / -scale
+    if not (np.isfinite(scale) and np.isfinite(A).all()):
+        raise ConvergenceError(OVERFLOW, "the roots of the model are too large or small to compute")
     return A, scale
 
 
@@ -74,6 +92,66 @@ def right_pairs(
     A, scale = companion(C, K)
     lam, z = la.eig(A, overwrite_a=True, check_finite=False)
     return lam * scale, np.where(np.abs(lam) > 1.0, z[n:], z[:n])  # the half that is accurate
+
+
+def drowned(lam: np.ndarray, limit: float) -> bool:
+    """Whether round-off of the largest of all 2n roots may drown those of the size of a limit."""
+    lost = len(lam) / 2 * np.finfo(float).eps / TOLD
+    return bool(np.abs(lam).max(initial=0.0) * lost >= limit)
+
+
+def pairs_up_to(
+    C: np.ndarray, K: np.ndarray, limit: float, M: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `right_pairs`; where roots up to `limit` [rad/s] would drown, those of the inverse form.
+
+    About zero, or, where roots far below the limit drown those in turn, about a positive shift.
+
+    Raises
+    ------
+    ConvergenceError
+        ``singular``: where they would, and neither form exists.
+    """
+    lam, psi = right_pairs(C, K, M)
+    if not drowned(lam, limit):
+        return lam, psi
+    with contextlib.suppress(ConvergenceError):
+        return inverse_pairs(C, K, limit, M)
+    sigma, mass = SHIFT * limit, np.eye(len(K)) if M is None else M
+    mu, psi = inverse_pairs(C + 2 * sigma * mass, K + sigma * C + sigma**2 * mass, limit, M)
+    return sigma + mu, psi
+
+
+def inverse_pairs(
+    C: np.ndarray, K: np.ndarray, limit: float, M: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Finite roots and right vectors by those of 1 / lambda, in units of a limit [rad/s].
+
+    M may be singular; roots of the size of the limit are as accurate beside stiff springs.
+
+    Raises
+    ------
+    ConvergenceError
+        ``singular``: where K has no inverse, or roots far below the limit drown the others.
+    """
+    if not regular(K):
+        raise ConvergenceError(SINGULAR, SINGULAR_STIFFNESS)
+    n, mass = len(K), np.eye(len(K)) if M is None else M
+    theta, psi = right_pairs(C, mass * limit, K / limit)
+    if drowned(theta, 1.0):
+        raise ConvergenceError(SINGULAR, SINGULAR_STIFFNESS)
+    finite = np.abs(theta) > np.abs(theta).max() * np.finfo(float).eps * n
+    return limit / theta[finite], psi[:, finite]
+
+
+def regular(A: np.ndarray) -> bool:
+    """Whether a matrix (n, n) has full rank, whatever the units of its rows and columns."""
+    for axis in (1, 0):
+        size = np.abs(A).max(axis=axis, keepdims=True)
+        if not size.all():
+            return False
+        A = A / size
+    return bool(np.linalg.matrix_rank(A) == len(A))
 
 
 def all_pairs(C: np.ndarray, K: np.ndarray) -> Eigenpairs:

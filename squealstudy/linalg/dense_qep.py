@@ -17,7 +17,14 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.linalg.companion import Eigenpairs, all_pairs, one_of_each_pair, right_pairs
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.companion import (
+    Eigenpairs,
+    all_pairs,
+    drowned,
+    one_of_each_pair,
+    pairs_up_to,
+)
 
 LEAST = 60  # coordinates from which on a space is less work than LAPACK's QR
 MOST = 0.25  # of the 2n roots: where more are inside, the space costs as much as LAPACK's QR
@@ -285,8 +292,8 @@ def dense_roots(
 def companion_roots(
     C: np.ndarray, K: np.ndarray, band: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same out of all 2n roots."""
-    return one_of_each_pair(*right_pairs(C, K), band)
+    """The same out of all 2n roots; ConvergenceError where these drown those of the band."""
+    return one_of_each_pair(*pairs_up_to(C, K, band[1]), band)
 
 
 def pairs_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Eigenpairs:
@@ -298,12 +305,20 @@ def pairs_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Eigenpairs:
     """
     right, left = roots_inside(C, K, radius), roots_inside(C.T, K.T, radius)
     if right is None or left is None or len(right[0]) != len(left[0]):
-        return all_pairs(C, K)
+        return _told_pairs(C, K, radius)
     (lam, X), (mu, Z) = right, left
     G = (Z.T @ X) * (mu[:, None] + lam) + Z.T @ (C @ X)
     if len(lam) and not np.linalg.cond(G / np.abs(lam)) < WORST_PRODUCTS:
-        return all_pairs(C, K)
+        return _told_pairs(C, K, radius)
     return Eigenpairs(lam, X, np.linalg.solve(G, Z.T).conj().T)
+
+
+def _told_pairs(C: np.ndarray, K: np.ndarray, radius: float) -> Eigenpairs:
+    """All pairs, where round-off of the largest leaves those up to the radius."""
+    pairs = all_pairs(C, K)
+    if drowned(pairs.lam, radius):
+        raise ConvergenceError("not_converged", "the roots of the band drown beside larger ones")
+    return pairs
 
 
 def backward_error(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:

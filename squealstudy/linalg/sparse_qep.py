@@ -14,7 +14,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.companion import one_of_each_pair, right_pairs
+from squealstudy.linalg.companion import one_of_each_pair, pairs_up_to
 from squealstudy.linalg.factor import Factor, RefinedFactor, factorise
 from squealstudy.linalg.real_modes import BLOCK, FIRST, ROUND_OFF, BlockKrylov
 
@@ -188,6 +188,6 @@ def _dense_roots(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The `n_roots` smallest roots up to a limit by LAPACK, for models too small for the others."""
     one = np.eye(M.shape[0])
-    lam, psi = right_pairs(C @ one, K @ one, M.toarray())
+    lam, psi = pairs_up_to(C @ one, K @ one, limit, M.toarray())
     first = np.argsort(np.abs(lam))[:n_roots]
     return one_of_each_pair(lam[first], psi[:, first], (0.0, limit))

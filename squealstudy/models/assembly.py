@@ -17,7 +17,8 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
 from squealstudy.models.cells import ComponentCells
-from squealstudy.models.linear_interfaces import SpringInterface, StressStiffness, check_symmetric
+from squealstudy.models.linear_interfaces import SpringInterface, StressStiffness
+from squealstudy.models.matrix_checks import check_masses, check_size, check_symmetric
 
 if TYPE_CHECKING:  # scikit-fem is slow to load
     from squealstudy.models.fem.sampling import Surface
@@ -75,8 +76,7 @@ class Component:
             check_symmetric(f"component '{self.name}': {label} matrix", A, self.n_dof)
         if self.C is not None:
             check_symmetric(f"component '{self.name}': damping matrix", self.C, self.n_dof)
-        if (self.M.diagonal() <= 0).any():
-            raise ModelError(f"component '{self.name}': mass matrix is not positive definite")
+        check_masses(f"component '{self.name}': mass matrix", self.M)
         if (self.K.diagonal() < 0).any():
             raise ModelError(f"component '{self.name}': stiffness is not positive semi-definite")
         if self.correspondence is not None and self.correspondence.shape[1] != self.n_dof:
@@ -205,6 +205,7 @@ class ContactInterface:
             value = getattr(self, name)
             if value.shape != (n,) or not np.isfinite(value).all():
                 raise ModelError(f"contact interface: '{name}' needs {n} finite values")
+            check_size(f"contact interface: '{name}'", value)
         for name in ("N", "T", "T_perp"):
             if getattr(self, name).shape != self.N.shape:
                 raise ModelError(f"contact interface: '{name}' differs in shape from N")
@@ -290,6 +291,7 @@ class Assembly:
             value = getattr(self, name)
             if value.shape != (self.n_dof,) or not np.isfinite(value).all():
                 raise ModelError(f"assembly: '{name}' needs {self.n_dof} finite values")
+            check_size(f"assembly: '{name}'", value)
 
     @property
     def component_names(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
+from squealstudy.models.matrix_checks import check_size, check_symmetric
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class SpringInterface:
             raise ModelError(f"interface '{self.name}': one stiffness a row of B is needed")
         if not (np.isfinite(self.stiffness).all() and (self.stiffness >= 0).all()):
             raise ModelError(f"interface '{self.name}': stiffness must be finite, not negative")
+        check_size(f"interface '{self.name}': stiffness", self.stiffness)
 
     def matrix(self) -> sp.csr_matrix:
         """Assembled stiffness (n_dof, n_dof), N/m."""
@@ -86,14 +88,3 @@ class StressStiffness:
     def energy(self, u: np.ndarray) -> float:
         """u^H K u of displacements (n_dof,)."""
         return float(np.vdot(u, self.K @ u).real)
-
-
-def check_symmetric(what: str, A: sp.spmatrix, n: int) -> None:
-    """Raise ModelError unless `A` is (n, n), finite and symmetric to round-off."""
-    if A.shape != (n, n):
-        raise ModelError(f"{what} has shape {A.shape}, expected {(n, n)}")
-    if not np.isfinite(A.data).all():
-        raise ModelError(f"{what} has values that are not finite")
-    skew = abs(A - A.T)
-    if skew.nnz and skew.max() > 1e-12 * max(abs(A).max(), 1e-300):
-        raise ModelError(f"{what} is not symmetric")

@@ -86,7 +86,8 @@ class AssemblyDamping:
         else:
             omega = np.sqrt(np.maximum(self.omega2, 0.0))
             rates = 2.0 * zeta * np.minimum(omega, self.damped_to)
-            rates += state.stiffness_damping * self.omega2
+            with np.errstate(over="ignore"):  # infinite ones fail the point where they are used
+                rates += state.stiffness_damping * self.omega2
             if self.own is None and self.basis is None:
                 return np.maximum(rates, 0.0), None
             C = np.diag(rates)

@@ -193,16 +193,18 @@ class ContactStructure:
         )
         return ParametricSystem(self.n, terms)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def weights(self, point: WorkingPoint, state: DesignState) -> StructureWeights:
-        """Weights of a design point about its working point, without modal damping."""
+        """Weights without modal damping; ConvergenceError where entries become too large."""
         changes = self.by_mode(state.stiffness_changes(self.frequencies))
-        dampers = self.by_mode(state.modal_dampers(self.frequencies))
-        return structure_weights(
+        weights = structure_weights(
             (self.stiffness + changes[0], 1.0, changes[1]),
             contact_weights(self, point, state.operating),
-            dampers,
+            self.by_mode(state.modal_dampers(self.frequencies)),
             state.stiffness_damping,
         )
+        self.system.expect_computable(weights, StructureWeights._fields)
+        return weights
 
     def by_mode(self, values: Mapping[ModeKey, float]) -> tuple[Any, Any]:
         """Values of component modes as weights of the elastic diagonal, and of the shapes."""
@@ -319,7 +321,7 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> L
     rest = structure.weights(point, replace(state, stiffness_damping=0.0)) if beta else weights
     C = structure.system.summed(rest, structure.system.numbers(DAMPING)) + beta * K_sym
     modal, known = assembly_damping(K_sym, state, model.damped_to)
-    return LinearisedModel(C + modal, K, K_sym, weights, C_modal=modal, known_modes=known)
+    return LinearisedModel(C + modal, K, K_sym, weights, modal, known)
 
 
 def symmetric_stiffness(structure: ContactStructure, weights: Weights) -> np.ndarray:

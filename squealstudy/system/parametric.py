@@ -8,15 +8,18 @@ projection of them: reductions multiply L_t and R_t once, a design point changes
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from squealstudy.errors import ModelError
+from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.linalg.factor import is_full
+from squealstudy.linalg.overflow import LARGEST, OVERFLOW, largest_entry, too_large
 from squealstudy.linalg.quadratic_pencil import product
 from squealstudy.linalg.sparse_qep import LowRankSum
 
@@ -74,6 +77,28 @@ class ParametricSystem:
                     raise ModelError(
                         f"term {number} has {side.shape[1]} columns, expected {self.n}"
                     )
+
+    def expect_computable(self, weights: Weights, names: Sequence[str]) -> None:
+        """Raise ConvergenceError ``overflow`` where weights make entries too large for squares.
+
+        Parameters
+        ----------
+        weights : Weights
+        names : sequence of str
+            Of the terms, for the message.
+        """
+        for w, size, name in zip(weights, self._sizes, names, strict=True):
+            if not (entry := largest_entry(w) * size) <= LARGEST:
+                what = f"a matrix of the model ({name.replace('_', ' ')})"
+                raise ConvergenceError(OVERFLOW, too_large(what, entry))
+
+    @cached_property
+    def _sizes(self) -> list[float]:
+        """Largest entry of L^T R of each term at unit weight, at most."""
+        return [
+            math.prod(largest_entry(side) for side in (t.left, t.right) if side is not None)
+            for t in self.terms
+        ]
 
     def numbers(self, order: int) -> list[int]:
         """Positions of the terms of one power of lambda."""

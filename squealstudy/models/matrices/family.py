@@ -9,7 +9,14 @@ from pathlib import Path
 
 import scipy.sparse as sp
 
-from squealstudy.errors import ModelError
+from squealstudy.errors import ConvergenceError, ModelError
+from squealstudy.linalg.overflow import (
+    LARGEST,
+    LEAST_MASS,
+    OVERFLOW,
+    largest_entry,
+    too_large,
+)
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.matrices.expression import Expression
 from squealstudy.models.parameter import ModelDefinition
@@ -18,6 +25,7 @@ from squealstudy.parameter import Parameter
 NAME = "matrices"
 DESCRIPTION = "a family M(p), C(p), K(p) of matrices from files, coefficients in named parameters"
 ORDERS = {"K": 0, "C": 1, "M": 2}  # power of lambda
+LETTERS = {order: letter for letter, order in ORDERS.items()}
 NEEDED = ("M", "K")
 
 
@@ -75,8 +83,26 @@ class MatrixFamily:
         return tuple(dict.fromkeys(n for t in self.terms for n in t.coefficient.names))
 
     def weights(self, values: Mapping[str, float]) -> tuple[float, ...]:
-        """Coefficient of each term at parameter values; ModelError where one has none."""
-        return tuple(t.coefficient.value(values) for t in self.terms)
+        """Coefficient of each term at parameter values.
+
+        Raises
+        ------
+        ExpressionError
+            A coefficient without a value.
+        ConvergenceError
+            ``overflow``: one whose term has entries too large to compute with.
+        """
+        weights = tuple(t.coefficient.value(values) for t in self.terms)
+        for t, size, weight in zip(self.terms, self._sizes, weights, strict=True):
+            if not (entry := abs(weight) * size) <= LARGEST:
+                term = f"the term '{t.coefficient.text}' of {LETTERS[t.order]}"
+                raise ConvergenceError(OVERFLOW, too_large(term, entry))
+        return weights
+
+    @cached_property
+    def _sizes(self) -> tuple[float, ...]:
+        """Largest entry of each term's matrix."""
+        return tuple(largest_entry(t.matrix) for t in self.terms)
 
     def matrices(
         self, values: Mapping[str, float]
@@ -87,11 +113,21 @@ class MatrixFamily:
     def combined(
         self, weights: tuple[float, ...]
     ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
-        """M, C, K (n, n) as the sums of the terms with these weights."""
+        """M, C, K (n, n) as the sums of the terms with these weights.
+
+        Raises
+        ------
+        ConvergenceError
+            ``overflow``: a mass, not zero, that is too small to divide by.
+        """
         parts = [sp.csr_matrix((self.n, self.n)) for _ in ORDERS]
         for term, weight in zip(self.terms, weights, strict=True):
             parts[term.order] = parts[term.order] + weight * term.matrix
         stiffness, damping, mass = (part.tocsr() for part in parts)
+        if 0 < (size := largest_entry(mass)) < LEAST_MASS:
+            raise ConvergenceError(
+                OVERFLOW, f"the largest entry of M is {size:.0e}: expected at least {LEAST_MASS:g}"
+            )
         return mass, damping, stiffness
 
 

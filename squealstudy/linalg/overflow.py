@@ -1,0 +1,38 @@
+"""Numbers too large or too small to compute with: what squares of them, and sums, cannot hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ConvergenceError
+
+LARGEST = 1e150  # of an entry, whatever its unit: squares, and sums of 1e8 of them, are finite
+LEAST_MASS = 1e-150  # kg, kg m2 or 1: what is divided by it is no larger
+OVERFLOW = "overflow"  # status of a design point whose matrices have such entries
+LIMITS = f"expected finite numbers of at most {LARGEST:g}"
+
+
+def largest_entry(A: Any) -> float:
+    """Largest modulus of a number, an array or a sparse matrix; inf where one is no number."""
+    values = np.asarray(A.data if sp.issparse(A) else A)
+    if not values.size:
+        return 0.0
+    largest = max(float(values.max()), -float(values.min()))
+    return largest if np.isfinite(largest) else np.inf
+
+
+def expect_computable(parts: Iterable[tuple[str, Any]]) -> None:
+    """Raise ConvergenceError ``overflow`` where one of the named arrays has entries too large."""
+    for name, A in parts:
+        if not (size := largest_entry(A)) <= LARGEST:
+            raise ConvergenceError(OVERFLOW, too_large(name, size))
+
+
+def too_large(what: str, size: float) -> str:
+    """The sentence about a matrix with an entry beyond LARGEST."""
+    told = "that are not finite" if size == np.inf else f"of {size:.0e}"
+    return f"{what} has entries {told}: {LIMITS}"

@@ -1,0 +1,36 @@
+"""Checks of the matrices and vectors of components and interfaces, as ModelError."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.linalg.overflow import LARGEST, LEAST_MASS, largest_entry, too_large
+
+
+def check_symmetric(what: str, A: sp.spmatrix, n: int) -> None:
+    """Raise ModelError unless `A` is (n, n), finite and symmetric to round-off."""
+    if A.shape != (n, n):
+        raise ModelError(f"{what} has shape {A.shape}, expected {(n, n)}")
+    check_size(what, A)
+    skew = abs(A - A.T)
+    if skew.nnz and skew.max() > 1e-12 * max(abs(A).max(), 1e-300):
+        raise ModelError(f"{what} is not symmetric")
+
+
+def check_size(what: str, A: np.ndarray | sp.spmatrix) -> None:
+    """Raise ModelError where an entry is not finite, or so large that squares of it are not."""
+    if not (size := largest_entry(A)) <= LARGEST:
+        raise ModelError(too_large(what, size))
+
+
+def check_masses(what: str, M: sp.spmatrix) -> None:
+    """Raise ModelError unless the diagonal of a mass matrix is positive, and can be divided by."""
+    least = M.diagonal().min()
+    if least <= 0:
+        raise ModelError(f"{what} is not positive definite")
+    if least < LEAST_MASS:
+        raise ModelError(
+            f"{what} has a diagonal entry of {least:.0e}: expected at least {LEAST_MASS:g}"
+        )
