@@ -1,34 +1,38 @@
-"""The laws that the kernels of this process know: those registered when kernels are first imported.
+"""The laws that kernels are compiled with: those of the package, each with a code of its own.
 
-A law that is registered later has no code: `code_of` raises, and no other law is computed for it.
+Laws from outside have one code in common, and kernels call their functions by address
+(`kernels/outside.py`): nothing else is compiled for them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
-from squealstudy.errors import ModelError
-from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES, REGULARISATIONS
-from squealstudy.laws.registry import LawDefinition
+from squealstudy.kernels.newmark_layout import OUTSIDE
+from squealstudy.laws import (
+    CONTACT_LAWS,
+    FRICTION_CURVES,
+    REGULARISATIONS,
+    ContactLawDefinition,
+    FrictionCurveDefinition,
+    Regularisation,
+)
+from squealstudy.laws.registry import D, LawDefinition, Registry
 
-CONTACT = tuple(CONTACT_LAWS)
-CURVES = tuple(FRICTION_CURVES)
-SLOPES = tuple(REGULARISATIONS)
-SOURCES = tuple((law.name, law.source) for law in (*CONTACT, *CURVES, *SLOPES))
+
+def _of_package(laws: Registry[D]) -> dict[int, D]:
+    return dict(enumerate(law for law in laws if law.in_package))
 
 
-def code_of(law: LawDefinition, known: Sequence[LawDefinition]) -> int:
-    """Place of a law among those that were compiled.
+CONTACT: dict[int, ContactLawDefinition] = _of_package(CONTACT_LAWS)
+CURVES: dict[int, FrictionCurveDefinition] = _of_package(FRICTION_CURVES)
+SLOPES: dict[int, Regularisation] = _of_package(REGULARISATIONS)
+SOURCES = tuple(
+    (law.name, law.source) for laws in (CONTACT, CURVES, SLOPES) for law in laws.values()
+)
 
-    Raises
-    ------
-    ModelError
-        A law that was registered, or changed, after the kernels were imported.
-    """
-    for code, other in enumerate(known):
-        if (other.name, other.source) == (law.name, law.source):
-            return code
-    raise ModelError(
-        f"'{law.name}' was registered after the kernels of this process were made: start Python "
-        "anew, and name its file in the study's 'extensions' or register it before the first run"
-    )
+
+def code_of(law: LawDefinition, laws: Mapping[int, LawDefinition]) -> int:
+    """Code of a law among those of its sort; OUTSIDE where it is not of the package."""
+    codes = {(other.name, other.source): code for code, other in laws.items()}
+    return codes.get((law.name, law.source), OUTSIDE)

@@ -1,31 +1,31 @@
 """The source of the kernels' choice among laws: a branch, and a loop over points, for each.
 
 A law's functions are compiled as they stand in its file, but for `exp` of `math`, for which they
-get `exponential`, which loops over points can vectorise.
+get `exponential`, which loops over points can vectorise. Laws from outside are the last branch, a
+call by an address of the row; the same functions, of one law alone, are what is called.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import math
+import os
+import sys
 from collections.abc import Callable, Mapping, Sequence
-from types import FunctionType
+from pathlib import Path
+from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
 
+from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import exact_kernel
-from squealstudy.kernels.newmark_layout import (
-    CONSTANT,
-    LAW_CONTACT,
-    LAW_CURVE,
-    LAW_FIRST,
-    LAW_MU,
-    LAW_REGULARISATION,
-    LAW_SLOPE,
-)
 from squealstudy.laws import ContactLawDefinition, FrictionCurveDefinition, Regularisation
 from squealstudy.laws.registry import LawDefinition
 
+ContactLaws = Mapping[int, ContactLawDefinition]  # by their codes
+Curves = Mapping[int, FrictionCurveDefinition | None]  # None for a constant coefficient
+Slopes = Mapping[int, Regularisation]
 HIGHEST, LOWEST = 200.0, -700.0  # exp(200) = 7e86 stays finite in every product that follows
 PER_LN2 = 1.0 / math.log(2.0)
 LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # k LN2_HIGH is exact
@@ -33,73 +33,103 @@ C2, C3, C4, C5, C6, C7 = (1.0 / math.factorial(i) for i in range(2, 8))
 C8, C9, C10, C11, C12, C13 = (1.0 / math.factorial(i) for i in range(8, 14))
 
 
-def law_text(
-    contact: Sequence[ContactLawDefinition],
-    curves: Sequence[FrictionCurveDefinition],
-    slopes: Sequence[Regularisation],
-) -> str:
-    """Text of a module that needs the names of `law_names`."""
-    place = friction_place(contact)
-    gap = [_row(LAW_FIRST, len(law.parameters)) for law in contact]
-    mu = {c: f"curve_{c}_mu(s, p, {_row(place, _count(x))})" for c, x in enumerate(curves)}
-    mu = {CONSTANT: f"law[{LAW_MU}], 0.0, 0.0"} | mu
-    pressure = {c: f"contact_{c}_pressure(g, {row})" for c, row in enumerate(gap)}
-    potential = {c: f"contact_{c}_potential(g, {row})" for c, row in enumerate(gap)}
-    choices = [
-        _choice("@kernel", "contact_at(law, g)", LAW_CONTACT, pressure, 2),
-        _choice("@fast_kernel", "potential(law, g)", LAW_CONTACT, potential, 1),
-        _choice("@kernel", "mu_at(law, s, p)", LAW_CURVE, mu, 3),
-        *(
-            _choice(
-                kind,
-                f"{name}(law, k_t, bound, s)",
-                LAW_REGULARISATION,
-                {r: f"slope_{r}_{name}(k_t, bound, s)" for r in range(len(slopes))},
-                n_out,
-            )
-            for kind, name, n_out in (
-                ("@fast_kernel", "resistance", 1),
-                ("@fast_kernel", "slope", 1),
-                ("@kernel", "partials", 3),
-            )
-        ),
+PLACES = {  # of addresses in a row of laws, by the names of the functions
+    "contact_at": at.LAW_CONTACT_AT,
+    "potential": at.LAW_POTENTIAL,
+    "pressures": at.LAW_PRESSURES,
+    "mean_pressures": at.LAW_MEAN_PRESSURES,
+    "mu_at": at.LAW_MU_AT,
+    "resistance": at.LAW_RESISTANCE,
+    "slope": at.LAW_STICK_SLOPE,
+    "partials": at.LAW_PARTIALS,
+    "frictions": at.LAW_FRICTIONS,
+}
+
+
+def contact_text(laws: ContactLaws, first: int, outside: bool) -> list[str]:
+    """Functions of contact for laws whose parameters begin at a place of the row.
+
+    `outside` adds the call of a law from outside; all need the names of `law_names`.
+    """
+    rows = {code: _row(first, len(law.parameters)) for code, law in laws.items()}
+    pressure = {c: f"contact_{c}_pressure(g, {row})" for c, row in rows.items()}
+    potential = {c: f"contact_{c}_potential(g, {row})" for c, row in rows.items()}
+    place, loops = at.LAW_CONTACT, [_pressure_loop(c, law, first) for c, law in laws.items()]
+    means = [_mean_loop(c, law, first) for c, law in laws.items()]
+    last = f"law[{place}] == {at.OUTSIDE}" if outside else ""
+    return [
+        _choice("@kernel", "contact_at(law, g)", place, pressure, 2, outside),
+        _choice("@fast_kernel", "potential(law, g)", place, potential, 1, outside),
+        _loops("pressures(law, gap, x, p, first, last)", loops, last),
+        _loops("mean_pressures(law, gap, x, x0, p, first, last)", means, last),
     ]
-    loops = {
-        "pressures(law, gap, x, p, first, last)": [
-            _pressure_loop(c, x) for c, x in enumerate(contact)
-        ],
-        "mean_pressures(law, gap, x, x0, p, first, last)": [
-            _mean_loop(c, x) for c, x in enumerate(contact)
-        ],
-        "frictions(law, area, factor, w1, w2, p, t1, t2, first, last)": [
-            f"    k_t = law[{LAW_SLOPE}]\n",
-            *(
-                _friction_loop(c, place, _count(x), r)
-                for c, x in [(CONSTANT, None), *enumerate(curves)]
-                for r in range(len(slopes))
-            ),
-        ],
-    }
-    looping = [f"@fast_kernel\ndef {head}:\n" + "".join(body) for head, body in loops.items()]
-    return "\n\n".join(['"""Written by squealstudy.kernels.law_text."""\n', *choices, *looping])
 
 
-def law_names(
-    contact: Sequence[ContactLawDefinition],
-    curves: Sequence[FrictionCurveDefinition],
-    slopes: Sequence[Regularisation],
-) -> dict[str, Any]:
-    """The laws' functions, compiled, by the names that `law_text` calls them."""
+def curve_text(curves: Curves, first: int, outside: bool) -> list[str]:
+    """The same for friction coefficients."""
+    mu = {c: f"curve_{c}_mu(s, p, {_row(first, _count(x))})" for c, x in curves.items() if x}
+    if at.CONSTANT in curves:
+        mu = {at.CONSTANT: f"law[{at.LAW_MU}], 0.0, 0.0"} | mu
+    return [_choice("@kernel", "mu_at(law, s, p)", at.LAW_CURVE, mu, 3, outside)]
+
+
+def slope_text(slopes: Slopes, outside: bool) -> list[str]:
+    """The same for regularisations."""
+    sorts = (("@fast_kernel", "resistance", 1), ("@fast_kernel", "slope", 1))
+    return [
+        _choice(
+            kind,
+            f"{name}(law, k_t, bound, s)",
+            at.LAW_REGULARISATION,
+            {r: f"slope_{r}_{name}(k_t, bound, s)" for r in slopes},
+            n_out,
+            outside,
+        )
+        for kind, name, n_out in (*sorts, ("@kernel", "partials", 3))
+    ]
+
+
+def friction_text(curves: Curves, slopes: Slopes, first: int, outside: bool) -> list[str]:
+    """The same for friction forces of all points, which need a curve and a regularisation."""
+    loops = [_friction_loop(c, first, _count(x), r) for c, x in curves.items() for r in slopes]
+    places = (at.LAW_CURVE, at.LAW_REGULARISATION)
+    last = " or ".join(f"law[{place}] == {at.OUTSIDE}" for place in places) if outside else ""
+    begin = f"    k_t = law[{at.LAW_SLOPE}]\n"
+    head = "frictions(law, area, factor, w1, w2, p, t1, t2, first, last)"
+    return [_loops(head, [begin, *loops], last)]
+
+
+def law_names(contact: ContactLaws, curves: Curves, slopes: Slopes) -> dict[str, Any]:
+    """The laws' functions, compiled, by the names that texts call them."""
     made: dict[Callable[..., Any], Any] = {math.exp: exponential}
-    sorts: dict[str, Sequence[LawDefinition]]
+    sorts: dict[str, Mapping[int, LawDefinition | None]]
     sorts = {"contact": contact, "curve": curves, "slope": slopes}
     names = {
         f"{sort}_{code}_{field}": compiled(function, made)
         for sort, laws in sorts.items()
-        for code, law in enumerate(laws)
+        for code, law in laws.items()
+        if law is not None
         for field, function in law.functions.items()
     }
-    return names | {"NAN": math.nan}
+    return names | {"NAN": math.nan, "math_sqrt": math.sqrt}
+
+
+def law_module(path: Path, texts: Sequence[str], names: Mapping[str, Any]) -> ModuleType:
+    """A module of such functions, written where it is not there yet."""
+    if not path.is_file():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        own = path.with_suffix(f".{os.getpid()}")
+        head = '"""Written by squealstudy.kernels.law_text."""\n'
+        own.write_text("\n\n".join([head, *texts]), encoding="utf-8")
+        own.replace(path)
+    spec = importlib.util.spec_from_file_location(f"squealstudy_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    vars(module).update(names)
+    sys.modules[spec.name] = module  # where numba looks when it loads what was compiled
+    spec.loader.exec_module(module)
+    return module
 
 
 def compiled(function: Callable[..., Any], made: dict[Callable[..., Any], Any]) -> Any:
@@ -118,11 +148,6 @@ def compiled(function: Callable[..., Any], made: dict[Callable[..., Any], Any]) 
     return made[function]
 
 
-def friction_place(contact: Sequence[ContactLawDefinition]) -> int:
-    """Place of friction in a row of laws, before the parameters of its curve."""
-    return LAW_FIRST + max(len(law.parameters) for law in contact)
-
-
 def _count(curve: FrictionCurveDefinition | None) -> int:
     return 0 if curve is None else 1 + len(curve.parameters)
 
@@ -137,11 +162,26 @@ def _values(count: int) -> str:
     return ", ".join(f"a{i}" for i in range(count))
 
 
-def _choice(kind: str, head: str, place: int, results: Mapping[int, str], n_out: int) -> str:
+def _call(head: str) -> str:
+    """Call of the function of that head at its address in the row."""
+    name, _, arguments = head.partition("(")
+    return f"call_{name}(law[{PLACES[name]}], {arguments}"
+
+
+def _choice(
+    kind: str, head: str, place: int, results: Mapping[int, str], n_out: int, outside: bool
+) -> str:
     """A function that returns the result of the law whose code is in a place of its row."""
     lines = [f"{kind}\ndef {head}:"]
-    lines += [f"    if law[{place}] == {c}:\n        return {r}" for c, r in results.items()]
+    all_results = dict(results) | ({at.OUTSIDE: _call(head)} if outside else {})
+    lines += [f"    if law[{place}] == {c}:\n        return {r}" for c, r in all_results.items()]
     return "\n".join([*lines, "    return " + ", ".join(["NAN"] * n_out) + "\n"])
+
+
+def _loops(head: str, loops: Sequence[str], outside: str) -> str:
+    """A function of loops, with the condition of a call of a law from outside, if any."""
+    call = f"    if {outside}:\n        {_call(head)}\n" if outside else ""
+    return f"@fast_kernel\ndef {head}:\n" + "".join(loops) + call
 
 
 def _loop(condition: str, first: int, count: int, lines: Sequence[str]) -> str:
@@ -152,13 +192,13 @@ def _loop(condition: str, first: int, count: int, lines: Sequence[str]) -> str:
     return "\n".join([*head, *body]) + "\n"
 
 
-def _pressure_loop(code: int, law: ContactLawDefinition) -> str:
+def _pressure_loop(code: int, law: ContactLawDefinition, first: int) -> str:
     count = len(law.parameters)
     line = f"p[i] = contact_{code}_pressure(gap[i] + x[i], {_values(count)})[0]"
-    return _loop(f"law[{LAW_CONTACT}] == {code}", LAW_FIRST, count, [line])
+    return _loop(f"law[{at.LAW_CONTACT}] == {code}", first, count, [line])
 
 
-def _mean_loop(code: int, law: ContactLawDefinition) -> str:
+def _mean_loop(code: int, law: ContactLawDefinition, first: int) -> str:
     """By the law's own mean, else by the difference of its potential where the gap changes much.
 
     The middle errs by the square of the relative change then, the difference by the round-off over
@@ -176,21 +216,21 @@ def _mean_loop(code: int, law: ContactLawDefinition) -> str:
             f"    U0 = contact_{code}_potential(g - 0.5 * d, {values})",
             f"    p[i] = (U0 - contact_{code}_potential(g + 0.5 * d, {values})) / d",
         ]
-    return _loop(f"law[{LAW_CONTACT}] == {code}", LAW_FIRST, count, lines)
+    return _loop(f"law[{at.LAW_CONTACT}] == {code}", first, count, lines)
 
 
 def _friction_loop(code: int, first: int, count: int, regularisation: int) -> str:
-    mu = "mu" if code == CONSTANT else f"curve_{code}_mu(s, p[i], {_values(count)})[0]"
+    mu = "mu" if code == at.CONSTANT else f"curve_{code}_mu(s, p[i], {_values(count)})[0]"
     lines = [
         "s = math_sqrt(w1[i] * w1[i] + w2[i] * w2[i])",
         f"bound = factor[i] * {mu} * p[i]",
         f"f = area[i] * slope_{regularisation}_resistance(k_t, bound, s)",
         "t1[i], t2[i] = -f * w1[i], -f * w2[i]",
     ]
-    chosen = f"law[{LAW_CURVE}] == {code} and law[{LAW_REGULARISATION}] == {regularisation}"
+    chosen = f"law[{at.LAW_CURVE}] == {code} and law[{at.LAW_REGULARISATION}] == {regularisation}"
     loop = _loop(chosen, first, count, lines)
-    if code == CONSTANT:
-        loop = loop.replace("        for i", f"        mu = law[{LAW_MU}]\n        for i", 1)
+    if code == at.CONSTANT:
+        loop = loop.replace("        for i", f"        mu = law[{at.LAW_MU}]\n        for i", 1)
     return loop
 
 

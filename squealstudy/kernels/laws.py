@@ -1,23 +1,29 @@
 """The laws of contact and friction at a point, for kernels: chosen by a design's row of laws.
 
-The choice among all registered laws is a module that `law_text` writes beside the compiled kernels:
+The choice among the package's laws is a module that `law_text` writes beside the compiled kernels:
 its folder is named by a hash of all sources of kernels and laws.
 """
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import os
-import sys
-from types import ModuleType
+from collections.abc import Iterable
+from itertools import zip_longest
 
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.kernels.addresses import CALLS
 from squealstudy.kernels.jit import compiled_directory, fast_kernel, kernel
 from squealstudy.kernels.law_set import CONTACT, CURVES, SLOPES, code_of
-from squealstudy.kernels.law_text import friction_place, law_names, law_text
+from squealstudy.kernels.law_text import (
+    contact_text,
+    curve_text,
+    friction_text,
+    law_module,
+    law_names,
+    slope_text,
+)
 from squealstudy.kernels.newmark_layout import (
     CONSTANT,
     LAW_CONTACT,
@@ -26,33 +32,30 @@ from squealstudy.kernels.newmark_layout import (
     LAW_MU,
     LAW_REGULARISATION,
     LAW_SLOPE,
+    OUTSIDE,
 )
+from squealstudy.kernels.outside import contact_addresses, friction_addresses
 from squealstudy.laws import REGULARISATIONS, ContactLaw, FrictionLaw
 
-FRICTION_PLACE = friction_place(CONTACT)
-N_LAW = FRICTION_PLACE + 1 + max(len(curve.parameters) for curve in CURVES)
+FRICTION_PLACE = LAW_FIRST + max(len(law.parameters) for law in CONTACT.values())
+N_LAW = FRICTION_PLACE + 1 + max(len(curve.parameters) for curve in CURVES.values())
 
-
-def _written() -> ModuleType:
-    """The module of the choice, written where it is not there yet."""
-    path = compiled_directory() / "law_choice.py"
-    if not path.is_file():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        own = path.with_suffix(f".{os.getpid()}")
-        own.write_text(law_text(CONTACT, CURVES, SLOPES), encoding="utf-8")
-        own.replace(path)
-    spec = importlib.util.spec_from_file_location("squealstudy_law_choice", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    vars(module).update(law_names(CONTACT, CURVES, SLOPES))
-    vars(module).update(kernel=kernel, fast_kernel=fast_kernel, math_sqrt=math.sqrt)
-    sys.modules[spec.name] = module  # where numba looks when it loads what was compiled
-    spec.loader.exec_module(module)
-    return module
-
-
-_choice = _written()
+_COEFFICIENTS = {CONSTANT: None, **CURVES}
+_choice = law_module(
+    compiled_directory() / "law_choice.py",
+    [
+        *contact_text(CONTACT, LAW_FIRST, True),
+        *curve_text(_COEFFICIENTS, FRICTION_PLACE, True),
+        *slope_text(SLOPES, True),
+        *friction_text(_COEFFICIENTS, SLOPES, FRICTION_PLACE, True),
+    ],
+    {
+        **law_names(CONTACT, CURVES, SLOPES),
+        **CALLS,
+        "kernel": kernel,
+        "fast_kernel": fast_kernel,
+    },
+)
 contact_at = _choice.contact_at  # (law, g) -> p [Pa], -dp/dg [Pa/m]
 potential = _choice.potential  # (law, g) -> stored energy per area [J/m2]
 pressures = _choice.pressures  # (law, gap, x, p, first, last): p of points at gap + x
@@ -65,27 +68,55 @@ frictions = _choice.frictions  # (law, area, factor, w1, w2, p, t1, t2, first, l
 
 
 def law_row(contact: ContactLaw, friction: FrictionLaw) -> np.ndarray:
-    """Laws of a design point (N_LAW,).
+    """Laws of a design point, (N_LAW,) and the parameters of laws from outside.
 
     Raises
     ------
     ModelError
-        A law that the kernels of this process do not know; friction that is not finite at rest.
+        Friction that is not finite at rest.
     """
-    curve = friction.curve
+    curve, slope = friction.curve, REGULARISATIONS[friction.regularisation]
     row = np.zeros(N_LAW)
     row[LAW_CONTACT] = code_of(contact.definition, CONTACT)
     row[LAW_CURVE] = CONSTANT if curve.constant else code_of(curve.definition, CURVES)
-    row[LAW_REGULARISATION] = code_of(REGULARISATIONS[friction.regularisation], SLOPES)
+    row[LAW_REGULARISATION] = code_of(slope, SLOPES)
     row[LAW_SLOPE] = friction.k_t
     at_rest = curve.at_rest(friction.friction, np.zeros(1))
     row[LAW_MU] = max(friction.friction, float(np.max(at_rest)))
     if not np.isfinite(row[LAW_MU]):
         raise ModelError(f"friction law '{curve.kind}' is not finite at rest without pressure")
-    row[LAW_FIRST : LAW_FIRST + len(contact.parameters)] = contact.parameters
+    outside = row[[LAW_CONTACT, LAW_CURVE, LAW_REGULARISATION]] == OUTSIDE
+    row, first = _with_values(row, contact.parameters, LAW_FIRST, outside[0])
+    if outside[0]:
+        _put(row, contact_addresses(contact.definition, first))
     own = (friction.friction, *curve.parameters)
-    row[FRICTION_PLACE : FRICTION_PLACE + len(own)] = own
+    row, first = _with_values(row, own, FRICTION_PLACE, outside[1])
+    if outside[1:].any():
+        curves = {int(row[LAW_CURVE]): None if curve.constant else curve.definition}
+        _put(row, friction_addresses(curves, {int(row[LAW_REGULARISATION]): slope}, first))
     return row
+
+
+def _with_values(
+    row: np.ndarray, values: tuple[float, ...], place: int, outside: bool
+) -> tuple[np.ndarray, int]:
+    """A row with the values of a law, and where: at their place, or behind all."""
+    if outside:
+        return np.concatenate([row, values]), len(row)
+    row[place : place + len(values)] = values
+    return row, place
+
+
+def _put(row: np.ndarray, found: dict[int, float]) -> None:
+    for place, address in found.items():
+        row[place] = address
+
+
+def law_rows(laws: Iterable[tuple[ContactLaw, FrictionLaw]]) -> np.ndarray:
+    """Those of design points, with zeros behind the shorter ones."""
+    rows = [law_row(contact, friction) for contact, friction in laws]
+    full: np.ndarray = np.array([*zip_longest(*rows, fillvalue=0.0)]).T
+    return np.ascontiguousarray(full)
 
 
 @kernel

@@ -86,12 +86,15 @@ N_POINT_ROWS = 9
 OUT_X, OUT_W1, OUT_W2, OUT_P, OUT_T1, OUT_T2 = 0, 1, 2, 3, 4, 5
 R_N, R_1, R_2 = 6, 7, 8
 # places in a design's row of laws: codes of contact law, curve (CONSTANT for none) and
-# regularisation; slope of friction at zero sliding, N s/m3; the constant coefficient, of others a
-# typical large one; then values of the contact law's parameters, then friction and those of its
-# curve
+# regularisation, OUTSIDE for those that are not of the package; slope of friction at zero sliding,
+# N s/m3; the constant coefficient, of others a typical large one; addresses of the functions of
+# laws from outside (kernels/outside.py), zero elsewhere; then values of the contact law's
+# parameters, then friction and those of its curve; those of laws from outside come last
 LAW_CONTACT, LAW_CURVE, LAW_REGULARISATION, LAW_SLOPE, LAW_MU = 0, 1, 2, 3, 4
-LAW_FIRST = 5
-CONSTANT = -1
+LAW_CONTACT_AT, LAW_POTENTIAL, LAW_PRESSURES, LAW_MEAN_PRESSURES = 5, 6, 7, 8
+LAW_MU_AT, LAW_RESISTANCE, LAW_STICK_SLOPE, LAW_PARTIALS, LAW_FRICTIONS = 9, 10, 11, 12, 13
+LAW_FIRST = 14
+CONSTANT, OUTSIDE = -1, 1000
 
 # rows of Modal.modes
 W2, C, LOAD = 0, 1, 2
@@ -133,7 +136,7 @@ class ModalArrays(NamedTuple):
     """The design points; see motion.system for units. W2 contains N^T k_ref N."""
 
     points: np.ndarray  # (nb, N_POINT_ROWS, nc) rows POINT_*
-    laws: np.ndarray  # (nb, N_LAW) laws.law_row
+    laws: np.ndarray  # (nb, N_LAW or more) laws.law_rows
     modes: np.ndarray  # (nb, 3, n) rows W2, C, LOAD
     steps: np.ndarray  # (nb, L + 1, N_STEP, n) coefficients of a sub-step by halving level
     shapes: np.ndarray  # (m, n) rows u: C += u d u^T, K += u s u^T

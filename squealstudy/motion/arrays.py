@@ -9,7 +9,7 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 from squealstudy.kernels import newmark_layout as layout
-from squealstudy.kernels.laws import law_row
+from squealstudy.kernels.laws import law_rows
 from squealstudy.kernels.newmark_correct import NOT_FACTORED
 from squealstudy.kernels.tile import LANES, POINTS, ROWS
 from squealstudy.motion.integrator import FixedJacobian, KernelIntegrator
@@ -80,7 +80,7 @@ def modal_arrays(
     between, between_of = _between(system, designs, n)
     modal = layout.ModalArrays(
         points=points,
-        laws=np.array([law_row(x.contact, x.friction) for x in designs]),
+        laws=law_rows((x.contact, x.friction) for x in designs),
         modes=modes,
         steps=steps,
         shapes=_padded_rows(system.shapes, n),

@@ -13,7 +13,6 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from squealstudy.extensions import extension_files
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.machine import lock, starting_processes
@@ -34,10 +33,8 @@ def begin_warming(single_storage: bool = False) -> None:
     """
     if _begun or any(Path(numba.config.CACHE_DIR).rglob("newmark_batch*.nbi")):
         return
-    files = [str(path) for path in extension_files()]
     end = "from squealstudy.machine import end_with_input; end_with_input()"
-    read = f"from squealstudy.extensions import load_extension; [*map(load_extension, {files})]"
-    call = f"{end}; {read}; from {__name__} import warm_kernels; warm_kernels({single_storage})"
+    call = f"{end}; from {__name__} import warm_kernels; warm_kernels({single_storage})"
     command, nothing = [sys.executable, "-P", "-c", call], subprocess.DEVNULL
     with starting_processes():
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=nothing, stderr=nothing)
