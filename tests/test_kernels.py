@@ -252,7 +252,7 @@ def test_regularised_friction_and_its_slopes(name, s):
 
 def test_every_law_has_a_code_of_its_own():
     rows = [law_row(law, FrictionLaw(0.5, 1.0)) for law in LAWS.values()]
-    assert sorted(CONTACT_LAWS.names) == sorted(LAWS)
+    assert sorted(law.name for law in CONTACT_LAWS if law.in_package) == sorted(LAWS)
     assert len({row[LAW_CONTACT] for row in rows}) == len(rows)
 
 

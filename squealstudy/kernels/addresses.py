@@ -12,13 +12,13 @@ from numba import types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-NUMBER, ROW, COUNT = types.float64, types.float64[::1], types.int64
+NUMBER, ROW, COUNT = types.float64, types.CPointer(types.float64), types.int64
 NOTHING, PAIR, TRIPLE = types.void, types.UniTuple(NUMBER, 2), types.UniTuple(NUMBER, 3)
 PLAIN: dict[float, Callable[..., Any]] = {}  # functions by address where nothing is compiled
 
 
 def _expected(found: types.Type) -> types.Type:
-    """The type of an argument as functions are compiled for it."""
+    """The type of an argument as functions have it: of an array its entries alone."""
     if isinstance(found, types.Array):
         if (found.dtype, found.ndim, found.layout) == (NUMBER, 1, "C"):
             return ROW
@@ -38,7 +38,9 @@ def _caller(result: types.Type, count: int, *attributes: str) -> Callable[..., A
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             given = zip(values[1:], signature.args[1:], expected, strict=True)
             parts = [
-                value if kind is ROW else context.cast(builder, value, found, kind)
+                context.make_array(found)(context, builder, value).data
+                if kind is ROW
+                else context.cast(builder, value, found, kind)
                 for value, found, kind in given
             ]
             kinds = [context.get_value_type(kind) for kind in expected]
@@ -49,7 +51,7 @@ def _caller(result: types.Type, count: int, *attributes: str) -> Callable[..., A
 
         return result(address, *arguments), generate
 
-    # each argument by a name: a tuple of them would be counted references to arrays
+    # each argument by a name: a tuple of them would count references to arrays
     names = ["typing_context", "address", *(f"argument_{i}" for i in range(count))]
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
     parameters = [inspect.Parameter(name, kind) for name in names]

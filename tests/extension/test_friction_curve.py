@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from command import LAWS, in_time, run
+from command import in_time, run
 from scipy.optimize import brentq
 
 FILE = "my_friction_curve.py"
@@ -82,8 +82,8 @@ def test_sensitivities_are_those_of_the_closed_form(tmp_path):
 
 
 def test_in_time_it_grows_at_the_rate_of_the_closed_form(tmp_path):
-    text = in_time(STUDY.format(kind="transient"), FILE, 0.1, 1e-6)
-    tables = run(text, tmp_path, *LAWS, jobs=2)
+    text = in_time(STUDY.format(kind="transient"), 0.1, 1e-6)
+    tables = run(text, tmp_path, FILE)
     (found,) = tables["growth"].query("unstable").itertuples()
     assert found.growth_rate == pytest.approx(flutter_root().real, rel=1e-8)
     assert found.fitted_growth_rate == pytest.approx(flutter_root().real, rel=0.01)
