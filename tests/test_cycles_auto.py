@@ -254,7 +254,10 @@ BRAKE_HARMONICS = 9
 LEVEL, MULTIPLIERS = 1e-5, 2e-5  # contact opens at a tenth of its area: harmonics fall off slowly
 
 
-@pytest.mark.parametrize("name", BRAKES)
+@pytest.mark.parametrize(
+    "name",
+    ["constant friction", pytest.param("friction that falls", marks=pytest.mark.full_size)],
+)
 def test_a_brake_on_twelve_coordinates(tmp_path, prepared, name):
     """Exponential contact, no stick: two cycles beside stable sliding, their fold, the onset."""
     kind, saturation, values, start, mu = BRAKES[name]

@@ -400,7 +400,9 @@ def test_full_order_is_solved_pilot_by_pilot_until_one_refuses(tmp_path, monkeyp
     assert ModeSearch(fidelity).attempt(rung).error == 50.0 * fidelity.tolerance
 
 
+@pytest.mark.full_size
 def test_the_finer_model_judges_pilots_as_full_order_does(tmp_path, monkeypatch):
+    """By default test_reduction_errors.py: errors told by a finer model cover full order's."""
     band = "[modes]\nband = [500.0, 2000.0]"
     text = BRAKE.format(kind="complex_modes", model="contact_points = 2", more=band)
     fidelity = FidelityStudy(study(text, tmp_path), 1, quiet)

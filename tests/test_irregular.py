@@ -65,9 +65,11 @@ def test_starts_that_end_in_cycles_of_their_own_are_within_the_bounds():
     assert alone == (10.0, 9.9, 10.1)
 
 
+@pytest.mark.full_size
 def test_bounds_of_an_irregular_cycle_cover_the_mean_of_many(tmp_path):
     """Runs of a chaotic brake, which damping that differs by 1e-6 soon tells apart.
 
+    By default bursts above, whose mean is known, and methods on the same brake below.
     Which run comes out where is up to round-off: shares of runs are judged, not single ones.
     """
     text = (STUDIES / "irregular_cycle.toml").read_text()

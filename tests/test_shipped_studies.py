@@ -84,8 +84,12 @@ def test_the_study_of_limit_cycles_that_is_timed() -> None:
     assert plan.study.section.share_curves
 
 
+@pytest.mark.full_size
 def test_own_brake() -> None:
-    """Its files are understood without a doubt, and are small."""
+    """Its files are understood without a doubt, and are small.
+
+    By default its design study below, and models of other files in test_model_file.py.
+    """
     study = load_any(SHIPPED / "own_brake" / "own_brake.toml")
     assert study.definition.study.name == "own_brake"
     found, _ = inspected(study.model)
@@ -145,7 +149,9 @@ def test_friction_pressure_map(tmp_path: Path) -> None:
         assert np.abs(found["damping_ratio"].to_numpy()[near] - zeta).max() < 1e-4
 
 
+@pytest.mark.full_size
 def test_robust_brake(tmp_path: Path) -> None:
+    """By default the file is read above, and test_robust.py has the same of minimal models."""
     fewer = ("samples = 64", "samples = 8"), ("[modes]", "[modes]\nreference_points = 0")
     plan = reduced("robust_brake", 0, *fewer)
     results = results_of(plan, tmp_path / "r")

@@ -12,7 +12,6 @@ from squealstudy.modes import rungs
 from squealstudy.motion import integrator
 from squealstudy.study import kinds
 
-# laws stay: kernels are compiled for them
 REGISTRIES = (
     catalogue.MODELS,
     rungs._registered,

@@ -11,10 +11,18 @@ import numpy as np
 import pytest
 from command import HERE
 
-from squealstudy import laws
+from squealstudy import extensions, laws
 from squealstudy.extensions import load_extension
 from squealstudy.kernels.laws import friction_tangent, law_row, law_rows, mu_at
-from squealstudy.laws import FrictionLaw, contact_law, friction_curve
+from squealstudy.laws import (
+    CONTACT_LAWS,
+    FRICTION_CURVES,
+    REGULARISATIONS,
+    FrictionLaw,
+    contact_law,
+    friction_curve,
+)
+from squealstudy.laws.registry import Registry
 from squealstudy.motion.integrator import integrator, integrators
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
@@ -23,6 +31,22 @@ from squealstudy.motion.system import ModalSystem, MotionPoint
 PACKAGE = Path(laws.__file__).parent
 FILES = {"contact": "exponential", "friction": "exponential_fall", "regularisation": "smooth"}
 CUBE, CURVE = "my_contact_law.py", "my_friction_curve.py"
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _registers():
+    """What the tests register in this process ends with them."""
+    registers = (CONTACT_LAWS._known, FRICTION_CURVES._known, REGULARISATIONS._known)
+    known = [*registers, Registry.shared, extensions._read]
+    before = [dict(found) for found in known]
+    modules = set(sys.modules)
+    yield
+    for found, content in zip(known, before, strict=True):
+        found.clear()
+        found.update(content)
+    for name in set(sys.modules) - modules:
+        if name.startswith("squealstudy_extension_"):
+            del sys.modules[name]
 
 
 @pytest.fixture(scope="module")
