@@ -24,6 +24,7 @@ ABOVE = ("study", "engine", "kinds", "fidelity", "face", "face_model", "cli", "t
 MODES_BAND = (10.0, 3000.0)
 BRAKE_BAND = (800.0, 1600.0)
 BLOCKS_BAND = (1e3, 4e4)
+SIGNS = np.array([-1.0, 1.0])
 NOT_OF_ONE_POINT = ["point_id", "track", "track_mac", "track_ambiguous"]
 
 
@@ -331,3 +332,54 @@ def test_units_and_options_of_design_points():
     assert own.point.law_kind == "exponential"
     with pytest.raises(SquealstudyError):
         model.at(contact_law="sticky")
+
+
+# -- derivatives, runs, limit cycles
+
+
+def test_sensitivities_are_differences_of_roots():
+    system = sq.model("hulten", damping_ratio=0.01).at(friction=0.5)
+    found = system.sensitivities("friction", "frequency_1")
+    assert found.names == ("friction", "frequency_1")
+    for column, (name, h) in enumerate((("friction", 1e-5), ("frequency_1", 1e-3))):
+        value = system.point.values[name]
+        ends = sq.model("hulten", damping_ratio=0.01, friction=0.5).at(**{name: value + h * SIGNS})
+        slope = np.diff(ends.modes().lam[:, 0])[0] / (2 * h)
+        assert found.derivative[0, column] == pytest.approx(slope, rel=1e-4)
+        assert found.d_growth_rate[0, column] == pytest.approx(slope.real, rel=1e-4)
+    table = found.to_pandas()
+    assert table["parameter"].tolist() == ["friction", "frequency_1"]
+    batch = sq.model("hulten").at(friction=[0.1, 0.5]).sensitivities("friction")
+    assert [len(one.lam) for one in batch] == [0, 1]
+    with pytest.raises(ParameterError, match="did you mean 'friction'"):
+        system.sensitivities("frction")
+    with pytest.raises(ParameterError, match="a number of modes"):
+        system.sensitivities("friction", modes=0)
+
+
+def test_a_run_grows_as_its_mode_does():
+    """A little beyond the onset of flutter, ten periods from a small push."""
+    system = sq.model("hulten", damping_ratio=0.01).at(friction=[0.32, 0.36])
+    runs = system.simulate(duration=0.15, step=2e-5, save_every=10, perturbation=1e-6)
+    growth = system.modes().growth_rate.max(axis=1)
+    assert runs.status.tolist() == ["ok", "ok"]
+    late = runs.time[0] > 0.05
+    for energy, rate in zip(runs.history("modal_energy"), growth, strict=True):
+        slope = np.polyfit(runs.time[0][late], np.log(energy[late]), 1)[0]
+        assert slope == pytest.approx(2 * rate, rel=0.05)
+    alone = system[1].simulate(duration=0.15, step=2e-5, save_every=10, perturbation=1e-6)
+    np.testing.assert_allclose(alone.torque, runs.torque[1], rtol=1e-8)
+    with pytest.raises(KeyError, match="modal_energy"):
+        runs.history("energy")
+
+
+def test_a_limit_cycle_is_what_a_run_comes_to():
+    model = sq.model("hulten", contact_law="cubic", **{"contact.cubic_stiffness": 5e17})
+    system = model.at(friction=0.305, damping_ratio=0.01)
+    found = system.limit_cycles()
+    cycle = found.cycles[0][1]
+    runs = system.simulate(duration=2.5, step=5e-5, save_every=4, perturbation=1e-2)
+    late = runs.torque[-2000:]  # some forty periods
+    assert cycle.attracts
+    assert late.std() == pytest.approx(cycle.levels["torque_rms"], rel=0.01)
+    assert found.to_pandas()["stable"].tolist()[0]

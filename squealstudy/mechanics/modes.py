@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -70,8 +70,8 @@ class ComplexModes:
         How roots were found.
     varied : mapping of str -> ndarray (m,)
         Values of what varies in a batch.
-    systems : sequence of callable
-        () -> linearised system of each design point, for left vectors.
+    linear_of : callable
+        Number of a design point -> its linearised system, for left vectors.
 
     Examples
     --------
@@ -96,7 +96,7 @@ class ComplexModes:
     parts: tuple[str, ...]
     method: str
     varied: Mapping[str, np.ndarray] = field(default_factory=dict)
-    systems: Sequence[Any] = field(default=(), repr=False)
+    linear_of: Callable[[int], LinearSystem] | None = field(default=None, repr=False)
 
     @property
     def error(self) -> np.ndarray:
@@ -146,13 +146,14 @@ class ComplexModes:
 
         With these d lam / dp = -y^H (lam^2 M_p + lam C_p + K_p) x.
         """
+        assert self.linear_of is not None
         if not isinstance(self.counts, np.ndarray):
-            return left_vectors(self.systems[0](), self.lam, self.right)
+            return left_vectors(self.linear_of(0), self.lam, self.right)
         found = np.full_like(self.right, np.nan)
         for number, count in enumerate(self.counts):
             if count:
                 lam, right = self.lam[number, :count], self.right[number, :, :count]
-                found[number, :, :count] = left_vectors(self.systems[number](), lam, right)
+                found[number, :, :count] = left_vectors(self.linear_of(number), lam, right)
         return found
 
     def to_pandas(self) -> pd.DataFrame:

@@ -2,53 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
-from squealstudy.errors import ModelError
 from squealstudy.mechanics.basis import Basis, checked_band
-from squealstudy.mechanics.defaults import MODE_TOLERANCE
+from squealstudy.mechanics.defaults import (
+    CYCLE_REACH,
+    CYCLE_TOLERANCE,
+    FINITE_CHANGE,
+    MODE_TOLERANCE,
+)
+from squealstudy.mechanics.design import Design
+from squealstudy.mechanics.limit_cycles import LimitCycles, limit_cycles
 from squealstudy.mechanics.linear import LinearSystem
 from squealstudy.mechanics.modes import ComplexModes
+from squealstudy.mechanics.motions import Runs, simulated
 from squealstudy.mechanics.pairs import PointPairs
 from squealstudy.mechanics.reduction import Reduction
+from squealstudy.mechanics.sensitivities import (
+    UNSTABLE,
+    Sensitivities,
+    mode_choice,
+    point_derivatives,
+)
+from squealstudy.mechanics.sensitivity_parameters import requested
 from squealstudy.mechanics.solving import each, linearised, sliding
 from squealstudy.mechanics.stacked_rows import messages, stacked, statuses
 from squealstudy.mechanics.steady import SteadySliding
 from squealstudy.mechanics.structures import Structures
-from squealstudy.mechanics.unreduced import Unreduced
-from squealstudy.mechanics.values import Values
 from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.modes.judged_roots import worst_errors
+from squealstudy.motion.integrator import Integrator
 
 INACCURATE = "inaccurate"
+REGULARISED = "regularised"  # friction below its bound: straight
 
 
-@dataclass(frozen=True, eq=False)
-class System:
+@dataclass(frozen=True, eq=False, repr=False)
+class System(Design):
     """A model at one design point, or at a batch of m of them.
 
     What a single point gives has no leading axis, and a failure is an exception; in a batch it is
     the status of its row. ``system[i]`` is one design point of a batch, ``len`` their number.
-
-    Attributes
-    ----------
-    values : Values
-        Of all parameters.
-    nominal : ModelPoint
-        The model as it is, nothing varied: bases are made there.
-    basis : Basis
-        Band of the modes and basis of the reduction.
-    chosen : bool
-        The basis is one of the user's own; otherwise it is enriched where its error is beyond the
-        tolerance of modes, and steps in time have the one of studies in time.
-    family : MatrixFamily or None
-        Of a family of matrices.
+    Fields as of `design.Design`.
 
     Examples
     --------
@@ -57,99 +58,6 @@ class System:
     >>> len(system), [int(point.modes().unstable.sum()) for point in system]
     (2, [0, 1])
     """
-
-    values: Values
-    nominal: ModelPoint
-    basis: Basis
-    chosen: bool = False
-    family: MatrixFamily | None = None
-    _known: dict[Any, Any] = field(default_factory=dict, repr=False)
-
-    def __repr__(self) -> str:
-        count = "one design point" if self.single else f"{len(self)} design points"
-        return f"<System: {count} of {self.values.definition.name!r}>"
-
-    # -- design points ---------------------------------------------------------------------------
-    @property
-    def single(self) -> bool:
-        """Whether it is one design point and no batch."""
-        return self.values.length is None
-
-    def __len__(self) -> int:
-        if self.values.length is None:
-            raise TypeError("one design point has no length: values that are arrays make a batch")
-        return self.values.length
-
-    def __getitem__(self, number: int) -> System:
-        if not -len(self) <= number < len(self):
-            raise IndexError(f"{number} of {len(self)} design points")
-        return replace(self, values=self.values.at(number % len(self)), _known={})
-
-    def __iter__(self) -> Iterator[System]:
-        return (self[number] for number in range(len(self)))
-
-    @property
-    def point(self) -> ModelPoint:
-        """The design point: its model, options, values, design state; ModelError of a batch."""
-        self._expect_single("point")
-        return self.values.point(0)
-
-    def _expect_single(self, what: str) -> None:
-        if not self.single:
-            raise ModelError(f"{what} is of one design point: system[i].{what}")
-
-    # -- structure -------------------------------------------------------------------------------
-    @cached_property
-    def assembly(self) -> Unreduced:
-        """Unreduced sparse matrices, contact points and loads.
-
-        Raises
-        ------
-        ModelError
-            A batch; a family of matrices; a geometry that cannot be built.
-        """
-        self._expect_single("assembly")
-        self._expect_contact()
-        return Unreduced(self.point.assembly(), self.point.operating_point())
-
-    def reduced(self, band: tuple[float, float] | None = None, **changes: Any) -> Reduction:
-        """Component modes, contact space, basis and matrices of the structure.
-
-        Parameters
-        ----------
-        band : (low, high) or None
-            Hz; that of the system by default.
-        **changes
-            Fields of `Basis` that are to be others: ``component_cutoff_factor=2.0``.
-
-        Raises
-        ------
-        ModelError
-            Design points of several structures; a family of matrices.
-        ConvergenceError
-            No steady sliding at the nominal operating point.
-        """
-        basis = self._basis(band)
-        structures = self._structures(replace(basis, **changes) if changes else basis)
-        found = list(self.values.of_structures())
-        if len(found) > 1:
-            raise ModelError(f"{len(found)} structures: system[i].reduced() is that of a point")
-        return structures.reduction(*found[0])
-
-    def _basis(self, band: tuple[float, float] | None = None) -> Basis:
-        return self.basis if band is None else replace(self.basis, band_hz=checked_band(band))
-
-    def _structures(self, basis: Basis) -> Structures:
-        key = Structures, basis.identity
-        if key not in self._known:
-            improved = not self.chosen
-            self._known[key] = Structures(self.values, self.nominal, basis, improved)
-        found: Structures = self._known[key]
-        return found
-
-    def _expect_contact(self) -> None:
-        if self.family is not None:
-            raise ModelError("a family of matrices has neither contact nor components")
 
     # -- steady sliding and the system about it ----------------------------------------------------
     @cached_property
@@ -269,12 +177,155 @@ class System:
             parts=definition.energy_parts if self.family is None else (),
             method="" if solved is None else solved.method,
             varied=self.values.varied,
-            systems=self._linear_systems(basis),
+            linear_of=self._linear_of(basis),
         )
 
-    def _linear_systems(self, basis: Basis) -> Sequence[Callable[[], LinearSystem]]:
-        """The linearised system of each design point in a basis, made when asked for."""
-        return _Linear(replace(self, basis=basis, _known={}))
+    def sensitivities(
+        self,
+        *names: str,
+        modes: str | int | Sequence[float] = UNSTABLE,
+        change: float = FINITE_CHANGE,
+        band: tuple[float, float] | None = None,
+    ) -> Sensitivities | tuple[Sensitivities, ...]:
+        """Derivatives of modes by parameters, each beside a finite change.
+
+        Parameters
+        ----------
+        *names : str
+            Parameters, ``disc.modes[7].frequency_scale``, ``disc.modes[*].damping_ratio``; without
+            any friction, loads, speed and all component modes.
+        modes : str, int or sequence of float
+            ``"unstable"``; a number of modes by growth rate; or frequencies [Hz] that they are
+            nearest to.
+        change : float
+            Finite change, relative to the value; of damping ratios absolute.
+        band : (low, high) or None
+            Hz.
+
+        Returns
+        -------
+        Sensitivities, or of a batch a tuple of them: one for each design point.
+
+        Raises
+        ------
+        ParameterError
+            A name unknown, or without derivative; a choice of modes that is none.
+        ConvergenceError
+            One design point without steady sliding.
+        """
+        self._expect_contact()
+        basis, choice = self._basis(band), mode_choice(modes)
+        for name in names:
+            requested(name, self.nominal)
+        find = partial(point_derivatives, basis=basis, names=names, choice=choice, change=change)
+        found = each(self._structures(basis), find, self.single)
+        told = zip(found, statuses(found), messages(found), strict=True)
+        made = tuple(
+            replace(Sensitivities.of(()), status=status, message=message)
+            if isinstance(x, Exception)
+            else x
+            for x, status, message in told
+        )
+        return made[0] if self.single else made
+
+    # -- in time ---------------------------------------------------------------------------------
+    def simulate(
+        self,
+        duration: float,
+        step: float = 1e-6,
+        save_every: int = 10,
+        method: str | Integrator | None = None,
+        perturbation: float = 1e-3,
+        regularisation: str = REGULARISED,
+        band: tuple[float, float] | None = None,
+    ) -> Runs:
+        """Run in time from steady sliding, pushed along its unstable modes.
+
+        Friction saturates at 0.2 % of the slowest sliding speed of the batch where no
+        ``contact.regularisation_speed`` or ``contact.kt`` is given.
+
+        Parameters
+        ----------
+        duration, step : float
+            s.
+        save_every : int
+            Steps between saved rows.
+        method : str, Integrator or None
+            Name of an integrator; ``exponential`` by default.
+        perturbation : float
+            Largest velocity at a contact point at the start, m/s.
+        regularisation : str
+            ``regularised`` or ``smooth``.
+        band : (low, high) or None
+            Hz; of the modes that are followed.
+
+        Raises
+        ------
+        ParameterError
+            Settings that cannot be used.
+        ConvergenceError
+            One design point without steady sliding; in a batch this is its row's status.
+        """
+        self._expect_contact()
+        return simulated(
+            self._in_time(band),
+            duration,
+            step,
+            save_every,
+            method,
+            perturbation,
+            regularisation,
+            self.single,
+        )
+
+    def limit_cycles(
+        self,
+        harmonics: int | None = None,
+        tolerance: float = CYCLE_TOLERANCE,
+        reach: float = CYCLE_REACH,
+        regularisation: str = REGULARISED,
+        band: tuple[float, float] | None = None,
+    ) -> LimitCycles | tuple[LimitCycles, ...]:
+        """Limit cycles of all mode families of a band, by harmonic balance.
+
+        Parameters
+        ----------
+        harmonics : int or None
+            None: as many as the tolerance of levels asks for.
+        tolerance : float
+            Of levels, relative.
+        reach : float
+            Contact velocity up to which growth is followed, over the sliding speed.
+        regularisation : str
+            ``regularised`` or ``smooth``.
+        band : (low, high) or None
+            Hz.
+
+        Returns
+        -------
+        LimitCycles, or of a batch a tuple of them: one for each design point.
+
+        Raises
+        ------
+        ConvergenceError
+            One design point without steady sliding, or that diverges without oscillation.
+        """
+        self._expect_contact()
+        structures = self._in_time(band)
+        found = limit_cycles(structures, harmonics, tolerance, reach, regularisation, self.single)
+        return found[0] if self.single else tuple(found)
+
+    def _in_time(self, band: tuple[float, float] | None) -> Structures:
+        """In the basis of studies in time, unless another was chosen."""
+        basis = self.basis if self.chosen else Basis.in_time(self.values.definition)
+        if band is not None:
+            basis = replace(basis, band_hz=checked_band(band))
+        return self._structures(basis)
+
+    def _linear_of(self, basis: Basis) -> Callable[[int], LinearSystem]:
+        """What gives the linearised system of a design point in a basis."""
+        own = replace(self, basis=basis, _known={})
+        return lambda number: (own if own.single else own[number]).linear
 
     def _judged(self, found: Sequence[PointPairs | Exception]) -> tuple[Any, Any]:
         """Status and message, those of inaccurate points among them."""
@@ -295,17 +346,3 @@ class System:
 
     def _number(self, found: np.ndarray, kind: type) -> Any:
         return kind(found) if self.single else found
-
-
-class _Linear(Sequence[Callable[[], LinearSystem]]):
-    """Linearised systems of design points, each by a call."""
-
-    def __init__(self, system: System) -> None:
-        self._system = system
-
-    def __len__(self) -> int:
-        return self._system.values.count
-
-    def __getitem__(self, number: Any) -> Any:
-        own = self._system if self._system.single else self._system[number]
-        return lambda: own.linear

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from command import in_time, run
@@ -87,3 +91,23 @@ def test_in_time_it_grows_at_the_rate_of_the_closed_form(tmp_path):
     (found,) = tables["growth"].query("unstable").itertuples()
     assert found.growth_rate == pytest.approx(flutter_root().real, rel=1e-8)
     assert found.fitted_growth_rate == pytest.approx(flutter_root().real, rel=0.01)
+
+
+LIBRARY = f"""
+import my_friction_curve, squealstudy as sq
+values = {{"friction": {MU}, "friction_law.fade_pressure": {FADE}}}
+system = sq.model("hoffmann", friction_law="fading").at(**values)
+print(repr(complex(max(system.modes((1.0, 1000.0)).lam, key=lambda z: z.real))), repr(float(system.steady.force[0, 0])))
+"""
+
+
+def test_the_library_knows_a_curve_that_was_imported():
+    folder = Path(__file__).parent
+    done = subprocess.run(
+        [sys.executable, "-c", LIBRARY], cwd=folder, capture_output=True, text=True, check=True
+    )
+    lam, force = done.stdout.split()
+    grown, root = complex(lam), flutter_root()  # one of a conjugate pair
+    assert complex(grown.real, abs(root.imag)) == pytest.approx(grown, rel=1e-8)
+    assert grown.real == pytest.approx(root.real, rel=1e-8)
+    assert float(force) == pytest.approx(contact_force(), rel=1e-9)

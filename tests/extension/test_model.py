@@ -9,9 +9,11 @@ import pytest
 from registries import registered  # noqa: F401 - a fixture of the module
 from study_runs import load_plan
 
+import squealstudy as sq
 from squealstudy import open_results
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import StudyFileError
+from squealstudy.extensions import load_extension
 
 FILE = Path(__file__).with_name("my_model.py")
 STUDY = f"""
@@ -55,3 +57,10 @@ def test_a_parameter_that_it_has_not_is_refused(tmp_path):
     path.write_text(STUDY.replace("mass = 2.0\n", "masss = 2.0\n"))
     with pytest.raises(StudyFileError, match="did you mean 'mass'"):
         load_plan(path)
+
+
+def test_the_library_takes_it_as_any_other():
+    load_extension(FILE)
+    system = sq.model("rubbed_mass").at(friction=[0.0, 0.3], added_mass=[1.0, 3.0])
+    along = system.modes().lam[:, 0]
+    np.testing.assert_allclose(np.abs(along), np.sqrt(1e6 / np.array([3.0, 5.0])), rtol=1e-9)

@@ -49,14 +49,15 @@ from squealstudy.kinds.design.state import Memory
 from squealstudy.kinds.design.study import DesignStudy, of_variant, read_study
 from squealstudy.kinds.design.variants import plans
 from squealstudy.kinds.limit_cycles.designs import MOST, CyclesRequest
-from squealstudy.kinds.sensitivity.parameters import (
+from squealstudy.kinds.transient.batch import mode_keys
+from squealstudy.kinds.transient.plan_facts import slowest_speed
+from squealstudy.mechanics.regularisation import with_speed
+from squealstudy.mechanics.sensitivity_parameters import (
     RequestedParameter,
     design_structure,
     state_parameters,
     structural_names,
 )
-from squealstudy.kinds.transient.batch import mode_keys
-from squealstudy.kinds.transient.plan_facts import slowest_speed, with_speed
 from squealstudy.models.operating import DAMPING
 from squealstudy.models.parameter_names import parse_parameter
 from squealstudy.modes.sensitivity.structural import check_structural

@@ -34,13 +34,13 @@ from squealstudy.kinds.design.in_time import ELSEWHERE, TODAY, TURN, runs_in_tim
 from squealstudy.kinds.design.plan import CYCLES, FULL, IN_TIME, MODES
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest
 from squealstudy.kinds.limit_cycles.kind import cycles_row
-from squealstudy.kinds.sensitivity.parameters import (
+from squealstudy.mechanics.failures import FAILURES, reason
+from squealstudy.mechanics.sensitivity_parameters import (
     RequestedParameter,
     design_structure,
     state_parameters,
     structural_names,
 )
-from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.modes.point import angular_band, band_modes, linearised_point
 from squealstudy.modes.sensitivity.mode_family import known_mode
 from squealstudy.modes.sensitivity.mode_sensitivities import figure_slopes, figures

@@ -46,8 +46,9 @@ from squealstudy.kinds.limit_cycles.section import (
     LimitCyclesSection,
 )
 from squealstudy.kinds.limit_cycles.tables import SCHEMA, solved_row
-from squealstudy.kinds.transient.plan_facts import slowest_speed, with_speed
+from squealstudy.kinds.transient.plan_facts import slowest_speed
 from squealstudy.mechanics.failures import FAILURES, reason
+from squealstudy.mechanics.regularisation import with_speed
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import design_points, grid_shape

@@ -19,18 +19,16 @@ from squealstudy.engine.rows import failed_row
 from squealstudy.engine.store import POINTS, SENSITIVITIES, Store
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError
-from squealstudy.kinds.sensitivity.parameters import (
-    RequestedParameter,
-    asked_parameters,
-    design_structure,
-    error_at_name,
-    mode_choice,
-    state_parameters,
-    structural_names,
-)
+from squealstudy.kinds.sensitivity.parameters import asked_parameters, error_at_name, mode_choice
 from squealstudy.kinds.sensitivity.section import SensitivityDefinition
 from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables, solved_row
 from squealstudy.mechanics.failures import FAILURES, reason
+from squealstudy.mechanics.sensitivity_parameters import (
+    RequestedParameter,
+    design_structure,
+    state_parameters,
+    structural_names,
+)
 from squealstudy.modes.sensitivity.mode_sensitivities import ModeSensitivities, with_more
 from squealstudy.modes.sensitivity.reduced import ModeChoice, point_sensitivities, solve_families
 from squealstudy.modes.sensitivity.structural import (

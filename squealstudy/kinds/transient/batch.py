@@ -18,14 +18,13 @@ from squealstudy.kinds.transient.plan_facts import (
     training_designs,
 )
 from squealstudy.kinds.transient.section import STUCK, TransientSection
-from squealstudy.models.operating import DesignState, ModeKey, OperatingPoint
-from squealstudy.modes.point import state_working_point
+from squealstudy.mechanics.motions import reference_modes
+from squealstudy.models.operating import ModeKey, OperatingPoint
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import (
     SharedModes,
     Training,
-    shared_modes,
     truncated,
     with_pod,
 )
@@ -186,10 +185,7 @@ def shared_reference(
         training: Training
         training, _ = load_value(basis.training)  # and seconds
         return with_pod(whole, basis.modes_below, training, basis.pod_vectors)
-    prepared = prepared_model(prepared_key)
-    state = DesignState(operating)
-    point = state_working_point(prepared, state)
-    return shared_modes(prepared.model, point, state, component_modes)
+    return reference_modes(prepared_model(prepared_key), operating, component_modes)
 
 
 def sampling(section: TransientSection, band_hz: tuple[float, float]) -> int:

@@ -35,12 +35,12 @@ from squealstudy.kinds.transient.plan_facts import (
     regularisation_of,
     slowest_speed,
     start_of,
-    with_speed,
 )
 from squealstudy.kinds.transient.preparation import make_training_runs
 from squealstudy.kinds.transient.section import TransientDefinition
 from squealstudy.kinds.transient.tables import SCHEMA, build_tables, lost_row, simulated_time
 from squealstudy.kinds.transient.worker import solve_batch
+from squealstudy.mechanics.regularisation import with_speed
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.motion.warmup import begin_warming
 from squealstudy.study.definition import ResolvedStudy

@@ -6,7 +6,6 @@ speed at which friction saturates in time is one for all design points of a stud
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -24,6 +23,7 @@ from squealstudy.engine.result_names import STATES
 from squealstudy.engine.store import POINTS, Store, read_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.transient.section import STUCK, TransientSection
+from squealstudy.mechanics.regularisation import is_automatic
 from squealstudy.models.operating import (
     REGULARISATION_SHARE,
     REGULARISATION_SPEED,
@@ -73,25 +73,6 @@ def slowest_speed(study: ResolvedStudy) -> float:
         if sweep.name == SLIDING_SPEED.name:
             return float(np.abs(design_points(study)[:, k]).min())
     return abs(study.values[SLIDING_SPEED.name])
-
-
-def is_automatic(values: Mapping[str, float | np.ndarray]) -> Any:
-    """Whether slopes of friction follow from the slowest design point; of each if given arrays."""
-    return (values[SLOPE.name] == 0) & (values[REGULARISATION_SPEED.name] == 0)
-
-
-def with_speed(values: Mapping[str, float | np.ndarray], slowest: float) -> Columns:
-    """Values of design points, the regularisation speed resolved where it is automatic.
-
-    What is solved is then named by the values: design points of two studies that saturate at the
-    same speed are the same, whatever else is swept.
-    """
-    automatic, own = is_automatic(values), values[REGULARISATION_SPEED.name]
-    if not np.any(automatic):
-        return dict(values)
-    resolved = REGULARISATION_SHARE * slowest
-    speed = np.where(automatic, resolved, own) if np.ndim(automatic) else resolved
-    return {**values, REGULARISATION_SPEED.name: speed}
 
 
 def regularised(design: DesignPoint) -> bool:

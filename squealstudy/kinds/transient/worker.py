@@ -31,7 +31,8 @@ from squealstudy.kinds.transient.plan_facts import state_file
 from squealstudy.kinds.transient.section import STUCK
 from squealstudy.kinds.transient.tables import lost_row, row
 from squealstudy.mechanics.failures import FAILURES, reason
-from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE, DesignState
+from squealstudy.mechanics.motions import motion_at
+from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.hybrid_run import simulate_hybrid
 from squealstudy.motion.level_errors import doubts
@@ -41,9 +42,7 @@ from squealstudy.motion.outcome.level import StepParts
 from squealstudy.motion.outcome.settling import known_outcome
 from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.point import (
-    friction_law,
     integrated,
-    motion_point,
     perturbed,
     stuck,
 )
@@ -215,14 +214,12 @@ def steady_motion(
     ParameterError, or one of FAILURES
         A value that cannot be used; no working point.
     """
-    prepared, state, values = prepared_model(point.structure), point.state(), point.values
     known = known_gap(point.structure, point)
-    steady = state_working_point(prepared, state, known)
+    prepared = prepared_model(point.structure)
+    steady, made = motion_at(reference, prepared, point, friction_kind, band_hz, tolerance, known)
     if known is None:
         gaps.add(point.structure, point, steady.gap)
-    slope, saturation = values[SLOPE.name], values[REGULARISATION_SPEED.name]
-    friction = friction_law(reference.system, state, steady, slope, saturation, friction_kind)
-    return steady, motion_point(reference, steady, state, friction, band_hz, tolerance)
+    return steady, made
 
 
 def integrate(

@@ -1,0 +1,236 @@
+"""Design points in time: set up about steady sliding on modes that they share, and run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.mechanics.defaults import STABILITY_TOLERANCE
+from squealstudy.mechanics.failures import FAILURES
+from squealstudy.mechanics.regularisation import with_speed
+from squealstudy.mechanics.stacked_rows import messages, statuses
+from squealstudy.mechanics.structures import Structures
+from squealstudy.models.model_point import ModelPoint
+from squealstudy.models.operating import (
+    REGULARISATION_SPEED,
+    SLIDING_SPEED,
+    SLOPE,
+    DesignState,
+    ModeKey,
+    OperatingPoint,
+)
+from squealstudy.modes.point import state_working_point
+from squealstudy.motion.integrator import Integrator, integrator
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.summary import summarise
+from squealstudy.motion.point import friction_law, integrated, motion_point, perturbed
+from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.shared_modes import SharedModes, shared_modes
+from squealstudy.motion.simulate import simulate
+from squealstudy.motion.system import MotionPoint
+from squealstudy.reduction.prepared import PreparedModel
+from squealstudy.reduction.working_point import WorkingPoint
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+METHOD = "exponential"  # free modes exact, contact forces by the trapezoidal rule
+
+
+def reference_modes(
+    prepared: PreparedModel, operating: OperatingPoint, component_modes: Sequence[ModeKey]
+) -> SharedModes:
+    """Modes at the nominal working point, which the design points of a structure share."""
+    state = DesignState(operating)
+    point = state_working_point(prepared, state)
+    return shared_modes(prepared.model, point, state, tuple(component_modes))
+
+
+def motion_at(
+    reference: SharedModes,
+    prepared: PreparedModel,
+    point: ModelPoint,
+    regularisation: str,
+    band_hz: tuple[float, float] | None,
+    tolerance: float,
+    known: np.ndarray | None = None,
+) -> tuple[WorkingPoint, MotionPoint]:
+    """Steady sliding of a design point, and the design about it on shared modes.
+
+    Parameters
+    ----------
+    regularisation : str
+        ``regularised`` or ``smooth`` friction below its bound.
+    band_hz : (low, high) or None
+        Where unstable modes are followed; nowhere without one.
+    tolerance : float
+        Damping ratio below minus which a mode is unstable.
+    known : ndarray (nc,) or None
+        Gaps of the working point, where they are known.
+
+    Raises
+    ------
+    ParameterError
+        Friction so soft that steady sliding is not steady.
+    ConvergenceError
+        No steady sliding.
+    """
+    state, values = point.state(), point.values  # noqa: PD011 - no frame
+    steady = state_working_point(prepared, state, known)
+    slope, saturation = values[SLOPE.name], values[REGULARISATION_SPEED.name]
+    friction = friction_law(reference.system, state, steady, slope, saturation, regularisation)
+    return steady, motion_point(reference, steady, state, friction, band_hz, tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Runs in time; arrays of a batch have a leading axis (m, ...).
+
+    Attributes
+    ----------
+    motions : tuple of (Motion or None)
+        Of each design point: all that was kept of its run; None where it was not set up.
+    status, message : str or ndarray (m,) of str
+        ``ok``, or what ended the run, or why there was none.
+    single : bool
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> model = sq.model("belt", friction=0.4, sliding_speed=1.0)
+    >>> runs = model.at().simulate(duration=0.02, step=1e-5, save_every=20)
+    >>> runs.status, runs.time.shape, float(runs.time[-1].round(6))
+    ('ok', (101,), 0.02)
+    """
+
+    motions: tuple[Motion | None, ...] = field(repr=False)
+    status: str | np.ndarray
+    message: str | np.ndarray
+    single: bool
+
+    def history(self, name: str) -> np.ndarray:
+        """A column of the saved rows (rows,): ``torque``, ``stick``, ``modal_energy``, ...
+
+        NaN behind the end of a run that stopped. KeyError with the names where there is none.
+        """
+        rows = [None if m is None else m.history for m in self.motions]
+        known = next((h for h in rows if h is not None), {})
+        if name not in known:
+            raise KeyError(f"'{name}': expected one of {', '.join(known)}")
+        longest = max((len(h[name]) for h in rows if h is not None), default=0)
+        found = np.full((len(rows), longest), np.nan)
+        for row, history in zip(found, rows, strict=True):
+            if history is not None:
+                row[: len(history[name])] = history[name]
+        return found[0] if self.single else found
+
+    @property
+    def time(self) -> np.ndarray:
+        """Of the saved rows, s."""
+        return self.history("time")
+
+    @property
+    def torque(self) -> np.ndarray:
+        """Of friction at the saved rows, positive where it brakes, N m; of a straight belt N."""
+        return self.history("torque")
+
+    def summary(self) -> pd.DataFrame:
+        """What each run came to, a row a design point: class, levels, growth."""
+        import pandas as pd
+
+        status = np.atleast_1d(np.array(self.status, dtype=object))
+        rows: list[Mapping[str, Any]] = [
+            {"status": one} | ({} if m is None else dict(summarise(m).point))
+            for one, m in zip(status, self.motions, strict=True)
+        ]
+        return pd.DataFrame(rows)
+
+
+def set_up(
+    structures: Structures, regularisation: str, single: bool
+) -> list[tuple[SharedModes, MotionPoint, ModelPoint, WorkingPoint] | Exception]:
+    """Every design point on the modes of its structure, or why it is not."""
+    values = structures.values  # noqa: PD011 - no frame
+    slowest = float(np.min(np.abs(values.columns[SLIDING_SPEED.name])))
+    resolved = replace(values, columns=with_speed(values.columns, slowest))
+    first = values.point(0)
+    keys = sorted({(p.component, m) for p in first.mode_parameters() for m in p.modes})
+    operating, band = structures.nominal.operating_point(), structures.basis.band_hz
+    found: dict[int, Any] = {}
+    for start, own in values.of_structures():
+        try:
+            prepared = structures.reduction(start, own).prepared
+            reference = reference_modes(prepared, operating, keys)
+        except FAILURES as error:
+            if single:
+                raise
+            found |= dict.fromkeys(own.tolist(), error)
+            continue
+        for number in own.tolist():
+            point = resolved.point(number)
+            try:
+                steady, made = motion_at(
+                    reference, prepared, point, regularisation, band, STABILITY_TOLERANCE
+                )
+                found[number] = reference, made, point, steady
+            except FAILURES as error:
+                if single:
+                    raise
+                found[number] = error
+    return [found[number] for number in range(values.count)]
+
+
+def simulated(
+    structures: Structures,
+    duration: float,
+    step: float,
+    save_every: int,
+    method: str | Integrator | None,
+    perturbation: float,
+    regularisation: str,
+    single: bool,
+) -> Runs:
+    """Run the design points; those of a structure advance together (`System.simulate`)."""
+    chosen = method if isinstance(method, Integrator) else integrator(method or METHOD)
+    tolerance = {"tolerance": chosen.tolerance} if hasattr(chosen, "tolerance") else {}
+    settings = MotionSettings(duration, step, save_every, integrator=chosen, **tolerance)
+    ready = set_up(structures, regularisation, single)
+    found: list[Motion | Exception] = [
+        x if isinstance(x, Exception) else ModelError("not run") for x in ready
+    ]
+    together: dict[int, list[int]] = {}
+    for number, one in enumerate(ready):
+        if not isinstance(one, Exception):
+            together.setdefault(id(one[0]), []).append(number)
+    for numbers in together.values():
+        points, reference = [], None
+        for number in numbers:
+            one = ready[number]
+            assert not isinstance(one, Exception)
+            reference, made, point, steady = one
+            made = integrated(made, reference.system, steady, point.state(), settings)
+            points.append(perturbed(reference.system, made, perturbation))
+        assert reference is not None
+        system = replace(reference.system, sensed=_sensed(reference, structures.basis.band_hz))
+        for number, motion in zip(numbers, simulate(system, points, settings), strict=True):
+            found[number] = motion
+    status, message = statuses(found), messages(found)
+    for number, run in enumerate(found):
+        if not isinstance(run, Exception):
+            status[number], message[number] = run.outcome, run.message
+    return Runs(
+        motions=tuple(None if isinstance(x, Exception) else x for x in found),
+        status=status[0] if single else status,
+        message=message[0] if single else message,
+        single=single,
+    )
+
+
+def _sensed(reference: SharedModes, band_hz: tuple[float, float]) -> np.ndarray:
+    """Numbers from 1 of the assembly modes in the band, whose motion is kept."""
+    hz = reference.system.frequencies[: reference.n_exact] / (2 * np.pi)
+    return np.flatnonzero((hz >= band_hz[0]) & (hz <= band_hz[1])) + 1

@@ -1,0 +1,203 @@
+"""Derivatives of complex modes by parameters, beside finite changes, in arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from squealstudy.errors import ParameterError
+from squealstudy.mechanics.basis import Basis
+from squealstudy.mechanics.defaults import STABILITY_TOLERANCE
+from squealstudy.mechanics.reduction import Reduction
+from squealstudy.mechanics.sensitivity_parameters import (
+    default_names,
+    design_structure,
+    requested,
+    state_parameters,
+    structural_names,
+)
+from squealstudy.models.model_point import ModelPoint
+from squealstudy.modes.sensitivity.mode_sensitivities import (
+    ModeSensitivities,
+    figure_slopes,
+    with_more,
+)
+from squealstudy.modes.sensitivity.reduced import ModeChoice, point_sensitivities, solve_families
+from squealstudy.modes.sensitivity.structural import check_structural, structural_sensitivities
+from squealstudy.system.linearise import component_frequencies
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+UNSTABLE = "unstable"
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """d lam / dp of chosen modes of a design point by parameters (THEORY.md eq. (57)).
+
+    Attributes
+    ----------
+    lam : ndarray (k,) complex
+        rad/s, by falling growth rate.
+    names : tuple of str
+        Parameters p, families of component modes one by one.
+    derivative : ndarray (k, p) complex
+        1/s per unit of the parameter; total: the working point moves.
+    change : ndarray (k, p)
+        Finite change of each parameter, in its unit.
+    finite : ndarray (k, p) complex
+        What that changes the root by, solved again, 1/s; NaN where the changed design has none.
+    match : ndarray (k, p)
+        Of the root found then with the mode: 1 is the mode itself.
+    validity : ndarray (k, p)
+        Change up to which the derivative says more than the curvature.
+    condition : ndarray (k,)
+        Of the eigenvalue; from 100 on a derivative means nothing.
+    near_coalescence : ndarray (k, p) of bool
+    status, message : str
+        ``ok``, or in a batch why there are none.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> found = sq.model("hulten").at(friction=0.5).sensitivities("friction")
+    >>> found.names, found.derivative.shape, bool(abs(found.derivative * found.change
+    ...     - found.finite).max() < 0.02 * abs(found.finite).max())
+    (('friction',), (1, 1), True)
+    """
+
+    lam: np.ndarray
+    names: tuple[str, ...]
+    derivative: np.ndarray
+    change: np.ndarray
+    finite: np.ndarray
+    match: np.ndarray
+    validity: np.ndarray
+    condition: np.ndarray
+    near_coalescence: np.ndarray
+    status: str = "ok"
+    message: str = ""
+    modes: tuple[ModeSensitivities, ...] = field(default=(), repr=False)
+
+    @classmethod
+    def of(cls, modes: Sequence[ModeSensitivities]) -> Sensitivities:
+        """The arrays of modes."""
+        names = tuple(s.step.name for s in modes[0].sensitivities) if modes else ()
+        shape = (len(modes), len(names))
+
+        def table(take: Any, kind: type = float) -> np.ndarray:
+            rows = [[take(mode, s) for s in mode.sensitivities] for mode in modes]
+            return np.array(rows, dtype=kind).reshape(shape)
+
+        return cls(
+            lam=np.array([mode.lam for mode in modes], dtype=complex),
+            names=names,
+            derivative=table(lambda _, s: s.derivative, complex),
+            change=table(lambda _, s: s.step.size),
+            finite=table(lambda _, s: np.nan if s.finite is None else s.finite.change, complex),
+            match=table(lambda _, s: np.nan if s.finite is None else s.finite.match),
+            validity=table(lambda _, s: s.validity),
+            condition=np.array([mode.family.condition for mode in modes]),
+            near_coalescence=table(lambda mode, s: mode.near_coalescence(s), bool),
+            modes=tuple(modes),
+        )
+
+    @property
+    def d_growth_rate(self) -> np.ndarray:
+        """Derivative (k, p) of the growth rate, 1/s per unit."""
+        return self._figures(0)
+
+    @property
+    def d_frequency_hz(self) -> np.ndarray:
+        """Derivative (k, p) of the frequency |lam| / 2 pi, Hz per unit."""
+        return self._figures(1)
+
+    @property
+    def d_damping_ratio(self) -> np.ndarray:
+        """Derivative (k, p) of the damping ratio, 1 per unit."""
+        return self._figures(2)
+
+    def _figures(self, number: int) -> np.ndarray:
+        found: np.ndarray = figure_slopes(self.lam[:, None], self.derivative)[number]
+        return found
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row a mode and parameter: ``mode`` from 1, its root, derivatives, finite change."""
+        import pandas as pd
+
+        k, p = self.derivative.shape
+        return pd.DataFrame(
+            {
+                "mode": np.repeat(np.arange(1, k + 1), p),
+                "frequency_hz": np.repeat(np.abs(self.lam) / (2 * np.pi), p),
+                "growth_rate": np.repeat(self.lam.real, p),
+                "parameter": list(self.names) * k,
+                "d_growth_rate": self.d_growth_rate.ravel(),
+                "d_frequency_hz": self.d_frequency_hz.ravel(),
+                "d_damping_ratio": self.d_damping_ratio.ravel(),
+                "change": self.change.ravel(),
+                "predicted_growth_change": (self.derivative * self.change).real.ravel(),
+                "finite_growth_change": self.finite.real.ravel(),
+                "match": self.match.ravel(),
+                "validity_range": self.validity.ravel(),
+                "near_coalescence": self.near_coalescence.ravel(),
+            }
+        )
+
+
+def mode_choice(modes: str | int | Sequence[float]) -> ModeChoice:
+    """``"unstable"``, a number of modes by growth, or frequencies [Hz] that modes are nearest to.
+
+    Raises
+    ------
+    ParameterError
+        What is none of these.
+    """
+    if isinstance(modes, str):
+        if modes == UNSTABLE:
+            return ModeChoice(stability_tolerance=STABILITY_TOLERANCE)
+    elif isinstance(modes, int | np.integer):
+        if modes >= 1 and not isinstance(modes, bool):
+            return ModeChoice(count=int(modes), stability_tolerance=STABILITY_TOLERANCE)
+    else:
+        hz = tuple(float(f) for f in modes)
+        if hz and min(hz) > 0:
+            return ModeChoice(frequencies_hz=hz, stability_tolerance=STABILITY_TOLERANCE)
+    text = f'expected "{UNSTABLE}", a number of modes, or frequencies in Hz, got {modes!r}'
+    raise ParameterError("modes", text)
+
+
+def point_derivatives(
+    point: ModelPoint,
+    reduction: Reduction,
+    basis: Basis,
+    names: Sequence[str],
+    choice: ModeChoice,
+    change: float,
+) -> Sensitivities:
+    """Sensitivities of a design point by parameters, by those of studies where `names` are none.
+
+    Raises
+    ------
+    ConvergenceError
+        No steady sliding, or modes that are not found.
+    ParameterError
+        A name unknown, or without derivative here.
+    """
+    asked = [requested(name, point) for name in names or default_names(point)]
+    prepared = reduction.prepared
+    solved = solve_families(prepared, point.state(), basis.band_hz, choice)
+    parameters = state_parameters(asked, component_frequencies(prepared.model))
+    found: Sequence[ModeSensitivities] = point_sensitivities(
+        solved, parameters, change, basis.band_hz[1]
+    )
+    if structural := structural_names(asked):
+        builder = design_structure(point, reduction.settings)
+        check_structural(builder, structural)
+        more = structural_sensitivities(solved, builder, structural, change)
+        found = [with_more(m, s) for m, s in zip(found, more, strict=True)]
+    return Sensitivities.of(found)
