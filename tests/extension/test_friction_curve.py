@@ -97,7 +97,8 @@ LIBRARY = f"""
 import my_friction_curve, squealstudy as sq
 values = {{"friction": {MU}, "friction_law.fade_pressure": {FADE}}}
 system = sq.model("hoffmann", friction_law="fading").at(**values)
-print(repr(complex(max(system.modes((1.0, 1000.0)).lam, key=lambda z: z.real))), repr(float(system.steady.force[0, 0])))
+grown = max(system.modes((1.0, 1000.0)).lam, key=lambda lam: lam.real)
+print(repr(complex(grown)), repr(float(system.steady.force[0, 0])))
 """
 
 
