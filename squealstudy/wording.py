@@ -86,7 +86,7 @@ UNITS: tuple[tuple[str, str], ...] = (
         r"|track|mode|component_mode|dominant_mode|transfer_(from|to)|missed|spurious"
         r"|\w*damping\w*|\w*share\w*|energy_(?!mean)\w+|track_mac|\w*residual|condition|match"
         r"|biorthogonality|validity_range|disagreement|slip|(stick|open)(_mean|_max)?|stick_creep|stick_number"
-        r"|contraction|energy_balance|reference_frequency_error|deviation|probability\w*"
+        r"|contraction|swing_spread|energy_balance|reference_frequency_error|deviation|probability\w*"
         r"|(first|total)(_low|_high)?|predicted|measured|error\w*|(low|high|median|chance)\w*",
         "",
     ),

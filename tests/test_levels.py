@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motions import bursts
 
-from squealstudy.motion.outcome.levels import last_window, mean_interval, spectrum, torque_levels
+from squealstudy.motion.outcome.levels import (
+    TorqueSums,
+    last_window,
+    mean_interval,
+    spectrum,
+    swing_spread,
+    torque_levels,
+)
 
 STEP = 1e-5
 
@@ -126,3 +133,26 @@ def test_levels_scale_and_bounds_contain_them(seed, rows, scale, offset):
         expected = scale * getattr(one, name)
         assert getattr(two, name) == pytest.approx(expected, rel=1e-6, abs=1e-6 * scale)
     np.testing.assert_allclose(two.frequency_hz, one.frequency_hz, rtol=1e-6)
+
+
+@pytest.mark.parametrize("rate", [0.5, 2.0, 4.0])
+def test_bounds_reach_a_level_that_is_still_approached(rate):
+    """The swing goes to 10 as 10 (1 + .02 exp(-rate t / T)); RMS there is 10 over the root of 2."""
+    time = np.arange(40000) * STEP
+    swing = 10.0 * (1.0 + 0.02 * np.exp(-rate * time / time[-1]))
+    torque = 100.0 + swing * np.sin(2 * np.pi * 43 * time / time[-1])
+    found = torque_levels(time, torque, TorqueSums.of_rows(torque))
+    assert found.rms_low <= 10.0 / np.sqrt(2.0) <= found.rms_high
+    settled = torque_levels(time, 100.0 + torque / swing, TorqueSums.of_rows(torque / swing))
+    assert settled.rms_high - settled.rms_low < 0.1 * (found.rms_high - found.rms_low)
+
+
+def test_spread_of_the_swings_of_single_periods():
+    """Two tones, 20 and 21 periods: peaks of a period are from 2 to 4 apart."""
+    phase = 2 * np.pi * np.arange(40000) / 40000
+    torque = 50.0 + np.sin(20 * phase) + 0.5 * np.sin(21 * phase)
+    width = 40000 / 20
+    spread = swing_spread(TorqueSums.of_rows(torque), width)
+    assert spread == pytest.approx(2.0 / 2.0, rel=0.1)
+    assert swing_spread(TorqueSums.of_rows(50.0 + np.sin(20 * phase)), width) < 1e-6
+    assert np.isnan(swing_spread(TorqueSums.of_rows(torque), 4.0))

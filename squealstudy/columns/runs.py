@@ -44,7 +44,7 @@ GROWTH_OF_POINT = (
     number("growth_rate_(low|high)", "Bound of growth_rate.", leaves_out="It is a bound."),
     number(
         "growth_rate_step_error",
-        "By how much the fastest mode grows too fast at the run's step; not in the bounds.",
+        "By how much the fastest mode grows too fast at the run's step; part of the bounds.",
         leaves_out="It is itself an error.",
     ),
     number(
@@ -78,6 +78,12 @@ LEVELS = (
         leaves_out="It is itself an error.",
     ),
     *bounded("torque_peak_to_peak", "Largest less least torque over the judged part of the run."),
+    Column("bounds_reason", "Why bounds of levels are missing, or which part they leave out."),
+    number(
+        "swing_spread",
+        "By how much peaks to peak of single periods differ, of their mean: 0 of equal periods.",
+        leaves_out="It is of the periods of the judged part alone.",
+    ),
     number(
         "frequency_hz",
         "The motion's own frequency: its fundamental, after one period of which it repeats.",
@@ -198,7 +204,7 @@ GROWTH = (
     ),
     number(
         "step_error",
-        "By how much the mode grows too fast at the run's step; not in the bounds.",
+        "By how much the mode grows too fast at the run's step; part of the bounds.",
         leaves_out="It is itself an error.",
     ),
     text("fit_status", "ok, or why no growth rate was fitted."),

@@ -18,7 +18,7 @@ import numpy as np
 from squealstudy.motion.arrays import FEW_POINTS
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.level import StepParts
+from squealstudy.motion.outcome.level import NOT_ASKED, OF_THE_WINDOW, StepParts
 from squealstudy.motion.outcome.levels import TorqueSums, hann, last_window, torque_levels
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
@@ -28,8 +28,9 @@ PERIODS = 20.0  # of the torque's line, of many points
 ROWS = 16  # a period
 SAFETY = 2.0  # times a difference of levels
 # friction that begins to stick settles over cut sub-steps by the trapezoidal rule, whose least
-# value is up to this share of the peak to peak too low (belt, against events: .05 to .43 %)
-SETTLES = 5e-3
+# value is up to this share of the peak to peak too low (belt, against events: .05 to .52 %), and
+# its mean off by up to this share of the RMS (belt, Hulten's model: .01 to .055 %)
+SETTLES, SETTLES_MEAN = 7e-3, 1e-3
 # ratio of the differences in the second and the first half up to which the level comes to rest, and
 # what it then still goes beyond the second: of a difference that rises as 1 - exp(-t / tau)
 RESTS = ((1.5, 1.15), (2.08, 1.31), (2.45, 1.91))
@@ -41,8 +42,10 @@ def has_few_points(system: ModalSystem) -> bool:
     return len(system.area) <= FEW_POINTS
 
 
-def step_parts(system: ModalSystem, run: Motion, settings: MotionSettings) -> StepParts:
-    """Step parts of a run that lasts.
+def step_parts(
+    system: ModalSystem, run: Motion, settings: MotionSettings, lasts: bool = True
+) -> StepParts:
+    """Step parts of a run that lasts, or of one that passes: of many points none are told of these.
 
     Parameters
     ----------
@@ -51,15 +54,18 @@ def step_parts(system: ModalSystem, run: Motion, settings: MotionSettings) -> St
         With its start in its point.
     settings : MotionSettings
         By which it was integrated; rows saved.
+    lasts : bool
     """
     if not isinstance(settings.integrator, KernelIntegrator):
         return StepParts.unknown(f"'{settings.integrator.name}' has no step that could be halved")
     if has_few_points(system):
-        return _again(system, run, settings)
+        return _again(system, run, settings, lasts)
+    if not lasts:
+        return NOT_ASKED
     return _from_the_end(system, run, settings)
 
 
-def _again(system: ModalSystem, run: Motion, settings: MotionSettings) -> StepParts:
+def _again(system: ModalSystem, run: Motion, settings: MotionSettings, lasts: bool) -> StepParts:
     """The whole run with half the step, compared over the window of its levels."""
     finer = replace(
         settings, duration=run.time, step=0.5 * settings.step, save_every=2 * settings.save_every
@@ -70,7 +76,10 @@ def _again(system: ModalSystem, run: Motion, settings: MotionSettings) -> StepPa
         return StepParts.unknown(f"with half the step: {other.message or 'no run'}")
     window = last_window(run.times, run.history["torque"])
     found = [_levels(one, window) for one in (run, other)]
-    return _parts(found[0], np.abs(found[0] - found[1]), _settling(run))
+    change = np.abs(found[0] - found[1])
+    if not lasts and not (found[0][0] > 0 and np.isfinite(change).all()):
+        return OF_THE_WINDOW  # at rest
+    return _parts(found[0], change, _settling(run), LARGEST if lasts else np.inf)
 
 
 def _settling(run: Motion) -> float:
@@ -86,17 +95,20 @@ def _levels(run: Motion, window: slice) -> np.ndarray:
     return np.array([found.rms, found.mean, found.peak_to_peak])
 
 
-def _parts(level: np.ndarray, change: np.ndarray, settling: float = 0.0) -> StepParts:
+def _parts(
+    level: np.ndarray, change: np.ndarray, settling: float = 0.0, most: float = LARGEST
+) -> StepParts:
     """Twice the changes of RMS, mean and peak to peak over the levels."""
     rms, _, swing = level
     if not (rms > 0 and swing > 0 and np.isfinite(change).all()):
         return StepParts.unknown("nothing vibrates at its end")
     change = SAFETY * change / np.array([rms, rms, swing])
-    if change[0] > LARGEST:
+    if change[0] > most:
         return StepParts.unknown(
             f"another step changes the level by {50 * change[0]:.0f} %: a shorter one is needed"
         )
-    return StepParts(float(change[0]), float(change[1]), float(change[2]) + settling)
+    mean = float(change[1]) + settling * SETTLES_MEAN / SETTLES
+    return StepParts(float(change[0]), mean, float(change[2]) + settling)
 
 
 def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) -> StepParts:

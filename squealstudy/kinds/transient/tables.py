@@ -56,6 +56,8 @@ SUMMARY_FIELDS = (
     ("torque_peak_to_peak", REAL),
     ("torque_peak_to_peak_low", REAL),
     ("torque_peak_to_peak_high", REAL),
+    ("swing_spread", REAL),
+    ("bounds_reason", TEXT),
     ("frequency_hz", REAL),
     ("torque_line_hz", REAL),
     ("dominant_level", REAL),

@@ -38,7 +38,7 @@ from squealstudy.motion.hybrid_run import simulate_hybrid
 from squealstudy.motion.level_errors import doubts
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.history import history_frame
-from squealstudy.motion.outcome.level import StepParts
+from squealstudy.motion.outcome.level import NOT_ASKED, StepParts
 from squealstudy.motion.outcome.settling import known_outcome
 from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.point import (
@@ -110,14 +110,16 @@ class BatchSteps:
         self._task = task
         self._known: StepParts | None = None
 
-    def of(self, motion: Motion) -> StepParts:
-        """Of a run that lasts."""
+    def of(self, motion: Motion, lasts: bool) -> StepParts:
+        """Of a run that lasts, or of one that passes."""
         task = self._task
         if task.hybrid:
+            if not lasts:
+                return NOT_ASKED
             return StepParts.unknown("the hybrid representation is not run with another step")
         system = replace(task.reference.system, sensed=motion.sensed)
-        if has_few_points(system):
-            return step_parts(system, motion, task.settings())
+        if has_few_points(system) or not lasts:
+            return step_parts(system, motion, task.settings(), lasts)
         if self._known is None:
             self._known = step_parts(system, motion, task.settings())
         return self._known
@@ -127,9 +129,11 @@ def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps)
     reference, settings = task.reference, task.settings()
     found: list[StepParts] = []
 
-    def by_step() -> StepParts:
-        found.append(steps.of(motion))
-        return found[0]
+    def by_step(lasts: bool) -> StepParts:
+        parts = steps.of(motion, lasts)
+        if lasts:
+            found.append(parts)
+        return parts
 
     system, summary = reference.system, summarise(motion, by_step)
     said = doubts(motion, system, settings, summary.point)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -79,7 +79,7 @@ class StepParts:
     mean : float
         Over the RMS of the fluctuation.
     reason : str
-        Why they cannot be told; else empty.
+        Why they cannot be told, or are not; else empty.
     """
 
     rms: float
@@ -94,3 +94,4 @@ class StepParts:
 
 
 OF_THE_WINDOW = StepParts(0.0, 0.0, 0.0)  # where nobody asked for another step
+NOT_ASKED = replace(OF_THE_WINDOW, reason="of motion that passes bounds are those of the window")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy import special
@@ -13,6 +14,12 @@ LEAST_PERIODS = 20.0  # of the dominant line in it, where the record has them
 FLAT = 1e-10  # fluctuation below this share of the largest value is round-off
 BLOCKS = (20, 10, 5)  # sub-windows of an interval; fewer while neighbours are correlated
 CORRELATED = 0.1
+QUARTERS = 4  # of a window, by whose peaks it is seen whether these still change
+LEAST_ROWS = 8  # of a period whose peaks are told
+APPROACHES = 0.7  # of the variance of sub-windows, that a straight line holds: a drift, no chance
+SLOWEST = 0.9  # ratio of the drift of successive thirds, up to which what is left is extrapolated
+LONGER = 1.5  # times what is extrapolated: three means of a beat that fades tell it roughly
+DRIFTS = 0.05  # of the mean: a drift beyond it is of motion that passes
 HARMONICS = 6  # periods of the second or third harmonic that are whole ones of the first
 LINE_PERIODS = 3.0  # of a line in the window; slower ones are drift
 LINE_WIDTH = 0.015  # of its frequency, either side; what counts as one line
@@ -30,7 +37,7 @@ class TorqueLevels:
     mean_low, mean_high, rms_low, rms_high : float
         95 % bounds of mean and rms, of what the window leaves open.
     peak_scatter : float
-        By which the peak to peak of the quieter half of the window is smaller.
+        By which the peak to peak of the quietest quarter of the window is smaller.
     frequency_hz : float
         Of the dominant line; NaN where the signal is flat or the window has fewer than three
         periods of any line.
@@ -146,7 +153,7 @@ def torque_levels(
         rms_low=float(low),
         rms_high=float(high),
         peak_to_peak=swing,
-        peak_scatter=swing - min(float(np.ptp(part)) for part in _halves(sums)),
+        peak_scatter=swing - min(float(np.ptp(part)) for part in _quarters(sums)),
         frequency_hz=frequency,
         line=found.level(frequency),
         harmonic_2=found.level(2 * frequency),
@@ -154,11 +161,13 @@ def torque_levels(
     )
 
 
-def _halves(sums: TorqueSums) -> Iterator[np.ndarray]:
-    """Least and largest torque of either half of a window."""
-    middle = len(sums.least) // 2
-    for part in (slice(None, middle), slice(middle, None)):
-        yield np.array([sums.least[part].min(), sums.most[part].max()])
+def _quarters(sums: TorqueSums) -> Iterator[np.ndarray]:
+    """Least and largest torque of each quarter of a window, of halves where rows are few."""
+    count = QUARTERS if len(sums.least) >= LEAST_ROWS * QUARTERS else 2
+    for least, most in zip(
+        *(np.array_split(x, count) for x in (sums.least, sums.most)), strict=True
+    ):
+        yield np.array([least.min(), most.max()])
 
 
 def levels_by_rows(torque: np.ndarray) -> np.ndarray:
@@ -172,6 +181,20 @@ def levels_by_rows(torque: np.ndarray) -> np.ndarray:
     whole, *others = (np.array([x.std(), x.mean(), np.ptp(x)]) for x in halves)
     changes: np.ndarray = np.abs(np.array(others) - whole).max(axis=0)
     return changes
+
+
+def swing_spread(sums: TorqueSums, width: float) -> float:
+    """Range of the peaks to peak of periods of `width` rows over their mean, from the end back.
+
+    NaN of fewer than three periods, of periods of fewer than eight rows, and without a swing.
+    """
+    count = int(len(sums.least) / width) if width >= LEAST_ROWS else 0
+    if count < LINE_PERIODS:
+        return np.nan
+    ends = len(sums.least) - np.round(width * np.arange(count, -1, -1)).astype(int)
+    swings = [sums.most[a:b].max() - sums.least[a:b].min() for a, b in pairwise(ends.tolist())]
+    mean = float(np.mean(swings))
+    return float(np.ptp(swings)) / mean if mean > FLAT * np.abs(sums.mean).max() else np.nan
 
 
 @dataclass(frozen=True)
@@ -275,10 +298,29 @@ def periods_interval(values: np.ndarray, width: float) -> tuple[float, float, fl
         return blocks
 
     count -= count % HARMONICS if count >= 2 * HARMONICS else 0
-    mean = means(1, count)[0]
-    blocks = (means(number, count // number) for number in BLOCKS if count >= number)
-    half = float(_half_width(np.array(mean), blocks))
-    return float(mean), float(mean - half), float(mean + half)
+    own = float(means(1, count)[0])
+    blocks = [means(number, count // number) for number in BLOCKS if count >= number]
+    half = float(_half_width(np.array(own), blocks))
+    half = max(half, _still_to_come(own, blocks[-2:][0], means(3, count // 3)))
+    return own, own - half, own + half
+
+
+def _still_to_come(mean: float, blocks: np.ndarray, thirds: np.ndarray) -> float:
+    """How far the limit of a level that is approached is from its mean; 0 where none is seen.
+
+    It is where means of sub-windows lie along a line: the drift from third to third goes on by its
+    ratio (Aitken). What drifts by much of the mean passes, and has no limit that is near.
+    """
+    x = np.arange(len(blocks)) - 0.5 * (len(blocks) - 1)
+    rest = blocks - blocks.mean()
+    total = float(rest @ rest)
+    if not total > 0 or float(x @ rest) ** 2 < APPROACHES * total * float(x @ x):
+        return 0.0
+    first, second = np.diff(thirds).tolist()
+    if first * second <= 0 or abs(thirds[2] - thirds[0]) > DRIFTS * abs(mean):
+        return 0.0
+    ratio = min(second / first, SLOWEST)
+    return abs(float(thirds[2]) + LONGER * second * ratio / (1 - ratio) - mean)
 
 
 def _row_blocks(values: np.ndarray) -> Iterator[np.ndarray]:

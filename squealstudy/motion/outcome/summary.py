@@ -29,6 +29,7 @@ from squealstudy.motion.outcome.levels import (
     TorqueSums,
     last_window,
     levels_by_rows,
+    swing_spread,
     torque_levels,
 )
 from squealstudy.motion.outcome.settling import settled
@@ -51,7 +52,9 @@ class Summary:
     growth: list[dict[str, Any]]
 
 
-def summarise(run: Motion, by_step: Callable[[], StepParts] = lambda: OF_THE_WINDOW) -> Summary:
+def summarise(
+    run: Motion, by_step: Callable[[bool], StepParts] = lambda _: OF_THE_WINDOW
+) -> Summary:
     """Levels, growth, class and shares of a run: the columns of its row.
 
     A failed run is summarised up to where it got, with the class ``failed``. Of a record of fewer
@@ -61,14 +64,14 @@ def summarise(run: Motion, by_step: Callable[[], StepParts] = lambda: OF_THE_WIN
     ----------
     run : Motion
     by_step : callable
-        Finds out what its step does to levels, where the run lasts: of others there is no level,
-        and bounds are those of the window alone, as they are by default.
+        Finds out what its step does to levels, told whether the run lasts. By default bounds are
+        those of the window alone.
     """
     energy = moving_energy(run)
     verdict = _class(run, energy)
     if len(run.times) < LEAST_ROWS or (verdict.name == FAILED and not np.isfinite(energy).all()):
         return Summary(_course(run) | _forecast(run) | _class_columns(verdict), [], [])
-    levels, window = run_levels(run, by_step() if verdict.name in SUSTAINED else OF_THE_WINDOW)
+    levels, window = run_levels(run, by_step(verdict.name in SUSTAINED))
     behaviour = _behaviour(run, energy, verdict)
     fits = mode_fits(run)
     energies, total = energies_of_steps(run)
@@ -256,12 +259,21 @@ def run_levels(run: Motion, by_step: StepParts = OF_THE_WINDOW) -> tuple[dict[st
         "torque_peak_to_peak": peaks.value,
         "torque_peak_to_peak_low": peaks.low,
         "torque_peak_to_peak_high": peaks.high,
+        "swing_spread": swing_spread(known, _rows_of(run, window, found.frequency_hz)),
+        "bounds_reason": by_step.reason,
         "frequency_hz": _frequency(run, window),
         "torque_line_hz": found.frequency_hz,
         "dominant_level": found.line,
         "harmonic_2_level": found.harmonic_2,
         "harmonic_3_level": found.harmonic_3,
     }, window
+
+
+def _rows_of(run: Motion, window: slice, line_hz: float) -> float:
+    """Rows in a period of the motion, or of the torque's line where it has none; NaN without."""
+    own = _frequency(run, window)
+    step = float(run.times[-1] - run.times[0]) / max(len(run.times) - 1, 1)
+    return 1.0 / (step * (own if np.isfinite(own) else line_hz))
 
 
 def _frequency(run: Motion, window: slice) -> float:
