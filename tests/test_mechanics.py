@@ -5,8 +5,11 @@ from __future__ import annotations
 import ast
 import doctest
 import importlib
+import runpy
+import sys
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -383,3 +386,18 @@ def test_a_limit_cycle_is_what_a_run_comes_to():
     assert cycle.attracts
     assert late.std() == pytest.approx(cycle.levels["torque_rms"], rel=0.01)
     assert found.to_pandas()["stable"].tolist()[0]
+
+
+# -- the shipped example
+
+
+def test_the_shipped_continuation_ends_at_the_lock_in(tmp_path):
+    folder = PACKAGE.parent / "studies"
+    names = runpy.run_path(str(folder / "continuation.py"))
+    friction, roots = names["followed"](sq.model("hulten"), 0.1, 0.6, 0.02)
+    assert friction[-1] == pytest.approx((100**2 - 75**2) / (2 * 100 * 75), abs=1e-6)
+    assert roots.shape == (len(friction), 2)
+    with mpl.rc_context({"backend": "agg"}), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["continuation.py", str(tmp_path / "picture.png")])
+        runpy.run_path(str(folder / "continuation.py"), run_name="__main__")
+    assert (tmp_path / "picture.png").stat().st_size > 10_000

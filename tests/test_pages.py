@@ -87,6 +87,16 @@ def test_snippets_of_the_pandas_page(first_brake, monkeypatch):
     assert (said["table"]["gain"] > 0).any()
 
 
+def test_snippets_of_the_mechanics_page(capsys):
+    """They run, and print what the page says."""
+    page = STUDIES / "mechanics.md"
+    names = names_after(page)
+    shown = re.findall(r"^```text\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    printed = capsys.readouterr().out
+    assert printed.split() == "".join(shown).split()
+    assert names["slope"][0].real > 0
+
+
 def test_readme_is_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= MOST_LINES
 
