@@ -19,6 +19,7 @@ MOST_ITERATIONS = 40
 JUMP = 0.1  # change of zeta across the root, as a share of its size over the bracket
 NO_CROSSING = "no_crossing"  # status of the error: the unstable mode stays so over the bracket
 ONE_SIDED = 0.02  # a square-root onset is as steep as a jump, but vanishes on one side
+FAR = 0.05  # change of a root, of its modulus, across a bracket as narrow as an onset's error
 HALVINGS = 50
 MOST_HALVINGS = 4  # of a step in which a mode is lost
 LOOKED_AT = 9  # places between both ends
@@ -199,13 +200,16 @@ def _root(
         )
     a, b = known[changes[0]], known[changes[0] + 1]
     value = float(brentq(function, a, b, xtol=precision, rtol=1e-14, maxiter=MOST_ITERATIONS))
-    around = np.array([excess[x] for x in sorted(excess) if a <= x <= b])
+    places = [x for x in sorted(excess) if a <= x <= b]
+    around = np.array([excess[x] for x in places])
     change = int(np.flatnonzero(np.sign(around[:-1]) * np.sign(around[1:]) <= 0)[0])
     left, right = around[change], around[change + 1]
     step = abs(right - left)
     scale = max(abs(zeta) for zeta in excess.values())
     jumps = min(abs(left), abs(right)) > ONE_SIDED * step > ONE_SIDED * JUMP * scale
-    return value, bool(jumps)
+    roots = [mode.root(x) for x in places[change : change + 2]]
+    far = abs(roots[1] - roots[0]) > FAR * min(abs(lam) for lam in roots)
+    return value, bool(jumps or far)
 
 
 def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
