@@ -238,6 +238,26 @@ def test_a_point_that_fails_is_the_status_of_its_row():
         batch[1].modes((1.0, 1e3))
 
 
+def test_a_batch_of_which_nothing_is_there():
+    model = sq.model("hoffmann", contact_law="unilateral", sliding_speed=-1.0)
+    batch = model.at(friction=[4.9, 5.0])
+    modes = batch.modes()
+    assert modes.status.tolist() == ["working_point"] * 2
+    assert modes.lam.shape == (2, 0)
+    assert len(modes.to_pandas()) == 0
+    assert batch.linear.K.shape == batch.linear.M.shape == (2, 0, 0)
+    assert batch.steady.force.shape == (2, 0, 3)
+
+
+def test_a_component_mode_that_the_basis_does_not_hold(tmp_path):
+    write_blocks(tmp_path)
+    model = sq.model(str(tmp_path / "blocks.toml")).with_basis(band_hz=BLOCKS_BAND)
+    name = "plate.modes[99].frequency_scale"
+    with pytest.raises(ParameterError, match="plate has modes 1 to 6"):
+        model.at(**{name: 0.9}).linear  # noqa: B018
+    assert model.at(**{name: [0.9, 1.0]}).linear.status.tolist() == ["failed"] * 2
+
+
 def test_steady_sliding_that_does_not_exist():
     """Rubbed the other way at high friction, contact that may open does."""
     model = sq.model("hoffmann", contact_law="unilateral", sliding_speed=-1.0)
@@ -295,6 +315,7 @@ def test_matrices_that_are_there_are_a_model():
         ({"sliding_speed": [1.0, 0.0]}, "other than 0"),
         ({"friction": [[0.1], [0.2]]}, "one axis"),
         ({"friction": []}, "one axis"),
+        ({"friction": [True, False]}, "expected numbers"),
         ({"friction": ["a", "b"]}, "an array of numbers"),
         ({"sliding_speed": "3 bar"}, "m/s"),
         ({"contact.cubic_stiffness": 1e15}, "does nothing here"),

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from squealstudy.errors import ParameterError
 from squealstudy.models.operating import ModeKey, OperatingPoint
+from squealstudy.models.parameter_names import FREQUENCY_SCALE
 from squealstudy.modes.full_order.finer_model import ReductionRecord, with_finer_model
 from squealstudy.reduction.cmt import ComponentBasis, ComponentModes, ReductionSettings
 from squealstudy.reduction.contact_space import ContactSpace
@@ -102,8 +104,15 @@ def reduced(
     ------
     ConvergenceError
         Where there is no steady sliding at the nominal operating point.
+    ParameterError
+        A component mode in `scales` that the basis does not hold.
     """
     prepared, modes, basis = prepare_with_basis(assembly, nominal, settings, training, space)
+    for component, mode in (key for scale in scales for key in scale):
+        held = modes[component].phi.shape[1]
+        if mode > held:
+            text = f"{component} has modes 1 to {held} up to {settings.component_cutoff:g} Hz here"
+            raise ParameterError(f"{component}.modes[{mode}].{FREQUENCY_SCALE}", text)
     started, timings = time.perf_counter(), prepared.timings
     if top_hz is not None:
         points = (nominal, *training)

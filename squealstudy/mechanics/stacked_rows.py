@@ -29,11 +29,12 @@ def stacked(
     take: Callable[[Found], np.ndarray],
     single: bool,
     ragged: bool = False,
+    nothing_of: tuple[int, ...] = (),
 ) -> np.ndarray:
     """An array of each finding, one after the other: (m, ...); without the axis where `single`.
 
     Those of failures are NaN (of whole numbers -1). `ragged` ones may differ in their last axis:
-    they are filled up with NaN.
+    they are filled up with NaN. `nothing_of` is the shape of each where all have failed.
 
     Raises
     ------
@@ -46,7 +47,7 @@ def stacked(
         return arrays[0]
     known = [a for a in arrays if a is not None]
     if not known:
-        return np.full((len(found), 0), np.nan) if ragged else np.full(len(found), np.nan)
+        return np.full((len(found), *nothing_of), np.nan)
     shapes = {a.shape[:-1] if ragged else a.shape for a in known}
     if len(shapes) > 1:
         raise SquealstudyError(

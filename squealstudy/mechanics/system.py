@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -81,10 +82,10 @@ class System(Design):
         take = partial(stacked, found, single=self.single)
         status, message = self._told(found)
         return SteadySliding(
-            gap=take(lambda x: x[0].gap),
-            pressure=take(lambda x: x[0].contact_pressure),
-            tangent=take(lambda x: x[0].tangent),
-            force=take(lambda x: x[1]),
+            gap=take(lambda x: x[0].gap, nothing_of=(0,)),
+            pressure=take(lambda x: x[0].contact_pressure, nothing_of=(0,)),
+            tangent=take(lambda x: x[0].tangent, nothing_of=(0,)),
+            force=take(lambda x: x[1], nothing_of=(0, 3)),
             residual=self._number(take(lambda x: x[0].residual), float),
             open_share=self._number(take(lambda x: x[0].open_share), float),
             iterations=self._number(take(lambda x: x[0].iterations), int),
@@ -107,14 +108,14 @@ class System(Design):
             return self._linear_family(self.family)
         found = each(self._structures(self._basis()), linearised, self.single)
         take = partial(stacked, found, single=self.single)
-        C = take(lambda x: x[1].C)
+        C = take(lambda x: x[1].C, nothing_of=(0, 0))
         weights = tuple(None if isinstance(x, Exception) else x[1].weights for x in found)
         status, message = self._told(found)
         return LinearSystem(
             M=np.broadcast_to(np.eye(C.shape[-1]), C.shape),
             C=C,
-            K=take(lambda x: x[1].K),
-            K_sym=take(lambda x: x[1].K_sym),
+            K=take(lambda x: x[1].K, nothing_of=(0, 0)),
+            K_sym=take(lambda x: x[1].K_sym, nothing_of=(0, 0)),
             weights=weights[0] if self.single else weights,
             status=status,
             message=message,
@@ -124,7 +125,8 @@ class System(Design):
         from squealstudy.mechanics.family import matrices_of
 
         found = matrices_of(family, self.values, self.single)
-        M, C, K = (stacked(found, lambda x, k=k: x[k], self.single) for k in range(3))  # type: ignore[misc]
+        take = partial(stacked, found, single=self.single, nothing_of=(0, 0))
+        M, C, K = (take(itemgetter(k)) for k in range(3))
         status, message = self._told(found)
         K_sym = 0.5 * (K + np.swapaxes(K, -1, -2))
         return LinearSystem(M, C, K, K_sym, None, status, message)
@@ -165,12 +167,12 @@ class System(Design):
         counts = np.array([0 if isinstance(x, Exception) else len(x.lam) for x in found])
         solved = next((x for x in found if not isinstance(x, Exception)), None)
         return ComplexModes(
-            lam=take(lambda x: x.lam),
-            right=take(lambda x: x.right),
-            residual=take(lambda x: x.residual),
-            error_rung=take(lambda x: x.error_rung),
-            error_reduction=take(lambda x: x.error_reduction),
-            energies=take(lambda x: x.energies),
+            lam=take(lambda x: x.lam, nothing_of=(0,)),
+            right=take(lambda x: x.right, nothing_of=(0, 0)),
+            residual=take(lambda x: x.residual, nothing_of=(0,)),
+            error_rung=take(lambda x: x.error_rung, nothing_of=(0,)),
+            error_reduction=take(lambda x: x.error_reduction, nothing_of=(0,)),
+            energies=take(lambda x: x.energies, nothing_of=(len(definition.energy_parts), 0)),
             counts=int(counts[0]) if single else counts,
             status=status,
             message=message,

@@ -34,6 +34,8 @@ def column_of(parameter: StudyParameter, value: Any) -> Column:
     except (TypeError, ValueError):
         text = f"expected a number or an array of numbers, got {value!r}"
         raise ParameterError(parameter.name, text) from None
+    if np.asarray(value).dtype == bool:
+        raise ParameterError(parameter.name, f"expected numbers, got {value!r}")
     if array.ndim == 0:
         return parameter.check(float(array))
     if array.ndim > 1 or not array.size:
