@@ -6,8 +6,12 @@ import numpy as np
 
 from squealstudy.errors import SquealstudyError
 
-# the named errors, and those of the numerical libraries
-FAILURES = (SquealstudyError, np.linalg.LinAlgError, FloatingPointError, ValueError)
+# what makes a design point a failed row: the named errors, and whatever a mistake in the mechanics
+# raises; not what the machine refuses (OSError, MemoryError, threads that cannot be started)
+FAILURES = (
+    *(SquealstudyError, np.linalg.LinAlgError, ArithmeticError, ValueError),
+    *(LookupError, TypeError, AttributeError, AssertionError),
+)
 
 
 def reason(error: Exception) -> tuple[str, str]:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from squealstudy.engine.cache import Prepared, load_any
-from squealstudy.errors import ConvergenceError, SquealstudyError
+from squealstudy.errors import ConvergenceError
 from squealstudy.machine import give_back_memory
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.models.assembly import Assembly
 from squealstudy.modes.full_order.contact_factor import HeldStiffness
 from squealstudy.modes.full_order.modes import full_order_modes, solve_family_point
@@ -64,8 +65,8 @@ def check_reference(task: FullOrderTask) -> dict[str, Any]:
             "roots": [[float(x.real), float(x.imag)] for x in full.lam],
             "root_errors": full.error_rung.tolist(),
         }
-    except SquealstudyError as error:
-        result |= {"status": "failed", "message": str(error)}
+    except FAILURES as error:
+        result |= {"status": "failed", "message": reason(error)[1]}
     finally:
         give_back_memory()  # a factor is larger than all that stays
     result["wall_s"] = time.perf_counter() - started

@@ -87,7 +87,9 @@ class PointNeighbourhood:
                     rung = rung_named(problem.swept.exact)
             try:
                 return rung.modes_at(problem, point, self.box)
-            except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
+            except SquealstudyError:
+                raise
+            except FAILURES as error:
                 raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
 
     def matrices(self) -> ModalMatrices:
@@ -229,7 +231,7 @@ def refine_onsets(task: OnsetTask) -> list[tuple[int, Onset | str]]:
     for row, places in zip(task.rows, task.places, strict=True):
         try:
             onset = refine_onset(samples, *places, task.tolerance, task.precision)
-        except SquealstudyError as error:
+        except FAILURES as error:
             found.append((row, getattr(error, "status", FAILED)))
         else:
             found.append((row, onset))

@@ -16,10 +16,10 @@ import numpy as np
 from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Workers
-from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.neighbourhood import PointNeighbourhood, StudyNeighbourhoods
 from squealstudy.kinds.complex_modes.rows import ModeColumns
 from squealstudy.kinds.complex_modes.stored_shapes import ShapeFile
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.modes.tracking.labels import Tracks, TrackTree, join_tracks
 from squealstudy.modes.tracking.pairing import DOUBTFUL, Pairing, pair_macs
 from squealstudy.modes.tracking.ragged import Ragged
@@ -202,14 +202,21 @@ class RefineTask:
 
 
 def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
-    """Point, pairing with its parent, and number of intermediate points solved."""
+    """Point, pairing with its parent, and number of intermediate points solved.
+
+    The pairing is as it was where anything fails on the way.
+    """
+    try:
+        return _refined(task)
+    except FAILURES:
+        return task.point, task.direct, 0
+
+
+def _refined(task: RefineTask) -> tuple[int, Pairing, int]:
     solve, a, b = task.start.solve, task.a, task.b
     foreign = np.zeros(len(b.lam), dtype=bool)
     if task.start.structure.key != task.end.structure.key:
-        try:
-            way = task.start.way_to(task.end)
-        except SquealstudyError:
-            return task.point, task.direct, 0
+        way = task.start.way_to(task.end)
         solve, a, b, foreign = way.solve, way.at_a(a), way.at_b(b), way.foreign(b)
     low, high = task.start.structure.band_hz
     refinement = StepRefinement(solve, band=(2 * np.pi * low, 2 * np.pi * high))

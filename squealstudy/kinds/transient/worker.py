@@ -87,6 +87,8 @@ def solve_batch(task: BatchTask) -> Solved:
     try:
         motions = integrate(task, chosen, points) if ready else []
     except FAILURES as error:
+        if len(task.points) > 1:
+            raise  # each is tried by itself: one of them is at fault, not its neighbours
         rows += [lost_row(point.point_id, *reason(error)) for point in chosen]
     else:
         made, steps = [], BatchSteps(task)
