@@ -11,6 +11,7 @@ BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"
 FEW = {
     "kills": 1,
     "damage": 6,
+    "hostile": 4,
     "study_files": 20,
     "matrix_files": 40,
     "model_files": 12,
@@ -18,7 +19,7 @@ FEW = {
 }
 RARE = ("model_files", "environment")  # whose scenes take ten seconds to make
 SMALL = ("hulten_modes",)
-SCENES = {"kills": SMALL, "damage": SMALL, "environment": SMALL}
+SCENES = {"kills": SMALL, "hostile": SMALL, "damage": SMALL, "environment": SMALL}
 NOTICED = {  # a campaign whose disturbances are never noticed would pass as well
     "kills": lambda finding: "came too late" not in finding.done,
     "damage": lambda finding: "damaged" in finding.text or "missing" in finding.text,
@@ -41,6 +42,9 @@ def test_what_is_disturbed_ends_right_or_in_a_sentence(
     more = {"names": SCENES[part]} if part in SCENES else {}
     if part == "kills":  # a cluster takes its time; tests/test_cluster.py kills its processes
         more["on_cluster"] = ()
+    if part == "hostile":
+        monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))  # which it changes
+        more["pictures"] = False
     findings = list(module.run(FEW[part], 1, tmp_path, **more))
     assert len(findings) == FEW[part]
     assert [str(f) for f in findings if not f.good] == []

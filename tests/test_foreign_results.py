@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import sys
@@ -131,6 +132,27 @@ def test_own_files_that_are_links_out_are_refused(results, name):
     with pytest.raises((ResultsError, MachineError), match=r"leads to|a link"):
         run(results)
     assert outside(results) == before
+
+
+@pytest.mark.parametrize("name", [LOCK, "onsets.parquet", CHUNKS])
+def test_links_in_a_circle_are_refused(results, name):
+    if (results / name).exists():
+        (results / name).rename(results.parent / "old")
+    (results / name).symlink_to(name)
+    with pytest.raises((ResultsError, MachineError), match=r"itself|a link"):
+        run(results)
+    command("check", str(results))
+
+
+@pytest.mark.parametrize("content", ["{}", "3", "[" * 50_000, '{"point_id": 1}', "\xff"])
+def test_checks_at_full_order_that_are_none_are_made_again(results, content):
+    (file,) = sorted((results / "references").iterdir())[:1]
+    file.write_text(content)
+    told = file.read_bytes()
+    entry = [len(told), hashlib.sha256(told).hexdigest()]
+    with (results / JOURNAL).open("a") as journal:
+        journal.write(json.dumps({"files": {f"references/{file.name}": entry}}) + "\n")
+    assert file.stem not in Store(results).references()
 
 
 def test_links_that_stay_inside_are_used(results):

@@ -30,14 +30,24 @@ FOLDER = re.compile(r"[\w+-][\w+. -]{0,100}(/[\w+-][\w+. -]{0,100})?")  # of a s
 
 def leads_out(directory: Path, name: str) -> bool:
     """Whether a path below a directory, or a link on the way to it, ends outside."""
-    return not (directory / name).resolve().is_relative_to(directory.resolve())
+    end = end_of(directory / name)
+    return end is None or not end.is_relative_to(directory.resolve())
+
+
+def end_of(path: Path) -> Path | None:
+    """Where a path leads; None where its links lead round in a circle."""
+    try:
+        return path.resolve()
+    except (RuntimeError, OSError):
+        return None
 
 
 def expect_inside(directory: Path, name: str) -> None:
     """Raise ResultsError where a path below a results directory leads out of it."""
     if leads_out(directory, name):
+        end = end_of(directory / name) or "itself"
         raise ResultsError(
-            f"{directory / name}: leads to {(directory / name).resolve()}, outside the results "
-            "directory, where nothing is read, written or removed; put a folder in the link's "
-            "place, or choose another directory with --output"
+            f"{directory / name}: leads to {end}, outside the results directory, where nothing is "
+            "read, written or removed; put a folder in the link's place, or choose another "
+            "directory with --output"
         )

@@ -47,6 +47,7 @@ from squealstudy.files import (
     write_atomic,
     write_text,
 )
+from squealstudy.study.kinds import facts_of
 from squealstudy.study.parameters import onset_parameter
 from squealstudy.wording import OF_THE_ONSET, listed, units_of
 
@@ -372,10 +373,22 @@ class Store:
         return {row["point_id"]: row for row in rows if row["point_id"] in ids}
 
     def references(self) -> dict[str, dict[str, Any]]:
-        """Full-order checks by point id; damaged ones are passed over, to be made again."""
-        names = (name for name in self.names(REFERENCES) if not self.fault(name))
-        found = (json.loads((self.directory / name).read_bytes()) for name in names)
-        return {result["point_id"]: result for result in found}
+        """Full-order checks by point id; damaged ones are passed over, to be made again.
+
+        So are those that no run of the kind writes.
+        """
+        owner = self.journal.owner
+        facts, found = facts_of(owner[1]) if owner else None, dict[str, dict[str, Any]]()
+        for name in (name for name in self.names(REFERENCES) if not self.fault(name)):
+            try:
+                result = json.loads((self.directory / name).read_bytes())
+                if facts:
+                    facts.model_validate({"reference": [result]})
+                if result["point_id"] == Path(name).stem:
+                    found[result["point_id"]] = result
+            except (ValueError, RecursionError, LookupError, TypeError):
+                continue
+        return found
 
     def kept_histories(self) -> set[str]:
         """Ids of the design points whose histories were kept."""

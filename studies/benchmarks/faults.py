@@ -26,6 +26,7 @@ from fault_campaign.finding import Finding, table
 PARTS = {
     "kills": 200,
     "damage": 1_000,
+    "hostile": 400,
     "study_files": 10_000,
     "matrix_files": 2_000,
     "model_files": 2_000,
