@@ -70,7 +70,9 @@ def curve_text(curves: Curves, first: int, outside: bool) -> list[str]:
     mu = {c: f"curve_{c}_mu(s, p, {_row(first, _count(x))})" for c, x in curves.items() if x}
     if at.CONSTANT in curves:
         mu = {at.CONSTANT: f"law[{at.LAW_MU}], 0.0, 0.0"} | mu
-    return [_choice("@kernel", "mu_at(law, s, p)", at.LAW_CURVE, mu, 3, outside)]
+    own = [_choice("@kernel", "package_mu_at(law, s, p)", at.LAW_CURVE, mu, 3, False)]
+    all_laws = _choice("@kernel", "mu_at(law, s, p)", at.LAW_CURVE, mu, 3, outside)
+    return [*(own if outside else []), all_laws]
 
 
 def slope_text(slopes: Slopes, outside: bool) -> list[str]:

@@ -61,6 +61,7 @@ potential = _choice.potential  # (law, g) -> stored energy per area [J/m2]
 pressures = _choice.pressures  # (law, gap, x, p, first, last): p of points at gap + x
 mean_pressures = _choice.mean_pressures  # (.., x, x0, p, ..): over a step that began at gap + x0
 mu_at = _choice.mu_at  # (law, s, p) -> mu, dmu/ds [s/m], dmu/dp [1/Pa]
+package_mu_at = _choice.package_mu_at  # the same of the package's laws, for loops over points
 resistance = _choice.resistance  # (law, k_t, bound, s) -> traction over sliding speed
 stick_slope = _choice.slope  # (law, k_t, bound, s) -> slope to solve a sticking point with
 partials = _choice.partials  # (law, k_t, bound, s) -> traction, its derivatives by s and bound

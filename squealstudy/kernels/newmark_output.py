@@ -6,7 +6,7 @@ import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, part_kernel
-from squealstudy.kernels.laws import mu_at, potential
+from squealstudy.kernels.laws import mu_at, package_mu_at, potential
 from squealstudy.kernels.newmark_between import resisted_work
 from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_vector import copy, dot, fill
@@ -120,6 +120,31 @@ def contact_energy(points: np.ndarray, law: np.ndarray, gaps: np.ndarray) -> flo
 
 
 @fast_kernel
+def outside_sticking(
+    points: np.ndarray, law: np.ndarray, point: np.ndarray, own: np.ndarray, h: float, limit: float
+) -> tuple[float, float, float]:
+    """What `contact_row` sums of points that stick by a curve from outside, and are not open.
+
+    Area m2, creep, torque N m: a call by an address in that loop would slow all others.
+    """
+    stick, creep, torque = 0.0, 0.0, 0.0
+    for i in range(points.shape[1]):
+        p = point[at.OUT_P, i]
+        if points[at.POINT_FRICTION, i] == 0.0 or p <= limit:
+            continue
+        w1, w2 = point[at.OUT_W1, i], point[at.OUT_W2, i]
+        s = (w1 * w1 + w2 * w2) ** 0.5
+        mu, _, _ = mu_at(law, s, p)
+        if law[at.LAW_SLOPE] * s < points[at.POINT_FRICTION, i] * mu * p:
+            stick += points[at.POINT_AREA, i]
+            speed = abs(points[at.POINT_SPEED, i])
+            creep = max(creep, s / speed if speed > 0.0 else 0.0)
+            if i < own.size and law[at.LAW_SLOPE] * points[at.POINT_AREA, i] * own[i] > 1.0:
+                torque += 0.5 * h * points[at.POINT_RADIUS, i] * point[at.RATE_1, i]
+    return stick, creep, torque
+
+
+@fast_kernel
 def contact_row(
     points: np.ndarray,
     law: np.ndarray,
@@ -157,7 +182,7 @@ def contact_row(
         p = point[at.OUT_P, i]
         w1, w2 = point[at.OUT_W1, i], point[at.OUT_W2, i]
         s = (w1 * w1 + w2 * w2) ** 0.5
-        mu, _, _ = mu_at(law, s, p)
+        mu, _, _ = package_mu_at(law, s, p)  # NaN for a curve from outside: nothing sticks here
         if p <= OPEN_SHARE * steady / area:
             opened += points[at.POINT_AREA, i] / area
         elif law[at.LAW_SLOPE] * s < points[at.POINT_FRICTION, i] * mu * p:
@@ -166,6 +191,11 @@ def contact_row(
             creep = max(creep, s / speed if speed > 0.0 else 0.0)
             if i < own.size and law[at.LAW_SLOPE] * points[at.POINT_AREA, i] * own[i] > 1.0:
                 torque += 0.5 * h * points[at.POINT_RADIUS, i] * point[at.RATE_1, i]
+    if law[at.LAW_CURVE] == at.OUTSIDE:
+        limit = OPEN_SHARE * steady / area
+        share, creep, more = outside_sticking(points, law, point, own, h, limit)
+        stick = share / area if area > 0.0 else 0.0
+        torque += more
     row[at.TORQUE] = torque
     row[at.NORMAL_FORCE] = force
     row[at.STICK] = stick

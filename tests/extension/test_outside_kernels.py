@@ -111,6 +111,18 @@ def test_a_run_is_that_of_the_package_law(copies, sorts):
     np.testing.assert_allclose(found, end(system, [design], "newmark"), rtol=1e-9)
 
 
+def test_points_stick_as_by_the_package_law(copies):
+    system, design = scene()
+    slow = replace(design, speed=0.003)
+    settings = MotionSettings(1e-3, 1e-6, 10, tolerance=1e-12, integrator=integrator("newmark"))
+    runs = [simulate(system, [d], settings)[0] for d in (slow, copied(slow, ("friction",)))]
+    package, outside = (r.history for r in runs)
+    assert package["stick"].max() > 0.1
+    assert package["creep"].max() > 0
+    for name in ("stick", "slip", "open", "creep", "torque"):
+        np.testing.assert_allclose(outside[name], package[name], rtol=1e-6, atol=1e-9)
+
+
 @pytest.mark.parametrize("name", sorted(set(integrators()) - {"newmark"}))
 def test_every_integrator_computes_laws_from_outside(copies, name):
     system, design = scene()
