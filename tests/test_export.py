@@ -139,6 +139,10 @@ reference_points = 0
     assert law
     assert values | law == values
     assert (values["friction"], values["disc.young_modulus"]) == (0.4, 1.1e11)
+    coupling = found["T"].T * (found["friction_coefficient"] * found["area"] * found["tangent"])
+    skew = found["K"] - found["K"].T  # of friction alone: the stiffness without it is symmetric
+    K_friction = -coupling @ found["N"]
+    np.testing.assert_allclose(skew, K_friction - K_friction.T, atol=1e-9 * np.abs(skew).max())
     n = len(found["M"])
     assert found["N"].shape == (len(found["area"]), n)
     lam = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-found["K"], -found["C"]]]))

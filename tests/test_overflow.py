@@ -2,10 +2,12 @@
 
 from decimal import Decimal, getcontext
 from fractions import Fraction
+from typing import Annotated
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from pydantic import TypeAdapter
 from scipy.io import mmwrite
 
 import squealstudy as sq
@@ -13,6 +15,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, SquealstudyError
+from squealstudy.kinds.design.section import VariableSection, VariantSection
 from squealstudy.linalg.band_roots import roots_in_band
 from squealstudy.linalg.overflow import expect_computable
 from squealstudy.models.catalogue.hoffmann import STIFFNESS
@@ -154,3 +157,62 @@ def test_a_singular_pencil_is_called_so(n):
     M = sp.diags([*np.ones(n - 1), 0.0]).tocsr()
     with pytest.raises(ConvergenceError, match="singular for every lambda"):
         roots_in_band(M, sp.csr_matrix((n, n)), A, (1.0, 1e4))
+
+
+@pytest.mark.parametrize("kind", ["sensitivity", "sensitivity at the limit"])
+def test_derivatives_by_a_value_that_overflows_are_refused(tmp_path, kind):
+    value = "1e308" if kind == "sensitivity" else "1e149"
+    text = f"""
+[study]
+name = "far"
+kind = "sensitivity"
+[model]
+name = "hoffmann"
+[parameters]
+friction = 1.0
+"friction_law.static_ratio" = 1.3
+"friction_law.decay_speed" = {value}
+[sensitivity]
+parameters = ["friction_law.decay_speed"]
+[modes]
+band = [1.0, 1000.0]
+"""
+    path = tmp_path / "far.toml"
+    path.write_text(text, encoding="utf-8")
+    if value == "1e308":
+        with pytest.raises(SquealstudyError, match=r"sensitivity.parameters.*1e\+150 overflow"):
+            sq.run(path, tmp_path / "results", jobs=1)
+        return
+    table = sq.run(path, tmp_path / "results", jobs=1).sensitivities
+    slopes = table["d_growth_rate"].to_numpy()
+    np.testing.assert_allclose(slopes, 0.0, atol=1e-100)  # exp(-v/1e149) is 1: nothing changes
+    assert np.isfinite(table["finite_growth_change"]).all()
+
+
+@pytest.mark.parametrize(
+    ("section", "told"),
+    [
+        ("[limit_cycles]\nfamilies = [1000000000]", "distinct modes from 1 to 10000"),
+        ("[limit_cycles]\nfamilies = [0]", "distinct modes from 1 to 10000"),
+    ],
+)
+def test_families_that_no_band_has_are_refused(tmp_path, section, told):
+    text = STUDY.format(
+        kind="limit_cycles",
+        model='name = "hulten"',
+        parameters="",
+        swept="friction",
+        values="0.1",
+        more=section,
+    )
+    with pytest.raises(SquealstudyError, match=told):
+        parse_study(text, tmp_path / "case.toml")
+
+
+def test_costs_whose_sums_overflow_are_refused():
+    for section in (VariableSection, VariantSection):
+        field = section.model_fields["cost"]
+        accepted = TypeAdapter(Annotated[float, field])
+        assert accepted.validate_python(1e100) == 1e100
+        with pytest.raises(ValueError, match="less than or equal to"):
+            accepted.validate_python(1e308)

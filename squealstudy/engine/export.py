@@ -61,10 +61,11 @@ def export_reduced(
 
     Matrices ``M``, ``C``, ``K`` (n, n) of ``lambda^2 M + lambda C + K`` at steady sliding, the
     observation of the contact points ``N``, ``T``, ``T_perp`` (n_points, n), ``area`` [m2],
-    ``gap`` [m] there, ``tangent`` [Pa/m], ``pressure`` [Pa], ``friction``; the contact law by name
-    with names and values of its parameters, and ``parameter_names`` and ``parameter_values`` of
-    all of the study's, SI. The basis is that of a run: enriched where its tolerance asks for
-    that. `jobs` processes make it; `warn` is as of a run.
+    ``gap`` [m] there, ``tangent`` [Pa/m], ``pressure`` [Pa], ``friction_coefficient`` (n_points,)
+    that C and K hold; the parameter ``friction``, of fast sliding; the contact law by name with
+    names and values of its parameters, and ``parameter_names`` and ``parameter_values`` of all of
+    the study's, SI. The basis is that of a run: enriched where its tolerance asks for that. `jobs`
+    processes make it; `warn` is as of a run.
 
     Raises
     ------
@@ -83,6 +84,7 @@ def export_reduced(
     point = state_working_point(prepared, state)
     pencil = linearise(prepared.model, point, state).pencil
     model, law = prepared.model, state.operating.law
+    friction = state.operating.friction_at(point.contact_pressure, model.speed_factor)
     content: dict[str, Any] = {
         "M": np.eye(len(pencil.K)),
         "C": pencil.C,
@@ -95,6 +97,7 @@ def export_reduced(
         "pressure": point.contact_pressure,
         "tangent": point.tangent,
         "friction": float(state.operating.friction),
+        "friction_coefficient": np.broadcast_to(np.abs(friction.mu), model.area.shape),
         "law": law.kind,
         "law_parameters": np.array(law.parameters),
         "law_parameter_names": [p.name for p in law.definition.parameters],

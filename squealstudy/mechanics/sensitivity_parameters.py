@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from squealstudy.errors import ParameterError
+from squealstudy.linalg.overflow import LARGEST
 from squealstudy.models.acting_laws import expect_acting
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.models.operating import (
@@ -60,6 +61,8 @@ def requested(name: str, design: ModelPoint) -> RequestedParameter:
     if name in IN_TIME_ONLY:
         raise ParameterError(name, f"'{name}' acts in time only, complex modes do not see it")
     expect_acting(parameter, design)
+    if not every and abs(design.values.get(name, 0.0)) > LARGEST:
+        raise ParameterError(name, f"derivatives by a value beyond {LARGEST:g} overflow")
     return RequestedParameter(name, parameter, every)
 
 

@@ -15,6 +15,8 @@ from squealstudy.study.source import SourceText
 if TYPE_CHECKING:  # it imports models
     from squealstudy.study.added_parts import AddedPart
 
+MOST_COST = 1e100  # sums of weighted costs are still numbers
+
 
 def _bounds(ends: tuple[float, ...]) -> tuple[float, ...]:
     if len(ends) != 2:
@@ -129,6 +131,7 @@ class VariableSection(Section):
     cost: float = Field(
         default=1.0,
         gt=0,
+        le=MOST_COST,
         description="of a change over the whole range between the bounds, either way; costs of all "
         "variables add",
     )
@@ -185,7 +188,10 @@ class VariantSection(Section):
         description="of the folder of its results, too: letters, digits, _ and -",
     )
     cost: float = Field(
-        default=0.0, ge=0, description="of choosing it; costs of its changes are added"
+        default=0.0,
+        ge=0,
+        le=MOST_COST,
+        description="of choosing it; costs of its changes are added",
     )
     description: str = Field(default="", description="free text, copied to its results")
     model: dict[str, Any] = Field(

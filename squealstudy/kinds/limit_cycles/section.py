@@ -14,6 +14,7 @@ from squealstudy.wording import shown
 
 AUTO, ALL, SCREENED = "auto", "all", "screened"
 MOST_HARMONICS = 60
+MOST_FAMILY = 10_000  # number of a mode: no band has as many that oscillate
 
 
 def _harmonics(value: object) -> object:
@@ -27,11 +28,17 @@ def _families(value: object) -> object:
     if value in (ALL, SCREENED):
         return value
     numbers = list(value) if isinstance(value, list | tuple) else []
-    whole = all(isinstance(v, int) and not isinstance(v, bool) and v >= 1 for v in numbers)
-    if numbers and whole and len(set(numbers)) == len(numbers):
+    whole = all(isinstance(v, int) and not isinstance(v, bool) for v in numbers)
+    if (
+        numbers
+        and whole
+        and len(set(numbers)) == len(numbers)
+        and 1 <= min(numbers) <= max(numbers) <= MOST_FAMILY
+    ):
         return tuple(numbers)
     raise ValueError(
-        f'expected "all", "screened" or a list of distinct modes from 1, got {shown(value)}'
+        f'expected "all", "screened" or a list of distinct modes from 1 to {MOST_FAMILY}, '
+        f"got {shown(value)}"
     )
 
 
