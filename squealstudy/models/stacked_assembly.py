@@ -1,0 +1,127 @@
+"""Assemblies of the same shape side by side: arrays with one row a structure, dense."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.models.assembly import Assembly
+
+
+@dataclass(frozen=True, eq=False)
+class StackedAssembly:
+    """Assemblies of m structures with the same components and contact points.
+
+    An array of one row stands for equal rows.
+
+    Attributes
+    ----------
+    components : tuple of str
+    offsets : ndarray (n_components + 1,)
+        First degree of freedom of each component, then n.
+    M, K : ndarray (m, n, n)
+        Mass [kg] and elastic stiffness [N/m] of the components, block diagonal.
+    springs, static_springs : ndarray (m, n, n)
+        Linear interfaces in vibration and at rest, N/m.
+    C : ndarray (m, n, n) or None
+        Damping of the components' own, N s/m.
+    N, T, T_perp : ndarray (m, c, n)
+        Contact observation (`ContactInterface`).
+    area, gap0, frictional, speed_factor : ndarray (m, c)
+    load, constant_load : ndarray (m, n)
+        N/Pa, and N.
+    seen : ndarray (m, s, n)
+        Rows that observe the same places whatever the structure (`Component.seen`).
+    """
+
+    components: tuple[str, ...]
+    offsets: np.ndarray
+    M: np.ndarray
+    K: np.ndarray
+    springs: np.ndarray
+    static_springs: np.ndarray
+    C: np.ndarray | None
+    N: np.ndarray
+    T: np.ndarray
+    T_perp: np.ndarray
+    area: np.ndarray
+    gap0: np.ndarray
+    frictional: np.ndarray
+    speed_factor: np.ndarray
+    load: np.ndarray
+    constant_load: np.ndarray
+    seen: np.ndarray
+
+    @property
+    def n(self) -> int:
+        """Degrees of freedom."""
+        return int(self.M.shape[2])
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Its arrays with a row a structure, by name."""
+        named = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {
+            name: value
+            for name, value in named.items()
+            if isinstance(value, np.ndarray) and name != "offsets"
+        }
+
+    def at(self, rows: np.ndarray) -> StackedAssembly:
+        """Some of the structures, each as often as it is named."""
+        return replace(
+            self, **{name: _rows(value, rows) for name, value in self.arrays.items()}
+        )
+
+    @staticmethod
+    def of(assemblies: Sequence[Assembly]) -> StackedAssembly:
+        """Assemblies side by side.
+
+        Raises
+        ------
+        ValueError
+            Where they differ in the number of freedoms or of contact points, or in components.
+        """
+        first = assemblies[0]
+        if any(a.component_names != first.component_names for a in assemblies):
+            raise ValueError("assemblies of other components cannot be stacked")
+        columns = [_columns(a) for a in assemblies]
+        C = [None if a.C_el is None else a.C_el.toarray() for a in assemblies]
+        damped = any(c is not None for c in C)
+        zero = np.zeros((first.n_dof, first.n_dof))
+        ends = np.cumsum([0, *(c.n_dof for c in first.components)])
+        return StackedAssembly(
+            components=first.component_names,
+            offsets=ends,
+            C=np.stack([zero if c is None else c for c in C]) if damped else None,
+            **{name: np.stack([own[name] for own in columns]) for name in columns[0]},
+        )
+
+
+def _columns(a: Assembly) -> dict[str, np.ndarray]:
+    contact = a.contact
+    matrices: Mapping[str, sp.spmatrix] = {
+        "M": a.M,
+        "K": a.K_el,
+        "springs": a.K_springs(),
+        "static_springs": a.K_springs(static=True),
+        "N": contact.N,
+        "T": contact.T,
+        "T_perp": contact.T_perp,
+        "seen": a.correspondence,
+    }
+    return {name: np.asarray(A.toarray(), dtype=float) for name, A in matrices.items()} | {
+        "area": contact.area,
+        "gap0": contact.gap0,
+        "frictional": contact.frictional,
+        "speed_factor": contact.speed_factor,
+        "load": a.load,
+        "constant_load": a.constant_load,
+    }
+
+
+def _rows(value: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    return value if len(value) == 1 else value[rows]

@@ -1,0 +1,130 @@
+"""Operating points side by side: friction and contact laws with a value of each parameter a row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES
+from squealstudy.laws.contact_law import ContactLaw, ContactLawDefinition
+from squealstudy.laws.friction_law import FrictionCurveDefinition
+from squealstudy.laws.registry import at_points
+
+
+@dataclass(frozen=True, eq=False)
+class StackedFriction:
+    """Coefficients and their derivatives (m, c) at the contact points of m operating points.
+
+    Of sliding against T the coefficient and its slope by pressure are negative, as in
+    `OperatingPoint.friction_at`.
+    """
+
+    mu: np.ndarray
+    by_speed: np.ndarray
+    by_pressure: np.ndarray
+
+    def following(self, p: np.ndarray) -> np.ndarray:
+        """Derivative mu + p dmu/dp of the traction by the pressures p (m, c)."""
+        return self.mu + p * self.by_pressure if self.by_pressure.any() else self.mu
+
+
+@dataclass(frozen=True, eq=False)
+class StackedOperating:
+    """m operating points of one contact law and one friction curve.
+
+    Attributes
+    ----------
+    friction, pressure, sliding_speed : ndarray (m,)
+        As in `OperatingPoint`; Pa and m/s.
+    law : ContactLawDefinition
+    law_values : tuple of ndarray (m, 1)
+        Of the law's parameters.
+    curve : FrictionCurveDefinition
+    curve_values : tuple of ndarray (m, 1)
+    """
+
+    friction: np.ndarray
+    pressure: np.ndarray
+    sliding_speed: np.ndarray
+    law: ContactLawDefinition
+    law_values: tuple[np.ndarray, ...]
+    curve: FrictionCurveDefinition
+    curve_values: tuple[np.ndarray, ...]
+
+    @staticmethod
+    def of(
+        law: str, curve: str, values: Mapping[str, np.ndarray | float], count: int
+    ) -> StackedOperating:
+        """Of values of parameters by name, numbers or arrays (count,)."""
+
+        def column(name: str, default: float) -> np.ndarray:
+            return np.broadcast_to(np.asarray(values.get(name, default), dtype=float), count)
+
+        of_law, of_curve = CONTACT_LAWS[law], FRICTION_CURVES[curve]
+        return StackedOperating(
+            friction=column("friction", 0.0),
+            pressure=column("pressure", 1.0),
+            sliding_speed=column("sliding_speed", 1.0),
+            law=of_law,
+            law_values=tuple(column(p.name, p.default)[:, None] for p in of_law.parameters),
+            curve=of_curve,
+            curve_values=tuple(column(p.name, p.default)[:, None] for p in of_curve.parameters),
+        )
+
+    def at(self, rows: np.ndarray) -> StackedOperating:
+        """Some of the points."""
+        return StackedOperating(
+            friction=self.friction[rows],
+            pressure=self.pressure[rows],
+            sliding_speed=self.sliding_speed[rows],
+            law=self.law,
+            law_values=tuple(value[rows] for value in self.law_values),
+            curve=self.curve,
+            curve_values=tuple(value[rows] for value in self.curve_values),
+        )
+
+    def law_at(self, row: int) -> ContactLaw:
+        """The contact law of one of the points."""
+        return ContactLaw(self.law.name, tuple(float(x[row, 0]) for x in self.law_values))
+
+    def contact(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pressure [Pa] and tangent -dp/dg [Pa/m] at gaps g (m, c) [m]."""
+        if self.law.in_package and self.law.evaluate is not None:
+            p, kappa = self.law.evaluate(g, *self.law_values)
+            return p, np.broadcast_to(kappa, g.shape)
+        p, kappa = at_points(self.law.pressure, 2, g, *self.law_values)
+        return p, kappa
+
+    def gap_at(self, p: np.ndarray) -> np.ndarray:
+        """Gaps (m,) [m] at which the pressures are p (m,) > 0 [Pa]."""
+        if self.law.gap_at is None:
+            return np.array([self.law_at(i).gap_at(float(x)) for i, x in enumerate(p)])
+        values = (value[:, 0] for value in self.law_values)
+        gaps: np.ndarray = at_points(self.law.gap_at, 1, p, *values)[0]
+        return gaps
+
+    def gap_scale(self, p: np.ndarray) -> np.ndarray:
+        """Changes of gap (m,) [m] over which the law at pressures p (m,) changes by its size."""
+        if self.law.gap_scale is None:
+            return np.array([self.law_at(i).gap_scale(float(x)) for i, x in enumerate(p)])
+        values = (value[:, 0] for value in self.law_values)
+        return np.maximum(at_points(self.law.gap_scale, 1, p, *values)[0], 1e-300)
+
+    def rubbing(self, p: np.ndarray, speed_factor: np.ndarray) -> StackedFriction:
+        """Friction at contact pressures p (m, c) of points with these factors (m or 1, c)."""
+        curve, values = self.curve, self.curve_values
+        mu = np.broadcast_to(self.friction[:, None], p.shape)
+        nothing = np.zeros(p.shape)
+        found = StackedFriction(mu, nothing, nothing)
+        if curve.constant is None or not np.all(curve.constant(*values)):
+            speeds = np.abs(self.sliding_speed)[:, None] * speed_factor
+            at = p if curve.pressure_dependent else 0.0
+            arguments = (speeds, at, self.friction[:, None], *values)
+            own = at_points(curve.mu, 3, *arguments)
+            found = StackedFriction(*(np.broadcast_to(x, p.shape) for x in own))
+        sign = np.copysign(1.0, self.sliding_speed)[:, None]
+        if (sign < 0).any():
+            return StackedFriction(sign * found.mu, found.by_speed, sign * found.by_pressure)
+        return found

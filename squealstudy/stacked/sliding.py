@@ -1,0 +1,298 @@
+"""Steady sliding of a batch: Newton in the gaps of all design points at once.
+
+The equations are those of `reduction.working_point` (THEORY.md eq. (13), (14)); a point that has
+none keeps its status, and the others go on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.reduction.contact_space import HELD
+from squealstudy.reduction.working_point import (
+    AMPLIFIED,
+    MAX_ITERATIONS,
+    MAX_STEP,
+    OPEN,
+    TOLERANCE,
+)
+from squealstudy.stacked.operating import StackedOperating
+from squealstudy.stacked.structures import StackedStructures
+
+SOLVED, SINGULAR, NO_EQUILIBRIUM = 0, 1, 2  # codes of StackedSliding.state
+TINY = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class StackedSliding:
+    """Contact states at steady sliding, a row a design point.
+
+    Attributes
+    ----------
+    gap, pressure, tangent : ndarray (m, c)
+        m, Pa, Pa/m.
+    residual : ndarray (m,)
+        Largest imbalance of a gap, relative to the largest gap movement under the load.
+    open_share, tangent_error : ndarray (m,)
+        As in `WorkingPoint`.
+    state : ndarray (m,) of int
+        SOLVED, SINGULAR where some motion is free, NO_EQUILIBRIUM where Newton finds none.
+    """
+
+    gap: np.ndarray
+    pressure: np.ndarray
+    tangent: np.ndarray
+    residual: np.ndarray
+    open_share: np.ndarray
+    tangent_error: np.ndarray
+    state: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """The gap equations of m design points.
+
+    Attributes
+    ----------
+    by_normal, by_sliding : ndarray (m, c, c)
+        Opening by normal forces, closing by friction forces, m/N.
+    by_load : ndarray (m, c)
+        Opening by the loads, m.
+    k_c : ndarray (m, 1)
+        Contact stiffness per area of the structure that these compliances are of, Pa/m.
+    """
+
+    structures: StackedStructures
+    operating: StackedOperating
+    by_normal: np.ndarray
+    by_sliding: np.ndarray
+    by_load: np.ndarray
+    k_c: np.ndarray
+
+    def at(self, rows: np.ndarray) -> _Equations:
+        return _Equations(
+            structures=self.structures,
+            operating=self.operating.at(rows),
+            by_normal=self.by_normal[rows],
+            by_sliding=self.by_sliding[rows],
+            by_load=self.by_load[rows],
+            k_c=self.k_c[rows],
+        )
+
+
+def steady_sliding(
+    structures: StackedStructures, k_el: np.ndarray, operating: StackedOperating
+) -> StackedSliding:
+    """Contact states of m design points.
+
+    Parameters
+    ----------
+    structures : StackedStructures
+        Of m rows, or of one for all.
+    k_el : ndarray (m, n)
+        Elastic stiffness with the changes of component modes, (rad/s)^2.
+    operating : StackedOperating
+    """
+    m = len(operating.friction)
+    area = np.broadcast_to(structures.area, (m, structures.N.shape[1]))
+    load = (
+        structures.load[..., 0] * operating.pressure[:, None] + structures.load[..., 1]
+    )  # (m, n), rad/s^2 sqrt(kg) m
+    closed = _mean_pressure_of_loads(structures, operating, area)
+    k_c = operating.contact(operating.gap_at(closed)[:, None])[1][:, :1]
+    K0 = np.zeros((m, structures.n, structures.n)) + structures.static_springs
+    K0 = K0 + structures.N.swapaxes(1, 2) @ ((area * k_c)[:, :, None] * structures.N)
+    K0[:, np.arange(structures.n), np.arange(structures.n)] += k_el
+    right = np.concatenate(
+        np.broadcast_arrays(structures.N.swapaxes(1, 2), structures.T.swapaxes(1, 2)), axis=2
+    )
+    columns = np.concatenate([np.broadcast_to(right, (m, *right.shape[1:])), load[..., None]], 2)
+    moved, held = _solved(K0, columns)
+    opened = structures.N @ moved
+    c = area.shape[1]
+    equations = _Equations(
+        structures=structures,
+        operating=operating,
+        by_normal=opened[:, :, :c],
+        by_sliding=opened[:, :, c : 2 * c],
+        by_load=opened[:, :, 2 * c],
+        k_c=k_c,
+    )
+    return _newton(equations, area, held)
+
+
+def _mean_pressure_of_loads(
+    structures: StackedStructures, operating: StackedOperating, area: np.ndarray
+) -> np.ndarray:
+    """Pressure (m,) [Pa] of all nodal forces over all the area: for the stiffness of contact."""
+    back = np.linalg.inv(structures.phi).swapaxes(1, 2)
+    forces = back @ structures.load  # (m, n, 2), N/Pa and N
+    force = np.abs(forces[..., 0] * operating.pressure[:, None] + forces[..., 1]).sum(axis=1)
+    mean: np.ndarray = np.maximum(force / area.sum(axis=1), TINY)
+    return mean
+
+
+def _solved(K0: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """K0^-1 columns (m, n, k), and which (m,) hold: the others are singular to round-off."""
+    finite = np.isfinite(K0).all(axis=(1, 2)) & np.isfinite(columns).all(axis=(1, 2))
+    K0 = np.where(finite[:, None, None], K0, np.eye(K0.shape[1]))
+    columns = np.where(finite[:, None, None], columns, 0.0)
+    b = np.random.default_rng(0).standard_normal((K0.shape[1], 1))
+    both = np.concatenate([columns, np.broadcast_to(b, (len(K0), *b.shape))], axis=2)
+    try:
+        found = np.linalg.solve(K0, both)
+    except np.linalg.LinAlgError:
+        found = np.full(both.shape, np.nan)
+        for i, (K, B) in enumerate(zip(K0, both, strict=True)):
+            try:
+                found[i] = np.linalg.solve(K, B)
+            except np.linalg.LinAlgError:
+                continue
+    with np.errstate(invalid="ignore", over="ignore"):
+        wrong = np.linalg.norm((K0 @ found[..., -1:] - b)[..., 0], axis=1)
+        held = finite & (wrong < HELD * np.linalg.norm(b))
+    return np.where(held[:, None, None], found[..., :-1], 0.0), held
+
+
+def _newton(equations: _Equations, area: np.ndarray, held: np.ndarray) -> StackedSliding:
+    structures, operating = equations.structures, equations.operating
+    m, c = area.shape
+    gap0 = np.broadcast_to(structures.gap0, (m, c))
+    stiffness = np.abs(equations.k_c * equations.by_load)
+    estimate = np.maximum((area * stiffness).sum(axis=1) / area.sum(axis=1), TINY)
+    size = np.abs(equations.by_load).max(axis=1)
+    gap = np.repeat(operating.gap_at(estimate)[:, None], c, axis=1)
+    state = np.where(held, NO_EQUILIBRIUM, SINGULAR)
+    open_rows = np.flatnonzero(held)
+    linear = operating.law.name == "bilateral"
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        for _ in range(MAX_ITERATIONS):
+            if not len(open_rows):
+                break
+            part = equations.at(open_rows)
+            g, own = gap[open_rows], area[open_rows]
+            rows = _PointRows(part, own, gap0[open_rows], open_rows)
+            F, p, kappa = rows.imbalance(g)
+            step = -rows.newton(F, p, kappa)
+            level = np.maximum(
+                estimate[open_rows], np.abs((own * p).sum(axis=1) / own.sum(axis=1))
+            )
+            share = np.ones(len(g)) if linear else _damping(part.operating, level, g, step)
+            g = g + share[:, None] * step
+            F, p, kappa = rows.imbalance(g)
+            relative = np.abs(F).max(axis=1) / (
+                size[open_rows] + np.abs(g).max(axis=1) + TINY
+            )
+            scale = part.operating.gap_scale(level)
+            small = (np.abs(step).max(axis=1) / scale < TOLERANCE**0.5) | linear
+            done = (share == 1.0) & small & (relative < TOLERANCE)
+            if done.any():  # what a step leaves is more than round-off
+                g[done] = (g - rows.newton(F, p, kappa))[done]
+            gap[open_rows] = g
+            state[open_rows[done]] = SOLVED
+            lost = ~np.isfinite(step).all(axis=1)
+            open_rows = open_rows[~done & ~lost]
+        whole = _PointRows(equations, area, gap0, np.arange(m))
+        F, p, kappa = whole.imbalance(gap)
+        residual = np.abs(F).max(axis=1) / (size + np.abs(gap).max(axis=1) + TINY)
+    return StackedSliding(
+        gap=gap,
+        pressure=p,
+        tangent=kappa,
+        residual=residual,
+        open_share=_open_share(area, p, estimate),
+        tangent_error=_tangent_error(area, p, kappa, F),
+        state=state,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _PointRows:
+    """Imbalance and Newton's step of some rows of a batch."""
+
+    equations: _Equations
+    area: np.ndarray
+    gap0: np.ndarray
+    rows: np.ndarray
+
+    @property
+    def _frictional(self) -> np.ndarray:
+        return self._of(self.equations.structures.frictional)
+
+    def _of(self, values: np.ndarray) -> np.ndarray:
+        return values if len(values) == 1 else values[self.rows]
+
+    def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F(g) [m], pressure [Pa] and tangent [Pa/m], each (m, c)."""
+        e = self.equations
+        p, kappa = e.operating.contact(g)
+        speed_factor = self._of(e.structures.speed_factor)
+        drag = e.operating.rubbing(p, speed_factor).mu * p * self.area * self._frictional
+        normal = self.area * (p + e.k_c * (g - self.gap0))
+        moved = _times(e.by_normal, normal) - _times(e.by_sliding, drag) + e.by_load
+        return g - self.gap0 - moved, p, kappa
+
+    def newton(self, F: np.ndarray, p: np.ndarray, kappa: np.ndarray) -> np.ndarray:
+        """(dF/dg)^-1 F (m, c); NaN where the matrix is singular or not finite."""
+        e = self.equations
+        speed_factor = self._of(e.structures.speed_factor)
+        grip = self._frictional * e.operating.rubbing(p, speed_factor).following(p)
+        normal = self.area * (kappa - e.k_c)
+        sliding = self.area * grip * kappa
+        J = e.by_normal * normal[:, None, :] - e.by_sliding * sliding[:, None, :]
+        J[:, np.arange(J.shape[1]), np.arange(J.shape[1])] += 1.0
+        return solved_rows(J, F)
+
+
+def solved_rows(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """A^-1 b (m, n) of matrices A (m, n, n); NaN where one is singular or not finite."""
+    bad = ~(np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1))
+    A = np.where(bad[:, None, None], np.eye(A.shape[1]), A)
+    b = np.where(bad[:, None], np.nan, b)
+    try:
+        found: np.ndarray = np.linalg.solve(A, b[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        found = np.full(b.shape, np.nan)
+        for i in range(len(A)):
+            try:
+                found[i] = np.linalg.solve(A[i], b[i])
+            except np.linalg.LinAlgError:
+                continue
+    return found
+
+
+def _times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
+    product: np.ndarray = np.einsum("mij,mj->mi", A, x)
+    return product
+
+
+def _damping(
+    operating: StackedOperating, level: np.ndarray, g: np.ndarray, step: np.ndarray
+) -> np.ndarray:
+    """Share (m,) of Newton steps to go, so that no point closes too far."""
+    target = np.minimum(g, operating.gap_at(level)[:, None])
+    closing = (target - g - step).max(axis=1) / operating.gap_scale(level)
+    return np.where(closing > 0, np.minimum(1.0, MAX_STEP / np.where(closing > 0, closing, 1)), 1.0)
+
+
+def _open_share(area: np.ndarray, p: np.ndarray, loaded: np.ndarray) -> np.ndarray:
+    """As `working_point.open_share`, a row a design point."""
+    total = area.sum(axis=1)
+    mean = (area * p).sum(axis=1) / total
+    below = (area * (p < OPEN * mean[:, None])).sum(axis=1) / total
+    return np.where(np.abs(mean) < OPEN * loaded, 1.0, below)
+
+
+def _tangent_error(
+    area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.ndarray
+) -> np.ndarray:
+    """Relative change (m,) of the contact stiffness by gaps that err by AMPLIFIED F."""
+    pressed, size = np.abs(p) > 0, np.abs(kappa)
+    weight = np.where(pressed, area * size, 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        moved = AMPLIFIED * np.abs(F) * size / np.where(pressed, np.abs(p), 1.0)
+        total = np.where(pressed, weight * moved, 0.0).sum(axis=1)
+    found: np.ndarray = total / np.maximum(weight.sum(axis=1), TINY)
+    return found

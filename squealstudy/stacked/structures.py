@@ -1,0 +1,110 @@
+"""Structures in component-mode coordinates, side by side: M = I, elastic stiffness diagonal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.models.stacked_assembly import StackedAssembly
+
+
+@dataclass(frozen=True, eq=False)
+class StackedStructures:
+    """m structures whose coordinates are all free modes of their components.
+
+    Attributes
+    ----------
+    components : tuple of str
+    offsets : ndarray (n_components + 1,)
+        First coordinate of each component, then n.
+    k_el : ndarray (m, n)
+        Squares of the components' free frequencies, (rad/s)^2.
+    springs, static_springs : ndarray (m, n, n)
+        Linear interfaces in vibration and at rest, (rad/s)^2.
+    C : ndarray (m, n, n) or None
+        Damping of the components' own, rad/s.
+    N, T, T_perp : ndarray (m, c, n)
+    area, gap0, frictional, speed_factor : ndarray (m, c)
+    load : ndarray (m, n, 2)
+        Of a unit brake pressure, and constant.
+    phi : ndarray (m, n, n)
+        Displacements of the degrees of freedom by coordinates.
+    sensors : ndarray (m, s, n)
+        What is seen of a shape at the places that correspond between structures.
+    """
+
+    components: tuple[str, ...]
+    offsets: np.ndarray
+    k_el: np.ndarray
+    springs: np.ndarray
+    static_springs: np.ndarray
+    C: np.ndarray | None
+    N: np.ndarray
+    T: np.ndarray
+    T_perp: np.ndarray
+    area: np.ndarray
+    gap0: np.ndarray
+    frictional: np.ndarray
+    speed_factor: np.ndarray
+    load: np.ndarray
+    phi: np.ndarray
+    sensors: np.ndarray
+
+    @property
+    def n(self) -> int:
+        """Coordinates."""
+        return int(self.phi.shape[2])
+
+    def coordinate(self, component: str, mode: int) -> int:
+        """Coordinate of a free mode of a component, numbered from 1; KeyError for none."""
+        i = self.components.index(component) if component in self.components else -1
+        if i < 0 or not 1 <= mode <= self.offsets[i + 1] - self.offsets[i]:
+            raise KeyError((component, mode))
+        return int(self.offsets[i]) + mode - 1
+
+    @staticmethod
+    def of(a: StackedAssembly) -> StackedStructures:
+        """Structures of finite matrices with positive definite masses."""
+        phi = np.zeros_like(a.M)
+        m = max(len(a.M), len(a.K))
+        phi = np.zeros((m, a.n, a.n))
+        k_el = np.zeros((m, a.n))
+        for i, j in zip(a.offsets, a.offsets[1:], strict=False):
+            block = slice(int(i), int(j))
+            k, own = free_modes(a.M[:, block, block], a.K[:, block, block])
+            k_el[:, block], phi[:, block, block] = k, own
+        back = phi.swapaxes(1, 2)
+        loads = np.stack(np.broadcast_arrays(a.load, a.constant_load), axis=2)
+        return StackedStructures(
+            components=a.components,
+            offsets=a.offsets,
+            k_el=k_el,
+            springs=_symmetric(back @ a.springs @ phi),
+            static_springs=_symmetric(back @ a.static_springs @ phi),
+            C=None if a.C is None else _symmetric(back @ a.C @ phi),
+            N=a.N @ phi,
+            T=a.T @ phi,
+            T_perp=a.T_perp @ phi,
+            area=a.area,
+            gap0=a.gap0,
+            frictional=a.frictional,
+            speed_factor=a.speed_factor,
+            load=back @ loads,
+            phi=phi,
+            sensors=a.seen @ phi,
+        )
+
+
+def free_modes(M: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Squares of frequencies (m, n) [(rad/s)^2], ascending, and M-orthonormal modes (m, n, n)."""
+    lower = np.linalg.cholesky(M)
+    inverse = np.linalg.inv(lower)
+    w2, y = np.linalg.eigh(_symmetric(inverse @ K @ inverse.swapaxes(1, 2)))
+    phi = inverse.swapaxes(1, 2) @ y
+    return np.einsum("mij,mij->mj", phi, K @ phi), phi
+
+
+def _symmetric(A: np.ndarray) -> np.ndarray:
+    half: np.ndarray = (A + A.swapaxes(1, 2)) / 2
+    return half
