@@ -11,8 +11,10 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 from squealstudy.models.assembly import Assembly
+from squealstudy.models.stacked_assembly import StackedAssembly
 from squealstudy.parameter import Parameter
 
+Stacking = Callable[[Mapping[str, str | int], Mapping[str, Any]], StackedAssembly]
 Declared = tuple[Parameter | Callable[[], tuple[Parameter, ...]], ...]
 
 
@@ -175,6 +177,9 @@ class ModelDefinition:
     in_place : callable
         Whether a structural parameter leaves nodes and contact points where they are, so that
         structures that differ in it alone can have one basis.
+    stack : callable or None
+        As `build` for many structures: (options, values of all parameters, numbers or arrays (m,))
+        -> StackedAssembly; None: one is built after the other.
     """
 
     name: str
@@ -196,6 +201,7 @@ class ModelDefinition:
     sets: tuple[str, ...] = field(default=(), kw_only=True)
     added: tuple[str, ...] = field(default=(), kw_only=True)
     in_place: Callable[[Parameter], bool] = field(default=_not_known, kw_only=True)
+    stack: Stacking | None = field(default=None, kw_only=True)
 
     def followed(
         self, values: Mapping[str, Any], before: Mapping[str, Any] | None = None

@@ -1,0 +1,107 @@
+"""A batch linearised about steady sliding: the matrices of `system.linearise`, a row a point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.stacked.operating import StackedOperating
+from squealstudy.stacked.sliding import StackedSliding
+from squealstudy.stacked.structures import StackedStructures
+
+
+@dataclass(frozen=True, eq=False)
+class StackedDamping:
+    """Damping of m design points, and what they change in the component modes.
+
+    Attributes
+    ----------
+    damping_ratio : ndarray (m, n)
+        Of the assembly's real modes, ascending in frequency.
+    stiffness_damping : ndarray (m,)
+        Rayleigh's beta, s.
+    scale : ndarray (m, n) or (1, n)
+        Factor on the frequency of each component mode.
+    component_ratio : ndarray (m, n) or (1, n)
+        Damping ratio of each component mode at its scaled frequency.
+    """
+
+    damping_ratio: np.ndarray
+    stiffness_damping: np.ndarray
+    scale: np.ndarray
+    component_ratio: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class StackedLinear:
+    """Matrices of m design points in component-mode coordinates; the mass is the identity.
+
+    Attributes
+    ----------
+    C, K, K_sym : ndarray (m, n, n)
+        As in `LinearisedModel`, rad/s and (rad/s)^2.
+    elastic : ndarray (m, n)
+        Elastic stiffness of the components with their changes, (rad/s)^2.
+    normal : ndarray (m, c)
+        Contact stiffness of each point, N/m.
+    finite : ndarray (m,) of bool
+        Points whose matrices are.
+    """
+
+    C: np.ndarray
+    K: np.ndarray
+    K_sym: np.ndarray
+    elastic: np.ndarray
+    normal: np.ndarray
+    finite: np.ndarray
+
+
+def linearised(
+    structures: StackedStructures,
+    sliding: StackedSliding,
+    operating: StackedOperating,
+    damping: StackedDamping,
+) -> StackedLinear:
+    """M = I, C and K of a batch (THEORY.md eq. (17) to (20))."""
+    s, p = structures, sliding.pressure
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        friction = operating.rubbing(p, s.speed_factor)
+        normal = s.area * sliding.tangent
+        rubbing = s.area * p * s.frictional
+        coupling = -friction.following(p) * s.frictional * normal
+        across = friction.mu * rubbing / (operating.sliding_speed[:, None] * s.speed_factor)
+        elastic = s.k_el * damping.scale**2
+        omega = np.sqrt(np.maximum(s.k_el, 0.0)) * damping.scale
+        dampers = 2.0 * damping.component_ratio * omega
+        K_sym = _quadratic(s.N, normal, s.N) + s.springs
+        diagonal = np.arange(s.n)
+        K_sym[:, diagonal, diagonal] += elastic
+        K = K_sym + _quadratic(s.T, coupling, s.N)
+        C = _quadratic(s.T_perp, across, s.T_perp)
+        if friction.by_speed.any():
+            C = C + _quadratic(s.T, friction.by_speed * rubbing, s.T)
+        if s.C is not None:
+            C = C + s.C
+        C = C + damping.stiffness_damping[:, None, None] * K_sym
+        C[:, diagonal, diagonal] += dampers
+        finite = np.isfinite(K).all(axis=(1, 2)) & np.isfinite(C).all(axis=(1, 2))
+        damped = np.flatnonzero(finite & damping.damping_ratio.any(axis=1))
+        if len(damped):
+            C[damped] += modal_damping(K_sym[damped], damping.damping_ratio[damped])
+    finite &= np.isfinite(C).all(axis=(1, 2))
+    return StackedLinear(C, K, K_sym, np.broadcast_to(elastic, (len(K), s.n)), normal, finite)
+
+
+def modal_damping(K_sym: np.ndarray, zeta: np.ndarray) -> np.ndarray:
+    """phi 2 zeta omega phi^T (m, n, n) of the real modes of K_sym, zeta (m, n)."""
+    w2, phi = np.linalg.eigh(K_sym)
+    weighted = phi * (2.0 * zeta * np.sqrt(np.maximum(w2, 0.0)))[:, None, :]
+    damping: np.ndarray = weighted @ phi.swapaxes(1, 2)
+    return damping
+
+
+def _quadratic(left: np.ndarray, weights: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """left^T diag(weights) right (m, n, n)."""
+    found: np.ndarray = left.swapaxes(1, 2) @ (weights[:, :, None] * right)
+    return found

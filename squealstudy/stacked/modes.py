@@ -1,0 +1,241 @@
+"""From values of parameters as arrays to complex modes: the whole way of a batch of small models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.errors import ConvergenceError, SquealstudyError
+from squealstudy.models.model_point import ModelPoint
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.models.parameter_names import FREQUENCY_SCALE
+from squealstudy.models.stacked_assembly import StackedAssembly
+from squealstudy.modes.point import angular_band
+from squealstudy.reduction.working_point import expect_consistent_laws, working_point_result
+from squealstudy.stacked.linear import StackedDamping, StackedLinear, linearised
+from squealstudy.stacked.operating import StackedOperating
+from squealstudy.stacked.roots import StackedRoots, stacked_roots
+from squealstudy.stacked.sliding import SINGULAR, SOLVED, StackedSliding, steady_sliding
+from squealstudy.stacked.structures import StackedStructures
+
+MOST_COORDINATES = 40  # of a model: beyond, stacking saves next to nothing
+BLOCK = 4096  # design points that are solved at once
+NOT_FINITE = "not_finite"
+Columns = Mapping[str, np.ndarray | float]
+
+
+@dataclass(frozen=True, eq=False)
+class StackedSystem:
+    """m design points of a small model about steady sliding.
+
+    Attributes
+    ----------
+    structures : StackedStructures
+    operating : StackedOperating
+    sliding : StackedSliding
+    linear : StackedLinear
+    failures : mapping of int -> (status, message)
+        Points that have no such system; what stands in their rows means nothing.
+    """
+
+    structures: StackedStructures
+    operating: StackedOperating
+    sliding: StackedSliding
+    linear: StackedLinear
+    failures: Mapping[int, tuple[str, str]]
+
+    def roots(self, band_hz: tuple[float, float]) -> StackedRoots:
+        """Complex modes in a band [Hz]; none at points that failed."""
+        linear, solved = self.linear, np.ones(len(self.linear.K), dtype=bool)
+        solved[list(self.failures)] = False
+        n = linear.K.shape[1]
+        K = np.where(solved[:, None, None], linear.K, np.eye(n))
+        C = np.where(solved[:, None, None], linear.C, 0.0)
+        found = stacked_roots(C, K, angular_band(band_hz))
+        moved = 0.5 * self.sliding.tangent_error[:, None] * np.abs(found.lam)
+        return StackedRoots(
+            count=np.where(solved, found.count, 0),
+            lam=found.lam,
+            psi=found.psi,
+            error=found.error + np.where(solved[:, None], moved, 0.0),
+            residual=found.residual,
+        )
+
+    def energies(self, psi: np.ndarray) -> np.ndarray:
+        """Shares (m, components + 1, k) of components and interfaces in elastic energy."""
+        s, size = self.structures, psi.real**2 + psi.imag**2
+        by_coordinate = self.linear.elastic[:, :, None] * size
+        components = np.add.reduceat(by_coordinate, s.offsets[:-1], axis=1)
+        springs = np.einsum("mik,mik->mk", psi.conj(), s.springs @ psi).real
+        opened = s.N @ psi
+        contact = self.linear.normal[:, None, :] @ (opened.real**2 + opened.imag**2)
+        interfaces = springs + contact[:, 0]
+        total = components.sum(axis=1) + interfaces
+        parts = np.concatenate([components, interfaces[:, None, :]], axis=1)
+        shares: np.ndarray = parts / np.where(total, total, 1.0)[:, None, :]
+        return shares + 0.0
+
+    def shapes(self, psi: np.ndarray) -> np.ndarray:
+        """Unit shapes (m, k, s) complex64 as the sensors of the structures see them."""
+        seen = (self.structures.sensors @ psi).swapaxes(1, 2)
+        size = np.maximum(np.linalg.norm(seen, axis=2, keepdims=True), 1e-300)
+        unit: np.ndarray = (seen / size).astype(np.complex64)
+        return unit
+
+
+def stacked_assembly(
+    model: ModelDefinition, options: Mapping[str, str | int], columns: Columns, count: int
+) -> tuple[StackedAssembly, Mapping[int, tuple[str, str]]]:
+    """Assemblies of `count` design points, of one row where all have one; failures by point.
+
+    Parameters
+    ----------
+    model : ModelDefinition
+    options : mapping of str -> str or int
+    columns : mapping of parameter -> number or ndarray (count,)
+        A value of every parameter.
+    count : int
+
+    Raises
+    ------
+    SquealstudyError
+        Where no point has an assembly: the first reason.
+    """
+    names = [p.name for p in model.parameters if p.structural]
+    varied = [name for name in names if np.ndim(columns[name])]
+    if model.stack is not None:
+        own = {p.name: columns[p.name] for p in model.parameters}
+        return model.stack(options, own), {}
+    values = np.column_stack([columns[name] for name in varied]) if varied else np.zeros((1, 0))
+    distinct, place = np.unique(values, axis=0, return_inverse=True)
+    common = {p.name: _first(columns[p.name]) for p in model.parameters}
+    built, reasons = [], {}
+    for i, row in enumerate(distinct):
+        try:
+            built.append(model.build(options, common | dict(zip(varied, row.tolist(), strict=True))))
+        except SquealstudyError as error:
+            reasons[i] = ("structure", str(error))
+            built.append(None)
+    there = [a for a in built if a is not None]
+    if not there:
+        raise SquealstudyError(next(iter(reasons.values()))[1])
+    stack = StackedAssembly.of([a if a is not None else there[0] for a in built])
+    if not varied:
+        return stack, {}
+    place = place.reshape(-1)
+    failures = {int(i): reasons[int(place[i])] for i in np.flatnonzero(np.isin(place, list(reasons)))}
+    return stack.at(place), failures
+
+
+def stacked_system(
+    model: ModelDefinition, options: Mapping[str, str | int], columns: Columns, count: int
+) -> StackedSystem:
+    """A batch of design points of a small model, from values to linearised matrices.
+
+    Arguments as of `stacked_assembly`; damping ratios and factors of modes are among the columns.
+
+    Raises
+    ------
+    SquealstudyError
+        Where no point has an assembly, or a mode is named that the model does not have.
+    """
+    assembly, failures = stacked_assembly(model, options, columns, count)
+    point = ModelPoint(model, options, {name: _first(value) for name, value in columns.items()})
+    failures = dict(failures)
+    with np.errstate(over="ignore", invalid="ignore"):
+        structures = StackedStructures.of(assembly)
+    operating = StackedOperating.of(point.law_kind, point.curve_kind, columns, count)
+    damping = _damping(point, structures, columns, count)
+    elastic = np.broadcast_to(structures.k_el * damping.scale**2, (count, structures.n))
+    sliding = steady_sliding(structures, elastic, operating)
+    for i in np.flatnonzero(sliding.state != SOLVED):
+        failures.setdefault(int(i), _reason(int(sliding.state[i]), operating, int(i)))
+    linear = linearised(structures, sliding, operating, damping)
+    for i in np.flatnonzero(~linear.finite):
+        text = "a matrix of the design point is not finite: a value is too large"
+        failures.setdefault(int(i), (NOT_FINITE, text))
+    if not (operating.law.in_package and operating.curve.in_package):
+        failures |= _contradictions(model, options, columns, structures, sliding, failures)
+    return StackedSystem(structures, operating, sliding, linear, failures)
+
+
+def _first(value: np.ndarray | float) -> float:
+    return float(value if np.ndim(value) == 0 else np.asarray(value)[0])
+
+
+def _column(value: np.ndarray | float, count: int) -> np.ndarray:
+    return np.broadcast_to(np.asarray(value, dtype=float), count)
+
+
+def _damping(
+    point: ModelPoint, structures: StackedStructures, columns: Columns, count: int
+) -> StackedDamping:
+    """Damping and changes of component modes; ParameterError for a mode that is not there."""
+    from squealstudy.errors import ParameterError
+
+    n = structures.n
+    ratio = np.repeat(_column(columns.get("damping_ratio", 0.0), count)[:, None], n, axis=1)
+    for parameter in point.assembly_parameters():
+        for mode in parameter.modes:
+            if not 1 <= mode <= n:
+                raise ParameterError(parameter.name, f"the assembly has modes 1 to {n} here")
+            ratio[:, mode - 1] = _column(columns[parameter.name], count)
+    scale, own = np.ones((1, n)), np.zeros((1, n))
+    changed = point.mode_parameters()
+    if changed:
+        scale, own = np.ones((count, n)), np.zeros((count, n))
+    for parameter in changed:
+        target = scale if parameter.quantity == FREQUENCY_SCALE else own
+        for mode in parameter.modes:
+            place = structures.coordinate(parameter.component, mode)
+            target[:, place] = _column(columns[parameter.name], count)
+    return StackedDamping(
+        damping_ratio=ratio,
+        stiffness_damping=_column(columns.get("stiffness_damping", 0.0), count),
+        scale=scale,
+        component_ratio=own,
+    )
+
+
+def _reason(state: int, operating: StackedOperating, row: int) -> tuple[str, str]:
+    """Status and message of a point without steady sliding."""
+    if state == SINGULAR:
+        return "singular", "the static stiffness is singular: some motion is free"
+    return (
+        "working_point",
+        "no steady sliding equilibrium found in 200 Newton iterations at friction "
+        f"{operating.friction[row]:g}, pressure {operating.pressure[row]:g} Pa",
+    )
+
+
+def _contradictions(
+    model: ModelDefinition,
+    options: Mapping[str, str | int],
+    columns: Columns,
+    structures: StackedStructures,
+    sliding: StackedSliding,
+    failures: Mapping[int, tuple[str, str]],
+) -> dict[int, tuple[str, str]]:
+    """Points at which a law from outside contradicts itself."""
+    from types import SimpleNamespace
+
+    found: dict[int, tuple[str, str]] = {}
+    for i in range(len(sliding.gap)):
+        if i in failures:
+            continue
+        values = {name: _first(v) if np.ndim(v) == 0 else float(v[i]) for name, v in columns.items()}
+        own = {
+            name: array[0 if len(array) == 1 else i]
+            for name in ("area", "frictional", "speed_factor")
+            for array in [getattr(structures, name)]
+        }
+        gap, p, kappa = sliding.gap[i], sliding.pressure[i], sliding.tangent[i]
+        state = working_point_result(own["area"], gap, p, kappa, 0, 0.0, np.zeros_like(gap))
+        try:
+            operating = ModelPoint(model, options, values).operating_point()
+            expect_consistent_laws(SimpleNamespace(**own), operating, state)
+        except ConvergenceError as error:
+            found[i] = (error.status, str(error))
+    return found

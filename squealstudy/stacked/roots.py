@@ -1,0 +1,187 @@
+"""Complex modes of a batch of small quadratic eigenproblems: stacked LAPACK, errors and all.
+
+The twins of `linalg.companion`, `linalg.root_error` and `modes.point.band_modes`, which take one
+design point and serve models of any size. Stacking pays up to some 40 coordinates: beyond, LAPACK
+takes as long as all that Python does around it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.linalg.root_error import BIN, EPS, RESOLVED, RIGID_BELOW, TINY
+
+ROUND_OFF = 1e-13  # of a dense eigenvalue, relative to its modulus; as in modes.point
+
+
+@dataclass(frozen=True, eq=False)
+class StackedRoots:
+    """Roots of m design points in a band, k at most, those of a point first in its row.
+
+    Attributes
+    ----------
+    count : ndarray (m,) of int
+        Roots of each point.
+    lam : ndarray (m, k) complex
+        rad/s, of imaginary part >= 0; oscillating ones ascending in modulus, then overdamped ones.
+        0 beyond the count.
+    psi : ndarray (m, n, k) complex
+        Right vectors of unit norm; 0 beyond the count.
+    error : ndarray (m, k)
+        Estimates of |lam - exact lam|, rad/s.
+    residual : ndarray (m, k)
+        Normwise backward errors.
+    """
+
+    count: np.ndarray
+    lam: np.ndarray
+    psi: np.ndarray
+    error: np.ndarray
+    residual: np.ndarray
+
+    @property
+    def held(self) -> np.ndarray:
+        """Which places (m, k) hold a root."""
+        held: np.ndarray = np.arange(self.lam.shape[1]) < self.count[:, None]
+        return held
+
+
+def stacked_roots(C: np.ndarray, K: np.ndarray, band: tuple[float, float]) -> StackedRoots:
+    """Roots of lambda^2 I + lambda C + K with moduli in a band [rad/s], and their errors.
+
+    C, K are finite (m, n, n). Roots that cannot be told from zero are left out.
+    """
+    m, n = K.shape[:2]
+    lam, psi = _companion_pairs(C, K)
+    size = np.abs(lam)
+    inside = (lam.imag >= 0) & (size >= band[0]) & (size <= band[1])
+    lam, psi, count = _gathered(lam, psi, inside, np.where(inside, size, np.inf))
+    psi = psi / np.where(norms := np.linalg.norm(psi, axis=1), norms, 1.0)[:, None, :]
+    held = np.arange(lam.shape[1]) < count[:, None]
+    error, round_off = _errors(C, K, lam, psi, held)
+    size = np.abs(lam)
+    told = held & ((size > RESOLVED * round_off) | (size > RIGID_BELOW * band[1]))
+    late = np.where(told, (lam.imag == 0).astype(float), 2.0)  # oscillating, overdamped, none
+    order = np.argsort(late, axis=1, kind="stable")
+    count = told.sum(axis=1)
+    width = int(count.max(initial=0))
+    order = order[:, :width]
+    held = np.arange(width) < count[:, None]
+    lam = np.where(held, np.take_along_axis(lam, order, 1), 0.0)
+    psi = np.where(held[:, None, :], np.take_along_axis(psi, order[:, None, :], 2), 0.0)
+    error = np.where(held, np.take_along_axis(error, order, 1), 0.0)
+    error = np.maximum(error, ROUND_OFF * np.abs(lam))
+    return StackedRoots(count, lam, psi, error, _backward_errors(C, K, lam, psi))
+
+
+def _companion_pairs(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All 2n roots (m, 2n) and right vectors (m, n, 2n), as `companion.right_pairs`."""
+    m, n = K.shape[:2]
+    scale = np.sqrt(np.linalg.norm(K, axis=(1, 2)) / np.sqrt(n))
+    scale = np.where(scale > 0, scale, 1.0)[:, None, None]
+    A = np.zeros((m, 2 * n, 2 * n))
+    A[:, :n, n:] = np.eye(n)
+    A[:, n:, :n] = K / -(scale**2)
+    A[:, n:, n:] = C / -scale
+    lam, z = np.linalg.eig(A)
+    lam, z = lam.astype(complex), z.astype(complex)
+    vectors = np.where((np.abs(lam) > 1.0)[:, None, :], z[:, n:], z[:, :n])
+    return lam * scale[:, 0], vectors
+
+
+def _gathered(
+    lam: np.ndarray, psi: np.ndarray, chosen: np.ndarray, key: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The chosen roots first, ascending in the key; 0 behind them; their numbers."""
+    count = chosen.sum(axis=1)
+    width = int(count.max(initial=0))
+    order = np.argsort(key, axis=1, kind="stable")[:, :width]
+    held = np.arange(width) < count[:, None]
+    lam = np.where(held, np.take_along_axis(lam, order, 1), 0.0)
+    psi = np.take_along_axis(psi, order[:, None, :], 2)
+    return lam, np.where(held[:, None, :], psi, 0.0), count
+
+
+def _errors(
+    C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray, held: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Errors and round-off (m, k) of roots, as `root_errors` with M = I (THEORY.md eq. (35))."""
+    a, size = np.abs(psi), np.abs(lam)
+    damping = C @ psi
+    r = psi * (lam**2)[:, None, :] + damping * lam[:, None, :] + K @ psi
+    mass = np.einsum("mij,mij->mj", a, a)
+    slope = np.abs(np.einsum("mij,mij->mj", psi.conj(), 2 * lam[:, None, :] * psi + damping))
+    slope = np.maximum(slope, 2 * size * mass)
+    energy = size**2 * mass + size * _energies(C, a) + _energies(K, a)
+    with np.errstate(over="ignore", invalid="ignore"):
+        moved = conditions(lam, psi, held) / np.maximum(slope, TINY)
+        round_off = EPS * energy * moved
+        error = np.einsum("mij,mij->mj", a, np.abs(r)) * moved + round_off
+    return tuple(np.where(np.isnan(x), np.inf, x) for x in (error, round_off))  # type: ignore[return-value]
+
+
+def _energies(A: np.ndarray, a: np.ndarray) -> np.ndarray:
+    found: np.ndarray = np.einsum("mij,mij->mj", a, np.abs(A) @ a)
+    return found
+
+
+def conditions(lam: np.ndarray, psi: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Condition (m, k) of each root among those of its point, as `root_error.conditions`."""
+    found = np.ones(lam.shape)
+    if not lam.shape[1]:
+        return found
+    back = psi.conj().swapaxes(1, 2)
+    H, S = back @ psi, psi.swapaxes(1, 2) @ psi
+    own = np.einsum("mii->mi", H).real
+    unit = 1.0 / np.sqrt(np.where(own > 0, own, 1.0))
+    both = unit[:, :, None] * unit[:, None, :]
+    H, S = H * both, S * both
+    level = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(BIN))
+    for number in np.unique(level[held]):
+        members = held & (level == number)
+        rows = np.flatnonzero(members.any(axis=1))
+        G = _gram(H[rows], S[rows], lam[rows] / BIN**number, held[rows], lam[rows].imag != 0)
+        count = held[rows].sum(axis=1) + (held[rows] & (lam[rows].imag != 0)).sum(axis=1)
+        diagonal = np.arange(G.shape[1])
+        G[:, diagonal, diagonal] += EPS * count[:, None]  # two states may be parallel
+        inverse = np.einsum("mii->mi", np.linalg.inv(G)).real[:, : lam.shape[1]]
+        told = np.sqrt(np.maximum(inverse, 1.0))
+        found[rows] = np.where(members[rows], told, found[rows])
+    return found
+
+
+def _gram(
+    H: np.ndarray, S: np.ndarray, lam: np.ndarray, held: np.ndarray, paired: np.ndarray
+) -> np.ndarray:
+    """Gram matrices (m, 2k, 2k) of unit states and of conjugates of paired ones; else identity."""
+    bar = lam.conj()
+    own = H * (1.0 + bar[:, :, None] * lam[:, None, :])
+    across = S.conj() * (1.0 + bar[:, :, None] * bar[:, None, :])
+    G = np.concatenate(
+        [
+            np.concatenate([own, across], axis=2),
+            np.concatenate([across.conj().swapaxes(1, 2), own.conj()], axis=2),
+        ],
+        axis=1,
+    )
+    there = np.concatenate([held, held & paired], axis=1)
+    size = np.sqrt(np.maximum(np.einsum("mii->mi", G).real, TINY))
+    G = G / (size[:, :, None] * size[:, None, :])
+    kept = there[:, :, None] & there[:, None, :]
+    unit: np.ndarray = np.where(kept, G, np.eye(G.shape[1]))
+    return unit
+
+
+def _backward_errors(
+    C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray
+) -> np.ndarray:
+    """As `dense_qep.backward_error`; 0 beyond the count."""
+    R = psi * (lam**2)[:, None, :] + (C @ psi) * lam[:, None, :] + K @ psi
+    size = np.abs(lam)
+    sizes = (np.linalg.norm(A, axis=(1, 2))[:, None] for A in (C, K))
+    of_C, of_K = sizes
+    norm = (size**2 + size * of_C + of_K) * np.linalg.norm(psi, axis=1)
+    error: np.ndarray = np.linalg.norm(R, axis=1) / np.where(norm > 0, norm, 1.0)
+    return error
