@@ -80,6 +80,8 @@ def solve_chunk(kind: Kind, task: Any) -> ChunkRows:
 
 def _solved(kind: Kind, task: Any) -> tuple[pa.Table, Solved]:
     found = kind.solve(task)
+    if found.table is not None:
+        return found.table, found
     return pa.Table.from_pylist(list(found.rows), schema=kind.schema), found
 
 

@@ -36,6 +36,9 @@ class DesignValues:
         A value of every parameter, that of the first point; right for all where none `varied`.
     varied : mapping of str -> ndarray (count,)
     count : int
+    one_structure : bool
+        All points count as of one structure, whatever their structural values: where structures
+        cost nothing, and are made with their points.
     """
 
     model: ModelDefinition
@@ -43,6 +46,7 @@ class DesignValues:
     common: Mapping[str, float]
     varied: Mapping[str, np.ndarray]
     count: int
+    one_structure: bool = False
 
     @classmethod
     def of(
@@ -67,7 +71,9 @@ class DesignValues:
         """Of some of the points."""
         varied = {name: x[rows] for name, x in self.varied.items()}
         count = len(range(*rows.indices(self.count)) if isinstance(rows, slice) else rows)
-        return DesignValues(self.model, self.options, self.common, varied, count)
+        return DesignValues(
+            self.model, self.options, self.common, varied, count, self.one_structure
+        )
 
     def values_of(self, number: int) -> dict[str, float]:
         """Values of all parameters at one of the points."""
@@ -76,6 +82,8 @@ class DesignValues:
     @cached_property
     def structure_index(self) -> np.ndarray:
         """Number (count,) int32 of the structure of each point, in order of first appearance."""
+        if self.one_structure:
+            return np.zeros(self.count, dtype=np.int32)
         names = [p.name for p in self.model.parameters if p.structural and p.name in self.varied]
         return distinct_rows([self.varied[name] for name in names], self.count)
 
@@ -196,7 +204,7 @@ class PlannedNames:
         names = DesignPoints(self._values, _NO_NAMES).bare(0).own_values
         v = self._values
         varied = {k: x for k, x in v.varied.items() if k in names}
-        return DesignValues(v.model, v.options, names, varied, v.count)
+        return DesignValues(v.model, v.options, names, varied, v.count, v.one_structure)
 
     @cached_property
     def _again(self) -> dict[int, int]:
@@ -292,6 +300,16 @@ class DesignPoints(Sequence[DesignPoint]):
     def varied(self) -> tuple[str, ...]:
         """Names of the parameters that may differ between points."""
         return tuple(self._values.varied)
+
+    @property
+    def model(self) -> ModelDefinition:
+        """Of all points."""
+        return self._values.model
+
+    @property
+    def options(self) -> Mapping[str, str | int]:
+        """Of the model."""
+        return self._values.options
 
     @property
     def columns(self) -> dict[str, float | np.ndarray]:

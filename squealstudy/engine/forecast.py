@@ -103,6 +103,16 @@ def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> list[fl
 def estimate(plan: Plan) -> Estimate:
     """Time a few design points, spread over the design, of structures that are in the cache."""
     kind = plan.kind
+    if plan.stacked:
+        seconds = _timed(kind, plan, [plan.tasks[0]])
+        return Estimate(
+            0,
+            structure_s=0.0,
+            point_s=seconds[0] if seconds else None,
+            memory_mb=peak_memory_mb(),
+            n_coordinates=plan.first.assembly().n_dof,
+            reason="" if seconds else "the timed design points have no working point",
+        )
     ready = [key for key in plan.structures if is_prepared(key)]
     missing = len(plan.structures) - len(ready)
     if not ready:

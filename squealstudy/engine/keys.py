@@ -24,6 +24,7 @@ NUMERIC_PACKAGES = (
     "reduction",
     "system",
     "modes",
+    "stacked",
     "motion",
     "mechanics",
     "laboratory",

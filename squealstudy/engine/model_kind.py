@@ -153,9 +153,13 @@ class ModelKind(Kind):
     def begin(self, plan: Plan) -> None:
         """Begin, in other processes, what can be made beside the structures."""
 
+    def stacks(self, plan: Plan) -> bool:
+        """Whether it solves the points of a plan as a batch of small models, without structures."""
+        return False
+
     def build(self, plan: Plan, workers: Workers) -> dict[str, str]:
-        """Make the structures that the cache does not hold."""
-        return build_structures(plan, workers)
+        """Make the structures that the cache does not hold; a batch needs none."""
+        return {} if plan.stacked else build_structures(plan, workers)
 
     def unsolvable(
         self, plan: Plan, points: DesignPoints, failures: Mapping[str, str]
@@ -200,6 +204,8 @@ class ModelKind(Kind):
 
     def timings(self, plan: Plan, failures: Mapping[str, str]) -> dict[str, float]:
         """Seconds of each stage of a structure when it was made, the mean over structures."""
+        if plan.stacked:
+            return {}
         kept = [key for key in plan.structures if key not in failures]
         found = [load_any(key).timings for key in kept]
         return {

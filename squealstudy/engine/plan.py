@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -56,6 +57,8 @@ class Plan:
         (kinds/complex_modes/boundary.py).
     enriched : bool
         Reduced models have the bases of finer ones: theirs are too coarse for the tolerance.
+    point_by_point : bool
+        Small models, too, are prepared and solved one by one: where methods are compared.
     """
 
     def __init__(
@@ -63,17 +66,27 @@ class Plan:
         study: ResolvedStudy,
         swept: np.ndarray | None = None,
         enriched: bool = False,
+        point_by_point: bool = False,
     ) -> None:
-        self.study, self.enriched = study, enriched
+        self.study, self.enriched, self.point_by_point = study, enriched, point_by_point
         self._resolved = study.kind.resolver(study)
         self.swept = design_points(study) if swept is None else swept
         columns = {s.name: self.swept[:, k] for k, s in enumerate(study.sweeps)}
-        self._values = DesignValues.of(
+        self._given = DesignValues.of(
             study.model,
             study.options,
             self._resolved(study.model.followed({**study.values, **columns})),
             len(self.swept),
         )
+
+    @cached_property
+    def stacked(self) -> bool:
+        """Whether the kind solves all points of this plan as a batch, structures and all."""
+        return not self.point_by_point and self.kind.stacks(self)
+
+    @cached_property
+    def _values(self) -> DesignValues:
+        return replace(self._given, one_structure=True) if self.stacked else self._given
 
     def design(self, values: Mapping[str, float]) -> DesignPoint:
         """The design point of some values of all parameters, with neither id nor structure."""
@@ -257,9 +270,13 @@ class Plan:
     @cached_property
     def tasks(self) -> DesignPoints:
         """Design points with identity and structure, in the order of the design."""
-        return DesignPoints(
-            self._values, PlannedNames(self._values, self.structure_key, self._model_hash)
-        )
+        key_of = self._stacked_key if self.stacked else self.structure_key
+        return DesignPoints(self._values, PlannedNames(self._values, key_of, self._model_hash))
+
+    def _stacked_key(self, design: DesignPoint) -> str:
+        """What stands for all structures of a batch: no prepared model has this key."""
+        fixed = dict.fromkeys(design.structural_values(), 0.0)
+        return content_hash(["stacked", self._structure(fixed, None), self.study.model.added])
 
     @property
     def first(self) -> DesignPoint:
@@ -267,7 +284,7 @@ class Plan:
 
         Model, options and names of the parameters are those of all design points.
         """
-        return self.tasks.bare(0)
+        return DesignPoint(self.study.model, self.study.options, self._given.values_of(0))
 
     def _model_hash(self, structure_key: str) -> str:
         """Content hash of all that decides the results of a design point beside its values."""

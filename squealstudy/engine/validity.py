@@ -23,6 +23,7 @@ from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import LARGEST_MODAL_DAMPING
 from squealstudy.models.parameter_names import DAMPING_RATIO
 from squealstudy.reduction.prepared import natural_frequencies
+from squealstudy.stacked.modes import natural_frequencies as natural_frequencies_of_batch
 from squealstudy.tables.validity import BETWEEN
 
 if TYPE_CHECKING:
@@ -222,6 +223,15 @@ def _damped_modes(plan: Plan) -> Broken:
     most = np.broadcast_to(zeta + np.pi * beta * high, len(points))
     ratio = np.zeros(len(points))
     if not isinstance(plan.study.model, FamilyDefinition) and (most >= CRITICAL).any():
+        if plan.stacked:
+            rows = np.flatnonzero(most >= CRITICAL)
+            part = points.at(rows)
+            hz = natural_frequencies_of_batch(part.model, part.options, part.columns, len(part))
+            inside = np.where((hz >= low) & (hz <= high), hz, 0.0).max(axis=1)
+            own = np.broadcast_to(zeta, len(points))[rows]
+            own = own + np.pi * np.broadcast_to(beta, len(points))[rows] * inside
+            ratio[rows] = np.where(inside > 0, own, 0.0)
+            return _beyond(OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL, 0.0)))
         for key, rows in points.of_structures():
             if not (most[rows] >= CRITICAL).any() or not is_prepared(key):
                 continue

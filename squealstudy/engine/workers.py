@@ -280,11 +280,14 @@ class Solved:
         What belongs beside the tables, by its path in the results directory: Parquet or npz.
     known : int
         Points whose working point an earlier study had found.
+    table : Table or None
+        The rows as a table of the kind's chunk files, in place of `rows`.
     """
 
     rows: Sequence[dict[str, Any]]
     files: Mapping[str, pa.Table | Mapping[str, Any]] = field(default_factory=dict)
     known: int = 0
+    table: pa.Table | None = None
 
 
 def worker_count(

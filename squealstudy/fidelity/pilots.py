@@ -75,7 +75,7 @@ class FidelityStudy:
     @cached_property
     def plan(self) -> Plan:
         """The plan of the study with the settings that its file has."""
-        return Plan(self.study)
+        return Plan(self.study, point_by_point=True)
 
     @property
     def in_time(self) -> bool:
@@ -95,7 +95,7 @@ class FidelityStudy:
 
     def variant(self, changes: Mapping[str, Any], swept: np.ndarray | None) -> Plan:
         """The study with other settings; `swept` replaces its design points."""
-        return Plan(self.study.variant(changes), swept)
+        return Plan(self.study.variant(changes), swept, point_by_point=True)
 
     def measure(self, changes: Mapping[str, Any], points: Sequence[int]) -> Measurement:
         """Measure settings at some of the study's design points, once.

@@ -134,8 +134,9 @@ class ModelChange:
     defaults: Mapping[str, float] = field(default_factory=dict)
 
 
-def _nothing_vanishes(values: Mapping[str, float]) -> None:  # noqa: ARG001
-    return None
+def nothing_vanishes(values: Mapping[str, float]) -> None:  # noqa: ARG001
+    """That of a model whose parts all stay, whatever the values."""
+    return
 
 
 def _not_known(parameter: Parameter) -> bool:  # noqa: ARG001
@@ -190,7 +191,7 @@ class ModelDefinition:
     build: Callable[[Mapping[str, str | int], Mapping[str, float]], Assembly]
     assumptions: tuple[Assumption, ...] = ()
     vanishing: Callable[[Mapping[str, float]], tuple[str, str] | None] = field(
-        default=_nothing_vanishes, kw_only=True
+        default=nothing_vanishes, kw_only=True
     )
     torque_unit: str = field(default="N", kw_only=True)
     effective_radius: Callable[[Mapping[str, str | int], Mapping[str, float]], float | None] = (

@@ -33,8 +33,6 @@ class StackedAssembly:
     area, gap0, frictional, speed_factor : ndarray (m, c)
     load, constant_load : ndarray (m, n)
         N/Pa, and N.
-    seen : ndarray (m, s, n)
-        Rows that observe the same places whatever the structure (`Component.seen`).
     """
 
     components: tuple[str, ...]
@@ -53,7 +51,6 @@ class StackedAssembly:
     speed_factor: np.ndarray
     load: np.ndarray
     constant_load: np.ndarray
-    seen: np.ndarray
 
     @property
     def n(self) -> int:
@@ -72,9 +69,7 @@ class StackedAssembly:
 
     def at(self, rows: np.ndarray) -> StackedAssembly:
         """Some of the structures, each as often as it is named."""
-        return replace(
-            self, **{name: _rows(value, rows) for name, value in self.arrays.items()}
-        )
+        return replace(self, **{name: _rows(value, rows) for name, value in self.arrays.items()})
 
     @staticmethod
     def of(assemblies: Sequence[Assembly]) -> StackedAssembly:
@@ -111,7 +106,6 @@ def _columns(a: Assembly) -> dict[str, np.ndarray]:
         "N": contact.N,
         "T": contact.T,
         "T_perp": contact.T_perp,
-        "seen": a.correspondence,
     }
     return {name: np.asarray(A.toarray(), dtype=float) for name, A in matrices.items()} | {
         "area": contact.area,

@@ -94,7 +94,7 @@ def linearised(
 
 
 def modal_damping(K_sym: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-    """phi 2 zeta omega phi^T (m, n, n) of the real modes of K_sym, zeta (m, n)."""
+    """Phi 2 zeta omega phi^T (m, n, n) of the real modes of K_sym, zeta (m, n)."""
     w2, phi = np.linalg.eigh(K_sym)
     weighted = phi * (2.0 * zeta * np.sqrt(np.maximum(w2, 0.0)))[:, None, :]
     damping: np.ndarray = weighted @ phi.swapaxes(1, 2)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 
-from squealstudy.errors import ConvergenceError, SquealstudyError
+from squealstudy.errors import ConvergenceError, ParameterError, SquealstudyError
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.models.parameter_names import FREQUENCY_SCALE
@@ -114,7 +115,9 @@ def stacked_assembly(
     built, reasons = [], {}
     for i, row in enumerate(distinct):
         try:
-            built.append(model.build(options, common | dict(zip(varied, row.tolist(), strict=True))))
+            built.append(
+                model.build(options, common | dict(zip(varied, row.tolist(), strict=True)))
+            )
         except SquealstudyError as error:
             reasons[i] = ("structure", str(error))
             built.append(None)
@@ -125,7 +128,9 @@ def stacked_assembly(
     if not varied:
         return stack, {}
     place = place.reshape(-1)
-    failures = {int(i): reasons[int(place[i])] for i in np.flatnonzero(np.isin(place, list(reasons)))}
+    failures = {
+        int(i): reasons[int(place[i])] for i in np.flatnonzero(np.isin(place, list(reasons)))
+    }
     return stack.at(place), failures
 
 
@@ -161,6 +166,20 @@ def stacked_system(
     return StackedSystem(structures, operating, sliding, linear, failures)
 
 
+def natural_frequencies(
+    model: ModelDefinition, options: Mapping[str, str | int], columns: Columns, count: int
+) -> np.ndarray:
+    """Frequencies (m, n) [Hz] of all real modes about steady sliding, ascending; NaN of no system.
+
+    Arguments as of `stacked_system`.
+    """
+    system = stacked_system(model, options, columns, count)
+    K = np.where(system.linear.finite[:, None, None], system.linear.K_sym, 0.0)
+    hz = np.sqrt(np.maximum(np.linalg.eigvalsh(K), 0.0)) / (2 * np.pi)
+    hz[list(system.failures)] = np.nan
+    return hz
+
+
 def _first(value: np.ndarray | float) -> float:
     return float(value if np.ndim(value) == 0 else np.asarray(value)[0])
 
@@ -173,8 +192,6 @@ def _damping(
     point: ModelPoint, structures: StackedStructures, columns: Columns, count: int
 ) -> StackedDamping:
     """Damping and changes of component modes; ParameterError for a mode that is not there."""
-    from squealstudy.errors import ParameterError
-
     n = structures.n
     ratio = np.repeat(_column(columns.get("damping_ratio", 0.0), count)[:, None], n, axis=1)
     for parameter in point.assembly_parameters():
@@ -219,13 +236,13 @@ def _contradictions(
     failures: Mapping[int, tuple[str, str]],
 ) -> dict[int, tuple[str, str]]:
     """Points at which a law from outside contradicts itself."""
-    from types import SimpleNamespace
-
     found: dict[int, tuple[str, str]] = {}
     for i in range(len(sliding.gap)):
         if i in failures:
             continue
-        values = {name: _first(v) if np.ndim(v) == 0 else float(v[i]) for name, v in columns.items()}
+        values = {
+            name: _first(v) if np.ndim(v) == 0 else float(v[i]) for name, v in columns.items()
+        }
         own = {
             name: array[0 if len(array) == 1 else i]
             for name in ("area", "frictional", "speed_factor")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,15 +102,14 @@ class StackedOperating:
         if self.law.gap_at is None:
             return np.array([self.law_at(i).gap_at(float(x)) for i, x in enumerate(p)])
         values = (value[:, 0] for value in self.law_values)
-        gaps: np.ndarray = at_points(self.law.gap_at, 1, p, *values)[0]
-        return gaps
+        return _mapped(self.law.gap_at, p, *values)
 
     def gap_scale(self, p: np.ndarray) -> np.ndarray:
         """Changes of gap (m,) [m] over which the law at pressures p (m,) changes by its size."""
         if self.law.gap_scale is None:
             return np.array([self.law_at(i).gap_scale(float(x)) for i, x in enumerate(p)])
         values = (value[:, 0] for value in self.law_values)
-        return np.maximum(at_points(self.law.gap_scale, 1, p, *values)[0], 1e-300)
+        return np.maximum(_mapped(self.law.gap_scale, p, *values), 1e-300)
 
     def rubbing(self, p: np.ndarray, speed_factor: np.ndarray) -> StackedFriction:
         """Friction at contact pressures p (m, c) of points with these factors (m or 1, c)."""
@@ -128,3 +127,12 @@ class StackedOperating:
         if (sign < 0).any():
             return StackedFriction(sign * found.mu, found.by_speed, sign * found.by_pressure)
         return found
+
+
+def _mapped(function: Callable[..., float], *arrays: np.ndarray) -> np.ndarray:
+    """A function of floats at every place of arrays (m,); at once where plain arithmetic is all."""
+    try:
+        found = np.asarray(function(*arrays), dtype=float)
+    except (TypeError, ValueError):  # of `math`, or a branch
+        return np.asarray(at_points(function, 1, *arrays)[0])
+    return np.broadcast_to(found, arrays[0].shape).copy()

@@ -174,9 +174,7 @@ def _gram(
     return unit
 
 
-def _backward_errors(
-    C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray
-) -> np.ndarray:
+def _backward_errors(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:
     """As `dense_qep.backward_error`; 0 beyond the count."""
     R = psi * (lam**2)[:, None, :] + (C @ psi) * lam[:, None, :] + K @ psi
     size = np.abs(lam)

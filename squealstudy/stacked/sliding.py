@@ -176,15 +176,11 @@ def _newton(equations: _Equations, area: np.ndarray, held: np.ndarray) -> Stacke
             rows = _PointRows(part, own, gap0[open_rows], open_rows)
             F, p, kappa = rows.imbalance(g)
             step = -rows.newton(F, p, kappa)
-            level = np.maximum(
-                estimate[open_rows], np.abs((own * p).sum(axis=1) / own.sum(axis=1))
-            )
+            level = np.maximum(estimate[open_rows], np.abs((own * p).sum(axis=1) / own.sum(axis=1)))
             share = np.ones(len(g)) if linear else _damping(part.operating, level, g, step)
             g = g + share[:, None] * step
             F, p, kappa = rows.imbalance(g)
-            relative = np.abs(F).max(axis=1) / (
-                size[open_rows] + np.abs(g).max(axis=1) + TINY
-            )
+            relative = np.abs(F).max(axis=1) / (size[open_rows] + np.abs(g).max(axis=1) + TINY)
             scale = part.operating.gap_scale(level)
             small = (np.abs(step).max(axis=1) / scale < TOLERANCE**0.5) | linear
             done = (share == 1.0) & small & (relative < TOLERANCE)
@@ -285,9 +281,7 @@ def _open_share(area: np.ndarray, p: np.ndarray, loaded: np.ndarray) -> np.ndarr
     return np.where(np.abs(mean) < OPEN * loaded, 1.0, below)
 
 
-def _tangent_error(
-    area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.ndarray
-) -> np.ndarray:
+def _tangent_error(area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.ndarray) -> np.ndarray:
     """Relative change (m,) of the contact stiffness by gaps that err by AMPLIFIED F."""
     pressed, size = np.abs(p) > 0, np.abs(kappa)
     weight = np.where(pressed, area * size, 0.0)

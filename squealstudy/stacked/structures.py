@@ -31,7 +31,7 @@ class StackedStructures:
     phi : ndarray (m, n, n)
         Displacements of the degrees of freedom by coordinates.
     sensors : ndarray (m, s, n)
-        What is seen of a shape at the places that correspond between structures.
+        M^(1/2) u of the displacements: shapes of structures of other masses are compared there.
     """
 
     components: tuple[str, ...]
@@ -92,7 +92,7 @@ class StackedStructures:
             speed_factor=a.speed_factor,
             load=back @ loads,
             phi=phi,
-            sensors=a.seen @ phi,
+            sensors=roots_of(a.M) @ phi,
         )
 
 
@@ -100,9 +100,16 @@ def free_modes(M: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Squares of frequencies (m, n) [(rad/s)^2], ascending, and M-orthonormal modes (m, n, n)."""
     lower = np.linalg.cholesky(M)
     inverse = np.linalg.inv(lower)
-    w2, y = np.linalg.eigh(_symmetric(inverse @ K @ inverse.swapaxes(1, 2)))
+    _, y = np.linalg.eigh(_symmetric(inverse @ K @ inverse.swapaxes(1, 2)))
     phi = inverse.swapaxes(1, 2) @ y
     return np.einsum("mij,mij->mj", phi, K @ phi), phi
+
+
+def roots_of(M: np.ndarray) -> np.ndarray:
+    """Symmetric square roots (m, n, n) of positive definite masses."""
+    w, y = np.linalg.eigh(M)
+    root: np.ndarray = (y * np.sqrt(w)[:, None, :]) @ y.swapaxes(1, 2)
+    return root
 
 
 def _symmetric(A: np.ndarray) -> np.ndarray:

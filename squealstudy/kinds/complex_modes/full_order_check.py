@@ -12,6 +12,7 @@ import numpy as np
 
 from squealstudy.engine.cache import Prepared, load_any
 from squealstudy.errors import ConvergenceError
+from squealstudy.kinds.complex_modes.prepared_point import prepared_of
 from squealstudy.machine import give_back_memory
 from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.models.assembly import Assembly
@@ -30,18 +31,22 @@ UNTOLD = 1e-11  # relative error of a check that does not say its own
 
 @dataclass(frozen=True, eq=False)
 class FullOrderTask:
-    """A design point, solved with roots `lam` (m,), to solve by the full-order model as well."""
+    """A design point, solved with roots `lam` (m,), to solve by the full-order model as well.
+
+    Of a `stacked` one the prepared model is made here.
+    """
 
     point: DesignPoint
     lam: np.ndarray
     settings: ReductionSettings
     band_hz: tuple[float, float]
+    stacked: bool = False
 
 
 def at_once(tasks: Sequence[FullOrderTask]) -> int:
     """How many checks may be at work at once for their memory."""
     largest = 1
-    for structure in {task.point.structure for task in tasks}:
+    for structure in {task.point.structure for task in tasks if not task.stacked}:
         prepared = load_any(structure)
         own = prepared.model.n if isinstance(prepared, PreparedFamily) else prepared.n_dof
         largest = max(largest, own)
@@ -53,7 +58,7 @@ def check_reference(task: FullOrderTask) -> dict[str, Any]:
     started = time.perf_counter()
     result: dict[str, Any] = {"point_id": task.point.point_id}
     try:
-        prepared = load_any(task.point.structure)
+        prepared = prepared_of(task.point) if task.stacked else load_any(task.point.structure)
         full = solve_unreduced(prepared, task.point, task.settings, task.band_hz, check=True)
         pairs = paired_with_full_order(task.lam, full.lam, full.error_rung)
         result |= {

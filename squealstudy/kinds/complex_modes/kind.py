@@ -22,6 +22,13 @@ from squealstudy.engine.structures import with_files
 from squealstudy.engine.workers import Progress, Solved, Workers
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes import rows
+from squealstudy.kinds.complex_modes.batch import (
+    BatchTask,
+    batch_tasks,
+    seconds_a_point,
+    solve_batch,
+    stacks,
+)
 from squealstudy.kinds.complex_modes.problems import (
     SweptStructure,
     make_basis,
@@ -67,9 +74,16 @@ class ComplexModes(ModelKind):
     has_fidelity = True
     needs_contact = False
 
+    def stacks(self, plan: Plan) -> bool:
+        """Small models that are solved exactly."""
+        return stacks(plan)
+
     def check(self, plan: Plan) -> None:
         """Modes of the assembly must be held by every basis; component modes are, in any kind."""
         if not plan.first.assembly_parameters() or plan.method.rung.unreduced:
+            return
+        if plan.stacked:
+            plan.check_assembly_modes(plan.first.assembly().n_dof)
             return
         for key in plan.structures:
             if is_prepared(key):
@@ -132,13 +146,19 @@ class ComplexModes(ModelKind):
         """Rungs that solve the unreduced model."""
         return plan.method.rung.unreduced
 
-    def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[SolveTask]:
-        """Boxes of neighbouring points, or chunks of consecutive ones."""
+    def tasks(
+        self, plan: Plan, points: DesignPoints, workers: Workers
+    ) -> Iterator[SolveTask | BatchTask]:
+        """Batches, boxes of neighbouring points, or chunks of consecutive ones."""
+        if plan.stacked:
+            return batch_tasks(plan, points, workers.jobs)
         self.prepare(plan, workers.report)
         return solve_tasks(plan, points, workers)
 
-    def solve(self, task: SolveTask) -> Solved:
+    def solve(self, task: SolveTask | BatchTask) -> Solved:
         """Solve the points of a task in a worker."""
+        if isinstance(task, BatchTask):
+            return solve_batch(task)
         return solve_points(task)
 
     def grown(self, plan: Plan, store: Store) -> Plan:
@@ -174,7 +194,9 @@ class ComplexModes(ModelKind):
         wanted = [t for t in chosen if t.point_id not in present]
         found = read_roots(store, [t.point_id for t in wanted], overdamped=True)
         tasks = [
-            FullOrderTask(t, lam, plan.settings, plan.band_hz)
+            FullOrderTask(
+                _of_its_structure(plan, t), lam, plan.settings, plan.band_hz, plan.stacked
+            )
             for t in wanted
             if t.structure not in failures and (lam := found.get(t.point_id)) is not None
         ]
@@ -198,7 +220,8 @@ class ComplexModes(ModelKind):
 
         if plan.study.definition.modes.track:  # which solves points in between
             self.prepare(plan, workers.report)
-        built = {key: "" for key in plan.structures if not is_prepared(key)}
+        unbuilt = () if plan.stacked else plan.structures
+        built = {key: "" for key in unbuilt if not is_prepared(key)}
         samples = make_samples(plan, built, workers)
         points, facts = build_tables(plan, store, workers, samples)
         served = {str(k): int(n) for k, n in points["method"].value_counts().items() if k}
@@ -233,6 +256,8 @@ class ComplexModes(ModelKind):
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
         """Seconds of one design point by the exact method."""
+        if plan.stacked:
+            return seconds_a_point(plan)
         method = plan.method
         rung = method.rung if method.rung.exact else rung_named(method.exact)
         structure = next(s for s in swept_structures(plan) if s.key == task.structure)
@@ -244,6 +269,11 @@ class ComplexModes(ModelKind):
             except FAILURES:
                 return None
         return time.perf_counter() - started
+
+
+def _of_its_structure(plan: Plan, point: DesignPoint) -> DesignPoint:
+    """A design point with the key of a structure that is its own, of a batch too."""
+    return replace(point, structure=plan.structure_key(point)) if plan.stacked else point
 
 
 def mode_solves(plan: Plan) -> Solves:

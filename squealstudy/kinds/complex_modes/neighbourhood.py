@@ -14,6 +14,7 @@ from threadpoolctl import ThreadpoolController
 from squealstudy.engine.cache import known_gap, load_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ConvergenceError, ExtensionError, SquealstudyError
+from squealstudy.kinds.complex_modes.batch import modes_at
 from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
 from squealstudy.kinds.complex_modes.solve_tasks import boxes, rung_of, whole_box
 from squealstudy.mechanics.failures import FAILURES
@@ -50,6 +51,8 @@ class PointNeighbourhood:
         As in Plan.coordinates.
     sweeps : tuple of (str, bool)
         Name of each coordinate, and whether it is a logarithm.
+    stacked : bool
+        It is one of a batch of small models.
     """
 
     structure: SweptStructure
@@ -58,6 +61,7 @@ class PointNeighbourhood:
     design: DesignPoint
     x: np.ndarray
     sweeps: tuple[tuple[str, bool], ...]
+    stacked: bool = False
 
     def design_at(self, x: np.ndarray) -> DesignPoint:
         """The design at other coordinates (p,); coordinates that agree keep their exact value."""
@@ -75,6 +79,8 @@ class PointNeighbourhood:
         ConvergenceError
             Where there are none: no working point, or an eigenproblem without solution.
         """
+        if self.stacked:
+            return self._alone(x)
         rung, point = rung_named(self.rung), self.design_at(x)
         problem = problem_of(self.structure, rung)
         with _threads().limit(limits=1):
@@ -91,6 +97,16 @@ class PointNeighbourhood:
                 raise
             except FAILURES as error:
                 raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
+
+    def _alone(self, x: np.ndarray) -> Modes:
+        try:
+            return modes_at(self.design_at(x), self.structure.band_hz)
+        except ExtensionError:
+            raise
+        except ConvergenceError:
+            raise
+        except FAILURES as error:
+            raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
 
     def matrices(self) -> ModalMatrices:
         """The design point in the real modes of its structure, of an assembly.
@@ -154,6 +170,7 @@ class StudyNeighbourhoods:
             design=task,
             x=x,
             sweeps=self._sweeps,
+            stacked=self._plan.stacked,
         )
 
     def logarithmic(self, column: int) -> bool:

@@ -20,6 +20,7 @@ import numpy as np
 from squealstudy.engine.cache import is_prepared, known_gap, prepared_any
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.workers import Workers
+from squealstudy.kinds.complex_modes.batch import wider_roots
 from squealstudy.kinds.complex_modes.problems import SweptStructure, swept_structures
 from squealstudy.kinds.complex_modes.rows import ModeColumns
 from squealstudy.mechanics.failures import FAILURES
@@ -89,6 +90,8 @@ def look_outside(plan: Plan, columns: ModeColumns, workers: Workers) -> list[Out
         return []
     section, low, high = plan.study.definition.modes, *plan.band_hz
     top = high * (EVERYTHING if is_small(plan) else REACH)
+    if plan.stacked:
+        return _outside_of_batch(plan, chosen_points(plan, columns), (RIGID_SHARE * high, top))
     wide = {s.key: replace(s, band_hz=(RIGID_SHARE * high, top)) for s in swept_structures(plan)}
     tasks = [
         OutsideTask(
@@ -120,6 +123,8 @@ def chosen_points(plan: Plan, columns: ModeColumns) -> list[int]:
 
 def is_small(plan: Plan) -> bool:
     """Whether the model has so few coordinates that all its modes cost next to nothing."""
+    if plan.stacked:
+        return True
     keys = (key for key in plan.structures if is_prepared(key))
     return all(prepared_any(key).model.n <= SMALL for key in islice(keys, 1))
 
@@ -147,10 +152,37 @@ def growing_outside(task: OutsideTask) -> Outside | None:
         modes = _wider_modes(task)
     except FAILURES:
         return None
-    lam = settled(modes.lam, modes.error_rung, task.tolerance)
-    lam = lam[damping_ratios(lam) < -task.neutral]
+    roots = modes.lam, modes.error_rung
+    return _outside(task.row, *roots, task.band_hz, task.tolerance, task.neutral)
+
+
+def _outside(
+    row: int,
+    lam: np.ndarray,
+    error: np.ndarray,
+    band_hz: tuple[float, float],
+    tolerance: float,
+    neutral: float,
+) -> Outside:
+    """Of roots (k,) and their errors those that grow outside a band."""
+    lam = settled(lam, error, tolerance)
+    lam = lam[damping_ratios(lam) < -neutral]
     hz = np.abs(lam) / (2 * np.pi)
-    return Outside(task.row, lam[hz < task.band_hz[0]], lam[hz > task.band_hz[1]])
+    return Outside(row, lam[hz < band_hz[0]], lam[hz > band_hz[1]])
+
+
+def _outside_of_batch(plan: Plan, rows: list[int], wide_hz: tuple[float, float]) -> list[Outside]:
+    """What grows outside the band at some points of a batch."""
+    if not rows:
+        return []
+    found = wider_roots(plan.tasks.at(np.array(rows)), wide_hz)
+    neutral = plan.study.definition.modes.stability_tolerance
+    looked = [
+        _outside(row, *roots, plan.band_hz, plan.method.tolerance, neutral)
+        for row, roots in zip(rows, found, strict=True)
+        if roots is not None
+    ]
+    return sorted(looked, key=lambda one: one.row)
 
 
 def _wider_modes(task: OutsideTask) -> PointModes:

@@ -140,7 +140,11 @@ def _variant(
         value=value,
         default=isinstance(line, MethodSection) and line.default,
         reference=isinstance(line, ReferenceSection),
-        plan=Plan(study, np.array(swept).reshape(len(swept), len(study.sweeps))),
+        plan=Plan(
+            study,
+            np.array(swept).reshape(len(swept), len(study.sweeps)),
+            point_by_point=True,
+        ),
         measured=measured,
         lines=placed,
         integrator=line.integrator or "",

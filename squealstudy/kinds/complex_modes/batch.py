@@ -1,0 +1,185 @@
+"""Complex modes of small models, all design points of a task at once: rows as one Arrow table.
+
+Structures of a few coordinates cost microseconds: they are made with their points, and no cache
+knows them (`Plan.stacked`). What is asked of one design point besides, its prepared model, is made
+when it is asked for.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from squealstudy.engine.design_points import DesignPoints
+from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.rows import FAILURES, failed_row, reason
+from squealstudy.engine.workers import Solved
+from squealstudy.errors import ConvergenceError, SquealstudyError
+from squealstudy.kinds.complex_modes.rows import SCHEMA
+from squealstudy.models.matrices.family import FamilyDefinition
+from squealstudy.models.parameter import nothing_vanishes
+from squealstudy.modes.point import DENSE
+from squealstudy.modes.tracking.refinement import Modes
+from squealstudy.stacked.modes import BLOCK, MOST_COORDINATES, StackedSystem, stacked_system
+from squealstudy.stacked.roots import StackedRoots
+from squealstudy.study.design import DesignPoint
+
+TASKS = 4  # of a batch for each worker, at least BLOCK / TASKS points each
+
+
+@dataclass(frozen=True, eq=False)
+class BatchTask:
+    """Design points for a worker to solve at once.
+
+    Attributes
+    ----------
+    points : DesignPoints
+    band_hz : (low, high)
+    """
+
+    points: DesignPoints
+    band_hz: tuple[float, float]
+
+
+def stacks(plan: Plan) -> bool:
+    """Whether a plan is of a small model that is solved exactly, and so in batches."""
+    model = plan.study.model
+    if has_mesh(plan.study) or isinstance(model, FamilyDefinition) or plan.method.name != DENSE:
+        return False
+    if model.vanishing is not nothing_vanishes:
+        return False
+    try:
+        assembly = plan.first.assembly()
+    except FAILURES:  # which the way point by point tells
+        return False
+    plain = all(c.correspondence is None for c in assembly.components)
+    return plain and assembly.n_dof <= MOST_COORDINATES
+
+
+def batch_tasks(plan: Plan, points: DesignPoints, jobs: int) -> Iterator[BatchTask]:
+    """Consecutive points in tasks of BLOCK, or fewer where workers would have none."""
+    size = min(BLOCK, max(BLOCK // TASKS, -(-len(points) // max(jobs, 1))))
+    for start in range(0, len(points), size):
+        yield BatchTask(points.at(slice(start, start + size)), plan.band_hz)
+
+
+def solve_batch(task: BatchTask) -> Solved:
+    """Rows of the points of a task, in their order."""
+    started = time.perf_counter()
+    points = task.points
+    try:
+        system = system_of(points)
+    except FAILURES as error:
+        return Solved([], table=_failed_table(points, *reason(error)))
+    roots = system.roots(task.band_hz)
+    return Solved([], table=_table(points, system, roots, started))
+
+
+def system_of(points: DesignPoints) -> StackedSystem:
+    """The linearised systems of design points; SquealstudyError where none has a structure."""
+    return stacked_system(points.model, points.options, points.columns, len(points))
+
+
+def modes_at(design: DesignPoint, band_hz: tuple[float, float]) -> Modes:
+    """Oscillating modes of one design point; ConvergenceError where it has none."""
+    system = _alone(design)
+    roots = system.roots(band_hz)
+    held = np.flatnonzero(roots.held[0] & (roots.lam[0].imag != 0))
+    return Modes(roots.lam[0, held], system.shapes(roots.psi)[0, held])
+
+
+def _alone(design: DesignPoint) -> StackedSystem:
+    values = {name: np.array([value]) for name, value in design.values.items()}
+    system = stacked_system(design.model, design.options, values, 1)
+    if system.failures:
+        raise ConvergenceError(*system.failures[0])
+    return system
+
+
+def seconds_a_point(plan: Plan) -> float | None:
+    """Of a batch of design points, as they are timed for a forecast; None where none is solved."""
+    task = BatchTask(plan.tasks.at(slice(0, BLOCK // TASKS)), plan.band_hz)
+    started = time.perf_counter()
+    solved = solve_batch(task).table
+    assert solved is not None
+    if "ok" not in solved["status"].to_pylist():
+        return None
+    return (time.perf_counter() - started) / len(task.points)
+
+
+def wider_roots(
+    points: DesignPoints, band_hz: tuple[float, float]
+) -> list[tuple[np.ndarray, np.ndarray] | None]:
+    """Roots (k,) [rad/s] and errors of each design point in a wider band; None where it failed."""
+    try:
+        system = system_of(points)
+    except SquealstudyError:
+        return [None] * len(points)
+    roots = system.roots(band_hz)
+    return [
+        None if i in system.failures else (roots.lam[i, :n], roots.error[i, :n])
+        for i, n in enumerate(roots.count.tolist())
+    ]
+
+
+def _table(
+    points: DesignPoints, system: StackedSystem, roots: StackedRoots, started: float
+) -> pa.Table:
+    count, held, sliding = roots.count, roots.held, system.sliding
+    m = len(count)
+    solved = np.ones(m, dtype=bool)
+    solved[list(system.failures)] = False
+    failures = [system.failures.get(i, ("ok", "")) for i in range(m)]
+    lam = roots.lam[held]
+    energies = system.energies(roots.psi).swapaxes(1, 2)[held]
+    shapes = np.ascontiguousarray(system.shapes(roots.psi)[held])
+
+    def figures(values: np.ndarray) -> np.ndarray:
+        return np.where(solved, values, np.nan)
+
+    lists = {
+        "re": lam.real,
+        "im": lam.imag,
+        "overdamped": lam.imag == 0,
+        "residual": roots.residual[held],
+        "error_rung": roots.error[held],
+    }
+    columns: dict[str, pa.Array] = {
+        "point_id": pa.array(points.ids.astype(str)),
+        "status": pa.array([status for status, _ in failures]),
+        "message": pa.array([message for _, message in failures]),
+        "method": pa.array([DENSE if ok else "" for ok in solved.tolist()]),
+        "working_point_residual": pa.array(figures(sliding.residual)),
+        "open_share": pa.array(figures(sliding.open_share)),
+        "contact_pressure_min": pa.array(figures(sliding.pressure.min(axis=1))),
+        "contact_pressure_max": pa.array(figures(sliding.pressure.max(axis=1))),
+        **{name: _lists(values, count) for name, values in lists.items()},
+        "energies": _lists(energies.ravel(), count * energies.shape[1]),
+        "shapes": _binaries(shapes, count),
+    }
+    columns["wall_s"] = pa.array(np.full(m, (time.perf_counter() - started) / m))
+    return pa.Table.from_arrays([columns[name] for name in SCHEMA.names], schema=SCHEMA)
+
+
+def _failed_table(points: DesignPoints, status: str, message: str) -> pa.Table:
+    rows = [failed_row(SCHEMA, name, status, message) for name in points.ids.astype(str).tolist()]
+    return pa.Table.from_pylist(rows, schema=SCHEMA)
+
+
+def _ends(count: np.ndarray) -> pa.Array:
+    return pa.array(np.append(0, np.cumsum(count)).astype(np.int32))
+
+
+def _lists(values: np.ndarray, count: np.ndarray) -> pa.Array:
+    return pa.ListArray.from_arrays(_ends(count), pa.array(values))
+
+
+def _binaries(rows: np.ndarray, count: np.ndarray) -> pa.Array:
+    """The rows of each point as bytes."""
+    ends = _ends(count * rows.shape[1] * rows.itemsize)
+    buffers = [None, ends.buffers()[1], pa.py_buffer(rows.tobytes())]
+    return pa.Array.from_buffers(pa.binary(), len(count), buffers)
