@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,8 +12,10 @@ from squealstudy.laws import contact_law
 from squealstudy.laws.contact.unilateral import STIFFNESS
 from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.linear_interfaces import SpringInterface
+from squealstudy.models.stacked_assembly import StackedAssembly
 
 ARM = 1.0  # m: the torque of a minimal model is its friction force
+ON_BELT = np.array([[0.0, 1.0]]), np.array([[1.0, 0.0]])  # N and T of `mass_on_belt`
 LAW = contact_law("bilateral")  # the areas of the points carry their stiffness
 
 
@@ -58,11 +61,63 @@ def mass_on_belt(values: Mapping[str, float], springs: SpringInterface) -> Assem
     return Assembly(
         components=(point_mass("mass", values["mass"]),),
         contact=bilateral_points(
-            N=np.array([[0.0, 1.0]]),
-            T=np.array([[1.0, 0.0]]),
+            *ON_BELT,
             stiffness=np.array([values["contact_stiffness"]]),
         ),
         springs=(springs,),
         load=np.zeros(2),
         constant_load=np.array([0.0, -values["normal_force"]]),
     )
+
+
+def stacked_mass(
+    mass: Any,
+    N: np.ndarray,
+    T: np.ndarray,
+    stiffness: list[Any],
+    force: list[Any],
+    springs: list[list[Any]] | None = None,
+) -> StackedAssembly:
+    """A point mass on bilateral contact points, of many structures at once.
+
+    Parameters
+    ----------
+    mass : float or ndarray (m,)
+        kg.
+    N, T : ndarray (nc, 2)
+        As of `bilateral_points`.
+    stiffness : list of (float or ndarray (m,))
+        Of each contact point, N/m.
+    force : list of (float or ndarray (m,))
+        That is always there, along each coordinate, N.
+    springs : list of lists of (float or ndarray (m,)) or None
+        Stiffness (2 x 2) of linear springs, N/m.
+    """
+    still = np.zeros((1, 2, 2))
+    area = _rows(stiffness) / LAW.value(STIFFNESS.name)
+    held = still if springs is None else np.stack(np.broadcast_arrays(*map(_rows, springs)), axis=1)
+    nc = len(N)
+    return StackedAssembly(
+        components=("mass",),
+        offsets=np.array([0, 2]),
+        M=np.atleast_1d(np.asarray(mass, dtype=float))[:, None, None] * np.eye(2),
+        K=still,
+        springs=held,
+        static_springs=held,
+        C=None,
+        N=N[None].astype(float),
+        T=T[None].astype(float),
+        T_perp=np.zeros((1, nc, 2)),
+        area=area,
+        gap0=np.zeros((1, nc)),
+        frictional=np.ones((1, nc)),
+        speed_factor=np.ones((1, nc)),
+        load=np.zeros((1, 2)),
+        constant_load=_rows(force),
+    )
+
+
+def _rows(columns: list[Any]) -> np.ndarray:
+    """Numbers or arrays (m,) side by side: (m or 1, k)."""
+    arrays = [np.atleast_1d(np.asarray(column, dtype=float)) for column in columns]
+    return np.stack(np.broadcast_arrays(*arrays), axis=1)

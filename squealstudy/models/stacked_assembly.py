@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -69,7 +70,8 @@ class StackedAssembly:
 
     def at(self, rows: np.ndarray) -> StackedAssembly:
         """Some of the structures, each as often as it is named."""
-        return replace(self, **{name: _rows(value, rows) for name, value in self.arrays.items()})
+        own: dict[str, Any] = {name: _rows(value, rows) for name, value in self.arrays.items()}
+        return replace(self, **own)
 
     @staticmethod
     def of(assemblies: Sequence[Assembly]) -> StackedAssembly:

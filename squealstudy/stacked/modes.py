@@ -1,4 +1,4 @@
-"""From values of parameters as arrays to complex modes: the whole way of a batch of small models."""
+"""From values of parameters as arrays to complex modes: the way of a batch of small models."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from squealstudy.errors import ConvergenceError, ParameterError, SquealstudyError
+from squealstudy.models.assembly import Assembly
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.models.parameter_names import FREQUENCY_SCALE
@@ -108,11 +109,12 @@ def stacked_assembly(
     varied = [name for name in names if np.ndim(columns[name])]
     if model.stack is not None:
         own = {p.name: columns[p.name] for p in model.parameters}
-        return model.stack(options, own), {}
+        return _checked(model.stack(options, own), count)
     values = np.column_stack([columns[name] for name in varied]) if varied else np.zeros((1, 0))
     distinct, place = np.unique(values, axis=0, return_inverse=True)
     common = {p.name: _first(columns[p.name]) for p in model.parameters}
-    built, reasons = [], {}
+    built: list[Assembly | None] = []
+    reasons: dict[int, tuple[str, str]] = {}
     for i, row in enumerate(distinct):
         try:
             built.append(
@@ -180,6 +182,29 @@ def natural_frequencies(
     return hz
 
 
+def _checked(
+    stack: StackedAssembly, count: int
+) -> tuple[StackedAssembly, Mapping[int, tuple[str, str]]]:
+    """The stack, and the points whose masses or stiffnesses are none; these get another's.
+
+    Raises
+    ------
+    SquealstudyError
+        Where no point has an assembly.
+    """
+    good = np.ones(count, dtype=bool)
+    for array in stack.arrays.values():
+        good &= np.isfinite(array).reshape(len(array), -1).all(axis=1)
+    good &= (np.einsum("mii->mi", stack.M) > 0).all(axis=1)
+    if good.all():
+        return stack, {}
+    text = "a mass, stiffness or load of the design point is not finite, or a mass not positive"
+    if not good.any():
+        raise SquealstudyError(text)
+    rows = np.where(good, np.arange(count), int(np.argmax(good)))
+    return stack.at(rows), {int(i): ("structure", text) for i in np.flatnonzero(~good)}
+
+
 def _first(value: np.ndarray | float) -> float:
     return float(value if np.ndim(value) == 0 else np.asarray(value)[0])
 
@@ -240,9 +265,7 @@ def _contradictions(
     for i in range(len(sliding.gap)):
         if i in failures:
             continue
-        values = {
-            name: _first(v) if np.ndim(v) == 0 else float(v[i]) for name, v in columns.items()
-        }
+        values = {name: float(np.ravel(v)[i if np.ndim(v) else 0]) for name, v in columns.items()}
         own = {
             name: array[0 if len(array) == 1 else i]
             for name in ("area", "frictional", "speed_factor")

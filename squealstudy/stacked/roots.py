@@ -53,7 +53,6 @@ def stacked_roots(C: np.ndarray, K: np.ndarray, band: tuple[float, float]) -> St
 
     C, K are finite (m, n, n). Roots that cannot be told from zero are left out.
     """
-    m, n = K.shape[:2]
     lam, psi = _companion_pairs(C, K)
     size = np.abs(lam)
     inside = (lam.imag >= 0) & (size >= band[0]) & (size <= band[1])

@@ -60,7 +60,8 @@ def measure_modes(plan: Plan, measured: Sequence[int], asked: Asked) -> Measurem
     wanted = plan.tasks.at(np.array(list(dict.fromkeys([*measured, *on_lines]))))
     solved = plan.tasks if plan.method.rung.shares_work else wanted
     with tempfile.TemporaryDirectory() as scratch:
-        tasks = list(kind.tasks(plan, solved, Workers()))
+        made = kind.tasks(plan, solved, Workers())
+        tasks = [task for task in made if isinstance(task, SolveTask)]
         ready_s = _made_ready(tasks)
         with memory_above() as memory, threadpool_limits(1):
             seconds, found_rows = _solved(kind, tasks)

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,7 +27,7 @@ import scipy.sparse as sp
 from squealstudy.laws.friction.exponential_fall import DECAY_SPEED, STATIC_RATIO
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.linear_interfaces import SpringInterface
-from squealstudy.models.minimal_parts import mass_on_belt
+from squealstudy.models.minimal_parts import ON_BELT, mass_on_belt, stacked_mass
 from squealstudy.models.operating import (
     ASSUMPTIONS,
     DAMPING,
@@ -37,6 +38,7 @@ from squealstudy.models.operating import (
     friction_parameters,
 )
 from squealstudy.models.parameter import Declared, ModelDefinition, structural
+from squealstudy.models.stacked_assembly import StackedAssembly
 
 PARAMETERS: Declared = (
     replace(FRICTION, default=0.5),
@@ -69,6 +71,20 @@ def build(
     return mass_on_belt(values, SpringInterface("spring", along, np.array([values["stiffness"]])))
 
 
+def stack(
+    options: Mapping[str, str | int],  # noqa: ARG001 - the signature of every model
+    values: Mapping[str, Any],
+) -> StackedAssembly:
+    """As `build`, of values that are numbers or arrays (m,)."""
+    return stacked_mass(
+        values["mass"],
+        *ON_BELT,
+        [values["contact_stiffness"]],
+        [0.0, -values["normal_force"]],
+        [[values["stiffness"], 0.0], [0.0, 0.0]],
+    )
+
+
 BELT = ModelDefinition(
     name="belt",
     description="mass on a belt with falling friction: stick-slip, stable above 1.151 m/s; 2 DOF",
@@ -76,5 +92,6 @@ BELT = ModelDefinition(
     declared=PARAMETERS,
     components=("mass",),
     build=build,
+    stack=stack,
     assumptions=ASSUMPTIONS,
 )

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.linear_interfaces import SpringInterface
-from squealstudy.models.minimal_parts import mass_on_belt
+from squealstudy.models.minimal_parts import ON_BELT, mass_on_belt, stacked_mass
 from squealstudy.models.operating import (
     ASSUMPTIONS,
     CONTACT_OPTION,
@@ -34,6 +35,7 @@ from squealstudy.models.operating import (
     friction_parameters,
 )
 from squealstudy.models.parameter import Declared, ModelDefinition, ModelOption, structural
+from squealstudy.models.stacked_assembly import StackedAssembly
 from squealstudy.parameter import Parameter
 
 STIFFNESS = structural(
@@ -83,6 +85,23 @@ def build(
     return mass_on_belt(values, springs)
 
 
+def stack(
+    options: Mapping[str, str | int],  # noqa: ARG001 - the signature of every model
+    values: Mapping[str, Any],
+) -> StackedAssembly:
+    """As `build`, of values that are numbers or arrays (m,)."""
+    k = [values["k1"], values["k2"]]
+    angles = [np.deg2rad(values["alpha1"]), np.deg2rad(values["alpha2"])]
+    along, away = [np.cos(a) for a in angles], [np.sin(a) for a in angles]
+    across = sum(k[i] * along[i] * away[i] for i in (0, 1))
+    springs = [
+        [sum(k[i] * along[i] ** 2 for i in (0, 1)), across],
+        [across, sum(k[i] * away[i] ** 2 for i in (0, 1))],
+    ]
+    load = [0.0, -values["normal_force"]]
+    return stacked_mass(values["mass"], *ON_BELT, [values["contact_stiffness"]], load, springs)
+
+
 HOFFMANN = ModelDefinition(
     name="hoffmann",
     description="mass on two inclined springs and a belt (Hoffmann et al. 2002): "
@@ -94,5 +113,6 @@ HOFFMANN = ModelDefinition(
     declared=PARAMETERS,
     components=("mass",),
     build=build,
+    stack=stack,
     assumptions=ASSUMPTIONS,
 )

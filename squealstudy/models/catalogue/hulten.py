@@ -22,7 +22,7 @@ import numpy as np
 from squealstudy.laws.friction.exponential_fall import EXPONENTIAL_FALL
 from squealstudy.laws.registry import at_points
 from squealstudy.models.assembly import Assembly
-from squealstudy.models.minimal_parts import bilateral_points, point_mass
+from squealstudy.models.minimal_parts import bilateral_points, point_mass, stacked_mass
 from squealstudy.models.operating import (
     ASSUMPTIONS,
     CONTACT_OPTION,
@@ -42,6 +42,7 @@ from squealstudy.models.parameter import (
     ModelOption,
     structural,
 )
+from squealstudy.models.stacked_assembly import StackedAssembly
 
 PARAMETERS: Declared = (
     FRICTION,
@@ -75,6 +76,10 @@ BOTH_PRESS = Assumption(
 )
 
 
+N = np.eye(2)
+T = np.array([[0.0, -1.0], [1.0, 0.0]])
+
+
 def build(
     options: Mapping[str, str | int],  # noqa: ARG001 - the signature of every model
     values: Mapping[str, float],
@@ -85,8 +90,6 @@ def build(
     second q1, as for a disc that turns through the corner between the two.
     """
     omega = 2 * np.pi * np.array([values["frequency_1"], values["frequency_2"]])
-    N = np.eye(2)
-    T = np.array([[0.0, -1.0], [1.0, 0.0]])
     return Assembly(
         (point_mass("mass", values["mass"]),),
         bilateral_points(N, T, values["mass"] * omega**2),
@@ -94,6 +97,16 @@ def build(
         np.zeros(2),
         np.full(2, -values["normal_force"]),
     )
+
+
+def stack(
+    options: Mapping[str, str | int],  # noqa: ARG001 - the signature of every model
+    values: Mapping[str, Any],
+) -> StackedAssembly:
+    """As `build`, of values that are numbers or arrays (m,)."""
+    mass, load = values["mass"], -values["normal_force"]
+    omega = [2 * np.pi * values[f"frequency_{i}"] for i in (1, 2)]
+    return stacked_mass(mass, N, T, [mass * w**2 for w in omega], [load, load])
 
 
 HULTEN = ModelDefinition(
@@ -107,5 +120,6 @@ HULTEN = ModelDefinition(
     declared=PARAMETERS,
     components=("mass",),
     build=build,
+    stack=stack,
     assumptions=(*ASSUMPTIONS, BOTH_PRESS),
 )

@@ -1,0 +1,211 @@
+"""Small models in batches: equal to the way point by point, and to closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from squealstudy.errors import ParameterError, SquealstudyError
+from squealstudy.models.catalogue import MODELS
+from squealstudy.models.model_point import ModelPoint
+from squealstudy.modes.point import solve_point
+from squealstudy.reduction.cmt import ReductionSettings
+from squealstudy.reduction.prepared import prepare
+from squealstudy.stacked.modes import stacked_system
+from squealstudy.stacked.roots import stacked_roots
+
+BAND = (1.0, 1000.0)
+WHOLE = ReductionSettings(np.inf, np.inf, 0.0)
+CASES = {
+    "hulten": (
+        "hulten",
+        {},
+        {"friction": (0.0, 0.9), "frequency_1": (60.0, 110.0), "sliding_speed": (-1.0, -0.2)},
+    ),
+    "damped": (
+        "hulten",
+        {},
+        {
+            "friction": (0.0, 0.9),
+            "damping_ratio": (0.0, 0.05),
+            "modes[2].damping_ratio": (0.0, 0.1),
+            "mass.modes[1].damping_ratio": (0.0, 0.1),
+        },
+    ),
+    "cubic": (
+        "hulten",
+        {"contact_law": "cubic"},
+        {
+            "friction": (0.0, 0.9),
+            "contact.cubic_stiffness": (1e17, 1e19),
+            "stiffness_damping": (0.0, 1e-4),
+        },
+    ),
+    "exponential": (
+        "hoffmann",
+        {"contact_law": "exponential"},
+        {
+            "friction": (0.0, 1.2),
+            "contact.lambda": (1e4, 5e5),
+            "friction_law.static_ratio": (1.0, 1.5),
+            "damping_ratio": (0.0, 0.02),
+            "k1": (1e5, 3e5),
+            "alpha1": (120.0, 170.0),
+        },
+    ),
+    "unilateral": (
+        "hoffmann",
+        {"contact_law": "unilateral"},
+        {"friction": (0.0, 0.7), "mass": (0.5, 2.0)},
+    ),
+    "power": (
+        "hoffmann",
+        {"contact_law": "power"},
+        {"friction": (0.0, 0.5), "normal_force": (50.0, 200.0), "damping_ratio": (0.01, 0.02)},
+    ),
+    "belt": (
+        "belt",
+        {},
+        {"friction": (0.0, 1.2), "sliding_speed": (0.2, 2.0), "stiffness": (1e5, 1e6)},
+    ),
+}
+
+
+def columns(name, ranges, count, seed):
+    rng = np.random.default_rng(seed)
+    return {**MODELS[name].defaults(), **{k: rng.uniform(*r, count) for k, r in ranges.items()}}
+
+
+def point_of(model, options, values, row):
+    own = {k: float(x if np.ndim(x) == 0 else x[row]) for k, x in values.items()}
+    return ModelPoint(model, options, own)
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("built", [False, True], ids=["stacked", "built one by one"])
+def test_a_batch_is_its_points_one_by_one(case, built, monkeypatch):
+    name, chosen, ranges = CASES[case]
+    model = MODELS[name]
+    if built:
+        from dataclasses import replace
+
+        model = replace(model, stack=None)
+    options = {o.name: o.choices[0] for o in model.options} | chosen
+    count = 6
+    values = columns(name, ranges, count, seed=len(case))
+    system = stacked_system(model, options, values, count)
+    roots = system.roots(BAND)
+    energies, shapes = system.energies(roots.psi), system.shapes(roots.psi)
+    assert not system.failures
+    for row in range(count):
+        point = point_of(model, options, values, row)
+        prepared = prepare(point.assembly(), point.operating_point(), WHOLE)
+        own = solve_point(prepared, point.state(), BAND)
+        n = roots.count[row]
+        lam = roots.lam[row, :n]
+        np.testing.assert_allclose(lam, own.lam, rtol=1e-12)
+        np.testing.assert_allclose(roots.error[row, :n], own.error_rung, rtol=0.5)
+        np.testing.assert_allclose(energies[row, :, :n], own.energies, atol=1e-12)
+        assert (roots.residual[row, :n] < 1e-14).all()
+        seen = own.shapes @ prepared.sensor_shapes.T
+        mac = np.abs(np.einsum("ij,ij->i", shapes[row, :n].conj(), seen))
+        np.testing.assert_allclose(mac, 1.0, atol=1e-5)
+        state, contact = own.working_point, system.sliding
+        scale = np.abs(state.contact_pressure).max()
+        error = np.abs(contact.pressure[row] - state.contact_pressure).max()
+        assert error < 1e-12 * scale
+        assert contact.open_share[row] == state.open_share
+
+
+@given(
+    friction=st.floats(0.0, 0.95),
+    ratio=st.floats(1.0001, 2.0),
+    size=st.sampled_from([1, 2, 7]),
+)
+@settings(max_examples=30, deadline=None)
+def test_hulten_has_its_closed_form(friction, ratio, size):
+    f1, f2 = 75.0 * ratio, 75.0
+    values = MODELS["hulten"].defaults() | {
+        "friction": np.full(size, friction),
+        "frequency_1": f1,
+        "frequency_2": np.full(size, f2),
+    }
+    options = {o.name: o.choices[0] for o in MODELS["hulten"].options}
+    roots = stacked_system(MODELS["hulten"], options, values, size).roots(BAND)
+    w1, w2 = 2 * np.pi * f1, 2 * np.pi * f2
+    K = np.array([[w1**2, -friction * w2**2], [friction * w1**2, w2**2]])
+    own = np.sqrt(np.linalg.eigvals(K).astype(complex))
+    expected = np.sort_complex(np.where(own.imag >= 0, 1j * own.conj(), 1j * own))
+    coalescing = abs(friction - abs(f1**2 - f2**2) / (2 * f1 * f2)) < 1e-3
+    for row in range(size):
+        assert roots.count[row] == 2
+        found = roots.lam[row]
+        growing, largest = found.real.max(), expected.real.__abs__().max()
+        assert abs(growing - largest) <= (20.0 if coalescing else 1e-6 * w1)
+        np.testing.assert_allclose(
+            np.sort(found.imag), np.sort(expected.imag), rtol=1e-2 if coalescing else 1e-9
+        )
+
+
+@given(st.integers(1, 9), st.integers(0, 10_000))
+@settings(max_examples=25, deadline=None)
+def test_roots_are_those_of_the_companion_form(n, seed):
+    rng = np.random.default_rng(seed)
+    m = 5
+    A = rng.standard_normal((m, n, n))
+    K = 1e4 * (A @ A.swapaxes(1, 2) + 0.3 * rng.standard_normal((m, n, n)))
+    C = rng.standard_normal((m, n, n)) + 3.0 * np.eye(n)
+    found = stacked_roots(C, K, (1e-3, 1e6))
+    for row in range(m):
+        whole = np.block([[np.zeros((n, n)), np.eye(n)], [-K[row], -C[row]]])
+        own = np.linalg.eigvals(whole)
+        own = own[own.imag >= 0]
+        lam = found.lam[row, : found.count[row]]
+        assert len(lam) == len(own)
+        distance = np.abs(lam[:, None] - own).min(axis=1)
+        assert (distance <= 1e3 * found.error[row, : len(lam)] + 1e-9 * np.abs(lam)).all()
+        psi = found.psi[row, :, : len(lam)]
+        R = psi * lam**2 + C[row] @ psi * lam + K[row] @ psi
+        assert (np.linalg.norm(R, axis=0) < 1e-9 * np.linalg.norm(K[row])).all()
+
+
+def test_a_failing_point_is_its_own_row():
+    model = MODELS["hulten"]
+    options = {o.name: o.choices[0] for o in model.options}
+    values = model.defaults() | {
+        "mass": np.array([1.0, 1e308, 1.0]),
+        "stiffness_damping": np.array([0.0, 0.0, 1e308]),
+        "friction": 0.5,
+    }
+    system = stacked_system(model, options, values, 3)
+    assert set(system.failures) == {1, 2}
+    roots = system.roots(BAND)
+    assert roots.count.tolist() == [2, 0, 0]
+    alone = stacked_system(model, options, model.defaults() | {"friction": 0.5}, 1).roots(BAND)
+    np.testing.assert_array_equal(roots.lam[0], alone.lam[0])
+
+
+def test_lost_contact_is_a_status():
+    model = MODELS["hoffmann"]
+    options = {o.name: o.choices[0] for o in model.options} | {"contact_law": "unilateral"}
+    # friction carries the mass off the belt where the springs are weak and steep
+    values = model.defaults() | {"friction": np.array([0.3, 5.0]), "alpha1": 100.0, "k1": 1e6}
+    system = stacked_system(model, options, values, 2)
+    for row in range(2):
+        point = point_of(model, options, values, row)
+        prepared = None
+        try:
+            prepared = prepare(point.assembly(), point.operating_point(), WHOLE)
+        except SquealstudyError as error:
+            assert system.failures[row][0] == error.status
+        assert (prepared is None) == (row in system.failures)
+
+
+def test_a_mode_that_is_not_there_is_told():
+    model = MODELS["hulten"]
+    options = {o.name: o.choices[0] for o in model.options}
+    values = model.defaults() | {"modes[3].damping_ratio": 0.1}
+    with pytest.raises(ParameterError, match="modes 1 to 2"):
+        stacked_system(model, options, values, 1)
