@@ -109,7 +109,8 @@ def stacked_assembly(
     varied = [name for name in names if np.ndim(columns[name])]
     if model.stack is not None:
         own = {p.name: columns[p.name] for p in model.parameters}
-        return _checked(model.stack(options, own), count)
+        with np.errstate(all="ignore"):  # what overflows is told by its point
+            return _checked(model.stack(options, own), count)
     values = np.column_stack([columns[name] for name in varied]) if varied else np.zeros((1, 0))
     distinct, place = np.unique(values, axis=0, return_inverse=True)
     common = {p.name: _first(columns[p.name]) for p in model.parameters}
@@ -151,7 +152,7 @@ def stacked_system(
     assembly, failures = stacked_assembly(model, options, columns, count)
     point = ModelPoint(model, options, {name: _first(value) for name, value in columns.items()})
     failures = dict(failures)
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", under="ignore"):
         structures = StackedStructures.of(assembly)
     operating = StackedOperating.of(point.law_kind, point.curve_kind, columns, count)
     damping = _damping(point, structures, columns, count)
