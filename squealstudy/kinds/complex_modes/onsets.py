@@ -10,6 +10,7 @@ import pandas as pd
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Workers
+from squealstudy.kinds.complex_modes.batch_onsets import BatchOnsets, Brackets
 from squealstudy.kinds.complex_modes.neighbourhood import FAILED, OnsetTask, refine_onsets
 from squealstudy.kinds.complex_modes.refinement_budget import RefinementBudget
 from squealstudy.kinds.complex_modes.study_tracks import Follower
@@ -46,6 +47,7 @@ UNREFINED = {
     BROKEN: BROKEN,
 }
 EXPECTED = 8  # evaluations an onset
+IN_STEP = 4096  # brackets of a batch of small models that are refined in step
 BATCH = 32  # brackets refined together; fixed, so that results do not depend on the workers
 
 
@@ -293,14 +295,21 @@ class OnsetSearch:
         How many were, and the rows that are left.
         """
         spent = done = 0
+        most = IN_STEP if self._plan.stacked else BATCH
         while done < len(brackets) and spent < budget:
             workers.report("onsets", done, len(brackets))
             batch: list[list[int]] = []
-            for rows in brackets[done : done + BATCH]:
-                if spent + EXPECTED * sum(map(len, [*batch, rows])) > budget and batch:
+            asked = 0
+            for rows in brackets[done : done + most]:
+                asked += EXPECTED * len(rows)
+                if spent + asked > budget and batch:
                     break
                 batch.append(rows)
-            tasks = [self._task(events, rows) for rows in batch]
+            left = batch
+            if self._plan.stacked:
+                left, used = self._in_step(batch, events, table)
+                spent += used
+            tasks = [self._task(events, rows) for rows in left]
             for results in workers.each(refine_onsets, tasks):
                 for row, onset in results:
                     spent += self._enter(table, row, onset, events)
@@ -308,6 +317,31 @@ class OnsetSearch:
         if done:
             workers.report("onsets", done, done)
         return spent, sum(map(len, brackets[done:]))
+
+    def _in_step(
+        self, brackets: list[list[int]], events: pd.DataFrame, table: Cells
+    ) -> tuple[list[list[int]], int]:
+        """Refine crossings of a batch in place; those that are left, and the points solved."""
+        rows = np.array([row for own in brackets for row in own], dtype=int)
+        before, after = (events[end].to_numpy()[rows] for end in ("before", "after"))
+        batch = BatchOnsets(
+            plan=self._plan,
+            follower=self._follower,
+            judged=self._judged,
+            column=self._column,
+            tolerance=self._tolerance,
+            precision=self._precision(),
+        )
+        points = self._point[before], self._point[after]
+        found = batch.refine(Brackets(points, (self._place[before], self._place[after])))
+        left, spent = set(), 0
+        for row, onset in zip(rows.tolist(), found, strict=True):
+            if onset is None:
+                left.add(row)
+            else:
+                spent += self._enter(table, row, onset, events)
+        remaining = [[row for row in own if row in left] for own in brackets]
+        return [own for own in remaining if own], spent
 
     def _brackets(self, events: pd.DataFrame, table: Cells) -> list[list[int]]:
         """Rows of crossings in lists of the same two points; what matters most first."""

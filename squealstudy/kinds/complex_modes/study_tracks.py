@@ -75,6 +75,10 @@ class Follower:
         """Shapes (m, k) of the oscillating modes of a point, as they were solved."""
         return self._shapes.raw(point)
 
+    def raw_many(self, points: np.ndarray, count: int) -> np.ndarray:
+        """Shapes (n, count, k) of points of one structure with that many oscillating modes."""
+        return self._shapes.raw_many(points, count)
+
     def follow(self, refine: bool, budget: int = 0) -> tuple[Tracks, dict[str, Any]]:
         """Labels of all modes, and how they came about.
 
@@ -254,6 +258,10 @@ class CommonShapes:
     def raw(self, point: int) -> np.ndarray:
         """Unit shapes (m, k) of a point in the nominal modes of its own structure."""
         return self._file.read(point)[: self._counts[point]]
+
+    def raw_many(self, points: np.ndarray, count: int) -> np.ndarray:
+        """Shapes (n, count, k) of points of one structure, the first `count` of each."""
+        return self._file.stack(points, count)
 
     def sort(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Coordinates of both ends of steps within a structure (n,), -1 from one to another."""

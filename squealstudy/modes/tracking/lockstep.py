@@ -1,0 +1,187 @@
+"""Onsets of many modes at once: the root finding of `onsets.refine_onset` in step for all.
+
+Every iteration solves one design point for each bracket, all in one batch, by Chandrupatla's
+method (1997). What does not go smoothly, a mode that is lost, a bracket whose ends are of two
+modes, a jump, is left to the way one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.modes.tracking.onsets import JUMP, MOST_ITERATIONS, ONE_SIDED
+from squealstudy.modes.tracking.pairing import pair_many
+
+
+class ManyModes(NamedTuple):
+    """Oscillating modes of design points with as many each.
+
+    Attributes
+    ----------
+    lam : ndarray (n, m) complex
+        rad/s.
+    shapes : ndarray (n, m, k) complex
+    """
+
+    lam: np.ndarray
+    shapes: np.ndarray
+
+    def at(self, rows: np.ndarray) -> ManyModes:
+        """Of some of the points."""
+        return ManyModes(self.lam[rows], self.shapes[rows])
+
+
+# values (r,) of the parameter on some brackets (r,) -> modes, and which have as many as the others
+SolveMany = Callable[[np.ndarray, np.ndarray], tuple[ManyModes, np.ndarray]]
+
+
+@dataclass
+class _Ends:
+    """One end of all brackets: value, damping ratio plus tolerance, modes, place of the one."""
+
+    x: np.ndarray
+    f: np.ndarray
+    modes: ManyModes
+    place: np.ndarray
+
+    def take(self, rows: np.ndarray, other: _Ends, of: np.ndarray) -> None:
+        """Rows of this one become rows `of` another."""
+        self.x[rows], self.f[rows], self.place[rows] = other.x[of], other.f[of], other.place[of]
+        self.modes.lam[rows], self.modes.shapes[rows] = other.modes.lam[of], other.modes.shapes[of]
+
+
+class ManyOnsets(NamedTuple):
+    """Refined onsets of n brackets; NaN and 0 where one is left to the way one by one.
+
+    Attributes
+    ----------
+    value, frequency_hz : ndarray (n,)
+    evaluations : ndarray (n,) of int
+    """
+
+    value: np.ndarray
+    frequency_hz: np.ndarray
+    evaluations: np.ndarray
+
+
+def refine_onsets_together(
+    x: tuple[np.ndarray, np.ndarray],
+    modes: tuple[ManyModes, ManyModes],
+    places: tuple[np.ndarray, np.ndarray],
+    solve: SolveMany,
+    tolerance: float,
+    precision: float,
+) -> ManyOnsets:
+    """Values at which the damping ratios of modes pass -tolerance, each between two design points.
+
+    Parameters
+    ----------
+    x : (low, high), each ndarray (n,)
+        Values of the parameter at both ends.
+    modes : (low, high)
+        At both ends, as many at each.
+    places : (low, high), each ndarray (n,) of int
+        Of the mode among them.
+    solve : callable
+    tolerance : float
+    precision : float
+        Absolute, of the value.
+    """
+    n = len(x[0])
+    ends = [
+        _Ends(
+            np.array(at, dtype=float),
+            _excess(m.lam[np.arange(n), place], tolerance),
+            ManyModes(m.lam.astype(complex), m.shapes.astype(np.complex64)),
+            np.array(place),
+        )
+        for at, m, place in zip(x, modes, places, strict=True)
+    ]
+    a, b = ends[1], ends[0]
+    third_x, third_f = a.x.copy(), a.f.copy()
+    scale = np.maximum(np.abs(a.f), np.abs(b.f))
+    share = np.full(n, 0.5)
+    evaluations = np.zeros(n, dtype=int)
+    good = (np.sign(a.f) * np.sign(b.f) <= 0) & np.isfinite(a.f) & np.isfinite(b.f)
+    active = np.flatnonzero(good & (np.abs(b.x - a.x) > precision))
+    for _ in range(MOST_ITERATIONS):
+        if not len(active):
+            break
+        at = a.x[active] + share[active] * (b.x[active] - a.x[active])
+        found, solved = solve(active, at)
+        evaluations[active] += 1
+        place = np.where(solved, _followed(a, b, active, found), -1)
+        lost = place < 0
+        good[active[lost]] = False
+        own = np.flatnonzero(~lost)
+        active, at, place, found = active[own], at[own], place[own], found.at(own)
+        f = _excess(found.lam[np.arange(len(own)), place], tolerance)
+        new = _Ends(at, f, found, place)
+        scale[active] = np.maximum(scale[active], np.abs(f))
+        same = np.sign(f) == np.sign(a.f[active])
+        third_x[active] = np.where(same, a.x[active], b.x[active])
+        third_f[active] = np.where(same, a.f[active], b.f[active])
+        turned = active[~same]
+        b.take(turned, a, turned)
+        a.take(active, new, np.arange(len(active)))
+        width = np.abs(b.x[active] - a.x[active])
+        limit = 0.5 * precision / np.maximum(width, 1e-300)
+        share[active] = np.clip(
+            _step(a, b, third_x, third_f, active),
+            np.minimum(limit, 0.5),
+            1 - np.minimum(limit, 0.5),
+        )
+        nearest = np.minimum(np.abs(a.f[active]), np.abs(b.f[active]))
+        active = active[(width > precision) & (nearest > 0)]
+    good[active] = False  # not converged
+    left = np.minimum(np.abs(a.f), np.abs(b.f))
+    step = np.abs(a.f - b.f)
+    good &= ~((left > ONE_SIDED * step) & (ONE_SIDED * step > ONE_SIDED * JUMP * scale))
+    first = np.abs(a.f) <= np.abs(b.f)
+    value = np.where(first, a.x, b.x)
+    rows = np.arange(n)
+    lam = np.where(first, a.modes.lam[rows, a.place], b.modes.lam[rows, b.place])
+    return ManyOnsets(
+        value=np.where(good, value, np.nan),
+        frequency_hz=np.where(good, np.abs(lam) / (2 * np.pi), np.nan),
+        evaluations=evaluations,
+    )
+
+
+def _excess(lam: np.ndarray, tolerance: float) -> np.ndarray:
+    excess: np.ndarray = -lam.real / np.maximum(np.abs(lam), 1e-300) + tolerance
+    return excess
+
+
+def _followed(a: _Ends, b: _Ends, rows: np.ndarray, found: ManyModes) -> np.ndarray:
+    """Place (r,) of the modes of brackets among those found between; -1 where one is lost.
+
+    Both ends are asked, and where they disagree the pairing of more trust counts.
+    """
+    best, partner = np.full(len(rows), -np.inf), np.full(len(rows), -1)
+    each = np.arange(len(rows))
+    for end in (a, b):
+        there = end.modes.at(rows)
+        pairs = pair_many(there.lam, there.shapes, found.lam, found.shapes, there.lam)
+        own, trust = pairs.partner[each, end.place[rows]], pairs.trust[each, end.place[rows]]
+        better = (own >= 0) & (trust > best)
+        partner, best = np.where(better, own, partner), np.where(better, trust, best)
+    return partner
+
+
+def _step(
+    a: _Ends, b: _Ends, third_x: np.ndarray, third_f: np.ndarray, rows: np.ndarray
+) -> np.ndarray:
+    """Share (r,) of the way from a to b: inverse quadratic where that is safe, else the middle."""
+    x1, x2, x3 = a.x[rows], b.x[rows], third_x[rows]
+    f1, f2, f3 = a.f[rows], b.f[rows], third_f[rows]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
+        quadratic = f1 / (f2 - f1) * f3 / (f2 - f3)
+        quadratic += (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)
+        safe = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi) & np.isfinite(quadratic)
+    return np.where(safe, quadratic, 0.5)
