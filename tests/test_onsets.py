@@ -325,18 +325,33 @@ def test_what_the_budget_of_refinement_leaves_is_told(tmp_path):
     assert f"{left[2]} onset" in told[2]
 
 
-def test_structural_sweeps_are_not_refined(tmp_path):
+def test_structural_sweeps_of_small_models_are_refined(tmp_path):
     text = study(stop=99.0, start=60.0, num=14).replace('"friction"', '"frequency_2"')
     results = run(text + "[parameters]\nfriction = 0.2\n", tmp_path / "r")
-    assert set(results.onsets["status"]) == {"bracketed"}
-    assert results.manifest["tracking"]["extra_points"] == 0
+    ((onset, status),) = results.onsets[["onset", "status"]].to_numpy()
+    assert status == "refined"
+    assert abs(onset - 100.0 * (np.sqrt(1.04) - 0.2)) < 1e-4 * 39.0  # (f1^2 - f2^2) = 2 mu f1 f2
+
+
+def test_onsets_in_step_are_those_one_by_one(tmp_path, monkeypatch):
+    text = LOCK_IN_MAP + "refine_points = 1000\n"
+    together = run(text, tmp_path / "together").onsets
+    nothing = "squealstudy.kinds.complex_modes.batch_onsets.BatchOnsets.refine"
+    monkeypatch.setattr(nothing, lambda self, brackets: [None] * len(brackets.points[0]))
+    alone = run(text, tmp_path / "alone").onsets
+    assert together["status"].tolist() == alone["status"].tolist()
+    assert len(together) > 3
+    apart = np.abs(together["onset"] - alone["onset"])
+    assert (apart <= together["error_estimate"] + alone["error_estimate"]).all()
+    assert (apart > 0).any()
 
 
 def test_a_point_that_cannot_be_solved_keeps_the_interpolated_onset(tmp_path, monkeypatch):
     def fail(*arguments):
         raise ConvergenceError("not_converged", "no working point")
 
-    monkeypatch.setattr("squealstudy.modes.rungs.dense.Dense.modes_at", fail)
+    monkeypatch.setattr("squealstudy.kinds.complex_modes.batch_onsets.stacked_system", fail)
+    monkeypatch.setattr("squealstudy.kinds.complex_modes.neighbourhood.modes_at", fail)
     (row,) = run(study(num=4), tmp_path / "r").onsets.to_dict("records")
     assert row["status"] == "failed"
     assert row["bracket_low"] < row["onset"] <= row["bracket_high"]

@@ -14,6 +14,8 @@ LEAST, MOST = 30, 500  # for doubtful steps of tracks: as many as design points,
 ONSETS = 2  # for onsets that bound no stability, times that
 LEAST_BOUNDS, BOUNDS_SHARE = 20_000, 0.2  # for those that do: of the design points, at least
 
+UNLIMITED = 10**12  # design points
+
 
 @dataclass(frozen=True)
 class RefinementBudget:
@@ -37,10 +39,12 @@ class RefinementBudget:
     total: int
 
     @classmethod
-    def of(cls, section: ModesSection, points: int) -> RefinementBudget:
-        """Of a study of so many design points."""
+    def of(cls, section: ModesSection, points: int, batch: bool = False) -> RefinementBudget:
+        """Of a study of so many design points; onsets of a `batch` cost next to nothing."""
         if (chosen := section.refine_points) is not None:
             return cls(chosen, chosen, chosen, chosen)
         tracks = max(min(points, MOST), LEAST)
+        if batch:
+            return cls(tracks, UNLIMITED, UNLIMITED, UNLIMITED)
         bounds = max(LEAST_BOUNDS, int(BOUNDS_SHARE * points))
         return cls(tracks, bounds, ONSETS * tracks, tracks + bounds + ONSETS * tracks)

@@ -55,7 +55,7 @@ def follow_modes(
     section = plan.study.definition.modes
     follower = Follower(plan, columns, workers)
     summary: dict[str, Any] = {}
-    budget = RefinementBudget.of(section, len(plan.tasks))
+    budget = RefinementBudget.of(section, len(plan.tasks), plan.stacked)
     tracks, summary["tracking"] = follower.follow(section.refine_tracking, budget.tracks)
     along = onset_parameter([sweep.name for sweep in plan.study.sweeps])
     seconds = {"tracking_refinement_s": follower.seconds}
