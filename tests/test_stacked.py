@@ -65,6 +65,7 @@ CASES = {
         {"contact_law": "power"},
         {"friction": (0.0, 0.5), "normal_force": (50.0, 200.0), "damping_ratio": (0.01, 0.02)},
     ),
+    "pulling": ("hulten", {}, {"friction": (1.05, 1.8), "damping_ratio": (0.0, 0.02)}),
     "belt": (
         "belt",
         {},

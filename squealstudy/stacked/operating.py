@@ -17,8 +17,8 @@ from squealstudy.laws.registry import at_points
 class StackedFriction:
     """Coefficients and their derivatives (m, c) at the contact points of m operating points.
 
-    Of sliding against T the coefficient and its slope by pressure are negative, as in
-    `OperatingPoint.friction_at`.
+    Of sliding against T the coefficient and its slope by pressure are negative, and contact that
+    pulls has none, as in `OperatingPoint.friction_at`.
     """
 
     mu: np.ndarray
@@ -123,6 +123,9 @@ class StackedOperating:
             arguments = (speeds, at, self.friction[:, None], *values)
             own = at_points(curve.mu, 3, *arguments)
             found = StackedFriction(*(np.broadcast_to(x, p.shape) for x in own))
+        if (pulling := p < 0.0).any():
+            parts = (found.mu, found.by_speed, found.by_pressure)
+            found = StackedFriction(*(np.where(pulling, 0.0, part) for part in parts))
         sign = np.copysign(1.0, self.sliding_speed)[:, None]
         if (sign < 0).any():
             return StackedFriction(sign * found.mu, found.by_speed, sign * found.by_pressure)

@@ -166,7 +166,6 @@ def _newton(equations: _Equations, area: np.ndarray, held: np.ndarray) -> Stacke
     gap = np.repeat(operating.gap_at(estimate)[:, None], c, axis=1)
     state = np.where(held, NO_EQUILIBRIUM, SINGULAR)
     open_rows = np.flatnonzero(held)
-    linear = operating.law.name == "bilateral"
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for _ in range(MAX_ITERATIONS):
             if not len(open_rows):
@@ -177,12 +176,12 @@ def _newton(equations: _Equations, area: np.ndarray, held: np.ndarray) -> Stacke
             F, p, kappa = rows.imbalance(g)
             step = -rows.newton(F, p, kappa)
             level = np.maximum(estimate[open_rows], np.abs((own * p).sum(axis=1) / own.sum(axis=1)))
-            share = np.ones(len(g)) if linear else _damping(part.operating, level, g, step)
+            share = _damping(part.operating, level, g, step)
             g = g + share[:, None] * step
             F, p, kappa = rows.imbalance(g)
             relative = np.abs(F).max(axis=1) / (size[open_rows] + np.abs(g).max(axis=1) + TINY)
             scale = part.operating.gap_scale(level)
-            small = (np.abs(step).max(axis=1) / scale < TOLERANCE**0.5) | linear
+            small = np.abs(step).max(axis=1) / scale < TOLERANCE**0.5
             done = (share == 1.0) & small & (relative < TOLERANCE)
             if done.any():  # what a step leaves is more than round-off
                 g[done] = (g - rows.newton(F, p, kappa))[done]

@@ -16,10 +16,11 @@ import pyarrow as pa
 
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.plan import Plan, has_mesh
-from squealstudy.engine.rows import FAILURES, failed_row, reason
+from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Solved
 from squealstudy.errors import ConvergenceError, SquealstudyError
 from squealstudy.kinds.complex_modes.rows import SCHEMA
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.parameter import nothing_vanishes
 from squealstudy.modes.point import DENSE
