@@ -267,3 +267,9 @@ def reduced(brake) -> tuple[ReducedModel, ComponentBasis]:
 def prepared(brake, reduced) -> PreparedModel:
     """The same brake as workers have it."""
     return with_shapes(brake.assembly, brake.space, *reduced, brake.point)
+
+
+@pytest.fixture
+def one_by_one(monkeypatch):
+    """Small models, too, are prepared, kept in the cache and solved point by point, as others."""
+    monkeypatch.setattr("squealstudy.kinds.complex_modes.kind.stacks", lambda plan: False)

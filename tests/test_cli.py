@@ -98,6 +98,7 @@ def test_a_mode_that_the_assembly_lacks_is_one_message(study, capsys, verb, kind
     assert not Path("results/lockin").exists()
 
 
+@pytest.mark.usefixtures("one_by_one")
 def test_a_run_whose_every_point_failed_says_so_each_time(study, monkeypatch, capsys):
     def fail(*_):
         raise ConvergenceError("not_converged", "no luck")
@@ -110,6 +111,7 @@ def test_a_run_whose_every_point_failed_says_so_each_time(study, monkeypatch, ca
         assert "nothing to do" not in screen.out
 
 
+@pytest.mark.usefixtures("one_by_one")
 def test_a_run_with_failed_points_says_how_many_and_why(study, monkeypatch, capsys):
     def fail_above(prepared, state, *more):
         if state.operating.friction > 0.4:

@@ -37,6 +37,7 @@ SOBOL = (
 )
 
 
+@pytest.mark.usefixtures("one_by_one")
 def test_points_are_named_by_their_values_one_by_one_or_all_at_once():
     plan, lone = plan_of(GRID), plan_of(GRID)
     tasks = list(plan.tasks)
@@ -60,6 +61,7 @@ def test_texts_of_ids_hold_any_name_and_any_value():
     assert point_ids("hash", values, {}, 2).astype(str).tolist() == [point_id("hash", values)] * 2
 
 
+@pytest.mark.usefixtures("one_by_one")
 def test_structures_stand_in_order_of_first_appearance():
     points = plan_of(GRID).tasks
     assert points.structure_index.tolist() == [i // 3 % 3 for i in range(18)]

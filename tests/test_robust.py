@@ -419,6 +419,7 @@ def test_bars_show_what_the_tables_say(tmp_path):
     assert rows == ["any mode", "mostly 4 ND out of plane, 1000 Hz (T1)"]
 
 
+@pytest.mark.usefixtures("one_by_one")
 def test_a_random_design_whose_every_point_failed_is_drawn(tmp_path, monkeypatch):
     """`plot` ended in the error of the probabilities, without any picture."""
 

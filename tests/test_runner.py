@@ -92,6 +92,7 @@ def test_changed_study_solves_only_what_is_new(tmp_path: Path) -> None:
         pd.testing.assert_frame_equal(mine, fresh)
 
 
+@pytest.mark.usefixtures("one_by_one")
 def test_other_friction_range_reuses_reduction_and_working_points(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -130,12 +131,14 @@ def test_a_failed_point_is_a_row(tmp_path: Path) -> None:
             raise SquealstudyError("no such mass")
         return original(options, values)
 
-    original = broken.model.build
+    original, stack = broken.model.build, broken.model.stack
     object.__setattr__(plan.study.model, "build", build)
+    object.__setattr__(plan.study.model, "stack", None)
     try:
         report = run_study(plan, tmp_path / "r", jobs=1)
     finally:
         object.__setattr__(plan.study.model, "build", original)
+        object.__setattr__(plan.study.model, "stack", stack)
     points = squealstudy.open_results(tmp_path / "r").points
     assert points["status"].tolist() == ["ok", "structure", "ok"]
     assert points["message"].tolist()[1] == "no such mass"
@@ -228,7 +231,9 @@ def test_large_checks_take_turns(
     """Two at full order of 48,588 freedoms take 4 GB at once; of 115,959 one does."""
     prepared = {"small": SimpleNamespace(n_dof=3), "own": SimpleNamespace(n_dof=freedoms)}
     monkeypatch.setattr(full_order_check, "load_any", prepared.get)
-    tasks = [SimpleNamespace(point=SimpleNamespace(structure=name)) for name in prepared]
+    tasks = [
+        SimpleNamespace(point=SimpleNamespace(structure=name), stacked=False) for name in prepared
+    ]
     assert full_order_check.at_once(tasks[1:]) == expected
     assert full_order_check.at_once(tasks) == min(expected, full_order_check.SIDE_BY_SIDE // 3)
 
@@ -314,6 +319,7 @@ def test_tracks_follow_modes_over_structures(tmp_path: Path) -> None:
     assert (counts[counts.index > 0] == 2).mean() > 0.9
 
 
+@pytest.mark.usefixtures("one_by_one")
 def test_a_damaged_cache_entry_is_made_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

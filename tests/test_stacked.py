@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from study_runs import plan_of
+from study_texts import study_text
 
+from squealstudy.engine.chunk_rows import solve_chunk
+from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ParameterError
+from squealstudy.kinds.complex_modes.kind import KIND
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.modes.point import solve_point
@@ -17,6 +24,7 @@ from squealstudy.stacked.modes import stacked_system
 from squealstudy.stacked.roots import stacked_roots
 
 BAND = (1.0, 1000.0)
+WORKERS = Workers(1)
 WHOLE = ReductionSettings(np.inf, np.inf, 0.0)
 CASES = {
     "hulten": (
@@ -90,8 +98,6 @@ def test_a_batch_is_its_points_one_by_one(case, built, monkeypatch):
     name, chosen, ranges = CASES[case]
     model = MODELS[name]
     if built:
-        from dataclasses import replace
-
         model = replace(model, stack=None)
     options = {o.name: o.choices[0] for o in model.options} | chosen
     count = 6
@@ -210,3 +216,26 @@ def test_a_mode_that_is_not_there_is_told():
     values = model.defaults() | {"modes[3].damping_ratio": 0.1}
     with pytest.raises(ParameterError, match="modes 1 to 2"):
         stacked_system(model, options, values, 1)
+
+
+def test_a_mass_that_is_not_definite_fails_its_point_alone(tmp_path):
+    """Positive on its diagonal and not definite: LAPACK refuses the batch, not its other points."""
+        text = study_text("bad", "complex_modes", "hulten")
+    text += '[[sweep]]\nparameter = "mass"\nvalues = [1.0, 2.0, 3.0]\n'
+    plan = plan_of(text)
+    model, original = plan.study.model, plan.study.model.stack
+
+    def stack(options, values):
+        made = original(options, values)
+        M = np.array(made.M)
+        M[np.atleast_1d(values["mass"]) == 2.0] = np.array([[1.0, 2.0], [2.0, 1.0]])
+        return replace(made, M=M)
+
+    object.__setattr__(model, "stack", stack)
+    try:
+        (task,) = KIND.tasks(plan, plan.tasks, WORKERS)
+        rows = solve_chunk(KIND, task).table
+    finally:
+        object.__setattr__(model, "stack", original)
+    assert rows["status"].to_pylist() == ["ok", "failed", "ok"]
+    assert [len(x) for x in rows["re"].to_pylist()] == [2, 0, 2]

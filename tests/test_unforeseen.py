@@ -9,6 +9,7 @@ from study_runs import solved
 from study_texts import study_text
 
 from squealstudy.errors import MachineError
+from squealstudy.kinds.complex_modes import batch
 from squealstudy.study.design import DesignPoint
 
 SWEEP = '[[sweep]]\nparameter = "friction"\nvalues = [0.1, 0.2, 0.25]\n'
@@ -30,6 +31,28 @@ def break_points(patch: pytest.MonkeyPatch, error: Exception) -> None:
     patch.setattr(DesignPoint, "state", state)
 
 
+def break_batches(patch: pytest.MonkeyPatch, error: Exception) -> None:
+    """Have the mechanics of a batch with that design point in it end with an error."""
+    original = batch.system_of
+
+    def system_of(points):
+        if (points.column("friction") == FAULTY).any():
+            raise error
+        return original(points)
+
+    patch.setattr(batch, "system_of", system_of)
+
+
+def test_an_error_nobody_foresaw_in_a_batch_is_one_failed_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    break_batches(monkeypatch, RuntimeError("nobody foresaw this"))
+    results = solved(study_text("faulty", "complex_modes", "hulten") + SWEEP, tmp_path / "r")
+    assert results.points["status"].tolist() == ["ok", "failed", "ok"]
+    assert "nobody foresaw this" in results.points["message"].tolist()[1]
+
+
+@pytest.mark.usefixtures("one_by_one")
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_error_nobody_foresaw_is_one_failed_row(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -47,7 +70,7 @@ def test_an_error_nobody_foresaw_is_one_failed_row(
 def test_what_the_machine_refuses_is_no_fault_of_a_point(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    break_points(monkeypatch, OSError(28, "No space left on device"))
+    break_batches(monkeypatch, OSError(28, "No space left on device"))
     with pytest.raises((OSError, MachineError)):
         solved(study_text("faulty", "complex_modes", "hulten") + SWEEP, tmp_path / "r")
 

@@ -176,7 +176,18 @@ def natural_frequencies(
 
     Arguments as of `stacked_system`.
     """
-    system = stacked_system(model, options, columns, count)
+    try:
+        system = stacked_system(model, options, columns, count)
+    except (SquealstudyError, np.linalg.LinAlgError):
+        if count == 1:
+            return np.full((1, 1), np.nan)
+        ones = (
+            {name: v if np.ndim(v) == 0 else np.ravel(v)[[i]] for name, v in columns.items()}
+            for i in range(count)
+        )
+        alone = [natural_frequencies(model, options, one, 1)[0] for one in ones]
+        width = max(map(len, alone))
+        return np.array([np.resize(hz, width) for hz in alone])
     K = np.where(system.linear.finite[:, None, None], system.linear.K_sym, 0.0)
     hz = np.sqrt(np.maximum(np.linalg.eigvalsh(K), 0.0)) / (2 * np.pi)
     hz[list(system.failures)] = np.nan

@@ -18,7 +18,7 @@ from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Solved
-from squealstudy.errors import ConvergenceError, SquealstudyError
+from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.rows import SCHEMA
 from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.models.matrices.family import FamilyDefinition
@@ -69,12 +69,17 @@ def batch_tasks(plan: Plan, points: DesignPoints, jobs: int) -> Iterator[BatchTa
 
 
 def solve_batch(task: BatchTask) -> Solved:
-    """Rows of the points of a task, in their order."""
+    """Rows of the points of a task, in their order.
+
+    What fails as a whole raises, so that each point is solved alone; one that does so is its row.
+    """
     started = time.perf_counter()
     points = task.points
     try:
         system = system_of(points)
     except FAILURES as error:
+        if len(points) > 1:
+            raise
         return Solved([], table=_failed_table(points, *reason(error)))
     roots = system.roots(task.band_hz)
     return Solved([], table=_table(points, system, roots, started))
@@ -118,8 +123,11 @@ def wider_roots(
     """Roots (k,) [rad/s] and errors of each design point in a wider band; None where it failed."""
     try:
         system = system_of(points)
-    except SquealstudyError:
-        return [None] * len(points)
+    except FAILURES:
+        if len(points) == 1:
+            return [None]
+        each = (points.at(np.array([i])) for i in range(len(points)))
+        return [found for one in each for found in wider_roots(one, band_hz)]
     roots = system.roots(band_hz)
     return [
         None if i in system.failures else (roots.lam[i, :n], roots.error[i, :n])
