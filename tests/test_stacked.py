@@ -218,9 +218,9 @@ def test_a_mode_that_is_not_there_is_told():
         stacked_system(model, options, values, 1)
 
 
-def test_a_mass_that_is_not_definite_fails_its_point_alone(tmp_path):
-    """Positive on its diagonal and not definite: LAPACK refuses the batch, not its other points."""
-        text = study_text("bad", "complex_modes", "hulten")
+def test_a_mass_that_is_not_definite_fails_its_point_alone():
+    """Positive on its diagonal and not definite: LAPACK refuses the batch, not other points."""
+    text = study_text("bad", "complex_modes", "hulten")
     text += '[[sweep]]\nparameter = "mass"\nvalues = [1.0, 2.0, 3.0]\n'
     plan = plan_of(text)
     model, original = plan.study.model, plan.study.model.stack

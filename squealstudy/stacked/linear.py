@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from squealstudy.linalg.overflow import LARGEST
 from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.sliding import StackedSliding
 from squealstudy.stacked.structures import StackedStructures
@@ -46,7 +47,7 @@ class StackedLinear:
     normal : ndarray (m, c)
         Contact stiffness of each point, N/m.
     finite : ndarray (m,) of bool
-        Points whose matrices are.
+        Points whose matrices can be computed with.
     """
 
     C: np.ndarray
@@ -85,12 +86,19 @@ def linearised(
             C = C + s.C
         C = C + damping.stiffness_damping[:, None, None] * K_sym
         C[:, diagonal, diagonal] += dampers
-        finite = np.isfinite(K).all(axis=(1, 2)) & np.isfinite(C).all(axis=(1, 2))
+        finite = computable(K) & computable(C)
         damped = np.flatnonzero(finite & damping.damping_ratio.any(axis=1))
         if len(damped):
             C[damped] += modal_damping(K_sym[damped], damping.damping_ratio[damped])
-    finite &= np.isfinite(C).all(axis=(1, 2))
+    finite &= computable(C)
     return StackedLinear(C, K, K_sym, np.broadcast_to(elastic, (len(K), s.n)), normal, finite)
+
+
+def computable(A: np.ndarray) -> np.ndarray:
+    """Which rows (m,) of arrays (m, ...) have squares and sums of them that are finite."""
+    rows = np.abs(A).reshape(len(A), -1)
+    held: np.ndarray = (rows <= LARGEST).all(axis=1)  # no NaN is
+    return held
 
 
 def modal_damping(K_sym: np.ndarray, zeta: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from squealstudy.errors import ConvergenceError, ParameterError, SquealstudyError
+from squealstudy.linalg.overflow import LEAST_MASS, LIMITS, OVERFLOW
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.models.parameter import ModelDefinition
@@ -16,7 +17,7 @@ from squealstudy.models.parameter_names import FREQUENCY_SCALE
 from squealstudy.models.stacked_assembly import StackedAssembly
 from squealstudy.modes.point import angular_band
 from squealstudy.reduction.working_point import expect_consistent_laws, working_point_result
-from squealstudy.stacked.linear import StackedDamping, StackedLinear, linearised
+from squealstudy.stacked.linear import StackedDamping, StackedLinear, computable, linearised
 from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.roots import StackedRoots, stacked_roots
 from squealstudy.stacked.sliding import SINGULAR, SOLVED, StackedSliding, steady_sliding
@@ -24,7 +25,6 @@ from squealstudy.stacked.structures import StackedStructures
 
 MOST_COORDINATES = 40  # of a model: beyond, stacking saves next to nothing
 BLOCK = 4096  # design points that are solved at once
-NOT_FINITE = "not_finite"
 Columns = Mapping[str, np.ndarray | float]
 
 
@@ -162,8 +162,8 @@ def stacked_system(
         failures.setdefault(int(i), _reason(int(sliding.state[i]), operating, int(i)))
     linear = linearised(structures, sliding, operating, damping)
     for i in np.flatnonzero(~linear.finite):
-        text = "a matrix of the design point is not finite: a value is too large"
-        failures.setdefault(int(i), (NOT_FINITE, text))
+        text = f"a matrix of the linearised system has entries too large: {LIMITS}"
+        failures.setdefault(int(i), (OVERFLOW, text))
     if not (operating.law.in_package and operating.curve.in_package):
         failures |= _contradictions(model, options, columns, structures, sliding, failures)
     return StackedSystem(structures, operating, sliding, linear, failures)
@@ -206,15 +206,15 @@ def _checked(
     """
     good = np.ones(count, dtype=bool)
     for array in stack.arrays.values():
-        good &= np.isfinite(array).reshape(len(array), -1).all(axis=1)
-    good &= (np.einsum("mii->mi", stack.M) > 0).all(axis=1)
+        good &= computable(array)
+    good &= (np.einsum("mii->mi", stack.M) >= LEAST_MASS).all(axis=1)
     if good.all():
         return stack, {}
-    text = "a mass, stiffness or load of the design point is not finite, or a mass not positive"
+    text = f"a mass, stiffness or load is too large, or a mass too small: {LIMITS}"
     if not good.any():
-        raise SquealstudyError(text)
+        raise ConvergenceError(OVERFLOW, text)
     rows = np.where(good, np.arange(count), int(np.argmax(good)))
-    return stack.at(rows), {int(i): ("structure", text) for i in np.flatnonzero(~good)}
+    return stack.at(rows), {int(i): (OVERFLOW, text) for i in np.flatnonzero(~good)}
 
 
 def _first(value: np.ndarray | float) -> float:
