@@ -324,7 +324,9 @@ def test_fresh_leaves_other_studies_and_invalid_ones_alone(results, tmp_path, ca
 # -- permissions ---------------------------------------------------------------------------------
 @pytest.mark.skipif(os.name == "nt", reason="no umask")
 @pytest.mark.parametrize(("umask", "mode"), [(0o027, 0o640), (0o002, 0o664)])
-def test_files_have_the_permissions_that_the_user_asks_for(umask, mode, tmp_path, monkeypatch):
+def test_files_have_the_permissions_that_the_user_asks_for(
+    umask, mode, tmp_path, monkeypatch, one_by_one
+):
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
     before = os.umask(umask)
     try:
@@ -338,7 +340,7 @@ def test_files_have_the_permissions_that_the_user_asks_for(umask, mode, tmp_path
 
 # -- caches --------------------------------------------------------------------------------------
 @pytest.fixture
-def cached(tmp_path, monkeypatch) -> Path:
+def cached(tmp_path, monkeypatch, one_by_one) -> Path:
     """The folder of the one model that a run has put into a cache of its own."""
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
     kept = (cache._gaps, cache.prepared_any, cache.prepared_model)

@@ -229,8 +229,9 @@ def _damped_modes(plan: Plan) -> Broken:
             hz = natural_frequencies_of_batch(part.model, part.options, part.columns, len(part))
             inside = np.where((hz >= low) & (hz <= high), hz, 0.0).max(axis=1)
             own = np.broadcast_to(zeta, len(points))[rows]
-            own = own + np.pi * np.broadcast_to(beta, len(points))[rows] * inside
-            ratio[rows] = np.where(inside > 0, own, 0.0)
+            at = np.flatnonzero(inside > 0)
+            own = own[at] + np.pi * np.broadcast_to(beta, len(points))[rows[at]] * inside[at]
+            ratio[rows[at]] = own
             return _beyond(OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL, 0.0)))
         for key, rows in points.of_structures():
             if not (most[rows] >= CRITICAL).any() or not is_prepared(key):
