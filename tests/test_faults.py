@@ -123,8 +123,15 @@ def test_shapes_leave_nothing_on_a_full_disk(folder: Path, buffer: int) -> None:
 
 
 # -- limits ---------------------------------------------------------------------------------------
+def one_by_one(path: Path) -> None:
+    """Have a study solved by a method that makes no batches: it needs the cache, and workers."""
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("[modes]", '[modes]\nmethod = "full"'), encoding="utf-8")
+
+
 @needs_limits
 def test_too_many_open_files(folder: Path) -> None:
+    one_by_one(folder / "study.toml")
     done = shell("ulimit -n 12;", *RUN, "out")
     is_one_sentence(done, "too many files are open", "ulimit -n")
 
@@ -132,6 +139,7 @@ def test_too_many_open_files(folder: Path) -> None:
 @needs_limits
 def test_no_memory_that_processes_share(folder: Path) -> None:
     """Where /dev/shm is full or not there, no worker can start."""
+    one_by_one(folder / "study.toml")
     (folder / "fails.py").write_text(
         "import _multiprocessing\n"
         "def refused(*_, **__): raise OSError(28, 'No space left on device')\n"
