@@ -7,6 +7,7 @@ values: arrays are files of their own, all else stands in one JSON file beside t
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import io
 import re
@@ -40,6 +41,7 @@ from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint
 
 ARRAY = re.compile(r"[^/\\\x00]{1,250}\.npy")
+NO_MORE_FILES = (errno.EMFILE, errno.ENFILE)
 META, MODELS, GAPS = "meta.json", "models", ".npz"
 FORMAT = 3  # of a folder: what an earlier version wrote is made again
 # of values, below the package: a cache may be shared, and no other class is made of what it says
@@ -97,7 +99,11 @@ def is_whole(folder: Path) -> bool:
                 return False
             _unpacked(meta["value"], folder, thoroughly=True)
             _verified[folder] = seen
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError):
+    except OSError as error:
+        if error.errno in NO_MORE_FILES:  # of the process or the machine, not the value's fault
+            raise
+        return False
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError):
         return False  # whoever wrote it
     _touch(folder)
     return True
