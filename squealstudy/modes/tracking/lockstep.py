@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from squealstudy.modes.tracking.onsets import JUMP, MOST_ITERATIONS, ONE_SIDED
+from squealstudy.modes.tracking.onsets import FAR, JUMP, MOST_ITERATIONS, ONE_SIDED
 from squealstudy.modes.tracking.pairing import pair_many
 
 
@@ -144,7 +144,9 @@ def refine_onsets_together(
     first = np.abs(a.f) <= np.abs(b.f)
     value = np.where(first, a.x, b.x)
     rows = np.arange(n)
-    lam = np.where(first, a.modes.lam[rows, a.place], b.modes.lam[rows, b.place])
+    at_a, at_b = a.modes.lam[rows, a.place], b.modes.lam[rows, b.place]
+    good &= np.abs(at_a - at_b) <= FAR * np.minimum(np.abs(at_a), np.abs(at_b))
+    lam = np.where(first, at_a, at_b)
     return ManyOnsets(
         value=np.where(good, value, np.nan),
         frequency_hz=np.where(good, np.abs(lam) / (2 * np.pi), np.nan),
