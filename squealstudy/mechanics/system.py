@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.mechanics.basis import Basis, checked_band
+from squealstudy.mechanics.batch import batch_modes, in_batches
 from squealstudy.mechanics.defaults import (
     CYCLE_REACH,
     CYCLE_TOLERANCE,
@@ -38,6 +39,7 @@ from squealstudy.mechanics.structures import Structures
 from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.modes.judged_roots import worst_errors
+from squealstudy.modes.point import DENSE
 from squealstudy.motion.integrator import Integrator
 
 INACCURATE = "inaccurate"
@@ -155,6 +157,8 @@ class System(Design):
 
     def _modes(self, basis: Basis) -> ComplexModes:
         definition, single = self.values.definition, self.single
+        if in_batches(self.values):
+            return self._batch(basis)
         if self.family is None:
             structures = self._structures(basis)
             found = each(structures, structures.pairs, single)
@@ -178,6 +182,31 @@ class System(Design):
             message=message,
             parts=definition.energy_parts if self.family is None else (),
             method="" if solved is None else solved.method,
+            varied=self.values.varied,
+            linear_of=self._linear_of(basis),
+        )
+
+    def _batch(self, basis: Basis) -> ComplexModes:
+        """Modes of a batch of point masses, solved at once."""
+        found, definition = batch_modes(self.values, basis.band_hz), self.values.definition
+        held = ~np.isnan(found.lam.real)
+        status, message = found.status.copy(), found.message.copy()
+        point = np.nonzero(held)[0]
+        worst, _ = worst_errors(found.lam[held], found.error[held], point, len(status))
+        for number in np.flatnonzero(worst > MODE_TOLERANCE):
+            status[number], message[number] = INACCURATE, _may_be_wrong(worst[number])
+        return ComplexModes(
+            lam=found.lam,
+            right=found.right,
+            residual=found.residual,
+            error_rung=found.error,
+            error_reduction=np.where(held, 0.0, np.nan),
+            energies=found.energies,
+            counts=found.counts,
+            status=status,
+            message=message,
+            parts=definition.energy_parts,
+            method=DENSE if held.any() else "",
             varied=self.values.varied,
             linear_of=self._linear_of(basis),
         )
@@ -339,7 +368,7 @@ class System(Design):
             worst = float(worst_errors(one.lam, one.error_rung, point, 1)[0][0])
             if worst > MODE_TOLERANCE:
                 status[number] = INACCURATE
-                message[number] = f"a mode may be wrong by {worst:.1e} of its frequency"
+                message[number] = _may_be_wrong(worst)
         return (status[0], message[0]) if self.single else (status, message)
 
     def _told(self, found: Sequence[object]) -> tuple[Any, Any]:
@@ -348,3 +377,8 @@ class System(Design):
 
     def _number(self, found: np.ndarray, kind: type) -> Any:
         return kind(found) if self.single else found
+
+
+def _may_be_wrong(error: float) -> str:
+    """What is said of a point whose worst root has that relative error."""
+    return f"a mode may be wrong by {error:.1e} of its frequency"

@@ -1,0 +1,137 @@
+"""Complex modes of a batch of point masses on springs and contact, all design points at once.
+
+Their coordinates are displacements times the root of each mass, whichever way they are solved: what
+`System.linear` and single points of the batch have are the same ones.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.mechanics.failures import FAILURES, reason
+from squealstudy.mechanics.stacked_rows import OK
+from squealstudy.mechanics.values import Values
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.matrices.family import FamilyDefinition
+from squealstudy.stacked.modes import BLOCK, MOST_COORDINATES, StackedSystem, stacked_system
+from squealstudy.stacked.roots import StackedRoots
+
+
+class BatchModes(NamedTuple):
+    """Modes of m design points; what a row has not is NaN.
+
+    Attributes
+    ----------
+    counts : ndarray (m,) of int
+    lam, residual, error : ndarray (m, k)
+    right : ndarray (m, n, k) complex
+    energies : ndarray (m, parts, k)
+    status, message : ndarray (m,) of str
+    """
+
+    counts: np.ndarray
+    lam: np.ndarray
+    residual: np.ndarray
+    error: np.ndarray
+    right: np.ndarray
+    energies: np.ndarray
+    status: np.ndarray
+    message: np.ndarray
+
+
+def in_batches(values: Values) -> bool:
+    """Whether design points are of a small model of point masses."""
+    definition = values.definition
+    if values.length is None or definition.meshed or isinstance(definition, FamilyDefinition):
+        return False
+    try:
+        return _point_masses(values.point(0).assembly())
+    except FAILURES:  # which the loop over points tells
+        return False
+
+
+def _point_masses(assembly: Assembly) -> bool:
+    rigid = all(
+        not c.K.count_nonzero()
+        and not (c.M - sp.diags(c.M.diagonal())).count_nonzero()
+        and c.correspondence is None
+        for c in assembly.components
+    )
+    return rigid and assembly.n_dof <= MOST_COORDINATES
+
+
+def batch_modes(values: Values, band_hz: tuple[float, float]) -> BatchModes:
+    """Complex modes of a batch in a band, by blocks of BLOCK design points."""
+    parts = [
+        _block(values, slice(start, min(start + BLOCK, values.count)), band_hz)
+        for start in range(0, values.count, BLOCK)
+    ]
+    width = max(part.lam.shape[1] for part in parts)
+    return BatchModes(*(_joined(list(own), width) for own in zip(*parts, strict=True)))
+
+
+def _joined(arrays: list[np.ndarray], width: int) -> np.ndarray:
+    """Arrays one after the other, their last axis filled up with NaN where it counts modes."""
+    if arrays[0].ndim == 1:
+        return np.concatenate(arrays)
+    shape = (sum(map(len, arrays)), *arrays[0].shape[1:-1], width)
+    whole = np.full(shape, np.nan, dtype=arrays[0].dtype)
+    start = 0
+    for array in arrays:
+        whole[start : start + len(array), ..., : array.shape[-1]] = array
+        start += len(array)
+    return whole
+
+
+def _block(values: Values, rows: slice, band_hz: tuple[float, float]) -> BatchModes:
+    count = rows.stop - rows.start
+    columns = {k: x[rows] if isinstance(x, np.ndarray) else x for k, x in values.columns.items()}
+    try:
+        system = stacked_system(values.definition, values.options, columns, count)
+        return _told(system, system.roots(band_hz))
+    except FAILURES as error:
+        if count == 1:
+            return _failed(values, *reason(error))
+        each = (slice(i, i + 1) for i in range(rows.start, rows.stop))
+        alone = [_block(values, one, band_hz) for one in each]
+        width = max(part.lam.shape[1] for part in alone)
+        return BatchModes(*(_joined(list(own), width) for own in zip(*alone, strict=True)))
+
+
+def _told(system: StackedSystem, roots: StackedRoots) -> BatchModes:
+    held = roots.held
+
+    def known(values: np.ndarray) -> np.ndarray:
+        place = held if values.ndim == 2 else held[:, None, :]
+        return np.where(place, values, np.nan)
+
+    ok = (OK, "")
+    told = [system.failures.get(i, ok) for i in range(len(held))]
+    return BatchModes(
+        counts=roots.count,
+        lam=known(roots.lam),
+        residual=known(roots.residual),
+        error=known(roots.error),
+        right=known(roots.psi),
+        energies=known(system.energies(roots.psi)),
+        status=np.array([status for status, _ in told], object),
+        message=np.array([message for _, message in told], object),
+    )
+
+
+def _failed(values: Values, status: str, message: str) -> BatchModes:
+    n = values.point(0).assembly().n_dof
+    parts = len(values.definition.energy_parts)
+    return BatchModes(
+        counts=np.zeros(1, dtype=int),
+        lam=np.zeros((1, 0), dtype=complex),
+        residual=np.zeros((1, 0)),
+        error=np.zeros((1, 0)),
+        right=np.zeros((1, n, 0), dtype=complex),
+        energies=np.zeros((1, parts, 0)),
+        status=np.array([status], object),
+        message=np.array([message], object),
+    )
