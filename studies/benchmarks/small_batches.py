@@ -1,0 +1,132 @@
+"""What complex modes of small models cost in batches, in studies and in the library.
+
+    python studies/benchmarks/small_batches.py [--samples 128 16384] [--points 100001]
+
+For each number of Sobol samples a study of the scatter of friction and of two frequencies is run by
+the command in a process of its own, without pictures, from an empty cache: of Hulten's model, and
+of Hoffmann's with the exponential law. Processor seconds, those beyond a study of two points of the
+same model, the same a point, peak memory, and files in the cache afterwards. Then modes of a batch
+of so many frictions by the library, without a study.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import one_thread  # noqa: F401
+
+# isort: split
+
+import numpy as np
+
+import squealstudy as sq
+
+HEAD = """
+[study]
+name = "scatter"
+kind = "complex_modes"
+[model]
+name = "{model}"
+{options}
+[parameters]
+damping_ratio = 0.01
+[modes]
+band = [10.0, 1000.0]
+[[sweep]]
+parameter = "friction"
+"""
+TWO = "values = [0.2, 0.4]\n"
+SCATTER = """
+distribution = "truncated_normal"
+mean = {mean}
+std = {std}
+start = 0.1
+stop = 1.6
+{others}
+[design]
+type = "sobol_indices"
+samples = {samples}
+seed = 3
+limit = 10_000_000
+"""
+NORMAL = '[[sweep]]\nparameter = "{}"\ndistribution = "normal"\nmean = {}\nstd = {}\n'
+MODELS = {
+    "hulten": {
+        "options": "",
+        "friction": (0.3, 0.06),
+        "others": (("frequency_1", 100.0, 2.0), ("frequency_2", 75.0, 2.0)),
+    },
+    "hoffmann": {
+        "options": 'contact_law = "exponential"',
+        "friction": (0.75, 0.1),
+        "others": (("k1", 1.786e5, 5e3), ("mass", 1.0, 0.02)),
+    },
+}
+
+
+def study(model: str, samples: int) -> str:
+    """Text of a study file; with 0 samples that of two points."""
+    given = MODELS[model]
+    head = HEAD.format(model=model, options=given["options"])
+    if not samples:
+        return head + TWO
+    mean, std = given["friction"]
+    others = "".join(NORMAL.format(*row) for row in given["others"])
+    return head + SCATTER.format(mean=mean, std=std, others=others, samples=samples)
+
+
+def run(folder: Path, text: str) -> tuple[float, float, int, int]:
+    """Processor seconds, peak memory [MB], points, and files in the cache of a study."""
+    import pandas as pd
+
+    path, cache = folder / "study.toml", folder / "cache"
+    path.write_text(text, encoding="utf-8")
+    command = [sys.executable, "-m", "squealstudy", "run", str(path), "-o", str(folder / "out")]
+    environment = os.environ | {"SQUEALSTUDY_CACHE": str(cache)}
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(
+        [*command, "--no-pictures", "--yes"], check=True, capture_output=True, env=environment
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    points = len(pd.read_parquet(folder / "out" / "points.parquet", columns=["status"]))
+    files = sum(p.is_file() for p in (cache / "models").rglob("*"))
+    return seconds, after.ru_maxrss / 1024, points, files
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--samples", type=int, nargs="+", default=[128, 16384])
+    parser.add_argument("--points", type=int, default=100_001)
+    asked = parser.parse_args()
+    print("| model | points | CPU-s | beyond two points | us a point | MB | files in the cache |")
+    print("|---|---|---|---|---|---|---|")
+    for model in MODELS:
+        least = 0.0
+        for samples in (0, *asked.samples):
+            with tempfile.TemporaryDirectory() as folder:
+                seconds, memory, points, files = run(Path(folder), study(model, samples))
+            least = least or seconds
+            beyond = seconds - least
+            each = f"{1e6 * beyond / points:.0f}" if samples else ""
+            row = f"| {model} | {points:,} | {seconds:.2f} | {beyond:.2f} | {each} "
+            print(f"{row}| {memory:.0f} | {files} |", flush=True)
+    model = sq.model("hulten")
+    model.at(friction=np.linspace(0.0, 1.0, 3)).modes()  # imports
+    started = time.process_time()
+    found = model.at(friction=np.linspace(0.0, 1.0, asked.points)).modes()
+    spent = time.process_time() - started
+    modes = f"{found.counts.sum():,} modes"
+    print(f"\nlibrary: {asked.points:,} frictions of hulten, {modes}: {spent:.2f} CPU-s")
+
+
+if __name__ == "__main__":
+    main()
