@@ -91,6 +91,7 @@ RUNS = [
     Run("same_tables", f"--then {ROOT} --only hulten_modes --jobs 1", "1 studies, 0 with"),
     Run("size_parts", "points --sizes 15k --top 1500", "a point"),
     Run("size_parts", "checks --sizes 15k --top 1500", "real modes"),
+    Run("mode_columns", "--number 1", "CPU-seconds"),
     Run("small_batches", "--samples 8 --points 11", "library: 11 frictions"),
     Run("squeal_judge", "blocks coarse", "ours took"),
     Run("tracking", "--fine 0.35 --steps 0.7 --top 1500 --jobs 1", "step 0.7"),

@@ -63,7 +63,7 @@ def test_an_error_nobody_foresaw_is_one_failed_row(
     points = results.points
     assert points["status"].tolist() == ["ok", "failed", "ok"], points["message"].tolist()
     message = points["message"].tolist()[1]
-    assert message.startswith("KeyError: 'a name that nobody gave' (")
+    assert message.startswith("KeyError: 'a name that nobody gave'")
     assert results.manifest["n_failed"] == 1
 
 

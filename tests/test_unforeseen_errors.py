@@ -89,6 +89,7 @@ def with_mistake(monkeypatch, module: str, name: str, calls: set[int] | None) ->
     return made
 
 
+@pytest.mark.usefixtures("one_by_one")
 @pytest.mark.parametrize(("kind", "module", "name"), OF_POINTS)
 def test_a_mistake_in_a_point_is_that_points_row(
     kind, module, name, undisturbed, tmp_path, monkeypatch
@@ -116,6 +117,7 @@ def test_a_mistake_in_a_point_is_that_points_row(
     found.screen.facts(found)
 
 
+@pytest.mark.usefixtures("one_by_one")
 @pytest.mark.parametrize(("kind", "module", "name"), AFTER_POINTS)
 def test_a_mistake_after_the_points_ends_no_study(
     kind, module, name, undisturbed, tmp_path, monkeypatch

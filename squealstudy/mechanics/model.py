@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Self
 from squealstudy.errors import ParameterError
 from squealstudy.mechanics.basis import Basis
 from squealstudy.mechanics.component_tables import component_modes, loss_damping
-from squealstudy.mechanics.system import System
 from squealstudy.mechanics.values import Values, column_of
 from squealstudy.models.acting_laws import expect_acting, law_choices, laws_with
 from squealstudy.models.matrices.family import MatrixFamily
@@ -20,6 +19,8 @@ from squealstudy.models.units import quantity
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from squealstudy.mechanics.system import System
 
 
 @dataclass(frozen=True)
@@ -141,6 +142,8 @@ class Model:
         nominal = ModelPoint(self.definition, options, self.definition.followed(common))
         for parameter in parameters.values():
             expect_acting(parameter, nominal)
+        from squealstudy.mechanics.system import System  # imports numba and scipy.optimize
+
         return System(
             values=Values.of(self.definition, options, common, columns),
             nominal=nominal,

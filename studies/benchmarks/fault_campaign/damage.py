@@ -53,6 +53,8 @@ def _case(scene: Scene, unfinished: Path, state: str, rng: random.Random, number
     folder = scene.folder / f"case{number}"
     results, cache = folder / "results", folder / "cache"
     shutil.copytree(scene.cache, cache)
+    if state == "cache" and not any(path.is_file() for path in cache.rglob("*")):
+        state = "complete"  # small models keep nothing there
     if state != "cache":
         shutil.copytree(unfinished if state == "unfinished" else scene.reference, results)
     file = _chosen(cache if state == "cache" else results, rng)
