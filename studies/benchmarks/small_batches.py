@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -90,15 +89,19 @@ def run(folder: Path, text: str) -> tuple[float, float, int, int]:
     path.write_text(text, encoding="utf-8")
     command = [sys.executable, "-m", "squealstudy", "run", str(path), "-o", str(folder / "out")]
     environment = os.environ | {"SQUEALSTUDY_CACHE": str(cache)}
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run(
-        [*command, "--no-pictures", "--yes"], check=True, capture_output=True, env=environment
+    process = subprocess.Popen(
+        [*command, "--no-pictures", "--yes"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=environment,
     )
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    _, status, usage = os.wait4(process.pid, 0)
+    if status:
+        raise RuntimeError(f"{path.read_text(encoding='utf-8')}: ended with {status}")
+    seconds = usage.ru_utime + usage.ru_stime
     points = len(pd.read_parquet(folder / "out" / "points.parquet", columns=["status"]))
     files = sum(p.is_file() for p in (cache / "models").rglob("*"))
-    return seconds, after.ru_maxrss / 1024, points, files
+    return seconds, usage.ru_maxrss / 1024, points, files
 
 
 def main() -> None:
