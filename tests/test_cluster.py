@@ -170,9 +170,6 @@ from squealstudy.study.kinds import register_kind
 class Trying(ComplexModes):
     name = "{name}"
 
-    def stacks(self, plan):
-        return False
-
     def solve(self, task):
         time.sleep({seconds} * len(list(task.points)))
         if {deadly!r} in [round(p.values["friction"], 3) for p in task.points]:

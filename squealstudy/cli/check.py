@@ -235,6 +235,8 @@ def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:
     if isinstance(plan.study.model, FamilyDefinition):
         n = len(plan.study.model.sources)
         return "matrices", f"{n} terms read, parameters {', '.join(plan.study.values) or 'none'}"
+    if plan.stacked:
+        return "reductions", "none: design points are solved in batches, structures and all"
     total = len(plan.structures)
     text = f"{total} needed, {cost.n_missing_structures} not in the cache"
     if plan.shared_range is not None:

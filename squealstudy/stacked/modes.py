@@ -16,7 +16,11 @@ from squealstudy.models.parameter import ModelDefinition
 from squealstudy.models.parameter_names import FREQUENCY_SCALE
 from squealstudy.models.stacked_assembly import StackedAssembly
 from squealstudy.modes.point import angular_band
-from squealstudy.reduction.working_point import expect_consistent_laws, working_point_result
+from squealstudy.reduction.working_point import (
+    MAX_ITERATIONS,
+    expect_consistent_laws,
+    working_point_result,
+)
 from squealstudy.stacked.linear import StackedDamping, StackedLinear, computable, linearised
 from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.roots import StackedRoots, stacked_roots
@@ -243,7 +247,11 @@ def _damping(
     for parameter in changed:
         target = scale if parameter.quantity == FREQUENCY_SCALE else own
         for mode in parameter.modes:
-            place = structures.coordinate(parameter.component, mode)
+            try:
+                place = structures.coordinate(parameter.component, mode)
+            except KeyError:
+                text = f"component '{parameter.component}' has no mode {mode} here"
+                raise ParameterError(parameter.name, text) from None
             target[:, place] = _column(columns[parameter.name], count)
     return StackedDamping(
         damping_ratio=ratio,
@@ -259,7 +267,7 @@ def _reason(state: int, operating: StackedOperating, row: int) -> tuple[str, str
         return "singular", "the static stiffness is singular: some motion is free"
     return (
         "working_point",
-        "no steady sliding equilibrium found in 200 Newton iterations at friction "
+        f"no steady sliding equilibrium found in {MAX_ITERATIONS} Newton iterations at friction "
         f"{operating.friction[row]:g}, pressure {operating.pressure[row]:g} Pa",
     )
 

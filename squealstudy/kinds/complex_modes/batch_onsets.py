@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.engine.plan import Plan
-from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.study_tracks import Follower
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.modes.tracking.lockstep import ManyModes, refine_onsets_together
 from squealstudy.modes.tracking.onsets import Onset
 from squealstudy.modes.tracking.ragged import Ragged
@@ -72,7 +72,7 @@ class BatchOnsets:
             rows = same[counts[0][same] == count]
             try:
                 onsets = self._of_as_many(brackets.at(rows), int(count))
-            except (SquealstudyError, np.linalg.LinAlgError):
+            except FAILURES:  # which the way one by one tells of its row
                 continue
             for row, onset in zip(rows.tolist(), onsets, strict=True):
                 found[row] = onset
