@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from study_runs import plan_of
@@ -15,8 +16,23 @@ from squealstudy.engine.chunk_rows import solve_chunk
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ParameterError
 from squealstudy.kinds.complex_modes.kind import KIND
+from squealstudy.laws import contact_law
+from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.model_point import ModelPoint
+from squealstudy.models.operating import (
+    CONTACT_OPTION,
+    DAMPING,
+    FRICTION,
+    FRICTION_OPTION,
+    PRESSURE,
+    SLIDING_SPEED,
+    STIFFNESS_DAMPING,
+    contact_parameters,
+    friction_parameters,
+)
+from squealstudy.models.parameter import ModelDefinition, structural
 from squealstudy.modes.point import solve_point
 from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import prepare
@@ -239,3 +255,86 @@ def test_a_mass_that_is_not_definite_fails_its_point_alone():
         object.__setattr__(model, "stack", original)
     assert rows["status"].to_pylist() == ["ok", "failed", "ok"]
     assert [len(x) for x in rows["re"].to_pylist()] == [2, 0, 2]
+
+
+def build_elastic(options, values):
+    """Two elastic bodies in space-like coordinates: friction across, gaps, damping, springs."""
+    rng = np.random.default_rng(5)
+
+    def body(name, n):
+        A, B = rng.standard_normal((2, n, n))
+        M = values["mass"] * (A @ A.T + n * np.eye(n))
+        K = 1e7 * (B @ B.T)
+        C = 20.0 * np.diag(rng.uniform(0.5, 1.5, n))
+        return Component(name, *(sp.csr_matrix(X) for X in (M, K)), C=sp.csr_matrix(C))
+
+    parts = (body("disc", 3), body("pad", 4))
+    rows = [sp.csr_matrix(rng.standard_normal((3, 7))) for _ in range(3)]
+    contact = ContactInterface(
+        *rows,
+        area=np.array([1e-4, 2e-4, 1.5e-4]),
+        gap0=np.array([0.0, 1e-6, 2e-6]),
+        radius=np.ones(3),
+        law=contact_law("exponential"),
+        frictional=np.array([1.0, 1.0, 0.0]),
+        speed_factor=np.array([1.0, 0.8, 1.0]),
+    )
+    B = sp.csr_matrix(np.eye(7) + 0.1 * rng.standard_normal((7, 7)))
+    ground = SpringInterface("ground", B, np.full(7, 3e6))
+    piston = SpringInterface("piston", sp.csr_matrix(np.eye(7)[:1]), np.array([2e6]), False)
+    load = -rows[0].toarray().sum(axis=0) * 1e-4
+    return Assembly(parts, contact, (ground, piston), load, 0.1 * load * 1e5)
+
+
+ELASTIC = ModelDefinition(
+    name="elastic",
+    description="two elastic bodies",
+    options=(CONTACT_OPTION, FRICTION_OPTION),
+    declared=(
+        FRICTION,
+        PRESSURE,
+        SLIDING_SPEED,
+        DAMPING,
+        STIFFNESS_DAMPING,
+        friction_parameters,
+        contact_parameters,
+        *structural((("mass", 1.0, "kg", "of both"),)),
+    ),
+    components=("disc", "pad"),
+    build=build_elastic,
+)
+
+
+def test_elastic_bodies_with_all_terms():
+    """What minimal models lack: friction across, gaps, own damping, changed component modes."""
+    count, rng = 6, np.random.default_rng(3)
+    options = {"contact_law": "exponential", "friction_law": "exponential_fall"}
+    values = ELASTIC.defaults() | {
+        "friction": rng.uniform(0.1, 0.6, count),
+        "pressure": rng.uniform(3e5, 2e6, count),
+        "sliding_speed": rng.choice([-1.0, 1.0], count) * rng.uniform(0.02, 0.1, count),
+        "friction_law.static_ratio": 1.4,
+        "damping_ratio": rng.uniform(0.0, 0.02, count),
+        "stiffness_damping": rng.uniform(0.0, 1e-6, count),
+        "mass": rng.choice([0.5, 1.0], count),
+        "pad.modes[3].frequency_scale": rng.uniform(0.8, 1.2, count),
+        "disc.modes[2].damping_ratio": rng.uniform(0.0, 0.05, count),
+        "modes[4].damping_ratio": rng.uniform(0.0, 0.05, count),
+    }
+    system = stacked_system(ELASTIC, options, values, count)
+    assert not system.failures
+    band = (1.0, 1e5)
+    roots = system.roots(band)
+    energies = system.energies(roots.psi)
+    for row in range(count):
+        point = point_of(ELASTIC, options, values, row)
+        prepared = prepare(point.assembly(), point.operating_point(), WHOLE)
+        own = solve_point(prepared, point.state(), band)
+        n = roots.count[row]
+        assert n == len(own.lam) == 7
+        np.testing.assert_allclose(roots.lam[row, :n], own.lam, rtol=1e-9)
+        np.testing.assert_allclose(energies[row, :, :n], own.energies, atol=1e-7)
+        error = np.log(roots.error[row, :n] / own.error_rung)
+        assert np.abs(error).max() < np.log(3.0)
+        pressure = own.working_point.contact_pressure
+        np.testing.assert_allclose(system.sliding.pressure[row], pressure, rtol=1e-9)
