@@ -17,6 +17,7 @@ from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ParameterError
 from squealstudy.kinds.complex_modes.kind import KIND
 from squealstudy.laws import contact_law
+from squealstudy.linalg import root_error
 from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.linear_interfaces import SpringInterface
@@ -37,7 +38,7 @@ from squealstudy.modes.point import solve_point
 from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import prepare
 from squealstudy.stacked.modes import stacked_system
-from squealstudy.stacked.roots import stacked_roots
+from squealstudy.stacked.roots import conditions, stacked_roots
 
 BAND = (1.0, 1000.0)
 WORKERS = Workers(1)
@@ -338,3 +339,23 @@ def test_elastic_bodies_with_all_terms():
         assert np.abs(error).max() < np.log(3.0)
         pressure = own.working_point.contact_pressure
         np.testing.assert_allclose(system.sliding.pressure[row], pressure, rtol=1e-9)
+
+
+def test_conditions_are_those_point_by_point():
+    """Beside a coalescence, where errors are more than the floor of round-off."""
+    friction = 0.2916666 + np.array([0.0, 1e-9, 5e-8])
+    K = np.array([[[4.0, -3.0 * mu * 2], [1.5 * mu * 2, 3.0]] for mu in friction]) * 1e5
+    K = np.concatenate([K, np.array([[[1.0, 1.0], [0.0, 1.0 + 1e-9]]]) * 1e5])
+    C = np.zeros_like(K)
+    found = stacked_roots(C, K, (1e-3, 1e6))
+    kept = found.held
+    own = conditions(found.lam, found.psi, kept)
+    for row in range(len(K)):
+        lam, psi = found.lam[row, kept[row]], found.psi[row][:, kept[row]]
+        np.testing.assert_allclose(
+            own[row, kept[row]], root_error.conditions(lam, psi, np.ones(2)), rtol=1e-6
+        )
+        told = root_error.root_errors(np.eye(2), C[row], K[row], lam, psi).error
+        told = np.maximum(told, 1e-13 * np.abs(lam))
+        np.testing.assert_allclose(found.error[row, kept[row]], told, rtol=1e-6)
+    assert own.max() > 1e3
