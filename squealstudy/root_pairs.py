@@ -11,6 +11,28 @@ PAIRED = 0.05  # relative distance within which a full-order root has a partner
 RESOLVED = 100.0  # errors of the full-order root above which a distance says something
 
 
+def least_assignment(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns, k = min(n, m) of each, of the pairs whose costs (n, m) have the least sum.
+
+    Rows ascend. Where the cheapest columns of all rows differ, they are the answer, as no sum can
+    be less; else `scipy.optimize.linear_sum_assignment` finds them, which is slow to import.
+    """
+    if len(cost) > cost.shape[1]:
+        columns, rows = least_assignment(cost.T)
+        order = np.argsort(rows)
+        return rows[order], columns[order]
+    if not cost.size:
+        return np.arange(0), np.arange(0)
+    cheapest = cost.argmin(axis=1)
+    if len(np.unique(cheapest)) == len(cheapest) and not np.isnan(cost).any():
+        return np.arange(len(cost)), cheapest
+
+    from scipy.optimize import linear_sum_assignment
+
+    rows, columns = linear_sum_assignment(cost)
+    return rows, columns
+
+
 def partners(distance: np.ndarray, limit: float = np.inf) -> np.ndarray:
     """For each row of distances (n, m) the column of its partner, -1 for none.
 
@@ -18,12 +40,10 @@ def partners(distance: np.ndarray, limit: float = np.inf) -> np.ndarray:
     beyond the `limit`, which make no pair, counting as that: one mode that is missing must not
     shift its neighbours' partners by one each, as the sum of the distances themselves allows.
     """
-    from scipy.optimize import linear_sum_assignment  # slow to import
-
     found = np.full(len(distance), -1)
     if not distance.size:
         return found
-    rows, columns = linear_sum_assignment(np.sqrt(np.minimum(distance, limit)))
+    rows, columns = least_assignment(np.sqrt(np.minimum(distance, limit)))
     near = distance[rows, columns] < limit
     found[rows[near]] = columns[near]
     return found

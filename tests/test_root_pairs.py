@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import linear_sum_assignment
 
-from squealstudy.root_pairs import partner_distances, partners
+from squealstudy.root_pairs import least_assignment, partner_distances, partners
 
 LIMIT = 0.05
 
@@ -48,3 +49,16 @@ def test_roots_beyond_the_limit_make_no_pair():
     np.testing.assert_array_equal(partners(relative(full, 1.04 * full[::-1]), LIMIT), [1, 0])
     assert len(partners(np.zeros((0, 3)))) == 0
     np.testing.assert_array_equal(partners(np.zeros((2, 0))), [-1, -1])
+
+
+@given(st.integers(0, 6), st.integers(0, 6), st.integers(0, 10**6), st.booleans())
+def test_total_cost_is_the_least(n, m, seed, near_diagonal):
+    rng = np.random.default_rng(seed)
+    cost = rng.normal(size=(n, m))
+    if near_diagonal:  # where the shortest way is taken
+        cost -= 5.0 * np.eye(n, m)
+    rows, columns = least_assignment(cost)
+    assert len(rows) == len(columns) == min(n, m)
+    assert (np.diff(rows) > 0).all()
+    assert len(np.unique(columns)) == len(columns)
+    assert cost[rows, columns].sum() <= cost[linear_sum_assignment(cost)].sum() + 1e-12

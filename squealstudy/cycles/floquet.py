@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as la
 from scipy.linalg import get_lapack_funcs
-from scipy.optimize import linear_sum_assignment
 
 from squealstudy.cycles.balance import sampled
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import sampling, series_at
 from squealstudy.cycles.oscillator import Oscillator
 from squealstudy.errors import ConvergenceError
+from squealstudy.root_pairs import least_assignment
 
 STEPS = 256  # a period, at least
 STEPS_A_HARMONIC = 16
@@ -196,7 +196,7 @@ def _changes(found: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.ndarr
     fine = found.multipliers
     mine = np.flatnonzero((np.abs(fine) > NEAR) & inside)
     mine = np.union1d(mine, [len(fine) - 1])
-    rows, pairs = linear_sum_assignment(np.abs(fine[mine, None] - coarse))
+    rows, pairs = least_assignment(np.abs(fine[mine, None] - coarse))
     changes = np.abs(np.abs(fine[mine[rows]]) - np.abs(coarse[pairs]))
     errors = np.full(len(fine), changes.max())
     errors[mine[rows]] = changes

@@ -18,6 +18,7 @@ from squealstudy.modes.judged_roots import (
     stability_names,
     uncertain_roots,
 )
+from squealstudy.root_pairs import least_assignment
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -224,7 +225,5 @@ def left_vectors(system: LinearSystem, lam: np.ndarray, right: np.ndarray) -> np
 
 def _partners(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Index (k,) of the root that is each of lam, no root twice."""
-    from scipy.optimize import linear_sum_assignment
-
-    found: np.ndarray = linear_sum_assignment(np.abs(lam[:, None] - others))[1]
-    return found
+    columns: np.ndarray = least_assignment(np.abs(lam[:, None] - others))[1]
+    return columns

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.modes.tracking.pairing import mac
+from squealstudy.root_pairs import least_assignment
 
 Node = tuple[int, ...]
 COUPLING_CHANGE = 1.3  # by which coupling at the crossing may exceed that at both nodes: with 1.0
@@ -96,9 +97,7 @@ class PassingModes:
         if not (_may_change(h_a, decay_a).any() or _may_change(h_b, decay_b).any()):
             return False
         likeness = mac(at_a.seen, at_b.seen)
-        from scipy.optimize import linear_sum_assignment  # slow to import
-
-        rows, columns = linear_sum_assignment(-likeness)
+        rows, columns = least_assignment(-likeness)
         like = likeness[np.ix_(rows, columns)]
         own = np.diagonal(like)
         sure = own[:, None] + own - like - like.T > ALIKE

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from squealstudy.root_pairs import least_assignment
+
 PAIR_FREQUENCY = 0.2  # relative change of |lambda| from which on two modes are never paired
 PAIR_DAMPING = 0.5  # change of zeta that weighs as much as the whole frequency window
 UNPAIRED = 1.0  # cost of leaving a mode without partner
@@ -195,8 +197,6 @@ def _partners(cost: np.ndarray) -> np.ndarray:
     Where the cheapest columns of all rows are different ones, by more than rounding, they are the
     assignment: no other can be as cheap. What is left is solved one by one.
     """
-    from scipy.optimize import linear_sum_assignment
-
     least, best = cost.min(axis=2), cost.argmin(axis=2)
     rest = cost.copy()
     np.put_along_axis(rest, best[:, :, None], UNPAIRED, axis=2)
@@ -207,7 +207,7 @@ def _partners(cost: np.ndarray) -> np.ndarray:
     ordered = np.sort(np.where(alone, -1 - rows, best), axis=1)
     clear[:, 0] &= (np.diff(ordered, axis=1) != 0).all(axis=1)
     for i in np.flatnonzero(~clear.all(axis=1)):
-        own, columns = linear_sum_assignment(cost[i])
+        own, columns = least_assignment(cost[i])
         taken = cost[i][own, columns] < UNPAIRED
         partner[i] = -1
         partner[i, own[taken]] = columns[taken]
