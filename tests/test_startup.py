@@ -45,7 +45,7 @@ def test_small_study_runs_without_workers(tmp_path):
     options = ("--output", tmp_path / "out", "--no-pictures", "--jobs", "2")
     found = imported("run", STUDY, *options, patient=True)
     assert (tmp_path / "out" / "modes.parquet").is_file()
-    assert not found & (HEAVY - {"scipy.spatial"})  # tracking
+    assert not found & (HEAVY - {"scipy.optimize", "scipy.spatial"})  # onsets, tracking
 
 
 @pytest.mark.parametrize("command", [["--help"], ["models"], ["schema"]])
