@@ -338,7 +338,22 @@ def _end_when(over: Callable[[], object]) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
+SAFE_PATH = "PYTHONSAFEPATH"
 SILENTLY = "ignore:resource_tracker:UserWarning"
+
+
+@contextlib.contextmanager
+def _without_current_directory() -> Iterator[None]:
+    """For processes that start here: they look for no modules there, for it may be anybody's."""
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = before
 
 
 @contextlib.contextmanager
@@ -346,20 +361,22 @@ def starting_processes() -> Iterator[None]:
     """For processes that start here: signals go to this one alone, its main file is not theirs.
 
     A main file may run a study as it is read, and so would they. A signal that comes meanwhile
-    waits: a process that has half of what it needs would say so in a traceback.
+    waits: a process that has half of what it needs would say so in a traceback. They look for no
+    modules in the current directory, which may be anybody's.
     """
     from multiprocessing import get_context
 
     # what starts with the first lock lets signals through, and removes what a killed run leaves
     sys.warnoptions.append(SILENTLY)
-    get_context("spawn").Lock()
+    with _without_current_directory():
+        get_context("spawn").Lock()
     sys.warnoptions.remove(SILENTLY)
     main = sys.modules["__main__"]
     masked = hasattr(signal, "pthread_sigmask")  # not on Windows
     before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS) if masked else ()
     sys.modules["__main__"] = ModuleType("__main__")
     try:
-        with _signals_wait():
+        with _without_current_directory(), _signals_wait():
             yield
     finally:
         sys.modules["__main__"] = main

@@ -163,31 +163,35 @@ def test_classes_of_values_are_those_of_the_package():
 
 # -- the directory in which a command is run ----------------------------------------------------
 SCRIPT = """\
-import sys
 from multiprocessing import get_context
-from squealstudy.__main__ import main
+from squealstudy.machine import starting_processes
 if __name__ == "__main__":
-    sys.argv[1:] = ["models"]
-    try:
-        main()
-    except SystemExit:
-        worker = get_context("spawn").Process(target=int)
+    with starting_processes():
+        worker = get_context("spawn").Process(target=print, args=(1,))
         worker.start()
-        worker.join()
+    worker.join()
 """
+# what `python -m` imports before it reads the package: nothing of ours runs before that
+BEFORE_US = {
+    *("collections", "contextlib", "functools", "importlib", "keyword", "operator", "reprlib"),
+    *("types", "warnings"),
+}
+HOSTILE = sys.stdlib_module_names | {"numpy", "pandas", "pydantic", "typer", "numba", "rich"}
 
 
-def test_modules_in_the_current_directory_are_not_imported(tmp_path):
+@pytest.mark.parametrize("way", ["-m", "script"])
+def test_modules_in_the_current_directory_are_not_imported(way, tmp_path):
     """A folder of a colleague may hold a file that is called as a module of Python."""
-    for name in ("multiprocessing", "signal", "threading"):
-        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'w').close()")
-    (tmp_path / "bin").mkdir()
-    script = tmp_path / "bin" / "command.py"  # as that of an installation, elsewhere
+    for name in HOSTILE - BEFORE_US:
+        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'a').close()")
+    script = tmp_path / "elsewhere" / "command.py"  # a program that starts worker processes
+    script.parent.mkdir()
     script.write_text(SCRIPT)
+    given = ["-m", "squealstudy", "--help"] if way == "-m" else [str(script)]
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
     environment.pop("PYTHONSAFEPATH", None)
     done = subprocess.run(
-        [sys.executable, str(script)],
+        [sys.executable, *given],
         cwd=tmp_path,
         env=environment,
         capture_output=True,
@@ -195,5 +199,22 @@ def test_modules_in_the_current_directory_are_not_imported(tmp_path):
         timeout=300,
         check=False,
     )
-    assert "disc_brake" in done.stdout
+    assert ("COMMAND" if way == "-m" else "1") in done.stdout, done.stderr
     assert not (tmp_path / "executed").exists(), done.stderr
+
+
+def test_a_package_in_the_current_directory_is_found_there(tmp_path):
+    """Of a copy of the sources, that of their folder; other modules beside it come last."""
+    (tmp_path / "squealstudy").symlink_to(Path(__file__).parents[1] / "squealstudy")
+    (tmp_path / "numpy.py").write_text("raise SystemExit('executed')")
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
+    code = "import sys; sys.argv = ['-m']; import squealstudy, numpy; print(squealstudy.__path__)"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout, done.stderr
