@@ -295,7 +295,7 @@ def archive(**arrays: object) -> bytes:
         ({"indices": [0.0, 1.0, 2.0]}, "expected whole numbers in 'indices'"),
         ({"shape": [10**12, 10**12]}, "at most 10,000,000 rows"),
         ({"shape": [3, 4]}, "expected a square matrix, found 3 x 4"),
-        ({"data": np.array([1, 2, None], dtype=object)}, "allow_pickle"),
+        ({"data": np.array([1, 2, None], dtype=object)}, "pickles"),
         ({"data": np.array([1.0, np.inf, 3.0])}, "not finite, the first in row 2, column 2"),
         ({"data": np.array([1.0, 2.0, 3.0 + 1j])}, "expected real values, found complex ones"),
         ({"data": np.array([1.0, 2.0])}, "same size"),

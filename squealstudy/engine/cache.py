@@ -19,11 +19,11 @@ from functools import lru_cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 import scipy.sparse as sp
 
+from squealstudy.array_files import read_arrays
 from squealstudy.engine.keys import content_hash
 from squealstudy.faults import named
 from squealstudy.files import (
@@ -338,9 +338,9 @@ def _gaps(key: str) -> dict[str, np.ndarray]:
             file.unlink(missing_ok=True)  # damaged, or of a version that named it otherwise
             continue
         with (
-            contextlib.suppress(ValueError, KeyError, OSError, BadZipFile, TypeError),
-            np.load(io.BytesIO(content), allow_pickle=False) as data,
+            contextlib.suppress(ValueError, KeyError, OSError, TypeError),
         ):
+            data = read_arrays(io.BytesIO(content))
             keys, gaps = data["keys"], data["gaps"]
             if gaps.ndim == 2 and gaps.dtype == float and np.isfinite(gaps).all():
                 found.update(zip(keys.tolist(), gaps, strict=True))

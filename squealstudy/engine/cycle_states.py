@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
+from squealstudy.array_files import read_arrays
+from squealstudy.engine.final_states import expect_numbers
 from squealstudy.engine.result_names import STATES
 from squealstudy.engine.store import Store
 from squealstudy.errors import ResultsError
@@ -76,11 +77,16 @@ def stored_cycle(store: Store, cycle_id: str) -> CycleSeries:
 def _read(store: Store, name: str) -> list[CycleSeries]:
     path = store.whole(name)
     try:
-        with np.load(path) as data:
-            key, omega = str(data["prepared_key"]), data["omega"].tolist()
-            return [
-                CycleSeries(str(cycle_id), key, data[f"series_{k}"], omega[k])
-                for k, cycle_id in enumerate(data["cycle_id"])
-            ]
-    except (OSError, ValueError, KeyError, BadZipFile) as error:
+        data = read_arrays(path)
+        ids, omega = np.atleast_1d(data["cycle_id"]), data["omega"]
+        expect_numbers(omega, ids.shape)
+        series = [data[f"series_{k}"] for k in range(len(ids))]
+        for Q in series:
+            expect_numbers(Q, (2 * (len(Q) // 2) + 1, Q.shape[1]))
+        key = str(data["prepared_key"])
+        return [
+            CycleSeries(str(cycle_id), key, Q, frequency)
+            for cycle_id, Q, frequency in zip(ids, series, omega.tolist(), strict=True)
+        ]
+    except (OSError, ValueError, LookupError, TypeError) as error:
         raise ResultsError(f"{path}: no series of limit cycles ({error})") from error

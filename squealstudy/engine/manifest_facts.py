@@ -32,6 +32,7 @@ def _named(pattern: re.Pattern[str], what: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+Megabytes = Annotated[float, Field(ge=0.0, le=1e12, allow_inf_nan=False)]
 PictureName = Annotated[str, _named(PICTURE, "a picture beside the tables")]
 FolderName = Annotated[str, _named(FOLDER, "a folder below")]
 
@@ -148,7 +149,7 @@ class Facts(Told):
     machine: dict[str, str | int] = Field(default_factory=dict)
     threads: dict[str, str | int] = Field(default_factory=dict)
     timings: Timings = Timings()
-    peak_memory_mb: dict[str, float] = Field(default_factory=dict)
+    peak_memory_mb: dict[str, Megabytes] = Field(default_factory=dict)
     design: DesignFacts = DesignFacts()
     model_file: ModelFileFacts | None = None
     rotation: RotationFacts | None = None

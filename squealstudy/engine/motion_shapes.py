@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
-from zipfile import BadZipFile
 
 import numpy as np
 import scipy.linalg as la
 
+from squealstudy.engine.final_states import read_state
 from squealstudy.engine.mode_shapes import PointShapes
 from squealstudy.engine.result_names import STATES
 from squealstudy.errors import ResultsError
@@ -128,10 +128,8 @@ def _state(results: Results, point_id: str, shapes: PointShapes) -> tuple[np.nda
         raise ResultsError(f"{results.directory}: there is no final state {name}")
     path = results.store.whole(name)
     try:
-        with np.load(path) as data:
-            q, v, representation = data["q"], data["v"], str(data["representation"])
-            key = str(data["prepared_key"])
-    except (OSError, ValueError, KeyError, BadZipFile) as error:
+        q, v, key, representation = read_state(path)
+    except (OSError, ValueError) as error:
         raise ResultsError(f"{path} is no final state ({error})") from None
     if representation != MODAL:
         raise ResultsError(

@@ -113,6 +113,8 @@ class ResultTables:
         if name not in self._fits:
             schema, n_rows = self.store.shape_of(f"{name}.parquet")
             why = misfit(schema, self.kind, name, self.units, n_rows)
+            if name == self.tables[0] and not n_rows:
+                why = why or "it has no row"
             if name == POINT_TABLE and (lost := set(self.parameters) - set(schema.names)):
                 why = why or f"the parameter '{printable(min(lost))}' has no column"
             if lacking := sorted(set(self.screen.needs.get(name, ())) - set(schema.names)):

@@ -36,6 +36,7 @@ from squealstudy.engine.result_names import (
     expect_inside,
     leads_out,
 )
+from squealstudy.engine.table_files import read_batches, read_chunk, read_file, readable
 from squealstudy.errors import MachineError, ResultsError
 from squealstudy.files import (
     SEAL,
@@ -326,39 +327,38 @@ class Store:
 
     def read_table(self, name: str, columns: Sequence[str] | None = None) -> pa.Table:
         """A table; ResultsError where it is not as it was written."""
-        with _readable(self.whole(name)):
-            parts = [pq.read_table(self.directory / n, columns=columns) for n in self.parts(name)]
+        with readable(self.whole(name)):
+            parts = [read_file(self.directory / part, columns) for part in self.parts(name)]
             return pa.concat_tables(parts)
 
     def shape_of(self, name: str) -> tuple[pa.Schema, int]:
         """Schema and number of rows of a table; ResultsError where it is not as it was written."""
-        with _readable(self.whole(name)):
+        with readable(self.whole(name)):
             found = [pq.ParquetFile(self.directory / part) for part in self.parts(name)]
             rows = sum(part.metadata.num_rows for part in found)
             return found[0].schema_arrow, rows
 
     def batches(self, name: str, columns: Sequence[str], rows: int) -> Iterator[pa.Table]:
         """Columns of a table, so many rows at a time; ResultsError as of `read_table`."""
-        with _readable(self.whole(name)):
+        with readable(self.whole(name)):
             for part in self.parts(name):
-                with pq.ParquetFile(self.directory / part) as file:
-                    for batch in file.iter_batches(rows, columns=list(columns), use_threads=False):
-                        yield pa.Table.from_batches([batch]).select(list(columns))
+                yield from read_batches(self.directory / part, columns, rows)
 
     def chunks(
         self, schema: pa.Schema, columns: Sequence[str] | None = None, read: set[str] | None = None
     ) -> Iterator[pa.Table]:
         """Tables of the chunk files one after the other.
 
-        Those of another schema and damaged ones are passed over: their points are not solved. So
-        are those whose names are in `read`; the names of the others join it.
+        Those of another schema, damaged ones and those without room in memory are passed over:
+        their points are not solved. So are those whose names are in `read`; the names of the others
+        join it.
         """
-        chosen, read = None if columns is None else list(columns), set() if read is None else read
+        read = set() if read is None else read
         for name in self.names(CHUNKS):
             if name not in read and not self.fault(name):
-                with pq.ParquetFile(self.directory / name) as file:
-                    if file.schema_arrow.equals(schema):
-                        yield file.read(columns=chosen, use_threads=False)
+                table = read_chunk(self.directory / name, schema, columns)
+                if table is not None:
+                    yield table
                 read.add(name)
 
     def finished_points(self, schema: pa.Schema) -> np.ndarray:
@@ -414,15 +414,6 @@ class Store:
             )
         frame: pd.DataFrame = self.read_table(name).to_pandas()
         return frame
-
-
-@contextlib.contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    """Raise ResultsError for a table that turns out not to be one."""
-    try:
-        yield
-    except (OSError, ValueError) as error:
-        raise ResultsError(f"{path}: not a readable table ({error})") from error
 
 
 def _named(table: pa.Table) -> dict[str, pa.Table]:

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 from squealstudy.cycles.harmonics import series_at
 from squealstudy.engine.cycle_states import stored_cycle
+from squealstudy.engine.final_states import read_state
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import Columns
 from squealstudy.engine.plan import Plan
@@ -175,7 +175,7 @@ def start_of(plan: Plan) -> StartState | None:
         raise source.error(KEY, str(error)) from None
     try:
         return _read(path).scaled(section.start_scale)
-    except (OSError, ValueError, KeyError, BadZipFile) as error:
+    except (OSError, ValueError) as error:
         raise source.error(KEY, f"{path} is no final state ({error})") from None
 
 
@@ -228,14 +228,8 @@ def _chosen(section: TransientSection, source: SourceText, states: dict[str, str
 
 
 def _read(path: Path) -> StartState:
-    with np.load(path) as data:
-        return StartState(
-            point_id=path.stem,
-            prepared_key=str(data["prepared_key"]),
-            representation=str(data["representation"]),
-            q=data["q"],
-            v=data["v"],
-        )
+    q, v, key, representation = read_state(path)
+    return StartState(path.stem, key, representation, q, v)
 
 
 def check_model(start: StartState, prepared_keys: set[str], section: TransientSection) -> str:

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 import scipy.sparse as sp
 
+from squealstudy.array_files import expect_room
 from squealstudy.errors import ModelError
 from squealstudy.models.matrices.dmig import read_dmig
 from squealstudy.models.matrices.entries import check_size
@@ -156,6 +157,7 @@ def _matlab(path: Path, variable: str | None) -> Any:
 
 
 def _npz(path: Path, variable: str | None) -> Any:
+    expect_room(path)
     with zipfile.ZipFile(path) as archive:
         if damaged := archive.testzip():  # NumPy reads no further than a damaged header says
             raise ValueError(f"'{damaged}' is damaged")

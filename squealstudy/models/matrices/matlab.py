@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 import scipy.sparse as sp
 
+from squealstudy.array_files import expect_memory
 from squealstudy.models.matrices.entries import check_size
 
 HEADER, TAG, SMALL = 128, 8, 4  # bytes; of a small element's data
@@ -26,6 +27,7 @@ TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8",
 SPARSE, NUMERIC = 5, range(6, 16)
 OTHERS = {1: "a cell array", 2: "a structure", 3: "an object", 4: "text", 16: "a function"}
 COMPLEX = 0x800
+MORE = "more is in a variable or a compressed part than its sizes say"
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ class Elements:
     def check_end(self) -> None:
         """Raise ValueError where bytes are left over."""
         if self.left:
-            raise ValueError("more is in a variable or a compressed part than its sizes say")
+            raise ValueError(MORE)
 
     def next(self) -> tuple[int, memoryview]:
         """Type and content of the next element; ValueError where the file ends before its end."""
@@ -138,13 +140,25 @@ def variables(data: bytes) -> Iterator[Variable]:
     while elements.left:
         kind, content = elements.next()
         if kind == COMPRESSED:
-            inner = Elements(memoryview(zlib.decompress(content)), order)
+            inner = Elements(memoryview(_inflated(content, order)), order)
             kind, content = inner.next()
             inner.check_end()
         if kind != MATRIX:
             raise ValueError(f"expected a variable, found an element of type {kind}")
         if found := _variable(Elements(content, order)):
             yield found
+
+
+def _inflated(content: bytes | memoryview, order: Order) -> bytes:
+    """An element that is compressed; ValueError where it is not as long as its own tag says."""
+    stream = zlib.decompressobj()
+    tag = stream.decompress(content, TAG)
+    size = int(np.frombuffer(tag, f"{order}u4", 1, 4)[0])
+    expect_memory(2 * size)
+    inner = tag + stream.decompress(stream.unconsumed_tail, size + 1)
+    if len(inner) > TAG + size or not stream.eof:
+        raise ValueError(MORE)
+    return inner
 
 
 def _variable(parts: Elements) -> Variable | None:

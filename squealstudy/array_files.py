@@ -1,0 +1,91 @@
+"""Files of arrays from anybody (npz): read only where what they claim is there, and has room.
+
+An archive of a few kilobytes can claim, or be decompressed to, more than any memory.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from squealstudy.machine import MB, available_memory_mb
+
+LEAST_BYTES = 8  # of a number as it is used, however short it is in the file
+SMALL = 2**28  # bytes that there is room for, without a look at the machine
+HEADERS = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
+
+
+def read_arrays(source: Path | IO[bytes]) -> dict[str, np.ndarray]:
+    """The arrays of an npz file by name.
+
+    Raises
+    ------
+    OSError, ValueError
+        No such file; damaged; pickles; another size than its header says; more than there is
+        memory for, which is known before any is taken.
+    """
+    try:
+        expect_room(source)
+        with np.load(source, allow_pickle=False) as data:
+            return {name: data[name] for name in data.files}
+    except (zipfile.BadZipFile, EOFError, KeyError, NotImplementedError) as error:
+        raise ValueError(str(error)) from error
+
+
+def expect_room(source: Path | IO[bytes]) -> None:
+    """Raise ValueError where arrays of an npz file are not as large as they say, or too large."""
+    needed = 0
+    with zipfile.ZipFile(source) as archive:
+        for member in archive.infolist():
+            with _whole(member.filename), archive.open(member) as handle:
+                count, size = _claimed(handle)
+                if handle.tell() + size != member.file_size:
+                    raise ValueError(f"'{member.filename}' is not as long as its shape says")
+            needed += max(size, count * LEAST_BYTES)
+    if not isinstance(source, Path):
+        source.seek(0)
+    expect_memory(needed)
+
+
+def expect_memory(needed: float) -> None:
+    """Raise ValueError where so many bytes are not left."""
+    if needed > SMALL and needed > (left := available_memory_mb() * MB):
+        raise ValueError(
+            f"it would take {needed / 1e9:,.3g} GB of memory, and {left / 1e9:.3g} GB are left"
+        )
+
+
+@contextlib.contextmanager
+def _whole(name: str) -> Iterator[None]:
+    """Raise ValueError for a member of an archive that is not as it was written."""
+    try:
+        yield
+    except zipfile.BadZipFile:
+        raise ValueError(f"'{name}' is damaged") from None
+
+
+def _claimed(handle: IO[bytes]) -> tuple[int, int]:
+    """Number of elements and bytes of the array whose header is read."""
+    version = np.lib.format.read_magic(handle)
+    if version not in HEADERS:
+        raise ValueError(f"unknown version {version} of NumPy's format")
+    shape, _, kind = HEADERS[version](handle)
+    count = math.prod(shape)
+    if count < 0:
+        raise ValueError("a shape below zero")
+    return count, count * _bytes_of(kind)
+
+
+def _bytes_of(kind: np.dtype[Any]) -> int:
+    if kind.hasobject:
+        raise ValueError("pickles are not read")
+    return kind.itemsize

@@ -1,0 +1,138 @@
+"""Tables from anybody (Parquet): read only where there is memory for what their footers claim.
+
+A row of nulls or of one text takes nothing in a file, and its bytes in memory.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from squealstudy.array_files import expect_memory
+from squealstudy.errors import ResultsError
+
+NUMBER_BYTES = 8  # of a value that is no text
+TEXT_BYTES = 16  # of a text beside its letters: its place in a table, and in a frame
+TEXT = "BYTE_ARRAY"
+
+
+@contextlib.contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Raise ResultsError for a table that turns out not to be one, or to be too large."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        raise ResultsError(f"{path}: not a readable table ({error})") from error
+
+
+def read_file(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+    """A file of a table; OSError, ValueError where it is none or has no room."""
+    with pq.ParquetFile(path) as file:
+        expect_room(path, file, columns)
+    return pq.read_table(path, columns=columns)
+
+
+def read_batches(path: Path, columns: Sequence[str], rows: int) -> Iterator[pa.Table]:
+    """Columns of a file of a table, so many rows at a time; errors as of `read_file`."""
+    with pq.ParquetFile(path) as file:
+        expect_room(path, file, columns, rows)
+        for batch in file.iter_batches(rows, columns=list(columns), use_threads=False):
+            yield pa.Table.from_batches([batch]).select(list(columns))
+
+
+def read_chunk(path: Path, schema: pa.Schema, columns: Sequence[str] | None) -> pa.Table | None:
+    """Columns of a chunk file; None of another schema, where it is none, or has no room.
+
+    Raises
+    ------
+    OSError
+        What the machine refuses.
+    """
+    try:
+        with pq.ParquetFile(path) as file:
+            if not file.schema_arrow.equals(schema):
+                return None
+            expect_room(path, file, columns)
+            chosen = None if columns is None else list(columns)
+            return file.read(columns=chosen, use_threads=False)
+    except ValueError:
+        return None
+    except OSError as error:
+        if error.errno is not None:  # pyarrow's own, of a file that is no table, has none
+            raise
+        return None
+
+
+def expect_room(
+    path: Path, file: pq.ParquetFile, columns: Collection[str] | None = None, rows: int = 0
+) -> None:
+    """Raise ValueError where columns of a table, or so many rows at a time, have no room."""
+    needed, texts = 0.0, dict[int, set[int]]()
+    for group, column, values, part in _parts(file, columns, rows):
+        needed += values * NUMBER_BYTES
+        if part.physical_type == TEXT:
+            texts.setdefault(column, set()).add(group)
+            needed += values * TEXT_BYTES
+    expect_memory(needed)
+    expect_memory(needed + _longest(path, file, texts, columns, rows))
+
+
+def _parts(
+    file: pq.ParquetFile, columns: Collection[str] | None, rows: int
+) -> Iterator[tuple[int, int, int, pq.ColumnChunkMetaData]]:
+    """Group, column, number of values and facts of each part of a column that is read."""
+    told, schema = file.metadata, file.schema
+    for column in range(len(schema)):
+        leaf = schema.column(column)
+        if columns is not None and leaf.path.split(".")[0] not in columns:
+            continue
+        for group in range(told.num_row_groups):
+            part = told.row_group(group).column(column)
+            plain = rows and not leaf.max_repetition_level  # a row of lists has any number
+            yield group, column, min(part.num_values, rows) if plain else part.num_values, part
+
+
+def _longest(
+    path: Path,
+    file: pq.ParquetFile,
+    texts: dict[int, set[int]],
+    columns: Collection[str] | None,
+    rows: int,
+) -> float:
+    """Letters of all texts, at most: as many times the longest of a dictionary as it has values.
+
+    Dictionaries are looked at only where the sizes in the footer leave it open.
+    """
+    names = {column: file.schema.column(column).path for column in texts}
+    each = [
+        (group, column, values, part)
+        for group, column, values, part in _parts(file, columns, rows)
+        if column in names
+    ]
+    bound = float(sum(values * part.total_uncompressed_size for _, _, values, part in each))
+    try:
+        expect_memory(bound)
+    except ValueError:
+        coded = pq.ParquetFile(path, read_dictionary=list(names.values()))
+        with coded:
+            bound = sum(
+                values * _length(coded, group, names[column]) for group, column, values, _ in each
+            )
+    return bound
+
+
+def _length(coded: pq.ParquetFile, group: int, name: str) -> float:
+    """Letters of the longest text in the dictionary of a part of a column; 0 without one."""
+    for batch in coded.iter_batches(1, [group], [name], use_threads=False):
+        found = batch.column(0)
+        while hasattr(found, "flatten") and not hasattr(found, "dictionary"):
+            found = found.flatten()
+        if hasattr(found, "dictionary"):
+            return float(pc.max(pc.binary_length(found.dictionary)).as_py() or 0)
+        break
+    return 0.0
