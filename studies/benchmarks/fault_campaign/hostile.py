@@ -62,16 +62,24 @@ COLUMNS: dict[str, Callable[[int], pa.Array]] = {
     "records": lambda n: pa.array([{"a": 1}] * n),
     "bytes": lambda n: pa.array([b"\xff\xfe"] * n),
 }
+TEXTS = ("", "x", "ok", "failed", "\x1b[31m", "=1+1", "0" * 16, "f" * 16)
+NUMBERS = (float("nan"), float("inf"), -1e308, 1e308, -1.0, 0.0, 1e-300)
+WHOLES = (-1, 0, 7, 2**31, -(2**63), 2**62)
 Change = Callable[[Path, random.Random], str]
 
 
 def run(
-    count: int, seed: int, work: Path, names: tuple[str, ...] = SCENES, pictures: bool = True
+    count: int,
+    seed: int,
+    work: Path,
+    names: tuple[str, ...] = SCENES,
+    pictures: bool = True,
+    first: int = 0,
 ) -> Iterator[Finding]:
     """Make `count` hostile directories, and read each in a copy of this process."""
     folder = work / PART
     whole = _whole(folder, names)
-    for number in range(count):
+    for number in range(first, first + count):
         rng = random.Random(f"{seed} {number}")
         name = rng.choice(names)
         case = folder / f"case{number}"
@@ -243,6 +251,8 @@ def _facts(results: Path, rng: random.Random) -> str:
         content = json.loads(path.read_bytes())
     except ValueError:
         return "no manifest"
+    if not isinstance(content, dict):
+        return "no manifest"
     content.pop("sha256", None)
     at, value = rng.choice(list(_places(content))), rng.choice(VALUES)
     inner = content
@@ -304,6 +314,39 @@ def _column(results: Path, rng: random.Random) -> str:
     pq.write_table(table, path)
     enter(results, path.relative_to(results).as_posix())
     return f"{path.name[:20]} {column}: {what}"
+
+
+def _rows(results: Path, rng: random.Random) -> str:
+    """Values of a few rows forged, with the types that they have: most of them in chunk files."""
+    tables = [p for p in sorted(results.rglob("*.parquet")) if p.is_file() and not p.is_symlink()]
+    chunks = [p for p in tables if p.parent.name == "chunks"]
+    if not tables:
+        return "no table"
+    path = rng.choice(chunks if chunks and rng.random() < 0.7 else tables)
+    try:
+        table = pq.read_table(path)
+    except (OSError, ValueError):
+        return "no table"
+    column, values = rng.choice(table.column_names), {str: TEXTS, float: NUMBERS, int: WHOLES}
+    cells = table[column].to_pylist()
+    kind = table.schema.field(column).type
+    what = "null"
+    for row in rng.sample(range(len(cells)), min(len(cells), rng.choice((1, 2, 100)))):
+        old = cells[row]
+        if isinstance(old, list):
+            inner = type(old[0]) if old else float
+            new = rng.choice((None, [], old[:-1], old * 2, [rng.choice(values.get(inner, [None]))]))
+        else:
+            new = rng.choice((None, *values.get(type(old), (None,)), cells[0]))
+        cells[row], what = new, str(new)[:20]
+    try:
+        forged = pa.array(cells, kind)
+    except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError):
+        return "no such value"
+    table = table.set_column(table.column_names.index(column), table.schema.field(column), forged)
+    pq.write_table(table, path)
+    enter(results, path.relative_to(results).as_posix())
+    return f"{path.parent.name}/{path.name[:12]} {column}: {what}"
 
 
 def _bomb(results: Path, rng: random.Random) -> str:
@@ -384,5 +427,6 @@ def _others(results: Path, rng: random.Random) -> str:
 
 CHANGES: tuple[Change, ...] = (
     *(_names, _journal, _links, _links, _facts, _facts, _facts, _manifest),
+    *(_rows, _rows, _rows),
     *(_column, _column, _column, _bomb, _code, _others),
 )
