@@ -236,16 +236,32 @@ def failure_counts(status: Sequence[str] | pd.Series | pa.ChunkedArray) -> str:
     return ", ".join(f"{count} {name}" for name, count in counts.items())
 
 
-def mostly(named: tuple[str, bool]) -> str:
-    """The name of a track that changes between design points or not (`Results.track_names`)."""
+def name_where_fastest(named: tuple[str, bool]) -> str:
+    """The name of a track, and whether it has others elsewhere (`Results.track_names`)."""
     text, changes = named
-    return f"mostly {text}" if changes else text
+    return f"{text} (changes)" if changes else text
 
 
 def named_tracks(tracks: Iterable[int], names: Mapping[int, tuple[str, bool]]) -> list[str]:
     """What the numbers of tracks stand for, a line each; none of tracks without a name."""
     known = dict.fromkeys(int(track) for track in tracks if track in names)
-    return [f"{track}: {mostly(names[track])}" for track in known]
+    return [f"{track_number(track)}: {name_where_fastest(names[track])}" for track in known]
+
+
+def band_text(band_hz: Sequence[float]) -> str:
+    """A band of frequency in words, as it follows what lies in it."""
+    low, high = band_hz
+    return f"between {low:g} and {high:g} Hz"
+
+
+def track_number(track: int) -> str:
+    """A mode that is followed over design points, in screens, pictures and names of files."""
+    return f"T{track}"
+
+
+def real_mode_number(mode: int) -> str:
+    """A real mode of the assembly, in screens and pictures."""
+    return f"R{mode}"
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

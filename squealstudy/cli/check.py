@@ -211,6 +211,9 @@ def _mesh_error(plan: Plan, jobs: int) -> Rows:
 def _design(plan: Plan, missing: int, directory: Path) -> str:
     """Number of points; of a design that grows also what it may come to."""
     text = f"{plural(len(plan.tasks), 'point')}, {missing} of them not yet in {directory}"
+    limit = plan.study.definition.design.limit
+    if len(plan.swept) > limit:
+        text += f"; `run` refuses more than design.limit = {limit:,} without --yes"
     if plan.study.grows and missing:
         text += f"; more where stability changes, {most_points(plan.study):,} at most (full grid)"
     return text

@@ -19,6 +19,7 @@ from squealstudy.wording import (
     motion_frequency,
     named_tracks,
     plural,
+    track_number,
     with_unit,
 )
 
@@ -176,7 +177,7 @@ def _mode(track: int) -> str:
     """Number of a track, or what stands in its place."""
     if track == 0:
         return "-"
-    return str(track) if track > 0 else group_kind(track)
+    return track_number(track) if track > 0 else group_kind(track)
 
 
 def _motion(row: dict[Hashable, Any]) -> str:

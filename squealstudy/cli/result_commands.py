@@ -91,7 +91,9 @@ def robust(
     kept, sampled, names = top or LISTED, found.design == SOBOL_INDICES, found.track_names
     if not indices:
         table = found.robust().iloc[: kept + 1]
-        screen.show(*random_screen.probabilities(table, sampled, names, found.units))
+        screen.show(
+            *random_screen.probabilities(table, sampled, names, found.units, found.fact("band_hz"))
+        )
         screen.show(*([""] if sampled else []))
     if indices or sampled:
         screen.show(*random_screen.indices(found.sobol_indices(kept), names))

@@ -21,7 +21,7 @@ from squealstudy.shapes.page import page
 from squealstudy.shapes.picture import draw, sources, title, words
 from squealstudy.shapes.shape import Shape
 from squealstudy.shapes.sources import ASSEMBLY, CONTACT
-from squealstudy.wording import plural
+from squealstudy.wording import plural, track_number
 
 ALL, UNSTABLE = "all", "unstable"
 FOLDER = "shapes"
@@ -73,8 +73,7 @@ def shapes(
     written: list[Path] = []
     for shape in found:
         label = shape.label
-        which = f"mode_{label.mode}" if not label.motion else label.motion.replace(" ", "_")
-        path = folder / f"{label.point_id}_{which}"
+        path = folder / label.file_name
         if picture:
             save_figure(draw(shape), path.with_suffix(".png"))
             written.append(path.with_suffix(".png"))
@@ -82,9 +81,8 @@ def shapes(
         written += write_uff(shape, path.with_suffix(".uff"), signals) if uff else []
     if moving:
         label = found[0].label
-        which = which if len(found) == 1 else modes or ""
-        name = "modes" if "," in which or which in (ALL, UNSTABLE) else which
-        written.append(folder / f"{label.point_id}_{name}.html")
+        name = label.file_name if len(found) == 1 else f"modes_{label.point_id}"
+        written.append(folder / f"{name}.html")
         write_text(written[-1], page(found))
     return [*rows, *(("written", f"{path}, {_size(path)}") for path in written)]
 
@@ -234,7 +232,7 @@ def reasons(results: Results, tracks: Iterable[int]) -> Rows:
             shape = results.shape(track=int(track))
             growth = f"growth {shape.growth_rate:+.4g} 1/s at design point {shape.label.row}"
             name = f"{shape.frequency_hz:.0f} Hz, {name_of(shape).text}"
-            rows += [(f"mode {track}", f"{name}; {growth}"), *_why(shape)]
+            rows += [(track_number(track), f"{name}; {growth}"), *_why(shape)]
     return rows
 
 
@@ -257,7 +255,7 @@ def names(results: Results, tracks: Iterable[int]) -> Rows:
         row, shape = found[track], results.shape(track=track)
         text = f"{row['name']}, at {row['n_named']} of {plural(row['n_points'], 'point')} looked at"
         text += f"; changes: {row['others']}" if row["changes"] else ""
-        rows.append((f"mode {track}", text))
+        rows.append((track_number(track), text))
         own = f"design point {shape.label.row}, {shape.frequency_hz:.0f} Hz"
         rows.append(("", f"{own}: {name_of(shape).text}; {figures_of(shape)}"))
     keep_track_names(results, table)

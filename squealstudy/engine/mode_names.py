@@ -1,4 +1,4 @@
-"""Names of modes of results: by point and mode, and the most frequent one of a track."""
+"""Names of modes of results: by point and mode, and of a track where it grows fastest."""
 
 from __future__ import annotations
 
@@ -125,12 +125,12 @@ def track_names(names: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     names : DataFrame
         `Results.names`.
     modes : DataFrame
-        Of the same results; of names that are as frequent that counts at which growth is fastest.
+        Of the same results; the name is that of the point at which growth is fastest.
 
     Returns
     -------
     DataFrame
-        A row a track, indexed by it: `name`, the most frequent one; `n_points` that were named, of
+        A row a track, indexed by it: `name`, where it grows fastest; `n_points` that were named, of
         which `n_named` have it; `changes`, whether any has another (the order of words does not
         count); `others`, these with their counts.
     """
@@ -139,14 +139,14 @@ def track_names(names: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     grown["name"] = _in_one_order(grown["name"])
     for track, own in grown.groupby("track", sort=False):
         counts = own.groupby("name")["growth_rate"].agg(["size", "max"])
-        counts = counts.sort_values(["size", "max"], ascending=False)
-        others = [f"{name} at {size}" for name, size in counts["size"].iloc[1:].items()]
+        fastest = counts["max"].idxmax()
+        others = counts["size"].drop(fastest).sort_values(ascending=False, kind="stable")
         found[track] = {
-            "name": counts.index[0],
+            "name": fastest,
             "n_points": len(own),
-            "n_named": int(counts["size"].iloc[0]),
-            "changes": len(counts) > 1,
-            "others": ", ".join(others),
+            "n_named": int((own["name"] == fastest).sum()),
+            "changes": len(others) > 0,
+            "others": ", ".join(f"{name} at {size}" for name, size in others.items()),
         }
     columns = ["name", "n_points", "n_named", "changes", "others"]
     return pd.DataFrame.from_dict(found, orient="index", columns=columns).rename_axis("track")

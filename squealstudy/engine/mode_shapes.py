@@ -224,7 +224,14 @@ class PointShapes:
             units={name: results.units.get(name, "") for name in names},
             mode=mode,
             track=track,
+            fastest_hz=None if track is None else self._fastest_hz(track),
         )
+
+    def _fastest_hz(self, track: int) -> float:
+        """Frequency of a followed mode at the design point where it grows fastest."""
+        told = self._results.modes
+        own = told[(told["track"] == track).to_numpy() & ~told["overdamped"].to_numpy(bool)]
+        return float(own["frequency_hz"].iloc[int(own["growth_rate"].to_numpy().argmax())])
 
     def _partner(self, mode: int) -> int:
         """Which of the roots found now is that of the table."""

@@ -45,7 +45,7 @@ from squealstudy.plots.tables import (
 )
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW, rows_in
-from squealstudy.wording import plural
+from squealstudy.wording import plural, track_number
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -216,7 +216,7 @@ def _locus(axes: Axes, line: StudyLine, track: int) -> None:
     axes.axvline(0.0, color="0.2", linewidth=1.0, zorder=1)
     finish(axes, "Growth rate [1/s]", "Frequency [Hz]")
     name = line.shown.name if len(line.shown.name) <= LONGEST_NAME else "values"
-    head(axes, f"T{track}, arrows: rising {name}")
+    head(axes, f"{track_number(track)}, arrows: rising {name}")
 
 
 def _path(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, width: float) -> None:

@@ -32,7 +32,7 @@ from squealstudy.plots.style import (
 )
 from squealstudy.plots.tables import describe, slice_points
 from squealstudy.tables.energy_ranking import transient_parameters
-from squealstudy.wording import LASTING, UNDECIDED, in_digits, plural
+from squealstudy.wording import LASTING, UNDECIDED, in_digits, plural, real_mode_number
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -98,7 +98,7 @@ def levels(
     figure = new_figure(width, 9.2)
     axes = figure.subplots(4, 1, sharex=True, height_ratios=[1.7, 1.0, 1.0, 1.7])
     over = None if along is None else quantity(along, points[along], units)
-    x = np.arange(1.0, len(line) + 1) if over is None else over.scaled(line[over.name])
+    x = np.arange(0.0, len(line)) if over is None else over.scaled(line[over.name])
     row = _Row(line=line, x=x, over=over, units=units)
     if over is not None:
         set_scales(axes[0], over)
@@ -291,8 +291,11 @@ def stacked_shares(line: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     mean, peak = wide.mean(), wide.max()
     main = list(peak[peak >= LEAST].sort_values(ascending=False, kind="stable").index[:STACKED])
     main = sorted(main, key=lambda mode: -mean[mode])
-    frequency = own.groupby("mode")["frequency_hz"].mean()
-    table = wide[main].rename(columns=lambda mode: f"R{mode}  {in_digits(frequency[mode])} Hz")
+    most = own.sort_values("energy_share", kind="stable", na_position="first")
+    frequency = most.drop_duplicates("mode", keep="last").set_index("mode")["frequency_hz"]
+    table = wide[main].rename(
+        columns=lambda mode: f"{real_mode_number(mode)}  {in_digits(frequency[mode])} Hz"
+    )
     table[OTHERS] = wide.drop(columns=main).sum(axis=1)
     table[OUTSIDE] = line["energy_outside_share"].fillna(0.0).to_numpy(dtype=float)
     return table

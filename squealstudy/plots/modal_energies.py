@@ -24,7 +24,7 @@ from squealstudy.plots.over_time import (
 )
 from squealstudy.plots.style import DARK, GREY, empty_figure, finish, joined, new_figure
 from squealstudy.tables.energy_ranking import component_columns
-from squealstudy.wording import in_digits, plural
+from squealstudy.wording import in_digits, plural, real_mode_number
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -120,9 +120,9 @@ def _name(modes: pd.DataFrame, mode: int) -> str:
     """Number, frequency, main component and last share of a mode."""
     row = modes[(modes["mode"] == mode).to_numpy()] if len(modes) else modes
     if not len(row):
-        return f"R{mode}"
+        return real_mode_number(mode)
     component, share = main_components(row).iloc[0], row["energy_share"].iloc[0]
-    parts = [f"R{mode}  {in_digits(row['frequency_hz'].iloc[0])} Hz", component]
+    parts = [f"{real_mode_number(mode)}  {in_digits(row['frequency_hz'].iloc[0])} Hz", component]
     parts += [f"{100 * share:.0f} %"] if np.isfinite(share) else []
     return ", ".join(part for part in parts if part)
 
@@ -147,7 +147,8 @@ def _transfer_text(run: Run) -> str:
         return ""
     at = run.number("transfer_time")
     when = f" at {MS * at:.3g} ms (dashed)" if np.isfinite(at) else ""
-    return f"R{after:.0f} takes over from R{before:.0f}{when}"
+    new, old = (real_mode_number(int(mode)) for mode in (after, before))
+    return f"{new} takes over from {old}{when}"
 
 
 def main_components(modes: pd.DataFrame) -> pd.Series:

@@ -40,10 +40,10 @@ class EndLabel:
 
 
 def histories(results: Results) -> Iterator[tuple[str, Choices]]:
-    """A picture of each of the first design points that kept a history, numbered from 1."""
+    """A picture of each of the first design points that kept a history, named by its row."""
     kept = results.points["point_id"].isin(results.store.kept_histories()).to_numpy()
     for row in np.flatnonzero(kept)[:MOST_HISTORIES].tolist():
-        yield f"_{row + 1}", {"point": row}
+        yield f"_point_{row}", {"point": row}
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from squealstudy.plots.style import (
     track_name,
 )
 from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
-from squealstudy.wording import in_digits, plural
+from squealstudy.wording import in_digits, plural, track_number
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -137,7 +137,11 @@ def _indices(axes: Axes, own: pd.DataFrame, first: bool) -> None:
         )
     row = own.iloc[0]
     named = row["quantity"] == "largest"
-    title = "fastest mode" if named else f"T{row['track']}  {in_digits(row['frequency_hz'])} Hz"
+    title = (
+        "fastest mode"
+        if named
+        else f"{track_number(row['track'])}  {in_digits(row['frequency_hz'])} Hz"
+    )
     dropped = int(row["dropped_groups"])
     note = f", {dropped} of {row['groups'] + dropped} groups dropped" if dropped else ""
     head(axes, f"Growth of {title}{note}")

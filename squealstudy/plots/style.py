@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from squealstudy.engine.pictures import NOTHING
-from squealstudy.wording import in_digits, mostly, prefixed
+from squealstudy.wording import in_digits, name_where_fastest, prefixed, track_number
 
 # Okabe and Ito: told apart by colour-blind readers
 COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F5F2A")
@@ -238,6 +238,6 @@ def track_name(
     if track <= 0:
         return hertz
     if not names or track not in names:
-        return f"T{track}  {hertz}"
-    text = f"{mostly(names[track])}, {hertz} (T{track})"
+        return f"{track_number(track)}  {hertz}"
+    text = f"{name_where_fastest(names[track])}, {hertz} ({track_number(track)})"
     return text if width is None else "\n".join(wrap(text, width))

@@ -156,10 +156,10 @@ def write_uff(shape: Shape, path: Path, signals: Sequence[Signal] = ()) -> list[
         raise ModelError("no component of this model has cells: there is no surface to write")
     x, y, z = shape.coordinates[used].T
     label, u = shape.label, shape.displacement[used]
-    what, damping = f"mode {label.mode}", f", damping ratio {shape.damping_ratio:.6g}"
+    what, damping = label.number, f", damping ratio {shape.damping_ratio:.6g}"
     kind: dict[str, Any] = {"analysis_type": COMPLEX_MODES, "mode_n": label.mode, "eig": shape.lam}
     if label.motion:
-        what, damping = label.motion, ""
+        damping = ""
         kind = {"analysis_type": RESPONSE, "freq_step_n": 1, "freq": shape.frequency_hz}
     sets: list[dict[Any, Any]] = [
         pyuff.prepare_15(node_nums=(used + 1).tolist(), x=x, y=y, z=z),

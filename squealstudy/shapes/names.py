@@ -229,7 +229,8 @@ def _most_diameters(theta: np.ndarray) -> int | None:
 def _ring(at: np.ndarray, points: np.ndarray, part: Part) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (n,) of a rotor between the radii and heights of its contact, their volumes (n,).
 
-    Places of nodes and of contact points (k, 3) by the axes of `_axes`.
+    A disc's ring goes on outwards to its rim. Places of nodes and of contact points (k, 3) by the
+    axes of `_axes`.
     """
     volume = np.zeros(len(at))
     first = 0
@@ -241,7 +242,9 @@ def _ring(at: np.ndarray, points: np.ndarray, part: Part) -> tuple[np.ndarray, n
     r = np.hypot(x, y)
     edge = EDGE * np.ptp(r)
     radius, height = np.hypot(at[:, 0], at[:, 1]), at[:, 2]
-    inside = (volume > 0) & (radius >= r.min() - edge) & (radius <= r.max() + edge)
+    flat = np.ptp(r) > THIN * r.mean()  # a drum's ring is what is rubbed alone
+    rim = np.inf if flat else r.max() + edge
+    inside = (volume > 0) & (radius >= r.min() - edge) & (radius <= rim)
     inside &= (height >= z.min() - edge) & (height <= z.max() + edge)
     nodes = np.flatnonzero(inside)
     return nodes, volume[nodes]

@@ -133,13 +133,12 @@ def _middle(places: np.ndarray) -> np.ndarray:
 def _mode(shape: Shape, kept: _Kept) -> dict[str, Any]:
     """What the page holds of one mode."""
     label, u = shape.label, kept.of(shape.displacement)
-    track = "" if label.track is None else f" (track {label.track})"
     low, high = density_range(shape)
     density = kept.of(np.nan_to_num(shape.density) * PERCENT, smooth=False)
     level = np.log10(np.maximum(density, low) / low) / DECADES
     growth = "" if label.motion else f", {shape.growth_rate:+.4g} 1/s"
     return {
-        "name": f"{label.motion or label.mode}{track}: {shape.frequency_hz:.1f} Hz{growth}",
+        "name": f"{label.number}: {shape.frequency_hz:.1f} Hz{growth}",
         "facts": "; ".join([name_of(shape).text, *sources(shape)]),
         "low": f"{low:.2g}",
         "high": f"{high:.2g}",

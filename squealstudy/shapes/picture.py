@@ -34,6 +34,7 @@ GAP = 0.12  # between parts that are drawn apart, of the model's diagonal
 
 ASIDE = 0.35  # shift of a part that embraces others
 WIDEST = 130  # line of a title
+SAME_HZ = 1e-6  # relative: one frequency, found again
 
 
 def draw(shape: Shape) -> Figure:
@@ -61,17 +62,30 @@ def draw(shape: Shape) -> Figure:
 def title(shape: Shape) -> list[str]:
     """Mode, frequency, growth and damping; values of the design point, where there are any."""
     label = shape.label
-    track = "" if label.track is None else f" (track {label.track})"
     values = ", ".join(
         setting(name, value, label.units.get(name, "")) for name, value in label.values.items()
     )
-    what = label.motion or f"mode {label.mode}{track}"
     figures = f"{shape.frequency_hz:.1f} Hz"
     if not label.motion:
         growth, damping = shape.growth_rate, 100 * shape.damping_ratio
         figures += f", growth {growth:+.4g} 1/s, damping {damping:.3g} %"
-    first = f"{label.study}, design point {label.row}, {what}: {figures}; {name_of(shape).text}"
+    what = f"{label.study}, design point {label.row}, {label.number}"
+    first = f"{what}: {figures}; {name_of(shape).text}"
+    if label.track is not None:
+        values = f"{beside_the_number(shape)}; {values}" if values else beside_the_number(shape)
     return [first, *textwrap.wrap(values, WIDEST)]
+
+
+def beside_the_number(shape: Shape) -> str:
+    """Number of a followed mode at this point; where another is its fastest, its frequency there.
+
+    In rankings the mode has that frequency.
+    """
+    label = shape.label
+    text = f"mode {label.mode} of this point"
+    if label.fastest_hz is None or abs(label.fastest_hz / shape.frequency_hz - 1) < SAME_HZ:
+        return text
+    return f"{text}; {label.number} grows fastest at {label.fastest_hz:.1f} Hz"
 
 
 def sources(shape: Shape) -> list[str]:

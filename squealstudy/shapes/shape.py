@@ -23,6 +23,7 @@ from squealstudy.system.linearise import (
     component_frequencies,
     reduced_energy_shares,
 )
+from squealstudy.wording import in_digits, track_number
 
 INTERFACES = "interfaces"
 DAMPING = "damping"
@@ -45,6 +46,8 @@ class Label:
         Number at the design point, as in the modes table.
     track : int or None
         Number of the mode followed over design points, as rankings list it.
+    fastest_hz : float or None
+        Frequency of that mode where it grows fastest, which rankings list beside its number.
     motion : str
         What it is instead of a mode, as ``end of the run``; empty for modes. It has a frequency,
         and no growth rate.
@@ -58,6 +61,22 @@ class Label:
     mode: int = 0
     track: int | None = None
     motion: str = ""
+    fastest_hz: float | None = None
+
+    @property
+    def number(self) -> str:
+        """What the mode is called wherever it is shown."""
+        if self.motion:
+            return self.motion
+        return f"mode {self.mode}" if self.track is None else track_number(self.track)
+
+    @property
+    def file_name(self) -> str:
+        """Of its files: number, frequency where it grows fastest, and the id of the point."""
+        hertz = (
+            "" if self.fastest_hz is None else f"_{in_digits(self.fastest_hz)}_hz".replace(".", "_")
+        )
+        return f"{self.number.replace(' ', '_')}{hertz}_{self.point_id}"
 
 
 @dataclass(frozen=True)

@@ -220,8 +220,8 @@ class ModesSection(Section):
         default=None,
         ge=0,
         description="about how many design points both may solve between those of the study; "
-        "without it 500 for tracks, 1,000 for onsets, and for onsets that bound stability a fifth "
-        "of the design points or 20,000",
+        "without it 500 for tracks (3,000 of a model of few coordinates), 1,000 for onsets, and "
+        "for onsets that bound stability a fifth of the design points or 20,000",
     )
     reference_points: int = Field(
         default=2,
@@ -286,7 +286,8 @@ class StudyDefinition(Section):
     model: ModelSection = Field(description="name of the model, and its options")
     parameters: NumberTable = Field(
         default_factory=dict,
-        description="values that differ from the model's defaults: SI units, or texts with a unit",
+        description="values that differ from the model's defaults: SI units, or texts with a unit; "
+        "a bare temperature is in K, results have it in degC",
         json_schema_extra={"additionalProperties": {"type": ["number", "string", "object"]}},
     )
     sweep: Annotated[tuple[SweepSection, ...], Strict(False)] = Field(

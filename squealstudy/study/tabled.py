@@ -30,7 +30,10 @@ if TYPE_CHECKING:  # numpy stays out of `squealstudy schema`
     from squealstudy.study.sweeps import Sweep
 
 SECTION, TABLE, VALUE = "parameters", "table", "value"
-ABOUT = "temperature, which acts through tables of other parameters only"
+ABOUT = (
+    "temperature, which acts through tables of other parameters only; in results in degC, in files "
+    "with its unit, a bare number is in K"
+)
 LEAST_KNOTS = 2
 Found = tuple[KeyPath, str, Any]  # where a table stands, of which parameter, what it says
 

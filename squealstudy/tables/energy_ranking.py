@@ -45,8 +45,9 @@ def rank_energy(
         first window) are means over the `points` that count, 0 where a mode is not sensed;
         `dominant_points`, `gained_points` and `lost_points` say at how many of them the mode leads,
         has taken over, has been taken over from; `worst` is the design of the largest product of
-        share and torque RMS; components are those of most elastic energy in the mode. `attrs`
-        counts the points that are ``undecided``, of those the query holds.
+        share and torque RMS, of which `frequency_hz` is; components are those of most elastic
+        energy in the mode. `attrs` counts the points that are ``undecided``, of those the query
+        holds.
 
     Raises
     ------
@@ -62,6 +63,7 @@ def rank_energy(
     table = _summary(points[lasting], kept)
     worst = _worst(points, kept, names).reindex(table.index)
     table["worst"], table["worst_torque_rms"] = worst["worst"], worst["torque_rms"]
+    table["frequency_hz"] = worst["frequency_hz"]
     energies = kept.groupby("mode")[component_columns(kept)].mean()
     table = table.join(mode_ranking.main_components(energies))
     table = table.sort_values(["energy_share", "mode"], ascending=[False, True])
@@ -86,10 +88,10 @@ def component_columns(modes: pd.DataFrame) -> list[str]:
 
 
 def _summary(lasting: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
-    """Frequencies, shares and counts, indexed by mode."""
+    """Shares and counts, indexed by mode."""
     n = max(len(lasting), 1)
     by_mode = modes.fillna({"energy_share": 0.0, "first_share": 0.0}).groupby("mode")
-    table = by_mode[["frequency_hz"]].mean()
+    table = pd.DataFrame(index=by_mode.size().index)
     table["energy_share"] = by_mode["energy_share"].sum() / n
     table["energy_share_max"] = by_mode["energy_share"].max()
     table["first_share"] = by_mode["first_share"].sum() / n

@@ -11,6 +11,7 @@ import pandas as pd
 
 from squealstudy.errors import ResultsError
 from squealstudy.tables.condition import Condition, conditions
+from squealstudy.tables.families import RENUMBERED, families
 from squealstudy.tables.point_rows import parts, point_codes
 from squealstudy.tables.stability import (
     BELOW_RANGE,
@@ -28,7 +29,6 @@ HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, the
 FIRST_RESULT = ("n_modes", "class", "verdict")  # what follows: of modes, of motion, of cycles
 REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their neighbours
 AT_DIGITS = 6  # of the values in `at`
-RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
 # in place of a track number: overdamped roots together; modes without a track in groups of near
 # frequency, numbered downwards in ascending frequency
 DIVERGENCE, UNTRACKED = -1, -2
@@ -52,6 +52,7 @@ COLUMNS = (
     | {"threshold_kind": "str", "main_component": "str", "main_share": "f8"}
     | {"second_component": "str", "second_share": "f8", "ambiguous": "bool"}
     | {"unstable_points_low": "int64", "unstable_points_high": "int64"}
+    | {"family": "int64", "family_modes": "int64", "family_points": "int64"}
 )
 RANKED = (  # columns of modes that a ranking is made of, beside energies
     *("track", "track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio"),
@@ -95,15 +96,17 @@ def rank_modes(
     Returns
     -------
     DataFrame
-        COLUMNS; `kind` is "mode", a track, with its mean frequency over the unstable points and
-        mean energies. Overdamped unstable roots are together in a row of track -1, "static
-        divergence", without a frequency. Unstable modes without a track stand in rows of track -2
-        and below, "untracked": each holds all modes, maybe different ones, in a range of frequency
-        without a gap of more than APART, whose ends the row has; frequency, growth, damping and
-        energies are those of its fastest one.
+        COLUMNS; `kind` is "mode", a track, with its frequency where it grows fastest and energies
+        that are means over the unstable points. Overdamped unstable roots are together in a row
+        of track -1, "static divergence", without a frequency. Unstable modes without a track
+        stand in rows of track -2 and below, "untracked": each holds all modes, maybe different
+        ones, in a range of frequency without a gap of more than APART, whose ends the row has;
+        frequency, growth, damping and energies are those of its fastest one.
         `unstable_points` of all `points` that count are unstable, a share of `unstable_share`;
         points that failed do not count. At `unstable_points_low` it is so whatever its error, at
         `unstable_points_high` it may be.
+        Tracks of one `family`, its least number, are one mode whose number changes between design
+        points (`families`).
         `mean_growth_rate` is over all points that count, zero where the mode is not unstable.
         `threshold` is the smallest value of `along` at which the damping ratio crosses zero,
         on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
@@ -123,6 +126,7 @@ def rank_modes(
     group = np.where(wanted & counted[code], unstable_groups(modes), 0)
     table = _summary(points, modes, group, code, int(counted.sum()))
     table = table.join(unstable_bounds(modes, group, code, wanted & counted[code]))
+    table = table.join(families(table.index, onsets, group, code))
     if along is not None and len(table):
         track = modes["track"].to_numpy()
         listed = np.isin(track, table.index[table.index > 0]) & counted[code]
@@ -243,7 +247,7 @@ def _summary(
     needed = [*energies, *SUMMARISED]
     unstable = modes[needed].iloc[rows].assign(track=group[rows], point=code[rows])
     by_track = unstable.groupby("track")
-    table = by_track[[*energies, "frequency_hz"]].mean()
+    table = by_track[energies].mean() if energies else pd.DataFrame(index=by_track.size().index)
     table["frequency_min_hz"] = by_track["frequency_hz"].min()
     table["frequency_max_hz"] = by_track["frequency_hz"].max()
     table["kind"] = [group_kind(int(track)) for track in table.index]
@@ -257,8 +261,9 @@ def _summary(
     table["ambiguous"] = by_track["track_ambiguous"].any()
     table["threshold"], table["threshold_kind"] = np.nan, ""
     worst = unstable.sort_values("growth_rate").drop_duplicates("track", keep="last")
+    table["frequency_hz"] = worst.set_index("track")["frequency_hz"]
     alone = worst[worst["track"].to_numpy() < 0].set_index("track")  # a mean of several is no mode
-    table.loc[alone.index, [*energies, "frequency_hz"]] = alone[[*energies, "frequency_hz"]]
+    table.loc[alone.index, energies] = alone[energies]
     table.loc[alone.index, "min_damping_ratio"] = alone["damping_ratio"]
     table.loc[table.index == DIVERGENCE, "frequency_hz"] = np.nan  # it does not oscillate
     names = parameter_columns(points, varied=True) or parameter_columns(points)

@@ -79,7 +79,7 @@ def growth_columns(
     everywhere = np.ones(n, dtype=bool)  # a solved point without such a root has none
 
     def column(
-        number: int, own: np.ndarray, of: np.ndarray, absent: np.ndarray, mean_hz: float
+        number: int, own: np.ndarray, of: np.ndarray, absent: np.ndarray, fastest_hz: float
     ) -> GrowthColumn:
         marks = unstable, unstable & ~uncertain, unstable | uncertain
         at = [np.bincount(code[of & mark], minlength=n) > 0 for mark in marks]
@@ -89,7 +89,7 @@ def growth_columns(
         shown = np.where(present, largest, np.nan)
         return GrowthColumn(
             track=number,
-            frequency_hz=mean_hz,
+            frequency_hz=fastest_hz,
             growth=shown,
             unstable=at[0],
             surely=at[1],
@@ -106,7 +106,9 @@ def growth_columns(
     for number in listed.sort_values(["count", "max"], ascending=False).index[:top]:
         own = track == number
         absent = standing.absent(int(number))
-        yield column(int(number), own, own, absent, float(hz[own & unstable].mean()))
+        fastest = np.flatnonzero(own & unstable)
+        fastest = fastest[growth[fastest].argmax()]
+        yield column(int(number), own, own, absent, float(hz[fastest]))
 
 
 class _Standing:

@@ -34,8 +34,8 @@ from squealstudy.modes.full_order.finer_model import finer_modes
 from squealstudy.modes.judged_roots import settled
 from squealstudy.modes.rungs import rung_named
 from squealstudy.study.parameters import onset_parameter
+from squealstudy.tables.families import RENUMBERED
 from squealstudy.tables.method_quality import onset_errors, root_errors
-from squealstudy.tables.mode_ranking import RENUMBERED
 from squealstudy.tables.stability import BROKEN, FIRST_SEEN, INTO
 
 BRIEF = 5.0  # s: the first call of a process may owe a part of that to imports and what is kept

@@ -21,10 +21,10 @@ from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset, cubic_onsets
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.study.parameters import ONSET_PARAMETER
 from squealstudy.study.sweeps import RANDOM_DESIGNS
+from squealstudy.tables.families import RENUMBERED
 from squealstudy.tables.mode_ranking import (
     CUBIC,
     REFINED,
-    RENUMBERED,
     line_codes,
     parameter_columns,
 )

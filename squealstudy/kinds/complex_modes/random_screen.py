@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
 from squealstudy.screen import grid, notes
 from squealstudy.tables.mode_ranking import settings_of
-from squealstudy.wording import in_digits, named_tracks, percent, plural
+from squealstudy.wording import band_text, in_digits, named_tracks, percent, plural, track_number
 
 Names = Mapping[int, tuple[str, bool]]
 Row = dict[Hashable, Any]
@@ -21,11 +22,13 @@ def probabilities(
     sampled: bool = False,
     names: Names | None = None,
     units: Mapping[str, str] | None = None,
+    band_hz: Sequence[float] | None = None,
 ) -> list[RenderableType]:
     """The table of tables.robustness, the first row of any mode, with its legend.
 
     `sampled`: its points are the two independent samples of a design for Sobol indices. `names` are
-    those of tracks, `Results.track_names`, and `units` those of parameters.
+    those of tracks, `Results.track_names`, `units` those of parameters, and `band_hz`
+    the band of the study.
     """
     titles = ("mode", "Hz", "known at", "unstable %", "interval %", "mean", "mean +- std")
     shown = grid(
@@ -36,7 +39,11 @@ def probabilities(
     )
     return [
         shown,
-        notes(*_robust_legend(table, sampled), *named_tracks(table["track"], names or {})),
+        notes(
+            f"modes {band_text(band_hz)} count" if band_hz else "",
+            *_robust_legend(table, sampled),
+            *named_tracks(table["track"], names or {}),
+        ),
     ]
 
 
@@ -45,7 +52,7 @@ def _probability(row: Row, units: Mapping[str, str]) -> list[str]:
     known = row["points"] - row["unknown_points"]
     bounds = f" ({percent(low / known, high / known)})" if low < high else ""
     return [
-        str(row["track"]) if row["quantity"] == "track" else str(row["quantity"]),
+        track_number(row["track"]) if row["quantity"] == "track" else str(row["quantity"]),
         _figure(row["frequency_hz"], 0, unknown=""),
         str(known),
         f"{100 * row['probability']:.1f}{bounds}",
@@ -85,7 +92,7 @@ def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
     gone = table[(table["quantity"] == "track") & (table["absent_points"] > 0)]
     if len(gone):
         counts = zip(gone["absent_points"], gone["track"], strict=True)
-        listed = ", ".join(f"{n} of {track}" for n, track in counts)
+        listed = ", ".join(f"{n} of {track_number(track)}" for n, track in counts)
         texts.append(
             f"points where a mode has left the band or does not oscillate, not unstable: {listed}"
         )
@@ -109,8 +116,9 @@ def indices(table: pd.DataFrame, names: Names | None = None) -> list[RenderableT
     quantities = table.drop_duplicates("track").set_index("track")
     dropped = quantities["dropped_groups"]
     dropped = dropped[dropped.index.isin(known["track"]) & (dropped > 0).to_numpy()]
-    listed = ", ".join(f"{n} of {t or 'the fastest'}" for t, n in dropped.items())
-    rare = ", ".join(map(str, sorted(set(table["track"]) - set(known["track"]))))
+    numbers = [track_number(t) if t else "the fastest" for t in dropped.index.tolist()]
+    listed = ", ".join(f"{n} of {number}" for n, number in zip(dropped, numbers, strict=True))
+    rare = ", ".join(map(track_number, np.setdiff1d(table["track"], known["track"]).tolist()))
     legend = notes(
         "Sobol indices of the growth rate, 95 % bootstrap intervals, from "
         f"{plural(quantities['groups'].iloc[0], 'group')} of points",
@@ -124,7 +132,7 @@ def indices(table: pd.DataFrame, names: Names | None = None) -> list[RenderableT
 
 
 def _indices(row: Row, new: bool) -> list[str]:
-    name = "fastest mode" if row["quantity"] == "largest" else f"mode {row['track']}"
+    name = "fastest mode" if row["quantity"] == "largest" else track_number(row["track"])
     cells = [name, _figure(row["frequency_hz"], 0, unknown="")] if new else ["", ""]
     cells.append(str(row["parameter"]))
     for index in ("first", "total"):

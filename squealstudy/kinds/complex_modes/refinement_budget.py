@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from squealstudy.study.sections import ModesSection
 
 LEAST, MOST = 30, 500  # for doubtful steps of tracks: as many as design points, within these
+SMALL_LEAST = 3_000  # of models with few coordinates, of which a point takes a millisecond
 ONSETS = 2  # for onsets that bound no stability, times that
 LEAST_BOUNDS, BOUNDS_SHARE = 20_000, 0.2  # for those that do: of the design points, at least
 
@@ -39,11 +40,16 @@ class RefinementBudget:
     total: int
 
     @classmethod
-    def of(cls, section: ModesSection, points: int, batch: bool = False) -> RefinementBudget:
-        """Of a study of so many design points; onsets of a `batch` cost next to nothing."""
+    def of(
+        cls, section: ModesSection, points: int, batch: bool = False, small: bool = False
+    ) -> RefinementBudget:
+        """Of a study of so many design points; onsets of a `batch` cost next to nothing.
+
+        `small`: of a model of few coordinates.
+        """
         if (chosen := section.refine_points) is not None:
             return cls(chosen, chosen, chosen, chosen)
-        tracks = max(min(points, MOST), LEAST)
+        tracks = max(min(points, MOST), SMALL_LEAST if small else LEAST)
         if batch:
             return cls(tracks, UNLIMITED, UNLIMITED, UNLIMITED)
         bounds = max(LEAST_BOUNDS, int(BOUNDS_SHARE * points))

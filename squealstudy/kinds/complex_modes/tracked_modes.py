@@ -10,6 +10,7 @@ import pandas as pd
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.onsets import OnsetSearch
+from squealstudy.kinds.complex_modes.outside_band import is_small
 from squealstudy.kinds.complex_modes.refinement_budget import RefinementBudget
 from squealstudy.kinds.complex_modes.rows import ModeColumns
 from squealstudy.kinds.complex_modes.study_tracks import Follower
@@ -55,7 +56,7 @@ def follow_modes(
     section = plan.study.definition.modes
     follower = Follower(plan, columns, workers)
     summary: dict[str, Any] = {}
-    budget = RefinementBudget.of(section, len(plan.tasks), plan.stacked)
+    budget = RefinementBudget.of(section, len(plan.tasks), plan.stacked, is_small(plan))
     tracks, summary["tracking"] = follower.follow(section.refine_tracking, budget.tracks)
     along = onset_parameter([sweep.name for sweep in plan.study.sweeps])
     seconds = {"tracking_refinement_s": follower.seconds}

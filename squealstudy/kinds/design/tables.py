@@ -25,7 +25,7 @@ from squealstudy.kinds.design.loop import Loop
 from squealstudy.kinds.design.plan import DesignPlan, operating_points
 from squealstudy.kinds.design.rows import MODE_FIELDS, SCHEMA, SLOPE_FIELDS, SUMMARY_FIELDS
 from squealstudy.kinds.design.variants import VARIANT_FIELDS, choice, variant_rows
-from squealstudy.kinds.design.verdict import facts, least_damped, unstable_share
+from squealstudy.kinds.design.verdict import beyond_validity, facts, least_damped, unstable_share
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -103,7 +103,9 @@ def build_tables(plan: DesignPlan, store: Store, loop: Loop) -> tuple[pd.DataFra
     _write(store, VARIANTS, variants, VARIANT_FIELDS)
     told["choice"] = choice(variants)
     found = tabled(rows, (*OWN_FIELDS, *SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
-    return write_points(plan, store, found), {"design_study": told}
+    points = write_points(plan, store, found)
+    told["verdict"] += beyond_validity(points, told["chosen"])
+    return points, {"design_study": told}
 
 
 def _shares(plan: DesignPlan) -> dict[tuple[float, ...], float]:

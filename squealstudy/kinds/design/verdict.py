@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,11 @@ from squealstudy.kinds.design.state import (
     UNDECIDED,
     UNPROVEN,
 )
-from squealstudy.wording import amount, plural, setting
+from squealstudy.tables.validity import broken_rules, validity_counts
+from squealstudy.wording import amount, band_text, plural, setting
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Solved = tuple[int, Mapping[str, Any]]  # a point of the loop and its row
 ENDS = 1e-6  # of a range: a variable is at its bound
@@ -156,6 +160,22 @@ def change_text(changes: Sequence[Mapping[str, Any]]) -> str:
     return ", ".join(parts)
 
 
+def beyond_validity(points: pd.DataFrame, design: int | None) -> str:
+    """What the operating points of a design break, as the verdict's last sentence; or nothing.
+
+    `points` is the table with its validity; None of design is today's.
+    """
+    own = points[(points["design"] == (design or 0)).to_numpy(bool)]
+    outside, solved, rules = validity_counts(own)
+    if not outside:
+        return ""
+    which = "the chosen design" if design else "today's design"
+    return (
+        f" But at {outside} of {plural(solved, 'solved operating point')} {which} is beyond what "
+        f"the model is valid for, so that nothing of it is shown there: {broken_rules(rules)}."
+    )
+
+
 def _where(plan: DesignPlan, loop: Loop, p: int) -> str:
     """An operating point in words."""
     study = plan.design_study
@@ -201,13 +221,14 @@ def _mode_text(plan: DesignPlan, loop: Loop, design: np.ndarray) -> str:
     return text
 
 
-def _today(loop: Loop) -> str:
-    """How often today's design squeals."""
+def _today(loop: Loop, band_hz: Sequence[float]) -> str:
+    """How often today's design squeals, by the modes of the band."""
     state, today = loop.state, loop.study.nominal
     rows = [loop.rows[loop.ask(p, today)] for p in range(state.n_matrix)]
     unstable = sum(r["status"] == "ok" and r["n_unstable"] > 0 for r in rows)
     failed = sum(r["status"] != "ok" for r in rows)
-    text = f"Today's design has an unstable mode at {unstable} of {state.n_matrix} operating points"
+    text = f"Today's design has an unstable mode {band_text(band_hz)} at {unstable} of "
+    text += f"{state.n_matrix} operating points"
     if unstable and loop.goal.occurrence:
         share = unstable_share(loop, {p: r for p, r in enumerate(rows) if r["status"] == "ok"})
         text += f", {100 * share:.3g} % of the operation" if np.isfinite(share) else ""
@@ -242,7 +263,7 @@ def _proof(loop: Loop) -> str:
 def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]]) -> str:
     """The verdict."""
     state, goal = loop.state, plan.design_study.goal
-    today = _today(loop)
+    today = _today(loop, plan.band_hz)
     assert state.chosen is not None
     chosen, margin = state.chosen, goal.margin.damping_ratio
     mode = _mode_text(plan, loop, chosen)

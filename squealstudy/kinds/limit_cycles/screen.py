@@ -17,6 +17,7 @@ from squealstudy.wording import (
     NO_CYCLE,
     TORQUE,
     amount,
+    band_text,
     figure,
     motion_frequency,
     plural,
@@ -80,7 +81,8 @@ class LimitCyclesScreen(KindScreen):
         counts = points.loc[solved, "verdict"].value_counts()
         told = [f"{n} {str(name).replace('_', ' ')}" for name, n in counts.items()]
         told += [f"{n} failed" for n in [int((~solved).sum())] if n]
-        return f"{plural(len(points), 'design')}: {', '.join(told)}."
+        band = band_text(results.fact("band_hz"))
+        return f"{plural(len(points), 'design')}, of modes {band}: {', '.join(told)}."
 
     def facts(self, results: Results) -> Rows:
         """Families and cycles; what the levels err by."""

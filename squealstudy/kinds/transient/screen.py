@@ -22,6 +22,7 @@ from squealstudy.wording import (
     in_digits,
     motion_frequency,
     plural,
+    real_mode_number,
     with_unit,
 )
 
@@ -125,7 +126,7 @@ def points(
         "word:class",
         *(f"value:{title}" for title in columns),
         *(["word:transfer"] if moved else []),
-        rows=(cells(k, row) for k, row in enumerate(listed.to_dict("records"), start=1)),
+        rows=(cells(k, row) for k, row in enumerate(listed.to_dict("records"))),
     )
     more = len(table) - len(listed)
     legend = notes(
@@ -166,7 +167,7 @@ def _changes(table: pd.DataFrame, varied: Sequence[str]) -> RenderableType:
     """What each point changes of the first, a line a point."""
     first = table.iloc[0]
     rows = []
-    for number, row in enumerate(table.to_dict("records"), start=1):
+    for number, row in enumerate(table.to_dict("records")):
         changed = [f"{p} = {row[p]:.4g}" for p in varied if row[p] != first[p]]
         rows.append((f"point {number}", ", ".join(changed) or "first"))
     return facts(rows)
@@ -190,7 +191,7 @@ def _findings(row: dict[Hashable, Any]) -> list[str]:
         figure(row["torque_mean"]),
         figure(row["torque_rms"]),
         _frequency(row),
-        str(row["dominant_mode"]) if row["dominant_mode"] else "-",
+        real_mode_number(row["dominant_mode"]) if row["dominant_mode"] else "-",
         figure(100 * row["dominant_share"], ".0f"),
         transfer,
     ]
@@ -198,7 +199,7 @@ def _findings(row: dict[Hashable, Any]) -> list[str]:
 
 def _energy(row: dict[Hashable, Any], varied: bool) -> list[str]:
     return [
-        str(row["mode"]),
+        real_mode_number(row["mode"]),
         in_digits(row["frequency_hz"]),
         f"{100 * row['energy_share']:.1f}",
         f"{100 * row['energy_share_max']:.1f}",

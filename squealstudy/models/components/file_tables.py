@@ -89,7 +89,9 @@ class ComponentTable(Table):
     )
     treat_as: dict[str, str] = Field(default={}, description="elements to be read as others")
     pass_over: Texts = Field(default=(), description="keywords of its file to pass over")
-    mass: MassRule = Field(default="full", description="integration of the mass")
+    mass: MassRule = Field(
+        default="full", description="integration of the mass, which is consistent, never lumped"
+    )
     materials: dict[str, MaterialTable] = Field(default={}, description="by name")
     K: str | MatrixTable | None = Field(default=None, description="file of the stiffness matrix")
     M: str | MatrixTable | None = Field(default=None, description="file of the mass matrix")
@@ -188,12 +190,15 @@ class TieTable(Table):
 
 
 class LayerTable(Table):
-    """An elastic layer between two faces, or between a face and ground."""
+    """An elastic layer between two faces, or between a face and ground; it has no mass."""
 
     name: Name
     between: Pair = Field(description='two of COMPONENT.SET, or one and "ground"')
-    normal: float = Field(ge=0, description="stiffness per area")
-    tangential: float = Field(ge=0, description="stiffness per area, in plane")
+    normal: float = Field(
+        ge=0,
+        description="stiffness per area, consistent: integrated over the faces' shape functions",
+    )
+    tangential: float = Field(ge=0, description="the same, in plane")
     in_static: bool = Field(default=True, description="false: it is there in vibration only")
     quadrature: Literal["clipped", "gauss"] = "clipped"
     search: float | None = Field(
@@ -218,7 +223,11 @@ class PointMassTable(Table):
 
     name: Name
     on: str = Field(description="COMPONENT.SET that it moves with")
-    mass: float = Field(ge=0, description="in all")
+    mass: float = Field(
+        ge=0,
+        description="in all; spread over a face it is consistent (integrated over the shape "
+        "functions), over other nodes lumped, the same at each",
+    )
     at: Vector | None = Field(
         default=None, description="where it is, by the mean motion of the set; else spread over it"
     )

@@ -1,0 +1,117 @@
+"""What screens say of methods and errors of complex modes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from squealstudy.models.components.definition import NAME as OF_FILE
+from squealstudy.models.matrices.family import NAME as MATRICES
+from squealstudy.root_pairs import LIGHT_DAMPING
+from squealstudy.screen import Rows
+from squealstudy.wording import plural
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+EXACT = 1e-9  # relative error of a method below which nothing is left to check
+SEEN = 0.1  # of the largest estimate: points that err by less say little about the method
+OTHER_MESH = "; the error of the mesh is not in it"
+OF_MESH = "; the error of the mesh is not in it, `squealstudy check --mesh-error` tells it"
+
+
+def method_rows(manifest: Mapping[str, Any]) -> Rows:
+    """Which rungs served the points, and what an audit of them found."""
+    method = manifest.get("method")
+    if not method:
+        return []
+    served = ", ".join(f"{rung} {count}" for rung, count in method["points"].items())
+    rows = [("method", f"{method['chosen']} ({method['reason']}); points by rung: {served}")]
+    if left := method.get("left_over"):
+        points = plural(left["points"], "point")
+        rows.append(("left over", f"{points}, solved exactly; the first was {left['first']}"))
+    audit = manifest.get("audit")
+    if audit and audit["modes"]:
+        text = (
+            f"{audit['modes']} modes of {audit['points']} points at full order: largest error "
+            f"{audit['largest_true_error']:.1e}, largest estimate {audit['largest_estimate']:.1e}, "
+            f"{audit['missed_modes']} missed"
+        )
+        rows.append(("audit", text))
+    return [*rows, *_estimates(manifest)]
+
+
+def _estimates(manifest: Mapping[str, Any]) -> Rows:
+    """Largest estimated errors, of the rung and of the reduction; the mesh's is in neither."""
+    errors = manifest.get("errors")
+    if not errors or errors["largest_rung"] is None:
+        return []
+    largest = errors["largest_rung"]
+    text = f"method {largest:.1e}, " if largest < 1.0 else "method above the root itself, "
+    if unknown := errors.get("unknown_rung"):
+        text += f"of {plural(unknown, 'mode')} not known, "
+    if not errors["reduced"]:
+        return [("estimates", f"{text}no reduction: relative, of light and of growing modes")]
+    reduction, tolerance = errors["largest_reduction"], manifest["method"]["tolerance"]
+    if reduction is None:
+        return [("estimates", f"{text}reduction not known: no sample point has modes")]
+    points = plural(errors["reduction_sample_points"], "sample point")
+    text += f"reduction {reduction:.1e}, from a finer model at {points}"
+    if errors["reduction_widened"] > 1:
+        text += f", {errors['reduction_widened']:.2g} times that for what full order showed"
+    if manifest.get("basis_enriched"):
+        text += "; the basis was enriched"
+        if reduction > tolerance:
+            text += f", which is not enough for {tolerance:g}: a smaller [reduction] tolerance is"
+    return [("estimates", f"{text}: relative, of light and of growing modes, without the mesh's")]
+
+
+def full_order_error_text(manifest: Mapping[str, Any]) -> str:
+    """One line on the error against the full-order model."""
+    asked = manifest.get("reference", [])
+    checks = [c for c in asked if c.get("status") == "ok"]
+    other = "a second factorisation" if manifest["model"] == MATRICES else "the full-order model"
+    meshed = manifest["model"] == OF_FILE or "mesh" in manifest.get("options", {})
+    other += " of the same mesh" if meshed else ""
+    if not asked:
+        failed = ", or those points failed" if manifest.get("n_failed") else ""
+        return f"not checked against {other} ([modes] reference_points = 0{failed})"
+    if not checks:
+        return f"not known, {other} failed at {plural(len(asked), 'point')}: {asked[0]['message']}"
+    points = plural(len(checks), "point")
+    if not any(c["full_order_modes"] for c in checks):
+        return f"{other} has no mode in the band either, at {points}"
+    compared = [c for c in checks if "frequency_error" in c]
+    if not compared:
+        return f"not known: {other} has no mode of damping < 5 % to compare with, at {points}"
+    points = plural(len(compared), "point")
+    of_mesh = OF_MESH if "mesh" in manifest.get("options", {}) else OTHER_MESH if meshed else ""
+    frequency = max(c["frequency_error"] for c in compared)
+    damping = max(c["damping_error"] for c in compared)
+    missed = sum(c["missed_modes"] for c in compared)
+    return (
+        f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, {missed} modes missed: "
+        f"modes of damping < 5 % against {other} at {points}{of_mesh}"
+    )
+
+
+def unseen_text(results: Results) -> str:
+    """That checked points are such where the method hardly errs, as nodes of an interpolation."""
+    checked = [c["point_id"] for c in results.manifest.get("reference", []) if "roots" in c]
+    if not checked or "error_rung" not in results.columns("modes"):
+        return ""
+    there = anywhere = -np.inf
+    columns = ["point_id", "error_rung", "frequency_hz", "damping_ratio"]
+    for modes in results.batches("modes", columns):
+        light = modes["damping_ratio"].abs() < LIGHT_DAMPING
+        estimate = (modes["error_rung"] / (2 * np.pi * modes["frequency_hz"])).where(light)
+        anywhere = np.fmax(anywhere, estimate.max())
+        there = np.fmax(there, estimate[modes["point_id"].isin(checked)].max())
+    if not (np.isfinite(there) and anywhere > EXACT and there < SEEN * anywhere):
+        return ""  # or the method has no light mode at these points
+    return (
+        f"; the method hardly errs there, by {there:.0e} in its own estimate, which is "
+        f"{anywhere:.1e} elsewhere: audit checks points drawn at random"
+    )
