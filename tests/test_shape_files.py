@@ -98,7 +98,10 @@ def test_by_default_it_is_the_mode_that_grows_fastest(results, shape):
     assert shape.label.track == worst["track"]
     again = results.shape(track=int(worst["track"]))
     assert again.label == shape.label
-    assert f"mode {worst['mode']} (track {worst['track']})" in title(shape)[0]
+    first, beside = title(shape)[:2]
+    assert f", T{worst['track']}: " in first
+    assert f"mode {worst['mode']} of this point" in beside
+    assert "grows fastest" not in beside  # it does so here
 
 
 def test_energy_of_a_changed_component_mode_has_no_place_in_its_cells(results):
@@ -403,10 +406,11 @@ def test_command_writes_what_is_asked_for(results, capsys, tmp_path):
     point = str(results.points["point_id"].iloc[1])
     arguments = ("--point", point, "--mode", "4,2", "--no-picture", "-o", out)
     assert command("shape", str(results.directory), *arguments) == 0
+    own = results.modes[results.modes["point_id"] == point].set_index("mode")["track"]
     assert [
         m["name"].split()[0]
-        for m in content((tmp_path / "out" / f"{point}_modes.html").read_text())["modes"]
-    ] == ["4", "2"]
+        for m in content((tmp_path / "out" / f"modes_{point}.html").read_text())["modes"]
+    ] == [f"T{own[4]}:", f"T{own[2]}:"]
 
 
 @pytest.mark.parametrize(
@@ -433,7 +437,7 @@ def test_command_names_ranked_modes(results, capsys):
     told = " ".join(capsys.readouterr().out.split())
     for track in ranking["track"]:
         shape = results.shape(track=int(track))
-        assert f"mode {track} " in told
+        assert f"T{track} " in told
         hz = f"{shape.frequency_hz:.0f}"
         assert f"design point {shape.label.row}, {hz} Hz: {name_of(shape).text}; kinetic" in told
     assert "% out of plane" in told
@@ -449,13 +453,16 @@ def test_command_names_ranked_modes(results, capsys):
     capsys.readouterr()
     assert command("rank", str(results.directory)) == 0
     told = capsys.readouterr().out
-    assert all(f"\n{track}: {text}" in told for track, (text, no) in named.items() if not no)
+    assert all(f"\nT{track}: {text}" in told for track, (text, no) in named.items() if not no)
 
 
 def test_labels_of_one_design_point_have_names_that_change_nowhere(results):
     modes = results.modes
     row = modes.loc[modes["growth_rate"].idxmax()]
-    for changes, seen, one in ((False, "4 ND", "4 ND"), (True, "mostly 4 ND", f"T{row['track']}")):
+    for changes, seen, one in (
+        (False, "4 ND", "4 ND"),
+        (True, "4 ND (changes)", f"T{row['track']}"),
+    ):
         opened = results.with_tables()
         opened.__dict__["track_names"] = {int(row["track"]): ("4 ND", changes)}
         for point_id, start in ((None, seen), (row["point_id"], one)):

@@ -244,8 +244,8 @@ def test_compare_of_the_wrong_directories(there, capsys, first, second, told):
 def test_plot_draws_elsewhere(there, tmp_path):
     assert command("plot", "results/belt", "--output", str(tmp_path / "p")) == 0
     drawn = {p.stem for p in (tmp_path / "p").glob("*.png")}
-    assert {"growth_comparison", "levels_sliding_speed", "torque_history_1"} <= drawn
-    assert {"modal_energies_3", "spectrogram_3"} <= drawn
+    assert {"growth_comparison", "levels_sliding_speed", "torque_history_point_0"} <= drawn
+    assert {"modal_energies_point_2", "spectrogram_point_2"} <= drawn
 
 
 # -- check ---------------------------------------------------------------------------------------

@@ -1,0 +1,120 @@
+"""One mode has one number and one frequency: rankings, families of tracks, verdicts, files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import scipy.sparse as sp
+from study_runs import plan_of, solved
+
+from squealstudy.kinds.design.verdict import beyond_validity
+from squealstudy.shapes.shape import Label
+from squealstudy.tables.families import families, linked_tracks
+from squealstudy.tables.mode_ranking import rank_modes
+
+FALLING = """
+[study]
+name = "falling"
+kind = "complex_modes"
+[model]
+name = "matrices"
+folder = "{folder}"
+[[model.term]]
+matrix = "M"
+file = "m.npz"
+[[model.term]]
+matrix = "C"
+file = "c.npz"
+coefficient = "(x - 70)**2"
+[[model.term]]
+matrix = "K"
+file = "k.npz"
+coefficient = "x*x"
+[parameters]
+x = 80.0
+[[sweep]]
+parameter = "x"
+values = [80.0, 90.0, 100.0]
+[modes]
+band = [1.0, 1000.0]
+reference_points = 0
+"""
+ONSET = {"point_before": "p1", "point_after": "p2", "status": "renumbered", "frequency_hz": 3140.0}
+
+
+def onsets(*rows: dict) -> pd.DataFrame:
+    return pd.DataFrame([ONSET | row for row in rows])
+
+
+def test_an_unstable_mode_that_changes_its_number_is_one_family() -> None:
+    """Of three modes that end or begin there, each goes on as the nearest in frequency."""
+    table = onsets(
+        {"track": 23, "direction": "out"},
+        {"track": 25, "direction": "in", "frequency_hz": 3145.0},
+        {"track": 7, "direction": "out", "frequency_hz": 900.0},
+        {"track": 8, "direction": "in", "frequency_hz": 905.0},
+        {"track": 9, "direction": "in", "status": "refined"},
+    )
+    assert linked_tracks(table) == [(23, 25), (7, 8)]
+    begun = onsets(
+        {"track": 1, "direction": "out"},
+        {"track": 4, "direction": "in", "status": "first_seen", "point_before": ""},
+    )
+    assert linked_tracks(begun) == [(1, 4)]
+
+
+def test_families_count_modes_at_once_and_points_together() -> None:
+    group, code = np.array([23, 23, 25, 25, 30]), np.array([0, 1, 2, 3, 3])
+    tracks = pd.Index([23, 25, 30], name="track")
+    table = onsets({"track": 25, "direction": "in"}, {"track": 23, "direction": "out"})
+    found = families(tracks, table, group, code)
+    assert found["family"].tolist() == [23, 23, 30]
+    assert found["family_modes"].tolist() == [1, 1, 1]
+    assert found["family_points"].tolist() == [4, 4, 1]
+    both = families(tracks, table, np.append(group, 25), np.append(code, 0))
+    assert both["family_modes"].tolist() == [2, 2, 1]  # at point 0 they are two
+
+
+def test_the_ranking_has_the_frequency_where_a_mode_grows_fastest() -> None:
+    points = pd.DataFrame({"point_id": list("abc"), "status": "ok", "friction": [0.1, 0.2, 0.3]})
+    points = points.assign(n_modes=1)
+    modes = pd.DataFrame({"point_id": list("abc"), "track": 1, "frequency_hz": [88.0, 94.0, 100.1]})
+    modes = modes.assign(growth_rate=[1.0, 50.0, 206.6], unstable=True, overdamped=False)
+    modes = modes.assign(damping_ratio=-0.1, track_ambiguous=False, mode=1)
+    (row,) = rank_modes(points, modes, "friction").to_dict("records")
+    assert (row["frequency_hz"], row["max_growth_rate"], row["at"]) == (
+        100.1,
+        206.6,
+        "friction=0.3",
+    )
+
+
+def test_the_verdict_sets_number_and_frequency_of_the_worst_point(tmp_path: Path) -> None:
+    """Of one degree of freedom with negative damping, of 80, 90 and 100 Hz."""
+    text = FALLING
+    for name, matrix in (("m", 1.0), ("c", -1.0), ("k", (2.0 * np.pi) ** 2)):
+        sp.save_npz(tmp_path / f"{name}.npz", sp.csr_matrix([[matrix]]))
+    path = tmp_path / "falling.toml"
+    results = solved(plan_of(text.format(folder=tmp_path.as_posix()), path), tmp_path / "r")
+    text = results.screen.verdict(results)
+    worst = results.modes.loc[results.modes["growth_rate"].idxmax()]
+    assert f"T{worst['track']} at {worst['frequency_hz']:.0f} Hz, by" in text
+    assert "between 1 and 1000 Hz" in text
+
+
+def test_files_of_a_mode_have_its_number_and_frequency() -> None:
+    label = Label(point_id="5a0b", mode=7, track=23, fastest_hz=3187.6)
+    assert label.file_name == "T23_3188_hz_5a0b"
+    assert Label(point_id="5a0b", mode=7).file_name == "mode_7_5a0b"
+
+
+def test_a_verdict_says_what_the_chosen_design_breaks() -> None:
+    rule = "modal damping is light, a ratio of at most 0.2"
+    points = pd.DataFrame({"design": [0, 1, 1, 1], "valid": [True, False, False, True]})
+    points["invalid_reason"] = ["", f"{rule}: 0.2465", f"{rule}: 0.2465", ""]
+    text = beyond_validity(points, 1)
+    assert "at 2 of 3 solved operating points the chosen design is beyond" in text
+    assert f"2 break '{rule}'" in text
+    assert not beyond_validity(points, None)
