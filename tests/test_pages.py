@@ -22,7 +22,7 @@ LARGEST = 60_000  # bytes of a picture of the gallery
 TINY = [  # first_brake.toml in seconds
     ("start = 0.1\nstop = 0.7\nnum = 7", "values = [0.1, 0.4, 0.5]"),
     ("values = [0.9, 1.0, 1.1]", "values = [1.0, 1.1]"),
-    ("4000.0]", "3500.0]\nreference_points = 0\nrefine_tracking = false"),
+    ("8000.0]", "3500.0]\nreference_points = 0\nrefine_tracking = false"),
 ]
 
 
