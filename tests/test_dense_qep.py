@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.linalg
 from random_quadratics import KINDS, TOP, Problem, brake, difference, random_problem
 
 from squealstudy.linalg import dense_qep
+from squealstudy.linalg.companion import one_of_each_pair, right_pairs
 from squealstudy.linalg.dense_qep import (
     LEAST,
     MOST,
@@ -16,6 +18,7 @@ from squealstudy.linalg.dense_qep import (
     pairs_inside,
     roots_inside,
 )
+from squealstudy.linalg.root_error import BIN, conditions
 from squealstudy.modes.reanalysis.problem import in_band
 
 
@@ -99,3 +102,19 @@ def test_left_vectors_belong_to_their_roots(kind):
         lengths = np.linalg.norm(pairs.X, axis=0) * np.linalg.norm(pairs.Y, axis=0)
         clear = lengths * np.abs(pairs.lam) < 1e6  # of a coalescence
         np.testing.assert_allclose(products[clear], 1.0, atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_condition_of_a_root_is_that_of_the_companion_with_left_vectors(seed):
+    rng = np.random.default_rng(seed)
+    n = 6
+    C, K = rng.normal(size=(2, n, n))
+    K = 40.0 * (K @ K.T + 0.3 * rng.normal(size=(n, n)))
+    lam, psi = one_of_each_pair(*right_pairs(C, K), (0.0, np.inf))
+    told = conditions(lam, psi, np.ones(n))
+    for root, condition in zip(lam, told, strict=True):
+        s = BIN ** np.round(np.log(np.abs(root)) / np.log(BIN))
+        A = np.block([[np.zeros((n, n)), s * np.eye(n)], [-K / s, -C]])
+        mu, Y, X = scipy.linalg.eig(A, left=True)  # of unit norm
+        j = np.argmin(np.abs(mu - root))
+        assert condition == pytest.approx(1.0 / abs(np.vdot(Y[:, j], X[:, j])), rel=1e-7)

@@ -30,7 +30,7 @@ from squealstudy.engine.recorded_code import RECORDS, enter_executed
 from squealstudy.engine.result_names import CHUNKS, LOCK, expect_inside, leads_out
 from squealstudy.engine.store import INACCURATE, PICTURES, Store, write_manifest
 from squealstudy.engine.validity import SOLVED
-from squealstudy.engine.workers import Progress, Workers, silent
+from squealstudy.engine.workers import Progress, Workers, on_one_thread, silent
 from squealstudy.errors import MachineError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.machine import give_back_memory, peak_memory_mb
 from squealstudy.wording import failure_counts, plural
@@ -62,6 +62,7 @@ class RunReport:
     n_reused: int
 
 
+@on_one_thread
 def run_study(
     plan: Planned,
     directory: Path,

@@ -13,9 +13,9 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import lru_cache, partial, wraps
 from itertools import chain, islice
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
@@ -93,6 +93,7 @@ TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")
+Given = ParamSpec("Given")
 
 
 def silent(stage: str, done: int, total: int, failed: int = 0) -> None:
@@ -260,6 +261,17 @@ def _executor(
 
 
 atexit.register(_executor.cache_clear)  # while modules are there, which it looks up at its end
+
+
+def on_one_thread(function: Callable[Given, Found]) -> Callable[Given, Found]:
+    """The function with one thread of BLAS: for small matrices more of them wait for each other."""
+
+    @wraps(function)
+    def limited(*args: Given.args, **kwargs: Given.kwargs) -> Found:
+        with threadpool_limits(1):
+            return function(*args, **kwargs)
+
+    return limited
 
 
 def _on_one_thread(function: Callable[[Item], Found], task: Item) -> Found:

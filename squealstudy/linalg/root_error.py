@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import get_lapack_funcs
 
 from squealstudy.linalg.sparse_qep import LowRankSum
 
@@ -107,9 +108,27 @@ def conditions(lam: np.ndarray, psi: np.ndarray, D: np.ndarray) -> np.ndarray:
         scaled = lam / BIN**number
         G = _gram(H, S, scaled, paired)
         G[np.diag_indices_from(G)] += EPS * len(G)  # two states may be parallel to round-off
-        inverse = np.diag(np.linalg.inv(G)).real[members]
-        found[members] = np.sqrt(np.maximum(inverse, 1.0))
+        found[members] = np.sqrt(np.maximum(inverse_diagonal(G, members), 1.0))
     return found
+
+
+def inverse_diagonal(G: np.ndarray, members: np.ndarray) -> np.ndarray:
+    """Entries (k,) on the diagonal of the inverse of a Hermitian positive definite G (n, n).
+
+    With the members last in order they are those of (L2 L2^H)^-1, the Schur complement of the
+    others, where L2 is the last block of the Cholesky factor: half the work of an inverse.
+    """
+    others = np.setdiff1d(np.arange(len(G)), members)
+    order = np.concatenate([others, members])
+    try:
+        L2 = np.linalg.cholesky(G[np.ix_(order, order)])[len(others) :, len(others) :]
+    except np.linalg.LinAlgError:  # indefinite by round-off
+        diagonal: np.ndarray = np.diag(np.linalg.inv(G)).real[members]
+        return diagonal
+    (invert,) = get_lapack_funcs(["trtri"], [L2])
+    inverse, _ = invert(L2, lower=1)
+    total: np.ndarray = np.square(np.abs(inverse)).sum(axis=0)
+    return total
 
 
 def _gram(H: np.ndarray, S: np.ndarray, lam: np.ndarray, paired: np.ndarray) -> np.ndarray:
