@@ -1,5 +1,6 @@
 """Numbers that squares cannot hold, and roots beside much larger ones: right, or told in words."""
 
+import contextlib
 from decimal import Decimal, getcontext
 from fractions import Fraction
 from typing import Annotated
@@ -216,3 +217,16 @@ def test_costs_whose_sums_overflow_are_refused():
         assert accepted.validate_python(1e100) == 1e100
         with pytest.raises(ValueError, match="less than or equal to"):
             accepted.validate_python(1e308)
+
+
+def test_cycles_do_not_diverge_by_round_off(tmp_path):
+    """At 1e140 s the small roots are lost beside the largest: it is no divergence."""
+    text = '[study]\nname = "lost"\nkind = "limit_cycles"\n[model]\nname = "hoffmann"\n'
+    text += (
+        "[parameters]\nfriction = 0.5\nstiffness_damping = 1e140\n[modes]\nband = [1.0, 1000.0]\n"
+    )
+    with contextlib.suppress(SquealstudyError):  # all points failed
+        run_study(Plan(parse_study(text, tmp_path / "lost.toml")), tmp_path / "r", jobs=1)
+    (row,) = Results.open(tmp_path / "r").points.to_dict("records")
+    assert row["status"] == "overflow", row
+    assert "too far apart" in row["message"]

@@ -39,12 +39,18 @@ from squealstudy.cycles.verdicts import (
     judged,
 )
 from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.overflow import OVERFLOW
 from squealstudy.wording import NO_CYCLE
 
 MORE = 2  # numbers of harmonics with which they are looked at again
 CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of projected ones
 ALIKE, UNLIKE = 0.95, 0.8  # MAC of modes of two designs that are one, and with all others
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
+ROUND_OFF = 1e-13  # of the largest root: what all of a dense matrix may be wrong by
+LOST_ROOT = (
+    "roots of the model lie too far apart: whether steady sliding diverges is less than the "
+    "round-off of the largest"
+)
 ROUNDED = 1e-10  # damping ratio: less is round-off of a balance
 STEPS = Steps(first=0.3, largest=0.5, count=200)
 PROJECTED_STEPS = Steps(first=0.5, least=1e-4, largest=1.0, count=130)
@@ -81,12 +87,16 @@ def families(
     Raises
     ------
     ConvergenceError
-        Steady sliding that diverges without oscillation (``diverges``); a wanted mode that the
+        Steady sliding that diverges without oscillation (``diverges``), or whose growth is within
+        the round-off of the largest root (``overflow``); a wanted mode that the
         band does not have (``no_mode``).
     """
     lam, psi = contact.oscillator.steady_modes(band[1])
     unstable = lam.real > tolerance * np.abs(lam)
-    if (unstable & (lam.imag == 0)).any():
+    real = lam.real[unstable & (lam.imag == 0)]
+    if len(real) and real.max() <= ROUND_OFF * np.abs(lam).max():
+        raise ConvergenceError(OVERFLOW, LOST_ROOT)
+    if len(real):
         raise ConvergenceError("diverges", "steady sliding diverges without oscillation")
     any_unstable = bool(unstable.any()) or contact.point.growing.n_outside > 0
     inside = (lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])

@@ -17,7 +17,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import one_thread  # noqa: F401
@@ -27,6 +27,7 @@ import one_thread  # noqa: F401
 import numpy as np
 import pandas as pd
 from mode_cases import BAND_HZ, HZ, Family, random_family
+from mode_tables import Told, map_numbers, table_numbers
 from scipy.optimize import linear_sum_assignment
 
 from squealstudy.engine.plan import Plan
@@ -34,25 +35,12 @@ from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
 from squealstudy.study.definition import parse_study
 
-SUBSTEPS = 100  # a step of the design is followed in
+SUBSTEPS = 200  # a step of the design is followed in
 ROUND_OFF = 1e-9  # of a modulus: what numpy's own roots may be wrong by
 NEAR_ONSET = 1e-4  # of the range of x: to which onsets are refined
 STABILITY_TOLERANCE = 1e-7  # of damping ratios, the default of [modes]
 ON_AXIS = 1e-4  # damping ratio of a root that is turning
 BEYOND = 1.5  # of the band's top: where a study looks for what grows too
-
-
-@dataclass(frozen=True)
-class Told:
-    """A number of a table, the truth, whether it is right, and whether the table doubts it."""
-
-    table: str
-    column: str
-    told: float
-    truth: float
-    right: bool
-    flagged: bool = False
-    at: str = ""
 
 
 def compared(family: Family) -> Iterator[Told]:
@@ -65,6 +53,9 @@ def compared(family: Family) -> Iterator[Told]:
         results = Results.open(out)
         points, modes, onsets = results.points, results.modes, results.onsets
         ranking = results.rank()
+        yield from table_numbers(family, results)
+        if len(family.y) > 1:
+            yield from map_numbers(family, text, Path(folder))
     if "y" not in points:
         points["y"] = 0.0
     yield from point_numbers(family, points, modes)
