@@ -118,7 +118,8 @@ def map_numbers(family: Family, text: str, folder: Path) -> Iterator[Told]:
     x, y = np.sort(family.x), np.sort(family.y)
     head = text.split("[[sweep]]")[0]
     sweeps = "".join(
-        f'[[sweep]]\nparameter = "{n}"\nstart = {float(v[0])!r}\nstop = {float(v[-1])!r}\nnum = {k}\n'
+        f'[[sweep]]\nparameter = "{n}"\nnum = {k}\n'
+        f"start = {float(v[0])!r}\nstop = {float(v[-1])!r}\n"
         for n, v, k in (("x", x, 6), ("y", y, 3))
     )
     design = f'[design]\ntype = "boundary"\nlevels = {LEVELS}\n'
