@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy import optimize
 
 REPEATS = 0.05  # RMS of what is left after a period, over that of the motion
 EXACT = 0.01  # the same: no longer period is looked for where as little is left
@@ -24,6 +23,14 @@ MOST = 400  # places at which a period is looked for
 NEARLY_ALL = 1e-5  # of the variance may be in coordinates that are left out
 COARSE = 0.5  # square of the way between rows over that along slopes: less turns back between
 FLAT = 1e-20  # of the square of the values: a variance that is round-off
+NO_IMAGE = 1e-6  # imaginary part of a place, of the way between rows, that round-off makes
+
+# coefficients of 1, s, s^2, s^3: rows as they were, with opposite sign, and the cubic Hermite
+# polynomials of the values and slopes at both ends
+CUBIC = np.array(
+    [[-1, 0, 0, 0], [1, 0, -3, 2], [0, 0, 3, -2], [0, 1, -2, 1], [0, 0, -1, 1]], dtype=float
+)
+POWER = np.add.outer(np.arange(4), np.arange(4))  # of s in products of two cubics
 
 
 def fundamental_hz(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> float:
@@ -120,17 +127,20 @@ class _Record:
         now, ends = self.x[:count], slice(k, k + count)
         after = slice(k + 1, k + 1 + count)
         parts = (now, self.x[ends], self.x[after], self.slope[ends], self.slope[after])
-        gram = np.array([[float(np.vdot(a, b)) for b in parts] for a in parts])
+        gram = np.zeros((len(parts), len(parts)))
+        for i, a in enumerate(parts):
+            for j in range(i + 1):
+                gram[i, j] = gram[j, i] = np.vdot(a, parts[j])
         whole = self.variance * count / len(self.x)
 
-        def left(s: float) -> float:
-            weights = np.array(
-                [-1, (1 + 2 * s) * (1 - s) ** 2, s**2 * (3 - 2 * s), s * (1 - s) ** 2, s**3 - s**2]
-            )
-            return float(np.sqrt(max(weights @ gram @ weights, 0.0) / whole))
-
-        found = optimize.minimize_scalar(left, bounds=(0.0, 1.0), method="bounded")
-        return k + float(found.x), float(found.fun)
+        terms = CUBIC.T @ gram @ CUBIC  # of the powers of the way from k to k + 1
+        square = np.bincount(POWER.ravel(), weights=terms.ravel())
+        turning = np.roots((square[1:] * np.arange(1, len(square)))[::-1])
+        inside = turning.real[np.abs(turning.imag) < NO_IMAGE]
+        ways = np.concatenate([[0.0, 1.0], inside[(inside > 0.0) & (inside < 1.0)]])
+        left = np.polynomial.polynomial.polyval(ways, square)
+        least = int(np.argmin(left))
+        return k + float(ways[least]), float(np.sqrt(max(left[least], 0.0) / whole))
 
     def _multiple(self, period: float, left: float) -> float:
         """The period, or the multiple of it at which far less is left: a doubled one."""
