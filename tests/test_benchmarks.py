@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import shlex
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pytest
 from calculix import CCX
 from conftest import BENCHMARKS, benchmark
+from tiny_meshes import TINY, tiny_meshes
 
 import squealstudy
-from squealstudy.models.catalogue.disc_brake.solids import COARSE, DENSITIES, Interval
 
 ROOT = BENCHMARKS.parents[1]
-CELL = Interval()
-TINY = replace(  # a cell between breaks: a tenth of what the coarse brake costs, and no brake
-    COARSE,
-    around=12,
-    disc_r=(CELL,) * 4,
-    disc_z=(CELL,) * 3,
-    pad_r=(CELL,),
-    pad_theta=(CELL,) * 5,
-    pad_z=(CELL,) * 2,
-    caliper_r=(CELL,) * 3,
-    caliper_z=(CELL,) * 3,
-)
 MAIN = '__name__ == "__main__"'  # what has none serves the others
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -124,10 +112,7 @@ ELSEWHERE = ("column_truth",)  # in test_column_truth.py
 
 @pytest.fixture(scope="module")
 def tiny_brake(tmp_path_factory):
-    """In place of the coarse one in this process, with a cache that others do not read."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SQUEALSTUDY_CACHE", str(tmp_path_factory.mktemp("cache")))
-        patch.setitem(DENSITIES, "coarse", TINY)
+    with tiny_meshes(tmp_path_factory.mktemp("cache")) as patch:
         patch.setitem(benchmark("size").SIZES, "15k", TINY)
         yield
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from study_runs import plan_of, solved
+from tiny_meshes import tiny_meshes
 
 from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.plan import Plan
@@ -23,6 +24,12 @@ OUTSIDE = sorted((SHIPPED / "outside_data").glob("*.toml"))
 
 
 QUICK = ("[modes]", "[modes]\nrefine_tracking = false\nrefine_onsets = false\nreference_points = 0")
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory):
+    with tiny_meshes(tmp_path_factory.mktemp("cache")):
+        yield
 
 
 def reduced(name: str, num: int, *changes: tuple[str, str]) -> Plan:
@@ -115,14 +122,16 @@ def test_hulten_flutter(tmp_path: Path) -> None:
     assert 0.2916667 - 0.005 <= threshold <= 0.2916667 + 0.005
 
 
-def test_friction_pressure(tmp_path: Path) -> None:
+def test_friction_pressure(tiny, tmp_path: Path) -> None:
     fewer = ("values = [2e5, 4e5, 8e5, 12e5, 20e5, 30e5]", "values = [2e5, 12e5, 30e5]")
-    plan = reduced("friction_pressure", 3, fewer, ("[modes]", "[modes]\nreference_points = 1"))
+    lower = ("stop = 0.7", "stop = 0.5")  # where the smallest mesh squeals
+    once = ("[modes]", "[modes]\nreference_points = 1")
+    plan = reduced("friction_pressure", 3, fewer, lower, once)
     results = results_of(plan, tmp_path / "r")
     points = results.points
     assert len(points) == 9
     assert (points.loc[points["friction"] == 0, "n_unstable"] == 0).all()  # nothing drives it
-    assert points.loc[points["friction"] == 0.7, "n_unstable"].max() >= 1
+    assert points.loc[points["friction"] == 0.5, "n_unstable"].max() >= 1
     assert np.nanmax(points["reference_frequency_error"]) < 2e-2  # without enrichment
 
 
@@ -165,8 +174,9 @@ def test_robust_brake(tmp_path: Path) -> None:
     assert indices["total"]["caliper.modes[7-9].frequency_scale"] < indices["total"].max()
 
 
-def test_stability_boundary(tmp_path: Path) -> None:
-    plan = reduced("stability_boundary", 3, ("levels = 3", "levels = 1"), QUICK)
+def test_stability_boundary(tiny, tmp_path: Path) -> None:
+    fewer = ("levels = 3", "levels = 1"), ("stop = 0.7", "stop = 0.5")
+    plan = reduced("stability_boundary", 3, *fewer, QUICK)
     results = results_of(plan, tmp_path / "r")
     nodes, solved = results.nodes
     assert len(nodes) == 5 * 5
@@ -175,9 +185,10 @@ def test_stability_boundary(tmp_path: Path) -> None:
     assert nodes["n_unstable"].max() >= 1
 
 
-def test_caliper_modes_and_damping_agree_where_nothing_is_changed(tmp_path: Path) -> None:
+def test_caliper_modes_and_damping_agree_where_nothing_is_changed(tiny, tmp_path: Path) -> None:
     bare = "sliding_speed = 0.5\ndamping_ratio = 0.0\nstiffness_damping = 0.0"
-    plan = reduced("caliper_modes", 3, QUICK, ("sliding_speed = 0.5", bare))
+    fewer = ("stop = 1.5", "stop = 1.0")
+    plan = reduced("caliper_modes", 2, QUICK, fewer, ("sliding_speed = 0.5", bare))
     modes = results_of(plan, tmp_path / "modes")
     damping = results_of(reduced("caliper_damping", 2, QUICK), tmp_path / "damping")
     same = modes.points[(modes.points.filter(like="caliper") == 1.0).all(axis=1)]
