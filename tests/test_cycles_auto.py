@@ -254,12 +254,13 @@ BRAKE_HARMONICS = 9
 LEVEL, MULTIPLIERS = 1e-5, 2e-5  # contact opens at a tenth of its area: harmonics fall off slowly
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["constant friction", pytest.param("friction that falls", marks=pytest.mark.full_size)],
-)
+@pytest.mark.full_size
+@pytest.mark.parametrize("name", BRAKES)
 def test_a_brake_on_twelve_coordinates(tmp_path, prepared, name):
-    """Exponential contact, no stick: two cycles beside stable sliding, their fold, the onset."""
+    """Exponential contact, no stick: two cycles beside stable sliding, their fold, the onset.
+
+    By default minimal models above; of brakes test_cycles.py and test_brake_growth.py.
+    """
     kind, saturation, values, start, mu = BRAKES[name]
     brake = auto_brake.SmallBrake(prepared, 0.2, kind, saturation, OPERATION | values)
     n, contact = brake.system.n, brake.at(mu)

@@ -16,6 +16,7 @@ import pandas as pd
 import pytest
 from study_runs import comparable, plan_of, solved
 from study_texts import study_text, sweep_text
+from tiny_meshes import tiny_meshes
 
 import squealstudy
 from squealstudy.engine import store
@@ -311,7 +312,8 @@ def test_tracks_follow_modes_over_structures(tmp_path: Path) -> None:
     text = text.replace("start = 0.1", "start = 1.2e11").replace("stop = 0.6", "stop = 1.22e11")
     plan = plan_of(text)
     assert len(plan.structures) == 2
-    results = solved(plan, tmp_path / "r")
+    with tiny_meshes(tmp_path / "cache"):
+        results = solved(plan, tmp_path / "r")
     assert (results.points["status"] == "ok").all()
     followed = results.modes[results.modes["track_mac"].notna() & ~results.modes["overdamped"]]
     assert followed["track_mac"].median() > 0.98
