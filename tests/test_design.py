@@ -555,7 +555,7 @@ def test_a_design_that_meets_the_goal_and_squeals_is_searched_for_another(tmp_pa
     """A margin that flutter meets, too: the proof alone refuses it."""
     text = TWO_VARIABLES.format(first=[-5.0, 25.0], second=[-30.0, 4.0], costs=(1.0, 0.7))
     text = text.replace("[0.1, 0.2, 0.3]", "[0.3]").replace(
-        "cycles = 0", "scan = 8\ncycles = 4\nin_time = 0"
+        "cycles = 0", "scan = 8\nstarts = 2\ncycles = 4\nin_time = 0"
     )
     results = _run(text.replace("= 0.002", "= -0.5"), tmp_path)
     assert results.manifest["design_study"]["outcome"] == "met"
@@ -636,7 +636,9 @@ def test_a_mode_that_is_moved_out_of_the_band_is_not_silent(tmp_path: Path) -> N
     """Hulten's flutter of 89.8 Hz, a band up to 92 Hz, and a variable that moves it above."""
     text = TWO_VARIABLES.format(first=[0.0, 22.5], second=[-5.0, 22.5], costs=(1.0, 1.0))
     text = text.replace("[0.1, 0.2, 0.3]", "[0.4]").replace("0.002", "0.0")
-    found = _run(f"{text}scan = 8\nin_time = 0\n[modes]\nband = [1.0, 92.0]\n", tmp_path)
+    found = _run(
+        f"{text}scan = 8\nstarts = 2\nin_time = 0\n[modes]\nband = [1.0, 92.0]\n", tmp_path
+    )
     facts, designs = found.manifest["design_study"], found.table("designs")
     beyond = designs.query("frequency_1 + frequency_2 > 185")  # both modes are near the mean
     assert len(beyond) > 3
@@ -664,9 +666,7 @@ def test_what_grows_beside_the_band_is_told(tmp_path: Path) -> None:
         in (facts["verdict"])
     )
     (tmp_path / "all").mkdir()
-    within = _run(
-        f"{text}scan = 4\nin_time = 0\n[modes]\nband = [1.0, 1000.0]\n", tmp_path / "all"
-    )
+    within = _run(f"{text}scan = 4\nin_time = 0\n[modes]\nband = [1.0, 1000.0]\n", tmp_path / "all")
     facts = within.manifest["design_study"]
     assert facts["outcome"] == NONE_FOUND
     assert "at their bounds: frequency_1, frequency_2" in facts["verdict"]

@@ -10,7 +10,7 @@ import pytest
 BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"
 FEW = {
     "kills": 1,
-    "damage": 6,
+    "damage": 3,
     "hostile": 4,
     "study_files": 20,
     "matrix_files": 40,
