@@ -36,6 +36,7 @@ from squealstudy.machine import lock
 from squealstudy.mechanics.basis import LOAD_FACTOR
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.catalogue.disc_brake import assemble as disc_brake_assembly
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.modes.full_order.modes import full_order_roots, full_order_system
 from squealstudy.motion.warmup import warm_kernels
@@ -267,6 +268,23 @@ def reduced(brake) -> tuple[ReducedModel, ComponentBasis]:
 def prepared(brake, reduced) -> PreparedModel:
     """The same brake as workers have it."""
     return with_shapes(brake.assembly, brake.space, *reduced, brake.point)
+
+
+@pytest.fixture(scope="module")
+def assembled_once():
+    """Within a file the generated brake is assembled once for the same options and values."""
+    assembled: dict[Any, Assembly] = {}
+    assemble = disc_brake_assembly.assemble
+
+    def kept(options, values):
+        key = tuple(sorted(options.items())), tuple(sorted(values.items()))
+        if key not in assembled:
+            assembled[key] = assemble(options, values)
+        return assembled[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(disc_brake_assembly, "assemble", kept)
+        yield
 
 
 @pytest.fixture

@@ -21,6 +21,7 @@ from squealstudy.models.catalogue import MODELS
 from squealstudy.models.catalogue.disc_brake.assemble import brake_faces
 from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
 
+pytestmark = pytest.mark.usefixtures("assembled_once")
 MASS, STIFF = 1.5e-6, 4e6  # kg, N/m
 
 STUDY = """\

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from matrix_families import write_family
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
@@ -66,7 +67,7 @@ def test_no_cubic_onset_of_random_families_is_beyond_its_error():
     """Unequal steps; and equal ones, where the third difference of four points may vanish."""
     rng = np.random.default_rng(5)
     told = beyond = 0
-    for end, curve, zero in damping_crossings(rng, 60):
+    for end, curve, zero in damping_crossings(rng, 25):
         for n in (12, 25, 50, 60, 90, 120, 180, 240, 360, 480):
             for step in (np.ones(n), rng.uniform(0.1, 2, n), 10 ** rng.uniform(-1.3, 1.3, n)):
                 x = np.cumsum(step) - step[0]
@@ -82,7 +83,7 @@ def test_no_cubic_onset_of_random_families_is_beyond_its_error():
                 if error <= 0.5e-4 * end:
                     told += 1
                     beyond += abs(value - zero) > error + 1e-9
-    assert told > 300
+    assert told > 125
     assert beyond == 0
 
 
@@ -94,10 +95,13 @@ def test_four_points_alone_tell_no_onset():
     assert abs(value - 1.4) <= error + 1e-12 < 1e-11
 
 
-def test_onsets_of_studies_in_unequal_steps_are_within_their_errors(tmp_path):
+@pytest.mark.parametrize(
+    ("count", "least"), [(5, 2), pytest.param(12, 10, marks=pytest.mark.full_size)]
+)
+def test_onsets_of_studies_in_unequal_steps_are_within_their_errors(count, least, tmp_path):
     """Whatever tells them: all that have an error, against brentq on eigenvalues of numpy."""
     told, rng = [], np.random.default_rng(11)
-    for seed in range(12):
+    for seed in range(count):
         C, K, F = random_matrices(rng)
         values = np.sort(rng.uniform(0.0, END, 40))
         folder = tmp_path / str(seed)
@@ -124,5 +128,5 @@ def test_onsets_of_studies_in_unequal_steps_are_within_their_errors(tmp_path):
             ]
             off = min((abs(zero - row["onset"]) for zero in zeros), default=np.inf)
             told.append((row["status"], off <= row["error_estimate"]))
-    assert len(told) > 10
+    assert len(told) > least
     assert all(within for _, within in told)

@@ -82,7 +82,7 @@ def test_other_commands_leave_nothing_half_written(
     folder: Path, small_disk: Path, command: str
 ) -> None:
     if not command.startswith("export"):
-        assert shell("", *RUN, "out").returncode == 0
+        solved(STUDY, folder / "out")
     (small_disk / "others").write_bytes(bytes(24_000))
     is_one_sentence(shell("", *command.split()), "disk/new", "the disk is full")
     assert [path.name for path in small_disk.rglob("*") if path.is_file()] == ["others"]

@@ -61,7 +61,8 @@ tolerance = 0.001
 audit = 1
 """
 )
-ONE_POINT = BELT.replace("[0.5, 0.6, 0.7]", "[0.6]")
+SHORT = BELT.replace("duration = 0.25", "duration = 0.1")
+ONE_POINT = SHORT.replace("[0.5, 0.6, 0.7]", "[0.6]")
 SLOPE = '"contact.regularisation_speed" = 0.01'
 BRAKE = (
     study_text("brake", "{kind}", "disc_brake")
@@ -599,7 +600,7 @@ def test_audits_look_at_all_points_that_they_have_looked_at(tmp_path, monkeypatc
 
     monkeypatch.setattr(fidelity_run, "audit", audit)
     monkeypatch.setattr(fidelity_run, "drawn_points", lambda _, number: (number,))
-    resolved = resolve(study(BELT, tmp_path), 1, quiet)
+    resolved = resolve(study(SHORT, tmp_path), 1, quiet)
     report = run_resolved(resolved, tmp_path / "results", False, quiet, lambda _: None)
     assert seen == [[0], [0, 1]]
     assert report.manifest["fidelity"]["audit"]["errors_of_rounds"] == [0.5, 0.0]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from blocks import OPERATING as BLOCKS_OPERATING
 from blocks import blocks
-from conftest import CUTOFF, NOMINAL, TOP, build_model, full_order
+from conftest import CUTOFF, NOMINAL, build_model, full_order
 
 from squealstudy.errors import ParameterError
 from squealstudy.kernels.laws import friction_at, law_row
@@ -209,15 +209,18 @@ def test_damping_is_the_derivative_of_the_friction_forces(brake, reduced):
     np.testing.assert_allclose(C, C.T, atol=1e-12 * np.abs(C).max())
 
 
+LOW_TOP = 2500.0  # Hz, of a band with half of the modes below TOP
+
+
 def against_full_order(brake, model, state):
-    """Roots of the reduced brake and of the unreduced one from 500 Hz to TOP."""
+    """Roots of the reduced brake and of the unreduced one from 500 Hz to LOW_TOP."""
     changes = state.stiffness_changes(component_frequencies(model))
     space = brake.space.changed({shape_column(model, *key): dk for key, dk in changes.items()})
     point = working_point(space, state.operating)
     system = linearise(model, point, state)
-    lam, _ = dense_roots(system.C, system.K, (2 * np.pi * 450.0, 2.2 * np.pi * TOP))
+    lam, _ = dense_roots(system.C, system.K, (2 * np.pi * 450.0, 2.2 * np.pi * LOW_TOP))
     full = full_order_system(brake.assembly, brake.modes, point, state, CUTOFF)
-    found = full_order_roots(full, (2 * np.pi * 500.0, 2 * np.pi * TOP))
+    found = full_order_roots(full, (2 * np.pi * 500.0, 2 * np.pi * LOW_TOP))
     assert stiffness_residuals(full, found.lam, found.psi).max() < 1e-8
     return lam, found.lam
 
@@ -231,7 +234,7 @@ def test_falling_friction_reduced_and_full(brake, reduced):
     constant = CONSTANT
     point = working_point(brake.space, constant)
     system = linearise(reduced[0], point, DesignState(constant))
-    calm, _ = dense_roots(system.C, system.K, (2 * np.pi * 500.0, 2 * np.pi * TOP))
+    calm, _ = dense_roots(system.C, system.K, (2 * np.pi * 500.0, 2 * np.pi * LOW_TOP))
     assert (full.real > 0).sum() > (calm.real > 0).sum()  # the fall of friction excites
 
 

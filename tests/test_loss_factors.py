@@ -16,11 +16,12 @@ from squealstudy.modes.point import linearised_point
 from squealstudy.system.linearise import component_frequencies
 
 LINING = tuple(f"pad.lining_{m}" for m in ("young_modulus", "young_modulus_z", "shear_modulus_z"))
+pytestmark = pytest.mark.usefixtures("assembled_once")
 LOSS = {"disc": 0.002, "inner_pad": 0.02, "outer_pad": 0.02, "caliper": 0.004}
 
 
 @pytest.fixture(scope="module")
-def brake_model():
+def brake_model(assembled_once):
     return sq.model("disc_brake", mesh="coarse", contact_points=2)
 
 

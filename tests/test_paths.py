@@ -57,7 +57,9 @@ def made(folder: Path, kind: str) -> Path:
 
 
 @owners
-@pytest.mark.parametrize("kind", ["a file", "below a file", "read-only"])
+@pytest.mark.parametrize(
+    "kind", ["a file", pytest.param("below a file", marks=pytest.mark.full_size), "read-only"]
+)
 def test_a_cache_that_cannot_be_written_is_one_warning(folder: Path, kind: str) -> None:
     cache = made(folder, kind)
     done = run(cache, *RUN, "out")

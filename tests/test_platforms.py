@@ -78,8 +78,15 @@ def test_results_may_be_anywhere(tmp_path):
     assert (folder / "my results" / "modes.parquet").is_file()
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
-@pytest.mark.parametrize("what", [("run", "--no-pictures"), ("check",)])
+@pytest.mark.parametrize(
+    ("what", "encoding"),
+    [
+        (("run", "--no-pictures"), "cp1252"),
+        (("check",), "ascii"),
+        pytest.param(("run", "--no-pictures"), "ascii", marks=pytest.mark.full_size),
+        pytest.param(("check",), "cp1252", marks=pytest.mark.full_size),
+    ],
+)
 def test_a_terminal_need_not_know_all_letters(tmp_path, encoding, what):
     """As on Windows, where output that goes to a file or a pipe is not in UTF-8."""
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")

@@ -34,6 +34,7 @@ from squealstudy.shapes.page import page
 from squealstudy.shapes.picture import apart, draw, title
 from squealstudy.shapes.surface import Camera
 
+pytestmark = pytest.mark.usefixtures("assembled_once")
 STUDY = f"""
 [study]
 name = "shown"
@@ -68,7 +69,7 @@ CHROMIUM = next(
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory):
+def results(tmp_path_factory, assembled_once):
     return solved(STUDY, tmp_path_factory.mktemp("shown") / "results")
 
 
@@ -79,7 +80,7 @@ def shape(results):
 
 # -- of results ---------------------------------------------------------------------------------
 def test_shape_is_that_of_the_table(results):
-    for row in range(len(results.points)):
+    for row in (0, len(results.points) - 1):  # neither and both of the parameters changed
         point_id = results.points["point_id"].iloc[row]
         own = results.modes[results.modes["point_id"] == point_id]
         for _, mode in own[~own["overdamped"]].iloc[::18].iterrows():

@@ -218,7 +218,7 @@ def test_contact_motion_is_that_of_the_nodes(brake, shape_at, solved_point):
 def test_shape_is_that_of_the_unreduced_equations(brake, solved_point, shape_at):
     point, _, lam, _ = solved_point
     cutoff = 1.5 * TOP
-    band = (500.0, 0.55 * TOP)
+    band = (500.0, 0.4 * TOP)
     found = full_order(brake.assembly, {}, point, STATE, band, cutoff)
     light = np.flatnonzero(found.lam.imag > 0)
     assert len(light) > 3
