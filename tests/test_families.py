@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import scipy.sparse as sp
 from study_runs import plan_of, solved
 
+from squealstudy.cli.check import _design
 from squealstudy.kinds.design.verdict import beyond_validity
+from squealstudy.shapes.names import _ring
 from squealstudy.shapes.shape import Label
 from squealstudy.tables.families import families, linked_tracks
 from squealstudy.tables.mode_ranking import rank_modes
@@ -118,3 +121,22 @@ def test_a_verdict_says_what_the_chosen_design_breaks() -> None:
     assert "at 2 of 3 solved operating points the chosen design is beyond" in text
     assert f"2 break '{rule}'" in text
     assert not beyond_validity(points, None)
+
+
+def test_the_ring_of_a_disc_goes_out_to_its_rim_and_that_of_a_drum_does_not() -> None:
+    """Beyond the pads lies the rim: without it a mode of 55 % axial motion was "in plane"."""
+    radii = np.array([0.09, 0.11, 0.12, 0.13, 0.14])
+    at = np.column_stack([radii, np.zeros(5), np.zeros(5)])
+    part = SimpleNamespace(blocks=[("", np.arange(5)[None])], volumes=np.ones(1))
+    rubbed = np.column_stack([[0.11, 0.13], [0.0, 0.0], [-0.005, 0.005]])
+    assert _ring(at, rubbed, part)[0].tolist() == [1, 2, 3, 4]  # type: ignore[arg-type]
+    face = np.column_stack([[0.12, 0.12], [0.0, 0.0], [-0.005, 0.005]])
+    assert _ring(at, face, part)[0].tolist() == [2]  # type: ignore[arg-type]
+
+
+def test_check_names_the_limit_that_run_refuses_for(tmp_path: Path) -> None:
+    text = '[study]\nname = "many"\nkind = "complex_modes"\n[model]\nname = "hulten"\n'
+    text += '[[sweep]]\nparameter = "friction"\nstart = 0.0\nstop = 1.0\nnum = 30\n'
+    text += "[design]\nlimit = 20\n"
+    plan = plan_of(text, tmp_path / "many.toml")
+    assert "`run` refuses more than design.limit = 20 without --yes" in _design(plan, 30, tmp_path)

@@ -75,7 +75,7 @@ def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
         "interval: 95 % (Clopper-Pearson) for independent draws, wide for a Sobol sequence or "
         "Latin hypercube",
         "mean: growth 1/s, zero where not unstable; mean +- std: of the growth rate where the mode "
-        "is; any: the fastest mode of each point",
+        "is; any: the fastest mode of each point; Hz: where the mode grows fastest",
     ]
     if (table["unstable_points_low"] < table["unstable_points_high"]).any():
         texts.append(
