@@ -14,7 +14,7 @@ from squealstudy.cli.check import _design
 from squealstudy.kinds.design.verdict import beyond_validity
 from squealstudy.shapes.names import _ring
 from squealstudy.shapes.shape import Label
-from squealstudy.tables.families import families, linked_tracks
+from squealstudy.tables.families import exchanged_tracks, families, linked_tracks, neighbours
 from squealstudy.tables.mode_ranking import rank_modes
 
 FALLING = """
@@ -72,11 +72,11 @@ def test_families_count_modes_at_once_and_points_together() -> None:
     group, code = np.array([23, 23, 25, 25, 30]), np.array([0, 1, 2, 3, 3])
     tracks = pd.Index([23, 25, 30], name="track")
     table = onsets({"track": 25, "direction": "in"}, {"track": 23, "direction": "out"})
-    found = families(tracks, table, group, code)
+    found = families(tracks, linked_tracks(table), group, code)
     assert found["family"].tolist() == [23, 23, 30]
     assert found["family_modes"].tolist() == [1, 1, 1]
     assert found["family_points"].tolist() == [4, 4, 1]
-    both = families(tracks, table, np.append(group, 25), np.append(code, 0))
+    both = families(tracks, linked_tracks(table), np.append(group, 25), np.append(code, 0))
     assert both["family_modes"].tolist() == [2, 2, 1]  # at point 0 they are two
 
 
@@ -140,3 +140,15 @@ def test_check_names_the_limit_that_run_refuses_for(tmp_path: Path) -> None:
     text += "[design]\nlimit = 20\n"
     plan = plan_of(text, tmp_path / "many.toml")
     assert "`run` refuses more than design.limit = 20 without --yes" in _design(plan, 30, tmp_path)
+
+
+def test_modes_that_exchange_their_growth_between_neighbours_are_one_family() -> None:
+    """Of two linings one mode near 3.8 kHz grows with each, under two numbers; one far off not."""
+    points = pd.DataFrame({"friction": [0.5, 0.6, 0.5, 0.6], "lining": [1.5, 1.5, 2.2, 2.2]})
+    edges = neighbours(points, ["friction", "lining"])
+    assert sorted(map(tuple, edges.tolist())) == [(0, 1), (0, 2), (1, 3), (2, 3)]
+    modes = pd.DataFrame({"track": [22, 23, 40] * 4, "point": np.repeat(range(4), 3)})
+    modes["frequency_hz"] = [3750.0, 3800.0, 4500.0] * 4
+    modes["unstable"] = [True, False, False] * 2 + [False, True, True] * 2
+    code = modes["point"].to_numpy()
+    assert list(exchanged_tracks(modes, code, edges, [22, 23, 40])) == [(22, 23)]

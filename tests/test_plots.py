@@ -717,7 +717,7 @@ def test_bars_of_the_ranking():
     figure = ranking(points, modes, sweeps=["friction"])
     left, right = figure.axes
     assert [bar.get_width() for bar in left.patches] == pytest.approx([37.5, 100 / 6])
-    assert [t.get_text() for t in left.get_yticklabels()] == ["T1  3036 Hz", "T3  5240 Hz"]
+    assert [t.get_text() for t in left.get_yticklabels()] == ["T1  3042 Hz", "T3  5240 Hz"]
     widths = np.array([bar.get_width() for bar in right.patches]).reshape(3, 2)
     assert np.allclose(widths.sum(axis=0), 100.0)
     assert np.allclose(widths[0], 50.0)

@@ -2,10 +2,14 @@
 
 Round a coalescence in the plane of two parameters two modes change places: no numbering holds on
 all lines of a grid. Where an onset turns out to be none, for the unstable mode stays so and goes on
-under another number, both numbers are of one family.
+under another number, both numbers are of one family. So are those of two modes near each other in
+frequency, of which at one point one grows and the other does not, and at the next the other way.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -15,6 +19,8 @@ from squealstudy.tables.stability import INTO
 RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
 BEGUN = ("first_seen", "broken")  # of a track that begins unstable
 ENDS = ["point_before", "point_after"]
+NEAR = 0.02  # relative: frequencies of two modes that may take each other's place differ by less
+MOST_CELLS = 10**8  # points times pairs of tracks that are looked through
 
 
 def linked_tracks(onsets: pd.DataFrame) -> list[tuple[int, int]]:
@@ -39,8 +45,71 @@ def linked_tracks(onsets: pd.DataFrame) -> list[tuple[int, int]]:
     return pairs
 
 
+def neighbours(points: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
+    """Rows (e, 2) of points next to each other in one parameter, all others equal."""
+    found = [np.zeros((0, 2), dtype=int)]
+    for name in names:
+        others = [n for n in names if n != name]
+        line = points.groupby(others, dropna=False).ngroup() if others else 0 * points.index
+        order = np.lexsort((points[name].to_numpy(float), np.asarray(line)))
+        same = np.diff(np.asarray(line)[order]) == 0
+        found.append(np.column_stack([order[:-1][same], order[1:][same]]))
+    return np.vstack(found)
+
+
+def exchanged_tracks(
+    modes: pd.DataFrame, code: np.ndarray, edges: np.ndarray, tracks: Sequence[int]
+) -> Iterator[tuple[int, int]]:
+    """Pairs of tracks that exchange their growth between neighbouring points.
+
+    Parameters
+    ----------
+    modes : DataFrame
+        With ``track``, ``unstable``, ``frequency_hz``.
+    code : ndarray (m,) of int
+        Design point of each of them.
+    edges : ndarray (e, 2) of int
+        Neighbouring points.
+    tracks : sequence of int
+        Those that are unstable somewhere.
+    """
+    count = int(edges.max(initial=-1)) + 1
+    if count * len(tracks) ** 2 > MOST_CELLS:
+        return
+    hz, grows = {}, {}
+    number, unstable = modes["track"].to_numpy(), modes["unstable"].to_numpy(bool)
+    for track in tracks:
+        rows = np.flatnonzero((number == track) & (code < count))
+        hz[track] = np.full(count, np.nan)
+        hz[track][code[rows]] = modes["frequency_hz"].to_numpy(float)[rows]
+        grows[track] = np.zeros(count, dtype=bool)
+        grows[track][code[rows]] = unstable[rows]
+    a, b = edges.T
+    for one, other in combinations(tracks, 2):
+        near = np.abs(hz[one] - hz[other]) < NEAR * hz[one]
+        first, second = grows[one], grows[other]
+        goes = (first[a] & second[b] & ~first[b] & ~second[a]) | (
+            second[a] & first[b] & ~second[b] & ~first[a]
+        )
+        if (goes & near[a] & near[b]).any():
+            yield one, other
+
+
+def alike(
+    tracks: pd.Index,
+    onsets: pd.DataFrame | None,
+    modes: pd.DataFrame,
+    code: np.ndarray,
+    edges: np.ndarray,
+) -> list[tuple[int, int]]:
+    """Pairs of tracks of a ranking that are one: `linked_tracks` and `exchanged_tracks`."""
+    tracked = [int(number) for number in tracks if number > 0]
+    linked = [] if onsets is None else linked_tracks(onsets)
+    return [*linked, *exchanged_tracks(modes, code, edges, tracked)]
+
+
 def families(
-    tracks: pd.Index, onsets: pd.DataFrame | None, group: np.ndarray, code: np.ndarray
+    tracks: pd.Index, pairs: Sequence[tuple[int, int]], group: np.ndarray, code: np.ndarray
 ) -> pd.DataFrame:
     """Family of each ranked group of modes.
 
@@ -48,7 +117,8 @@ def families(
     ----------
     tracks : Index of int
         Of the ranking: tracks, and numbers below zero that have no family.
-    onsets : DataFrame or None
+    pairs : sequence of (int, int)
+        Tracks that are one (`linked_tracks`, `exchanged_tracks`).
     group, code : ndarray (m,) of int
         Group of each mode (`mode_ranking.unstable_groups`), 0 of stable ones, and its design point.
 
@@ -60,7 +130,7 @@ def families(
         design points at which one of them is unstable.
     """
     least = {int(track): int(track) for track in tracks}
-    for one, other in [] if onsets is None else linked_tracks(onsets):
+    for one, other in pairs:
         if one in least and other in least:
             low, high = sorted((least[one], least[other]))
             least = {track: low if of == high else of for track, of in least.items()}

@@ -11,7 +11,7 @@ import pandas as pd
 
 from squealstudy.errors import ResultsError
 from squealstudy.tables.condition import Condition, conditions
-from squealstudy.tables.families import RENUMBERED, families
+from squealstudy.tables.families import RENUMBERED, alike, families, neighbours
 from squealstudy.tables.point_rows import parts, point_codes
 from squealstudy.tables.stability import (
     BELOW_RANGE,
@@ -105,8 +105,7 @@ def rank_modes(
         `unstable_points` of all `points` that count are unstable, a share of `unstable_share`;
         points that failed do not count. At `unstable_points_low` it is so whatever its error, at
         `unstable_points_high` it may be.
-        Tracks of one `family`, its least number, are one mode whose number changes between design
-        points (`families`).
+        Tracks of one `family`, its least number, are one mode whose number changes (`families`).
         `mean_growth_rate` is over all points that count, zero where the mode is not unstable.
         `threshold` is the smallest value of `along` at which the damping ratio crosses zero,
         on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
@@ -126,7 +125,9 @@ def rank_modes(
     group = np.where(wanted & counted[code], unstable_groups(modes), 0)
     table = _summary(points, modes, group, code, int(counted.sum()))
     table = table.join(unstable_bounds(modes, group, code, wanted & counted[code]))
-    table = table.join(families(table.index, onsets, group, code))
+    names = [] if scattered else parameter_columns(points, varied=True)
+    pairs = alike(table.index, onsets, modes, code, neighbours(points, names))
+    table = table.join(families(table.index, pairs, group, code))
     if along is not None and len(table):
         track = modes["track"].to_numpy()
         listed = np.isin(track, table.index[table.index > 0]) & counted[code]

@@ -189,9 +189,9 @@ def _families(table: pd.DataFrame) -> list[str]:
             names = " and ".join(map(track_number, sorted(own["track"].tolist())))
             most, share = int(own["family_modes"].iloc[0]), own["family_points"] / own["points"]
             text = (
-                "are one mode, which changes its number"
+                "are one unstable mode, which changes its number"
                 if most == 1
-                else (f"are {plural(most, 'mode')}, which change their numbers")
+                else (f"are {plural(most, 'unstable mode')}, which change their numbers")
             )
             told.append(
                 f"{names} {text} between design points: unstable at "
