@@ -43,7 +43,7 @@ def mode_names(
     DataFrame
         ``point_id``, ``mode``, ``track``, ``name``; of the rotor that moves most
         ``n_diameters`` (-1 where none is counted), ``diameters_share`` of that harmonic in the
-        motion of the ring under the pads, ``out_of_plane_share``.
+        motion of the ring of the rotor, ``out_of_plane_share``.
 
     Raises
     ------

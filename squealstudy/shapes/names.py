@@ -97,7 +97,7 @@ def figures_of(shape: Shape) -> str:
         return f"kinetic energy: {energy}"
     axial = waves.out_of_plane >= PURE
     return (
-        f"kinetic energy: {energy}; ring under the pads: {100 * waves.out_of_plane:.0f} % out of "
+        f"kinetic energy: {energy}; ring: {100 * waves.out_of_plane:.0f} % out of "
         f"plane, {waves.diameters} ND has {100 * waves.share:.0f} % of its motion "
         f"{'out of' if axial else 'in the'} plane"
     )

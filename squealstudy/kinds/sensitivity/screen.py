@@ -51,8 +51,8 @@ class SensitivityScreen(KindScreen):
         text = f"{len(table) - len(held)} of {len(table)} sensitivities near coalescence"
         if len(off):
             text = (
-                f"first order within {100 * off.median():.2g} % of the reanalysis (median; 95 % of "
-                f"them within {100 * off.quantile(0.95):.2g} %); {text}"
+                f"change of the root to first order within {100 * off.median():.2g} % of the "
+                f"reanalysis (median; 95 % of them within {100 * off.quantile(0.95):.2g} %); {text}"
             )
         without = int((results.points["n_modes"] == 0).sum())
         points = plural(without, "solved point")
@@ -72,8 +72,8 @@ def sensitivities(
     near = bool(shown["near_coalescence"].any())
     legend = notes(
         f"first {len(shown)} of {len(mode)} parameters; growth, Hz, damping: change at the step, "
-        "first order; reanalysis: of the growth rate; off: first order against reanalysis, in the "
-        "complex plane",
+        "first order; reanalysis: of the growth rate; off: of the growth rate, first order against "
+        "reanalysis, which is the curvature over the step: a smaller change leaves less of it",
         "! near coalescence: the derivative does not hold over the step, or means nothing"
         if near
         else "",
@@ -111,11 +111,12 @@ def _headline(results: Results, first: pd.Series) -> str:
 
 
 def _cells(row: dict[Hashable, Any]) -> list[str]:
-    finite, off = row["finite_growth_change"], row["disagreement"]
+    predicted, finite = row["predicted_growth_change"], row["finite_growth_change"]
+    off = abs(predicted - finite) / abs(finite) if finite else np.nan
     return [
         parameter_text(row),
         step_text(row),
-        f"{row['predicted_growth_change']:+.4g}",
+        f"{predicted:+.4g}",
         f"{finite:+.4g}" if np.isfinite(finite) else "no solution",
         f"{100 * off:.1f} %" if np.isfinite(off) else "-",
         f"{row['predicted_frequency_change']:+.3g}",
