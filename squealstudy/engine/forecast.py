@@ -16,8 +16,9 @@ from squealstudy.engine.cache import is_prepared, load_any, load_prepared
 from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task
-from squealstudy.errors import SquealstudyError
+from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.machine import peak_memory_mb
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.modes.tracking.pairing import pair_modes
@@ -90,10 +91,19 @@ def run_seconds(
 def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> list[float]:
     """Seconds of a few design points; where the first is brief it is timed once more."""
     seconds: list[float] = []
+
+    def time_point(task: DesignPoint) -> float | None:
+        try:
+            return kind.time_point(plan, task)
+        except StudyFileError:
+            raise
+        except FAILURES:  # a run tells of it in the point's row
+            return None
+
     for number, task in enumerate(tasks):
-        spent = kind.time_point(plan, task)
+        spent = time_point(task)
         if spent and not number and spent < BRIEF:
-            spent = min(spent, kind.time_point(plan, task) or spent)
+            spent = min(spent, time_point(task) or spent)
         seconds += [spent] if spent else []
         if sum(seconds) > MOST_TIMING:
             break

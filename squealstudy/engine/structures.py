@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, load_prepared, save_prepared
+from squealstudy.engine.chunk_rows import unforeseen
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.reduced import (
     BuildTask,
@@ -20,6 +21,7 @@ from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.machine import memory_returned
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.modes.point import angular_band
@@ -145,7 +147,7 @@ def build_task(plan: Plan, point: DesignPoint, threads: int) -> BuildTask | Fami
 
 
 def build_structure(task: BuildTask | FamilyTask) -> tuple[str, str]:
-    """Make and cache one structure; (key, "") or (key, reason of failure).
+    """Make and cache one structure; (key, "") or (key, reason of failure, foreseen or not).
 
     Raises StudyFileError where a file of matrices cannot be used.
     """
@@ -160,8 +162,8 @@ def build_structure(task: BuildTask | FamilyTask) -> tuple[str, str]:
                 save_prepared(key, reduced_with_basis(task)[0])
         except StudyFileError:
             raise
-        except SquealstudyError as error:
-            return key, str(error)
+        except FAILURES as error:
+            return key, unforeseen(error)[1]
     return key, ""
 
 

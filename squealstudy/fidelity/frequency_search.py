@@ -17,6 +17,7 @@ from squealstudy.fidelity.ladders import FIRST, REDUCTION, Setting, free_ladders
 from squealstudy.fidelity.pilots import MISSED, SPARE, FidelityStudy
 from squealstudy.kinds.complex_modes.kind import point_share
 from squealstudy.kinds.complex_modes.measuring import finer_finding
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.modes.full_order.finer_model import SAFETY
 from squealstudy.modes.rung import Scope
@@ -119,7 +120,7 @@ class ModeSearch:
                 continue
             try:
                 made = fidelity.measure({**self.common, **rung.changes}, self.points)
-            except SquealstudyError:  # no basis over this box, or damping that they do not know
+            except FAILURES:  # no basis over this box, or damping that they do not know
                 continue
             exact = fidelity.measure({**self.common, "modes.method": self.exact}, self.points)
             error = METHOD * fidelity.tolerance + fidelity.error(made, exact)

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from squealstudy.engine.chunk_rows import unforeseen
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Progress, Workers
 from squealstudy.errors import SquealstudyError
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.sections import FidelitySection
 from squealstudy.tables.method_quality import (
@@ -120,7 +122,14 @@ class FidelityStudy:
         built = [i for i, reason in zip(points, reasons, strict=True) if not reason]
         if not built:
             raise SquealstudyError(f"{self.study.source.path}: {reasons[0]}")
-        made = self.measuring.measure(plan, built, Asked())
+        try:
+            made = self.measuring.measure(plan, built, Asked())
+        except SquealstudyError:
+            raise
+        except FAILURES as error:  # nobody foresaw it: the settings do not work
+            raise SquealstudyError(
+                f"{self.study.source.path}: settings cannot be tried: {unforeseen(error)[1]}"
+            ) from error
         own = iter(made.findings.values())
         findings = {
             str(n): {"status": "structure", "message": reason} if reason else next(own)

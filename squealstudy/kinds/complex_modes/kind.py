@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
@@ -20,7 +19,7 @@ from squealstudy.engine.result_names import REFERENCES
 from squealstudy.engine.store import MODES, ONSETS, POINTS, Store
 from squealstudy.engine.structures import with_files
 from squealstudy.engine.workers import Progress, Solved, Workers
-from squealstudy.errors import ConvergenceError
+from squealstudy.errors import StudyFileError
 from squealstudy.kinds.complex_modes import rows
 from squealstudy.kinds.complex_modes.batch import (
     BatchTask,
@@ -132,7 +131,9 @@ class ComplexModes(ModelKind):
             return
         try:
             make_basis(structure, rung, lambda done, most: report("sweep basis", done, most))
-        except (ConvergenceError, np.linalg.LinAlgError) as error:
+        except StudyFileError:
+            raise
+        except FAILURES as error:
             if not chosen:  # all its points are then exact
                 structure.refuse(str(error))
                 return

@@ -29,7 +29,7 @@ from squealstudy.engine.store import (
 )
 from squealstudy.engine.structures import check_component_modes
 from squealstudy.engine.workers import Solved, Workers
-from squealstudy.errors import ParameterError, SquealstudyError, StudyFileError
+from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.kinds.design.loop import Loop
 from squealstudy.kinds.design.plan import (
     IN_TIME,
@@ -51,6 +51,7 @@ from squealstudy.kinds.design.variants import plans
 from squealstudy.kinds.limit_cycles.designs import MOST, CyclesRequest
 from squealstudy.kinds.transient.batch import mode_keys
 from squealstudy.kinds.transient.plan_facts import slowest_speed
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.mechanics.regularisation import with_speed
 from squealstudy.mechanics.sensitivity_parameters import (
     RequestedParameter,
@@ -160,7 +161,7 @@ class Design(ModelKind):
             return []
         try:
             hz, zeta = uncoupled_modes(first, plan.band_hz)
-        except SquealstudyError:
+        except FAILURES:
             return []
         low = np.flatnonzero(zeta < margin)
         if not len(low):

@@ -15,7 +15,6 @@ from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import silent
-from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.complex_modes.measuring import reduction_seconds
 from squealstudy.kinds.transient import preparation
 from squealstudy.kinds.transient.batch import batch_task
@@ -98,7 +97,7 @@ def _batch(
     task = batch_task(plan, part, integrator=integrator)
     try:
         _ = task.reference
-    except SquealstudyError as error:
+    except FAILURES as error:
         return [_failed(*reason(error)) for _ in part], 0.0, 0.0, []
     found = [set_up(task, point, NewGaps()) for point in part]
     chosen = [

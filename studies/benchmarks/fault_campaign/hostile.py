@@ -341,10 +341,13 @@ def _rows(results: Path, rng: random.Random) -> str:
         cells[row], what = new, str(new)[:20]
     try:
         forged = pa.array(cells, kind)
+        place = table.column_names.index(column)
+        table = table.set_column(place, table.schema.field(column), forged)
+        pq.write_table(table, path.with_suffix(".new"))
     except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError):
+        path.with_suffix(".new").unlink(missing_ok=True)
         return "no such value"
-    table = table.set_column(table.column_names.index(column), table.schema.field(column), forged)
-    pq.write_table(table, path)
+    path.with_suffix(".new").replace(path)
     enter(results, path.relative_to(results).as_posix())
     return f"{path.parent.name}/{path.name[:12]} {column}: {what}"
 
