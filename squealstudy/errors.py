@@ -85,6 +85,12 @@ class ResultsError(SquealstudyError):
     """A results directory that is missing, damaged, unfinished or of another study."""
 
 
+class ContradictionError(ResultsError):
+    """Results whose files do not fit together, or a mistake of ours: one cannot tell which."""
+
+    exit_code = 1
+
+
 class ConvergenceError(SquealstudyError):
     """An iteration that did not reach its tolerance.
 

@@ -1,10 +1,13 @@
 """Results made of tables, as pictures and screens take them, and what a picture says."""
 
+import hashlib
+import json
 from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
+from squealstudy.engine.journal import JOURNAL
 from squealstudy.engine.results import Results
 
 
@@ -32,3 +35,12 @@ def drawn(figure):
     FigureCanvasAgg(figure)
     figure.draw_without_rendering()
     return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
+
+
+def enter(directory: Path, path: Path) -> None:
+    """A line of the journal for a changed file, as the one who changed it can write it."""
+    content = path.read_bytes()
+    entry = [len(content), hashlib.sha256(content).hexdigest()]
+    line = {"files": {path.relative_to(directory).as_posix(): entry}}
+    with (directory / JOURNAL).open("a") as journal:
+        journal.write(json.dumps(line) + "\n")

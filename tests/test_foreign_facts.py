@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import random
 from collections.abc import Iterator
@@ -12,10 +11,10 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from made_results import enter
 from study_runs import command, plan_of
 from study_texts import study_text, sweep_text
 
-from squealstudy.engine.journal import JOURNAL
 from squealstudy.engine.manifest_facts import check_facts
 from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.results import Results
@@ -166,14 +165,6 @@ def other_column(results: Path, table: str, column: str, values: pa.Array | None
     )
     pq.write_table(found, path)
     enter(results, path)
-
-
-def enter(results: Path, path: Path) -> None:
-    """A line of the journal, as the one who changed the file can write it."""
-    content = path.read_bytes()
-    entry = [len(content), hashlib.sha256(content).hexdigest()]
-    with (results / JOURNAL).open("a") as journal:
-        journal.write(json.dumps({"files": {path.name: entry}}) + "\n")
 
 
 MANY = 1000

@@ -9,16 +9,10 @@ from typing import Any
 
 import typer
 
-from squealstudy.errors import ResultsError, SquealstudyError
+from squealstudy.errors import ContradictionError, SquealstudyError
 from squealstudy.machine import InterruptedRun
 
 PASSED = (SquealstudyError, OSError, MemoryError, InterruptedRun, typer.Exit, typer.BadParameter)
-
-
-class ContradictionError(ResultsError):
-    """Results whose files do not fit together, or a mistake of ours: one cannot tell which."""
-
-    exit_code = 1
 
 
 def on_results(command: Callable[..., None]) -> Callable[..., None]:

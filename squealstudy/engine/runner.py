@@ -28,6 +28,7 @@ from squealstudy.engine.manifest import (
 )
 from squealstudy.engine.recorded_code import RECORDS, enter_executed
 from squealstudy.engine.result_names import CHUNKS, LOCK, expect_inside, leads_out
+from squealstudy.engine.resumed import reading_earlier_files
 from squealstudy.engine.store import INACCURATE, PICTURES, Store, write_manifest
 from squealstudy.engine.validity import SOLVED
 from squealstudy.engine.workers import Progress, Workers, on_one_thread, silent
@@ -109,8 +110,7 @@ def run_study(
     workers = Workers(jobs, progress, partial(kind.patience, plan), cluster)
     plan, failures = kind.ready(plan, workers, warn)
     prepared_s = time.perf_counter() - started
-    with locked(directory):
-        store = Store(directory)
+    with locked(directory), reading_earlier_files(store := Store(directory)):
         found = check_owner(directory, plan.owner, store.journal)
         pictures, left = _pictures(found), _left_beside(plan, directory)
         if fresh and (found or store.journal.begun):
@@ -127,8 +127,9 @@ def run_study(
             failures |= kind.build(plan, workers)
         if found and whole and not changed and _is_complete(found, plan, store):
             told = store.read_table(kind.tables[0], ["status", "message"])
-            _expect_solved(plan, directory, told.to_pandas())
-            return RunReport(directory, found, 0, len(plan.tasks))
+            if len(told):
+                _expect_solved(plan, directory, told.to_pandas())
+                return RunReport(directory, found, 0, len(plan.tasks))
         if text := outdated(directory, found):
             warn(f"{text}; all {kind.rows_word} are solved again")
         if text := _left_over(plan, store, done := store.finished_points(kind.schema)):

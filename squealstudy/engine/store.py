@@ -349,9 +349,9 @@ class Store:
     ) -> Iterator[pa.Table]:
         """Tables of the chunk files one after the other.
 
-        Those of another schema, damaged ones and those without room in memory are passed over:
-        their points are not solved. So are those whose names are in `read`; the names of the others
-        join it.
+        Those of another schema or of lists that do not fit, damaged ones and those without room in
+        memory are passed over: their points are not solved. So are those whose names are in `read`;
+        the names of the others join it.
         """
         read = set() if read is None else read
         for name in self.names(CHUNKS):

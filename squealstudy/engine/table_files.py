@@ -14,8 +14,9 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from squealstudy.array_files import expect_memory
-from squealstudy.errors import ResultsError
+from squealstudy.errors import ContradictionError, ResultsError
 
+SIDE_BY_SIDE = b"side_by_side"  # in the metadata of a schema: its lists of one length
 NUMBER_BYTES = 8  # of a value that is no text
 TEXT_BYTES = 16  # of a text beside its letters: its place in a table, and in a frame
 TEXT = "BYTE_ARRAY"
@@ -50,22 +51,50 @@ def read_chunk(path: Path, schema: pa.Schema, columns: Sequence[str] | None) -> 
 
     Raises
     ------
+    ContradictionError
+        Lists that do not fit together, though their values are as many.
     OSError
         What the machine refuses.
     """
     try:
         with pq.ParquetFile(path) as file:
-            if not file.schema_arrow.equals(schema):
+            if not file.schema_arrow.equals(schema) or not _counted(file, schema):
                 return None
             expect_room(path, file, columns)
             chosen = None if columns is None else list(columns)
-            return file.read(columns=chosen, use_threads=False)
+            table = file.read(columns=chosen, use_threads=False)
     except ValueError:
         return None
     except OSError as error:
         if error.errno is not None:  # pyarrow's own, of a file that is no table, has none
             raise
         return None
+    if not _fits(table, schema):
+        raise ContradictionError(
+            f"{path}: lists of one point that differ in length, as no run writes them; --fresh "
+            "makes all anew"
+        )
+    return table
+
+
+def _side_by_side(schema: pa.Schema) -> list[str]:
+    return list((schema.metadata or {}).get(SIDE_BY_SIDE, b"").decode().split())
+
+
+def _counted(file: pq.ParquetFile, schema: pa.Schema) -> bool:
+    """Whether lists that stand side by side have as many values in the file, as its footer says."""
+    counts: dict[int, int] = {}
+    told = _side_by_side(schema)
+    for _, column, values, _ in _parts(file, told, 0) if told else ():
+        counts[column] = counts.get(column, 0) + values
+    return len(set(counts.values())) < 2
+
+
+def _fits(table: pa.Table, schema: pa.Schema) -> bool:
+    """Whether they are of one length in each row."""
+    told = _side_by_side(schema)
+    lengths = [pc.list_value_length(table[n]) for n in told if n in table.column_names]
+    return all(own.equals(lengths[0]) for own in lengths[1:])
 
 
 def expect_room(

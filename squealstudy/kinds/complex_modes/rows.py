@@ -16,6 +16,7 @@ import pyarrow.compute as pc
 
 from squealstudy.engine.rows import HEAD, WORKING_POINT_FIELDS, head, working_point_cells
 from squealstudy.engine.store import INACCURATE, Store
+from squealstudy.engine.table_files import SIDE_BY_SIDE
 from squealstudy.kinds.complex_modes.stored_shapes import SHAPES, ShapeFile, ShapeWriter
 from squealstudy.modes.judged_roots import settled, worst_errors
 from squealstudy.modes.point import PointModes
@@ -36,7 +37,8 @@ MODE_FIELDS = (
 )
 SCHEMA = pa.schema(
     [pa.field(n, t, nullable=False) for n, t in (*POINT_FIELDS, *MODE_FIELDS)]
-    + [pa.field(SHAPES, pa.binary(), nullable=False)]
+    + [pa.field(SHAPES, pa.binary(), nullable=False)],
+    metadata={SIDE_BY_SIDE: " ".join(name for name, _ in MODE_FIELDS[:-1])},
 )
 
 
