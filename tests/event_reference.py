@@ -20,12 +20,12 @@ from typing import Any
 import event_laws as laws
 import event_steps as steps
 import numpy as np
-import scipy.optimize as opt
 from event_laws import CONTACT_CODES, Case
 
 AREA_STIFFNESS = 5e11  # Pa/m: stiffness of a minimal model's contact over its area
 SHARE = 0.002  # of the sliding speed: regularisation where none is given
 SATURATES = 5.0  # k_t s over the bound, from which on the smooth law is at its bound
+LIGHTEST = 0.05  # of the load: what it is raised from
 CORRECTIONS, BACKTRACKS = 60, 40
 
 _COMMON = {
@@ -163,24 +163,25 @@ def friction_at(d: SmallDesign, s: float) -> float:
 def steady(d: SmallDesign) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Displacements (2,), pressures and tangents (points,) of steady sliding (THEORY.md eq. (12)).
 
-    Friction is brought up in steps from none. ValueError where no state balances the load.
+    Load, then friction are brought up in steps from none: of a contact that softens the state is
+    the one reached from rest. ValueError where no state balances the load.
     """
-    K, load, N, T, area = geometry(d)
+    K, whole, N, T, area = geometry(d)
     law, side = _law(d), float(np.sign(d["sliding_speed"]))
-    p0 = d["normal_force"] / area
-    g0 = [opt.brentq(lambda g, p=p: laws.pressure(*law, g) - p, -1e-2, 1.0) for p in p0]
-    x = np.linalg.lstsq(N, np.array(g0), rcond=None)[0]
-    for share in np.linspace(0.0, 1.0, 21):
-        mu = share * side * friction_at(d, abs(d["sliding_speed"]))
+    x = np.zeros(2)
+    friction = side * friction_at(d, abs(d["sliding_speed"]))
+    rising = [(s, 0.0) for s in np.linspace(LIGHTEST, 1.0, 20)]
+    for pressed, share in [*rising, *((1.0, s) for s in np.linspace(0.05, 1.0, 20))]:
+        mu, load = share * friction, pressed * whole
 
-        def imbalance(x, mu=mu):
+        def imbalance(x, mu=mu, load=load):
             p, kappa = _pressure(law, N @ x)
             grip = area * mu * (p > 0)  # contact that pulls has no friction
             F = K @ x - load - N.T @ (area * p) + T.T @ (grip * p)
             J = K + N.T @ np.diag(area * kappa) @ N - T.T @ np.diag(grip * kappa) @ N
             return F, J
 
-        x = _newton(imbalance, x, float(np.abs(load).max()))
+        x = _newton(imbalance, x, float(np.abs(whole).max()))
     p, kappa = _pressure(law, N @ x)
     return x, p, kappa
 

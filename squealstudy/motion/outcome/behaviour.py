@@ -107,7 +107,7 @@ def classify(
         Where something is to grow, a level twice what was put in was reached by that growth,
         otherwise only one twenty times as high; and a level that stays while growth would have
         raised it by half, or decay lowered it by much more than it drifts, is a cycle wherever it
-        began.
+        began; where growth would have raised it twentyfold, as one that did grow.
     """
     span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
     if len(time) < WINDOWS[0] or not np.isfinite(energy).all():
@@ -167,6 +167,11 @@ class Envelope:
     def grew(self) -> bool:
         """Whether an instability made the level, not a beat of stable modes."""
         return self.growth >= (RISEN if self.predicted > 0 else GREW)
+
+    @property
+    def saturated(self) -> bool:
+        """Whether it grew, or growth that would have raised it twentyfold meanwhile was stopped."""
+        return self.grew or self.predicted >= GREW
 
     @staticmethod
     def of(found: LevelWindows, initial: float, predicted: float) -> Envelope:
@@ -240,7 +245,7 @@ def _levels_off(found: Envelope, course: LevelTrend) -> bool:
         if _vanishes(course) and _shown(found, abs(course.thirds[2])):
             return True
     late = logarithm(last_part(found.windows.fine, SHORT))
-    if not found.grew or len(late) < LATE:
+    if not found.saturated or len(late) < LATE:
         return False
     course = LevelTrend.of(late)
     even = max(course.scatter, trend(last_part(found.windows.burst, SHORT))[2]) <= SCATTER
@@ -265,7 +270,7 @@ def _flat(found: Envelope, course: LevelTrend, share: float) -> bool:
         light = STILL
     if found.continued:
         light = max(light, CONTINUED)
-    if found.grew and _quiet(course) and abs(course.rise) <= DRIFT:
+    if found.saturated and _quiet(course) and abs(course.rise) <= DRIFT:
         return True
     if drift <= min(DRIFT, light if course.rise > 0 or _quiet(course) else 0.5 * light):
         return True
@@ -342,7 +347,7 @@ def _irregular(found: Envelope, course: LevelTrend) -> bool:
     scatter, error, count = found.scatter()
     if count < BURSTS or scatter - 1.645 * error <= SCATTER or not found.lasting_scatter():
         return False
-    if found.growth >= GREW:
+    if max(found.growth, found.predicted) >= GREW:
         return abs(course.rise) <= max(course.error, DRIFT)
     return abs(course.rise) + course.error <= found.lightest_fall(LAST)
 

@@ -1,8 +1,10 @@
-"""Motions that stick for most of each period and come back the same: stick-slip.
+"""Motions that come back the same after a period: stick-slip, and other periodic motion.
 
 While all of the contact sticks what went before is forgotten, so that a period which is like the
 one before is like all that follow. Whatever the linear growth at steady sliding, it says nothing
-about such a motion: nor how it goes on, nor when that would be known.
+about such a motion: nor how it goes on, nor when that would be known. Motion that sticks for a
+part of the period at most comes back the same where it is a limit cycle, or where small motion
+neither grows nor decays in the time that is judged.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import numpy as np
 
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.fundamental import fundamental_hz
-from squealstudy.motion.outcome.levels import LAST
+from squealstudy.motion.outcome.levels import LAST, last_window
 
 MOSTLY = 0.5  # share of the time and area that sticks
 ALL = 0.99  # share of the area, once in each period at least
@@ -21,6 +23,11 @@ PERIODS = 5  # that must be alike
 ROWS = 40  # of a period, at least: fewer do not tell its level to `SAME`
 SAME = 0.01  # relative: spread of the levels of successive periods, that of a row at its ends too
 LONGER = 1.25  # times: the least duration that is asked for
+# of motion that sticks for less
+MANY = 8.0  # periods in the window that is judged
+EVEN = 5e-3  # of the RMS velocity: difference of the first and the second half of them
+STICKS = 0.05  # of the contact, in the mean: its friction is not that of small motions
+WOULD_CHANGE = 0.25  # of the logarithm: what growth or decay of small motions would have made of it
 
 
 def sticks_mostly(run: Motion) -> bool:
@@ -29,7 +36,7 @@ def sticks_mostly(run: Motion) -> bool:
     return bool(len(stick) and stick.mean() >= MOSTLY and stick.max() >= ALL)
 
 
-def repeats(run: Motion) -> bool:
+def repeats_stick_slip(run: Motion) -> bool:
     """Whether the last part of a run is stick-slip that comes back the same, five times or more."""
     last = _last(run)
     period = 1.0 / (_hz(run) * _step(run)) if sticks_mostly(run) else np.nan
@@ -67,3 +74,33 @@ def _step(run: Motion) -> float:
 def _hz(run: Motion) -> float:
     last = _last(run)
     return fundamental_hz(_step(run), run.sensed_q[last], run.sensed_v[last], run.omega)
+
+
+def comes_back(run: Motion) -> bool:
+    """Whether a run has come to a periodic motion that small motions would not explain.
+
+    All modes that grow are followed, the sensed modes come back after a period (`fundamental_hz`),
+    at least eight times and as fast in both halves of these; and a part of the contact sticks for a
+    while, or every followed complex mode would have changed the motion by a quarter.
+    """
+    modes = run.point.growing
+    finite = run.outcome == "ok" and np.isfinite(run.modal_energy).all()
+    if not finite or modes.n_outside or modes.n_unstable > modes.n_followed:
+        return False
+    window = last_window(run.times, run.history["torque"])
+    time, v = run.times[window], run.sensed_v[window]
+    if len(time) < ROWS:
+        return False
+    length = float(time[-1] - time[0])
+    pace = float(np.abs(np.real(modes.lam)).min()) if len(modes.lam) else 0.0
+    stick = run.history["stick"][window]
+    sticks = np.ptp(stick) > 0.0 and stick.mean() >= STICKS
+    if not (sticks or pace * length >= WOULD_CHANGE):
+        return False
+    step = length / (len(time) - 1)
+    hz = fundamental_hz(step, run.sensed_q[window], v, run.omega)
+    if not length * hz >= MANY:
+        return False
+    half = round(np.floor(0.5 * length * hz) / (hz * step))  # rows of whole periods
+    first, second = (float((x**2).sum()) for x in (v[-2 * half : -half], v[-half:]))
+    return abs(np.sqrt(second / first) - 1.0) <= EVEN

@@ -8,7 +8,12 @@ from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import RunClass, classify
 from squealstudy.motion.outcome.energies import level_shares, round_off
 from squealstudy.motion.outcome.levels import LAST, hann
-from squealstudy.motion.outcome.repeating import decided_by, repeats, sticks_mostly
+from squealstudy.motion.outcome.repeating import (
+    comes_back,
+    decided_by,
+    repeats_stick_slip,
+    sticks_mostly,
+)
 from squealstudy.wording import LIMIT_CYCLE, STABLE, UNDECIDED
 
 NEARLY_ALL = 0.8  # share of the energy of a mode that is the whole motion, but for harmonics
@@ -33,13 +38,17 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
     growth is predicted decay too: those that are followed may still be seen to, those that are not
     (above the band, or too many) and those of a run that nothing moved never. A limit cycle is
     undecided while a mode that is not part of it is seen to rise. Stick-slip that repeats is a
-    limit cycle, and linear growth decides nothing of what sticks for most of a period.
+    limit cycle, and linear growth decides nothing of what sticks for most of a period. So is other
+    motion that repeats where small motion would have changed.
     """
     initial = 0.0 if run.point.continued else float(run.modal_energy[0])
     found = classify(run.times, energy, initial, round_off(run), growth=_predicted_pace(run))
     modes = run.point.growing
-    if found.name == UNDECIDED and len(run.times) >= JUDGED_ROWS and sticks_mostly(run):
-        return RunClass(LIMIT_CYCLE) if repeats(run) else RunClass(UNDECIDED, decided_by(run))
+    if found.name == UNDECIDED and len(run.times) >= JUDGED_ROWS:
+        if sticks_mostly(run):
+            known = repeats_stick_slip(run)
+            return RunClass(LIMIT_CYCLE) if known else RunClass(UNDECIDED, decided_by(run))
+        found = RunClass(LIMIT_CYCLE) if comes_back(run) else found
     if found.name == LIMIT_CYCLE:
         until = rises_until(run)
         return RunClass(UNDECIDED, until) if np.isfinite(until) else found
