@@ -24,7 +24,7 @@ from squealstudy.motion.outcome.levels import last_window, mean_interval, spectr
 from squealstudy.motion.outcome.summary import run_levels, summarise
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import Watch, simulate
-from squealstudy.motion.step_errors import LARGEST, SETTLES, has_few_points, step_parts
+from squealstudy.motion.step_errors import LARGEST, has_few_points, settling, step_parts
 from squealstudy.motion.system import MotionPoint
 from squealstudy.wording import FAILED, LASTING, STABLE, SUSTAINED, UNDECIDED
 
@@ -238,8 +238,8 @@ def between(coarse: Motion, fine: Motion) -> tuple[StepParts, bool]:
     peaks = abs(other["torque_peak_to_peak"] - one["torque_peak_to_peak"]) / swing
     if change > LARGEST:
         return StepParts.unknown(f"half the step changes its level by {100 * change:.0f} %"), False
-    settles = SETTLES if fine.cuts else 0.0
-    return StepParts(change, mean, peaks + settles), change <= max(EXACT, windows)
+    parts = np.array([change, mean, peaks]) + settling(fine)
+    return StepParts(*parts.tolist()), change <= max(EXACT, windows)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,6 +32,7 @@ from squealstudy.kernels.newmark_vector import copy, dot, move
 from squealstudy.kernels.regimes import keep_regimes, meets_corner
 
 BIG = 1e290  # squares at or beyond it, and NaN, are not finite
+EQUAL_STEPS = 4  # sub-steps of one length before they grow again
 ROUND_OFF = 1e-12  # forces below this share of the contact forces at the start mean nothing
 # what a design does next
 GO_ON, BEGIN, CLOSE = 0, 1, 2
@@ -87,12 +88,13 @@ def lengthen(settings: StepSettings, counts: np.ndarray) -> None:
     """Double the next sub-step, where it then ends on the grid: steps grow again after a corner.
 
     Friction that begins to stick settles as exp(-k_t |T|^2 t). The trapezoidal rule answers with
-    (1 - z/2) / (1 + z/2) at a sub-step of z such times, negative beyond z = 2: of two sub-steps of
-    each length those before have left less than .1 % of it there, of one .5 %.
+    (1 - z/2) / (1 + z/2) at a sub-step of z such times, wrong by z^3 / 12 of what is left. Of four
+    sub-steps of each length those before have left exp(-4 z), of two exp(-2 z): at most .0018 of
+    it is wrong, .014 with two, whatever the step.
     """
     counts[at.EQUAL] += 1
     longer = counts[at.HALVING] - 1
-    if longer < 0 or counts[at.EQUAL] < 2:
+    if longer < 0 or counts[at.EQUAL] < EQUAL_STEPS:
         return
     if counts[at.POSITION] % (1 << (settings.levels - longer)) == 0:
         counts[at.HALVING] = longer

@@ -1,7 +1,8 @@
 """What the step of a run does to its levels, by runs with another one.
 
 Steps of models with few contact points are cut at the corners of their laws, and levels converge by
-second order: the whole run once more with half the step differs by three quarters of the error.
+second order or nearly so: the whole run once more with half the step differs by three quarters of
+the error, one with twice the step by three times it, of which half is taken.
 With many points some corner lies in every step and the order is between one and two: from the state
 in which the run ended, 20 periods are run with its step and with twice that. The difference is then
 at least the error of the step, at first order as well; where the longer step fails, it is half the
@@ -27,10 +28,13 @@ from squealstudy.motion.system import ModalSystem
 PERIODS = 20.0  # of the torque's line, of many points
 ROWS = 16  # a period
 SAFETY = 2.0  # times a difference of levels
-# friction that begins to stick settles over cut sub-steps by the trapezoidal rule, whose least
-# value is up to this share of the peak to peak too low (belt, against events: .05 to .52 %), and
-# its mean off by up to this share of the RMS (belt, Hulten's model: .01 to .055 %)
-SETTLES, SETTLES_MEAN = 7e-3, 1e-3
+# times the change by twice the step, to be set beside that by half of it: of an error of second
+# order a quarter of the first is the second, of one of first order half
+DOUBLED = 0.5
+SAME_END = 1e-9  # relative: times that are one
+# friction that begins to stick settles over cut sub-steps by the trapezoidal rule, whatever the step
+# by the same share of what settles: relative parts of RMS, mean (over the RMS) and peak to peak
+SETTLES = np.array([1e-4, 3e-4, 2e-3])
 # ratio of the differences in the second and the first half up to which the level comes to rest, and
 # what it then still goes beyond the second: of a difference that rises as 1 - exp(-t / tau)
 RESTS = ((1.5, 1.15), (2.08, 1.31), (2.45, 1.91))
@@ -66,39 +70,48 @@ def step_parts(
 
 
 def _again(system: ModalSystem, run: Motion, settings: MotionSettings, lasts: bool) -> StepParts:
-    """The whole run with half the step, compared over the window of its levels."""
-    finer = replace(
-        settings, duration=run.time, step=0.5 * settings.step, save_every=2 * settings.save_every
-    )
-    (other,) = simulate(system, [run.point], finer)
-    rows = len(run.times)
-    if other.outcome != "ok" or len(other.times) != rows:
-        return StepParts.unknown(f"with half the step: {other.message or 'no run'}")
+    """The whole run with half the step and with twice, compared over the window of its levels.
+
+    Where corners make levels converge unevenly one of the changes may be small by chance.
+    """
     window = last_window(run.times, run.history["torque"])
-    found = [_levels(one, window) for one in (run, other)]
-    change = np.abs(found[0] - found[1])
-    if not lasts and not (found[0][0] > 0 and np.isfinite(change).all()):
+    begins = float(run.times[window.start])
+    rows = settings.save_every
+    found = []
+    for factor, own_rows in ((0.5, 2 * rows), (2.0, rows if rows % 2 else rows // 2)):
+        how = replace(settings, duration=run.time, step=factor * settings.step, save_every=own_rows)
+        (other,) = simulate(system, [run.point], how)
+        if other.outcome == "ok" and other.time >= (1 - SAME_END) * run.time:
+            found.append(_levels(other, begins))
+        elif factor < 1.0:
+            return StepParts.unknown(f"with half the step: {other.message or 'no run'}")
+    own = _levels(run, begins)
+    change = np.abs(own - found[0])
+    if len(found) > 1:
+        change = np.fmax(change, DOUBLED * np.abs(own - found[1]))
+    if not lasts and not (own[0] > 0 and np.isfinite(change).all()):
         return OF_THE_WINDOW  # at rest
-    return _parts(found[0], change, _settling(run), LARGEST if lasts else np.inf)
+    return _parts(own, change, settling(run), LARGEST if lasts else np.inf)
 
 
-def _settling(run: Motion) -> float:
-    """Relative part of the peak to peak where steps were cut."""
-    return SETTLES if run.cuts else 0.0
+def settling(run: Motion) -> np.ndarray:
+    """Relative parts (3,) of RMS, mean and peak to peak where steps were cut."""
+    return SETTLES if run.cuts else 0.0 * SETTLES
 
 
-def _levels(run: Motion, window: slice) -> np.ndarray:
-    """RMS, mean and peak to peak of a window."""
-    own = slice(max(window.start, 1), window.stop)
+def _levels(run: Motion, begins: float) -> np.ndarray:
+    """RMS, mean and peak to peak from a time on."""
+    first = int(np.searchsorted(run.times, begins * (1 - SAME_END)))
+    own = slice(max(first, 1), len(run.times))
     sums = TorqueSums.of(run.history, own)
     found = torque_levels(run.times[own], run.history["torque"][own], sums)
     return np.array([found.rms, found.mean, found.peak_to_peak])
 
 
 def _parts(
-    level: np.ndarray, change: np.ndarray, settling: float = 0.0, most: float = LARGEST
+    level: np.ndarray, change: np.ndarray, more: np.ndarray | float = 0.0, most: float = LARGEST
 ) -> StepParts:
-    """Twice the changes of RMS, mean and peak to peak over the levels."""
+    """Twice the changes of RMS, mean and peak to peak over the levels, and what is `more`."""
     rms, _, swing = level
     if not (rms > 0 and swing > 0 and np.isfinite(change).all()):
         return StepParts.unknown("nothing vibrates at its end")
@@ -107,8 +120,7 @@ def _parts(
         return StepParts.unknown(
             f"another step changes the level by {50 * change[0]:.0f} %: a shorter one is needed"
         )
-    mean = float(change[1]) + settling * SETTLES_MEAN / SETTLES
-    return StepParts(float(change[0]), mean, float(change[2]) + settling)
+    return StepParts(*(change + more).tolist())
 
 
 def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) -> StepParts:

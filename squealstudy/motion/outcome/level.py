@@ -87,6 +87,11 @@ class StepParts:
     peak_to_peak: float
     reason: str = ""
 
+    @property
+    def measured(self) -> bool:
+        """Whether another step was tried."""
+        return np.isfinite(self.rms) and self not in (OF_THE_WINDOW, NOT_ASKED)
+
     @classmethod
     def unknown(cls, reason: str) -> StepParts:
         """None can be told."""

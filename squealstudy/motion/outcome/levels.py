@@ -183,18 +183,24 @@ def levels_by_rows(torque: np.ndarray) -> np.ndarray:
     return changes
 
 
-def swing_spread(sums: TorqueSums, width: float) -> float:
-    """Range of the peaks to peak of periods of `width` rows over their mean, from the end back.
+def period_swings(sums: TorqueSums, width: float) -> np.ndarray:
+    """Peaks to peak (periods,) of single periods of `width` rows, from the end back.
 
-    NaN of fewer than three periods, of periods of fewer than eight rows, and without a swing.
+    Empty of fewer than three periods and of periods of fewer than eight rows.
     """
     count = int(len(sums.least) / width) if width >= LEAST_ROWS else 0
     if count < LINE_PERIODS:
-        return np.nan
+        return np.zeros(0)
     ends = len(sums.least) - np.round(width * np.arange(count, -1, -1)).astype(int)
-    swings = [sums.most[a:b].max() - sums.least[a:b].min() for a, b in pairwise(ends.tolist())]
-    mean = float(np.mean(swings))
-    return float(np.ptp(swings)) / mean if mean > FLAT * np.abs(sums.mean).max() else np.nan
+    return np.array([sums.most[a:b].max() - sums.least[a:b].min() for a, b in pairwise(ends)])
+
+
+def swing_spread(sums: TorqueSums, width: float) -> float:
+    """Range of the `period_swings` over their mean; NaN of none, and without a swing."""
+    swings = period_swings(sums, width)
+    if not len(swings) or not swings.mean() > FLAT * np.abs(sums.mean).max():
+        return np.nan
+    return float(np.ptp(swings) / swings.mean())
 
 
 @dataclass(frozen=True)
@@ -290,19 +296,23 @@ def periods_interval(values: np.ndarray, width: float) -> tuple[float, float, fl
         return float(mean), float(low), float(high)
     summed = np.concatenate([[0.0], np.cumsum(values)])
 
-    def means(number: int, periods: int) -> np.ndarray:
-        """Of `number` blocks of so many periods, at the end."""
-        edges = len(values) - width * periods * np.arange(number, -1, -1)
-        at = np.interp(edges, np.arange(len(summed)), summed)
-        blocks: np.ndarray = np.diff(at) / (width * periods)
+    def means(edges: np.ndarray) -> np.ndarray:
+        """Between edges, in periods from the last row backwards, the earliest first."""
+        at = np.interp(len(values) - width * edges, np.arange(len(summed)), summed)
+        blocks: np.ndarray = np.diff(at) / (width * -np.diff(edges))
         return blocks
 
     count -= count % HARMONICS if count >= 2 * HARMONICS else 0
-    own = float(means(1, count)[0])
-    blocks = [means(number, count // number) for number in BLOCKS if count >= number]
+    own = float(means(np.array([count, 0.0]))[0])
+    blocks = [means(_whole_periods(count, number)) for number in BLOCKS if count >= number]
     half = float(_half_width(np.array(own), blocks))
-    half = max(half, _still_to_come(own, blocks[-2:][0], means(3, count // 3)))
+    half = max(half, _still_to_come(own, blocks[-2:][0], means(_whole_periods(count, 3))))
     return own, own - half, own + half
+
+
+def _whole_periods(count: int, number: int) -> np.ndarray:
+    """Edges of blocks (number + 1,) of whole periods that hold all of them, the earliest first."""
+    return np.round(np.linspace(count, 0, number + 1))
 
 
 def _still_to_come(mean: float, blocks: np.ndarray, thirds: np.ndarray) -> float:

@@ -81,18 +81,26 @@ def comes_back(run: Motion) -> bool:
 
     All modes that grow are followed, the sensed modes come back after a period (`fundamental_hz`),
     at least eight times and as fast in both halves of these; and a part of the contact sticks for a
-    while, or every followed complex mode would have changed the motion by a quarter.
+    while, or every followed complex mode would have changed the motion by a quarter. In the window
+    that is judged, or in its second half: growth may have filled the first.
     """
     modes = run.point.growing
     finite = run.outcome == "ok" and np.isfinite(run.modal_energy).all()
     if not finite or modes.n_outside or modes.n_unstable > modes.n_followed:
         return False
-    window = last_window(run.times, run.history["torque"])
+    rows = len(run.times)
+    judged = last_window(run.times, run.history["torque"])
+    late = slice(rows - (rows - judged.start) // 2, rows)
+    return any(_is_periodic(run, window) for window in (judged, late))
+
+
+def _is_periodic(run: Motion, window: slice) -> bool:
+    """The same of a window of the run."""
     time, v = run.times[window], run.sensed_v[window]
     if len(time) < ROWS:
         return False
-    length = float(time[-1] - time[0])
-    pace = float(np.abs(np.real(modes.lam)).min()) if len(modes.lam) else 0.0
+    length, lam = float(time[-1] - time[0]), run.point.growing.lam
+    pace = float(np.abs(np.real(lam)).min()) if len(lam) else 0.0
     stick = run.history["stick"][window]
     sticks = np.ptp(stick) > 0.0 and stick.mean() >= STICKS
     if not (sticks or pace * length >= WOULD_CHANGE):

@@ -29,14 +29,16 @@ from squealstudy.motion.outcome.levels import (
     TorqueSums,
     last_window,
     levels_by_rows,
+    period_swings,
     swing_spread,
     torque_levels,
 )
 from squealstudy.motion.outcome.settling import settled
 from squealstudy.motion.outcome.verdict import EXPRESSED, run_verdict
-from squealstudy.wording import FAILED, STABLE, SUSTAINED
+from squealstudy.wording import FAILED, GROWING, STABLE, SUSTAINED
 
 LEAST_ROWS = 10  # of a history that says anything
+PASSING = (STABLE, GROWING)  # classes of motion that is another one later
 # relative: how far a frequency may be from that of the mode at the step, of 300 runs at most 1e-3;
 # from that of the mode, where what the step makes of it is not known
 SAME_HZ, SAME_HZ_UNKNOWN = 5e-3, 0.05
@@ -71,7 +73,8 @@ def summarise(
     verdict = _class(run, energy)
     if len(run.times) < LEAST_ROWS or (verdict.name == FAILED and not np.isfinite(energy).all()):
         return Summary(_course(run) | _forecast(run) | _class_columns(verdict), [], [])
-    levels, window = run_levels(run, by_step(verdict.name in SUSTAINED))
+    lasts = verdict.name in SUSTAINED
+    levels, window = run_levels(run, by_step(lasts), passes=verdict.name in PASSING)
     behaviour = _behaviour(run, energy, verdict)
     fits = mode_fits(run)
     energies, total = energies_of_steps(run)
@@ -231,8 +234,14 @@ def _as_integrated(run: Motion, k: int, fit: GrowthFit) -> GrowthFit:
     return replace(fit, low=fit.low - more, high=fit.high + more)
 
 
-def run_levels(run: Motion, by_step: StepParts = OF_THE_WINDOW) -> tuple[dict[str, Any], slice]:
-    """Torque columns of the last window, and that window."""
+def run_levels(
+    run: Motion, by_step: StepParts = OF_THE_WINDOW, *, passes: bool = False
+) -> tuple[dict[str, Any], slice]:
+    """Torque columns of the last window, and that window.
+
+    Levels of motion that `passes` are those of this window, and no other one is meant: where its
+    step is known, bounds are the step's.
+    """
     torque = run.history["torque"]
     window = last_window(run.times, torque)
     own = slice(max(window.start, min(1, len(torque) - 1)), window.stop)
@@ -240,12 +249,16 @@ def run_levels(run: Motion, by_step: StepParts = OF_THE_WINDOW) -> tuple[dict[st
     known = TorqueSums.of_rows(torque[own]) if sums is None else sums
     found = torque_levels(run.times[own], torque[own], known)
     rows = levels_by_rows(torque[own]) if sums is None else np.zeros(3)
+    width = _rows_of(run, window, found.frequency_hz)
     half = 0.5 * np.array([found.rms_high - found.rms_low, found.mean_high - found.mean_low])
+    scatter = max(found.peak_scatter, found.peak_to_peak - _least_swing(known, width))
+    if passes and by_step.measured:
+        half, scatter = np.zeros(2), 0.0
     sizes = np.array([by_step.rms * found.rms, by_step.mean * found.rms])
     swing = by_step.peak_to_peak * found.peak_to_peak
     rms = Level.of(found.rms, LevelParts(half[0], sizes[0], rows[0]), 0.0)
     mean = Level.of(found.mean, LevelParts(half[1], sizes[1], rows[1]))
-    peaks = Level.of(found.peak_to_peak, LevelParts(found.peak_scatter, swing, rows[2]), 0.0)
+    peaks = Level.of(found.peak_to_peak, LevelParts(scatter, swing, rows[2]), 0.0)
     return {
         "torque_mean": mean.value,
         "torque_mean_low": mean.low,
@@ -259,7 +272,7 @@ def run_levels(run: Motion, by_step: StepParts = OF_THE_WINDOW) -> tuple[dict[st
         "torque_peak_to_peak": peaks.value,
         "torque_peak_to_peak_low": peaks.low,
         "torque_peak_to_peak_high": peaks.high,
-        "swing_spread": swing_spread(known, _rows_of(run, window, found.frequency_hz)),
+        "swing_spread": swing_spread(known, width),
         "bounds_reason": by_step.reason,
         "frequency_hz": _frequency(run, window),
         "torque_line_hz": found.frequency_hz,
@@ -267,6 +280,12 @@ def run_levels(run: Motion, by_step: StepParts = OF_THE_WINDOW) -> tuple[dict[st
         "harmonic_2_level": found.harmonic_2,
         "harmonic_3_level": found.harmonic_3,
     }, window
+
+
+def _least_swing(sums: TorqueSums, width: float) -> float:
+    """Least peak to peak of a single period; that of the window where none is told."""
+    swings = period_swings(sums, width)
+    return float(swings.min() if len(swings) else sums.most.max() - sums.least.min())
 
 
 def _rows_of(run: Motion, window: slice, line_hz: float) -> float:
