@@ -62,7 +62,12 @@ POINTS = (
     number(
         "frequency_hz",
         "Frequency of that motion: its fundamental.",
-        leaves_out="See frequency_error of the cycle; of a run, its length.",
+        "frequency_error",
+    ),
+    number(
+        "frequency_error",
+        "Relative error of frequency_hz.",
+        leaves_out="It is itself an error; that of the model and of its mesh is not in it.",
     ),
     number(
         "threshold_velocity",
@@ -96,7 +101,12 @@ VERDICTS = (
     number(
         "cycle_frequency_hz",
         "Frequency of the motion whose level is told: its fundamental.",
-        leaves_out="See frequency_error of the cycle; of a run, its length.",
+        "cycle_frequency_error",
+    ),
+    number(
+        "cycle_frequency_error",
+        "Relative error of cycle_frequency_hz.",
+        leaves_out="It is itself an error; that of the model and of its mesh is not in it.",
     ),
     *THRESHOLD,
     number(

@@ -87,7 +87,12 @@ LEVELS = (
     number(
         "frequency_hz",
         "The motion's own frequency: its fundamental, after one period of which it repeats.",
-        leaves_out="It is as fine as the judged part of the run is long.",
+        "frequency_error",
+    ),
+    number(
+        "frequency_error",
+        "Relative error of frequency_hz, by what is left after a period and by the step.",
+        leaves_out="It is itself an error.",
     ),
     number(
         "torque_line_hz",

@@ -119,6 +119,8 @@ class Ended:
         What this is uncertain by, relative: the half-width of `level`.
     frequency_hz, line_hz : float
         Of the motion, NaN where it does not repeat; of the strongest line of the torque.
+    frequency_error : float
+        Relative, of the motion's frequency.
     mode_hz : float
         Of the assembly mode with most energy at the end; NaN of one outside the band.
     open_share_max : float
@@ -138,6 +140,7 @@ class Ended:
     spread: float = np.nan
     frequency_hz: float = np.nan
     line_hz: float = np.nan
+    frequency_error: float = np.nan
     mode_hz: float = np.nan
     open_share_max: float = 0.0
     regularisation: float = np.nan
@@ -228,7 +231,7 @@ def between(coarse: Motion, fine: Motion) -> tuple[StepParts, bool]:
 
     The whole difference: at first order the error of the finer one, at second three times that.
     """
-    (one, _), (other, _) = run_levels(coarse), run_levels(fine)
+    (one, _), (other, window) = run_levels(coarse), run_levels(fine)
     rms, swing = other["torque_rms"], other["torque_peak_to_peak"]
     if not (rms > 0 and swing > 0):
         return StepParts.unknown("nothing vibrates at its end"), True
@@ -238,7 +241,8 @@ def between(coarse: Motion, fine: Motion) -> tuple[StepParts, bool]:
     peaks = abs(other["torque_peak_to_peak"] - one["torque_peak_to_peak"]) / swing
     if change > LARGEST:
         return StepParts.unknown(f"half the step changes its level by {100 * change:.0f} %"), False
-    parts = np.array([change, mean, peaks]) + settling(fine)
+    hz = abs(other["frequency_hz"] / one["frequency_hz"] - 1.0)
+    parts = np.array([change, mean, peaks, hz]) + settling(fine, window)
     return StepParts(*parts.tolist()), change <= max(EXACT, windows)
 
 
@@ -272,15 +276,16 @@ def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -
     if found not in SUSTAINED:
         return Ended(start, found, mode_hz=mode)
     hz, line = point["frequency_hz"], point["torque_line_hz"]
+    error = point["frequency_error"] + by_step.frequency
     opened = float(point["open_share_max"])
     if band is not None and motion.point.growing.n_outside:
         rms, spread, line = band_level(motion, band)
         spread += by_step.rms
-        return Ended(start, found, rms, spread, hz, line, mode, opened, band=True)
+        return Ended(start, found, rms, spread, hz, line, error, mode, opened, band=True)
     rms = float(point["torque_rms"])
     window, rows = (float(point[f"torque_rms_{name}"]) for name in ("window", "rows"))
     level = Level.of(rms, LevelParts(window, by_step.rms * rms, rows), 0.0)
-    return Ended(start, found, rms, level.relative, hz, line, mode, opened, level=level)
+    return Ended(start, found, rms, level.relative, hz, line, error, mode, opened, level=level)
 
 
 def band_level(motion: Motion, band: tuple[float, float]) -> tuple[float, float, float]:

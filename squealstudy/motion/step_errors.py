@@ -21,6 +21,7 @@ from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import NOT_ASKED, OF_THE_WINDOW, StepParts
 from squealstudy.motion.outcome.levels import TorqueSums, hann, last_window, torque_levels
+from squealstudy.motion.outcome.summary import over_steps, own_frequency
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem
@@ -31,10 +32,9 @@ SAFETY = 2.0  # times a difference of levels
 # times the change by twice the step, to be set beside that by half of it: of an error of second
 # order a quarter of the first is the second, of one of first order half
 DOUBLED = 0.5
-SAME_END = 1e-9  # relative: times that are one
-# friction that begins to stick settles over cut sub-steps by the trapezoidal rule, whatever the step
-# by the same share of what settles: relative parts of RMS, mean (over the RMS) and peak to peak
-SETTLES = np.array([1e-4, 3e-4, 2e-3])
+# friction that begins to stick settles over cut sub-steps by the trapezoidal rule, whatever the
+# step by the same share of what settles: relative parts of RMS, mean, peak to peak and frequency
+SETTLES = np.array([1e-4, 3e-4, 2e-3, 1e-5])
 # ratio of the differences in the second and the first half up to which the level comes to rest, and
 # what it then still goes beyond the second: of a difference that rises as 1 - exp(-t / tau)
 RESTS = ((1.5, 1.15), (2.08, 1.31), (2.45, 1.91))
@@ -70,52 +70,56 @@ def step_parts(
 
 
 def _again(system: ModalSystem, run: Motion, settings: MotionSettings, lasts: bool) -> StepParts:
-    """The whole run with half the step and with twice, compared over the window of its levels.
+    """The whole run with half the step and, if it can be, twice, over the window of its levels.
 
     Where corners make levels converge unevenly one of the changes may be small by chance.
     """
     window = last_window(run.times, run.history["torque"])
-    begins = float(run.times[window.start])
-    rows = settings.save_every
-    found = []
-    for factor, own_rows in ((0.5, 2 * rows), (2.0, rows if rows % 2 else rows // 2)):
-        how = replace(settings, duration=run.time, step=factor * settings.step, save_every=own_rows)
+    rows, found = settings.save_every, []
+    for factor in (0.5, 2.0)[: 1 + (rows % 2 == 0)]:  # at the same rows: what passes has no other
+        how = replace(
+            settings,
+            duration=run.time,
+            step=factor * settings.step,
+            save_every=round(rows / factor),
+        )
         (other,) = simulate(system, [run.point], how)
-        if other.outcome == "ok" and other.time >= (1 - SAME_END) * run.time:
-            found.append(_levels(other, begins))
+        if other.outcome == "ok" and len(other.times) == len(run.times):
+            found.append(_levels(other, window))
         elif factor < 1.0:
             return StepParts.unknown(f"with half the step: {other.message or 'no run'}")
-    own = _levels(run, begins)
+    own = _levels(run, window)
     change = np.abs(own - found[0])
     if len(found) > 1:
         change = np.fmax(change, DOUBLED * np.abs(own - found[1]))
-    if not lasts and not (own[0] > 0 and np.isfinite(change).all()):
+    if not lasts and not (own[0] > 0 and np.isfinite(change[:3]).all()):
         return OF_THE_WINDOW  # at rest
-    return _parts(own, change, settling(run), LARGEST if lasts else np.inf)
+    return _parts(own, change, settling(run, window), LARGEST if lasts else np.inf)
 
 
-def settling(run: Motion) -> np.ndarray:
-    """Relative parts (3,) of RMS, mean and peak to peak where steps were cut."""
-    return SETTLES if run.cuts else 0.0 * SETTLES
+def settling(run: Motion, window: slice) -> np.ndarray:
+    """Relative parts (4,) of RMS, mean, peak to peak and frequency where steps are cut to stick."""
+    sticks = over_steps(run, "stick_max", "stick", window).max() > 0.0
+    return SETTLES if run.cuts and sticks else 0.0 * SETTLES
 
 
-def _levels(run: Motion, begins: float) -> np.ndarray:
-    """RMS, mean and peak to peak from a time on."""
-    first = int(np.searchsorted(run.times, begins * (1 - SAME_END)))
-    own = slice(max(first, 1), len(run.times))
+def _levels(run: Motion, window: slice) -> np.ndarray:
+    """RMS, mean, peak to peak and own frequency of a window."""
+    own = slice(max(window.start, 1), window.stop)
     sums = TorqueSums.of(run.history, own)
     found = torque_levels(run.times[own], run.history["torque"][own], sums)
-    return np.array([found.rms, found.mean, found.peak_to_peak])
+    hz = own_frequency(run, own).hz
+    return np.array([found.rms, found.mean, found.peak_to_peak, hz])
 
 
 def _parts(
     level: np.ndarray, change: np.ndarray, more: np.ndarray | float = 0.0, most: float = LARGEST
 ) -> StepParts:
-    """Twice the changes of RMS, mean and peak to peak over the levels, and what is `more`."""
-    rms, _, swing = level
-    if not (rms > 0 and swing > 0 and np.isfinite(change).all()):
+    """Twice the changes (4,) over the levels, and what is `more`; NaN of no frequency."""
+    rms, _, swing, hz = level
+    if not (rms > 0 and swing > 0 and np.isfinite(change[:3]).all()):
         return StepParts.unknown("nothing vibrates at its end")
-    change = SAFETY * change / np.array([rms, rms, swing])
+    change = SAFETY * change / np.array([rms, rms, swing, hz])
     if change[0] > most:
         return StepParts.unknown(
             f"another step changes the level by {50 * change[0]:.0f} %: a shorter one is needed"
@@ -153,7 +157,9 @@ def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) ->
     halves = (slice(1, len(here.times) // 2), slice(len(here.times) // 2, len(here.times)))
     found = [[_weighted(one.history, half) for half in halves] for one in (here, other)]
     first, second = (np.abs(a - b) for a, b in zip(*found, strict=True))
-    return _parts(found[0][1], second * _beyond(first[0], second[0], run.time / length))
+    hz, changed = (own_frequency(one, slice(1, len(one.times))).hz for one in (here, other))
+    level, change = np.append(found[0][1], hz), np.append(second, abs(changed - hz))
+    return _parts(level, change * _beyond(first[0], second[0], run.time / length))
 
 
 def _weighted(history: Mapping[str, np.ndarray], rows: slice) -> np.ndarray:

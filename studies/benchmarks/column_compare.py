@@ -16,6 +16,7 @@ from column_cases import BAND, Case
 from event_levels import Cycle, Levels, Record
 from event_reference import SmallDesign, friction_at, kicked, roots, run, steady
 
+from squealstudy.engine.cycle_states import stored_cycles
 from squealstudy.engine.results import Results
 from squealstudy.wording import LASTING, LIMIT_CYCLE, STABLE, SUSTAINED, UNDECIDED
 
@@ -29,6 +30,7 @@ ROUND_OFF = 1e-6  # of a value: what the judge itself and tables in single preci
 LONGER = 4  # times the run: the judge's, by which lasting motions are judged
 AT_REST = 1e-3  # of the largest speed: vibration that has died away
 STEADY = 0.02  # change of level from one quarter to the next of motion that does not repeat
+EVEN = 0.1  # scatter of levels over ten periods of motion that is called a limit cycle
 COARSE = 64  # samples a period of what settles
 UNSURE = 10.0  # times the difference of periods over those observed: what is left to settle
 OBSERVED = 40  # periods of what it has settled to
@@ -174,9 +176,15 @@ def _classes(row: pd.Series, found: Fate, periods: float) -> Iterator[Told]:
     right = {
         "rest": told == STABLE,
         "cycle": told in LASTING and told != "irregular",
-        "lasts": told in LASTING and told != LIMIT_CYCLE,
+        "lasts": told in LASTING and (told != LIMIT_CYCLE or _even(found)),
     }[found.name]
     yield Told("points", "class", found.name if right else told, np.nan, np.nan, found.name)
+
+
+def _even(found: Fate) -> bool:
+    """Whether levels of a quarter of the periods each are even: a limit cycle's, by its page."""
+    parts = np.array([part.std() for part in np.array_split(found.record.torque, 4)])
+    return bool(parts.std() <= EVEN * parts.mean())
 
 
 def _levels(row: pd.Series, found: Fate, record: Record, duration: float) -> Iterator[Told]:
@@ -214,8 +222,9 @@ def _levels(row: pd.Series, found: Fate, record: Record, duration: float) -> Ite
         near = int(np.clip(round(line / hz), 1, len(sizes))) if np.isfinite(line) else 1
         best = near if sizes[near - 1] > 0.97 * sizes.max() else 1 + int(np.argmax(sizes))
         yield plain("points", "torque_line_hz", line, best * hz, "hz")
-        if "frequency_hz" in row:
-            yield plain("points", "frequency_hz", row["frequency_hz"], hz, "hz")
+        if np.isfinite(row["frequency_hz"]):
+            error = row.get("frequency_error", PLAIN["hz"])
+            yield relative("points", "frequency_hz", row["frequency_hz"], error, hz)
 
 
 def _window(row: pd.Series, record: Record, duration: float, whole: bool = True):
@@ -260,11 +269,11 @@ MOST_PERIODS = 1200
 SAME = 1e-3  # relative: attractors that are one
 
 
-def attractors(d: SmallDesign, sizes: list[float]) -> list[Fate]:
-    """Lasting motions that kicks of these contact velocities [m/s] lead to."""
+def attractors(d: SmallDesign, starts: list[np.ndarray]) -> list[Fate]:
+    """Lasting motions that starts (4,) lead to."""
     found: list[Fate] = []
-    for size in sizes:
-        start, periods = kicked(d, size, BAND), PERIODS
+    for start in starts:
+        periods = PERIODS
         here = fate(d, start, periods)
         while not _settled(here) and periods < MOST_PERIODS:
             start, periods = here.record.end, 2 * periods
@@ -301,11 +310,22 @@ def of_limit_cycles(case: Case, results: Results) -> Iterator[Told]:
     cycles = results.table("cycles")
     stable = cycles[cycles["stable"].fillna(False).astype(bool)]
     reach = case.section["reach"] * abs(d["sliding_speed"])
-    own = [0.9 * v for v in stable["contact_velocity"]]
-    found = attractors(d, [0.03 * reach, reach, *own])
+    sizes = [0.03 * reach, reach, *(0.9 * v for v in stable["contact_velocity"])]
+    starts = [kicked(d, size, BAND) for size in sizes]
+    found = attractors(d, [*starts, *_on_cycles(d, results)])
     yield from _verdict(row, seen, found)
     for _, cycle in stable.iterrows():
         yield from _cycle(cycle, found)
+
+
+def _on_cycles(d: SmallDesign, results: Results) -> Iterator[np.ndarray]:
+    """States (4,) of the cycles that are kept: component modes of a point mass are its axes."""
+    for cycle in stored_cycles(results.store):
+        if cycle.Q.shape[1] == 2:
+            mean, cosines, sines = np.split(cycle.Q, [1, 1 + len(cycle.Q) // 2])
+            slope = np.arange(1, len(sines) + 1) @ sines
+            q = steady(d)[0] + mean[0] + cosines.sum(axis=0)
+            yield np.concatenate([q, cycle.omega * slope])
 
 
 def _verdict(row: pd.Series, seen: np.ndarray, found: list[Fate]) -> Iterator[Told]:
@@ -330,7 +350,9 @@ def _verdict(row: pd.Series, seen: np.ndarray, found: list[Fate]) -> Iterator[To
     yield Told("points", "torque_rms (loudest)", words, np.nan, np.nan, truth)
     if best.cycle is not None:
         name, hz = "frequency_hz", best.cycle.frequency_hz
-        yield plain("points", name, row[name], hz, "hz")
+        if np.isfinite(row[name]):
+            error = row.get("frequency_error", PLAIN["hz"])
+            yield relative("points", name, row[name], error, hz, best.unsure)
 
 
 def _cycle(row: pd.Series, found: list[Fate]) -> Iterator[Told]:

@@ -365,6 +365,7 @@ def _judge_again(
                 verdict["level_error"] = cycle["level_error"]
                 verdict["regularisation_error"] = np.nan
                 verdict["cycle_frequency_hz"] = cycle["frequency_hz"]
+                verdict["cycle_frequency_error"] = cycle["frequency_error"]
                 verdict["torque_line_hz"] = cycle["torque_line_hz"]
                 verdict["invalid_reason"] = cycle["invalid_reason"]
                 verdict["threshold_share"] = verdict["threshold_velocity"] / known_velocity(cycle)

@@ -40,6 +40,7 @@ SUMMARY_FIELDS = (
     ("level_error", REAL),
     ("regularisation_error", REAL),
     ("frequency_hz", REAL),
+    ("frequency_error", REAL),
     ("torque_line_hz", REAL),
     ("threshold_velocity", REAL),
     ("threshold_share", REAL),
@@ -62,6 +63,7 @@ VERDICT_FIELDS = (
     ("level_error", REAL),
     ("regularisation_error", REAL),
     ("cycle_frequency_hz", REAL),
+    ("cycle_frequency_error", REAL),
     ("torque_line_hz", REAL),
     ("threshold_velocity", REAL),
     ("threshold_error", REAL),
@@ -130,7 +132,13 @@ CURVE_FIELDS = (
     ("basis_error", REAL),
     ("balance_residual", REAL),
 )
-LEVEL = ("torque_rms", "level_error", "cycle_frequency_hz", "torque_line_hz")  # of a verdict
+LEVEL = (  # of a verdict
+    "torque_rms",
+    "level_error",
+    "cycle_frequency_hz",
+    "cycle_frequency_error",
+    "torque_line_hz",
+)
 NOT_KICKED = Kick(np.nan, np.nan, np.nan, np.nan, "")
 SCHEMA = pa.schema(
     [
@@ -221,6 +229,7 @@ def summary(
         "level_error": loudest["level_error"],
         "regularisation_error": loudest["regularisation_error"],
         "frequency_hz": loudest["cycle_frequency_hz"],
+        "frequency_error": loudest["cycle_frequency_error"],
         "torque_line_hz": loudest["torque_line_hz"],
         "invalid_reason": loudest["invalid_reason"],
         "threshold_velocity": shown["threshold_velocity"],
@@ -245,14 +254,15 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
     level, share, opened = dict.fromkeys(LEVEL, np.nan), np.nan, 0.0
     if loud is not None:
         hz, line = loud.motion.omega / (2 * np.pi), torque_line(loud)
-        values = (loud.levels["torque_rms"], loud.level_error, hz, line)
+        values = (loud.levels["torque_rms"], loud.level_error, hz, loud.frequency_error, line)
         level, opened = dict(zip(LEVEL, values, strict=True)), loud.levels["open_share_max"]
     run = family.run  # where it has come to the stable cycle, that one's level is the exacter
     louder = run is not None and run.torque_rms * (1.0 - run.spread) > level["torque_rms"]
     by_corner = np.nan
     if run is not None and (loud is None or louder):
         by_corner = run.regularisation
-        values = (run.torque_rms, run.spread, run.frequency_hz, run.line_hz)
+        hz, error = run.frequency_hz, run.frequency_error
+        values = (run.torque_rms, run.spread, hz, error, run.line_hz)
         level, opened = dict(zip(LEVEL, values, strict=True)), run.open_share_max
     broken = motion_reason(law_kind, opened)
     reason = family.reason + (f"; outside validity: {broken}" if broken else "")

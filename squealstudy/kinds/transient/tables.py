@@ -59,6 +59,7 @@ SUMMARY_FIELDS = (
     ("swing_spread", REAL),
     ("bounds_reason", TEXT),
     ("frequency_hz", REAL),
+    ("frequency_error", REAL),
     ("torque_line_hz", REAL),
     ("dominant_level", REAL),
     ("harmonic_2_level", REAL),

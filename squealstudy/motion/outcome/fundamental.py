@@ -7,6 +7,7 @@ directions of sliding load it. A motion repeats where its displacements do.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +34,24 @@ CUBIC = np.array(
 POWER = np.add.outer(np.arange(4), np.arange(4))  # of s in products of two cubics
 
 
+class Fundamental(NamedTuple):
+    """A motion's own frequency.
+
+    Attributes
+    ----------
+    hz : float
+        NaN where none is told.
+    left : float
+        RMS of what is left after a period, over that of the motion.
+    error : float
+        Relative, of `hz`: what is left after several periods may be a shift in time.
+    """
+
+    hz: float = np.nan
+    left: float = np.nan
+    error: float = np.nan
+
+
 def fundamental_hz(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> float:
     """Frequency [Hz] of a motion that repeats within 5 %; NaN where it does not, or is not told.
 
@@ -51,7 +70,14 @@ def fundamental_hz(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray)
     omega : ndarray (m,)
         rad/s: coordinates count by the root of their elastic energy, rigid ones as slow ones.
     """
-    return _Record.of(step, q, v, omega).frequency() if len(q) > 2 * LEAST else np.nan
+    return fundamental(step, q, v, omega).hz
+
+
+def fundamental(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> Fundamental:
+    """The same with its error; parameters as of `fundamental_hz`."""
+    if len(q) <= 2 * LEAST:
+        return Fundamental()
+    return _Record.of(step, q, v, omega).frequency()
 
 
 class _Record:
@@ -72,17 +98,19 @@ class _Record:
         count = 1 + int(np.argmax(np.cumsum(share[order]) >= (1.0 - NEARLY_ALL) * share.sum()))
         return cls(step, *(np.ascontiguousarray(a[:, order[:count]]) for a in (x, slope)))
 
-    def frequency(self) -> float:
+    def frequency(self) -> Fundamental:
         if not self.variance > 0.0 or self._coarse():
-            return np.nan
+            return Fundamental()
         for place, first in self._places():
             period, left = self._best(place)
             if left > REPEATS or (not first and self._drifts(period, left)):
                 continue
             if left > EXACT:
-                period = self._multiple(period, left)
-            return 1.0 / (self.step * self._refined(period))
-        return np.nan
+                period, left = self._multiple(period, left)
+            refined, count, rest = self._refined(period, left)
+            error = (rest + ROUNDED) / (2 * np.pi * count)
+            return Fundamental(1.0 / (self.step * refined), left, error)
+        return Fundamental()
 
     def _drifts(self, period: float, left: float) -> bool:
         return self._best(round(2.0 * period))[1] > DRIFTS * left + ROUNDED
@@ -142,22 +170,22 @@ class _Record:
         least = int(np.argmin(left))
         return k + float(ways[least]), float(np.sqrt(max(left[least], 0.0) / whole))
 
-    def _multiple(self, period: float, left: float) -> float:
+    def _multiple(self, period: float, left: float) -> tuple[float, float]:
         """The period, or the multiple of it at which far less is left: a doubled one."""
         for n in MULTIPLES:
             if n * period < self._longest:
                 longer, rest = self._best(round(n * period))
                 if rest < BETTER * left:
-                    return longer
-        return period
+                    return longer, rest
+        return period, left
 
-    def _refined(self, period: float) -> float:
-        """The period from as many of them as still come back, twice as many each time."""
+    def _refined(self, period: float, left: float) -> tuple[float, int, float]:
+        """The period from as many as still come back, twice as many each time; what is left."""
         count = 1
         while 2 * count * period < self._longest:
-            longer, left = self._best(round(2 * count * period))
-            if left > REPEATS:
+            longer, rest = self._best(round(2 * count * period))
+            if rest > REPEATS:
                 break
-            count *= 2
+            count, left = 2 * count, rest
             period = longer / count
-        return period
+        return period, count, left

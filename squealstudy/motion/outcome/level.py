@@ -78,6 +78,8 @@ class StepParts:
         Over the level itself.
     mean : float
         Over the RMS of the fluctuation.
+    frequency : float
+        Of the motion's own frequency.
     reason : str
         Why they cannot be told, or are not; else empty.
     """
@@ -85,6 +87,7 @@ class StepParts:
     rms: float
     mean: float
     peak_to_peak: float
+    frequency: float
     reason: str = ""
 
     @property
@@ -95,8 +98,8 @@ class StepParts:
     @classmethod
     def unknown(cls, reason: str) -> StepParts:
         """None can be told."""
-        return cls(np.nan, np.nan, np.nan, reason)
+        return cls(np.nan, np.nan, np.nan, np.nan, reason)
 
 
-OF_THE_WINDOW = StepParts(0.0, 0.0, 0.0)  # where nobody asked for another step
+OF_THE_WINDOW = StepParts(0.0, 0.0, 0.0, 0.0)  # where nobody asked for another step
 NOT_ASKED = replace(OF_THE_WINDOW, reason="of motion that passes bounds are those of the window")

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.fundamental import fundamental_hz
+from squealstudy.motion.outcome.fundamental import EXACT, fundamental, fundamental_hz
 from squealstudy.motion.outcome.levels import LAST, last_window
 
 MOSTLY = 0.5  # share of the time and area that sticks
@@ -79,8 +79,8 @@ def _hz(run: Motion) -> float:
 def comes_back(run: Motion) -> bool:
     """Whether a run has come to a periodic motion that small motions would not explain.
 
-    All modes that grow are followed, the sensed modes come back after a period (`fundamental_hz`),
-    at least eight times and as fast in both halves of these; and a part of the contact sticks for a
+    All modes that grow are followed, the sensed modes come back after a period within 1 %, at
+    least eight times and as fast in both halves of these; and a part of the contact sticks for a
     while, or every followed complex mode would have changed the motion by a quarter. In the window
     that is judged, or in its second half: growth may have filled the first.
     """
@@ -106,8 +106,8 @@ def _is_periodic(run: Motion, window: slice) -> bool:
     if not (sticks or pace * length >= WOULD_CHANGE):
         return False
     step = length / (len(time) - 1)
-    hz = fundamental_hz(step, run.sensed_q[window], v, run.omega)
-    if not length * hz >= MANY:
+    hz, left, _ = fundamental(step, run.sensed_q[window], v, run.omega)
+    if not (length * hz >= MANY and left <= EXACT):
         return False
     half = round(np.floor(0.5 * length * hz) / (hz * step))  # rows of whole periods
     first, second = (float((x**2).sum()) for x in (v[-2 * half : -half], v[-half:]))

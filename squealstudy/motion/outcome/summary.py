@@ -22,7 +22,7 @@ from squealstudy.motion.outcome.energies import (
     slowest_period,
     transfer,
 )
-from squealstudy.motion.outcome.fundamental import fundamental_hz
+from squealstudy.motion.outcome.fundamental import Fundamental, fundamental
 from squealstudy.motion.outcome.growth import ENERGY, LEFT_VECTOR, GrowthFit, fit_growth
 from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
 from squealstudy.motion.outcome.levels import (
@@ -249,7 +249,8 @@ def run_levels(
     known = TorqueSums.of_rows(torque[own]) if sums is None else sums
     found = torque_levels(run.times[own], torque[own], known)
     rows = levels_by_rows(torque[own]) if sums is None else np.zeros(3)
-    width = _rows_of(run, window, found.frequency_hz)
+    own_hz = own_frequency(run, window)
+    width = _rows_of(run, own_hz.hz if np.isfinite(own_hz.hz) else found.frequency_hz)
     half = 0.5 * np.array([found.rms_high - found.rms_low, found.mean_high - found.mean_low])
     scatter = max(found.peak_scatter, found.peak_to_peak - _least_swing(known, width))
     if passes and by_step.measured:
@@ -274,7 +275,8 @@ def run_levels(
         "torque_peak_to_peak_high": peaks.high,
         "swing_spread": swing_spread(known, width),
         "bounds_reason": by_step.reason,
-        "frequency_hz": _frequency(run, window),
+        "frequency_hz": own_hz.hz,
+        "frequency_error": own_hz.error + by_step.frequency,
         "torque_line_hz": found.frequency_hz,
         "dominant_level": found.line,
         "harmonic_2_level": found.harmonic_2,
@@ -288,18 +290,16 @@ def _least_swing(sums: TorqueSums, width: float) -> float:
     return float(swings.min() if len(swings) else sums.most.max() - sums.least.min())
 
 
-def _rows_of(run: Motion, window: slice, line_hz: float) -> float:
-    """Rows in a period of the motion, or of the torque's line where it has none; NaN without."""
-    own = _frequency(run, window)
-    step = float(run.times[-1] - run.times[0]) / max(len(run.times) - 1, 1)
-    return 1.0 / (step * (own if np.isfinite(own) else line_hz))
+def _rows_of(run: Motion, hz: float) -> float:
+    """Rows in a period of a frequency; NaN without."""
+    return 1.0 / (hz * float(run.times[-1] - run.times[0]) / max(len(run.times) - 1, 1))
 
 
-def _frequency(run: Motion, window: slice) -> float:
-    """Frequency [Hz] of the motion of the sensed modes over a window; NaN where none repeats."""
+def own_frequency(run: Motion, window: slice) -> Fundamental:
+    """Of the motion of the sensed modes over a window."""
     time = run.times[window]
     step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
-    return fundamental_hz(step, run.sensed_q[window], run.sensed_v[window], run.omega)
+    return fundamental(step, run.sensed_q[window], run.sensed_v[window], run.omega)
 
 
 def _class(run: Motion, energy: np.ndarray) -> RunClass:
