@@ -55,7 +55,7 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"kick_phase", "rad"),
     (
         r"multiplier\w*|power_imbalance|harmonic_tail"
-        r"|(level|frequency|velocity|torque_peak|kick|threshold|basis|regularisation)_error",
+        r"|(level|(cycle_)?frequency|velocity|torque_peak|kick|threshold|basis|regularisation)_error",
         "",
     ),
     (r"d_frequency_hz", "Hz per unit of the row"),

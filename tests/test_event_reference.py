@@ -250,3 +250,31 @@ def test_impacts_of_two_lasting_cycles():
     loud, quiet = (run(d, 1.0, kick=kick).cycle(0.3) for kick in (0.5, 0.01))
     assert loud.levels.rms == pytest.approx(886.28, rel=1e-3)
     assert quiet.levels.rms == pytest.approx(97.945, rel=1e-4)
+
+
+SOFTENS = {
+    "k1": 1.31e6,
+    "k2": 1.356e6,
+    "contact_stiffness": 2.6e6,
+    "contact.cubic_stiffness": -5.4e17,
+    "normal_force": 1000.0,
+    "sliding_speed": 10.0,
+    "friction": 0.9,
+}
+
+
+def test_how_much_damping_silences_the_softening_oscillator():
+    """That of studies/kicked_design.toml, whose searches end at .0378 and .0385."""
+
+    def level(damping, start=None):
+        d = design("hoffmann", "cubic", **SOFTENS, damping_ratio=damping)
+        assert (steady(d)[2] > 0).all()  # a state beyond the top of the law balances the load too
+        start = kicked(d, 2.5, (100.0, 1000.0)) if start is None else start
+        found = run(d, 0.4, start=start, sample=2e-4)
+        return float(found.torque[-250:].std()), found.end
+
+    start = None
+    for damping in (0.025, 0.032, 0.035, 0.0365):
+        lasts, start = level(damping, start)
+        assert lasts > 150.0
+    assert level(0.0378, start)[0] < 10.0

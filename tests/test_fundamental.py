@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from squealstudy.motion.outcome.fundamental import fundamental_hz
+from squealstudy.motion.outcome.fundamental import fundamental, fundamental_hz
 from squealstudy.wording import motion_frequency
 
 PERIODS = {1.0: 6.66328686, 10.0: 19.07836957}  # of van der Pol's oscillator, by mu (published)
@@ -73,3 +73,12 @@ def test_words():
     assert motion_frequency(95.2, np.nan) == "95"
     assert motion_frequency(np.nan, 3131.0) == "~3131"
     assert motion_frequency(np.nan, np.nan) == "-"
+
+
+@pytest.mark.parametrize("hz", [17.3, 41.7, 96.1])
+@pytest.mark.parametrize("second", [0.0, 0.003, 0.01])
+def test_the_error_holds_what_another_motion_does(hz, second):
+    """Beside a second motion of an unlike frequency, which is no part of the period."""
+    found = fundamental(*tones(1e-3, 900, (1, hz, 1.0), (second, hz * 2**0.5, 0.3)))
+    assert abs(found.hz / hz - 1) <= found.error
+    assert found.error < 0.02

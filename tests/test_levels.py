@@ -12,6 +12,8 @@ from squealstudy.motion.outcome.levels import (
     TorqueSums,
     last_window,
     mean_interval,
+    period_swings,
+    periods_interval,
     spectrum,
     swing_spread,
     torque_levels,
@@ -156,3 +158,21 @@ def test_spread_of_the_swings_of_single_periods():
     assert spread == pytest.approx(2.0 / 2.0, rel=0.1)
     assert swing_spread(TorqueSums.of_rows(50.0 + np.sin(20 * phase)), width) < 1e-6
     assert np.isnan(swing_spread(TorqueSums.of_rows(torque), 4.0))
+
+
+def test_bounds_hold_all_periods_of_a_window():
+    """Eighteen periods, quiet in the first eight: ten blocks of a period each left these out."""
+    values = np.repeat([0.5] * 8 + [1.0] * 10, 20)
+    mean, low, high = periods_interval(values, 20.0)
+    assert mean == pytest.approx(14 / 18)
+    assert low < 0.7
+    assert high > 0.9
+
+
+def test_peaks_of_single_periods():
+    phase = 2 * np.pi * np.arange(1, 1201) / 40
+    torque = (1.0 + 0.25 * np.sin(phase / 5)) * np.sin(phase)
+    swings = period_swings(TorqueSums.of_rows(torque), 40.0)
+    assert len(swings) == 30
+    assert swings.min() == pytest.approx(1.53, abs=0.05)
+    assert np.ptp(swings) / swings.mean() == pytest.approx(0.45, abs=0.06)
