@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "studies" / "benchm
 
 from mode_cases import SORTS, random_family
 from mode_columns import compared, crossings, followed, report
+from mode_tables import map_numbers
 from study_runs import plan_of, solved
 
 CASES = (5, 8, 12, 101)  # of four sorts; in 5 and 101 a mode was lost on the way to an onset
@@ -69,3 +70,10 @@ def test_steps_of_small_models_are_followed_in_steps_small_enough(tmp_path: Path
 
 def _growing(family: object, x: float, y: float) -> int:
     return int((family.roots(x, y).real > 1e-6).sum())  # type: ignore[attr-defined]
+
+
+def test_a_map_of_matrices_has_points_without_a_mode_in_the_band(tmp_path: Path) -> None:
+    """It ended in an internal error."""
+    family = random_family(11, 134)
+    (told,) = map_numbers(family, family.text(tmp_path), tmp_path)
+    assert told.right, told

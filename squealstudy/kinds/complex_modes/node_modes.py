@@ -36,9 +36,11 @@ class FinishedNodes:
         if columns.shapes is None or self._status[row] != "ok":
             return None
         count = int(self._counts[row])
-        raw = columns.shapes.read(row)[:count].astype(complex)
-        lam = columns.lam[self._starts[row] : self._starts[row] + count]
         to_orthogonal, to_seen = self._coordinates(self._plan.tasks[row].structure)
+        raw = np.zeros((0, len(to_orthogonal)), dtype=complex)  # without a mode in the band
+        if count:
+            raw = columns.shapes.read(row)[:count].astype(complex)
+        lam = columns.lam[self._starts[row] : self._starts[row] + count]
         return NodeModes(lam, raw @ to_orthogonal, raw @ to_seen)
 
     def close(self) -> None:
