@@ -27,8 +27,14 @@ QUICK = ("[modes]", "[modes]\nrefine_tracking = false\nrefine_onsets = false\nre
 
 
 @pytest.fixture(scope="module")
-def tiny(tmp_path_factory):
-    with tiny_meshes(tmp_path_factory.mktemp("cache")):
+def tiny_cache(tmp_path_factory):
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture
+def tiny(tiny_cache):
+    """For one test alone: those of full size below have the coarse mesh."""
+    with tiny_meshes(tiny_cache):
         yield
 
 
