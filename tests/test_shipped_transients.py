@@ -15,7 +15,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ResultsError
-from squealstudy.models.catalogue.disc_brake.solids import COARSE, DENSITIES
+from squealstudy.models.catalogue.disc_brake.solids import COARSE
 
 STUDIES = Path(__file__).parents[1] / "studies"
 
@@ -87,11 +87,10 @@ def test_squeal_damping(nominal, tmp_path):
 
 
 @pytest.mark.full_size
-def test_squeal_friction(tmp_path, monkeypatch):
+def test_squeal_friction(tmp_path):
     """Eight friction coefficients: the growth rate that a user reads is the complex mode's."""
-    monkeypatch.setitem(DENSITIES, "coarse", COARSE)
-    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
-    results = results_of(reduced("squeal_friction", 0.04), tmp_path / "friction")
+    with tiny_meshes(tmp_path / "cache", COARSE):  # others of this file have smaller ones
+        results = results_of(reduced("squeal_friction", 0.04), tmp_path / "friction")
     points = results.points
     forecast = points["predicted_growth_rate"]
     error = points["growth_rate"] - forecast

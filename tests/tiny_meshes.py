@@ -9,7 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from squealstudy.models.catalogue.disc_brake.solids import COARSE, DENSITIES, Interval
+from squealstudy.engine import cache, reduced
+from squealstudy.kinds.design import in_time
+from squealstudy.kinds.transient import batch
+from squealstudy.mechanics import structures
+from squealstudy.models.catalogue.disc_brake.solids import COARSE, DENSITIES, Density, Interval
+
+IN_MEMORY = (  # by the key of a structure, which does not know whose meshes are the coarse ones
+    *(cache.prepared_any, cache.prepared_model, cache._gaps),
+    *(reduced._loaded, batch.shared_reference, in_time.vibrations),
+)
 
 CELL = Interval()
 TINY = replace(  # a cell between breaks
@@ -25,10 +34,21 @@ TINY = replace(  # a cell between breaks
 )
 
 
+def forget_models() -> None:
+    """What this process remembers of reductions, by keys."""
+    for function in IN_MEMORY:
+        function.cache_clear()
+    structures.forget()
+
+
 @contextmanager
-def tiny_meshes(cache: Path) -> Iterator[pytest.MonkeyPatch]:
+def tiny_meshes(folder: Path, density: Density = TINY) -> Iterator[pytest.MonkeyPatch]:
     """In place of the coarse ones in this process, with a cache that others do not read."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SQUEALSTUDY_CACHE", str(cache))
-        patch.setitem(DENSITIES, "coarse", TINY)
-        yield patch
+        patch.setenv("SQUEALSTUDY_CACHE", str(folder))
+        patch.setitem(DENSITIES, "coarse", density)
+        forget_models()
+        try:
+            yield patch
+        finally:
+            forget_models()
