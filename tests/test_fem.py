@@ -13,7 +13,12 @@ from squealstudy.errors import ModelError
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.fem.grid import GridBlock, Interval, cylindrical_mesh, graded_lines
 from squealstudy.models.fem.sampling import facing_surface, sample_surface
-from squealstudy.models.fem.solid import Isotropic, TransverselyIsotropic, assemble_solid
+from squealstudy.models.fem.solid import (
+    Isotropic,
+    TransverselyIsotropic,
+    assemble_solid,
+    orthotropic_stiffness,
+)
 
 STEEL = Isotropic(210e9, 0.3, 7800.0)
 TURN = (0.0, 2 * np.pi)
@@ -314,3 +319,8 @@ def test_blocks_without_cells_are_refused():
     lines = np.array([0.1, 0.2]), np.array([0.0, 0.1]), np.array([0.0, 0.1])
     with pytest.raises(ModelError, match="no cell"):
         cylindrical_mesh(*lines, [GridBlock((0.3, 0.4), TURN, ANYWHERE, "m")])
+
+
+def test_moduli_too_small_to_be_divided_by_are_told():
+    with pytest.raises(ModelError, match="too small to be divided by"):
+        orthotropic_stiffness((1e9, 1e9, 1e9), (0.1, 0.1, 0.1), (1e9, 5e-324, 1e9), 2500.0)

@@ -3,10 +3,12 @@
     python studies/benchmarks/faults.py [--part kills ..] [--share 1.0] [--seed 1] [--only NAME ..]
 
 Small studies of every kind are run undisturbed, then disturbed, then to the end, and their tables
-compared; files are mutated and read. At full size: 200 kills, 1,000 damaged files, 10,000 study
-files, 2,000 files of matrices, 2,000 models of one's own, 30 faults of the environment. What is not
-as it should be is listed as it is found; a table of all verdicts stands at the end. Exits with 1
-where anything was wrong.
+compared; files are mutated and read. At full size: 200 kills and 40 of brakes from meshes, 1,000
+damaged files, 400 hostile directories, 400 changed entries of caches, 10,000 study files, 2,000
+files of matrices, 2,000 models of one's own, 200 numbers that are none, 30 faults of the
+environment, 60 limits of memory, 12 runs on workers without a study's files. What is not as it
+should be is listed as it is found; a table of all verdicts stands at the end. Exits with 1 where
+anything was wrong.
 
 Linux only; psutil is needed. As root a small file system is made for "disk full", and what depends
 on permissions is tried under a user who is not root.
@@ -31,6 +33,11 @@ PARTS = {
     "matrix_files": 2_000,
     "model_files": 2_000,
     "environment": 30,
+    "cache_entries": 400,
+    "bad_numbers": 200,
+    "mesh_kills": 40,
+    "memory_limits": 60,
+    "far_workers": 12,
 }
 
 

@@ -290,7 +290,8 @@ def chart_of(points: DesignPoints, names: Sequence[str]) -> ParameterBox:
     scalings = [scaling_of(n, float(points.column(n).min())) for n in varied]
     low, high = [], []
     for name, scaling in zip(varied, scalings, strict=True):
-        x = SCALINGS[scaling][0](points.column(name))
+        with np.errstate(over="ignore"):  # points of such values fail by themselves
+            x = SCALINGS[scaling][0](points.column(name))
         low.append(float(x.min()))
         high.append(float(x.max()))
     return ParameterBox(

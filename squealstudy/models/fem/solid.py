@@ -105,6 +105,8 @@ def orthotropic_stiffness(
     S[0, 2] = S[2, 0] = -nu_xz / E[0]
     S[1, 2] = S[2, 1] = -nu_yz / E[1]
     S[3, 3], S[4, 4], S[5, 5] = 1 / G[0], 1 / G[1], 1 / G[2]
+    if not np.isfinite(S).all():
+        raise ModelError(f"moduli are too small to be divided by, got E={E}, G={G}")
     compliances = np.linalg.eigvalsh(S)
     if compliances[0] <= SINGULAR * compliances[-1]:
         told = "; ".join(
