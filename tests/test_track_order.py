@@ -109,7 +109,7 @@ def test_one_degree_of_freedom_is_one_mode_however_far_it_moves(values, tmp_path
     ranked = results.rank()
     assert ranked["unstable_share"].tolist() == [1.0]
     assert results.onsets["status"].tolist() == ["below_range"]
-    assert results.screen.verdict(results).startswith("1 mode is unstable.")
+    assert results.screen.verdict(results).startswith("1 mode is unstable between ")
     assert not results.modes["track_ambiguous"].any()
 
 
