@@ -18,6 +18,7 @@ E5 = np.ascontiguousarray(dop853.E5)
 INSIDE = (0.25, 0.5, 0.75)  # of a step: where it is looked for events that come in pairs
 BISECTIONS = 60
 MOST_EVENTS = 10_000  # within one sample: phases that chatter
+MOST_STEPS = 20_000  # within one sample: motion that runs away, as of contact that softens
 STABLE = 3.0  # step times the rate of a decay; DOP853 is stable up to 6
 LEAST = 1e-13  # of a sample: a step that is not made shorter
 
@@ -132,9 +133,12 @@ def integrate(case: Case, y, sample, rows, extremes, tolerance, floor, omega):
     rows[0, :N_ROWS], rows[0, N_ROWS], rows[0, N_ROWS + 1] = y, k[0, TORQUE], k[0, TORQUE + 2]
     h_next = 0.01 * sample
     for row in range(n):
-        done, here = 0.0, 0
+        done, here, steps = 0.0, 0, 0
         extremes[row] = k[0, TORQUE]
         while done < sample * (1.0 - LEAST):
+            steps += 1
+            if steps > MOST_STEPS:
+                return NOT_FINITE, events
             h = min(h_next, sample - done, longest(case, phases))
             trial(case, y, phases, opened, h, k, end, work)
             e = error(y, end, h, k, tolerance, floor, omega)

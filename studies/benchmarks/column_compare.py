@@ -312,16 +312,16 @@ def of_limit_cycles(case: Case, results: Results) -> Iterator[Told]:
     reach = case.section["reach"] * abs(d["sliding_speed"])
     sizes = [0.03 * reach, reach, *(0.9 * v for v in stable["contact_velocity"])]
     starts = [kicked(d, size, BAND) for size in sizes]
-    found = attractors(d, [*starts, *_on_cycles(d, results)])
+    found = attractors(d, [*starts, *_on_cycles(d, results, set(stable["cycle_id"]))])
     yield from _verdict(row, seen, found)
     for _, cycle in stable.iterrows():
         yield from _cycle(cycle, found)
 
 
-def _on_cycles(d: SmallDesign, results: Results) -> Iterator[np.ndarray]:
-    """States (4,) of the cycles that are kept: component modes of a point mass are its axes."""
+def _on_cycles(d: SmallDesign, results: Results, ids: set[str]) -> Iterator[np.ndarray]:
+    """States (4,) of some cycles that are kept: component modes of a point mass are its axes."""
     for cycle in stored_cycles(results.store):
-        if cycle.Q.shape[1] == 2:
+        if cycle.cycle_id in ids and cycle.Q.shape[1] == 2:
             mean, cosines, sines = np.split(cycle.Q, [1, 1 + len(cycle.Q) // 2])
             slope = np.arange(1, len(sines) + 1) @ sines
             q = steady(d)[0] + mean[0] + cosines.sum(axis=0)
