@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import all_pairs
 from squealstudy.modes.reanalysis.patch import Box
-from squealstudy.modes.reanalysis.problem import Linearisation, in_band, lightly_damped
+from squealstudy.modes.reanalysis.problem import Linearisation, in_band, in_or_below, lightly_damped
 from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis
 from squealstudy.modes.rungs.windows import Windows
 from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, ParametricSystem, Term
@@ -67,9 +67,10 @@ class SyntheticProblem:
         _, C, K = self.system.matrices(self._weights(theta))
         return C, K
 
-    def pairs(self, theta, reach):
+    def pairs(self, theta, reach, below=False):
         found = all_pairs(*self.matrices(theta))
-        return self.weights(theta), found.take(in_band(found.lam, self.band, reach))
+        keep = in_or_below if below else in_band
+        return self.weights(theta), found.take(keep(found.lam, self.band, reach))
 
     def roots(self, theta, reach=1.0):
         """Roots inside the band, ascending in modulus; plain numpy on the companion form."""

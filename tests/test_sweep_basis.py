@@ -43,6 +43,7 @@ from squealstudy.modes.rungs.windows import Windows
 from squealstudy.system.linearise import linearise
 
 BAND = (500.0, 4000.0)
+ABOVE = (2500.0, 4000.0)  # of many modes
 TOLERANCE = 1e-4
 ENERGETIC = ("caliper", 7)
 
@@ -82,11 +83,11 @@ def lifting_off(middle, half):
     return state_at
 
 
-def dense(prepared, state):
+def dense(prepared, state, band=BAND):
     """Roots of the band by the path of single points: own working point, own linearisation."""
     point = state_working_point(prepared, state)
     system = linearise(prepared.model, point, state)
-    return dense_roots(system.C, system.K, tuple(2 * np.pi * f for f in BAND))[0]
+    return dense_roots(system.C, system.K, tuple(2 * np.pi * f for f in band))[0]
 
 
 def compared(prepared, problem, theta, found, tolerance):
@@ -149,6 +150,19 @@ def test_the_basis_meets_its_tolerance(prepared, map_problem, map_basis):
     true, estimate = np.concatenate(true), np.concatenate(estimate)
     assert true.max() <= 3 * TOLERANCE
     covered(true, estimate, 0.02 * TOLERANCE)  # parts of smaller ones may cancel by chance
+
+
+def test_a_band_with_modes_below_it_has_no_root_that_none_of_the_brake_is(prepared):
+    """Parts of modes that a basis lacked had Ritz values in the band: errors of 7, not 1e-4."""
+    problem = BrakeProblem(prepared, 1, lambda theta: friction_pressure([theta[0], 0.0]), ABOVE)
+    basis = build_sweep_basis(problem, TOLERANCE)
+    assert basis.error <= TOLERANCE
+    pairs = basis.pairs(problem.weights(np.array([0.3])))
+    found = pairs.lam[in_band(pairs.lam, problem.band, 1.0)]
+    exact = dense(prepared, friction_pressure([0.3, 0.0]), ABOVE)
+    assert (np.abs(exact) < 1.01 * problem.band[1]).sum() > 10
+    away = np.abs(found[:, None] - exact).min(axis=1) / np.abs(found)
+    assert away[np.abs(found.imag) > 0].max() < 10 * TOLERANCE
 
 
 def test_two_points_are_trained_at_where_both_need_it():
@@ -313,7 +327,7 @@ def test_snapshots_hold_both_modes_of_their_point(map_problem):
     """Real and imaginary parts, of unit energy each: any phase of a mode is in their span."""
     theta = np.array([0.2, -0.7])
     block = _snapshots(map_problem, theta)
-    shapes, (_, pairs) = map_problem.from_energy(block), map_problem.pairs(theta, REACH)
+    shapes, (_, pairs) = map_problem.from_energy(block), map_problem.pairs(theta, REACH, below=True)
     m = len(pairs.lam)
     assert block.shape[1] == 4 * m
     for Z, parts in ((pairs.X, shapes[:, : 2 * m]), (pairs.Y, shapes[:, 2 * m :])):

@@ -25,7 +25,7 @@ from squealstudy.laboratory.method_stability.contract import (
 )
 from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.modes.reanalysis.estimate import EstimatedRoots
-from squealstudy.modes.reanalysis.problem import DenseProblem, in_band
+from squealstudy.modes.reanalysis.problem import DenseProblem, in_band, in_or_below
 from squealstudy.modes.rungs.perturbation import make_anchor, perturbed_roots
 from squealstudy.system.parametric import (
     DAMPING,
@@ -145,12 +145,15 @@ class SmallProblem(DenseProblem):
         """One of mass, damping and stiffness, and theta."""
         return (1.0, 1.0, 1.0, float(theta[0]))
 
-    def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
-        """All pairs of imaginary part >= 0 in reach of the band."""
+    def pairs(
+        self, theta: np.ndarray, reach: float, below: bool = False
+    ) -> tuple[Weights, Eigenpairs]:
+        """All pairs of imaginary part >= 0 in reach of the band, or below it too."""
         weights = self.weights(theta)
         _, C, K = self.system.matrices(weights)
         pairs = all_pairs(C, K)
-        return weights, pairs.take(in_band(pairs.lam, self.band, reach) & (pairs.lam.imag >= 0))
+        keep = in_or_below if below else in_band
+        return weights, pairs.take(keep(pairs.lam, self.band, reach))
 
     def nominal_stiffness(self) -> np.ndarray:
         """K (n, n)."""

@@ -23,7 +23,13 @@ from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import angular_band, state_working_point
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.polynomials import Interpolation, interpolation
-from squealstudy.modes.reanalysis.problem import DenseProblem, Linearisation, Linearised, in_band
+from squealstudy.modes.reanalysis.problem import (
+    DenseProblem,
+    Linearisation,
+    Linearised,
+    in_band,
+    in_or_below,
+)
 from squealstudy.modes.reanalysis.sweep_basis import corners
 from squealstudy.reduction.prepared import PreparedModel, shape_column
 from squealstudy.reduction.working_point import (
@@ -254,7 +260,9 @@ class BrakeProblem(DenseProblem):
             raise sample
         return sample.weights
 
-    def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
+    def pairs(
+        self, theta: np.ndarray, reach: float, below: bool = False
+    ) -> tuple[Weights, Eigenpairs]:
         """Exact pairs of the dense problem."""
         weights = self.weights(theta)
         if self.modal_damping is None:
@@ -262,7 +270,8 @@ class BrakeProblem(DenseProblem):
         else:
             C, K = self._with_exact_damping(theta, weights)
         found = pairs_inside(C, K, reach * self.band[1])
-        return weights, found.take(in_band(found.lam, self.band, reach))
+        keep = in_or_below if below else in_band
+        return weights, found.take(keep(found.lam, self.band, reach))
 
     def _with_exact_damping(self, theta: np.ndarray, weights: Weights) -> tuple[Any, Any]:
         _, C, K = self.structure.system.matrices(StructureWeights.of(weights))

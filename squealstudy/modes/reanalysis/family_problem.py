@@ -20,7 +20,7 @@ from squealstudy.models.matrices.expression import ExpressionError
 from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.modes.full_order.modes import UNDEFINED, family_system
 from squealstudy.modes.point import angular_band
-from squealstudy.modes.reanalysis.problem import SweptProblem, in_band
+from squealstudy.modes.reanalysis.problem import SweptProblem, in_band, in_or_below
 from squealstudy.root_pairs import partners
 from squealstudy.system.parametric import MASS, STIFFNESS, ParametricSystem, Weights
 
@@ -81,7 +81,9 @@ class FamilyProblem(SweptProblem):
         except ExpressionError as error:
             raise ConvergenceError(UNDEFINED, str(error)) from error
 
-    def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
+    def pairs(
+        self, theta: np.ndarray, reach: float, below: bool = False
+    ) -> tuple[Weights, Eigenpairs]:
         """Exact pairs by two sparse solves, of the matrices and of their transposes.
 
         Raises
@@ -91,13 +93,14 @@ class FamilyProblem(SweptProblem):
         """
         weights = self.weights(theta)
         M, C, K = self.family.combined(weights)
-        band = (self.band[0] / reach, self.band[1] * reach)
+        keep = in_or_below if below else in_band
+        band = (0.0 if below else self.band[0] / reach, self.band[1] * reach)
         right = roots_in_band(M, C, K, band, self.first)
         wider = (band[0] / EDGE, band[1] * EDGE)
         first = int(MARGIN * right.n_below) + 2
         left = roots_in_band(M.T.tocsr(), C.T.tocsr(), K.T.tocsr(), wider, first)
         pairs = biorthogonal(M, C, right.lam, right.psi, left.lam, left.psi.conj())
-        kept = in_band(pairs.lam, self.band, reach) & (pairs.lam.real >= self.least_growth)
+        kept = keep(pairs.lam, self.band, reach) & (pairs.lam.real >= self.least_growth)
         return weights, pairs.take(kept)
 
     @cached_property

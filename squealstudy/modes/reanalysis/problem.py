@@ -71,8 +71,13 @@ class SweptProblem(ABC):
         return None
 
     @abstractmethod
-    def pairs(self, theta: np.ndarray, reach: float) -> tuple[Weights, Eigenpairs]:
-        """Exact pairs of imaginary part >= 0 with band[0] / reach <= |lam| <= reach band[1]."""
+    def pairs(
+        self, theta: np.ndarray, reach: float, below: bool = False
+    ) -> tuple[Weights, Eigenpairs]:
+        """Exact pairs of imaginary part >= 0 with band[0] / reach <= |lam| <= reach band[1].
+
+        With `below` also those that vibrate below the band.
+        """
 
     @abstractmethod
     def energy_root(self, X: np.ndarray) -> np.ndarray:
@@ -130,6 +135,14 @@ def in_band(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.ndar
     """Roots of imaginary part >= 0 whose modulus lies in the band widened by `reach`."""
     size = np.abs(lam)
     kept: np.ndarray = (lam.imag >= 0) & (size >= band[0] / reach) & (size <= band[1] * reach)
+    return kept
+
+
+def in_or_below(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.ndarray:
+    """Roots that `in_band` keeps, and those below them that vibrate."""
+    kept: np.ndarray = in_band(lam, band, reach) | (
+        (lam.imag > 0) & (np.abs(lam) < band[0] / reach)
+    )
     return kept
 
 

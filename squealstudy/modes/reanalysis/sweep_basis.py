@@ -203,9 +203,13 @@ def _sampled_weights(problem: SweptProblem) -> list[Weights]:
 
 
 def _snapshots(problem: SweptProblem, theta: np.ndarray) -> np.ndarray | None:
-    """Real and imaginary parts of right and left modes, unit energy each, in energy coordinates."""
+    """Real and imaginary parts of right and left modes, unit energy each, in energy coordinates.
+
+    Modes below the band are among them: what a basis holds of a mode of which it lacks the rest has
+    a Ritz value above that mode's, and so perhaps in the band, where no mode is.
+    """
     try:
-        _, pairs = problem.pairs(theta, REACH)
+        _, pairs = problem.pairs(theta, REACH, below=True)
     except ConvergenceError:
         return None
     parts = []
