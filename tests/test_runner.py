@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 from study_runs import comparable, plan_of, solved
 from study_texts import study_text, sweep_text
-from tiny_meshes import tiny_meshes
+from tiny_meshes import forget_models, tiny_meshes
 
 import squealstudy
 from squealstudy.engine import store
@@ -328,6 +328,7 @@ def test_a_damaged_cache_entry_is_made_again(
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
     run_study(hulten(), tmp_path / "a", jobs=1)
     (entry,) = (tmp_path / "cache" / "models").iterdir()
+    forget_models()  # as another process, which has no map of the file
     (entry / "model.k_el.npy").write_bytes(b"")
     run_study(hulten(), tmp_path / "b", jobs=1)
     for a, b in zip(comparable(tmp_path / "a"), comparable(tmp_path / "b"), strict=True):

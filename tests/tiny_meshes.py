@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from squealstudy.engine import cache, reduced
+from squealstudy.engine import cache, mode_shapes, reduced
+from squealstudy.kinds.complex_modes import full_order_check, problems
 from squealstudy.kinds.design import in_time
 from squealstudy.kinds.transient import batch
 from squealstudy.mechanics import structures
@@ -38,6 +39,10 @@ def forget_models() -> None:
     """What this process remembers of reductions, by keys."""
     for function in IN_MEMORY:
         function.cache_clear()
+    for known in (problems._kept, full_order_check._built, full_order_check._held):
+        known.clear()
+    for known in (reduced._built, mode_shapes._last):
+        known.clear()
     structures.forget()
 
 
