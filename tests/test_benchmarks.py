@@ -69,6 +69,7 @@ RUNS = [
     Run("mesh_convergence", "assembled coarse --top 1500", "coarse: "),
     Run("method_costs", "--quick --top 1500 --varied 1 --points 20", "pays from"),
     Run("narrow_tongues", "--maps 1", "maps"),
+    Run("opening_cost", "--points 11 --rounds 1", "room in memory: "),
     Run("proofs", "--proofs 1 --of oscillator --linear", "1 proofs refuted"),
     Run("reanalysis", "--quick --top 1500 --points 1 --tolerances 1e-3", "windows 1e-03"),
     Run(
@@ -134,7 +135,11 @@ def printed(run: Run, folder: Path, monkeypatch, capsys) -> str:
     return capsys.readouterr().out
 
 
-@pytest.mark.parametrize("run", RUNS, ids=str)
+RARE = {"hybrid", "narrow_tongues"}  # whose parts have tests of their own, and that take longest
+MARKED = [pytest.param(r, marks=[pytest.mark.full_size] * (r.script in RARE)) for r in RUNS]
+
+
+@pytest.mark.parametrize("run", MARKED, ids=str)
 def test_it_runs_and_prints_its_table(run, tiny_brake, tmp_path, monkeypatch, capsys):
     if run.script == "squeal_judge" and CCX is None:
         pytest.skip("NOT JUDGED BY CALCULIX: there is no program ccx")

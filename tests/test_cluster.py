@@ -684,6 +684,7 @@ def test_a_task_ends_three_workers_at_most(mortal, here):
     assert not [name for name in plugins if name.startswith("squealstudy")]
 
 
+@pytest.mark.full_size  # a killed client goes on in the test before
 def test_a_lost_scheduler_ends_a_run_and_the_same_command_goes_on(own, cluster, here):
     own.add("a")
     path = trying(here, seconds=0.2, num=40)
