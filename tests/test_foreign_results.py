@@ -8,6 +8,8 @@ import os
 import sys
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from study_runs import command, plan_of
 from study_texts import study_text, sweep_text
@@ -142,6 +144,30 @@ def test_links_in_a_circle_are_refused(results, name):
     with pytest.raises((ResultsError, MachineError), match=r"itself|a link"):
         run(results)
     command("check", str(results))
+
+
+@pytest.mark.parametrize("values", [[{"a": 1}], [[1, 2]], [b"\xff"], [7], [None]])
+def test_a_table_that_is_none_of_its_kind_is_told_by_check(results, values, capsys):
+    path = results / "points.parquet"
+    table = pq.read_table(path)
+    place = table.schema.get_field_index("status")
+    forged = pa.array(values * table.num_rows)
+    pq.write_table(table.set_column(place, "status", forged), path)
+    entry = [path.stat().st_size, hashlib.sha256(path.read_bytes()).hexdigest()]
+    with (results / JOURNAL).open("a") as journal:
+        journal.write(json.dumps({"files": {path.name: entry}}) + "\n")
+    assert command("check", str(results)) == 1
+    told = capsys.readouterr().out
+    assert "points.parquet: column 'status' holds" in told
+    assert "5 ok" in told  # by the chunks
+
+
+def test_check_says_what_would_be_executed_where_that_is_nothing(results, capsys):
+    command("check", str(results))
+    assert "none of its own: no command executes anything" in capsys.readouterr().out
+    (results / MANIFEST).unlink()
+    command("check", str(results))
+    assert "cannot be told without a manifest" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("content", ["{}", "3", "[" * 50_000, '{"point_id": 1}', "\xff"])

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 
+from squealstudy.engine.column_types import misfit
 from squealstudy.engine.journal import JOURNAL, MISSING, UNFINISHED, refused_names
 from squealstudy.engine.manifest import BESIDE
 from squealstudy.engine.recorded_code import code_of
@@ -23,6 +24,9 @@ from squealstudy.wording import failure_counts, plural, status_counts
 FOREIGN = "of others"
 EXECUTED = "you have run it on this machine; shape and report execute your file, or a copy of it"
 NOT_EXECUTED = "you have not run it on this machine: no command executes it unless --extension does"
+NO_CODE = "none of its own: no command executes anything of this directory"
+UNKNOWN_CODE = "cannot be told without a manifest: no command executes anything of this directory"
+MISFIT = "no table of this kind"  # whole, and yet none that a run writes
 
 
 def check_results(directory: Path) -> tuple[Rows, bool]:
@@ -44,11 +48,14 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
         raise ResultsError(f"{directory}: holds no results of squealstudy")
     told = tuple(str(manifest.get(key, "unknown")) for key in ("name", "kind", "model"))
     name, kind, model = told if manifest else store.journal.owner or told
-    rows: Rows = [("study", f"{name}: {kind} of {model}"), *_run(store, manifest), *_sizes(store)]
-    rows += [
+    misfits = _misfits(store, manifest)
+    rows: Rows = [("study", f"{name}: {kind} of {model}")]
+    rows += [*_run(store, manifest, misfits), *_sizes(store)]
+    code = [
         ("code", f"{name}: {EXECUTED if mine else NOT_EXECUTED}")
         for name, mine in code_of(manifest, directory)
     ]
+    rows += code or [("code", NO_CODE if manifest else UNKNOWN_CODE)]
     if not store.journal.begun:
         return [*rows, ("whole", "cannot be told: a version that kept no journal wrote it")], True
     faults = store.faults()
@@ -57,6 +64,8 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
     finished = manifest.get("status") == "complete"
     for fault, names in _in_no_journal(store, manifest).items():
         faults.setdefault(fault, []).extend(names)
+    if misfits:
+        faults[MISFIT] = [f"{name}: {why}" for name, why in misfits.items()]
     rows += [(fault, one) for fault, names in faults.items() for one in sorted(names)]
     if lost := store.journal.unreadable:
         text = f"{plural(lost, 'line')} cannot be read, after a kill or by damage"
@@ -83,7 +92,22 @@ def _of_beside(directory: Path) -> tuple[Rows, bool]:
         return [("whole", f"no: {error}")], False
 
 
-def _run(store: Store, manifest: Mapping[str, Any]) -> Rows:
+def _misfits(store: Store, manifest: Mapping[str, Any]) -> dict[str, str]:
+    """Why tables that are whole are none that a run of the kind writes, by their files."""
+    kind = str(manifest.get("kind"))
+    found: dict[str, str] = {}
+    for name in kind_named(kind).tables if kind in kind_names() else ():
+        if not store.fault(name):
+            try:
+                schema, n_rows = store.shape_of(name)
+                units, table = manifest.get("units", {}), name.removesuffix(".parquet")
+                found[name] = misfit(schema, kind, table, units, n_rows)
+            except ResultsError as error:
+                found[name] = str(error)
+    return {name: why for name, why in found.items() if why}
+
+
+def _run(store: Store, manifest: Mapping[str, Any], misfits: Collection[str]) -> Rows:
     """How far the run came, and how many points are ok, failed and missing."""
     if not manifest:
         return []
@@ -93,8 +117,9 @@ def _run(store: Store, manifest: Mapping[str, Any]) -> Rows:
         return rows
     found = kind_named(kind)
     total, points = int(manifest.get("n_points", 0)), []
-    if status == "complete" and not store.fault(found.tables[0]):
-        points = [store.read_table(found.tables[0], ["status"])]
+    first = found.tables[0]
+    if status == "complete" and not store.fault(first) and first not in misfits:
+        points = [store.read_table(first, ["status"])]
     if sum(map(len, points)) != total:  # the table is of something else than the points
         points = list(store.chunks(found.schema, ["status"]))
     statuses = pa.chunked_array(

@@ -13,13 +13,16 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from squealstudy import array_files
 from squealstudy.array_files import expect_memory
+from squealstudy.engine.dictionary_pages import longest_entry
 from squealstudy.errors import ContradictionError, ResultsError
 
 SIDE_BY_SIDE = b"side_by_side"  # in the metadata of a schema: its lists of one length
 NUMBER_BYTES = 8  # of a value that is no text
 TEXT_BYTES = 16  # of a text beside its letters: its place in a table, and in a frame
 TEXT = "BYTE_ARRAY"
+Part = tuple[int, int, int, pq.ColumnChunkMetaData]  # group, column, values, facts
 
 
 @contextlib.contextmanager
@@ -35,7 +38,7 @@ def read_file(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     """A file of a table; OSError, ValueError where it is none or has no room."""
     with pq.ParquetFile(path) as file:
         expect_room(path, file, columns)
-    return pq.read_table(path, columns=columns)
+        return file.read(columns=None if columns is None else list(columns))
 
 
 def read_batches(path: Path, columns: Sequence[str], rows: int) -> Iterator[pa.Table]:
@@ -101,19 +104,18 @@ def expect_room(
     path: Path, file: pq.ParquetFile, columns: Collection[str] | None = None, rows: int = 0
 ) -> None:
     """Raise ValueError where columns of a table, or so many rows at a time, have no room."""
-    needed, texts = 0.0, dict[int, set[int]]()
+    needed, texts = 0.0, list[Part]()
     for group, column, values, part in _parts(file, columns, rows):
         needed += values * NUMBER_BYTES
         if part.physical_type == TEXT:
-            texts.setdefault(column, set()).add(group)
+            texts.append((group, column, values, part))
             needed += values * TEXT_BYTES
     expect_memory(needed)
-    expect_memory(needed + _longest(path, file, texts, columns, rows))
+    if texts:
+        expect_memory(needed + _letters(path, file, texts))
 
 
-def _parts(
-    file: pq.ParquetFile, columns: Collection[str] | None, rows: int
-) -> Iterator[tuple[int, int, int, pq.ColumnChunkMetaData]]:
+def _parts(file: pq.ParquetFile, columns: Collection[str] | None, rows: int) -> Iterator[Part]:
     """Group, column, number of values and facts of each part of a column that is read."""
     told, schema = file.metadata, file.schema
     for column in range(len(schema)):
@@ -126,33 +128,32 @@ def _parts(
             yield group, column, min(part.num_values, rows) if plain else part.num_values, part
 
 
-def _longest(
-    path: Path,
-    file: pq.ParquetFile,
-    texts: dict[int, set[int]],
-    columns: Collection[str] | None,
-    rows: int,
-) -> float:
-    """Letters of all texts, at most: as many times the longest of a dictionary as it has values.
+def _letters(path: Path, file: pq.ParquetFile, texts: Sequence[Part]) -> float:
+    """Letters of all texts, at most.
 
-    Dictionaries are looked at only where the sizes in the footer leave it open.
+    Those beside a dictionary are no more than the part is large, those in it as many times its
+    longest as there are values. Dictionaries are looked at only where much depends on them, and
+    decoded only where they are of another form than that of names of design points.
     """
-    names = {column: file.schema.column(column).path for column in texts}
-    each = [
-        (group, column, values, part)
-        for group, column, values, part in _parts(file, columns, rows)
-        if column in names
-    ]
-    bound = float(sum(values * part.total_uncompressed_size for _, _, values, part in each))
-    try:
-        expect_memory(bound)
-    except ValueError:
-        coded = pq.ParquetFile(path, read_dictionary=list(names.values()))
-        with coded:
-            bound = sum(
-                values * _length(coded, group, names[column]) for group, column, values, _ in each
+    letters, unknown = 0.0, list[Part]()
+    with path.open("rb") as handle:
+        for group, column, values, part in texts:
+            size, little = (
+                part.total_uncompressed_size,
+                array_files.SMALL / len(texts) / max(values, 1),
             )
-    return bound
+            longest = size if size <= little else longest_entry(handle, part, little)
+            if longest is None:
+                unknown.append((group, column, values, part))
+            else:
+                letters += size + values * longest
+    if unknown:
+        names = {column: file.schema.column(column).path for _, column, _, _ in unknown}
+        with pq.ParquetFile(path, read_dictionary=list(names.values())) as coded:
+            for group, column, values, part in unknown:
+                letters += part.total_uncompressed_size
+                letters += values * _length(coded, group, names[column])
+    return letters
 
 
 def _length(coded: pq.ParquetFile, group: int, name: str) -> float:

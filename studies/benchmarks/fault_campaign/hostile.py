@@ -249,7 +249,7 @@ def _facts(results: Path, rng: random.Random) -> str:
         return "no manifest"
     try:
         content = json.loads(path.read_bytes())
-    except ValueError:
+    except (ValueError, RecursionError):  # an earlier change
         return "no manifest"
     if not isinstance(content, dict):
         return "no manifest"
@@ -391,7 +391,7 @@ def _code(results: Path, rng: random.Random) -> str:
         return "code beside"
     try:
         content = json.loads(path.read_bytes())
-    except ValueError:
+    except (ValueError, RecursionError):  # an earlier change
         return "code beside"
     if not isinstance(content, dict):
         return "code beside"
