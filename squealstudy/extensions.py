@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ExtensionError, SquealstudyError
 from squealstudy.machine import end_with
+from squealstudy.python_texts import TextLoader, import_texts_of
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -46,13 +47,14 @@ def load_extension(path: str | Path) -> str:
         return source
     name = f"squealstudy_extension_{path.stem}_{source}"
     if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, path)
+        loader = TextLoader(name, str(path))
+        spec = importlib.util.spec_from_file_location(name, path, loader=loader)
         if spec is None or spec.loader is None:
             raise ExtensionError(path, "is no file of Python")
         before = len(_registered)
         module = sys.modules[name] = importlib.util.module_from_spec(spec)
         if str(path.parent) not in sys.path:  # last: no module of its folder hides an installed one
-            sys.path.append(str(path.parent))
+            import_texts_of(path.parent)
         try:
             spec.loader.exec_module(module)
         except Exception as error:

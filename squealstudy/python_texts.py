@@ -1,0 +1,56 @@
+"""Modules of folders of others are made of their texts, never of bytecode that lies beside them.
+
+Python takes bytecode in ``__pycache__`` for a text of the size and time that stand in it, whatever
+the bytecode does: what was read and hashed would not be what is executed.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib.machinery import (
+    EXTENSION_SUFFIXES,
+    SOURCE_SUFFIXES,
+    ExtensionFileLoader,
+    FileFinder,
+    SourceFileLoader,
+)
+from pathlib import Path
+from types import CodeType
+
+_folders: list[Path] = []
+
+
+class TextLoader(SourceFileLoader):
+    """Executes the text of a module, and neither reads nor writes bytecode."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        """The text, compiled."""
+        path = self.get_filename(fullname)
+        return self.source_to_code(self.get_data(path), path)
+
+
+def import_texts_of(folder: Path) -> None:
+    """Find modules in a folder, after all others: a text hides what is compiled beside it."""
+    if not _folders:
+        sys.path_hooks.insert(0, _finder)
+    _folders.append(folder)
+    sys.path_importer_cache.pop(str(folder), None)
+    sys.path.append(str(folder))
+
+
+def _finder(path: str) -> FileFinder:
+    """Of such a folder, or of a package in it; ImportError of another one."""
+    here = Path(path)
+    if not any(here == folder or _is_package(here, folder) for folder in _folders):
+        raise ImportError(path)
+    return FileFinder(
+        path, (TextLoader, SOURCE_SUFFIXES), (ExtensionFileLoader, EXTENSION_SUFFIXES)
+    )
+
+
+def _is_package(here: Path, folder: Path) -> bool:
+    """Whether a path is that of a package in a folder: not what Python finds elsewhere."""
+    if not here.is_relative_to(folder):
+        return False
+    between = {here, *here.parents} - {folder, *folder.parents}
+    return not between & {Path(entry) for entry in sys.path if entry}
