@@ -81,7 +81,7 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"(over_)?value|value_error|line_difference|change|reference|truth|number", OF_THE_ROW),
     (r"onset|bracket_(low|high)|threshold", OF_THE_ONSET),
     (  # counts, numbers of modes and tracks, ratios
-        r"n_\w+|design|round|margin|occurrence|change_cost|\w*points\w*|\w*groups|point|rounds"
+        r"n_\w+|family(_modes)?|design|round|margin|occurrence|change_cost|\w*points\w*|\w*groups|point|rounds"
         r"|evaluations|iterations\w*|halvings|newton_steps"
         r"|track|mode|component_mode|dominant_mode|transfer_(from|to)|missed|spurious"
         r"|\w*damping\w*|\w*share\w*|energy_(?!mean)\w+|track_mac|\w*residual|condition|match"

@@ -114,7 +114,7 @@ def test_command_shows_the_motion(results, capsys, tmp_path):
     shape = results.end_motion().shape
     assert not [text for text in (*title(shape), *sources(shape)) if "growth" in text]
     assert {p.suffix for p in out.iterdir()} == {".html", ".uff"}
-    assert all(p.stem.endswith("end_of_the_run") for p in out.iterdir())
+    assert all(p.stem.startswith("end_of_the_run_") for p in out.iterdir())
     mode = pyuff.UFF(str(next(out.glob("*.uff")))).read_sets(2)
     assert mode["analysis_type"] == 5
     assert mode["freq"] == pytest.approx(results.end_motion().shape.frequency_hz, rel=1e-5)

@@ -356,6 +356,7 @@ QUIET = {
     "torque_rms": 10.0,
     "contact_velocity": 2.0,
     "frequency_hz": 100.0,
+    "frequency_error": 0.0,
     "level_error": 1e-9,
     "velocity_error": 0.0,
     "energy": 4.0,

@@ -46,7 +46,7 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
     modes = run.point.growing
     if found.name == UNDECIDED and len(run.times) >= JUDGED_ROWS:
         if sticks_mostly(run):
-            known = repeats_stick_slip(run)
+            known = repeats_stick_slip(run) or comes_back(run)
             return RunClass(LIMIT_CYCLE) if known else RunClass(UNDECIDED, decided_by(run))
         found = RunClass(LIMIT_CYCLE) if comes_back(run) else found
     if found.name == LIMIT_CYCLE:
