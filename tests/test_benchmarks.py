@@ -108,7 +108,7 @@ NEEDED = {  # of a script, or of one of its parts: what must be there
     "mutants": "coverage",
 }
 OF_RESULTS = ("cycle_screen",)  # it reads those of a study below
-ELSEWHERE = ("column_truth",)  # in test_column_truth.py
+ELSEWHERE = ("column_truth", "mode_slopes", "mode_designs")  # test_column_truth, _small_models
 
 
 @pytest.fixture(scope="module")

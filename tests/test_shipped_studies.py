@@ -120,6 +120,7 @@ def test_own_brake_design() -> None:
     study = plan.design_study
     assert [v.name for v in study.variables] == ["added_mass.caliper.GUIDES", "damping_ratio"]
     assert [(v.low, v.high) for v in study.variables] == [(0.0, 0.3), (0.0, pytest.approx(0.02))]
+    assert plan.band_hz == (500.0, 9000.0)  # the mode at 6.3 kHz takes the most damping
 
 
 def test_hulten_flutter(tmp_path: Path) -> None:

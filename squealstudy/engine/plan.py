@@ -397,6 +397,8 @@ def checked_points(plan: Plan) -> list[int]:
     section = plan.study.definition.modes
     chosen = reference_choice(plan, section.reference_points)
     count = int(np.ceil(section.audit * len(plan.tasks)))
+    if not count:  # a permutation of millions of points takes a second
+        return chosen
     drawn = np.random.default_rng(0).permutation(len(plan.tasks))[:count]
     return list(dict.fromkeys([*chosen, *(int(i) for i in drawn)]))
 

@@ -19,6 +19,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import one_thread  # noqa: F401
 
@@ -177,8 +178,7 @@ def onset_numbers(
                 right = bool(error <= 1.001 * row.error_estimate + 1e-12)
                 yield Told("onsets", f"onset {row.status}", row.onset, near, right, flagged, at)
             elif row.status in ("first_seen", "bracketed"):
-                below = [t[0] for t in true if t[0] <= row.bracket_high + 1e-9]
-                yield Told("onsets", row.status, row.bracket_high, np.nan, bool(below), True, at)
+                yield from _upper_bound(family, y, row, true, flagged)
         found = own["onset"].to_numpy()
         x = np.sort(family.x)
         for exact, hz in true:
@@ -192,6 +192,37 @@ def onset_numbers(
             at = f"y={y:g} {hz:.1f} Hz between {x[k]:g} and {x[k + 1]:g}"
             seen = bool(unsure.any()) or bool(ambiguous)
             yield Told("onsets", "missing", np.nan, exact, right, seen, at)
+
+
+def _upper_bound(
+    family: Family, y: float, row: Any, true: list[tuple[float, float]], flagged: bool
+) -> Iterator[Told]:
+    """An onset told as "at most": its value, the mode that grows there, and that a root turned.
+
+    `first_seen`: no mode of this track is before; a root of the band turned at or below the value,
+    or grew from the first value on, or came into the band by its frequency. `bracketed`: none at
+    the point before has damping; a root turned in the bracket, or at its lower end.
+    """
+    at = f"y={y:g} track {row.track} {row.status}"
+    value = float(row.onset)
+    right = value == row.bracket_high
+    yield Told("onsets", f"{row.status} value", value, row.bracket_high, right, flagged, at)
+    lam = family.roots(row.bracket_high, y)
+    own = lam[np.argmin(np.abs(np.abs(lam) / HZ - row.frequency_hz))] if len(lam) else 0.0
+    right = own.real > 0.0 and abs(abs(own) / HZ - row.frequency_hz) < 1e-6 * row.frequency_hz
+    yield Told(
+        "onsets", f"{row.status} mode", row.frequency_hz, abs(own) / HZ, bool(right), flagged, at
+    )
+    first = float(np.min(family.x))
+    low = first if row.status == "first_seen" else float(row.bracket_low)
+    slack = 1e-6 * float(np.ptp(family.x))
+    turned = any(low - slack <= t[0] <= value + slack for t in true)
+    before = family.roots(low, y)
+    grew = bool((before.real > -1e-6 * np.abs(before)).any())  # without damping from there on
+    before = family.roots(np.sort(family.x)[np.searchsorted(np.sort(family.x), value) - 1], y)
+    entered = bool((~in_band(before) & (before.real > 0)).any())
+    right = turned or grew or entered
+    yield Told("onsets", row.status, value, np.nan, right, flagged, at)
 
 
 def ranking_numbers(
