@@ -14,10 +14,11 @@ from functools import cache
 from importlib import import_module
 from io import BytesIO
 from pathlib import Path
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from squealstudy.engine.store import PICTURES, write_manifest
-from squealstudy.errors import ResultsError
+from squealstudy.errors import ExtensionError, ResultsError, SquealstudyError
 from squealstudy.extensions import note_registered
 from squealstudy.files import write_atomic
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 DPI = 130
 NOTHING = "nothing to see"  # label of a figure that only says why
+PACKAGE = "squealstudy"
 FOLDER = "squealstudy.plots"
 Draw = Callable[..., "Figure"]
 Choices = Mapping[str, Any]  # arguments of a plot beside the results
@@ -72,13 +74,28 @@ class Plot:
         return ""
 
     def __call__(self, results: Results, **choices: Any) -> Figure:
-        """The figure; ResultsError where the results lack what is drawn."""
+        """The figure.
+
+        ResultsError where the results lack what is drawn; ExtensionError where a plot from outside
+        the package fails.
+        """
         if lacking := self.missing(results):
             raise ResultsError(
                 f"{results.directory}: the plot {self.name} needs {lacking}, which these results "
                 f"of kind {results.kind} have not"
             )
-        return self.draw(results, **choices)
+        try:
+            return self.draw(results, **choices)
+        except SquealstudyError:
+            raise
+        except Exception as error:
+            code = self.draw.__code__ if isinstance(self.draw, FunctionType) else None
+            if code is None or self.draw.__module__.split(".")[0] == PACKAGE:
+                raise
+            said = f"{type(error).__name__}: {error}"
+            raise ExtensionError(
+                Path(code.co_filename), f"the plot '{self.name}' cannot be drawn ({said})"
+            ) from error
 
 
 _REGISTERED: dict[str, Plot] = {}
@@ -173,8 +190,16 @@ def draw_pictures(results: Results, directory: Path | None) -> list[Path]:
     if directory is None and paths:  # first, so that none is there that is not known
         results.manifest[PICTURES] = sorted(path.name for path in paths)
         write_manifest(results.directory, results.manifest)
+    failed: list[ExtensionError] = []
     for path, (_, plot, choices) in zip(paths, wanted, strict=True):
-        save_figure(plot(results, **choices), path)
+        try:
+            figure = plot(results, **choices)
+        except ExtensionError as error:  # the others are drawn all the same
+            failed.append(error)
+        else:
+            save_figure(figure, path)
+    if failed:
+        raise failed[0]
     return paths
 
 

@@ -14,7 +14,7 @@ from study_texts import study_text, sweep_text
 
 import squealstudy as sq
 from squealstudy.engine import pictures
-from squealstudy.errors import ResultsError
+from squealstudy.errors import ExtensionError, ResultsError
 
 STUDY = (
     study_text("lockin", "{kind}", "hulten")
@@ -53,6 +53,18 @@ def test_the_plot_is_drawn_and_shows_every_unstable_mode(tmp_path):
     assert sum(heights) == np.sum(results.modes["unstable"]) > 0
     assert "unstable_by_band" in dir(results.plot)
     assert tmp_path / "unstable_by_band.png" in results.draw(tmp_path)
+
+
+def test_one_that_fails_is_named_and_the_others_are_drawn(tmp_path):
+    """No mode is unstable: the largest of no frequency is no number."""
+    path = tmp_path / "study.toml"
+    text = STUDY.format(kind="complex_modes").replace("stop = 0.6", "stop = 0.1")
+    path.write_text(text)
+    results = sq.run(path, tmp_path / "results", jobs=1)
+    assert not results.modes["unstable"].any()
+    with pytest.raises(ExtensionError, match=r"my_plot\.py: the plot 'unstable_by_band' cannot"):
+        results.draw(tmp_path / "drawn")
+    assert (tmp_path / "drawn" / "stability_diagram.png").is_file()
 
 
 def test_results_without_its_tables_have_no_such_picture(tmp_path):
