@@ -61,7 +61,7 @@ def test_a_motion_that_repeats_beside_stable_sliding_is_no_undecided_one(found):
 
 def test_levels_of_friction_that_sticks(found):
     """Two corners a period at each point: RMS, mean, peaks and frequency within their bounds."""
-    told = found[4][1]
+    told = found[3][1]
     levels = [t for t in told if t.bounded and t.column in LEVELS]
     assert len(levels) == len(LEVELS)
     assert all(t.inside for t in levels), levels

@@ -206,12 +206,15 @@ def _snapshots(problem: SweptProblem, theta: np.ndarray) -> np.ndarray | None:
     """Real and imaginary parts of right and left modes, unit energy each, in energy coordinates.
 
     Modes below the band are among them: what a basis holds of a mode of which it lacks the rest has
-    a Ritz value above that mode's, and so perhaps in the band, where no mode is.
+    a Ritz value above that mode's, and so perhaps in the band, where no mode is. A point without a
+    mode in the band has none.
     """
     try:
         _, pairs = problem.pairs(theta, REACH, below=True)
     except ConvergenceError:
         return None
+    if not in_band(pairs.lam, problem.band, REACH).any():
+        pairs = pairs.take(np.zeros(len(pairs.lam), bool))
     parts = []
     for Z in (pairs.X, pairs.Y):
         E = problem.energy_root(np.hstack([Z.real, Z.imag]))
