@@ -150,5 +150,26 @@ def test_modes_that_exchange_their_growth_between_neighbours_are_one_family() ->
     modes = pd.DataFrame({"track": [22, 23, 40] * 4, "point": np.repeat(range(4), 3)})
     modes["frequency_hz"] = [3750.0, 3800.0, 4500.0] * 4
     modes["unstable"] = [True, False, False] * 2 + [False, True, True] * 2
+    modes["track_ambiguous"] = [False] * 7 + [True] + [False] * 4
     code = modes["point"].to_numpy()
     assert list(exchanged_tracks(modes, code, edges, [22, 23, 40])) == [(22, 23)]
+    sure = modes.assign(track_ambiguous=False)
+    assert list(exchanged_tracks(sure, code, edges, [22, 23, 40])) == []
+
+
+def test_two_modes_without_coupling_that_grow_in_turn_are_two(tmp_path: Path) -> None:
+    """At 100 and 101 Hz; friction beyond .5 takes the growth of one and gives it to the other."""
+    text = FALLING[: FALLING.index("[[model.term]]")]
+    for name, parts in (("M", [1.0, 1.0]), ("K", [100.0**2, 101.0**2])):
+        scale = 4 * np.pi**2 if name == "K" else 1.0
+        sp.save_npz(tmp_path / f"{name}.npz", sp.csr_matrix(scale * np.diag(parts)))
+        text += f'[[model.term]]\nmatrix = "{name}"\nfile = "{name}.npz"\n'
+    for name, parts, way in (("A", [1.0, 0.0], "x - 0.5"), ("B", [0.0, 1.0], "0.5 - x")):
+        sp.save_npz(tmp_path / f"{name}.npz", sp.csr_matrix(np.diag(parts)))
+        text += f'[[model.term]]\nmatrix = "C"\nfile = "{name}.npz"\ncoefficient = "20*({way})"\n'
+    text += "[parameters]\nx = 0.3\n" + FALLING[FALLING.index("[[sweep]]") :]
+    text = text.replace("[80.0, 90.0, 100.0]", "[0.1, 0.3, 0.7, 0.9]")
+    results = solved(
+        plan_of(text.format(folder=tmp_path.as_posix()), tmp_path / "two.toml"), tmp_path / "r"
+    )
+    assert results.rank()["family"].tolist() == [1, 2]

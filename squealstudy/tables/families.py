@@ -3,7 +3,8 @@
 Round a coalescence in the plane of two parameters two modes change places: no numbering holds on
 all lines of a grid. Where an onset turns out to be none, for the unstable mode stays so and goes on
 under another number, both numbers are of one family. So are those of two modes near each other in
-frequency, of which at one point one grows and the other does not, and at the next the other way.
+frequency, of which at one point one grows and the other does not, and at the next the other way,
+where a label is ambiguous: two modes that are surely followed are two.
 """
 
 from __future__ import annotations
@@ -60,12 +61,12 @@ def neighbours(points: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
 def exchanged_tracks(
     modes: pd.DataFrame, code: np.ndarray, edges: np.ndarray, tracks: Sequence[int]
 ) -> Iterator[tuple[int, int]]:
-    """Pairs of tracks that exchange their growth between neighbouring points.
+    """Pairs of tracks that exchange their growth between neighbouring points, one ambiguous there.
 
     Parameters
     ----------
     modes : DataFrame
-        With ``track``, ``unstable``, ``frequency_hz``.
+        With ``track``, ``track_ambiguous``, ``unstable``, ``frequency_hz``.
     code : ndarray (m,) of int
         Design point of each of them.
     edges : ndarray (e, 2) of int
@@ -76,14 +77,17 @@ def exchanged_tracks(
     count = int(edges.max(initial=-1)) + 1
     if count * len(tracks) ** 2 > MOST_CELLS:
         return
-    hz, grows = {}, {}
+    hz, grows, doubtful = {}, {}, {}
     number, unstable = modes["track"].to_numpy(), modes["unstable"].to_numpy(bool)
+    ambiguous = modes["track_ambiguous"].to_numpy(bool)
     for track in tracks:
         rows = np.flatnonzero((number == track) & (code < count))
         hz[track] = np.full(count, np.nan)
         hz[track][code[rows]] = modes["frequency_hz"].to_numpy(float)[rows]
         grows[track] = np.zeros(count, dtype=bool)
         grows[track][code[rows]] = unstable[rows]
+        doubtful[track] = np.zeros(count, dtype=bool)
+        doubtful[track][code[rows]] = ambiguous[rows]
     a, b = edges.T
     for one, other in combinations(tracks, 2):
         near = np.abs(hz[one] - hz[other]) < NEAR * hz[one]
@@ -91,7 +95,8 @@ def exchanged_tracks(
         goes = (first[a] & second[b] & ~first[b] & ~second[a]) | (
             second[a] & first[b] & ~second[b] & ~first[a]
         )
-        if (goes & near[a] & near[b]).any():
+        unsure = doubtful[one] | doubtful[other]
+        if (goes & near[a] & near[b] & (unsure[a] | unsure[b])).any():
             yield one, other
 
 
