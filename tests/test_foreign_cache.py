@@ -208,7 +208,8 @@ def test_a_package_in_the_current_directory_is_found_there(tmp_path):
     (tmp_path / "squealstudy").symlink_to(Path(__file__).parents[1] / "squealstudy")
     (tmp_path / "numpy.py").write_text("raise SystemExit('executed')")
     environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
-    code = "import sys; sys.argv = ['-m']; import squealstudy, numpy; print(squealstudy.__path__)"
+    code = "import sys; sys.argv = ['-m']; sys.orig_argv = ['python', '-m', 'squealstudy']; "
+    code += "import squealstudy, numpy; print(squealstudy.__path__)"
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=tmp_path,
@@ -218,3 +219,20 @@ def test_a_package_in_the_current_directory_is_found_there(tmp_path):
         check=False,
     )
     assert done.stdout, done.stderr
+
+
+def test_a_program_that_imports_the_package_keeps_its_own_directory(tmp_path):
+    """`python -m theirs.main`, whose package imports ours first and a module beside it then."""
+    (tmp_path / "theirs").mkdir()
+    (tmp_path / "theirs" / "__init__.py").write_text("import squealstudy\n")
+    (tmp_path / "theirs" / "main.py").write_text("import beside\n")
+    (tmp_path / "beside.py").write_text("print('found')\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "theirs.main"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout == "found\n", done.stderr
