@@ -247,7 +247,7 @@ def test_what_is_wrong_is_said_with_its_line(tmp_path, old, new, message):
     text = archive(box("C3D8I"), 185, {2: 2}, range(8))
     assert old in text
     with pytest.raises(ModelError, match=message) as caught:
-        read(tmp_path, text.replace(old, new, 1))
+        mass_matrix(read(tmp_path, text.replace(old, new, 1)))
     assert str(caught.value).startswith(str(tmp_path / "a.cdb"))
 
 

@@ -221,7 +221,7 @@ def test_what_is_wrong_is_said_with_its_line(tmp_path, old, new, message):
     text = deck(box("C3D8I", (1, 1, 1)))
     assert old in text
     with pytest.raises(ModelError, match=message) as caught:
-        read(tmp_path, text.replace(old, new, 1))
+        mass_matrix(read(tmp_path, text.replace(old, new, 1)))
     assert re.search(r"a\.bdf, line \d+: ", str(caught.value))
 
 

@@ -341,7 +341,7 @@ search = 0.1
         ('mesh = "plate.inp"', 'mesh = "plate.inp"\nmes = 1', 10, "components.plate.mes",
          "unknown key; did you mean 'mesh'?"),
         ('mesh = "plate.inp"', 'mesh = "plate.inp"\nmaterials.X = {E = 1, nux = 1}', 10,
-         "components.plate.materials.X.nu", "the key 'nu' is missing"),
+         "components.plate.materials.X.nux", "unknown key; did you mean 'nu'?"),
         ("search = 0.1", "search = inf", 19, "contact[1].search", "expected a finite number"),
         ('unit = "MPa"', 'unit = "mm"', 37, "parameters.lining.E3.unit", "a unit like 'Pa'"),
         (', default = 2e3, unit = "MPa"', "", 37, "parameters.lining.E3", "expected default"),

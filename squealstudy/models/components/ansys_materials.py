@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from squealstudy.errors import ModelError
 from squealstudy.models.components.ansys_commands import MODEL_FILE, STUDY, each
 from squealstudy.models.components.inp_cards import Line
-from squealstudy.models.components.materials import Elastic, Orthotropic
+from squealstudy.models.components.materials import Elastic, Orthotropic, Unfinished
 from squealstudy.models.fem.solid import Isotropic
 
 ELASTIC = ("EX", "EY", "EZ", "PRXY", "PRXZ", "PRYZ", "NUXY", "NUXZ", "NUYZ", "GXY", "GXZ", "GYZ")
@@ -30,7 +30,7 @@ Command = tuple[Line, list[str]]
 
 def materials(
     single: Iterable[Command], tables: Iterable[Command]
-) -> tuple[dict[str, Elastic], dict[str, tuple[Line, str]]]:
+) -> tuple[dict[str, Elastic | Unfinished], dict[str, tuple[Line, str]]]:
     """Materials by the names MAT1, MAT2, ..., and properties that are passed over, with reasons.
 
     Materials without any modulus are left out: the model file may give them.
@@ -65,12 +65,19 @@ def materials(
     return found, notes
 
 
-def _material(name: str, own: Mapping[str, tuple[float, Line]]) -> Elastic:
+def _material(name: str, own: Mapping[str, tuple[float, Line]]) -> Elastic | Unfinished:
     """Orthotropic where there is more than one modulus; ModelError where numbers are missing."""
+    _, line = next(iter(own.values()))
+    if own.get("DENS", (0.0, line))[0] > 0:
+        return _elastic(name, own)
+    moduli = _elastic(name, {**own, "DENS": (1.0, line)})
+    return Unfinished(moduli, None, str(line.error(f"{name} has no density DENS above zero")))
+
+
+def _elastic(name: str, own: Mapping[str, tuple[float, Line]]) -> Elastic:
+    """With its density."""
     value = {label: number for label, (number, _) in own.items()}
     _, line = next(iter(own.values()))
-    if not value.get("DENS", 0.0) > 0:
-        raise line.error(f"{name} has no density DENS above zero")
     for pair in ("XY", "XZ", "YZ"):
         if f"PR{pair}" in value and f"NU{pair}" in value:
             raise line.error(f"{name} has both PR{pair} and NU{pair}")

@@ -125,6 +125,7 @@ def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
             dialect=table.dialect,
             treat_as=table.treat_as,
             pass_over=table.pass_over,
+            temperature=table.temperature,
         )
     elif ending == ".msh":
         from squealstudy.models.components.gmsh import read_gmsh
@@ -208,24 +209,32 @@ def placement(name: str, table: ComponentTable, units: str) -> tuple[np.ndarray,
 
 def _in_si(mesh: SolidMesh, units: str) -> SolidMesh:
     size, stress, density = (d.factor(units) for d in (LENGTH, STRESS, DENSITY))
-    materials: dict[str, Elastic] = {}
-    for name, m in mesh.materials.items():
-        if isinstance(m, Isotropic):
-            materials[name] = replace(
-                m, young_modulus=stress * m.young_modulus, density=density * m.density
-            )
-        else:
-            entries = tuple(stress * e for e in m.entries)
-            materials[name] = replace(m, entries=entries, density=density * m.density)
+    unfinished = {
+        name: replace(
+            m,
+            moduli=None if m.moduli is None else _scaled(m.moduli, stress, 1.0),
+            density=None if m.density is None else density * m.density,
+        )
+        for name, m in mesh.unfinished.items()
+    }
     grown = size * np.eye(3)
     orientations = {n: o.moved(grown, np.zeros(3)) for n, o in mesh.orientations.items()}
     return replace(
         mesh,
         nodes=size * mesh.nodes,
-        materials=materials,
+        materials={name: _scaled(m, stress, density) for name, m in mesh.materials.items()},
+        unfinished=unfinished,
         orientations=orientations,
         constraints=tuple(c.scaled(size) for c in mesh.constraints),
     )
+
+
+def _scaled(material: Elastic, stress: float, density: float) -> Elastic:
+    """With its moduli and its density in other units."""
+    rho = density * material.density
+    if isinstance(material, Isotropic):
+        return replace(material, young_modulus=stress * material.young_modulus, density=rho)
+    return replace(material, entries=tuple(stress * e for e in material.entries), density=rho)
 
 
 def _moved(mesh: SolidMesh, turn: np.ndarray, shift: np.ndarray) -> SolidMesh:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -20,45 +21,95 @@ from squealstudy.models.components.model_file import (
 from squealstudy.models.fem.solid import Isotropic
 
 AXES = ("E", "nu", "G")
+BARE = re.compile(r"[A-Za-z0-9_-]+")  # keys that need no quotes
 
 
 def with_tables(mesh: SolidMesh, name: str, table: ComponentTable, numbers: Numbers) -> SolidMesh:
-    """The mesh with the materials of the model file given to its elements."""
+    """The mesh with the materials of the model file given to its elements.
+
+    Raises
+    ------
+    PlacedError
+        With the key of what is wrong; about the component where elements have no material, or one
+        that neither the model file nor its own states whole.
+    """
     for label, material in table.materials.items():
         keys: KeyPath = ("components", name, "materials", label)
-        elastic = _elastic(numbers, keys)
         word = material.elements or label
-        if label in mesh.materials and material.elements is None:
-            mesh = replace(mesh, materials={**mesh.materials, label: elastic})
+        if label in _labels(mesh) and material.elements is None:
+            whole = {**mesh.materials, label: _elastic(numbers, keys, mesh, label)}
+            unfinished = {k: m for k, m in mesh.unfinished.items() if k != label}
+            mesh = replace(mesh, materials=whole, unfinished=unfinished)
         elif has_name(mesh.element_sets, word):
-            mesh = mesh.with_material(label, elastic, word)
-        elif material.elements is None and len(table.materials) == 1 and not mesh.materials:
-            mesh = mesh.with_material(label, elastic)
+            mesh = mesh.with_material(label, _elastic(numbers, keys, mesh, label), word)
+        elif material.elements is None and len(table.materials) == 1 and not _labels(mesh):
+            mesh = mesh.with_material(label, _elastic(numbers, keys, mesh, label))
         else:
-            known = tuple(sorted({*mesh.element_sets, *mesh.materials}))
+            known = tuple(sorted({*mesh.element_sets, *_labels(mesh)}))
             listed = f"it has {', '.join(known)}" if known else "it has none"
             raise PlacedError(
                 keys, f"{mesh.origin.name} has no element set '{word}'; {listed}", word, known
             )
+    if table.mesh is None:
+        return mesh
     bare = np.flatnonzero(mesh.material == "")
-    if len(bare) and table.mesh is not None:
+    if len(bare):
         has = "has" if len(bare) == 1 else "have"
         raise PlacedError(
             ("components", name),
             f"{mesh.elements_named(bare)} of {mesh.origin.name} {has} no material; give "
             f"[components.{name}.materials.NAME] with E, nu and rho",
         )
+    lacking = [label for label in sorted(set(mesh.material)) if label in mesh.unfinished]
+    if lacking:
+        said = "; ".join(mesh.unfinished[label].missing for label in lacking)
+        where = " and ".join(f"[components.{name}.materials.{_quoted(m)}]" for m in lacking)
+        raise PlacedError(("components", name), f"{said}: state it in {where}")
     return mesh
 
 
-def _elastic(numbers: Numbers, keys: KeyPath) -> Elastic:
-    """The material at a key of the file, as it stands there."""
+def _labels(mesh: SolidMesh) -> set[str]:
+    """Names of all materials, those among them that are not stated whole."""
+    return {*mesh.materials, *mesh.unfinished}
+
+
+def _quoted(label: str) -> str:
+    """A key as the model file writes it."""
+    return label if BARE.fullmatch(label) else f'"{label}"'
+
+
+def _elastic(numbers: Numbers, keys: KeyPath, mesh: SolidMesh, label: str) -> Elastic:
+    """The material at a key of the file: what stands there, and else what the mesh's file has."""
     table = numbers.file.at(keys)
+    before, file = mesh.materials.get(label), mesh.unfinished.get(label)
+    density = file.density if file else before.density if before else None
+    density = density if table.rho is None else numbers.at(*keys, "rho")
+    moduli = file.moduli if file else before
+    if density is None or (moduli is None and not table.moduli):
+        lacking = ["rho"] * (density is None)
+        if moduli is None:
+            lacking = [k for k in ("E", "nu") if getattr(table, k) is None] + lacking
+        be = "is" if len(lacking) == 1 else "are"
+        said = f"; {file.missing}" if file else f"; {mesh.origin.name} has no material '{label}'"
+        raise PlacedError(keys, f"{' and '.join(lacking)} {be} missing{said}")
     try:
+        if not table.moduli:
+            assert moduli is not None
+            given: dict[KeyPath, float] = {}
+            for key in AXES:
+                value = getattr(table, key)
+                if isinstance(value, tuple):
+                    values = numbers.list_at(*keys, key)
+                    given |= {(*keys, key, i): v for i, v in enumerate(values)}
+                elif value is not None:
+                    given[(*keys, key)] = numbers.at(*keys, key)
+            return replace(changed_material(moduli, given, label), density=density)
         if isinstance(table.E, tuple):
             E, nu, G = (numbers.list_at(*keys, k) for k in AXES)
-            return Orthotropic.from_engineering(E, nu, G, numbers.at(*keys, "rho"))  # type: ignore[arg-type]
-        return _isotropic(*(numbers.at(*keys, k) for k in ("E", "nu", "rho")))
+            return Orthotropic.from_engineering(E, nu, G, density)  # type: ignore[arg-type]
+        return _isotropic(numbers.at(*keys, "E"), numbers.at(*keys, "nu"), density)
+    except PlacedError:
+        raise
     except ModelError as error:
         raise PlacedError(keys, str(error)) from error
 

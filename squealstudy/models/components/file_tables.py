@@ -50,12 +50,15 @@ class TurnTable(Table):
 
 
 class MaterialTable(Table):
-    """A material: isotropic, or orthotropic with three of each modulus."""
+    """A material: isotropic, or orthotropic with three of each modulus.
 
-    E: Moduli = Field(description="Young's modulus, or [E1, E2, E3]")
-    nu: Moduli = Field(description="Poisson's ratio, or [nu12, nu13, nu23]")
+    What stands here replaces what the file of the mesh states; what does not is the file's.
+    """
+
+    E: Moduli | None = Field(default=None, description="Young's modulus, or [E1, E2, E3]")
+    nu: Moduli | None = Field(default=None, description="Poisson's ratio, or [nu12, nu13, nu23]")
     G: Vector | None = Field(default=None, description="[G12, G13, G23] of an orthotropic one")
-    rho: float = Field(gt=0, description="density")
+    rho: float | None = Field(default=None, gt=0, description="density")
     elements: str | None = Field(
         default=None,
         description="element set that has it; else the elements that have a material of this name "
@@ -64,12 +67,18 @@ class MaterialTable(Table):
 
     @model_validator(mode="after")
     def _one_kind(self) -> MaterialTable:
-        three = [isinstance(v, tuple) for v in (self.E, self.nu, self.G)]
-        if len(set(three)) > 1:
+        kinds = {isinstance(v, tuple) for v in (self.E, self.nu, self.G) if v is not None}
+        lone = self.G is None and isinstance(self.E, tuple) and isinstance(self.nu, tuple)
+        if len(kinds) > 1 or lone:
             raise ValueError(
                 "expected E, nu and no G (isotropic), or three numbers each of E, nu and G"
             )
         return self
+
+    @property
+    def moduli(self) -> bool:
+        """Whether it states all moduli."""
+        return self.E is not None and self.nu is not None
 
 
 class MatrixTable(Table):
@@ -91,6 +100,9 @@ class ComponentTable(Table):
     pass_over: Texts = Field(default=(), description="keywords of its file to pass over")
     mass: MassRule = Field(
         default="full", description="integration of the mass, which is consistent, never lumped"
+    )
+    temperature: float | None = Field(
+        default=None, description="at which materials of its file are taken that depend on it"
     )
     materials: dict[str, MaterialTable] = Field(default={}, description="by name")
     K: str | MatrixTable | None = Field(default=None, description="file of the stiffness matrix")

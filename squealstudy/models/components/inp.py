@@ -14,7 +14,7 @@ from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Card, read_cards
 from squealstudy.models.components.inp_component import READ, Component, Text, passed
 from squealstudy.models.components.inp_couplings import KEYWORDS
-from squealstudy.models.components.inp_keywords import ELEMENTS, PASSED_OVER, REFUSED
+from squealstudy.models.components.inp_keywords import ELEMENTS, OTHER_LAWS, PASSED_OVER, REFUSED
 from squealstudy.models.components.inp_materials import MaterialText
 from squealstudy.models.components.marked_faces import FACES, NODES
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
@@ -53,6 +53,7 @@ def read_inp(
     dialect: Dialect | None = None,
     treat_as: Mapping[str, str] | None = None,
     pass_over: Collection[str] = (),
+    temperature: float | None = None,
 ) -> SolidMesh:
     """A component from a file of Abaqus or CalculiX, in its units.
 
@@ -70,6 +71,8 @@ def read_inp(
         elements and shells can be "faces": their element sets become surfaces of the solids.
     pass_over : collection of str
         Keywords to pass over that would be refused, such as TIE.
+    temperature : float or None
+        At which materials are taken that depend on it.
 
     Returns
     -------
@@ -84,6 +87,7 @@ def read_inp(
     contents = _sorted(read_cards(path), {_plain(keyword) for keyword in pass_over})
     elements = _elements(path, dialect or ("abaqus" if contents.abaqus else "calculix"), treat_as)
     text = _text(path, contents, part, elements)
+    text.temperature = temperature
     text.passed_over += contents.passed_over
     mesh = Component(text).mesh()
     if part is None or contents.parts:
@@ -175,6 +179,8 @@ def _sorted(cards: list[Card], pass_over: Collection[str]) -> Contents:
             if material is None:
                 raise card.error(f"{card.shown} belongs after a *MATERIAL")
             material.add(card)
+        elif keyword in OTHER_LAWS and material is not None:
+            material.other = card
         elif keyword in PASSED_OVER:
             contents.passed_over.append(passed(card, PASSED_OVER[keyword]))
         elif keyword in REFUSED:

@@ -46,6 +46,8 @@ class Text:
         Placement of the instance: x goes to turn x + shift.
     elements : dict of str -> str
         Types of elements of the file, in capitals, and their formulation here.
+    temperature : float or None
+        At which materials are taken.
     """
 
     path: Path
@@ -56,6 +58,7 @@ class Text:
     turn: np.ndarray
     shift: np.ndarray
     elements: Mapping[str, str]
+    temperature: float | None = None
     passed_over: list[PassedOver] = field(default_factory=list)
 
     def note(self, card: Card, why: str) -> None:
@@ -352,7 +355,9 @@ class Component:
         def elements_of(card: Card) -> np.ndarray:
             return self._elements(self.element_sets.labels(card.value("ELSET"), card.line))
 
-        return with_sections(mesh, self.text.part, self.text.materials, elements_of)
+        return with_sections(
+            mesh, self.text.part, self.text.materials, elements_of, self.text.temperature
+        )
 
     def _with_couplings(self, mesh: SolidMesh) -> SolidMesh:
         cards = (*self.text.part, *self.text.assembly)

@@ -83,11 +83,14 @@ REFUSED: dict[str, str] = {
     "ELCOPY": _GENERATE,
     "SYSTEM": "write the nodes in global Cartesian coordinates",
     "PARAMETER": "write numbers in place of parameters",
-    "HYPERELASTIC": "write *ELASTIC with the moduli at the working point",
-    "USERMATERIAL": "write *ELASTIC with the moduli at the working point",
-    "NOTENSION": "write *ELASTIC alone",
-    "NOCOMPRESSION": "write *ELASTIC alone",
 }
+
+# laws of materials that are not read: elements that have one need the moduli of the model file
+OTHER_LAWS = (
+    *("HYPERELASTIC", "HYPERFOAM", "USERMATERIAL", "DEFORMATIONPLASTICITY", "HYPOELASTIC"),
+    *("MOONEYRIVLIN", "NOTENSION", "NOCOMPRESSION", "LOWDENSITYFOAM", "ANISOTROPICHYPERELASTIC"),
+    *("POROUSELASTIC", "CABLE", "FABRIC", "ACOUSTICMEDIUM", "FLUIDCONSTANTS"),
+)
 
 # elements that are refused unless `treat_as` says what they are to be
 ELEMENTS: dict[str, str] = {

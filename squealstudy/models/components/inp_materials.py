@@ -8,8 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.inp_cards import Card
-from squealstudy.models.components.materials import ENTRIES, Elastic, Orientation, Orthotropic
+from squealstudy.models.components.inp_cards import Card, Line
+from squealstudy.models.components.materials import (
+    ENTRIES,
+    Elastic,
+    Orientation,
+    Orthotropic,
+    Unfinished,
+)
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.fem.solid import Isotropic
 
@@ -30,12 +36,19 @@ WHAT = {
 
 @dataclass
 class MaterialText:
-    """A material as a file has it; read when an element needs it."""
+    """A material as a file has it; read when an element needs it.
+
+    Attributes
+    ----------
+    other : Card or None
+        Of a law that is none of linear elasticity, such as ``*HYPERELASTIC``.
+    """
 
     name: str
     card: Card
     density: Card | None = None
     elastic: Card | None = None
+    other: Card | None = None
 
     def add(self, card: Card) -> None:
         """Take a ``*DENSITY`` or ``*ELASTIC``; ModelError about a second one."""
@@ -44,48 +57,108 @@ class MaterialText:
             raise card.error(f"material '{self.name}' has a {card.shown} already")
         setattr(self, field, card)
 
-    def read(self) -> Elastic:
-        """The material; ModelError about the line of what is missing or wrong."""
-        for field in ("density", "elastic"):
-            if getattr(self, field) is None:
-                raise self.card.error(f"material '{self.name}' has no *{field.upper()}")
-        assert self.density is not None
-        assert self.elastic is not None
-        self.density.check(())
-        density = _of_one_temperature(self.density, "a density", 1)[0]
+    def read(self, temperature: float | None = None) -> Elastic | Unfinished:
+        """The material at a temperature, or what is stated of it; ModelError about a wrong line."""
+        lacking: list[str] = []
+        density = None
+        if self.density is None:
+            lacking.append(str(self.card.error(f"material '{self.name}' has no *DENSITY")))
+        else:
+            self.density.check(())
+            rows = _rows(self.density, "a density", 1)
+            density = _at(self.density, rows, temperature, lacking)
+            if density is not None and not density[0] > 0:
+                raise self.density.error(f"expected a density above zero, got {density[0]:g}")
+        moduli = self._moduli(temperature, lacking)
+        if moduli is not None and density is not None:
+            return replace(moduli, density=density[0])
+        return Unfinished(moduli, density[0] if density else None, "; ".join(lacking))
+
+    def _moduli(self, temperature: float | None, lacking: list[str]) -> Elastic | None:
+        """Moduli with a density of 1; what they lack is added to `lacking`."""
+        if self.elastic is None:
+            at = self.other or self.card
+            what = f"is {at.shown}, which is not read" if self.other else "has no *ELASTIC"
+            lacking.append(str(at.error(f"material '{self.name}' {what}")))
+            return None
         self.elastic.check(("TYPE", "MODULI"))
         written = "".join(self.elastic.parameters.get("TYPE", "ISO").split()).upper()
         if written not in KINDS:
             known = ", ".join(KINDS)
-            raise self.elastic.error(
-                f"*ELASTIC, TYPE={written} is not supported; supported: {known}"
-            )
+            text = f"*ELASTIC, TYPE={written} is not supported; supported: {known}"
+            lacking.append(str(self.elastic.error(text)))
+            return None
         kind = KINDS[written]
-        values = _of_one_temperature(self.elastic, WHAT[kind], COUNTS[kind])
+        rows = _rows(self.elastic, WHAT[kind], COUNTS[kind])
+        values = _at(self.elastic, rows, temperature, lacking)
+        if values is None:
+            return None
         try:
             if kind == "isotropic":
-                material: Elastic = Isotropic(values[0], values[1], density)
-                material.stiffness()
-            elif kind == "orthotropic":
-                material = Orthotropic(tuple(values), density)
-            else:
-                E, nu, G = (tuple(values[i : i + 3]) for i in (0, 3, 6))
-                material = Orthotropic.from_engineering(E, nu, G, density)  # type: ignore[arg-type]
+                return _isotropic(*values)
+            if kind == "orthotropic":
+                return Orthotropic(tuple(values), 1.0)
+            young, ratios, shear = (tuple(values[i : i + 3]) for i in (0, 3, 6))
+            return Orthotropic.from_engineering(young, ratios, shear, 1.0)  # type: ignore[arg-type]
         except (ModelError, ZeroDivisionError) as error:
             raise self.elastic.error(f"material '{self.name}': {error}") from error
-        return material
 
 
-def _of_one_temperature(card: Card, what: str, count: int) -> list[float]:
-    """Numbers of a card without the temperature that may follow; ModelError where there is more."""
-    numbers = card.numbers(what, count, 10**6)
-    if len(numbers) > count + 1:
-        line = numbers[count + 1][0]
-        raise line.error(
-            f"{card.shown}: expected {count} numbers ({what}) and at most a temperature; write the "
-            "values at the temperature of the study"
-        )
-    return [value for _, value in numbers[:count]]
+def _isotropic(E: float, nu: float) -> Isotropic:
+    if not (E > 0 and -1 < nu < 0.5):
+        raise ModelError(f"expected E > 0 and -1 < nu < 0.5, got {E:g} and {nu:g}")
+    return Isotropic(E, nu, 1.0)
+
+
+Rows = list[tuple[Line, list[float]]]  # a row: where it begins, its numbers with the temperature
+
+
+def _rows(card: Card, what: str, count: int) -> Rows:
+    """The rows of a card, `count` numbers and a temperature each; ModelError about what is wrong.
+
+    A row begins a line, and takes as many more as it needs.
+    """
+    rows: Rows = []
+    whole = True
+    for line in card.data:
+        words = line.words()
+        if whole:
+            rows.append((line, []))
+        row = rows[-1][1]
+        row += [line.real(word, what) for word in words if word]
+        whole = len(row) >= count
+        if len(row) > count + 1:
+            raise line.error(
+                f"{card.shown}: expected {count} numbers ({what}) and a temperature, found "
+                f"{len(row)}"
+            )
+    if not rows or not whole:
+        line = card.data[-1] if card.data else card.line
+        found = len(rows[-1][1]) if rows else 0
+        raise line.error(f"{card.shown}: expected {count} numbers ({what}), found {found}")
+    return [(line, [*row, 0.0][: count + 1]) for line, row in rows]
+
+
+def _at(
+    card: Card, rows: Rows, temperature: float | None, lacking: list[str]
+) -> list[float] | None:
+    """Numbers at a temperature, straight between rows and constant beyond the last.
+
+    None where the rows differ and no temperature is given, which is added to `lacking`. ModelError
+    about temperatures that do not rise.
+    """
+    table = np.array([row for _, row in rows])
+    T, values = table[:, -1], table[:, :-1]
+    for (line, row), before in zip(rows[1:], T, strict=False):
+        if not row[-1] > before:
+            raise line.error(f"{card.shown}: expected temperatures that rise")
+    if (values == values[0]).all():
+        return [float(v) for v in values[0]]
+    if temperature is None:
+        text = f"{card.shown} has values at {len(T)} temperatures: expected temperature = NUMBER"
+        lacking.append(str(card.error(f"{text}, between {T[0]:g} and {T[-1]:g} or so")))
+        return None
+    return [float(np.interp(temperature, T, column)) for column in values.T]
 
 
 def read_orientation(card: Card) -> Orientation:
@@ -131,6 +204,7 @@ def with_sections(
     cards: Sequence[Card],
     materials_of_file: Mapping[str, MaterialText],
     elements_of: Callable[[Card], np.ndarray],
+    temperature: float | None = None,
 ) -> SolidMesh:
     """The mesh with materials and axes of the ``*SOLID SECTION`` among cards.
 
@@ -139,7 +213,7 @@ def with_sections(
     """
     material = np.full(mesh.n_elements, "", dtype=object)
     orientation = material.copy()
-    materials: dict[str, Elastic] = {}
+    materials: dict[str, Elastic | Unfinished] = {}
     orientations: dict[str, Orientation] = {}
     axes = {c.value("NAME").upper(): c for c in cards if c.keyword == "ORIENTATION"}
     for card in cards:
@@ -148,16 +222,19 @@ def with_sections(
         card.check(SECTION)
         elements = elements_of(card)
         name = card.value("MATERIAL")
-        if name.upper() not in materials_of_file:
+        text = materials_of_file.get(name.upper())
+        if text is not None:
+            name = text.name
+        if name not in materials and text is not None:
+            materials[name] = text.read(temperature)
+        elif name not in materials:
             known = ", ".join(m.name for m in materials_of_file.values()) or "none"
-            raise card.error(f"there is no material '{name}'; there is {known}")
-        text = materials_of_file[name.upper()]
-        if text.name not in materials:
-            materials[text.name] = text.read()
+            missing = card.error(f"there is no material '{name}'; there is {known}")
+            materials[name] = Unfinished(None, None, str(missing))
         if (material[elements] != "").any():
             twice = elements[material[elements] != ""]
             raise card.error(f"{mesh.elements_named(twice)}: a section is given already")
-        material[elements] = text.name
+        material[elements] = name
         if turned := card.parameters.get("ORIENTATION"):
             if turned.upper() not in axes:
                 raise card.error(f"there is no orientation '{turned}'")
@@ -166,7 +243,8 @@ def with_sections(
             orientation[elements] = key
     return replace(
         mesh,
-        materials=materials,
+        materials={k: m for k, m in materials.items() if not isinstance(m, Unfinished)},
+        unfinished={k: m for k, m in materials.items() if isinstance(m, Unfinished)},
         material=material,
         orientations=orientations,
         orientation=orientation,

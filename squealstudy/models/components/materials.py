@@ -66,6 +66,24 @@ Elastic = Isotropic | Orthotropic
 
 
 @dataclass(frozen=True)
+class Unfinished:
+    """What a file states of a material that it does not state whole.
+
+    Attributes
+    ----------
+    moduli : Isotropic, Orthotropic or None
+        With a density of 1.
+    density : float or None
+    missing : str
+        What is missing, with file and line.
+    """
+
+    moduli: Elastic | None
+    density: float | None
+    missing: str
+
+
+@dataclass(frozen=True)
 class Modulus:
     """A factor of the stiffness: its name, its value, and what it multiplies (6, 6)."""
 

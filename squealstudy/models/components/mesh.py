@@ -13,7 +13,7 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.models.components.constraints import Constraint, Coupling, Kept, Tie
 from squealstudy.models.components.formulations import FORMULATIONS, Formulation
-from squealstudy.models.components.materials import Elastic, Orientation
+from squealstudy.models.components.materials import Elastic, Orientation, Unfinished
 
 NAMED = 5  # elements or nodes that a message names
 T = TypeVar("T")
@@ -79,6 +79,8 @@ class SolidMesh:
     surfaces : dict of str -> ndarray (p, 2) of int
         Places of elements and numbers of their faces from 1, as S1 to S6 of files.
     materials : dict of str -> Isotropic or Orthotropic
+    unfinished : dict of str -> Unfinished
+        Materials that the file does not state whole; the model file may.
     material : ndarray (n_elements,) of str
         Name of each element's material; empty where it has none.
     orientations : dict of str -> Orientation
@@ -103,6 +105,7 @@ class SolidMesh:
     orientation: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=str))
     constraints: tuple[Constraint, ...] = ()
     passed_over: tuple[PassedOver, ...] = ()
+    unfinished: Mapping[str, Unfinished] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = self.n_elements
@@ -193,7 +196,7 @@ class SolidMesh:
     def with_material(
         self,
         name: str,
-        material: Elastic,
+        material: Elastic | Unfinished,
         elements: str | None = None,
         orientation: tuple[str, Orientation] | None = None,
     ) -> SolidMesh:
@@ -203,7 +206,7 @@ class SolidMesh:
         ----------
         name : str
             Of the material.
-        material : Isotropic or Orthotropic
+        material : Isotropic, Orthotropic or Unfinished
         elements : str or None
             An element set.
         orientation : tuple (str, Orientation) or None
@@ -218,9 +221,16 @@ class SolidMesh:
             axes = axes.astype(object)
             axes[rows] = orientation[0]
             orientations = {**orientations, orientation[0]: orientation[1]}
+        whole = {k: m for k, m in self.materials.items() if k != name}
+        unfinished = {k: m for k, m in self.unfinished.items() if k != name}
+        if isinstance(material, Unfinished):
+            unfinished[name] = material
+        else:
+            whole[name] = material
         return replace(
             self,
-            materials={**self.materials, name: material},
+            materials=whole,
+            unfinished=unfinished,
             material=of,
             orientations=orientations,
             orientation=axes,

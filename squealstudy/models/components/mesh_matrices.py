@@ -149,6 +149,8 @@ def used_materials(mesh: SolidMesh) -> list[str]:
 
 def material_of(mesh: SolidMesh, name: str) -> Elastic:
     """The material of a name; ModelError where the mesh has none."""
+    if name in mesh.unfinished:
+        raise ModelError(mesh.unfinished[name].missing)
     if name not in mesh.materials:
         known = ", ".join(sorted(mesh.materials)) or "none"
         raise mesh.error(f"there is no material '{name}', its materials are {known}")

@@ -19,6 +19,7 @@ from squealstudy.models.components.constraints import Constraint, Coupling
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Line
 from squealstudy.models.components.marked_faces import FACES, MarkedFaces
+from squealstudy.models.components.materials import Unfinished
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 from squealstudy.models.fem.solid import Isotropic
 from squealstudy.models.matrices.dmig import fields_of
@@ -314,9 +315,11 @@ class _Deck:
             if not (property_of == own).any():
                 continue
             if number not in materials:
-                raise card.error(f"there is no MAT1 {number}", 1)
-            elastic = _isotropic(materials[number])
-            elastic = replace(elastic, density=self._weight * elastic.density)
+                missing = card.error(f"there is no MAT1 {number}", 1)
+                elastic: Isotropic | Unfinished = Unfinished(None, None, str(missing))
+                mesh = mesh.with_material(f"MAT{number}", elastic, f"PID{own}")
+                continue
+            elastic = _isotropic(materials[number], self._weight)
             mesh = mesh.with_material(f"MAT{number}", elastic, f"PID{own}")
             if materials[number].at(7).strip("0."):
                 self._note([materials[number]], "damping is " + _MODEL_FILE)
@@ -344,8 +347,8 @@ def _refuse_selections(above: list[Line], ignored: set[str]) -> None:
             )
 
 
-def _isotropic(card: BulkCard) -> Isotropic:
-    """Two of E, G and nu give the third."""
+def _isotropic(card: BulkCard, weight: float) -> Isotropic | Unfinished:
+    """Two of E, G and nu give the third; the density times `weight`."""
     E, G, nu = (card.real(k, "a number", 0.0) if card.at(k) else None for k in (1, 2, 3))
     if E is None and G is not None and nu is not None:
         E = 2 * G * (1 + nu)
@@ -357,5 +360,6 @@ def _isotropic(card: BulkCard) -> Isotropic:
     if E is None or nu is None or not (E > 0 and -1 < nu < 0.5):
         raise card.error("expected E > 0 and -1 < NU < 0.5, or G in place of one of them")
     if not rho > 0:
-        raise card.error("expected a density RHO above zero", 4)
-    return Isotropic(E, nu, rho)
+        missing = card.error("expected a density RHO above zero", 4)
+        return Unfinished(Isotropic(E, nu, 1.0), None, str(missing))
+    return Isotropic(E, nu, weight * rho)

@@ -1,0 +1,101 @@
+"""Materials that a deck states in part, or not at all: the model file has the last word."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from own_blocks import write_blocks
+from test_component_judge import apart
+from test_model_file import built
+
+from squealstudy.errors import ModelError, StudyFileError
+from squealstudy.models.components.inp import read_inp
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
+
+PLATE = 'mesh = "plate.inp"'
+CUBE = """*NODE
+1,0,0,0
+2,1,0,0
+3,1,1,0
+4,0,1,0
+5,0,0,1
+6,1,0,1
+7,1,1,1
+8,0,1,1
+*ELEMENT, TYPE=C3D8, ELSET=E
+1,1,2,3,4,5,6,7,8
+*MATERIAL, NAME=M
+*SOLID SECTION, ELSET=E, MATERIAL=M
+"""
+
+
+def plate(folder, cut=("", ""), stated=""):
+    """The plate's component where something of its deck is cut, and the model file states some."""
+    lines = f"{PLATE}\n[components.plate.materials]\n{stated}" if stated else PLATE
+    write_blocks(folder, (PLATE, lines))
+    text = (folder / "plate.inp").read_text()
+    assert cut[0] in text
+    (folder / "plate.inp").write_text(text.replace(*cut))
+    return built(folder / "blocks.toml").components[0]
+
+
+DENSITY = "*DENSITY\n7.8e-09\n"
+ELASTIC = "*ELASTIC, TYPE=ISO\n210000.0, 0.3\n"
+NAME = "*MATERIAL, NAME=STEEL"
+
+
+@pytest.mark.parametrize(
+    ("cut", "stated"),
+    [
+        ((DENSITY, ""), "STEEL = {rho = 7.8e-9}"),
+        ((DENSITY, ""), "STEEL = {E = 2.1e5, nu = 0.3, rho = 7.8e-9}"),
+        ((ELASTIC, ""), "STEEL = {E = 2.1e5, nu = 0.3}"),
+        ((ELASTIC, "*HYPERELASTIC, NEO HOOKE\n1., 2.\n"), "STEEL = {E = 2.1e5, nu = 0.3}"),
+        ((ELASTIC, "*USER MATERIAL, CONSTANTS=2\n1., 2.\n"), "STEEL = {E = 2.1e5, nu = 0.3}"),
+        ((ELASTIC, "*ELASTIC\n1e5, 0.3\n"), "STEEL = {E = 2.1e5}"),
+        ((NAME, "*MATERIAL, NAME=OTHER"), "STEEL = {E = 2.1e5, nu = 0.3, rho = 7.8e-9}"),
+    ],
+)  # fmt: skip
+def test_the_model_file_states_what_the_deck_does_not(tmp_path, cut, stated):
+    expected = plate(tmp_path / "whole")
+    found = plate(tmp_path / "cut", cut, stated)
+    assert apart(found.K, expected.K) < 1e-13
+    assert apart(found.M, expected.M) < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("cut", "stated", "message"),
+    [
+        ((DENSITY, ""), "", r"material 'STEEL' has no \*DENSITY: state it in \[components.plate.m"),
+        ((ELASTIC, ""), "", r"has no \*ELASTIC: state it in \[components\.plate\.materials\.STEEL"),
+        ((ELASTIC, "*HYPERELASTIC\n1.\n"), "", r"'STEEL' is \*HYPERELASTIC, which is not read: st"),
+        ((DENSITY, ""), "STEEL = {E = 1e5, nu = 0.3}", r"rho is missing; .*no \*DENSITY"),
+        ((ELASTIC, ""), "STEEL = {nu = 0.3}", r"E is missing; .*no \*ELASTIC"),
+        (("", ""), "STEEL = {E = [1, 2, 3]}", r"material STEEL has one, not E\[1\]"),
+    ],
+)  # fmt: skip
+def test_what_nobody_states_is_told_with_the_table(tmp_path, cut, stated, message):
+    with pytest.raises((ModelError, StudyFileError), match=message):
+        plate(tmp_path, cut, stated)
+
+
+def test_one_that_no_element_has_may_lack_anything(tmp_path):
+    found = plate(tmp_path / "more", ("*MATERIAL, NAME=STEEL", "*MATERIAL, NAME=STEEL"))
+    extra = plate(
+        tmp_path, ("*MATERIAL, NAME=STEEL", "*MATERIAL, NAME=NOTHING\n*MATERIAL, NAME=STEEL")
+    )
+    assert apart(extra.M, found.M) == 0.0
+
+
+@pytest.mark.parametrize(("at", "E", "rho"), [(0, 2e5, 8e-9), (150, 1.5e5, 7e-9), (999, 1e5, 6e-9)])
+def test_materials_over_temperature(tmp_path, at, E, rho):
+    table = "*ELASTIC\n2e5,.3,100.\n1e5,.3,200.\n*DENSITY\n8e-9,100\n6e-9,200.\n"
+    plain = f"*ELASTIC\n{E},.3\n*DENSITY\n{rho}\n"
+    (tmp_path / "t.inp").write_text(CUBE.replace("*SOLID", f"{table}*SOLID"))
+    (tmp_path / "p.inp").write_text(CUBE.replace("*SOLID", f"{plain}*SOLID"))
+    found, expected = read_inp(tmp_path / "t.inp", temperature=at), read_inp(tmp_path / "p.inp")
+    assert apart(stiffness_matrix(found), stiffness_matrix(expected)) < 1e-14
+    assert apart(mass_matrix(found), mass_matrix(expected)) < 1e-14
+    np.testing.assert_allclose(mass_matrix(found).sum(), 3 * rho)
+    with pytest.raises(ModelError, match=r"has values at 2 temperatures: expected temperature"):
+        mass_matrix(read_inp(tmp_path / "t.inp"))
