@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from squealstudy.face_model import Model, list_models, model
     from squealstudy.mechanics.matrices import matrices
     from squealstudy.mechanics.system import System
+    from squealstudy.study.examples import list_examples, write_example
     from squealstudy.tables.other_codes import other_codes
 
 __version__ = "0.2.0"
@@ -37,6 +38,7 @@ __all__ = [
     "Study",
     "System",
     "__version__",
+    "list_examples",
     "list_models",
     "matrices",
     "model",
@@ -46,6 +48,7 @@ __all__ = [
     "read_study",
     "register_plot",
     "run",
+    "write_example",
 ]
 
 
@@ -53,6 +56,7 @@ FACE = "squealstudy.face"  # where the names are that are not elsewhere
 ELSEWHERE = {
     **dict.fromkeys(("Model", "list_models", "model"), "squealstudy.face_model"),
     "Results": "squealstudy.engine.results",
+    **dict.fromkeys(("list_examples", "write_example"), "squealstudy.study.examples"),
     "System": "squealstudy.mechanics.system",
     "matrices": "squealstudy.mechanics.matrices",
     "new_study": "squealstudy.engine.template",

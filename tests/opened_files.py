@@ -34,6 +34,8 @@ run modes.toml --jobs 1 --no-pictures
 run belt.toml --jobs 1 --no-pictures
 compare results/modes results/belt
 schema
+examples own_brake
+examples
 new new.toml --model hulten
 """.strip().split("\n")
 OF_PYARROW = {"read_table": 0, "read_schema": 0, "write_table": 1}  # place of the path

@@ -338,6 +338,22 @@ def test_schema_is_json_schema(capsys):
     assert {"study", "model", "sweep", "modes"} <= set(schema["properties"])
 
 
+def test_version_names_what_computes(capsys):
+    assert command("--version") == 0
+    screen = capsys.readouterr().out
+    assert re.fullmatch(
+        r"squealstudy [\d.]+, Python [\d.]+, numpy [\d.]+, scipy [\d.]+, numba [\d.]+, \S+ \S+\n",
+        screen,
+    ), screen
+
+
+def test_lines_of_the_help_are_not_cut_off(capsys):
+    assert command("--help") == 0
+    screen = capsys.readouterr().out
+    assert "..." not in screen.replace("[ARGS]...", "")
+    assert "print the ranking and where the tables are." in " ".join(screen.split())
+
+
 def test_help_imports_nothing_heavy():
     code = (
         "import sys\nfrom squealstudy.cli.app import main\n"

@@ -6,6 +6,8 @@ import contextlib
 import io
 import logging
 import os
+import platform
+import re
 import sys
 import warnings
 from collections.abc import Callable
@@ -19,7 +21,7 @@ from squealstudy import faults
 from squealstudy.cli.model_commands import inspect, models, warmup
 from squealstudy.cli.options import DONE, FAULT, USAGE_ERROR
 from squealstudy.cli.result_commands import compare, plot, rank, report, robust, shape
-from squealstudy.cli.study_commands import check, export, new, run, schema, sensitivity
+from squealstudy.cli.study_commands import check, examples, export, new, run, schema, sensitivity
 from squealstudy.errors import SquealstudyError
 from squealstudy.machine import InterruptedRun, cut_lifeline, interruptible
 from squealstudy.screen import plain
@@ -35,6 +37,23 @@ app = typer.Typer(
 )
 
 
+LIBRARIES = ("numpy", "scipy", "numba")  # whose versions a report of an error needs
+
+
+def _version(wanted: bool) -> None:
+    """Print the versions of what computes, and end."""
+    if not wanted:
+        return
+    from importlib.metadata import version
+
+    from squealstudy import __version__, screen
+
+    parts = [f"{NAME} {__version__}", f"Python {platform.python_version()}"]
+    parts += [f"{name} {version(name)}" for name in LIBRARIES]
+    screen.show(", ".join([*parts, f"{platform.system()} {platform.machine()}"]))
+    raise typer.Exit(DONE)
+
+
 @app.callback()
 def extended(
     extension: Annotated[
@@ -45,6 +64,12 @@ def extended(
             "first; a study names its own. Before the command; may be repeated.",
         ),
     ] = None,
+    version: Annotated[  # noqa: ARG001 - it ends before
+        bool,
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="Print versions, and end."
+        ),
+    ] = False,
 ) -> None:
     """Which modes of a brake squeal, why, and which design change silences them."""
     if extension:
@@ -54,12 +79,17 @@ def extended(
             load_extension(path)
 
 
+def first_sentence(text: str) -> str:
+    """The first sentence of a text, on one line."""
+    return re.split(r"(?<=\.)\s", " ".join(text.split()), maxsplit=1)[0]
+
+
 COMMANDS: tuple[Callable[..., None], ...] = (
     *(run, check, rank, robust, sensitivity, plot, shape, report),
-    *(compare, inspect, export, warmup, models, new, schema),
+    *(compare, inspect, export, warmup, models, examples, new, schema),
 )
 for command in COMMANDS:
-    app.command()(command)
+    app.command(short_help=first_sentence(command.__doc__ or ""))(command)
 
 
 def main() -> None:

@@ -154,6 +154,36 @@ def new(
     screen.show(f"{written}: now change it, then squealstudy check {written}")
 
 
+def examples(
+    name: Annotated[str | None, typer.Argument(help="Study to write; without, a list.")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FOLDER",
+            help="Where to; by default here, or in a folder NAME where there are several files.",
+        ),
+    ] = None,
+) -> None:
+    """List the shipped studies, or write one with the files that it needs."""
+    from squealstudy import screen
+    from squealstudy.study.examples import examples as shipped
+    from squealstudy.study.examples import write_example
+
+    if name is None:
+        if output is not None:
+            raise typer.BadParameter("--output is of a study: name one")
+        listed = ([e.name, e.kind, e.description] for e in shipped().values())
+        screen.show(screen.grid("text:study", "word:kind", "text:about", rows=listed))
+        screen.show("\nsquealstudy examples NAME writes one, with the files that it needs.")
+        return
+    written = write_example(name, output)
+    first = [path for path in written if path.stem in shipped()[name].after]
+    screen.show(*map(str, written), "")
+    screen.show(*(f"squealstudy run {path}" for path in (*first, written[0])))
+
+
 def schema(
     kind: Annotated[
         str | None, typer.Option(help="work_precision or method_stability, else study files.")
