@@ -12,10 +12,11 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Card, read_cards
-from squealstudy.models.components.inp_component import READ, Component, Text, passed
+from squealstudy.models.components.inp_component import READ, Component, Text, passed, unused
 from squealstudy.models.components.inp_couplings import KEYWORDS
 from squealstudy.models.components.inp_keywords import ELEMENTS, OTHER_LAWS, PASSED_OVER, REFUSED
 from squealstudy.models.components.inp_materials import MaterialText
+from squealstudy.models.components.inp_refused import Refused, refuse, sift_elements
 from squealstudy.models.components.marked_faces import FACES, NODES
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
@@ -43,6 +44,7 @@ class Contents:
     assembly: list[Card] = field(default_factory=list)
     materials: dict[str, MaterialText] = field(default_factory=dict)
     passed_over: list[PassedOver] = field(default_factory=list)
+    refused: list[Refused] = field(default_factory=list)
     abaqus: bool = False
 
 
@@ -70,7 +72,7 @@ def read_inp(
         Elements of the file and the formulation to read them as, such as C3D8R as C3D8I. Plane
         elements and shells can be "faces": their element sets become surfaces of the solids.
     pass_over : collection of str
-        Keywords to pass over that would be refused, such as TIE.
+        Keywords, and elements that are no solids, to pass over that would be refused: TIE, S8R.
     temperature : float or None
         At which materials are taken that depend on it.
 
@@ -84,9 +86,11 @@ def read_inp(
     ModelError
         With file and line: what is malformed, not supported, or refers to what is not there.
     """
-    contents = _sorted(read_cards(path), {_plain(keyword) for keyword in pass_over})
+    ignored = {_plain(keyword) for keyword in pass_over}
+    contents = _sorted(read_cards(path), ignored)
     elements = _elements(path, dialect or ("abaqus" if contents.abaqus else "calculix"), treat_as)
     text = _text(path, contents, part, elements)
+    refuse([*contents.refused, *sift_elements(text, ignored)])
     text.temperature = temperature
     text.passed_over += contents.passed_over
     mesh = Component(text).mesh()
@@ -184,16 +188,12 @@ def _sorted(cards: list[Card], pass_over: Collection[str]) -> Contents:
         elif keyword in PASSED_OVER:
             contents.passed_over.append(passed(card, PASSED_OVER[keyword]))
         elif keyword in REFUSED:
-            raise card.error(
-                f"{card.shown} is not supported: {REFUSED[keyword]}; or name it in pass_over"
-            )
+            text = f"{card.shown} is not supported: {REFUSED[keyword]}"
+            contents.refused.append(Refused(card, keyword, text))
         elif keyword in READ:
-            _place(contents, card, inside)
+            _place(contents, card, inside, pass_over)
         else:
-            raise card.error(
-                f"{card.shown} is not known here: remove it, or name it in pass_over if neither "
-                "mass nor stiffness depend on it"
-            )
+            contents.refused.append(Refused(card, keyword, f"{card.shown} is not known here"))
     if inside:
         raise inside[-1].error(f"{inside[-1].shown} has no end")
     return contents
@@ -204,6 +204,8 @@ def _open(contents: Contents, card: Card, inside: list[Card]) -> None:
     if within != ("ASSEMBLY" if card.keyword == "INSTANCE" else ""):
         raise card.error(f"{card.shown} cannot stand {'within *' + within if within else 'here'}")
     card.check(("NAME", "PART") if card.keyword == "INSTANCE" else ("NAME",))
+    if card.unused:
+        contents.passed_over.append(unused(card))
     if card.keyword == "ASSEMBLY":
         return
     name = card.value("NAME").upper()
@@ -215,7 +217,7 @@ def _open(contents: Contents, card: Card, inside: list[Card]) -> None:
         contents.instances[name] = Instance(card)
 
 
-def _place(contents: Contents, card: Card, inside: list[Card]) -> None:
+def _place(contents: Contents, card: Card, inside: list[Card], pass_over: Collection[str]) -> None:
     """A card of nodes, elements, sets, surfaces or sections, where it belongs."""
     within = inside[-1].keyword if inside else ""
     if not within:
@@ -228,8 +230,12 @@ def _place(contents: Contents, card: Card, inside: list[Card]) -> None:
         contents.assembly.append(card)
     elif card.keyword == "NODE":
         contents.passed_over.append(passed(card, "nodes of the assembly belong to no component"))
+    elif card.keyword == "ELEMENT" and _plain(card.value("TYPE")) in pass_over:
+        contents.passed_over.append(passed(card, "as asked for"))
     else:
-        raise card.error(f"{card.shown} in the assembly is not supported: {REFUSED['MPC']}")
+        name = _plain(card.value("TYPE")) if card.keyword == "ELEMENT" else card.keyword
+        text = f"{card.shown} in the assembly is not supported: {REFUSED['MPC']}"
+        contents.refused.append(Refused(card, name, text))
 
 
 def _of_instance(

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from squealstudy.errors import ModelError
+from squealstudy.models.components.inp_keywords import MATTERS
 from squealstudy.models.matrices.text import NUMBER, TextFile, shortened
 
 DEEPEST = 20  # files that include each other
 REAL = re.compile(NUMBER, re.ASCII)
 WHOLE = re.compile(r"[+-]?[0-9]{1,18}", re.ASCII)
 FORTRAN = str.maketrans("dD", "eE")  # its double exponents
+FROM_FILES = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")  # of whose data INPUT names a file
 COMMAS = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')  # those outside quotes
 
 
@@ -66,12 +68,15 @@ class Card:
         That of the keyword.
     data : list of Line
         Without comments and empty lines.
+    unused : list of str
+        Parameters that `check` has passed over.
     """
 
     keyword: str
     parameters: dict[str, str]
     line: Line
     data: list[Line] = field(default_factory=list)
+    unused: list[str] = field(default_factory=list)
 
     @property
     def shown(self) -> str:
@@ -89,9 +94,13 @@ class Card:
         return self.parameters[name]
 
     def check(self, known: Collection[str]) -> None:
-        """ModelError where the card has a parameter that is not among the known ones."""
-        for name in self.parameters:
-            if name not in known:
+        """ModelError where the card has a parameter that matters and is not among the known ones.
+
+        Others are noted in `unused`.
+        """
+        self.unused = [name for name in self.parameters if name not in known]
+        for name in self.unused:
+            if name in MATTERS.get(self.keyword, ()):
                 wanted = ", ".join(sorted(known)) or "none"
                 raise self.error(
                     f"{self.shown}: the parameter {name} is not supported; supported: {wanted}"
@@ -127,6 +136,8 @@ def read_cards(path: Path) -> list[Card]:
         at += 1
         if not line.text.lstrip().startswith("*"):
             if not cards:
+                if line.text.lstrip()[:1] not in "0123456789+-.,":
+                    continue  # a title
                 raise line.error(f"expected a keyword, found '{shortened(line.text)}'")
             cards[-1].data.append(line)
             continue
@@ -135,7 +146,7 @@ def read_cards(path: Path) -> list[Card]:
             text += lines[at].text
             at += 1
         cards.append(_card(text, line))
-        if "INPUT" in cards[-1].parameters:
+        if "INPUT" in cards[-1].parameters and cards[-1].keyword in FROM_FILES:
             file = _read(path.parent / cards[-1].parameters.pop("INPUT"), line)
             cards[-1].data += list(_flattened(file, path.parent, 1))
     return cards

@@ -12,7 +12,6 @@ from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import WHOLE, Card, Line
 from squealstudy.models.components.inp_couplings import KEYWORDS, Couplings, Where
-from squealstudy.models.components.inp_keywords import ELEMENTS
 from squealstudy.models.components.inp_materials import MaterialText, with_sections
 from squealstudy.models.components.inp_sets import NOTHING, Sets
 from squealstudy.models.components.marked_faces import FACES, NODES, MarkedFaces
@@ -48,6 +47,8 @@ class Text:
         Types of elements of the file, in capitals, and their formulation here.
     temperature : float or None
         At which materials are taken.
+    others : list of (Card, list of int)
+        Elements that are passed over, and their numbers.
     """
 
     path: Path
@@ -59,11 +60,18 @@ class Text:
     shift: np.ndarray
     elements: Mapping[str, str]
     temperature: float | None = None
+    others: list[tuple[Card, list[int]]] = field(default_factory=list)
     passed_over: list[PassedOver] = field(default_factory=list)
 
     def note(self, card: Card, why: str) -> None:
         """Report a card that is passed over, or of which something is."""
         self.passed_over.append(passed(card, why))
+
+
+def unused(card: Card) -> PassedOver:
+    """What a card has of parameters that are passed over."""
+    many = "s" if len(card.unused) > 1 else ""
+    return passed(card, f"the parameter{many} {', '.join(card.unused)}, not used here")
 
 
 def passed(card: Card, why: str) -> PassedOver:
@@ -101,6 +109,8 @@ class Component:
         mesh = self._with_surfaces(self._with_sections(mesh))
         mesh = self._with_couplings(self._with_marked_faces(mesh))
         mesh = self._without_unused(mesh)
+        cards = (*self.text.part, *self.text.assembly)
+        self.text.passed_over += [unused(card) for card in cards if card.unused]
         for sets in (self.node_sets, self.element_sets):
             for card, missing in sets.absent:
                 self.text.note(card, f"{missing} of its numbers are of no {sets.kind}")
@@ -154,7 +164,7 @@ class Component:
         first: dict[int, Line] = {}
         for card in self._cards("ELEMENT"):
             card.check(ELEMENT)
-            name = self._formulation(card)
+            name = self.text.elements[card.value("TYPE").upper()]
             if name == FACES:
                 count = NODES[card.value("TYPE").upper()]
                 labels, nodes = self._records(card, count, first)
@@ -172,20 +182,12 @@ class Component:
             self.blocks.append(ElementBlock(name, nodes, labels))
         self.labels = np.concatenate([b.labels for b in self.blocks])
         self.by_label = np.argsort(self.labels)
-        self.element_sets.known = np.sort(np.append(self.labels, self.marked.labels))
-
-    def _formulation(self, card: Card) -> str:
-        written = card.value("TYPE").upper()
-        if written in self.text.elements:
-            return self.text.elements[written]
-        if written in ELEMENTS:
-            advice = f"{ELEMENTS[written]}; or say by treat_as what it is to be"
-        elif written in NODES:
-            advice = f"only solids are; where it marks faces alone, treat_as {written} = '{FACES}'"
-        else:
-            solids = [name for name, ours in self.text.elements.items() if ours != FACES]
-            advice = f"supported: {', '.join(solids)}"
-        raise card.error(f"element {written} is not supported: {advice}")
+        others = [np.array(numbers, dtype=np.int64) for _, numbers in self.text.others]
+        for (card, _), numbers in zip(self.text.others, others, strict=True):
+            if in_set := card.parameters.get("ELSET"):
+                self.element_sets.add(in_set, numbers)
+        known = np.unique(np.concatenate([self.labels, self.marked.labels, *others]))
+        self.element_sets.known = known
 
     def _records(self, card: Card, k: int, first: dict[int, Line]) -> tuple[np.ndarray, np.ndarray]:
         """Labels and places of nodes of elements with k nodes; a record may take several lines."""
@@ -251,8 +253,8 @@ class Component:
 
     def _elements(self, labels: np.ndarray) -> np.ndarray:
         """Places of the solid elements among labels."""
-        if len(self.marked.labels):
-            labels = labels[~np.isin(labels, self.marked.labels)]
+        if len(self.element_sets.known) > len(self.labels):
+            labels = labels[np.isin(labels, self.labels)]
         at = np.searchsorted(self.labels, labels, sorter=self.by_label)
         return np.sort(self.by_label[at])
 

@@ -3,86 +3,109 @@
 from __future__ import annotations
 
 _MODEL_FILE = "stated in the model file"
-_OUTPUT = "output of the other code"
-_MATERIAL = "this property is not used here"
+
+
+def _each(names: str, why: str) -> dict[str, str]:
+    return dict.fromkeys(names.split(), why)
+
 
 # keywords that change neither mass nor stiffness of a component, and why
 PASSED_OVER: dict[str, str] = {
+    "": "a star alone",
     "HEADING": "a title",
-    "PREPRINT": _OUTPUT,
-    "RESTART": _OUTPUT,
-    "OUTPUT": _OUTPUT,
-    "NODEOUTPUT": _OUTPUT,
-    "ELEMENTOUTPUT": _OUTPUT,
-    "CONTACTOUTPUT": _OUTPUT,
-    "NODEPRINT": _OUTPUT,
-    "NODEFILE": _OUTPUT,
-    "ELPRINT": _OUTPUT,
-    "ELFILE": _OUTPUT,
-    "CONTACTPRINT": _OUTPUT,
-    "CONTACTFILE": _OUTPUT,
-    "FILEFORMAT": _OUTPUT,
-    "FILTER": _OUTPUT,
-    "TIMEPOINTS": _OUTPUT,
+    **_each(
+        "PREPRINT RESTART OUTPUT NODEOUTPUT ELEMENTOUTPUT CONTACTOUTPUT ENERGYOUTPUT "
+        "MODALOUTPUT INTEGRATEDOUTPUT INTEGRATEDOUTPUTSECTION SURFACESECTION NODEPRINT NODEFILE "
+        "ELPRINT ELFILE ENERGYPRINT ENERGYFILE MODALPRINT MODALFILE SECTIONPRINT SECTIONFILE "
+        "CONTACTPRINT CONTACTFILE FILEFORMAT FILTER TIMEPOINTS MONITOR PRINT DIAGNOSTICS "
+        "ELEMENTMATRIXOUTPUT MATRIXGENERATE MATRIXOUTPUT NOANALYSIS DISPLAYBODY",
+        "output of the other code",
+    ),
+    **_each(
+        "STATIC DYNAMIC FREQUENCY BUCKLE VISCO HEATTRANSFER STEADYSTATEDYNAMICS MODALDYNAMIC "
+        "COMPLEXFREQUENCY GREEN SENSITIVITY CONTROLS SOLVERCONTROLS SOLUTIONTECHNIQUE NORMAL "
+        "COUPLEDTEMPERATURE-DISPLACEMENT UNCOUPLEDTEMPERATURE-DISPLACEMENT ELECTROMAGNETICS CFD "
+        "CRACKPROPAGATION HCF SUBSTRUCTUREGENERATE RETAINEDNODALDOFS SUBSTRUCTUREMATRIXOUTPUT "
+        "MODELCHANGE SUBMODEL REFINEMESH USEREFINEDMESH GEOMETRICTOLERANCES CORRELATIONLENGTH "
+        "ROBUSTDESIGN VALUESATINFINITY INCREMENTATION",
+        "how the other code solves",
+    ),
+    **_each(
+        "DESIGNVARIABLES DESIGNRESPONSE OBJECTIVE CONSTRAINT FEASIBLEDIRECTION DESIGNPARAMETER",
+        "of an optimisation",
+    ),
     "PHYSICALCONSTANTS": "not used here",
-    "SECTIONCONTROLS": "the elements here have no such controls",
-    "HOURGLASSSTIFFNESS": "the elements here have no such controls",
-    "AMPLITUDE": "loads are " + _MODEL_FILE,
-    "BOUNDARY": "supports are " + _MODEL_FILE,
-    "INITIALCONDITIONS": "working points are computed",
-    "TRANSFORM": "directions of supports and loads are " + _MODEL_FILE,
-    "CONTACTPAIR": "contact is " + _MODEL_FILE,
-    "CONTACT": "contact is " + _MODEL_FILE,
-    "CONTACTINCLUSIONS": "contact is " + _MODEL_FILE,
-    "CONTACTEXCLUSIONS": "contact is " + _MODEL_FILE,
-    "CONTACTPROPERTYASSIGNMENT": "contact is " + _MODEL_FILE,
-    "CONTACTINITIALIZATIONASSIGNMENT": "contact is " + _MODEL_FILE,
-    "CONTACTINITIALIZATIONDATA": "contact is " + _MODEL_FILE,
-    "SURFACEINTERACTION": "contact is " + _MODEL_FILE,
-    "SURFACEBEHAVIOR": "contact is " + _MODEL_FILE,
-    "FRICTION": "contact is " + _MODEL_FILE,
-    "CLEARANCE": "contact is " + _MODEL_FILE,
-    "CONDUCTIVITY": _MATERIAL,
-    "SPECIFICHEAT": _MATERIAL,
-    "EXPANSION": _MATERIAL,
-    "PLASTIC": "vibrations about a working point are elastic",
-    "DAMPING": "damping is " + _MODEL_FILE,
+    "ACOUSTICWAVEFORMULATION": "not used here",
+    **_each(
+        "SECTIONCONTROLS HOURGLASSSTIFFNESS BULKVISCOSITY TRANSVERSESHEARSTIFFNESS",
+        "the elements here have no such controls",
+    ),
+    **_each(
+        "AMPLITUDE CLOAD DLOAD DSLOAD DFLUX CFLUX DSFLUX FILM SFILM RADIATE SRADIATE "
+        "TEMPERATURE CRADIATE CFILM FIELD BASEMOTION INERTIARELIEF PRESSURESTRESS LOADCASE "
+        "VIEWFACTOR FILMPROPERTY CAVITYDEFINITION EMISSIVITY MASSFLOW",
+        "loads are " + _MODEL_FILE,
+    ),
+    **_each("BOUNDARY TRANSFORM", "supports, and directions of loads, are " + _MODEL_FILE),
+    **_each(
+        "INITIALCONDITIONS INITIALSTRAININCREASE",
+        "working points are computed",
+    ),
+    **_each(
+        "CONTACTPAIR CONTACT CONTACTINCLUSIONS CONTACTEXCLUSIONS CONTACTPROPERTYASSIGNMENT "
+        "CONTACTINITIALIZATIONASSIGNMENT CONTACTINITIALIZATIONDATA CONTACTCONTROLS "
+        "CONTACTCONTROLSASSIGNMENT CONTACTFORMULATION CONTACTDAMPING CONTACTINTERFERENCE "
+        "CONTACTSTABILIZATION SURFACEINTERACTION SURFACEBEHAVIOR SURFACEPROPERTYASSIGNMENT "
+        "SURFACESMOOTHING FRICTION CHANGEFRICTION CHANGESURFACEBEHAVIOR CHANGECONTACTTYPE "
+        "CLEARANCE GAPCONDUCTANCE GAPHEATGENERATION GAPRADIATION COHESIVEBEHAVIOR DEBOND",
+        "contact is " + _MODEL_FILE,
+    ),
+    **_each(
+        "CONDUCTIVITY SPECIFICHEAT LATENTHEAT EXPANSION ELECTRICALCONDUCTIVITY "
+        "MAGNETICPERMEABILITY SPECIFICGASCONSTANT DEPVAR PERMEABILITY DIFFUSIVITY SOLUBILITY "
+        "JOULEHEATFRACTION INELASTICHEATFRACTION HEATGENERATION DIELECTRIC PIEZOELECTRIC",
+        "this property is not used here",
+    ),
+    **_each(
+        "PLASTIC CHANGEPLASTIC RATEDEPENDENT CYCLICHARDENING CREEP MOHRCOULOMB "
+        "MOHRCOULOMBHARDENING DRUCKERPRAGER DRUCKERPRAGERHARDENING CAPPLASTICITY "
+        "CASTIRONPLASTICITY CASTIRONCOMPRESSIONHARDENING CASTIRONTENSIONHARDENING POTENTIAL "
+        "SWELLING ANNEALTEMPERATURE DAMAGEINITIATION DAMAGEEVOLUTION DAMAGESTABILIZATION "
+        "FAILSTRESS FAILSTRAIN TENSILEFAILURE SHEARFAILURE CONCRETE CONCRETEDAMAGEDPLASTICITY "
+        "CRUSHABLEFOAM CRUSHABLEFOAMHARDENING VISCOELASTIC VISCOUS MULLINSEFFECT HYSTERESIS",
+        "vibrations about a working point are elastic",
+    ),
+    **_each("DAMPING MODALDAMPING GLOBALDAMPING DAMPINGCONTROLS", "damping is " + _MODEL_FILE),
+    **_each(
+        "SHELLSECTION SHELLGENERALSECTION MEMBRANESECTION MEMBRANE BEAMSECTION "
+        "BEAMGENERALSECTION CONNECTORSECTION CONNECTORBEHAVIOR CONNECTORELASTICITY "
+        "CONNECTORDAMPING CONNECTORFRICTION COHESIVESECTION GASKETSECTION GASKETBEHAVIOR "
+        "FLUIDSECTION RIGIDSURFACE SURFACESECTION SPRING DASHPOT GAP MASS ROTARYINERTIA JOINT "
+        "USERELEMENT USERSECTION NODALTHICKNESS TRUSSSECTION ACOUSTICINFINITEELEMENT",
+        "of elements that are no solids",
+    ),
 }
 
 _MERGE = "merge the nodes of both sides, or make two components of it with a layer or springs"
 _COUPLE = "couple components by layers and springs of the model file"
-_SOLIDS = "only solids are supported"
 _GENERATE = "let the preprocessor write all nodes and elements"
 
-# keywords that change the component and cannot be read, and what to do
+# keywords that may change the component and are not read, and what to do
 REFUSED: dict[str, str] = {
     "CYCLICSYMMETRYMODEL": "write the whole body",
     "KINEMATICCOUPLING": "write *COUPLING with *KINEMATIC",
     "DISTRIBUTINGCOUPLING": "write *COUPLING with *DISTRIBUTING",
-    "MPC": _COUPLE,
-    "EQUATION": _COUPLE,
-    "EMBEDDEDELEMENT": _MERGE,
-    "FASTENER": _COUPLE,
-    "SPRING": "springs are stated in the model file",
-    "DASHPOT": "dampers are stated in the model file",
-    "MASS": _SOLIDS,
-    "ROTARYINERTIA": _SOLIDS,
-    "SHELLSECTION": _SOLIDS,
-    "SHELLGENERALSECTION": _SOLIDS,
-    "MEMBRANESECTION": _SOLIDS,
-    "BEAMSECTION": _SOLIDS,
-    "BEAMGENERALSECTION": _SOLIDS,
-    "CONNECTORSECTION": _SOLIDS,
-    "COHESIVESECTION": _SOLIDS,
-    "GASKETSECTION": _SOLIDS,
-    "NGEN": _GENERATE,
-    "NFILL": _GENERATE,
-    "NCOPY": _GENERATE,
-    "NMAP": _GENERATE,
-    "ELGEN": _GENERATE,
-    "ELCOPY": _GENERATE,
+    **_each("MPC EQUATION FASTENER NETWORKMPC PRE-TENSIONSECTION", _COUPLE),
+    **_each("EMBEDDEDELEMENT", _MERGE),
+    "NONSTRUCTURALMASS": "state a [[point_mass]] in the model file",
+    **_each("NGEN NFILL NCOPY NMAP ELGEN ELCOPY", _GENERATE),
     "SYSTEM": "write the nodes in global Cartesian coordinates",
     "PARAMETER": "write numbers in place of parameters",
+    "MATRIXASSEMBLE": "give the whole as K and M in the model file",
+    "MATRIXINPUT": "give the whole as K and M in the model file",
+    "IMPERFECTION": "write the nodes where they are",
+    "CHANGEMATERIAL": "write the material that it has at the working point",
+    "CHANGESOLIDSECTION": "write the section that it has at the working point",
 }
 
 # laws of materials that are not read: elements that have one need the moduli of the model file
@@ -91,6 +114,20 @@ OTHER_LAWS = (
     *("MOONEYRIVLIN", "NOTENSION", "NOCOMPRESSION", "LOWDENSITYFOAM", "ANISOTROPICHYPERELASTIC"),
     *("POROUSELASTIC", "CABLE", "FABRIC", "ACOUSTICMEDIUM", "FLUIDCONSTANTS"),
 )
+
+# what a parameter of a keyword that is read would change; all others are passed over
+MATTERS: dict[str, tuple[str, ...]] = {
+    "NODE": ("SYSTEM",),
+    "ELEMENT": ("OFFSET", "SOLIDELEMENTNUMBERING"),
+    "SURFACE": ("COMBINE", "CROP", "FILLETING"),
+    "TIE": ("CYCLICSYMMETRY", "MULTISTAGE", "TIEDNSET"),
+    "COUPLING": ("ORIENTATION", "INFLUENCERADIUS", "ROTATIONALCOUPLING"),
+    "SOLIDSECTION": ("COMPOSITE",),
+    "ORIENTATION": ("LOCALDIRECTIONS",),
+    "INSTANCE": ("LIBRARY",),
+    "ELASTIC": ("DEPENDENCIES", "COMPRESSIONFACTOR"),
+    "DENSITY": ("DEPENDENCIES",),
+}
 
 # elements that are refused unless `treat_as` says what they are to be
 ELEMENTS: dict[str, str] = {
@@ -101,5 +138,8 @@ ELEMENTS: dict[str, str] = {
     "C3D10HS": "hybrid elements have pressures as unknowns; C3D10 is nearest",
     "C3D4H": "hybrid elements have pressures as unknowns; mesh with C3D10",
     "C3D20H": "hybrid elements have pressures as unknowns; C3D20 is nearest",
+    **_each(
+        "DC3D4 DC3D6 DC3D8 DC3D10 DC3D15 DC3D20", "it conducts heat alone; C3D.. has its nodes"
+    ),
     "C3D20RH": "hybrid elements have pressures as unknowns; C3D20R is nearest",
 }
