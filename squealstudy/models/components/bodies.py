@@ -19,6 +19,7 @@ from squealstudy.models.components.expansion import Expansion, expanded
 from squealstudy.models.components.file_materials import changed_material, with_tables
 from squealstudy.models.components.file_matrices import Matrices, placed_matrices, symmetric
 from squealstudy.models.components.file_tables import ComponentTable
+from squealstudy.models.components.handed import righted
 from squealstudy.models.components.materials import Elastic, Orientation, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
@@ -145,6 +146,7 @@ def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
     else:
         known = ", ".join((".inp", ".msh", ANSYS, *NASTRAN))
         raise ModelError(f"{path}: unknown format '{path.suffix}', expected one of {known}")
+    mesh = righted(mesh)
     check_mesh(mesh)
     return mesh
 
@@ -284,7 +286,8 @@ def _body_matrices(
         return body.matrices[:2]
     mesh = changed_mesh(body, given)
     try:
-        K, M = stiffness_matrix(mesh), mass_matrix(mesh, brake.file.components[name].mass)
+        rule = brake.file.components[name].mass or ("lumped" if mesh.lumped else "full")
+        K, M = stiffness_matrix(mesh), mass_matrix(mesh, rule)
     except ModelError as error:
         raise PlacedError(("components", name), str(error)) from error
     K, M = (symmetric(body.expansion.restricted(A)) for A in (K, M))

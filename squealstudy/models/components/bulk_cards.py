@@ -15,6 +15,7 @@ from squealstudy.models.matrices.dmig import NUMBER, fields_of
 from squealstudy.models.matrices.text import COUNT, TextFile, shortened
 
 BEGIN, END = re.compile(r"\s*BEGIN\b(\s+BULK\b)?", re.I), re.compile(r"\s*ENDDATA\b", re.I)
+EQUATION = re.compile(r"DEQATN\b", re.I)
 INCLUDE = re.compile(r"\s*INCLUDE\s+(?:'(?P<one>[^']*)'?|\"(?P<two>[^\"]*)\"?|(?P<bare>\S+))", re.I)
 
 
@@ -95,6 +96,11 @@ def read_bulk(path: Path) -> tuple[list[BulkCard], list[Line]]:
     for line in lines[begun:]:
         if END.match(line.text):
             break
+        if text := EQUATION.match(line.text):  # a formula has commas of its own
+            cards.append(BulkCard(text[0].upper(), [""], [line]))
+            continue
+        if cards and cards[-1].name == "DEQATN" and line.text[:1] in "+* ,":
+            continue
         first, fields = fields_of(line.text)
         beyond = [w.strip() for w in line.text.split(",")[9:]]
         if any(beyond[1:]) or (beyond and beyond[0] and beyond[0][0] not in "+*"):

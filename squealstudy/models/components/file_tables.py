@@ -98,8 +98,10 @@ class ComponentTable(Table):
     )
     treat_as: dict[str, str] = Field(default={}, description="elements to be read as others")
     pass_over: Texts = Field(default=(), description="keywords of its file to pass over")
-    mass: MassRule = Field(
-        default="full", description="integration of the mass, which is consistent, never lumped"
+    mass: MassRule | None = Field(
+        default=None,
+        description="full: consistent; as_stiffness: with its points; lumped at the nodes; else "
+        "lumped where a deck of Nastran is, and full",
     )
     temperature: float | None = Field(
         default=None, description="at which materials of its file are taken that depend on it"

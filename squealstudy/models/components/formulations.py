@@ -11,7 +11,7 @@ import numpy as np
 
 from squealstudy.models.components.element_shapes import SHAPES, Shape
 
-MassRule = Literal["full", "as_stiffness"]
+MassRule = Literal["full", "as_stiffness", "lumped"]
 Strains = Literal["plain", "mean_dilatation", "incompatible"]
 
 

@@ -90,6 +90,8 @@ class SolidMesh:
         Nodes that follow others.
     passed_over : tuple of PassedOver
         What the file says and the mesh does not.
+    lumped : bool
+        Whether the program of the file lumps the mass at the nodes.
     """
 
     origin: Path
@@ -106,6 +108,7 @@ class SolidMesh:
     constraints: tuple[Constraint, ...] = ()
     passed_over: tuple[PassedOver, ...] = ()
     unfinished: Mapping[str, Unfinished] = field(default_factory=dict)
+    lumped: bool = False
 
     def __post_init__(self) -> None:
         n = self.n_elements

@@ -15,6 +15,7 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.bulk_cards import BulkCard, Systems, read_bulk
+from squealstudy.models.components.bulk_names import MODEL_FILE, PASSED_OVER
 from squealstudy.models.components.constraints import Constraint, Coupling
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Line
@@ -33,23 +34,18 @@ SOLIDS: dict[tuple[str, int], tuple[str, str, tuple[int, ...]]] = {
     ("CHEXA", 8): ("CHEXA8", "C3D8I", tuple(range(8))),
     ("CHEXA", 20): ("CHEXA20", "C3D20", (*range(12), *range(16, 20), *range(12, 16))),
 }
+BRICK = "CHEXA8"
+BUBBLE, FULL = ("", "0", "BUBBLE"), ("1", "FULL")  # values of IN and ISOP of a PSOLID
 SAME = 0.01  # of G: files round
 CORNERS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
 PLATES = {"CTRIA3": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUAD8": 8}
 PLATE_SECTIONS = ("PSHELL",)
 SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
-READ = ("GRID", *CORNERS, "PSOLID", "MAT1", "SET1", "RBE2", "RBE3", *SYSTEMS)
-_MODEL_FILE, _STUDY = "stated in the model file", "stated in the study"
-PASSED_OVER = {  # cards that change neither mass nor stiffness of a component, and why
-    **dict.fromkeys(("SPC", "SPC1", "SPCADD", "SPCD"), "supports are " + _MODEL_FILE),
-    **dict.fromkeys(("LOAD", "FORCE", "MOMENT", "PLOAD", "PLOAD4", "GRAV"), "loads are " + _STUDY),
-    **dict.fromkeys(("EIGRL", "EIGR", "EIGC", "PARAM", "TEMP", "TEMPD"), "settings are " + _STUDY),
-    **dict.fromkeys(("TABDMP1", "SUPORT", "SUPORT1"), "not of the mesh"),
-    "DMIG": "no matrix is added to those of the elements",
-}
+READ = ("GRID", "GRDSET", *CORNERS, "PSOLID", "MAT1", "SET1", "RBE2", "RBE3", *SYSTEMS)
 # of case control: matrices of DMIG, which Nastran adds to those of the elements
 SELECTED = ("K2GG", "M2GG", "B2GG", "K42GG", "K2PP", "M2PP", "B2PP")
 SELECTS = re.compile(rf"\s*({'|'.join(SELECTED)})\s*=", re.I)
+COUPLED = "COUPMASS"  # the parameter of consistent masses
 WEIGHT = "WTMASS"  # the parameter that multiplies the mass of elements
 
 
@@ -86,7 +82,8 @@ def read_bdf(
     """
     wanted = _treated(path, treat_as or {})
     cards, above = read_bulk(path)
-    mesh = _Deck(path, cards, above, wanted, {name.upper() for name in pass_over}).mesh()
+    asked = {name.upper() for name in treat_as or {}}
+    mesh = _Deck(path, cards, above, wanted, asked, {name.upper() for name in pass_over}).mesh()
     return mesh if part is None else mesh.part(mesh.find("element_sets", part))
 
 
@@ -116,15 +113,17 @@ class _Deck:
         cards: list[BulkCard],
         above: list[Line],
         wanted: Mapping[str, str],
+        asked: Collection[str],
         ignored: set[str],
     ) -> None:
-        self._path, self._wanted = path, wanted
+        self._path, self._wanted, self._asked = path, wanted, asked
         self._cards: dict[str, list[BulkCard]] = {}
         for card in cards:
             self._cards.setdefault(card.name, []).append(card)
         self._notes: list[PassedOver] = []
         _refuse_selections(above, ignored)
         self._weight = self._factor(above)
+        self._consistent = self._coupled_mass(above)
         plates = [name for name in PLATES if wanted.get(name) == FACES]
         known = {*READ, *plates, *(PLATE_SECTIONS if plates else ())}
         self._refuse(known | ignored | set(PASSED_OVER))
@@ -142,31 +141,41 @@ class _Deck:
             f"{name} ({len(own)}, first in line {own[0].lines[0].place + 1})"
             for name, own in unknown.items()
         )
+        names = ", ".join(f'"{name}"' for name in unknown)
         first = min((own[0] for own in unknown.values()), key=lambda card: card.lines[0].place)
         advice = "; plates that mark faces alone: treat_as {CQUAD4 = 'faces'}"
         raise first.lines[0].error(
-            f"cards that are not supported: {listed}: remove them, or name in pass_over those on "
-            "which neither mass nor stiffness depend"
+            f"cards that are not supported: {listed}"
             + (advice if set(unknown) & set(PLATES) else "")
+            + f"; where neither mass nor stiffness depend on them: pass_over = [{names}]"
         )
 
-    def _factor(self, above: list[Line]) -> float:
-        """What the mass of elements is multiplied by; its cards are taken out of the deck."""
+    def _parameters(self, above: list[Line], name: str) -> list[BulkCard]:
+        """Cards of a PARAM, above the bulk too; they are taken out of the deck."""
         cards = self._all("PARAM")
         for line in above:
-            name, fields = fields_of(line.text)
-            if name.upper().rstrip("*") == "PARAM":
+            first, fields = fields_of(line.text)
+            if first.upper().rstrip("*") == "PARAM":
                 cards.append(BulkCard("PARAM", fields, [line] * len(fields)))
-        own = [card for card in cards if card.at(0).upper() == WEIGHT]
-        found = {card.real(1, "a factor"): card for card in own}
+        own = [card for card in cards if card.at(0).upper() == name]
+        if own and "PARAM" in self._cards:
+            self._cards["PARAM"] = [c for c in self._cards["PARAM"] if c not in own]
+        return own
+
+    def _factor(self, above: list[Line]) -> float:
+        """What the mass of elements is multiplied by."""
+        found = {card.real(1, "a factor"): card for card in self._parameters(above, WEIGHT)}
         for value, card in found.items():
             if not value > 0:
                 raise card.error(f"expected {WEIGHT} above zero", 1)
             if len(found) > 1:
                 raise card.error(f"{WEIGHT} has the values {', '.join(f'{v:g}' for v in found)}", 1)
-        if own and "PARAM" in self._cards:
-            self._cards["PARAM"] = [c for c in self._cards["PARAM"] if c not in own]
         return next(iter(found), 1.0)
+
+    def _coupled_mass(self, above: list[Line]) -> bool:
+        """Whether masses are consistent: Nastran lumps them unless PARAM,COUPMASS is positive."""
+        found = [card.whole(1, "a number") for card in self._parameters(above, COUPLED)]
+        return bool(found) and found[-1] > 0
 
     def _note(self, cards: list[BulkCard], why: str) -> None:
         line = cards[0].lines[0]
@@ -187,11 +196,15 @@ class _Deck:
         mesh = self._with_materials(mesh, property_of)
         mesh = self._with_faces(mesh)
         mesh = replace(mesh, constraints=tuple(self._couplings()))
+        mesh = self._with_mass(mesh)
         return self._without_unused(mesh)
 
     # -- nodes and elements ----------------------------------------------------------------------
     def _read_nodes(self) -> None:
         systems = Systems(self._all(*SYSTEMS))
+        for first in self._all("GRDSET")[:1]:
+            for card in self._all("GRID"):
+                card.fields[1:2] = [card.at(1) or first.at(1)]
         found: dict[int, np.ndarray] = {}
         held: list[BulkCard] = []
         for card in self._all("GRID"):
@@ -206,7 +219,7 @@ class _Deck:
         if not found:
             raise ModelError(f"{self._path} has no GRID")
         if held:
-            self._note(held, "its supports are " + _MODEL_FILE)
+            self._note(held, "its supports are " + MODEL_FILE)
         self._numbers = np.array(sorted(found), dtype=np.int64)
         self._nodes = np.array([found[n] for n in self._numbers])
 
@@ -221,6 +234,7 @@ class _Deck:
 
     def _solids(self) -> tuple[tuple[ElementBlock, ...], dict[str, np.ndarray]]:
         """Elements by formulation, and properties of each."""
+        plain = self._plain_bricks()
         rows: dict[str, list[tuple[int, int, np.ndarray]]] = {}
         seen: set[int] = set()
         for card in self._all(*CORNERS):
@@ -242,9 +256,10 @@ class _Deck:
             name, _, order = kind
             numbers = [card.whole(2 + k, "a node number") for k in range(len(words))]
             nodes = self._places(card, numbers)[list(order)]
-            rows.setdefault(self._wanted[name], []).append(
-                (label, label if own < 0 else own, nodes)
-            )
+            wanted = self._wanted[name]
+            if name == BRICK and own in plain and BRICK not in self._asked:
+                wanted = "C3D8"
+            rows.setdefault(wanted, []).append((label, label if own < 0 else own, nodes))
         if not rows:
             raise ModelError(f"{self._path} has no solid element: CTETRA, CPENTA or CHEXA")
         blocks = tuple(
@@ -252,6 +267,24 @@ class _Deck:
             for name, own in rows.items()
         )
         return blocks, {name: np.array([p for _, p, _ in own]) for name, own in rows.items()}
+
+    def _plain_bricks(self) -> set[int]:
+        """Properties whose bricks are standard isoparametric elements (PSOLID, ISOP = FULL)."""
+        found: set[int] = set()
+        without: list[BulkCard] = []
+        for card in self._all("PSOLID"):
+            points, scheme = (card.at(k).upper() for k in (3, 5))
+            if points not in BUBBLE and scheme in FULL:
+                found.add(card.whole(0, "a property"))
+            elif points not in BUBBLE:
+                without.append(card)
+        if without:
+            self._note(
+                without,
+                "IN: bricks without bubble functions and with reduced shear are no element here, "
+                "they are read as C3D8I",
+            )
+        return found
 
     # -- sets and couplings ----------------------------------------------------------------------
     def _sets(self) -> dict[str, np.ndarray]:
@@ -322,8 +355,20 @@ class _Deck:
             elastic = _isotropic(materials[number], self._weight)
             mesh = mesh.with_material(f"MAT{number}", elastic, f"PID{own}")
             if materials[number].at(7).strip("0."):
-                self._note([materials[number]], "damping is " + _MODEL_FILE)
+                self._note([materials[number]], "damping is " + MODEL_FILE)
         return mesh
+
+    def _with_mass(self, mesh: SolidMesh) -> SolidMesh:
+        """Lumped where Nastran lumps it, as far as its rule is known; told."""
+        if self._consistent:
+            return mesh
+        quadratic = sorted({b.formulation for b in mesh.blocks if b.nodes.shape[1] > 8})
+        absent = "PARAM,COUPMASS is not above zero, so that Nastran lumps the mass"
+        why = f"{absent}, as here; mass = 'full' does not"
+        if quadratic:
+            why = f"{absent}; that of {', '.join(quadratic)} is consistent here"
+        note = PassedOver("COUPMASS", self._path, 0, why)
+        return replace(mesh, lumped=not quadratic, passed_over=(*mesh.passed_over, note))
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
         used = mesh.used_nodes()

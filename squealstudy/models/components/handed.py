@@ -1,0 +1,78 @@
+"""Left-handed elements, as mirrored half models have them, brought into the order of the others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from squealstudy.models.components.element_shapes import SHAPES
+from squealstudy.models.components.formulations import integration
+from squealstudy.models.components.jacobians import CHUNK
+from squealstudy.models.components.mesh import PassedOver, SolidMesh
+
+
+def righted(mesh: SolidMesh) -> SolidMesh:
+    """The mesh with the nodes of left-handed elements in the mirrored order, which is told.
+
+    An element is left-handed where its Jacobian is negative at all points of integration: it has
+    the same nodes and the same functions either way. Faces of surfaces follow.
+    """
+    blocks = list(mesh.blocks)
+    surfaces = {name: faces.copy() for name, faces in mesh.surfaces.items()}
+    found = []
+    for b, start in enumerate(mesh.starts[:-1]):
+        block = blocks[b]
+        left = _left_handed(mesh, b)
+        if not left.any():
+            continue
+        order, faces = _mirrored(block.kind.shape.name)
+        nodes = block.nodes.copy()
+        nodes[left] = nodes[left][:, order]
+        blocks[b] = replace(block, nodes=nodes)
+        found.append(start + np.flatnonzero(left))
+        for own in surfaces.values():
+            here = (own[:, 0] >= start) & (own[:, 0] < mesh.starts[b + 1])
+            here[here] = left[own[here, 0] - start]
+            own[here, 1] = faces[own[here, 1] - 1]
+    if not found:
+        return mesh
+    elements = np.concatenate(found)
+    why = (
+        f"{len(elements)} of {mesh.n_elements} elements, {mesh.elements_named(elements)}, are "
+        "left-handed, as those of a mirrored part: read in the mirrored order of their nodes"
+    )
+    ordered = {name: own[np.lexsort((own[:, 1], own[:, 0]))] for name, own in surfaces.items()}
+    note = PassedOver("order of nodes", mesh.origin, 0, why)
+    return replace(
+        mesh,
+        blocks=tuple(blocks),
+        surfaces=ordered,
+        passed_over=(*mesh.passed_over, note),
+    )
+
+
+def _left_handed(mesh: SolidMesh, b: int) -> np.ndarray:
+    """Which elements of a block are."""
+    block = mesh.blocks[b]
+    _, dN = block.kind.shape.functions(integration(block.kind.stiffness).points)
+    left = np.zeros(len(block.labels), dtype=bool)
+    for at in range(0, len(left), CHUNK):
+        X = mesh.nodes[block.nodes[at : at + CHUNK]]
+        J = np.matmul(X.transpose(0, 2, 1)[:, None], dN)
+        left[at : at + CHUNK] = (np.linalg.det(J) < 0).all(axis=1)
+    return left
+
+
+@cache
+def _mirrored(shape: str) -> tuple[np.ndarray, np.ndarray]:
+    """Order of the nodes with the first two reference coordinates exchanged.
+
+    And the number of each face, from 1, in that order.
+    """
+    places, faces = SHAPES[shape].places, SHAPES[shape].faces
+    exchanged = places[:, [1, 0, 2]]
+    order = np.abs(places[None] - exchanged[:, None]).max(axis=2).argmin(axis=1)
+    sets = [{int(order[i]) for i in face} for face in faces]
+    return order, np.array([sets.index(set(face)) + 1 for face in faces])
