@@ -64,15 +64,16 @@ def test_a_run_without_damping_does_not_last_by_itself(undamped):
 
 
 def test_the_study_to_start_from_has_damping(tmp_path):
-    """As written it is silent; without damping every design is neutral, and has no level."""
-    text = study_text("start", "limit_cycles", "hoffmann").replace("num = 5", "num = 2")
+    """As written it is silent, then squeals; without damping silent designs are neutral."""
+    text = study_text("start", "limit_cycles", "hoffmann").replace("num = 4", "num = 2")
     assert re.search(r"^damping_ratio = 0\.005$", text, re.MULTILINE)
     points = solved(text, tmp_path / "start").points
-    assert points["verdict"].tolist() == ["no_cycle_found"] * 2
+    assert points["verdict"].tolist() == ["no_cycle_found", "squeals"]
     points = solved(text.replace("= 0.005", "= 0.0"), tmp_path / "undamped").points
-    assert points["verdict"].tolist() == ["neutral"] * 2
-    assert points["torque_rms"].isna().all()
-    assert points["frequency_hz"].isna().all()
+    assert points["verdict"].tolist() == ["neutral", "squeals"]
+    silent = points.iloc[0]
+    assert np.isnan(silent["torque_rms"])
+    assert np.isnan(silent["frequency_hz"])
 
 
 def curve(*dampings):

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from squealstudy.engine.template import study_schema
+from squealstudy.engine.schema import study_schema
 from squealstudy.errors import ExtensionError, StudyFileError
 from squealstudy.extensions import load_extension
 from squealstudy.study.definition import load_study, parse_study

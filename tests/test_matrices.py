@@ -21,7 +21,7 @@ from squealstudy.cli import app as cli
 from squealstudy.engine.cache import is_prepared, load_any
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
-from squealstudy.engine.template import study_schema
+from squealstudy.engine.schema import study_schema
 from squealstudy.errors import ConvergenceError, ModelError, SquealstudyError, StudyFileError
 from squealstudy.linalg.band_roots import FIRST_ROOTS, pair_residuals, roots_in_band
 from squealstudy.models.matrices.expression import Expression

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from squealstudy.engine.template import study_schema
+from squealstudy.engine.schema import study_schema
 from squealstudy.errors import StudyFileError
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.units import UNITS, Unit, in_unit_of

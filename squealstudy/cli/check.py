@@ -13,6 +13,7 @@ from squealstudy.cli.run import fidelity
 from squealstudy.engine.forecast import Estimate, estimate, run_seconds
 from squealstudy.engine.manifest import check_owner, outdated
 from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.schema import methods_schema, study_schema
 from squealstudy.engine.store import Store
 from squealstudy.engine.structures import (
     build_structure,
@@ -20,7 +21,6 @@ from squealstudy.engine.structures import (
     check_component_modes,
     check_shapes,
 )
-from squealstudy.engine.template import methods_schema, study_schema
 from squealstudy.engine.validity import parameter_reasons, points_by_rule
 from squealstudy.engine.workers import worker_count
 from squealstudy.errors import SquealstudyError

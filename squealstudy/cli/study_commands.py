@@ -141,16 +141,34 @@ def export(
 
 def new(
     path: Annotated[Path, typer.Argument(metavar="FILE", help="Study file to write.")],
-    model: Annotated[str, typer.Option(help="Model; 'squealstudy models' lists them.")],
+    model: Annotated[
+        str | None, typer.Option(help="Model; 'squealstudy models' lists them.")
+    ] = None,
     kind: Annotated[
-        str, typer.Option(help="complex_modes, transient or sensitivity.")
+        str,
+        typer.Option(
+            help="complex_modes, transient, limit_cycles, sensitivity, design, robust (complex "
+            "modes of what scatters), work_precision (writes the study that methods are measured "
+            "on, too) or method_stability (without a model)."
+        ),
     ] = "complex_modes",
+    whole: Annotated[
+        bool, typer.Option("--all", help="Every key, not only those that matter most.")
+    ] = False,
+    schema_too: Annotated[
+        bool,
+        typer.Option(
+            "--schema",
+            help="Write the JSON Schema beside it and name it in the first line: editors then know "
+            "every key. A schema that is there already is named without this option.",
+        ),
+    ] = False,
 ) -> None:
-    """Write a commented study file to start from: every key with its default and meaning."""
+    """Write a commented study file to start from, which runs as it is and shows an onset."""
     from squealstudy import screen
     from squealstudy.engine.template import new_study
 
-    written = new_study(path, kind, model)
+    written = new_study(path, kind, model, whole, schema_too)
     screen.show(f"{written}: now change it, then squealstudy check {written}")
 
 

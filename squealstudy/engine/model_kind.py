@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -54,6 +54,12 @@ class Solves:
     longest: float = 1.6
 
 
+OFTEN_CHANGED = {
+    "parameters": ("friction", "pressure", "sliding_speed", "damping_ratio", "normal_force"),
+    "modes": ("band",),
+}
+
+
 class ModelKind(Kind):
     """A kind whose design points are those of a model.
 
@@ -65,6 +71,10 @@ class ModelKind(Kind):
         Keys of tables that are otherwise by default than in a study of complex modes.
     begins_with : mapping of str -> float
         Values of parameters, where the model has them and 0 by default, in a study to start from.
+    start : mapping of str -> mapping, or list of mappings
+        What else such a study says, by section; what the model says of a key comes first.
+    short : mapping of str -> sequence of str
+        Keys of sections that matter most: such a study has them at their defaults.
     tells_reduction : bool
         Its tables tell the error of the reduction, against a finer model.
     chooses_rung : bool
@@ -78,6 +88,8 @@ class ModelKind(Kind):
     definition: type[StudyDefinition] = StudyDefinition
     file_defaults: Mapping[str, Mapping[str, Any]] = {}
     begins_with: Mapping[str, float] = {}
+    start: Mapping[str, Any] = {}
+    short: Mapping[str, Sequence[str]] = OFTEN_CHANGED
     tells_reduction: bool = True
     chooses_rung: bool = False
     has_fidelity: bool = False

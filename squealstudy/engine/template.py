@@ -1,20 +1,25 @@
-"""What study files may say, from the sections and models themselves: never out of date.
+"""Study files to start from: true, running, and with an answer in them.
 
-A study file to start from, with the names, defaults and descriptions that it will be read with;
-and the JSON Schema, for editors.
+What a model and a kind begin with (`ModelDefinition.start`, `ModelKind.start`) is written with the
+names, defaults and descriptions that the file will be read with: with the keys that matter most, or
+with every key there is.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-from pydantic import BaseModel, create_model
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from squealstudy.engine.model_kind import ModelKind
+from squealstudy.engine.schema import methods_schema, study_schema
 from squealstudy.errors import SquealstudyError
 from squealstudy.files import write_text
 from squealstudy.models.catalogue import MODELS, model_names
@@ -23,29 +28,80 @@ from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
 from squealstudy.study.design_sections import SweepSection
-from squealstudy.study.kinds import definition_of, kind_named, kind_names, model_kind
+from squealstudy.study.kinds import kind_named, kind_names, model_kind
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.toml_text import toml_key, toml_value
 from squealstudy.wording import did_you_mean
 
 WIDTH = 100
-ELSEWHERE = ("study", "model", "parameters", "sweep", "design")  # written by hand below
-SWEPT = "friction"  # of models that have it
+BY_HAND = ("study", "model", "parameters", "sweep", "design")  # sections, written in this order
+SWEPT = "friction"  # of models that say nothing else and have it
 SHARE = 0.2  # below and above its default that the parameter is swept
 LEVELS = 5
+ROBUST, OF_ROBUST = "robust", "complex_modes"  # what scatters, and the kind that it is
+SCATTER = 6.0  # standard deviations in the range of what is swept otherwise
+OF_METHODS = ("work_precision", "method_stability")
+BASE = "_base"  # ends the name of the study that methods are measured on
+SCHEMA_FILE = "squealstudy.schema.json"
 
 
-def new_study(path: Path | str, kind: str, model: str) -> Path:
+@dataclass(frozen=True)
+class Begun:
+    """What a study to start from is made of.
+
+    Attributes
+    ----------
+    kind : ModelKind
+    model : ModelDefinition
+    tables : mapping of str -> mapping, or list of mappings
+        What its file says, by section.
+    definition : StudyDefinition
+        The same, read: what is left out is at its default.
+    whole : bool
+        Every key is written, not only those that matter most.
+    """
+
+    kind: ModelKind
+    model: ModelDefinition
+    tables: Mapping[str, Any]
+    definition: StudyDefinition
+    whole: bool
+
+    def shown(self, section: str) -> Collection[str] | None:
+        """Keys that are written at their defaults; None: all."""
+        return None if self.whole else self.kind.short.get(section, ())
+
+
+def new_kinds() -> tuple[str, ...]:
+    """Kinds of study that `new_study` writes: those there are, and `robust`."""
+    names = [name for name in kind_names() if not kind_named(name).of_methods]
+    return (*names, ROBUST, *OF_METHODS)
+
+
+def new_study(
+    path: Path | str,
+    kind: str = "complex_modes",
+    model: str | None = None,
+    whole: bool = False,
+    schema: bool = False,
+) -> Path:
     """Write a commented study file that runs as it is; its path.
+
+    What it sweeps goes from a stable design point to one that squeals, for models that say where.
 
     Parameters
     ----------
     path : Path or str
         A file that is not there yet.
     kind : str
-        complex_modes, transient or sensitivity.
-    model : str
-        Of the catalogue.
+        A kind of study, or ``robust``: complex modes of parameters that scatter.
+    model : str or None
+        Of the catalogue; of a ``method_stability`` study none. Of a ``work_precision`` study the
+        one of a second file, that of the study which methods are measured on.
+    whole : bool
+        With every key, its default and meaning; otherwise with those that matter most.
+    schema : bool
+        Write the JSON Schema beside it, for editors. The file names one that lies there.
 
     Raises
     ------
@@ -53,25 +109,49 @@ def new_study(path: Path | str, kind: str, model: str) -> Path:
         A file that is there, an unknown kind or model, or two that do not go together.
     """
     path = Path(path)
-    text = study_text(path.stem, kind, model)
-    if path.exists():
-        raise SquealstudyError(f"{path}: there is such a file already, it is not overwritten")
-    write_text(path, text)
+    text = study_text(path.stem, kind, model, whole)
+    written = {path: text}
+    if kind == OF_METHODS[0]:
+        base = path.with_name(f"{path.stem}{BASE}.toml")
+        written[base] = study_text(base.stem, "transient", model, whole)
+    for file in written:
+        if file.exists():
+            raise SquealstudyError(f"{file}: there is such a file already, it is not overwritten")
+    name = f"{kind}.schema.json" if kind in OF_METHODS else SCHEMA_FILE
+    beside = path.with_name(name)
+    if schema:
+        found = methods_schema(kind) if kind in OF_METHODS else study_schema()
+        write_text(beside, json.dumps(found, indent=2) + "\n")
+    if beside.is_file():
+        written[path] = f"#:schema ./{name}\n{text}"
+    for file, content in written.items():
+        write_text(file, content)
     return path
 
 
-def study_text(name: str, kind: str, model: str) -> str:
+def study_text(name: str, kind: str, model: str | None, whole: bool = False) -> str:
     """The text of such a file; raises as `new_study`."""
-    known = [name for name in kind_names() if not kind_named(name).of_methods]
-    if kind in kind_names() and kind not in known:
-        raise SquealstudyError(
-            f"kind '{kind}' is of studies of methods, which are made on other study files: "
-            f"expected {', '.join(known)}"
-        )
+    known = new_kinds()
     if kind not in known:
         raise SquealstudyError(
             f"kind '{kind}': expected {', '.join(known)}{did_you_mean(kind, known)}"
         )
+    if kind == OF_METHODS[1]:
+        if model is not None:
+            raise SquealstudyError(f"a {kind} study has a minimal model of its own: no model")
+        return METHOD_STABILITY.format(name=_name(name))
+    asked = _known_model(model)
+    if kind == OF_METHODS[0]:
+        return WORK_PRECISION.format(name=_name(name), base=f"{name}{BASE}.toml", model=asked.name)
+    begun = _begun(_name(name), kind, asked, whole)
+    return "\n".join(_lines(begun, kind)).rstrip() + "\n"
+
+
+def _known_model(model: str | None) -> ModelDefinition:
+    if model is None:
+        width = max(map(len, MODELS))
+        listed = (f"  {name:{width}}  {m.description}" for name, m in MODELS.items())
+        raise SquealstudyError("\n".join(["of which model? --model NAME, one of", *listed]))
     if model == MATRICES:
         raise SquealstudyError(
             f"model '{MATRICES}' is made of files that only its study names: "
@@ -87,31 +167,62 @@ def study_text(name: str, kind: str, model: str) -> str:
             f"model '{model}': expected {', '.join(model_names())}"
             + did_you_mean(model, model_names())
         )
-    given = {"study": {"name": _name(name), "kind": kind}, "model": {"name": model}}
-    asked = model_kind(kind)
-    definition = asked.definition.model_validate(given)
-    purpose = f"A {kind} study of the model {model}: {MODELS[model].description}."
-    lines = [f"# {line}" for line in _wrapped(purpose, 2)]
-    lines += [
-        "# What stands behind a # is a default: take the # away to change it. Numbers are",
-        '# in SI units (angles in deg); values of parameters may have others: "12 bar".',
-        "",
-    ]
-    lines += [
-        *_study(definition),
-        *_model(MODELS[model]),
-        *_parameters(MODELS[model], asked.begins_with),
-    ]
-    lines += [*_sweep(MODELS[model]), *_section("design", definition.design, commented=True)]
-    for section, found in asked.definition.model_fields.items():
-        if section in ELSEWHERE or (section == "fidelity" and not asked.has_fidelity):
-            continue
-        value = getattr(definition, section)
-        if value is None or value == ():
-            lines += _optional(section, found, several=value is not None)
-        else:
-            lines += [*_comment(found.description or ""), *_section(section, value)]
-    return "\n".join(lines).rstrip() + "\n"
+    return MODELS[model]
+
+
+def _begun(name: str, kind: str, model: ModelDefinition, whole: bool) -> Begun:
+    """What such a study says: of the model, of the kind, and what is swept."""
+    asked = model_kind(OF_ROBUST if kind == ROBUST else kind)
+    defaults = {p.name: p.default for p in model.parameters}
+    mine, theirs = dict(model.start), dict(asked.start)
+    swept = {**_range(model), **mine.pop("sweep", {}), **theirs.pop("sweep", {})}
+    tables: dict[str, Any] = {
+        "study": {"name": name, "kind": asked.name},
+        "model": {"name": model.name, **mine.pop("model", {})},
+        "parameters": {k: v for k, v in asked.begins_with.items() if defaults.get(k) == 0.0},
+        "sweep": [swept],
+    }
+    if kind == ROBUST:
+        tables |= _scatter(swept, defaults)
+    for section in (*theirs, *(s for s in mine if s not in theirs)):
+        if section in asked.definition.model_fields:
+            tables[section] = _joined(theirs.get(section), mine.get(section))
+    return Begun(asked, model, tables, asked.definition.model_validate(tables), whole)
+
+
+def _joined(kinds: Any, models: Any) -> Any:
+    """A section of the kind with what the model has otherwise."""
+    if isinstance(kinds or models, Mapping):
+        return {**(kinds or {}), **(models or {})}
+    return models or kinds
+
+
+def _range(model: ModelDefinition) -> dict[str, Any]:
+    """A sweep about the default of friction, or of the first parameter."""
+    named = {p.name: p for p in model.parameters}
+    chosen = named.get(SWEPT, model.parameters[0])
+    low, high = _about(chosen)
+    return {"parameter": chosen.name, "start": low, "stop": high, "num": LEVELS}
+
+
+def _about(parameter: Parameter) -> tuple[float, float]:
+    """Values about the default that the parameter may take."""
+    low, high = ((1 + side * SHARE) * parameter.default for side in (-1, 1))
+    low, high = max(low, parameter.minimum), min(high, parameter.maximum)
+    return float(f"{low:.6g}"), float(f"{high:.6g}")
+
+
+def _scatter(swept: Mapping[str, Any], defaults: Mapping[str, float]) -> dict[str, Any]:
+    """What is swept otherwise, scattered over its range, beside damping where there is some."""
+    low, high = swept["start"], swept["stop"]
+    ends = {"start": low, "stop": high}
+    mean, std = (float(f"{v:.6g}") for v in ((low + high) / 2, (high - low) / SCATTER))
+    normal = {"distribution": "truncated_normal", "mean": mean, "std": std}
+    drawn = [{"parameter": swept["parameter"], **normal, **ends}]
+    if damping := defaults.get("damping_ratio"):
+        scatter = {"distribution": "lognormal", "median": damping, "sigma": 0.3}
+        drawn.append({"parameter": "damping_ratio", **scatter})
+    return {"sweep": drawn, "design": {"type": "sobol", "samples": 64}}
 
 
 def _name(stem: str) -> str:
@@ -119,77 +230,131 @@ def _name(stem: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]", "_", stem) or "study"
 
 
-def _study(definition: StudyDefinition) -> Iterator[str]:
-    study = definition.study
+def _lines(begun: Begun, kind: str) -> Iterator[str]:
+    """The whole file."""
+    model, definition = begun.model, begun.definition
+    purpose = f"A {kind} study of the model {model.name}: {model.description}."
+    yield from (f"# {line}" for line in _wrapped(purpose, 2))
+    yield "# What stands behind a # is a default: take the # away to change it. Numbers are"
+    yield '# in SI units (angles in deg); values of parameters may have others: "12 bar".'
+    if not begun.whole:
+        yield f"# squealstudy new FILE --model {model.name} --kind {kind} --all: every key;"
+        yield f"# squealstudy models {model.name}: every parameter."
+    yield ""
+    yield from _study(begun)
+    yield from _model(begun)
+    yield from _parameters(begun)
+    yield from _sweeps(begun)
+    if begun.whole or "design" in begun.tables:
+        given, design = begun.tables.get("design"), definition.design
+        yield from _section("design", design, given or {}, begun.shown("design"), given is None)
+    for section, found in type(definition).model_fields.items():
+        if section in BY_HAND or (section == "fidelity" and not begun.kind.has_fidelity):
+            continue
+        yield from _of_kind(begun, section, found)
+
+
+def _of_kind(begun: Begun, section: str, found: FieldInfo) -> Iterator[str]:
+    """One of the other sections, if it is written."""
+    given, shown = begun.tables.get(section), begun.shown(section)
+    if not begun.whole and given is None and not shown:
+        return
+    value = getattr(begun.definition, section)
+    yield from _comment(found.description or "")
+    if isinstance(given, list):
+        for number, table in enumerate(given):
+            more = begun.whole and number == 0
+            yield from _table(f"[[{section}]]", _fields(found), table, more)
+    elif value is None or value == ():
+        yield from _table(f"[[{section}]]" if value == () else f"[{section}]", _fields(found))
+    else:
+        yield from _section(section, value, given or {}, shown)
+
+
+def _study(begun: Begun) -> Iterator[str]:
+    study = begun.definition.study
     yield "[study]"
     for key in ("name", "kind"):
-        described = type(study).model_fields[key].description or ""
-        yield from _comment(described)
+        if begun.whole:
+            yield from _comment(type(study).model_fields[key].description or "")
         yield f"{key} = {toml_value(getattr(study, key))}"
     yield '# description = ""'
-    yield from _comment(type(study).model_fields["extensions"].description or "")
-    yield "# extensions = []"
+    if begun.whole:
+        yield from _comment(type(study).model_fields["extensions"].description or "")
+        yield "# extensions = []"
     yield ""
 
 
-def _model(model: ModelDefinition) -> Iterator[str]:
+def _model(begun: Begun) -> Iterator[str]:
+    given = begun.tables["model"]
     yield "[model]"
-    yield f"name = {toml_value(model.name)}"
-    for option in model.options:
+    yield f"name = {toml_value(begun.model.name)}"
+    for option in begun.model.options:
         default, *others = option.choices
-        choices = f" (or {', '.join(map(toml_value, others))})" if others else ""
-        yield from _key(option.name, default, option.description + choices)
+        choices = f" ({' | '.join(map(str, option.choices))})" if others else ""
+        if not begun.whole and not others:
+            continue
+        yield from _key(option.name, default, option.description + choices, given)
     yield ""
 
 
-def _parameters(model: ModelDefinition, begins_with: Mapping[str, float]) -> Iterator[str]:
+def _parameters(begun: Begun) -> Iterator[str]:
+    given = begun.tables["parameters"]
+    shown = begun.shown("parameters")
     yield "[parameters]"
-    for parameter in model.parameters:
+    for parameter in begun.model.parameters:
+        matters = shown is None or parameter.name in shown or _own(parameter, begun.model)
+        if not matters and parameter.name not in given:
+            continue
         described = parameter.description + (f" [{parameter.unit}]" if parameter.unit else "")
-        if parameter.name in begins_with and parameter.default == 0.0:
-            yield from _comment(f"{described} (0 by default)")
-            yield f"{toml_key(parameter.name)} = {toml_value(begins_with[parameter.name])}"
-        else:
-            yield from _key(parameter.name, parameter.default, described)
+        described += f" ({parameter.default:g} by default)" if parameter.name in given else ""
+        yield from _key(parameter.name, parameter.default, described, given)
     yield ""
 
 
-def _sweep(model: ModelDefinition) -> Iterator[str]:
-    """One sweep that is in use, of friction where the model has it."""
-    named = {p.name: p for p in model.parameters}
-    chosen = named.get(SWEPT, model.parameters[0])
-    low, high = _range(chosen)
+def _own(parameter: Parameter, model: ModelDefinition) -> bool:
+    """Whether it is one of the few of a minimal model."""
+    return not model.meshed and parameter.structural
+
+
+def _sweeps(begun: Begun) -> Iterator[str]:
     yield "# what varies; the first [[sweep]] varies fastest in a grid"
-    yield "[[sweep]]"
-    used = {"parameter": chosen.name, "start": low, "stop": high, "num": LEVELS}
-    for key, found in SweepSection.model_fields.items():
-        yield from _comment(_described(found))
-        yield f"{key} = {toml_value(used[key])}" if key in used else _default(key, found)
+    for number, sweep in enumerate(begun.tables["sweep"]):
+        more = begun.whole and number == 0
+        yield from _table("[[sweep]]", SweepSection.model_fields, sweep, more, begun.whole)
+
+
+def _table(
+    head: str,
+    fields: Mapping[str, FieldInfo],
+    given: Mapping[str, Any] | None = None,
+    more: bool = True,
+    comments: bool = True,
+) -> Iterator[str]:
+    """A table that is given, with `more` of its keys as comments; one that is not, as a comment."""
+    yield head if given is not None else f"# {head}"
+    for key, found in fields.items():
+        here = given is not None and key in given
+        if not here and not more:
+            continue
+        if comments:
+            yield from _comment(_described(found))
+        yield f"{key} = {toml_value((given or {})[key])}" if here else _default(key, found)
     yield ""
 
 
-def _range(parameter: Parameter) -> tuple[float, float]:
-    """Values about the default that the parameter may take."""
-    low, high = ((1 + side * SHARE) * parameter.default for side in (-1, 1))
-    low, high = max(low, parameter.minimum), min(high, parameter.maximum)
-    return float(f"{low:.6g}"), float(f"{high:.6g}")
-
-
-def _section(name: str, section: BaseModel, commented: bool = False) -> Iterator[str]:
-    """A section with all of its keys at their defaults."""
+def _section(
+    name: str,
+    section: BaseModel,
+    given: Mapping[str, Any],
+    shown: Collection[str] | None,
+    commented: bool = False,
+) -> Iterator[str]:
+    """A section with the keys that are given, and those at their defaults that are `shown`."""
     yield f"# [{name}]" if commented else f"[{name}]"
     for key, found in type(section).model_fields.items():
-        yield from _key(key, getattr(section, key), _described(found))
-    yield ""
-
-
-def _optional(name: str, found: FieldInfo, several: bool = False) -> Iterator[str]:
-    """A section that is not there unless it is given; `several` of its name are a list."""
-    yield from _comment(found.description or "")
-    yield f"# [[{name}]]" if several else f"# [{name}]"
-    for key, inner in _fields(found).items():
-        yield from _comment(_described(inner))
-        yield _default(key, inner)
+        if shown is None or key in shown or key in given:
+            yield from _key(key, getattr(section, key), _described(found), given)
     yield ""
 
 
@@ -199,8 +364,11 @@ def _fields(found: FieldInfo) -> dict[str, FieldInfo]:
     return next(k.model_fields for k in kinds if hasattr(k, "model_fields"))
 
 
-def _key(name: str, default: object, described: str) -> Iterator[str]:
+def _key(name: str, default: object, described: str, given: Mapping[str, Any]) -> Iterator[str]:
     yield from _comment(described)
+    if name in given:
+        yield f"{toml_key(name)} = {toml_value(given[name])}"
+        return
     if isinstance(default, BaseModel):
         default = default.model_dump(exclude_none=True)
     shown = "..." if default is None else toml_value(default)
@@ -227,50 +395,66 @@ def _wrapped(text: str, indent: int) -> list[str]:
     return textwrap.wrap(text, WIDTH - indent, break_on_hyphens=False)
 
 
-DIALECT = "https://json-schema.org/draft/2020-12/schema"
+WORK_PRECISION = """\
+# A work_precision study: error against time of methods, on runs of the model {model}.
+# squealstudy schema --kind work_precision says what else it may have.
 
+[study]
+name = "{name}"
+kind = "work_precision"
+# description = ""
 
-def study_schema() -> dict[str, Any]:
-    """JSON Schema of a study file, with the names and options of the models of the catalogue."""
-    from squealstudy.models.catalogue import MODELS, model_names
+[work_precision]
+#   study file, relative to this one, that all methods solve
+base = "{base}"
+#   design points at random in the swept box of the base study, where errors are measured; 0 for the
+#   base study's own points
+points = 2
+#   what the chart judges
+quantities = ["torque_rms"]
 
-    found = {name: definition_of(name) for name in kind_names()}
-    of_models = {name: d for name, d in found.items() if issubclass(d, StudyDefinition)}
-    whole = create_model(
-        "StudyDefinition",
-        __base__=tuple(sorted(set(of_models.values()), key=lambda d: -len(d.__mro__))),
-    )
-    schema: dict[str, Any] = _without_null(whole.model_json_schema())
-    schema["$defs"]["StudySection"]["properties"]["kind"]["enum"] = list(of_models)
-    model = schema["$defs"]["ModelSection"]
-    model["properties"]["name"]["enum"] = list(model_names())
-    choices: dict[str, list[str | int]] = {}
-    for option in (option for m in MODELS.values() for option in m.options):
-        known = choices.setdefault(option.name, [])
-        known.extend(c for c in option.choices if c not in known)
-        model["properties"][option.name] = {"enum": known, "description": option.description}
-    model["additionalProperties"] = False
-    head = {"$schema": DIALECT, "title": "squealstudy study file"}
-    return head | {k: v for k, v in schema.items() if k not in head}
+#   what errors are measured against
+[reference]
+integrator = "dop853"
+options = {{rtol = 1e-10}}
 
+#   lines of the chart: a method each, over the values of its knob
+[[method]]
+name = "exponential"
+default = true
+knob = "transient.step"
+values = [1e-5, 2e-5, 4e-5]
 
-def methods_schema(name: str) -> dict[str, Any]:
-    """JSON Schema of the files of a kind that measures methods."""
-    schema: dict[str, Any] = _without_null(definition_of(name).model_json_schema())
-    head = {"$schema": DIALECT, "title": f"squealstudy {name} file"}
-    return head | {k: v for k, v in schema.items() if k not in head}
+[[method]]
+name = "Newmark"
+set.transient.method = "newmark"
+knob = "transient.step"
+values = [1e-5, 2e-5, 4e-5]
+"""
+METHOD_STABILITY = """\
+# A method_stability study: where a method fails, on a minimal model of its own.
+# squealstudy schema --kind method_stability says what else it may have.
 
+[study]
+name = "{name}"
+kind = "method_stability"
+# description = ""
 
-def _without_null(node: Any) -> Any:
-    """The schema without `null`, which TOML does not have: such keys are left out instead."""
-    if isinstance(node, list):
-        return [_without_null(item) for item in node]
-    if not isinstance(node, dict):
-        return node
-    kept = {k: _without_null(v) for k, v in node.items() if v is not None}
-    types = kept.get("anyOf", [])
-    if {"type": "null"} not in types:
-        return kept
-    others = [t for t in types if t != {"type": "null"}]
-    rest = {k: v for k, v in kept.items() if k != "anyOf"}
-    return {**others[0], **rest} if len(others) == 1 else {**rest, "anyOf": others}
+[method_stability]
+#   method whose limits are mapped: perturbation of a mode beside a lock-in
+case = "coalescence"
+
+#   the two axes of the map
+[[knob]]
+name = "anchor"
+start = 0.0
+stop = 0.6
+num = 20
+
+[[knob]]
+name = "step"
+start = 0.0001
+stop = 1.0
+num = 20
+scale = "log"
+"""

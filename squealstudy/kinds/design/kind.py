@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from squealstudy.engine.cache import NewGaps, is_prepared, load_prepared
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
-from squealstudy.engine.model_kind import Columns, ModelKind
+from squealstudy.engine.model_kind import OFTEN_CHANGED, Columns, ModelKind
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.reduced import shared_key
 from squealstudy.engine.store import (
@@ -90,6 +90,15 @@ class Design(ModelKind):
     definition = DesignStudyDefinition
     tables: tuple[str, ...] = (POINTS, DESIGNS, MARGINS, SLOPES, PROOF, VARIANTS)
     schema: pa.Schema = SCHEMA
+    start: Mapping[str, Any] = {
+        "sweep": {"num": 3},
+        "variable": [{"parameter": "damping_ratio", "bounds": [0.0, 0.05]}],
+        "goal": {"margin": {"damping_ratio": 0.001}},
+    }
+    short: Mapping[str, Sequence[str]] = {
+        **OFTEN_CHANGED,
+        "goal": ("starts", "cycles", "in_time", "full_order"),
+    }
 
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> DesignStudy:
         """The study with its variables, what scatters, and its variants."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from squealstudy.engine.cache import NewGaps, is_prepared, load_prepared
 from squealstudy.engine.cycle_states import cycle_file
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
-from squealstudy.engine.model_kind import Columns, ModelKind
+from squealstudy.engine.model_kind import OFTEN_CHANGED, Columns, ModelKind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import failed_row
 from squealstudy.engine.store import (
@@ -91,6 +91,11 @@ class LimitCycles(ModelKind):
     schema: pa.Schema = SCHEMA
     tells_reduction = False
     begins_with: Mapping[str, float] = {"damping_ratio": 0.005}  # an undamped mode has no cycle
+    start: Mapping[str, Any] = {"sweep": {"num": 4}}
+    short: Mapping[str, Sequence[str]] = {
+        **OFTEN_CHANGED,
+        "limit_cycles": ("families", "reach", "follow"),
+    }
 
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> ResolvedStudy:
         """The study; StudyFileError for what cannot be followed or observed, too."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from squealstudy.engine.cache import is_prepared, known_gap, load_prepared, prepared_model
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
-from squealstudy.engine.model_kind import ModelKind
+from squealstudy.engine.model_kind import OFTEN_CHANGED, ModelKind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import failed_row
 from squealstudy.engine.store import POINTS, SENSITIVITIES, Store
@@ -62,6 +62,8 @@ class Sensitivities(ModelKind):
     definition = SensitivityDefinition
     tables: tuple[str, ...] = (POINTS, SENSITIVITIES)
     schema: pa.Schema = SCHEMA
+    start: Mapping[str, Any] = {"sweep": {"num": 3}}
+    short: Mapping[str, Sequence[str]] = {**OFTEN_CHANGED, "sensitivity": ("modes", "parameters")}
 
     def identity(self, plan: Plan) -> list[Any]:
         """What is asked; StudyFileError for a name unknown."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared
 from squealstudy.engine.design_points import DesignPoints
-from squealstudy.engine.model_kind import Columns, ModelKind, Solves
+from squealstudy.engine.model_kind import OFTEN_CHANGED, Columns, ModelKind, Solves
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import GROWTH, MODES, POINTS, Store
 from squealstudy.engine.workers import Progress, Solved, Workers
@@ -66,6 +66,11 @@ class Transient(ModelKind):
     schema: pa.Schema = SCHEMA
     tells_reduction = False
     has_fidelity = True
+    start: Mapping[str, Any] = {"sweep": {"num": 4}}
+    short: Mapping[str, Sequence[str]] = {
+        **OFTEN_CHANGED,
+        "transient": ("duration", "step", "perturbation", "save_every"),
+    }
 
     def resolver(self, study: ResolvedStudy) -> Callable[[Columns], Columns]:
         """Fills in the speed at which friction saturates, of the slowest design point."""

@@ -94,4 +94,10 @@ BELT = ModelDefinition(
     build=build,
     stack=stack,
     assumptions=ASSUMPTIONS,
+    start={
+        "sweep": {"parameter": "sliding_speed", "start": 0.8, "stop": 1.4, "num": 7},
+        "modes": {"band": [10.0, 1000.0]},
+        "transient": {"duration": 2.0, "step": 2e-5},
+        "variable": [{"parameter": "damping_ratio", "bounds": [0.0, 0.2]}],
+    },
 )

@@ -115,4 +115,10 @@ HOFFMANN = ModelDefinition(
     build=build,
     stack=stack,
     assumptions=ASSUMPTIONS,
+    start={
+        "sweep": {"parameter": "friction", "start": 0.5, "stop": 1.0, "num": 11},
+        "modes": {"band": [10.0, 1000.0]},
+        "transient": {"duration": 1.5, "step": 2e-5},
+        "variable": [{"parameter": "damping_ratio", "bounds": [0.0, 0.2]}],
+    },
 )

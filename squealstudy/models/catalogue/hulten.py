@@ -122,4 +122,10 @@ HULTEN = ModelDefinition(
     build=build,
     stack=stack,
     assumptions=(*ASSUMPTIONS, BOTH_PRESS),
+    start={
+        "sweep": {"parameter": "friction", "start": 0.1, "stop": 0.6, "num": 11},
+        "modes": {"band": [10.0, 1000.0]},
+        "transient": {"duration": 0.5, "step": 2e-5},
+        "variable": [{"parameter": "damping_ratio", "bounds": [0.0, 0.4]}],
+    },
 )

@@ -50,4 +50,10 @@ DISC_BRAKE = ModelDefinition(
             UNDAMPED,
         ),
     ),
+    start={  # what answers in minutes
+        "model": {"mesh": "coarse", "contact_points": 2},
+        "sweep": {"parameter": "friction", "start": 0.1, "stop": 0.7, "num": 7},
+        "limit_cycles": {"families": "screened"},
+        "goal": {"starts": 4, "in_time": 0, "full_order": 1},
+    },
 )
