@@ -147,7 +147,7 @@ BAD = {
     "option choice": (
         GOOD.replace('"coarse"', '"corse" #!'),
         "model.mesh",
-        "expected 'medium' or 'coarse' or 'fine', got 'corse'",
+        "expected 'medium' or 'coarse' or 'fine', got 'corse'; did you mean 'coarse'?",
     ),
     "option type": (
         HEAD + "contact_points = 3.0 #!\n",

@@ -364,3 +364,13 @@ def test_values_of_a_model_have_units():
             sq.model("belt", normal_force=text)
     with pytest.raises(ParameterError, match="expected one of"):
         sq.model("belt", friction_law="2 kN")
+
+
+def test_misspelt_values_get_what_was_meant():
+    """Of units those that the parameter can have; of options theirs."""
+    for name, given, meant in (
+        ("pressure", "12 bra", "'bar'"),
+        ("mesh", "corse", "'coarse'"),
+    ):
+        with pytest.raises(ParameterError, match=rf"did you mean {meant}\?$"):
+            sq.model("disc_brake", **{name: given})

@@ -447,6 +447,8 @@ def test_untracked_modes_are_dots():
 
 def test_evolution_refuses_what_is_not_there():
     points, modes = grid()
+    with pytest.raises(ResultsError, match=r"'presure' is not varied.*did you mean 'pressure'"):
+        evolution(points, modes, "presure")
     with pytest.raises(ResultsError, match=r"'sliding_speed' is not varied.*friction, pressure"):
         evolution(points, modes, "sliding_speed")
     with pytest.raises(ResultsError, match="no design point has pressure = 1"):

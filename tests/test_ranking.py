@@ -454,13 +454,15 @@ def test_words_within_quotes_join_nothing():
 
 
 BAD = {
-    "loudness > 3": "unknown column, expected point_id.*friction.*frequency_hz",
+    "loudness > 3": "unknown column 'loudness', expected point_id.*friction.*frequency_hz",
     "friction >": "cannot be used",
     "friction + 1": "no condition",
     "friction = 0.5": "cannot be used",
     "friction > 'high'": "cannot be used",
     "": "cannot be used",
-    "friction.high > 2": "cannot be used",
+    "friction.high > 2": "unknown column 'friction.high'; did you mean 'friction'",
+    "fricton > 0.2": "unknown column 'fricton'; did you mean 'friction'",
+    "friction > 0.2 and grwth_rate > 1": "unknown column 'grwth_rate'; did you mean 'growth_rate'",
     "0.1 if unstable else 2": "cannot be used",
     "@table['friction'] > 0": "cannot be used",
     "`contact.nu` > 1": "unknown column",

@@ -20,6 +20,7 @@ from squealstudy.errors import ResultsError, printable
 from squealstudy.study.kinds import screen_of
 from squealstudy.study.parameters import onset_parameter
 from squealstudy.tables.point_rows import ROW
+from squealstudy.wording import did_you_mean
 
 POINT_TABLE = "points"
 RENAMED = {"dominant_frequency_hz": "torque_line_hz"}  # columns of results of before
@@ -97,7 +98,7 @@ class ResultTables:
             if name not in self.tables:
                 raise ResultsError(
                     f"{self.directory}: a {self.kind} study has no table '{name}', it has "
-                    f"{', '.join(self.tables)}"
+                    f"{', '.join(self.tables)}{did_you_mean(name, self.tables)}"
                 )
             file = f"{name}.parquet"
             self._expect_fit(name)

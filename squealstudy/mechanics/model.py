@@ -16,6 +16,7 @@ from squealstudy.models.model_point import ModelPoint
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.models.parameter_names import check_disjoint, parse_parameter
 from squealstudy.models.units import quantity
+from squealstudy.wording import did_you_mean
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,7 +71,8 @@ class Model:
                 parameters[name].check(value)
             elif value not in options[name]:
                 choices = ", ".join(map(str, options[name]))
-                raise ParameterError(name, f"expected one of {choices}, got {value!r}")
+                hint = did_you_mean(str(value), map(str, options[name]))
+                raise ParameterError(name, f"expected one of {choices}, got {value!r}{hint}")
         check_disjoint(parameters.values())
         design = ModelPoint(self.definition, self._options, {})
         for parameter in parameters.values():

@@ -151,7 +151,10 @@ def in_unit_of(text: str, unit: str, difference: bool = False) -> float:
         given = Unit.named(found["unit"])
     except KeyError as error:
         word = str(error.args[0])
-        hint = did_you_mean(word, UNITS) if word.isalpha() else ""
+        fitting = UNITS  # of a product or a quotient any unit may be meant
+        if word == found["unit"]:
+            fitting = {k: v for k, v in UNITS.items() if v[1] == own.powers} or UNITS
+        hint = did_you_mean(word, fitting) if word.isalpha() else ""
         raise ValueError(f"{wanted}: got {shown(text)}, whose unit is not known{hint}") from None
     if given.powers != own.powers:
         raise ValueError(f"{wanted}: got {shown(text)}")

@@ -37,6 +37,7 @@ from squealstudy.wording import (
     SQUEALS,
     SUSTAINED,
     UNDECIDED,
+    did_you_mean,
     plural,
 )
 
@@ -122,7 +123,8 @@ def cycle_levels(
     """
     points, units = results.points, results.units
     if along not in parameter_columns(points, varied=True):
-        raise ResultsError(f"'{along}' is not varied in this study")
+        hint = did_you_mean(along, results.swept)
+        raise ResultsError(f"'{along}' is not varied in this study{hint}")
     line = _line(points, along, fixed)
     if not len(line):
         return empty_figure("no design points")

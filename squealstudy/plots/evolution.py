@@ -45,7 +45,7 @@ from squealstudy.plots.tables import (
 )
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW, rows_in
-from squealstudy.wording import plural, track_number
+from squealstudy.wording import did_you_mean, plural, track_number
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -100,7 +100,8 @@ def evolution(
         For an unknown parameter, a value that the study does not have, or an unknown `show`.
     """
     if show not in VERTICAL:
-        raise ResultsError(f"'{show}' cannot be shown, expected {' or '.join(VERTICAL)}")
+        hint = did_you_mean(show, VERTICAL)
+        raise ResultsError(f"'{show}' cannot be shown, expected {' or '.join(VERTICAL)}{hint}")
     if isinstance(along, tuple):
         results, along = _together(results, *along)
     line = study_line(results, along or results.along or "", fixed)

@@ -19,6 +19,7 @@ from squealstudy.plots.style import Quantity, joined, quantity, set_scales, set_
 from squealstudy.plots.tables import describe, slice_points
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW, largest, rows_in
+from squealstudy.wording import did_you_mean
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -203,7 +204,10 @@ def study_plane(
     Scattered designs have no such planes: all their points are taken. Raises ResultsError.
     """
     if measure not in MEASURES:
-        raise ResultsError(f"'{measure}' cannot be shown, expected {' or '.join(MEASURES)}")
+        raise ResultsError(
+            f"'{measure}' cannot be shown, expected {' or '.join(MEASURES)}"
+            + did_you_mean(measure, MEASURES)
+        )
     if along[0] == along[1]:
         raise ResultsError(f"a map needs two parameters, got '{along[0]}' twice")
     points, units = results.nodes[0], results.units

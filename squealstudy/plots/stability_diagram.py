@@ -34,7 +34,7 @@ from squealstudy.plots.style import (
 from squealstudy.plots.tables import describe, oscillating, worst_tracks
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW
-from squealstudy.wording import plural
+from squealstudy.wording import did_you_mean, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -93,7 +93,8 @@ def stability_diagram(
         raise ResultsError(f"the study has no design point '{point_id}'")
     varied = parameter_columns(points, varied=True)
     if colour_by is not None and colour_by not in parameter_columns(points):
-        raise ResultsError(f"'{colour_by}' is no parameter of this study")
+        hint = did_you_mean(colour_by, results.parameters)
+        raise ResultsError(f"'{colour_by}' is no parameter of this study{hint}")
     table = results.rows("modes", DRAWN, lambda modes: here[modes[ROW].to_numpy()])
     drawn = oscillating(table)
     figure = new_figure()

@@ -12,6 +12,7 @@ from squealstudy.errors import ResultsError
 from squealstudy.plots.style import quantity
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW, rows_in
+from squealstudy.wording import did_you_mean
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -69,11 +70,15 @@ def slice_points(
     for name in along:
         if name not in varied:
             choices = ", ".join(varied) or "none"
-            raise ResultsError(f"'{name}' is not varied in this study, expected one of: {choices}")
+            raise ResultsError(
+                f"'{name}' is not varied in this study, expected one of: {choices}"
+                + did_you_mean(name, varied)
+            )
     chosen = points
     for name, value in (fixed or {}).items():
         if name not in parameter_columns(points):
-            raise ResultsError(f"'{name}' is no parameter of this study")
+            hint = did_you_mean(name, parameter_columns(points))
+            raise ResultsError(f"'{name}' is no parameter of this study{hint}")
         chosen = chosen[np.isclose(chosen[name], value, rtol=1e-6, atol=0.0)]
         if not len(chosen):
             raise ResultsError(f"no design point has {name} = {value:g}")

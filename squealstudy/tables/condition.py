@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 import operator
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from keyword import iskeyword
@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
+from squealstudy.wording import did_you_mean
 
 LONGEST, SHOWN = 1000, 80  # characters of a condition; of those in messages
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
@@ -170,12 +171,25 @@ def conditions(text: str, known: Collection[str]) -> list[Condition]:
         columns = set().union(*(condition.columns for condition in found))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise _unusable(text, getattr(error, "msg", None) or "nested too deeply") from None
-    if columns - set(known):
+    if unknown := [*_dotted(tree, marked), *sorted(columns - set(known))]:
+        names = list(dict.fromkeys(map(str, known)))
+        hint = did_you_mean(unknown[0], names) or f", expected {', '.join(names)}"
         raise ResultsError(
-            f"query '{_shown(text)}' names an unknown column, expected "
-            + ", ".join(dict.fromkeys(known))
+            f"query '{_shown(text)}' names the unknown column '{_shown(unknown[0])}'{hint}"
         )
     return found
+
+
+def _dotted(tree: ast.expr, marked: Mapping[str, str]) -> Iterator[str]:
+    """Names with dots, which no known column has: those that are one stand as marks."""
+    if isinstance(tree, ast.Attribute):
+        name = ast.unparse(tree)
+        if not any(mark in name for mark in marked):
+            yield name
+        return
+    for part in ast.iter_child_nodes(tree):
+        if isinstance(part, ast.expr):
+            yield from _dotted(part, marked)
 
 
 def _parts(tree: ast.expr) -> list[ast.expr]:

@@ -23,7 +23,7 @@ from squealstudy.tables.stability import (
     line_crossings,
     unstable_bounds,
 )
-from squealstudy.wording import amount, in_digits
+from squealstudy.wording import amount, did_you_mean, in_digits
 
 HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
 FIRST_RESULT = ("n_modes", "class", "verdict")  # what follows: of modes, of motion, of cycles
@@ -231,9 +231,15 @@ def _order(
 ) -> tuple[str, bool]:
     choices = [*ORDER, *energy_columns(modes.columns)]
     if by not in choices:
-        raise ResultsError(f"modes cannot be ranked by '{by}', expected {', '.join(choices)}")
+        raise ResultsError(
+            f"modes cannot be ranked by '{by}', expected {', '.join(choices)}"
+            + did_you_mean(by, choices)
+        )
     if along is not None and along not in (names := parameter_columns(points)):
-        raise ResultsError(f"'{along}' is no parameter of the study, expected {', '.join(names)}")
+        raise ResultsError(
+            f"'{along}' is no parameter of the study, expected {', '.join(names)}"
+            + did_you_mean(along, names)
+        )
     if by == "threshold" and along is None:
         raise ResultsError("ranking by threshold needs the parameter along which it is sought")
     return ORDER.get(by, (by, False))
