@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 from study_runs import command
+from tiny_meshes import tiny_meshes
 
+import squealstudy as sq
 from squealstudy import open_results
 from squealstudy.errors import ConvergenceError
 from squealstudy.modes.point import solve_point
@@ -311,6 +313,20 @@ def test_models_lists_the_modes_of_components(name, capsys):
     screen = capsys.readouterr().out
     assert "free-free modes, Hz (number: frequency, rigid ones first)" in screen
     assert re.search(r"^\w+ +[12] +1", screen, re.MULTILINE)  # component, DOF, its modes
+
+
+def test_modes_of_components_are_those_of_the_mesh_asked_for(tmp_path, capsys):
+    with tiny_meshes(tmp_path / "cache"):
+        assert command("models", "disc_brake", "--mesh", "coarse") == 0
+        screen = capsys.readouterr().out
+        assert "free-free modes of the coarse mesh, Hz" in screen
+        modes = sq.model("disc_brake", mesh="coarse").component_modes()
+    caliper = modes[modes["component"] == "caliper"]
+    assert re.search(
+        rf"^caliper +{caliper['n_dof'].iloc[0]} +1-6: rigid; 7: ", screen, re.MULTILINE
+    )
+    assert command("models", "disc_brake", "--mesh", "corse") == 2
+    assert "did you mean 'coarse'" in capsys.readouterr().err
 
 
 def test_a_check_that_compares_nothing_says_so(study, capsys):

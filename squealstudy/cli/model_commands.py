@@ -73,6 +73,9 @@ def models(
     modes: Annotated[
         bool, typer.Option(help="Build the model and list its components' free-free modes.")
     ] = True,
+    mesh: Annotated[
+        str | None, typer.Option(help="Of the modes; by default that of a study that names none.")
+    ] = None,
 ) -> None:
     """List models, or one model's parameters with units and defaults, components and modes."""
     from squealstudy import face_model, screen
@@ -80,13 +83,16 @@ def models(
     from squealstudy.models.matrices.family import NAME as MATRICES
 
     listed = face_model.list_models()
+    chosen = {} if mesh is None else {"mesh": mesh}
     if name is None:
+        if chosen:
+            raise typer.BadParameter("--mesh is of a model: name one")
         screen.show(screen.facts(listed.items()))
         screen.show("\nsquealstudy models NAME lists parameters, components and modes.")
-    elif name == MATRICES:
+    elif name == MATRICES and mesh is None:
         screen.show(f"{MATRICES}: {listed[MATRICES]}\n\n{CONTRACT}")
     else:
-        screen.show(*described(face_model.model(name), modes))
+        screen.show(*described(face_model.model(name, **chosen), modes))
 
 
 def warmup(

@@ -47,7 +47,7 @@ def described(model: Model, modes: bool) -> Iterator[RenderableType]:
         rows = (
             [
                 str(name),
-                str(row["value"]),
+                str(row["choices"][0]),
                 ", ".join(map(str, row["choices"][1:])),
                 row["description"],
             ]
@@ -58,7 +58,9 @@ def described(model: Model, modes: bool) -> Iterator[RenderableType]:
     yield grid("text:parameter", "text:default", "text:unit", "text:", rows=_parameters(model))
     if modes:
         yield ""
-        titles = ("text:DOF", "text:free-free modes, Hz (number: frequency, rigid ones first)")
+        mesh = options["value"].get("mesh")
+        of = "" if mesh is None else f" of the {mesh} mesh"
+        titles = ("text:DOF", f"text:free-free modes{of}, Hz (number: frequency, rigid ones first)")
         yield grid("text:component", *titles, rows=_components(model.component_modes()))
 
 
