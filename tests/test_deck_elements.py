@@ -135,3 +135,69 @@ def test_cards_that_may_matter_are_a_line_to_paste(tmp_path):
         nastran(tmp_path, *more)
     mesh = nastran(tmp_path, *more, pass_over=["CBAR", "RBAR"])
     assert {"CBAR", "PBAR", "TLOAD1", "RBAR"} <= {note.keyword for note in mesh.passed_over}
+
+
+TWO = """*NODE
+1,0,0,0
+2,1,0,0
+3,1,1,0
+4,0,1,0
+5,0,0,1
+6,1,0,1
+7,1,1,1
+8,0,1,1
+11,0,0,1
+12,1,0,1
+13,1,1,1
+14,0,1,1
+15,0,0,2
+16,1,0,2
+17,1,1,2
+18,0,1,2
+*ELEMENT, TYPE=C3D8, ELSET=E
+7,11,12,13,14,15,16,17,18
+3,1,2,3,4,5,6,7,8
+*MATERIAL, NAME=M
+*DENSITY
+1.
+*ELASTIC
+1e3, .3
+*SOLID SECTION, ELSET=E, MATERIAL=M
+*SURFACE, NAME=LOW
+3, S2
+*SURFACE, NAME=UP
+7, S1
+"""
+
+
+def two(folder, more="", **table):
+    (folder / "two.inp").write_text(TWO + more)
+    return read_mesh(folder / "two.inp", ComponentTable(mesh="two.inp", **table))
+
+
+def test_bodies_that_touch_are_apart_where_the_deck_has_contact(tmp_path):
+    with pytest.raises(ModelError, match="not connected there; merge the nodes, or read each of"):
+        two(tmp_path)
+    mesh = two(tmp_path, "*CONTACT PAIR, INTERACTION=I\nLOW, UP\n")
+    assert mesh.element_sets["BODY1"].tolist() == [0]
+    one = two(tmp_path, "*CONTACT PAIR, INTERACTION=I\nLOW, UP\n", part="body2")
+    assert one.labels.tolist() == [3]
+    assert list(one.surfaces) == ["LOW"]
+    assert two(tmp_path, part="BODY2").n_elements == 1
+    with pytest.raises(ModelError, match=r"no element set 'BODY3'; it has BODY1, BODY2, E"):
+        two(tmp_path, part="BODY3")
+
+
+def test_bodies_that_are_tied_are_one(tmp_path):
+    mesh = two(tmp_path, "*TIE, NAME=T\nUP, LOW\n")
+    assert list(mesh.element_sets) == ["E"]
+    assert mesh.body_of.tolist() == [0, 0]
+
+
+def test_doubled_nodes_within_a_body_are_refused_beside_contact(tmp_path):
+    third = (
+        "*NODE\n21,1,0,0\n22,2,0,0\n23,2,1,0\n24,1,1,0\n25,2,0,1\n*ELEMENT, TYPE=C3D8, ELSET=E\n"
+    )
+    third += "ELSET=E\n9,21,22,23,24,6,25,26,7\n*NODE\n26,2,1,1\n"
+    with pytest.raises(ModelError, match=r"not connected there; merge the nodes$"):
+        two(tmp_path, third + "*CONTACT PAIR, INTERACTION=I\nLOW, UP\n")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from squealstudy.models.components.mesh import OF_CONTACT
+
 MODEL_FILE, STUDY = "stated in the model file", "stated in the study"
 
 
@@ -24,7 +26,7 @@ SOLIDS: dict[int, tuple[int, int, dict[int, str], tuple[int, ...]]] = {
 BESIDE: dict[int, str] = {
     200: "elements for meshing alone",
     **dict.fromkeys(range(151, 157), "loads are " + STUDY),
-    **dict.fromkeys(range(169, 180), "contact is " + MODEL_FILE),
+    **dict.fromkeys(range(169, 180), OF_CONTACT),
 }
 READ = ("ET", "KEYOP", "KEYOPT", "ETBLOCK", "NBLOCK", "EBLOCK", "CMBLOCK", "MP", "MPDATA")
 ENDS = ("N", "EN")  # of blocks: the number -1

@@ -33,6 +33,8 @@ from squealstudy.models.fem.solid import Isotropic
 
 INCLUDED = re.compile(r"^\s*\*[^,]*,.*?\bINPUT\s*=\s*\"?([^,\"\n]+?)\"?\s*(?:,|$)", re.I | re.M)
 ANSYS, NASTRAN = ".cdb", (".bdf", ".nas", ".dat")
+BODY = re.compile(r"BODY[1-9][0-9]*", re.I)  # a part of a mesh that nothing connects to others
+BODIES = 100  # from which on they are no sets
 LARGEST = 100_000_000  # characters of a file that are looked through for others it includes
 
 
@@ -115,7 +117,24 @@ def _included(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[Pat
 
 
 def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
-    """A mesh in the units of its file, checked."""
+    """A mesh in the units of its file, checked.
+
+    Of several bodies that nothing connects each is an element set besides, BODY1, BODY2, ..., which
+    the component's `part` may name.
+    """
+    body = table.part if table.part is not None and BODY.fullmatch(table.part) else None
+    mesh = righted(_read(path, table if body is None else table.model_copy(update={"part": None})))
+    bodies = mesh.body_of
+    if 0 < bodies.max() < BODIES:
+        own = {f"BODY{k + 1}": np.flatnonzero(bodies == k) for k in range(bodies.max() + 1)}
+        mesh = replace(mesh, element_sets={**own, **mesh.element_sets})
+    if body is not None:
+        mesh = mesh.part(mesh.find("element_sets", body))
+    check_mesh(mesh)
+    return mesh
+
+
+def _read(path: Path, table: ComponentTable) -> SolidMesh:
     ending = path.suffix.lower()
     if ending == ".inp":
         from squealstudy.models.components.inp import read_inp
@@ -146,8 +165,6 @@ def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
     else:
         known = ", ".join((".inp", ".msh", ANSYS, *NASTRAN))
         raise ModelError(f"{path}: unknown format '{path.suffix}', expected one of {known}")
-    mesh = righted(mesh)
-    check_mesh(mesh)
     return mesh
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from squealstudy.models.components.mesh import OF_CONTACT
+
 MODEL_FILE, STUDY = "stated in the model file", "stated in the study"
 
 
@@ -36,7 +38,7 @@ PASSED_OVER = {
         "BCBODY1 BCBDPRP BCSURF BCPROP BCPROPS BCGRID BCSEG BCHANGE BCMOVE BCAUTOP BCRIGID "
         "BCONTACT BCONTR BSURF BSURFS BEDGE BGSET BGADD BGPARM BCRESULTS BGRESULTS BLSEG BFRIC "
         "BWIDTH BOUTPUT CONTACT PCONT PCONTHT SURF",
-        "contact is " + MODEL_FILE,
+        OF_CONTACT,
     ),
     **_each(
         "DESVAR DRESP1 DRESP2 DRESP3 DCONSTR DCONADD DOPTPRM DVPREL1 DVPREL2 DVMREL1 DVMREL2 "

@@ -7,7 +7,7 @@ import numpy as np
 from squealstudy.models.components.faces import boundary, shared_too_often
 from squealstudy.models.components.formulations import integration
 from squealstudy.models.components.jacobians import CHUNK, jacobians
-from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.mesh import OF_CONTACT, SolidMesh
 
 MERGED = 1e-4  # of the shortest edge: nodes nearer than this are one that was written twice
 
@@ -17,7 +17,8 @@ def check_mesh(mesh: SolidMesh) -> None:
 
     Coordinates that are no numbers; an element that names a node twice; faces of more than two
     elements, as doubled elements have; negative Jacobians; nodes of no element; doubled nodes on
-    the boundary, where parts of a body lie side by side unconnected.
+    the boundary, where parts of a body lie side by side unconnected. Bodies of a deck with contact
+    may lie so.
     """
     wrong = ~np.isfinite(mesh.nodes).all(axis=1)
     if wrong.any():
@@ -76,10 +77,16 @@ def _check_doubled(mesh: SolidMesh) -> None:
     nodes, first = np.unique(of[:, 0], return_index=True)
     pairs = cKDTree(mesh.nodes[nodes]).query_pairs(MERGED * shortest, output_type="ndarray")
     if len(pairs):
+        owners = mesh.body_of[of[first, 1]]
+        apart = owners[pairs[:, 0]] != owners[pairs[:, 1]]
+        if apart.all() and any(note.why == OF_CONTACT for note in mesh.passed_over):
+            return  # bodies in contact
+        pairs = pairs[np.argsort(apart, kind="stable")]
         a, b = nodes[pairs[0]]
         elements = of[first[pairs[0]], 1]
         raise mesh.error(
             f"nodes {mesh.numbers[a]} and {mesh.numbers[b]} lie at one place"
             f"{f', as do {len(pairs) - 1} other pairs' if len(pairs) > 1 else ''}: "
             f"{mesh.elements_named(elements)} are not connected there; merge the nodes"
+            + (", or read each of two bodies by itself, part = 'BODY1'" if apart.all() else "")
         )

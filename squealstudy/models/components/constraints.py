@@ -103,6 +103,11 @@ class Coupling:
     faces: np.ndarray = field(default_factory=lambda: NO_FACES)
 
     @property
+    def joined(self) -> np.ndarray:
+        """Places of all its nodes."""
+        return np.append(self.nodes, self.reference)
+
+    @property
     def told(self) -> str:
         """What it does, for an inspection."""
         how = "moves" if self.kind == "rigid" else "follows the mean motion of"

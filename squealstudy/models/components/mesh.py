@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.constraints import Constraint, Coupling, Kept, Tie
@@ -16,6 +17,7 @@ from squealstudy.models.components.formulations import FORMULATIONS, Formulation
 from squealstudy.models.components.materials import Elastic, Orientation, Unfinished
 
 NAMED = 5  # elements or nodes that a message names
+OF_CONTACT = "contact is stated in the model file"  # why keywords of contact are passed over
 T = TypeVar("T")
 
 
@@ -126,6 +128,38 @@ class SolidMesh:
     def starts(self) -> np.ndarray:
         """Place of the first element of each block, and the number of elements at the end."""
         return np.cumsum([0, *(len(b.labels) for b in self.blocks)])
+
+    @cached_property
+    def body_of(self) -> np.ndarray:
+        """Which body each element (n_elements,) belongs to, from 0 in the order of the elements.
+
+        Elements are of one body where nodes that they share, or couplings, join them.
+        """
+        from scipy.sparse.csgraph import connected_components
+
+        n, ends = len(self.nodes), [np.zeros((0, 2), dtype=np.int64)]
+        for block in self.blocks:
+            ends += [block.nodes[:, [0, k]] for k in range(1, block.nodes.shape[1])]
+        for c in self.constraints:
+            others = c.joined if isinstance(c, Coupling) else c.nodes
+            if isinstance(c, Tie):
+                others = np.append(others, self.node_of_face(c.faces))
+            ends.append(np.column_stack([np.full(len(others), others[0]), others]))
+        one, other = np.vstack(ends).T
+        graph = sp.coo_matrix((np.ones(len(one)), (one, other)), (n, n))
+        _, label = connected_components(graph, directed=False)
+        of = np.concatenate([label[block.nodes[:, 0]] for block in self.blocks])
+        _, first, number = np.unique(of, return_index=True, return_inverse=True)
+        return np.argsort(np.argsort(first))[number]
+
+    def node_of_face(self, faces: np.ndarray) -> np.ndarray:
+        """A node of each of some faces (p, 2)."""
+        at = np.searchsorted(self.starts, faces[:, 0], side="right") - 1
+        blocks, starts = self.blocks, self.starts
+        return np.array(
+            [blocks[b].nodes[e - starts[b], 0] for b, e in zip(at, faces[:, 0], strict=True)],
+            dtype=np.int64,
+        )
 
     @property
     def references(self) -> np.ndarray:
