@@ -458,9 +458,8 @@ WRONG = [
         "ELSET=LEFT, MATERIAL", "ELSET=LIFT, MATERIAL", r"there is no element set 'LIFT'; there"
     ),
     changed("orientation=axes", "orientation=axis", r"there is no orientation 'axis'"),
-    changed("*BOUNDARY\n", "*MPC\n", r"\*MPC is not supported: couple components .*pass_over"),
-    changed("*BOUNDARY\n", "*EQUATION\n", r"\*EQUATION is not supported"),
-    changed("*BOUNDARY\n", "*Boundry\n*Mpc\n*Mpc\n", r'\*BOUNDRY is .* \(2 times\); .*"MPC"\]'),
+    changed("*BOUNDARY\n", "*FASTENER\n", r"\*FASTENER is not supported: couple .*pass_over"),
+    changed("*BOUNDARY\n", "*Boundry\n*Ngen\n*Ngen\n", r'\*BOUNDRY is .* \(2 times\); .*"NGEN"\]'),
     changed("*BOUNDARY\n", "*BOUNDRY\n", r"\*BOUNDRY is not known here"),
     changed(
         "*BOUNDARY\n",

@@ -195,9 +195,7 @@ def test_bodies_that_are_tied_are_one(tmp_path):
 
 
 def test_doubled_nodes_within_a_body_are_refused_beside_contact(tmp_path):
-    third = (
-        "*NODE\n21,1,0,0\n22,2,0,0\n23,2,1,0\n24,1,1,0\n25,2,0,1\n*ELEMENT, TYPE=C3D8, ELSET=E\n"
-    )
+    third = "*NODE\n21,1,0,0\n22,2,0,0\n23,2,1,0\n24,1,1,0\n25,2,0,1\n*ELEMENT, TYPE=C3D8, "
     third += "ELSET=E\n9,21,22,23,24,6,25,26,7\n*NODE\n26,2,1,1\n"
     with pytest.raises(ModelError, match=r"not connected there; merge the nodes$"):
         two(tmp_path, third + "*CONTACT PAIR, INTERACTION=I\nLOW, UP\n")

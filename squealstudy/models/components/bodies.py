@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.models.components.bulk_cards import included
 from squealstudy.models.components.checks import check_mesh
+from squealstudy.models.components.constraints import Relation
 from squealstudy.models.components.dimensions import DENSITY, LENGTH, STRESS
 from squealstudy.models.components.expansion import Expansion, expanded
 from squealstudy.models.components.file_materials import changed_material, with_tables
@@ -271,6 +272,9 @@ def _moved(mesh: SolidMesh, turn: np.ndarray, shift: np.ndarray) -> SolidMesh:
         nodes=mesh.nodes @ turn.T + shift,
         orientations=orientations,
         orientation=orientation,
+        constraints=tuple(
+            c.moved(turn) if isinstance(c, Relation) else c for c in mesh.constraints
+        ),
     )
 
 

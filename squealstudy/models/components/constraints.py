@@ -129,7 +129,60 @@ class Coupling:
         )
 
 
-Constraint = Tie | Coupling
+@dataclass(frozen=True)
+class Relation:
+    """An equation of displacements, sum of v . u = 0, by which the first node follows the others.
+
+    Attributes
+    ----------
+    name : str
+        For messages.
+    nodes : ndarray (n,) of int
+        Places of its nodes in the mesh, each once; the first follows.
+    vectors : ndarray (n, 3)
+        v of each.
+    """
+
+    name: str
+    nodes: np.ndarray
+    vectors: np.ndarray
+
+    @property
+    def joined(self) -> np.ndarray:
+        """Places of all its nodes."""
+        return self.nodes
+
+    @property
+    def told(self) -> str:
+        """What it does, for an inspection."""
+        others = len(self.nodes) - 1
+        return f"{self.name}: a displacement follows {others} node{'s' * (others != 1)}"
+
+    def scaled(self, size: float) -> Relation:
+        """The same in another unit of length."""
+        return self
+
+    def moved(self, turn: np.ndarray) -> Relation:
+        """The same of a turned mesh."""
+        return replace(self, vectors=self.vectors @ turn.T)
+
+    def kept(self, kept: Kept) -> Relation | None:
+        """The same in a part of the mesh; None where that has nothing of it."""
+        if not _all_or_none(self.name, kept.nodes[self.nodes]):
+            return None
+        return replace(self, nodes=kept.node_at[self.nodes])
+
+
+def relation(name: str, nodes: np.ndarray, vectors: np.ndarray) -> Relation:
+    """A relation with the terms of each node together, in the order in which nodes come first."""
+    own, first, at = np.unique(nodes, return_index=True, return_inverse=True)
+    total = np.zeros((len(own), 3))
+    np.add.at(total, at, vectors)
+    order = np.argsort(first)
+    return Relation(name, own[order], total[order])
+
+
+Constraint = Tie | Coupling | Relation
 
 
 def _all_or_none(name: str, kept: list[bool] | np.ndarray) -> bool:

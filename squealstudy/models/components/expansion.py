@@ -17,7 +17,7 @@ from scipy.sparse.linalg import splu
 
 from squealstudy.errors import ModelError
 from squealstudy.kernels.facets import MOST, feet
-from squealstudy.models.components.constraints import Coupling, Tie
+from squealstudy.models.components.constraints import Constraint, Coupling, Relation, Tie
 from squealstudy.models.components.faces import facet_groups
 from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
@@ -119,19 +119,11 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
     E = E[: 3 * n]
     moves = np.diff(E.tocsc().indptr)  # a reference node without structure moves itself alone
     alone = np.zeros(whole, dtype=bool)
-    alone[: 3 * n] = np.repeat(_bare(mesh), 3)
+    alone[: 3 * n] = np.repeat(mesh.bare, 3)
     kept = free[moves[free] > alone[free]]
     E = E[:, kept].tocsr()
     E.eliminate_zeros()
     return mesh, Expansion(E, np.where(kept < 3 * n, kept, -1))
-
-
-def _bare(mesh: SolidMesh) -> np.ndarray:
-    """Nodes (n,) that belong to no element."""
-    bare = np.ones(len(mesh.nodes), dtype=bool)
-    for block in mesh.blocks:
-        bare[block.nodes] = False
-    return bare
 
 
 def _couplings(mesh: SolidMesh) -> Iterator[Coupling]:
@@ -150,10 +142,60 @@ def _relations(
             for axis in range(3):
                 rows = 3 * nodes[row] + axis
                 yield c.name, rows, 3 * masters[row, k] + axis, values[row, k]
+        elif isinstance(c, Relation):
+            continue
         elif c.kind == "rigid":
             yield (c.name, *_rigid(mesh, c, 3 * n + 3 * turning[c.reference]))
         else:
             yield (c.name, *_mean(mesh, c))
+    yield from _equations(mesh)
+
+
+def _equations(mesh: SolidMesh) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """What follows by relations: those of one node together, which may turn its directions."""
+    of: dict[int, list[Relation]] = {}
+    for c in mesh.constraints:
+        if isinstance(c, Relation):
+            of.setdefault(int(c.nodes[0]), []).append(c)
+    for node, own in of.items():
+        A = np.array([c.vectors[0] for c in own])
+        chosen = _pivots(A)
+        if chosen is None:
+            names = " and ".join(c.name for c in own)
+            raise mesh.error(
+                f"{mesh.nodes_named(np.array([node]))} is to follow by {names}, which do not say "
+                "three displacements or fewer of it: write another of their nodes first"
+            )
+        others = np.setdiff1d(np.arange(3), chosen)
+        columns = [3 * np.full(len(others), node) + others]
+        columns += [(3 * c.nodes[1:, None] + np.arange(3)).ravel() for c in own]
+        values = np.zeros((len(own), sum(map(len, columns))))
+        values[:, : len(others)] = A[:, others]
+        at = len(others)
+        for row, c in enumerate(own):
+            values[row, at : at + 3 * (len(c.nodes) - 1)] = c.vectors[1:].ravel()
+            at += 3 * (len(c.nodes) - 1)
+        follows = -np.linalg.solve(A[:, chosen], values)
+        column = np.concatenate(columns)
+        at_row, k = np.nonzero(follows)
+        none = np.zeros(len(own))  # of one that follows nothing: it does not move
+        rows = np.append(3 * node + chosen[at_row], 3 * node + chosen)
+        columns_of = np.append(column[k], 3 * node + chosen)
+        yield own[0].name, rows, columns_of, np.append(follows[at_row, k], none)
+
+
+def _pivots(A: np.ndarray) -> np.ndarray | None:
+    """Columns by which rows (m, 3) can be solved, the largest first; None where there are none."""
+    if len(A) > 3:
+        return None
+    left, found = A.astype(float).copy(), []
+    for row in range(len(A)):
+        k = int(np.abs(left[row]).argmax())
+        if not abs(left[row, k]) > ON_A_LINE * np.abs(A[row]).max():
+            return None
+        found.append(k)
+        left -= np.outer(left[:, k] / left[row, k], left[row]) * (np.arange(len(A)) > row)[:, None]
+    return np.array(found)
 
 
 # -- couplings -----------------------------------------------------------------------------------
@@ -199,6 +241,7 @@ def _mean(mesh: SolidMesh, c: Coupling) -> tuple[np.ndarray, np.ndarray, np.ndar
     except ModelError as error:
         raise mesh.error(f"{c.name}: {error}") from error
     rows, columns, values = [], [], []
+    follows[[axis for axis in range(3) if axis + 1 not in c.directions]] = 0.0
     for axis in range(3):
         A = sp.coo_matrix(sp.csr_matrix(follows[:, :, axis]) @ shape)
         rows.append(3 * c.reference + A.row)
@@ -249,7 +292,7 @@ def facets_of(mesh: SolidMesh, faces: np.ndarray, name: str) -> Facets:
 
 def _adjusted(mesh: SolidMesh) -> SolidMesh:
     """Tied nodes on their masters; those that are too far off are reported, and tied no more."""
-    constraints: list[Tie | Coupling] = []
+    constraints: list[Constraint] = []
     for c in mesh.constraints:
         if not isinstance(c, Tie):
             constraints.append(c)

@@ -14,6 +14,7 @@ from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Card, read_cards
 from squealstudy.models.components.inp_component import READ, Component, Text, passed, unused
 from squealstudy.models.components.inp_couplings import KEYWORDS
+from squealstudy.models.components.inp_equations import KEYWORDS as EQUATIONS
 from squealstudy.models.components.inp_keywords import ELEMENTS, OTHER_LAWS, PASSED_OVER, REFUSED
 from squealstudy.models.components.inp_materials import MaterialText
 from squealstudy.models.components.inp_refused import Refused, refuse, sift_elements
@@ -23,7 +24,7 @@ from squealstudy.models.components.mesh import PassedOver, SolidMesh
 Dialect = Literal["abaqus", "calculix"]
 OWN = ("C3D8_BBAR",)  # formulations that no file can name
 ABAQUS_ONLY = ("PART", "ASSEMBLY", "INSTANCE")
-OF_ASSEMBLY = ("NSET", "ELSET", "SURFACE", *KEYWORDS)
+OF_ASSEMBLY = ("NSET", "ELSET", "SURFACE", *KEYWORDS, *EQUATIONS)
 
 
 @dataclass

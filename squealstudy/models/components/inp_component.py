@@ -8,11 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from squealstudy.models.components.constraints import Relation
 from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import WHOLE, Card, Line
 from squealstudy.models.components.inp_couplings import KEYWORDS, Couplings, Where
+from squealstudy.models.components.inp_equations import KEYWORDS as EQUATIONS
+from squealstudy.models.components.inp_equations import Equations
 from squealstudy.models.components.inp_materials import MaterialText, with_sections
+from squealstudy.models.components.inp_places import Places
 from squealstudy.models.components.inp_sets import NOTHING, Sets
 from squealstudy.models.components.marked_faces import FACES, NODES, MarkedFaces
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
@@ -22,7 +26,7 @@ ELEMENT = ("TYPE", "ELSET", "INPUT")
 SET = ("NSET", "ELSET", "GENERATE", "INSTANCE", "UNSORTED", "INTERNAL")
 SURFACE = ("NAME", "TYPE", "INTERNAL")
 SECTIONS = ("SOLIDSECTION", "ORIENTATION")
-READ = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", *SECTIONS, *KEYWORDS)
+READ = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", *SECTIONS, *KEYWORDS, *EQUATIONS)
 
 
 @dataclass
@@ -122,6 +126,9 @@ class Component:
             mesh,
             nodes=mesh.nodes @ self.text.turn.T + self.text.shift,
             orientations=orientations,
+            constraints=tuple(
+                c.moved(self.text.turn) if isinstance(c, Relation) else c for c in mesh.constraints
+            ),
             passed_over=tuple(self.text.passed_over),
         )
 
@@ -369,7 +376,13 @@ class Component:
         read = Couplings(mesh, self._nodes, self._nodes_of, self.text.note).read
         part = Where(self.text.part, self.node_sets, self.element_sets, "", known)
         assembly = Where(self.text.assembly, *self.of_assembly, "ASSEMBLY.", known)
-        return replace(mesh, constraints=(*read(part), *read(assembly)))
+        found = [*read(part), *read(assembly)]
+        abaqus, bare = self.text.elements.get("C3D8") == "C3D8_BBAR", mesh.bare
+        for where in (part, assembly):
+            at = Places(where.nodes, self._nodes)
+            relations = Equations(at, mesh.nodes, bare, abaqus, self.text.note)
+            found += relations.read(where.cards)
+        return replace(mesh, constraints=tuple(found))
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
         used = mesh.used_nodes()

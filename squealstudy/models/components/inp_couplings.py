@@ -9,12 +9,13 @@ import numpy as np
 
 from squealstudy.models.components.constraints import NO_FACES, Constraint, Coupling, Tie
 from squealstudy.models.components.faces import facet_groups
-from squealstudy.models.components.inp_cards import WHOLE, Card, Line
+from squealstudy.models.components.inp_cards import Card, Line
+from squealstudy.models.components.inp_places import Places
 from squealstudy.models.components.inp_sets import Sets
 from squealstudy.models.components.mesh import SolidMesh, has_name
 
 TIE = ("NAME", "POSITIONTOLERANCE", "ADJUST", "TYPE", "NOROTATION")
-COUPLING = ("CONSTRAINTNAME", "REFNODE", "SURFACE")
+COUPLING = ("CONSTRAINTNAME", "REFNODE", "SURFACE", "ORIENTATION")
 RIGID_BODY = ("NSET", "ELSET", "REFNODE", "ROTNODE", "TIENSET", "PINNSET")
 DISTRIBUTING = ("COUPLING", "WEIGHTINGMETHOD")
 NODES_TO_SURFACE = "NODETOSURFACE"
@@ -132,6 +133,8 @@ class Couplings:
         name = self._name(card, card.parameters.get("CONSTRAINTNAME", ""))
         nodes, faces = self._surface(card.line, card.value("SURFACE"), where)
         directions = self._directions(how)
+        if "ORIENTATION" in card.parameters and directions not in ((), (1, 2, 3)):
+            raise card.error("ORIENTATION is supported only where directions 1 to 3 are coupled")
         if how.keyword == "KINEMATIC":
             how.check(())
             return self._coupled(card, name, nodes, where, "rigid", directions, NO_FACES)
@@ -139,8 +142,9 @@ class Couplings:
         method = how.parameters.get("WEIGHTINGMETHOD", "UNIFORM").upper()
         if method != "UNIFORM":
             raise how.error(f"WEIGHTING METHOD={method} is not supported: expected UNIFORM")
-        if directions != (1, 2, 3):
-            raise how.error("*DISTRIBUTING: expected the directions 1 to 3")
+        if not directions:
+            self._note(card, "turns of the reference node alone, which has none here")
+            return None
         return self._coupled(card, name, nodes, where, "distributing", directions, faces)
 
     @staticmethod
@@ -186,17 +190,7 @@ class Couplings:
 
     def _reference(self, card: Card, where: Where) -> np.ndarray:
         """Place of the reference node: a number, instance.number, or a set of one node."""
-        word = card.value("REFNODE")
-        sets, (owner, _, label) = where.nodes, word.rpartition(".")
-        if not WHOLE.fullmatch(label):
-            return self._places(sets.labels(word, card.line))
-        if sets.part is None and not owner:
-            sets.check(card.line, int(label))
-            return self._places(np.array([int(label)]))
-        if sets.part is not None and owner.upper() == sets.instance:
-            sets.part.check(card.line, int(label))
-            return self._places(np.array([int(label)]))
-        return np.zeros(0, dtype=np.int64)
+        return Places(where.nodes, self._places).of(card.line, card.value("REFNODE"))
 
     def _surface(self, line: Line, word: str, where: Where) -> tuple[np.ndarray, np.ndarray]:
         """Nodes of a surface, and its faces; of a node set none."""

@@ -12,7 +12,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.constraints import Constraint, Coupling, Kept, Tie
+from squealstudy.models.components.constraints import (
+    Constraint,
+    Coupling,
+    Kept,
+    Relation,
+    Tie,
+)
 from squealstudy.models.components.formulations import FORMULATIONS, Formulation
 from squealstudy.models.components.materials import Elastic, Orientation, Unfinished
 
@@ -141,9 +147,10 @@ class SolidMesh:
         for block in self.blocks:
             ends += [block.nodes[:, [0, k]] for k in range(1, block.nodes.shape[1])]
         for c in self.constraints:
-            others = c.joined if isinstance(c, Coupling) else c.nodes
             if isinstance(c, Tie):
-                others = np.append(others, self.node_of_face(c.faces))
+                others = np.append(c.nodes, self.node_of_face(c.faces))
+            else:
+                others = c.joined
             ends.append(np.column_stack([np.full(len(others), others[0]), others]))
         one, other = np.vstack(ends).T
         graph = sp.coo_matrix((np.ones(len(one)), (one, other)), (n, n))
@@ -163,10 +170,18 @@ class SolidMesh:
 
     @property
     def references(self) -> np.ndarray:
-        """Reference nodes of couplings: they may belong to no element."""
-        return np.array(
-            [c.reference for c in self.constraints if isinstance(c, Coupling)], dtype=np.int64
-        )
+        """Reference nodes of couplings, nodes of relations: they may belong to no element."""
+        found = [np.array([c.reference]) for c in self.constraints if isinstance(c, Coupling)]
+        found += [c.nodes for c in self.constraints if isinstance(c, Relation)]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *found])
+
+    @property
+    def bare(self) -> np.ndarray:
+        """Which nodes (n,) belong to no element."""
+        found = np.ones(len(self.nodes), dtype=bool)
+        for block in self.blocks:
+            found[block.nodes] = False
+        return found
 
     @property
     def tied(self) -> np.ndarray:
@@ -303,9 +318,12 @@ class SolidMesh:
         for b in blocks:
             used[b.nodes] = True
         constraints = []
+        bare = self.bare
         for c in self.constraints[::-1] + self.constraints:  # one may couple what another moves
             if isinstance(c, Coupling) and used[c.nodes].all():
                 used[c.reference] = True
+            elif isinstance(c, Relation):
+                used[c.nodes] |= bare[c.nodes] & used[c.nodes[~bare[c.nodes]]].any()
         node_at, element_at = np.cumsum(used) - 1, np.cumsum(keep) - 1
         for c in self.constraints:
             try:

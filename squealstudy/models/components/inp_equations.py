@@ -1,0 +1,170 @@
+"""Equations between displacements in files of Abaqus and CalculiX: ``*EQUATION``, ``*MPC``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from squealstudy.models.components.constraints import Coupling, Relation, relation
+from squealstudy.models.components.inp_cards import Card, Line
+from squealstudy.models.components.inp_materials import read_orientation
+from squealstudy.models.components.inp_places import Places
+
+SAME = ("TIE", "PIN")  # of *MPC: all displacements are the same
+KEYWORDS = ("EQUATION", "MPC", "TRANSFORM", "DISTRIBUTINGCOUPLING")
+PASTE = 'where neither mass nor stiffness depend on it: pass_over = ["MPC"]'
+
+
+class Equations:
+    """Reads the relations of a component.
+
+    Parameters
+    ----------
+    places : Places
+        Of the nodes that words name.
+    nodes : ndarray (n, 3)
+    bare : ndarray (n,) of bool
+        Nodes that belong to no element.
+    abaqus : bool
+        Whose MPC and whose older couplings the file means.
+    note : callable
+        Takes a card and why it, or something of it, is passed over.
+    """
+
+    def __init__(
+        self,
+        places: Places,
+        nodes: np.ndarray,
+        bare: np.ndarray,
+        abaqus: bool,
+        note: Callable[[Card, str], None],
+    ) -> None:
+        self._at, self._nodes, self._bare = places, nodes, bare
+        self._abaqus, self._note = abaqus, note
+        self._axes: dict[int, np.ndarray] = {}
+
+    def read(self, cards: Sequence[Card]) -> Iterator[Relation | Coupling]:
+        """Those of a part or of the assembly; ModelError about the line of what is wrong."""
+        for card in cards:
+            if card.keyword == "TRANSFORM":
+                self._transform(card)
+        beams: dict[int, tuple[str, list[int]]] = {}
+        for card in cards:
+            if card.keyword == "EQUATION":
+                yield from self._equation(card)
+            elif card.keyword == "MPC":
+                yield from self._mpc(card, beams)
+        for reference, (name, nodes) in beams.items():
+            yield Coupling(name, "rigid", reference, np.unique(nodes))
+
+    def _transform(self, card: Card) -> None:
+        """Directions of the equations of some nodes."""
+        self._note(card, "directions of supports and loads are stated in the model file")
+        kind = card.parameters.get("TYPE", "R").upper()
+        if kind not in ("R", "C"):
+            return  # spherical: told if an equation has such a node
+        words = {"SYSTEM": "RECTANGULAR" if kind == "R" else "CYLINDRICAL", "NAME": "axes"}
+        axes = read_orientation(Card("ORIENTATION", words, card.line, card.data[:1]))
+        nodes = self._at.of(card.line, card.value("NSET"))
+        for node, own in zip(nodes, axes.axes(self._nodes[nodes]), strict=True):
+            self._axes[int(node)] = own
+
+    def _direction(self, node: int, axis: int) -> np.ndarray:
+        own: np.ndarray = self._axes.get(node, np.eye(3))[axis]
+        return own
+
+    # -- equations -------------------------------------------------------------------------------
+    def _equation(self, card: Card) -> Iterator[Relation]:
+        lines = iter(card.data)
+        for line in lines:
+            count = line.whole(line.words()[0], "the number of terms")
+            terms: list[tuple[Line, list[str]]] = []
+            while len(terms) < count:
+                more = next(lines, None)
+                if more is None:
+                    raise line.error(f"expected {count} terms of an equation, found {len(terms)}")
+                words = [w for w in more.words() if w]
+                if len(words) % 3:
+                    raise more.error("expected terms of a node, a direction and a factor")
+                terms += [(more, words[k : k + 3]) for k in range(0, len(words), 3)]
+            if len(terms) > count:
+                raise line.error(f"expected {count} terms of an equation, found {len(terms)}")
+            yield from self._terms(card, line, terms)
+
+    def _terms(
+        self, card: Card, line: Line, terms: list[tuple[Line, list[str]]]
+    ) -> Iterator[Relation]:
+        """The equations of some terms: one for each node of the set that comes first."""
+        parts = []
+        directions = set()
+        for at, (word, direction, factor) in terms:
+            directions.add(at.whole(direction, "a direction"))
+            nodes = self._at.of(at, word)
+            parts.append((nodes, int(direction) - 1, at.real(factor, "a factor")))
+        if not directions <= {1, 2, 3}:
+            if directions & {4, 5, 6}:
+                raise line.error("an equation of turns, which nodes of solids have not")
+            self._note(card, "an equation of no displacements")
+            return
+        if not sum(len(nodes) for nodes, _, _ in parts):
+            self._note(card, "of other instances")
+            return
+        size = len(parts[0][0])
+        for nodes, _, _ in parts:
+            if len(nodes) not in (1, size) or not size:
+                raise line.error(f"expected one node or {size} in each term, found {len(nodes)}")
+        name = f"{card.shown} (line {line.place + 1})"
+        for k in range(size):
+            nodes = np.array([own[k if len(own) > 1 else 0] for own, _, _ in parts])
+            vectors = np.array(
+                [
+                    value * self._direction(int(node), axis)
+                    for node, (_, axis, value) in zip(nodes, parts, strict=True)
+                ]
+            )
+            if self._bare[nodes].all():
+                self._note(card, "nodes of no element")
+                continue
+            found = relation(name, nodes, vectors)
+            if not np.abs(found.vectors[0]).max() > 0:
+                raise line.error("the factor of the first term is zero")
+            yield found
+
+    # -- multi-point constraints -----------------------------------------------------------------
+    def _mpc(self, card: Card, beams: dict[int, tuple[str, list[int]]]) -> Iterator[Relation]:
+        for line in card.data:
+            kind, *words = line.words()
+            kind = kind.upper()
+            known = (*SAME, "LINK", "BEAM") if self._abaqus else (*SAME, "BEAM")
+            if kind not in known:
+                raise line.error(
+                    f"*MPC of type {kind} is not supported: supported are {', '.join(known)}; "
+                    f"{PASTE}"
+                )
+            if len(words) != 2:
+                raise line.error("expected a type and two nodes or sets")
+            first, second = (self._at.of(line, word) for word in words)
+            if not len(first) and not len(second):
+                self._note(card, "of other instances")
+                continue
+            if not len(first) or len(second) not in (1, len(first)):
+                raise line.error(f"expected as many nodes, found {len(first)} and {len(second)}")
+            name = f"*MPC {kind} (line {line.place + 1})"
+            for k, one in enumerate(first):
+                other = second[k if len(second) > 1 else 0]
+                if one == other:
+                    continue
+                if kind == "BEAM" and self._abaqus:
+                    beams.setdefault(int(other), (name, []))[1].append(int(one))
+                    continue
+                pair = np.array([one, other])
+                if kind in SAME:
+                    for axis in np.eye(3):
+                        yield relation(name, pair, np.array([axis, -axis]))
+                    continue
+                along = self._nodes[one] - self._nodes[other]
+                if not np.linalg.norm(along) > 0:
+                    raise line.error("the two nodes lie at one place")
+                along = along / np.linalg.norm(along)
+                yield relation(name, pair, np.array([along, -along]))
