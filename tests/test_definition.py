@@ -467,6 +467,13 @@ def test_control_characters_of_a_file_do_not_reach_the_screen():
         ("a = " + "9" * 5000 + "\n", None, "digits"),
         ("a = " + "[" * 5000 + "\n", None, "nested too deeply"),
         ("a = 2026-02-30\n", 1, "Invalid date"),
+        ("a = [0.1, -.2]\n", 1, "Invalid value '-.2': a number begins with a digit, -0.2"),
+        ("a = 12.e5 # Pa\n", 1, "a number has a digit after its point, 12.0e5"),
+        ("a = 1,5\n", 1, "a number has a point, and no comma"),
+        ("a = True\n", 1, "Invalid value 'True': expected true"),
+        ("a = hoffmann\n", 1, 'text stands in plain quotes, "hoffmann"'),
+        ("a = “x”\n", 1, 'text stands in plain quotes, "x"'),
+        ("a = 5 Pa\n", 1, "Expected newline"),
     ],
 )
 def test_toml_syntax_errors_have_a_line(text, line, fragment):

@@ -87,8 +87,29 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
             raise StudyFileError(f"not valid TOML: {e}", path) from None
         line = int(place[1]) if place[1] else text.rstrip("\n").count("\n") + 1
         what = str(e)[: place.start()].replace("Cannot overwrite a value", "a key is given twice")
+        if place[2]:
+            what += _mended(text.splitlines()[line - 1 : line], int(place[2]) - 1)
         column = f" (column {place[2]})" if place[2] else " (end of file)"
         raise StudyFileError(f"not valid TOML: {what}{column}", path, line=line) from None
+
+
+def _mended(lines: list[str], column: int) -> str:
+    """What to write instead, for what is written in a hurry: .5, 5., 1,5, True, hoffmann."""
+    line = lines[0] if lines else ""
+    before = re.search(r"[-+]?\d+$", line[:column])
+    after = re.match(r"[^\s,\]}#]+", line[column:])
+    word = after[0] if after else ""
+    if re.fullmatch(r"[-+]?\.\d.*", word):
+        return f" '{word}': a number begins with a digit, {word.replace('.', '0.', 1)}"
+    if before and re.match(r"\.(?!\d)", word):
+        return f": a number has a digit after its point, {before[0]}.0{word[1:]}"
+    if before and re.fullmatch(r",\s*\d+\s*", line[column:].split("#")[0]):
+        return ": a number has a point, and no comma"
+    if word.lower() in ("true", "false"):
+        return f" '{word}': expected {word.lower()}"
+    if re.fullmatch(r"[^\W\d][\w./-]*|[\u2018-\u201f].*", word):
+        return f" '{word}': text stands in plain quotes, \"{word.strip('‘’“”„')}\""
+    return ""
 
 
 def changed(
