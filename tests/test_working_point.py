@@ -12,6 +12,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from conftest import NOMINAL, build_model
 
+import squealstudy as sq
 from squealstudy.errors import ConvergenceError
 from squealstudy.laws import contact_law
 from squealstudy.linalg.factor import factorise
@@ -364,3 +365,24 @@ def test_a_free_motion_has_no_working_point():
     with pytest.raises(ConvergenceError, match="singular") as failure:
         contact_space(assembly, 5e11, NO_SHAPES)
     assert failure.value.status == "singular"
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_a_spring_that_bears_less_than_the_load_is_reached_from_where_it_holds(friction):
+    """Least root of k2 d + (k + k3 d^2) d = F: beside the spring a support bears the rest."""
+    values = {"contact_stiffness": 2.6e6, "contact.cubic_stiffness": -5.7e17}
+    model = sq.model(
+        "hoffmann",
+        contact_law="cubic",
+        k2=1.356e6,
+        normal_force=1000.0,
+        friction=friction,
+        **values,
+    )
+    steady = model.at().steady
+    area = 2.6e6 / 5e11  # m2, at which the stiffness of contact is 5e11 Pa/m
+    d = -steady.gap[0]
+    force = area * (2.6e6 / area + values["contact.cubic_stiffness"] * d**2) * d
+    assert steady.force[0, 0] == pytest.approx(force, rel=1e-9)
+    assert d < (2.6e6 / area / (3 * 5.7e17)) ** 0.5  # which is where it gives way
+    assert steady.iterations <= 10

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -26,6 +27,7 @@ from squealstudy.reduction.projected import AnyAssembly
 INDEPENDENT = 1e-13  # of contact rows: what one has outside the others' span
 WIDE = 512  # right-hand sides held at once, fewer where they would have more numbers than
 MOST_HELD = 64_000_000  # these: half a gigabyte, twice
+MOST_DENSE = 16  # contact points whose maps are dense: a sparse product takes 10 us to call
 HELD = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without any
 
 
@@ -79,28 +81,34 @@ class ContactSpace:
         """N K0^-1 Z_N^T and T K0^-1 Z_N^T (nc, r), m/N."""
         return np.asarray(self.S_N @ self.C_NN), np.asarray(self.S_T @ self.C_TN)
 
+    @cached_property
+    def opened_by_unit_pressure(self) -> float:
+        """Gaps under a pressure of 1 Pa on all points, summed over the area, m3/Pa."""
+        return float(self.area @ self.opening(self.area, np.zeros_like(self.area)))
+
     def opening(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Gaps N K0^-1 (N^T s - T^T t) (..., nc) [m] by forces s, t (..., nc) [N]."""
         return self.gaps(self.moved(s, t))
 
     @cached_property
-    def _transposed(self) -> tuple[sp.csc_matrix, sp.csc_matrix]:
-        """S_N^T and S_T^T, which take longer to make than a product of a small model."""
-        return self.S_N.T, self.S_T.T
+    def _maps(self) -> tuple[Any, Any, Any]:
+        """S_N, S_N^T and S_T^T, dense where a sparse product takes longer to call than to do."""
+        maps = (self.S_N, self.S_N.T, self.S_T.T)
+        return tuple(m.toarray() for m in maps) if self.S_N.shape[0] <= MOST_DENSE else maps
 
     def gaps(self, x: np.ndarray) -> np.ndarray:
         """Changes of the gaps (..., nc) [m] by coordinates x (..., r) of S_N."""
-        found: np.ndarray = (self.S_N @ x.T).T
+        found: np.ndarray = (self._maps[0] @ x.T).T
         return found
 
     def pressed(self, s: np.ndarray) -> np.ndarray:
         """S_N^T s of forces s (..., nc) [N]."""
-        found: np.ndarray = (self._transposed[0] @ s.T).T
+        found: np.ndarray = (self._maps[1] @ s.T).T
         return found
 
     def rubbed(self, t: np.ndarray) -> np.ndarray:
         """S_T^T t of forces t (..., nc) [N]."""
-        found: np.ndarray = (self._transposed[1] @ t.T).T
+        found: np.ndarray = (self._maps[2] @ t.T).T
         return found
 
     def moved(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.gap_equations import Changes, GapEquations, GapJacobian
 
 MAX_ITERATIONS = 200
+GIVEN_WAY = 0.125  # of the most that a softening spring bears: where Newton starts under more
 MAX_STEP = 3.0  # closing, in gap scales of the law: beyond it, Newton on an exponential runs away
 HIGHEST_START = 100.0  # pressure at the start, in mean pressures
 TOLERANCE = 1e-11
@@ -99,7 +100,8 @@ def working_point(
     """
     law, A = point.law, space.area
     equations = GapEquations(space, [point])
-    estimate = _mean_pressure(space, point)
+    loaded = _mean_pressure(space, point)
+    estimate = max(loaded, _closing_pressure(space, point))
     if start is None:
         g = np.full(len(A), law.gap_at(estimate))
     else:  # gaps of a softer law may mean absurd pressures in this one
@@ -114,7 +116,6 @@ def working_point(
         step = jacobian.solve(-F)
         if not np.isfinite(step).all():
             break
-        # the estimate is too small where k_c is soft beside the supports: p then takes over
         level = max(estimate, float(np.abs(A @ p) / A.sum()))
         damping = _damping(law, level, g, step)
         before = np.abs(F).max()
@@ -126,7 +127,7 @@ def working_point(
             g = g - jacobian.solve(F)  # which an older Jacobian left larger than round-off
             (F,), (p,), (kappa,) = equations.imbalance(g[None])
             residual = float(equations.relative(F[None], g[None])[0])
-            return working_point_result(A, g, p, kappa, iteration, residual, F, estimate)
+            return working_point_result(A, g, p, kappa, iteration, residual, F, loaded)
         if damping < 1.0 or not np.abs(F).max() < NEARER * before:
             jacobian = None
     raise ConvergenceError(
@@ -232,6 +233,21 @@ def _mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:
     gap = space.S_N @ (space.C_Nf @ np.array([point.brake_pressure, 1.0]))
     stiffness = np.abs(space.k_c * gap)
     return float(max(space.area @ stiffness / space.area.sum(), 1e-300))
+
+
+def _closing_pressure(space: ContactSpace, point: OperatingPoint) -> float:
+    """Uniform pressure that takes back the mean opening under the load, Pa.
+
+    What stiff contact carries, and more than soft contact does. A spring that gives way under the
+    whole load has next to no k_c, and `_mean_pressure` is nothing then: a share of what it bears,
+    for Newton is to come from where it holds.
+    """
+    opened = space.S_N @ (space.C_Nf @ np.array([point.brake_pressure, 1.0]))
+    closing = abs(float(space.area @ opened)) / max(abs(space.opened_by_unit_pressure), 1e-300)
+    if not np.isfinite(closing):
+        return 0.0
+    ((borne,), _) = point.law.evaluate(np.array([point.law.gap_at(closing)]))
+    return closing if borne > 0.99 * closing else GIVEN_WAY * float(borne)
 
 
 def _damping(law: ContactLaw, level: float, g: np.ndarray, step: np.ndarray) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from squealstudy.reduction.contact_space import HELD
 from squealstudy.reduction.working_point import (
     AMPLIFIED,
+    GIVEN_WAY,
     MAX_ITERATIONS,
     MAX_STEP,
     OPEN,
@@ -161,7 +162,8 @@ def _newton(equations: _Equations, area: np.ndarray, held: np.ndarray) -> Stacke
     m, c = area.shape
     gap0 = np.broadcast_to(structures.gap0, (m, c))
     stiffness = np.abs(equations.k_c * equations.by_load)
-    estimate = np.maximum((area * stiffness).sum(axis=1) / area.sum(axis=1), TINY)
+    loaded = np.maximum((area * stiffness).sum(axis=1) / area.sum(axis=1), TINY)
+    estimate = np.maximum(loaded, _closing_pressure(equations, area))
     size = np.abs(equations.by_load).max(axis=1)
     gap = np.repeat(operating.gap_at(estimate)[:, None], c, axis=1)
     state = np.where(held, NO_EQUILIBRIUM, SINGULAR)
@@ -197,10 +199,21 @@ def _newton(equations: _Equations, area: np.ndarray, held: np.ndarray) -> Stacke
         pressure=p,
         tangent=kappa,
         residual=residual,
-        open_share=_open_share(area, p, estimate),
+        open_share=_open_share(area, p, loaded),
         tangent_error=_tangent_error(area, p, kappa, F),
         state=state,
     )
+
+
+def _closing_pressure(equations: _Equations, area: np.ndarray) -> np.ndarray:
+    """As in `working_point`: (m,) [Pa] that takes back the mean opening under the load."""
+    unit = np.abs((area * _times(equations.by_normal, area)).sum(axis=1))
+    with np.errstate(over="ignore", invalid="ignore"):
+        closing = np.abs((area * equations.by_load).sum(axis=1)) / np.maximum(unit, TINY)
+    closing = np.where(np.isfinite(closing), closing, 0.0)
+    operating = equations.operating
+    borne = operating.contact(operating.gap_at(closing)[:, None])[0][:, 0]
+    return np.where(borne > 0.99 * closing, closing, GIVEN_WAY * borne)
 
 
 @dataclass(frozen=True, eq=False)
