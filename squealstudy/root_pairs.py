@@ -11,6 +11,28 @@ PAIRED = 0.05  # relative distance within which a full-order root has a partner
 RESOLVED = 100.0  # errors of the full-order root above which a distance says something
 
 
+EQUAL = 1e-9  # relative distance of moduli that count as one: roots of two modes that locked in
+
+
+def by_modulus(lam: np.ndarray, late: np.ndarray) -> np.ndarray:
+    """Order (..., m) of roots lam (..., m): ascending in `late`, then in modulus.
+
+    Of neighbours of one modulus (EQUAL) the one that grows fastest comes last: round-off, which
+    another processor has otherwise, must not number modes.
+    """
+    size = np.abs(lam)
+    order = np.lexsort((size, late), axis=-1)
+    size, rank, grown = (
+        np.take_along_axis(x, order, -1) for x in (size, np.asarray(late, dtype=int), lam.real)
+    )
+    apart = (np.diff(size, axis=-1) > EQUAL * size[..., 1:]) | (np.diff(rank, axis=-1) > 0)
+    if not apart.all():
+        group = np.zeros(size.shape, dtype=int)
+        group[..., 1:] = np.cumsum(apart, axis=-1)
+        order = np.take_along_axis(order, np.lexsort((grown, group), axis=-1), -1)
+    return order
+
+
 def least_assignment(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns, k = min(n, m) of each, of the pairs whose costs (n, m) have the least sum.
 

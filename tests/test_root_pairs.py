@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from squealstudy.root_pairs import least_assignment, partner_distances, partners
+from squealstudy.root_pairs import by_modulus, least_assignment, partner_distances, partners
 
 LIMIT = 0.05
 
@@ -62,3 +62,15 @@ def test_total_cost_is_the_least(n, m, seed, near_diagonal):
     assert (np.diff(rows) > 0).all()
     assert len(np.unique(columns)) == len(columns)
     assert cost[rows, columns].sum() <= cost[linear_sum_assignment(cost)].sum() + 1e-12
+
+
+def test_round_off_does_not_number_modes_of_one_modulus():
+    """Two that locked in, the growing one last, beside a third; overdamped ones behind all."""
+    up, down = 3.0 + 300j, -3.0 + 300j
+    for nudge in (0.0, 1e-12, -1e-12):
+        lam = np.array([-50.0, up * (1 + nudge), 310j, down, 20j])
+        order = by_modulus(lam, lam.imag == 0)
+        assert order.tolist() == [4, 3, 1, 2, 0]
+        rows = by_modulus(np.array([lam, lam[::-1]]), np.array([lam, lam[::-1]]).imag == 0)
+        assert rows.tolist() == [[4, 3, 1, 2, 0], [0, 1, 3, 2, 4]]
+    assert by_modulus(np.zeros((2, 0)), np.zeros((2, 0))).shape == (2, 0)

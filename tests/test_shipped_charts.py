@@ -55,8 +55,10 @@ def test_every_integrator_runs_and_implicit_ones_agree(belt):
 
 
 def test_outside_solvers_tighten_with_their_tolerance(belt):
-    solver = belt[belt["method"] == "Radau"]["error_torque_rms"]
-    assert solver.iloc[-1] < min(1e-3, solver.iloc[0])
+    solver = belt[belt["method"] == "Radau"]
+    errors = solver[["error_torque_rms", "error_torque_mean", "error_dominant_frequency"]]
+    worst = errors.max(axis=1)  # one alone may be small by chance
+    assert worst.iloc[-1] < min(1e-3, worst.iloc[0] / 2)
 
 
 def test_integrators_through_lift_off(tmp_path):

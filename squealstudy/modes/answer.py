@@ -13,6 +13,7 @@ from squealstudy.modes.point import ROUND_OFF, PointModes
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.root_pairs import by_modulus
 
 Found = tuple[int, PointModes | ConvergenceError]
 REAL, COMPLEX = "f", "fc"  # kinds of dtypes
@@ -105,7 +106,7 @@ def _place(problem: Problem, point: Point) -> str:
 
 def _ordered(found: PointModes, name: str) -> PointModes:
     """Modes under the name of their rung, oscillating ones first, ascending in modulus."""
-    order = np.lexsort((np.abs(found.lam), found.overdamped))
+    order = by_modulus(found.lam, found.overdamped)
     return replace(
         found,
         lam=found.lam[order],

@@ -17,6 +17,7 @@ from squealstudy.reduction.working_point import (
     known_working_point,
     working_point,
 )
+from squealstudy.root_pairs import by_modulus
 from squealstudy.system.linearise import (
     LinearisedModel,
     linearise,
@@ -68,8 +69,8 @@ class PointModes:
 
 
 def oscillating_first(lam: np.ndarray) -> np.ndarray:
-    """Order (m,) of roots in which real ones come last, else as they are."""
-    return np.argsort(lam.imag == 0, kind="stable")
+    """Order (m,) of roots as tables have them: see `root_pairs.by_modulus`; real ones last."""
+    return by_modulus(lam, lam.imag == 0)
 
 
 def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:

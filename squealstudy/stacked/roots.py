@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.linalg.root_error import BIN, EPS, RESOLVED, RIGID_BELOW, TINY
+from squealstudy.root_pairs import by_modulus
 
 ROUND_OFF = 1e-13  # of a dense eigenvalue, relative to its modulus; as in modes.point
 
@@ -62,8 +63,8 @@ def stacked_roots(C: np.ndarray, K: np.ndarray, band: tuple[float, float]) -> St
     error, round_off = _errors(C, K, lam, psi, held)
     size = np.abs(lam)
     told = held & ((size > RESOLVED * round_off) | (size > RIGID_BELOW * band[1]))
-    late = np.where(told, (lam.imag == 0).astype(float), 2.0)  # oscillating, overdamped, none
-    order = np.argsort(late, axis=1, kind="stable")
+    late = np.where(told, (lam.imag == 0).astype(int), 2)  # oscillating, overdamped, none
+    order = by_modulus(lam, late)
     count = told.sum(axis=1)
     width = int(count.max(initial=0))
     order = order[:, :width]
