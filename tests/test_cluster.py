@@ -658,6 +658,7 @@ def test_peers_replace_a_worker_that_dies_and_late_ones_help(own, here):
     assert len(set(rest[-20:])) == 2
 
 
+@pytest.mark.full_size
 def test_a_task_that_ends_its_workers_becomes_failed_rows(mortal, here):
     path = trying(here, deadly=DEAD, num=61)
     found = sq.run(path, here / "out", client=mortal.client, warn=print).points

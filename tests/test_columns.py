@@ -88,6 +88,7 @@ cost = 1.0
 margin = {{damping_ratio = 0.002}}
 scan = 0
 cycles = 0
+in_time = 0
 [[variant]]
 name = "light"
 cost = 0.1

@@ -94,6 +94,7 @@ def test_bounds_of_an_irregular_cycle_cover_the_mean_of_many(tmp_path):
         assert (pooled[:, 2] - pooled[:, 1]).mean() < 0.5 * mean  # and they say something
 
 
+@pytest.mark.full_size
 def test_methods_agree_within_the_bounds_and_another_brake_does_not(tmp_path):
     text = (STUDIES / "irregular.toml").read_text()
     text = re.sub(r'base = "', f'base = "{STUDIES}/', text)

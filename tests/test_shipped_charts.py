@@ -82,6 +82,7 @@ def test_integrators_through_lift_off(tmp_path):
     assert (good["error_dominant_frequency"] < 1e-3).all()
 
 
+@pytest.mark.full_size
 def test_rungs_of_reanalysis(tmp_path):
     table = measured(
         "reanalysis",

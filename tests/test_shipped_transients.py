@@ -73,6 +73,7 @@ def test_squeal_nominal(nominal):
     assert late["torque"].std() > 10 * early["torque"].std()
 
 
+@pytest.mark.full_size
 def test_squeal_damping(nominal, tmp_path):
     """Damping the group of caliper modes quietens the limit cycle more than one of them."""
     changes = {'"results/squeal_nominal"': f'"{nominal.directory}"'}
@@ -126,6 +127,7 @@ def test_compare_with_complex_modes(nominal, tmp_path):
     assert table["expressed"].any()
 
 
+@pytest.mark.full_size
 def test_belt_oscillator(tmp_path):
     """Stick-slip below the speed ln(10)/2 = 1.151293 m/s, steady sliding above."""
     text = (STUDIES / "belt_oscillator.toml").read_text().replace("= 2.0 ", "= 1.0 ")

@@ -104,13 +104,13 @@ def test_complex_modes_do_not_depend_on_it():
 
 def test_fold_and_level_of_the_belt_are_those_of_a_far_larger_slope(tmp_path):
     """Alive at 1.82 m/s, silent at 1.85, levels within 1 %: a speed of 2 % of each was silent."""
-    speeds = [1.1, 1.3, 1.82, 1.85]
+    speeds = [1.1, 1.82, 1.85]
     stiff = f'"contact.kt" = {PRESSURE / (0.001 * 1.1)!r}'
     level = {}
     for name, values in (("own", ""), ("stiff", stiff)):
         results = solved(belt(speeds, values, 0.5, more=NEVER), tmp_path / name)
         level[name] = results.points.set_index("sliding_speed")["torque_rms"]
-    for own, far in zip(level["own"][[1.1, 1.3, 1.82]], level["stiff"], strict=False):
+    for own, far in zip(level["own"][[1.1, 1.82]], level["stiff"], strict=False):
         assert own == pytest.approx(far, rel=0.01)
     assert level["own"][1.82] > 90
     assert level["own"][1.85] < 1
@@ -188,6 +188,7 @@ def cycles(tmp_path_factory):
     return solved(belt([0.9, 1.9], SOFT, 1.0, 1.0), tmp_path_factory.mktemp("slope") / "belt")
 
 
+@pytest.mark.full_size
 def test_the_pilot_estimates_what_a_far_larger_slope_gives(cycles, tmp_path):
     pilot = pilot_of(cycles)
     points = cycles.points.set_index("point_id")

@@ -81,7 +81,7 @@ def test_a_point_without_a_mode_in_the_band_has_its_class_and_level(tmp_path: Pa
         '[parameters]\n"friction_law.decay_speed" = 0.05\n'
         '[[sweep]]\nparameter = "sliding_speed"\nvalues = [0.2, 0.05]\n'
         "[modes]\nband = [50.0, 300.0]\n"
-        '[transient]\nduration = 4.0\nstep = 2e-5\nperturbation = 0.1\nslope_pilot = "never"\n'
+        '[transient]\nduration = 2.0\nstep = 2e-5\nperturbation = 0.1\nslope_pilot = "never"\n'
     )
     results = solved(text, tmp_path / "r")
     points = results.points
