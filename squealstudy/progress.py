@@ -1,5 +1,8 @@
 """How far a run is: bars on a terminal or in a notebook, else plain lines of the log.
 
+What takes less than QUIET seconds has no bar. In a notebook without ipywidgets, which bars need
+there, a line of plain text is kept up to date instead.
+
 The log is that of Python's `logging`, by the name squealstudy and at level INFO: the command writes
 it to stderr, a program sees it after ``logging.basicConfig(level="INFO")``.
 """
@@ -8,10 +11,14 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, Protocol
 
 from rich.progress import (
     BarColumn,
@@ -28,6 +35,7 @@ from squealstudy.screen import messages
 from squealstudy.wording import duration, in_digits
 
 LOG = logging.getLogger("squealstudy")
+QUIET, OFTEN = 2.0, 0.5  # s before a bar is shown; between two states of a line that is replaced
 STEP, SHORTEST, LONGEST = 0.05, 30.0, 600.0  # of a stage; s between two lines of it
 RATES = (("a second", 1.0), ("a minute", 60.0), ("an hour", 3600.0))
 
@@ -42,17 +50,104 @@ class Progress(Protocol):
 @contextlib.contextmanager
 def progress() -> Iterator[Progress]:
     """Tell how far a run is, in the way of the place where it runs."""
-    if messages.is_jupyter or (messages.is_terminal and not messages.is_dumb_terminal):
+    if messages.is_jupyter and find_spec("ipywidgets") is None:
+        with _later(line := OneLine()):
+            yield line
+    elif messages.is_jupyter or (messages.is_terminal and not messages.is_dumb_terminal):
         with _bars() as report:
             yield report
     else:
         yield Lines(LOG.info)
 
 
+class _Begun(Protocol):
+    """What is shown from a moment on."""
+
+    def start(self) -> None:
+        """Show it."""
+
+    def stop(self) -> None:
+        """Show it no more; nothing where it was not."""
+
+
+@contextlib.contextmanager
+def _later(shown: _Begun) -> Iterator[None]:
+    """Start it after QUIET seconds, where what is within is not done by then."""
+    timer = threading.Timer(QUIET, shown.start)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()  # it may be starting just now
+        shown.stop()
+
+
+class OneLine:
+    """One line of a notebook's output, which is replaced: the stage and how far it is.
+
+    Parameters
+    ----------
+    clock : callable
+        Seconds, of any origin.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._stages: dict[str, _Stage] = {}
+        self._text = ""
+        self._told_at = -math.inf
+        self._display: Any = None
+
+    def __call__(self, stage: str, done: int, total: int, failed: int = 0) -> None:
+        """See `Progress`."""
+        now = self._clock()
+        known = self._stages.get(stage)
+        if known is None or done < known.told:
+            known = self._stages[stage] = _Stage(now, done, now, done)
+        known.told = done
+        text = f"{stage}: {done:,} of {total:,} done" if total > 1 else stage
+        if done == total:
+            text = f"{stage}: done in {duration(now - known.began)}"
+        elif done > known.at_first:
+            left = (now - known.began) / (done - known.at_first) * (total - done)
+            text += f", {duration(left)} left"
+        self._text = text + (f", {failed:,} failed" if failed else "")
+        if self._display is not None and (now - self._told_at >= OFTEN or done == total):
+            self._told_at = now
+            self._show()
+
+    @property
+    def shown(self) -> bool:
+        """Whether the line is shown by now."""
+        return self._display is not None
+
+    def start(self) -> None:
+        """Show the line."""
+        display = import_module("IPython.display").display  # which a notebook has
+
+        with self._lock:
+            self._display = display(self._bundle(), raw=True, display_id=True)
+
+    def stop(self) -> None:
+        """Leave the last state, if any was shown."""
+        if self._display is not None:
+            self._show()
+
+    def _show(self) -> None:
+        with self._lock:
+            self._display.update(self._bundle(), raw=True)
+
+    def _bundle(self) -> dict[str, str]:
+        return {"text/plain": self._text}
+
+
 @contextlib.contextmanager
 def _bars() -> Iterator[Progress]:
     """A bar for each stage with the expected remaining time."""
-    with Bars(
+    bars = Bars(
         SpinnerColumn(),
         TextColumn("{task.description}"),
         BarColumn(),
@@ -63,15 +158,16 @@ def _bars() -> Iterator[Progress]:
         TimeRemainingColumn(),
         console=messages,
         transient=True,
-    ) as bars:
-        tasks: dict[str, TaskID] = {}
+    )
+    tasks: dict[str, TaskID] = {}
 
-        def report(stage: str, done: int, total: int, failed: int = 0) -> None:
-            if stage not in tasks:
-                tasks[stage] = bars.add_task(stage, total=total, failed="")
-            told = f"{failed} failed" if failed else ""
-            bars.update(tasks[stage], completed=done, total=total, failed=told)
+    def report(stage: str, done: int, total: int, failed: int = 0) -> None:
+        if stage not in tasks:
+            tasks[stage] = bars.add_task(stage, total=total, failed="")
+        told = f"{failed} failed" if failed else ""
+        bars.update(tasks[stage], completed=done, total=total, failed=told)
 
+    with _later(bars):
         yield report
 
 

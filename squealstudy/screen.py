@@ -88,7 +88,9 @@ def _no_formula(text: str) -> str:
 
 def as_text(parts: Iterable[RenderableType]) -> str:
     """What `show` would print, in lines of at most LEAST_WIDTH characters."""
-    written = Console(width=LEAST_WIDTH, markup=False, highlight=False, file=StringIO())
+    written = Console(
+        width=LEAST_WIDTH, markup=False, highlight=False, file=StringIO(), force_jupyter=False
+    )
     with written.capture() as captured:
         for part in parts:
             written.print(part)

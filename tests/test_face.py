@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
+import pickle
+import re
 import subprocess
 import sys
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -295,6 +299,65 @@ def test_plots_are_figures(results, kind):
     assert drawn
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_plots_are_methods_with_their_own_arguments(results, kind):
+    """Completion and help of editors and notebooks show what a plot takes."""
+    found = results[kind]
+    for name in dir(found.plot):
+        method = getattr(found.plot, name)
+        own = list(inspect.signature(method).parameters)
+        text = inspect.getdoc(method)
+        assert "results" not in own
+        assert "results :" not in text, name
+        assert f"\nReturns\n{7 * '-'}\nmatplotlib.figure.Figure\n" in f"{text}\n", name
+        assert all(re.search(rf"^(\w+, )?{word}(, \w+)? : ", text, re.M) for word in own), name
+    evolution = results["complex_modes"].plot.evolution
+    assert list(inspect.signature(evolution).parameters) == ["along", "fixed", "show", "ax"]
+    assert isinstance(evolution("friction", show="growth_rate"), Figure)
+
+
+def test_a_notebook_shows_a_plot_without_pyplot(results):
+    figure = results["complex_modes"].plot.evolution("friction")
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    again = pickle.loads(pickle.dumps(figure))
+    assert again._repr_png_().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_plots_of_one_panel_are_drawn_in_axes_of_the_user(results, kind):
+    found = results[kind]
+    for name in dir(found.plot):
+        draw = getattr(found.plot, name)
+        if "ax" not in inspect.signature(draw).parameters:
+            continue
+        figure = Figure(figsize=(8, 4))
+        left, right = figure.subplots(1, 2)
+        assert draw(ax=left) is figure, name
+        assert left.has_data(), name
+        assert not right.has_data(), name
+        figure.savefig(BytesIO())
+    if kind == "complex_modes":
+        figure = Figure()
+        axes = figure.subfigures(1, 2)[0].subplots()
+        assert found.plot.evolution("friction", show="frequency_hz", ax=axes) is figure
+        with pytest.raises(ResultsError, match="did you mean 'frequency_hz'"):
+            found.plot.evolution("friction", show="frequency", ax=axes)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_dir_shows_what_is_public_and_there(results, kind):
+    found = results[kind]
+    names = dir(found)
+    assert not any(name.startswith("_") for name in names)
+    assert {"plot", "rank", "table", *found.tables} <= set(names)
+    for name in names:
+        getattr(found, name)
+    assert ("history" in names) == (kind == "transient")
+    assert ("onsets" in names) == (kind in ("complex_modes", "robust"))
+    assert ("sobol_indices" in names) == (kind == "robust")
+    assert "store" not in names
+
+
 def test_a_notebook_shows_ranking_and_picture(results):
     html = results["complex_modes"]._repr_html_()
     assert "share of the 13 solved points" in html
@@ -315,7 +378,7 @@ def test_what_a_kind_does_not_have_is_told(results):
         match="expected results of kind complex_modes or limit_cycles and of kind transient",
     ):
         results["transient"].compare(results["transient"])
-    with pytest.raises(AttributeError, match="there is no plot 'evoluton'"):
+    with pytest.raises(AttributeError, match=r"no plot 'evoluton'.*did you mean 'evolution'"):
         results["complex_modes"].plot.evoluton()
 
 

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import logging
+import re
+import sys
+import time
+from collections.abc import Callable
 from io import StringIO
 from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from rich.console import Console
@@ -13,7 +18,18 @@ from rich.text import Text
 from study_runs import command
 
 import squealstudy as sq
-from squealstudy.progress import LONGEST, SHORTEST, Lines, progress
+from squealstudy.progress import LONGEST, SHORTEST, Lines, OneLine, progress
+
+PATIENCE = 30.0  # s
+
+
+def wait_for(there: Callable[[], object]) -> None:
+    """Until another thread has done it."""
+    ends = time.monotonic() + PATIENCE
+    while not there():
+        assert time.monotonic() < ends
+        time.sleep(0.01)
+
 
 STUDY = """[study]
 name = "lockin"
@@ -113,8 +129,73 @@ def test_bars_show_what_failed(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = StringIO()
     terminal = Console(file=screen, force_terminal=True, width=120)
     monkeypatch.setattr("squealstudy.progress.messages", terminal)
+    monkeypatch.setattr("squealstudy.progress.QUIET", 0.0)
     monkeypatch.setenv("TERM", "xterm")
     with progress() as say:
         say("points", 1, 4)
         say("points", 3, 4, failed=2)
+        wait_for(lambda: "points" in screen.getvalue())
     assert "3/4 2 failed" in Text.from_ansi(screen.getvalue()).plain
+
+
+def test_what_is_done_at_once_has_no_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = StringIO()
+    terminal = Console(file=screen, force_terminal=True, width=120)
+    monkeypatch.setattr("squealstudy.progress.messages", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    with progress() as say:
+        say("points", 3, 4)
+    assert screen.getvalue() == ""
+
+
+class Notebook(ModuleType):
+    """What IPython displays: the states of one line, and under which name."""
+
+    def __init__(self) -> None:
+        super().__init__("IPython.display")
+        self.states: list[str] = []
+
+    def display(self, bundle: dict[str, str], raw: bool, display_id: bool) -> Notebook:
+        assert raw
+        assert display_id
+        self.states.append(bundle["text/plain"])
+        return self
+
+    def update(self, bundle: dict[str, str], raw: bool) -> None:
+        assert raw
+        self.states.append(bundle["text/plain"])
+
+
+@pytest.fixture
+def notebook(monkeypatch: pytest.MonkeyPatch) -> Notebook:
+    """One without ipywidgets."""
+    shown = Notebook()
+    monkeypatch.setitem(sys.modules, "IPython", ModuleType("IPython"))
+    monkeypatch.setitem(sys.modules, "IPython.display", shown)
+    monkeypatch.setitem(sys.modules, "ipywidgets", None)
+    monkeypatch.setattr("squealstudy.progress.messages", Console(force_jupyter=True))
+    return shown
+
+
+def test_a_notebook_without_widgets_has_one_line_of_text(
+    notebook: Notebook, monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
+) -> None:
+    monkeypatch.setattr("squealstudy.progress.QUIET", 0.0)
+    monkeypatch.setattr("squealstudy.progress.OFTEN", 0.0)
+    with progress() as say:
+        assert isinstance(say, OneLine)
+        say("points", 0, 40)
+        wait_for(lambda: say.shown)
+        say("points", 20, 40, failed=2)
+        say("points", 40, 40)
+    half = notebook.states[-3]
+    assert re.fullmatch(r"points: 20 of 40 done, 0\.\d\d s left, 2 failed", half)
+    assert re.fullmatch(r"points: done in 0\.\d\d s", notebook.states[-1])
+    assert not recwarn.list
+
+
+def test_a_notebook_shows_nothing_of_what_is_done_at_once(notebook: Notebook) -> None:
+    with progress() as say:
+        say("points", 0, 40)
+        say("points", 40, 40)
+    assert not notebook.states

@@ -6,11 +6,13 @@ every study gets the pictures that its tables allow; nothing else names it.
 
 from __future__ import annotations
 
+import inspect
 import pkgutil
+import re
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from io import BytesIO
 from pathlib import Path
@@ -21,6 +23,7 @@ from squealstudy.engine.store import PICTURES, write_manifest
 from squealstudy.errors import ExtensionError, ResultsError, SquealstudyError
 from squealstudy.extensions import note_registered
 from squealstudy.files import write_atomic
+from squealstudy.wording import did_you_mean
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 DPI = 130
+AS_PNG = "_repr_png_"  # method by which a notebook shows what a cell ends with
 NOTHING = "nothing to see"  # label of a figure that only says why
 PACKAGE = "squealstudy"
 FOLDER = "squealstudy.plots"
@@ -73,8 +77,8 @@ class Plot:
                     return f"a column '{column}' in the table '{table}'"
         return ""
 
-    def __call__(self, results: Results, **choices: Any) -> Figure:
-        """The figure.
+    def __call__(self, results: Results, *arguments: Any, **choices: Any) -> Figure:
+        """The figure, which a notebook shows; choices in their order or by name.
 
         ResultsError where the results lack what is drawn; ExtensionError where a plot from outside
         the package fails.
@@ -85,7 +89,7 @@ class Plot:
                 f"of kind {results.kind} have not"
             )
         try:
-            return self.draw(results, **choices)
+            figure = self.draw(results, *arguments, **choices)
         except SquealstudyError:
             raise
         except Exception as error:
@@ -96,6 +100,16 @@ class Plot:
             raise ExtensionError(
                 Path(code.co_filename), f"the plot '{self.name}' cannot be drawn ({said})"
             ) from error
+        if not hasattr(figure, AS_PNG):  # matplotlib's own way begins with a figure of pyplot
+            setattr(figure, AS_PNG, partial(_png, figure))
+        return figure
+
+
+def _png(figure: Figure) -> bytes:
+    """The figure as a notebook shows it."""
+    image = BytesIO()
+    figure.savefig(image, format="png")
+    return image.getvalue()
 
 
 _REGISTERED: dict[str, Plot] = {}
@@ -142,10 +156,16 @@ def _read_folder() -> None:
 
 
 class Plots:
-    """The plots of some results as methods: ``results.plot.evolution(along="friction")``."""
+    """The plots of some results as methods: ``results.plot.evolution(along="friction")``.
+
+    `dir` has those that the results have the tables for.
+    """
 
     def __init__(self, results: Results) -> None:
         self._results = results
+
+    def __repr__(self) -> str:
+        return f"<Plots: {', '.join(dir(self)) or 'none'}>"
 
     def __getattr__(self, name: str) -> Draw:
         """The plot of that name; AttributeError where there is none."""
@@ -153,17 +173,36 @@ class Plots:
             raise AttributeError(name)
         plot = plots().get(name)
         if plot is None:
-            raise AttributeError(f"there is no plot '{name}', expected {', '.join(plots())}")
-
-        def draw(**choices: Any) -> Figure:
-            return plot(self._results, **choices)
-
-        draw.__name__, draw.__doc__ = name, plot.draw.__doc__
-        return draw
+            hint = did_you_mean(name, plots())
+            raise AttributeError(f"there is no plot '{name}', expected {', '.join(plots())}{hint}")
+        return _method(plot, self._results)
 
     def __dir__(self) -> list[str]:
-        """Plots that these results have the tables for."""
-        return [name for name, plot in plots().items() if not plot.missing(self._results)]
+        """Plots that these results have the tables for, and something to draw by default."""
+        return sorted({plot.name for _, plot, _ in pictures(self._results)})
+
+
+def _method(plot: Plot, results: Results) -> Draw:
+    """A plot of some results, with the signature and the text of its function but for these."""
+
+    def method(*arguments: Any, **choices: Any) -> Figure:
+        return plot(results, *arguments, **choices)
+
+    whole = inspect.signature(plot.draw)
+    own = list(whole.parameters.values())[1:]
+    method.__name__ = method.__qualname__ = plot.name
+    method.__module__ = plot.draw.__module__
+    method.__doc__ = _without_results(inspect.getdoc(plot.draw) or "")
+    method.__signature__ = whole.replace(parameters=own)  # type: ignore[attr-defined]
+    return method
+
+
+def _without_results(text: str) -> str:
+    """A docstring of a plot as that of a method: `results` is given, the figure is told."""
+    text = re.sub(r"^results : .*\n(?: +.*\n?)*", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^Parameters\n-+\s*(?=\n\n|\n*\Z)", "", text, flags=re.MULTILINE)
+    head, raises, tail = text.partition("\nRaises\n------\n")
+    return f"{head.strip()}\n\nReturns\n-------\nmatplotlib.figure.Figure\n{raises}{tail}"
 
 
 def pictures(results: Results) -> Iterable[tuple[str, Plot, Choices]]:

@@ -230,6 +230,61 @@ class ResultTables:
         """One row a cell of a method-stability study."""
         return self.table("cells")
 
+    @property
+    def verdicts(self) -> pd.DataFrame:
+        """One row a mode of a design point of a study of limit cycles: does it squeal?"""
+        return self.table("verdicts")
+
+    @property
+    def cycles(self) -> pd.DataFrame:
+        """One row a limit cycle of a study of limit cycles."""
+        return self.table("cycles")
+
+    @property
+    def curves(self) -> pd.DataFrame:
+        """One row a motion along the growth of a family over its amplitude."""
+        return self.table("curves")
+
+    @property
+    def branches(self) -> pd.DataFrame:
+        """One row a cycle of the branches that were followed over a parameter."""
+        return self.table("branches")
+
+    @property
+    def borders(self) -> pd.DataFrame:
+        """One row a fold or Hopf point that was continued over two parameters."""
+        return self.table("borders")
+
+    @property
+    def velocities(self) -> pd.DataFrame:
+        """One row a named point of a limit cycle."""
+        return self.table("velocities")
+
+    @property
+    def designs(self) -> pd.DataFrame:
+        """One row a design that a design study evaluated."""
+        return self.table("designs")
+
+    @property
+    def margins(self) -> pd.DataFrame:
+        """One row a mode of least damping of a design at an operating point."""
+        return self.table("margins")
+
+    @property
+    def slopes(self) -> pd.DataFrame:
+        """One row a mode and variable of a design study: what a change does to its damping."""
+        return self.table("slopes")
+
+    @property
+    def proof(self) -> pd.DataFrame:
+        """One row a check of the chosen design of a design study."""
+        return self.table("proof")
+
+    @property
+    def variants(self) -> pd.DataFrame:
+        """One row an alternative of a design study."""
+        return self.table("variants")
+
     def row_of(self, point: str | int) -> int:
         """Row of `points` of a ``point_id``, or of a number of a row, from the end if negative.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -32,16 +33,48 @@ if TYPE_CHECKING:
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
 KEEP_PICTURES = 100_000  # points from which on pictures take long enough to be kept
+PUBLIC = (  # of results of every kind
+    *("along", "columns", "design", "directory", "draw", "kind", "manifest", "n_points"),
+    *("parameters", "plot", "rank", "swept", "table", "tables", "units"),
+)
 MOST_NAMED = 12  # design points of a track at which it is named, unless more are asked for
 
 
+@dataclass(frozen=True)
 class Results(ResultTables):
     """A finished results directory.
 
     Its tables are attributes, DataFrames with a unit of every numeric column in
     ``attrs["units"]``: ``points`` and ``modes`` of most kinds of study, and others by kind
     (`tables` lists them). ``plot`` draws: ``results.plot.evolution(along="friction")``.
+
+    Attributes
+    ----------
+    plot : Plots
+        The plots as methods that return matplotlib figures.
     """
+
+    plot: Plots = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "plot", Plots(self))  # no property: editors complete its names
+
+    def __dir__(self) -> list[str]:
+        """What is for users, and of it what these results have."""
+        known = (name for name in self.tables if hasattr(type(self), name))
+        random = self.design in RANDOM_DESIGNS and "onsets" in self.tables
+        of_some = {
+            ("names", "shape"): "onsets" in self.tables,
+            ("end_motion", "history"): "growth" in self.tables,
+            ("compare",): bool({"onsets", "growth", "cycles"} & {*self.tables}),
+            ("occurrence",): "growth" in self.tables
+            or ("onsets" in self.tables and self.boundary is None),
+            ("robust",): random,
+            ("sobol_indices",): random and self.design == SOBOL_INDICES,
+            ("boundary",): self.design == BOUNDARY,
+        }
+        own = (name for names, there in of_some.items() if there for name in names)
+        return sorted({*PUBLIC, *known, *own})
 
     def __repr__(self) -> str:
         """Directory, kind, model, what varies and how many points there are, on one line."""
@@ -149,11 +182,6 @@ class Results(ResultTables):
         from squealstudy.engine.mode_names import read_track_names
 
         return read_track_names(self)
-
-    @property
-    def plot(self) -> Plots:
-        """The plots as methods that return matplotlib figures."""
-        return Plots(self)
 
     def draw(self, directory: Path | None = None) -> list[Path]:
         """Draw every picture that the tables allow, beside them or elsewhere; their paths.

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from squealstudy.engine.pictures import Choices, register_plot
@@ -18,8 +19,8 @@ from squealstudy.plots.style import (
     finish,
     growth_limits,
     labelled,
-    legend_below,
-    new_figure,
+    legend_of,
+    one_panel,
 )
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
@@ -42,7 +43,7 @@ def _most_telling(results: Results) -> Iterator[tuple[str, Choices]]:
 
 
 @register_plot(_most_telling, points=("verdict",), curves=("added_damping",))
-def cycle_growth(results: Results, point: str) -> Figure:
+def cycle_growth(results: Results, point: str, ax: Axes | None = None) -> Figure:
     """Growth rate over contact velocity of the families of one design.
 
     Parameters
@@ -51,6 +52,8 @@ def cycle_growth(results: Results, point: str) -> Figure:
         Of a study of limit cycles.
     point : str
         Its point_id, or how that begins.
+    ax : matplotlib.axes.Axes or None
+        Axes to draw in; by default those of a new figure.
 
     Raises
     ------
@@ -65,11 +68,10 @@ def cycle_growth(results: Results, point: str) -> Figure:
     curves = results.table("curves")
     curves = curves[(curves["point_id"] == design["point_id"]).to_numpy(bool)]
     if not len(curves):
-        return empty_figure("no curve of this design was followed")
+        return empty_figure("no curve of this design was followed", ax)
     rate = 0.5 * curves["added_damping"].to_numpy(float)
     fastest = curves.assign(rate=rate).groupby("mode")["rate"].max().sort_values(ascending=False)
-    figure = new_figure(8.5, 5.4)
-    axes = figure.add_subplot()
+    figure, axes = one_panel(ax, 8.5, 5.4)
     for place, mode in enumerate(fastest.index):
         own = (curves["mode"] == mode).to_numpy(bool)
         x, y = curves["contact_velocity"].to_numpy(float)[own], rate[own]
@@ -86,7 +88,7 @@ def cycle_growth(results: Results, point: str) -> Figure:
     axes.set_xlim(left=0.0)
     finish(axes, "Contact velocity [m/s]", "Growth at this amplitude [1/s]")
     others = len(fastest) - MOST
-    legend_below(figure, labelled(axes), 4)
+    legend_of(figure, ax, labelled(axes))
     verdict = str(design["verdict"]).replace("_", " ")
     names = parameter_columns(points, varied=True)
     at = describe(design, points, names, results.units)

@@ -6,13 +6,19 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.over_time import friction_label
-from squealstudy.plots.style import COLOURS, GREY, finish, new_figure
+from squealstudy.plots.style import (
+    COLOURS,
+    GREY,
+    finish,
+    one_panel,
+)
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
 
@@ -33,7 +39,7 @@ def _loudest(results: Results) -> Iterator[tuple[str, Choices]]:
 
 
 @register_plot(_loudest, cycles=("torque_harmonics",))
-def cycle_spectrum(results: Results, cycle: str) -> Figure:
+def cycle_spectrum(results: Results, cycle: str, ax: Axes | None = None) -> Figure:
     """Amplitudes of the harmonics of the torque of one limit cycle.
 
     Parameters
@@ -42,6 +48,8 @@ def cycle_spectrum(results: Results, cycle: str) -> Figure:
         Of a study of limit cycles.
     cycle : str
         Its cycle_id.
+    ax : matplotlib.axes.Axes or None
+        Axes to draw in; by default those of a new figure.
 
     Raises
     ------
@@ -57,8 +65,7 @@ def cycle_spectrum(results: Results, cycle: str) -> Figure:
     order = np.arange(1, len(level) + 1)
     hz = float(own["frequency_hz"])
     what, unit = friction_label(results.units)
-    figure = new_figure(8.0, 4.4)
-    axes = figure.add_subplot()
+    figure, axes = one_panel(ax, 8.0, 4.4)
     axes.bar(order, level, width=0.7, color=COLOURS[1])
     axes.set_yscale("log")
     axes.set_ylim(SHOWN * level.max(), 2.0 * level.max())

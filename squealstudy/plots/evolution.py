@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,9 @@ from squealstudy.plots.style import (
     head,
     joined,
     legend_below,
+    legend_of,
     new_figure,
+    one_panel,
     quantity,
     set_scales,
     set_ticks,
@@ -59,6 +61,7 @@ VERTICAL = {
     "damping_ratio": ("Damping ratio [%]", 100.0),
     "growth_rate": ("Growth rate [1/s]", 1.0),
 }
+FREQUENCY = "frequency_hz"
 COLUMNS = ("track", "track_ambiguous", "frequency_hz", "damping_ratio", "growth_rate", "unstable")
 
 
@@ -79,6 +82,7 @@ def evolution(
     along: str | tuple[str, str] | None = None,
     fixed: Mapping[str, float] | None = None,
     show: str = "damping_ratio",
+    ax: Axes | None = None,
 ) -> Figure:
     """Evolution of all tracks along one parameter, the unstable ones in colour.
 
@@ -92,20 +96,26 @@ def evolution(
     fixed : mapping of parameter -> value or None
         The line to show; of what is left open, the line with most unstable modes is taken.
     show : str
-        "damping_ratio" or "growth_rate".
+        "damping_ratio" or "growth_rate"; in axes of one's own "frequency_hz", too.
+    ax : matplotlib.axes.Axes or None
+        Axes that `show` alone is drawn in; by default a new figure, with the frequencies above it
+        and growth over frequency beside them.
 
     Raises
     ------
     ResultsError
         For an unknown parameter, a value that the study does not have, or an unknown `show`.
     """
-    if show not in VERTICAL:
-        hint = did_you_mean(show, VERTICAL)
-        raise ResultsError(f"'{show}' cannot be shown, expected {' or '.join(VERTICAL)}{hint}")
+    known = [*VERTICAL] if ax is None else [*VERTICAL, FREQUENCY]
+    if show not in known:
+        hint = did_you_mean(show, known)
+        raise ResultsError(f"'{show}' cannot be shown, expected {' or '.join(known)}{hint}")
     if isinstance(along, tuple):
         results, along = _together(results, *along)
     line = study_line(results, along or results.along or "", fixed)
     tracks = line.unstable_tracks
+    if ax is not None:
+        return _alone(ax, line, show, _handles(line, results.track_names))
     figure = new_figure(11.5 if tracks else 8.0, 7.0)
     widths = [1.6, 1.0] if tracks else [1.0]
     left, *right = figure.subfigures(1, len(widths), squeeze=False, width_ratios=widths)[0]
@@ -113,7 +123,8 @@ def evolution(
     set_scales(upper, line.shown)
     _draw(upper, line, "frequency_hz", 1.0)
     _draw(lower, line, show, VERTICAL[show][1])
-    _finish(upper, lower, line, show)
+    _finish(lower, line, show)
+    finish(upper, "", "Frequency [Hz]")
     rows = min(LOCI, len(tracks))
     for place, track in enumerate(tracks[:rows]):
         _locus(right[0].add_subplot(rows, 1, place + 1), line, track)
@@ -157,8 +168,24 @@ def _draw(axes: Axes, line: StudyLine, name: str, factor: float) -> None:
     axes.plot(line.x[rows[unstable]], loose[unstable], "x", color=UNSTABLE, markersize=5)
 
 
-def _finish(upper: Axes, lower: Axes, line: StudyLine, show: str) -> None:
-    """Limits and labels of both axes, and what failed."""
+def _alone(axes: Axes, line: StudyLine, show: str, handles: Sequence[Line2D]) -> Figure:
+    """One quantity in axes of the user's."""
+    set_scales(axes, line.shown)
+    _draw(axes, line, show, VERTICAL.get(show, ("", 1.0))[1])
+    if show == FREQUENCY:
+        set_ticks(axes.xaxis, line.shown, pd.Series(line.x / line.shown.factor))
+        cross_out(axes, line.x[line.failed])
+        finish(axes, line.shown.label, "Frequency [Hz]")
+    else:
+        _finish(axes, line, show)
+    head(axes, _title(line))
+    figure, _ = one_panel(axes)
+    legend_of(figure, axes, handles)
+    return figure
+
+
+def _finish(lower: Axes, line: StudyLine, show: str) -> None:
+    """Limits and labels of the axes of damping or growth, and what failed."""
     set_ticks(lower.xaxis, line.shown, pd.Series(line.x / line.shown.factor))
     values = np.append(getattr(line, show).to_numpy(dtype=float), line.untracked[show])
     if show == "damping_ratio":
@@ -167,7 +194,6 @@ def _finish(upper: Axes, lower: Axes, line: StudyLine, show: str) -> None:
         lower.set_ylim(growth_limits(values))
     shade_unstable(lower, above=show == "growth_rate")
     cross_out(lower, line.x[line.failed])
-    finish(upper, "", "Frequency [Hz]")
     finish(lower, line.shown.label, VERTICAL[show][0])
 
 

@@ -39,7 +39,17 @@ DECADES = 8  # below the largest energy that are shown
 def modal_energies(results: Results, point: str | int = 0) -> Figure:
     """Energy of the sensed modes on a logarithmic axis over time, the leading ones named.
 
-    Of a run of a transient study, `point` as of ``Results.history``, which raises ResultsError.
+    Parameters
+    ----------
+    results : Results
+        Of a transient study.
+    point : str or int
+        ``point_id`` of a design point, or its row of `points`, counted from 0.
+
+    Raises
+    ------
+    ResultsError
+        Where there is no such point, or no history of it was kept.
     """
     run = run_of(results, point)
     known = [int(m[1]) for m in map(MODE_COLUMN.fullmatch, map(str, run.history)) if m]

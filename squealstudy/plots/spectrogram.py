@@ -41,7 +41,17 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
 
     Predicted instabilities are marked at the right edge.
 
-    Of a run of a transient study, `point` as of ``Results.history``, which raises ResultsError.
+    Parameters
+    ----------
+    results : Results
+        Of a transient study.
+    point : str or int
+        ``point_id`` of a design point, or its row of `points`, counted from 0.
+
+    Raises
+    ------
+    ResultsError
+        Where there is no such point, or no history of it was kept.
     """
     run = run_of(results, point)
     band_top = float(results.fact("band_hz")[1])

@@ -25,7 +25,7 @@ from squealstudy.plots.style import (
     finish,
     head,
     joined,
-    new_figure,
+    one_panel,
     quantity,
     set_ticks,
     shade_unstable,
@@ -66,7 +66,10 @@ def _all_and_worst(results: Results) -> Iterator[tuple[str, Choices]]:
 
 @register_plot(_all_and_worst, points=("status",), modes=("overdamped", "damping_ratio", "track"))
 def stability_diagram(
-    results: Results, point_id: str | None = None, colour_by: str | None = None
+    results: Results,
+    point_id: str | None = None,
+    colour_by: str | None = None,
+    ax: Axes | None = None,
 ) -> Figure:
     """Frequency against damping ratio; unstable modes are highlighted and named by track.
 
@@ -78,6 +81,8 @@ def stability_diagram(
         One design point; None: all of them, coloured by a parameter.
     colour_by : str or None
         That parameter; None: the first that is varied.
+    ax : matplotlib.axes.Axes or None
+        Axes to draw in; by default those of a new figure.
 
     Raises
     ------
@@ -97,8 +102,7 @@ def stability_diagram(
         raise ResultsError(f"'{colour_by}' is no parameter of this study{hint}")
     table = results.rows("modes", DRAWN, lambda modes: here[modes[ROW].to_numpy()])
     drawn = oscillating(table)
-    figure = new_figure()
-    axes = figure.add_subplot()
+    figure, axes = one_panel(ax)
     axes.set_ylim(damping_limits(100 * drawn["damping_ratio"].to_numpy()))
     colour = colour_by or (varied[0] if varied else None)
     if len(shown) == 1 or colour is None:
@@ -119,7 +123,11 @@ def stability_diagram(
     if not len(drawn):
         axes.text(0.5, 0.6, "no modes", transform=axes.transAxes, ha="center", color="0.4")
     names = _held(results.track_names, len(shown) == 1)
-    place_labels(figure, axes, _labels(drawn, names), _obstacles(axes, drawn))
+    labels = _labels(drawn, names)
+    if ax is None:
+        place_labels(figure, axes, labels, _obstacles(axes, drawn))
+    for label in labels if ax is not None else ():  # the figure is not finished yet
+        _write(axes, label, RINGS[0], DIRECTIONS[0])
     return figure
 
 

@@ -24,7 +24,7 @@ from squealstudy.plots.style import (
     finish,
     joined,
     legend_below,
-    new_figure,
+    one_panel,
 )
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.wording import plural
@@ -55,6 +55,7 @@ def stability_map(
     y: str | None = None,
     fixed: Mapping[str, float] | None = None,
     measure: str = "count",
+    ax: Axes | None = None,
 ) -> Figure:
     """Cells of a grid, or triangles between scattered points, coloured by instability.
 
@@ -74,6 +75,8 @@ def stability_map(
         The plane to show; of what is left open, the plane with most unstable modes is taken.
     measure : str
         "count" of unstable modes, or "growth" of the fastest.
+    ax : matplotlib.axes.Axes or None
+        Axes to draw in, without a legend; by default those of a new figure.
 
     Raises
     ------
@@ -85,8 +88,7 @@ def stability_map(
         raise ResultsError(f"{results.directory}: a map needs two parameters that vary")
     across = x or free.pop(0)
     plane = study_plane(results, (across, y or free.pop(0)), fixed, measure)
-    figure = new_figure(8.5, 6.2)
-    axes = figure.add_subplot()
+    figure, axes = one_panel(ax, 8.5, 6.2)
     plane.frame(axes, results.nodes[0])
     colours, norm = _colours(plane.value, measure)
     style: dict[str, Any] = {"cmap": colours, "norm": norm}
@@ -101,7 +103,9 @@ def stability_map(
         bar.minorticks_off()
     if not plane.others_vary:
         found = stability_boundary(plane, results.onsets, results.along)
-        _boundary(figure, axes, found, results.along, plane.gridded)
+        handles = _boundary(axes, found, results.along, plane.gridded)
+        if ax is None:
+            legend_below(figure, handles, 1)
     finish(axes, plane.across.label, plane.up.label)
     axes.grid(False)
     failed = int((~plane.known).sum())
@@ -166,12 +170,10 @@ def _mark_solved(axes: Axes, plane: StudyPlane, solved: np.ndarray | None) -> st
     return f"{here.sum()} of {len(here)} nodes solved (dots)"
 
 
-def _boundary(
-    figure: Figure, axes: Axes, boundary: Boundary, along: str | None, cells: bool
-) -> None:
-    """The lines, ticks to the unstable side, and a legend that says how they were placed."""
+def _boundary(axes: Axes, boundary: Boundary, along: str | None, cells: bool) -> list[Line2D]:
+    """The lines, ticks to the unstable side, and for a legend how they were placed."""
     if not boundary.lines:
-        return
+        return []
     for line in boundary.lines:
         (ticks,) = axes.plot(*line.T, color=BOUNDARY, linewidth=1.0)
         ticks.set_path_effects([TickedStroke(angle=-60, spacing=9, length=0.5)])
@@ -199,4 +201,4 @@ def _boundary(
     if cells:
         label = "a cell is coloured by the point in it, also beyond the boundary"
         handles.append(Line2D([], [], linestyle="none", label=label))
-    legend_below(figure, handles, 1)
+    return handles

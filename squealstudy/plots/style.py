@@ -128,11 +128,19 @@ def new_figure(width: float = 9.0, height: float = 5.5) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def empty_figure(message: str) -> Figure:
+def one_panel(ax: Axes | None, width: float = 9.0, height: float = 5.5) -> tuple[Figure, Axes]:
+    """Axes to draw in, those of the user if given, and their figure."""
+    if ax is not None:
+        return ax.figure.figure, ax  # of a part of a figure the whole one
+    figure = new_figure(width, height)
+    return figure, figure.add_subplot()
+
+
+def empty_figure(message: str, ax: Axes | None = None) -> Figure:
     """A figure that says why there is nothing to see."""
-    figure = new_figure(7.0, 2.5)
-    figure.set_label(NOTHING)
-    axes = figure.add_subplot()
+    figure, axes = one_panel(ax, 7.0, 2.5)
+    if ax is None:
+        figure.set_label(NOTHING)
     axes.set_axis_off()
     axes.text(0.5, 0.5, message, ha="center", va="center", fontsize=12, color="0.3")
     return figure
@@ -159,6 +167,14 @@ def legend_below(
     if handles:
         style: dict[str, Any] = {"ncols": ncols, "fontsize": 9, "frameon": False}
         figure.legend(handles=handles, loc=f"outside lower {place}", **style)
+
+
+def legend_of(figure: Figure, ax: Axes | None, handles: Sequence[Artist], ncols: int = 4) -> None:
+    """A legend beneath the axes of a figure of ours, within those of the user."""
+    if ax is None:
+        legend_below(figure, handles, ncols)
+    elif handles:
+        ax.legend(handles=handles, fontsize=8, frameon=False)
 
 
 def labelled(axes: Axes) -> list[Artist]:

@@ -57,7 +57,17 @@ def torque_history(results: Results, point: str | int = 0) -> Figure:
 
     Its last periods stand beside them.
 
-    Of a run of a transient study, `point` as of ``Results.history``, which raises ResultsError.
+    Parameters
+    ----------
+    results : Results
+        Of a transient study.
+    point : str or int
+        ``point_id`` of a design point, or its row of `points`, counted from 0.
+
+    Raises
+    ------
+    ResultsError
+        Where there is no such point, or no history of it was kept.
     """
     run = run_of(results, point)
     if len(run.history) < 2:

@@ -83,4 +83,4 @@ def test_a_name_is_given_once_and_an_unknown_one_is_told():
             """Another of that name."""
 
     with pytest.raises(AttributeError, match=r"no plot 'evolutoin', expected .*evolution"):
-        sq.Results.plot.fget(None).evolutoin  # noqa: B018
+        pictures.Plots(None).evolutoin  # noqa: B018
