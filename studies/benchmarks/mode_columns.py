@@ -261,7 +261,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("mode_columns"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    rows, begun = [], time.process_time()
+    begun, path = time.process_time(), options.out / f"numbers_{options.seed}.csv"
+    path.unlink(missing_ok=True)
     for k in range(options.first, options.first + options.number):
         family = random_family(options.seed, k)
         try:
@@ -277,17 +278,16 @@ def main() -> None:
                     at=f"{type(error).__name__}: {error}"[:200],
                 )
             ]
+        rows = pd.DataFrame({"case": k, "sort": family.sort, **asdict(t)} for t in told)
+        rows.to_csv(path, mode="a", header=not path.exists(), index=False)
         for t in told:
-            rows.append({"case": k, "sort": family.sort, **asdict(t)})
-            if not t.right and not t.flagged:
+            if not t.right:
                 print(
-                    f"{k} {family.sort}: {t.table}.{t.column} told {t.told:.9g}, "
-                    f"true {t.truth:.9g} ({t.at})",
+                    f"{k} {family.sort}{' (flagged)' if t.flagged else ''}: {t.table}.{t.column} "
+                    f"told {t.told:.9g}, true {t.truth:.9g} ({t.at})",
                     flush=True,
                 )
-    table = pd.DataFrame(rows)
-    table.to_csv(options.out / f"numbers_{options.seed}.csv", index=False)
-    print(report(table), f"{time.process_time() - begun:.0f} CPU-seconds", sep="\n")
+    print(report(pd.read_csv(path)), f"{time.process_time() - begun:.0f} CPU-seconds", sep="\n")
 
 
 def report(table: pd.DataFrame) -> str:
