@@ -60,7 +60,8 @@ class Study:
     @property
     def owner(self) -> tuple[str, str, str]:
         """Name, kind and model (of a method-stability study the case)."""
-        return self.plan().owner
+        owner: tuple[str, str, str] = self.resolved.kind.owner(self.resolved)
+        return owner
 
     def plan(self) -> Any:
         """Its design points, or runs; StudyFileError for what only they show."""
@@ -188,8 +189,10 @@ def run(
     from squealstudy.engine.workers import worker_count
 
     directory = Path(output or study.directory)
+    resolved = study.resolved
     found = check_owner(directory, study.owner)
-    plan, resolved = study.plan(), study.resolved
+    resolved.kind.check_count(resolved, yes)
+    plan = study.plan()
     with (
         faults.told(GOES_ON),
         usable_cache(warn),
@@ -200,7 +203,6 @@ def run(
         if isinstance(resolved, ResolvedStudy) and resolved.definition.fidelity is not None:
             from squealstudy.fidelity.run import resolve, run_resolved
 
-            resolved.kind.check_limit(plan, yes)
             chosen = resolve(resolved, jobs, tell, cluster=place)
             report = run_resolved(chosen, directory, yes, tell, warn, fresh)
         else:

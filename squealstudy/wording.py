@@ -131,6 +131,11 @@ def plural(n: int, word: str, many: str = "") -> str:
     return f"{n} {word if n == 1 else many or word + 's'}"
 
 
+def any_of(n: int, word: str) -> str:
+    """What is said of none of several, to follow "at": ``the 1 point``, ``any of the 2 points``."""
+    return f"{'' if n == 1 else 'any of '}the {plural(n, word)}"
+
+
 def duration(seconds: float) -> str:
     """Seconds as people say them: ``0.25 s``, ``12 s``, ``40 min``, ``3.5 h``."""
     if seconds < 60:

@@ -7,10 +7,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
+import pytest
 import scipy.sparse as sp
 from study_runs import plan_of, solved
 
-from squealstudy.cli.check import _design
+from squealstudy import read_study, run
+from squealstudy.cli.check import _design, check
+from squealstudy.errors import StudyFileError
 from squealstudy.kinds.design.verdict import beyond_validity
 from squealstudy.shapes.names import _ring
 from squealstudy.shapes.shape import Label
@@ -173,3 +176,19 @@ def test_two_modes_without_coupling_that_grow_in_turn_are_two(tmp_path: Path) ->
         plan_of(text.format(folder=tmp_path.as_posix()), tmp_path / "two.toml"), tmp_path / "r"
     )
     assert results.rank()["family"].tolist() == [1, 2]
+
+
+def test_check_and_run_name_the_limit_before_points_are_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = '[study]\nname = "vast"\nkind = "complex_modes"\n[model]\nname = "hulten"\n'
+    for name, stop in (("friction", 0.9), ("frequency_1", 110.0)):
+        text += f'[[sweep]]\nparameter = "{name}"\nstart = 0.1\nstop = {stop}\nnum = 1100\n'
+    path = tmp_path / "vast.toml"
+    path.write_text(text)
+    monkeypatch.setattr("squealstudy.engine.plan.design_points", lambda _: pytest.fail("made"))
+    rows = dict(check(read_study(path), tmp_path / "out", 1, False, False, None))
+    assert "1,210,000 points; `run` refuses more than design.limit = 20,000" in rows["design"]
+    assert rows["  friction"] == "0.1 to 0.9, 1100 values"
+    with pytest.raises(StudyFileError, match="1,210,000 design points, more than the limit"):
+        run(path, tmp_path / "out")

@@ -661,6 +661,20 @@ def test_points_on_a_line_span_no_triangles():
     drawn(figure)
 
 
+def test_the_legend_of_a_boundary_lies_within_its_picture():
+    figure = new_figure()
+    line = np.array([[0.0, 0.0], [1.0, 1.0]])
+    found = maps.Boundary([line], line, crossings=115, refined=103)
+    name = "caliper.modes[12-14].frequency_scale"
+    maps._boundary(figure, figure.add_subplot(), found, name, cells=True)
+    drawn(figure)
+    box = figure.legends[0].get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.x1
+    told = " ".join(text.get_text() for text in figure.legends[0].get_texts())
+    assert f"refined along {name} at 103 of 115" in told.replace("\n", " ")
+
+
 def test_the_plane_of_most_unstable_modes_is_shown():
     mu, p = (np.tile(values.ravel(), 2) for values in np.meshgrid(MU, P))
     points = points_table(mu, p, speed=np.repeat([1.0, 2.0], len(mu) // 2))

@@ -374,6 +374,10 @@ def test_an_empty_ranking_says_over_what_it_is(capsys):
     assert text == (
         "Within the query no mode between 1 and 8000 Hz is unstable at any of the 24 solved points."
     )
+    text = screen_of(
+        capsys, points, modes, "frequency_hz > 9000 and friction > 0.65 and pressure < 6e5"
+    )
+    assert text.endswith("is unstable at the 1 solved point.")
     text = screen_of(capsys, points, modes, "friction > 9")
     assert text == "No design point is solved and within the query."
     failed = points.assign(status="failed")

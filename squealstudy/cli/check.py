@@ -30,14 +30,17 @@ from squealstudy.machine import available_memory_mb
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.progress import progress
 from squealstudy.screen import Rows, warning
+from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.kinds import definition_of, kind_names
 from squealstudy.study.sections import StudyDefinition
-from squealstudy.study.sweeps import RANDOM_DESIGNS
+from squealstudy.study.sweeps import RANDOM_DESIGNS, Sweep
 from squealstudy.tables.validity import broken_rules
 from squealstudy.wording import amount, duration, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.cluster import Worker
+
+MOST_MADE = 1_000_000  # design points beyond the limit of `run` that are made for a forecast
 
 
 def check(
@@ -61,6 +64,9 @@ def check(
             )
         name, kind, _ = study.owner
         return [("study", f"{name}: {kind}, valid"), *study.plan().facts, *_cluster(members)]
+    count = study.resolved.kind.n_points(study.resolved)
+    if count > max(MOST_MADE, study.resolved.definition.design.limit):
+        return _unmade(study.resolved, count)
     plan, facts = study.plan(), None
     if study.resolved.definition.fidelity is not None:
         from squealstudy.fidelity.run import resolve
@@ -93,6 +99,17 @@ def check(
     return [*rows, *fidelity(facts)]
 
 
+def _unmade(study: ResolvedStudy, count: int) -> Rows:
+    """What is told of a study with so many points that they are not made, as `run` refuses them."""
+    kind = study.definition.study.kind
+    text = f"{count:,} points{_refused(study)}; what they take is not looked at beyond "
+    return [
+        ("study", f"{study.name}: {kind} on {study.model.name}, its file is valid"),
+        ("design", f"{text}{MOST_MADE:,} points unless that limit allows them"),
+        *_ranges(study),
+    ]
+
+
 def _facts(
     plan: Plan,
     directory: Path,
@@ -107,7 +124,7 @@ def _facts(
     rows = [
         ("study", f"{study.name}: {kind} on {study.model.name}, valid"),
         ("design", _design(plan, missing, directory)),
-        *((f"  {s.name}", _range(plan, i)) for i, s in enumerate(study.sweeps)),
+        *_ranges(study),
         _structures(plan, cost),
         *plan.kind.settings(plan),
         *_validity(plan),
@@ -211,18 +228,27 @@ def _mesh_error(plan: Plan, jobs: int) -> Rows:
 def _design(plan: Plan, missing: int, directory: Path) -> str:
     """Number of points; of a design that grows also what it may come to."""
     text = f"{plural(len(plan.tasks), 'point')}, {missing} of them not yet in {directory}"
-    limit = plan.study.definition.design.limit
-    if len(plan.swept) > limit:
-        text += f"; `run` refuses more than design.limit = {limit:,} without --yes"
+    if len(plan.swept) > plan.study.definition.design.limit:
+        text += _refused(plan.study)
     if plan.study.grows and missing:
         text += f"; more where stability changes, {most_points(plan.study):,} at most (full grid)"
     return text
 
 
-def _range(plan: Plan, index: int) -> str:
-    sweep = plan.study.sweeps[index]
+def _refused(study: ResolvedStudy) -> str:
+    """That there are too many points."""
+    limit = study.definition.design.limit
+    return f"; `run` refuses more than design.limit = {limit:,} without --yes"
+
+
+def _ranges(study: ResolvedStudy) -> Rows:
+    """What is swept over, a row a sweep."""
+    return [(f"  {sweep.name}", _range(study, sweep)) for sweep in study.sweeps]
+
+
+def _range(study: ResolvedStudy, sweep: Sweep) -> str:
     values = sweep.values
-    drawn = plan.study.definition.design.type in RANDOM_DESIGNS
+    drawn = study.definition.design.type in RANDOM_DESIGNS
     scatter = "random" if drawn else "searched"  # the variables of a design study
     scatter = scatter if sweep.distribution is None else sweep.distribution.text
     count = plural(len(values), "value") if values else scatter

@@ -131,6 +131,18 @@ class Kind:
         """The study resolved into its design points; StudyFileError."""
         raise NotImplementedError
 
+    def owner(self, study: Any) -> tuple[str, str, str]:
+        """Name, kind and model of a study: whose results directory it is."""
+        owner: tuple[str, str, str] = self.plan(study).owner
+        return owner
+
+    def n_points(self, study: Any) -> int:
+        """Number of design points that a study begins with, without making them; 0 of methods."""
+        return 0
+
+    def check_count(self, study: Any, yes: bool) -> None:
+        """As `check_limit`, of the points that a study begins with, before they are made."""
+
     def check_limit(self, plan: Any, yes: bool) -> None:
         """Raise StudyFileError where there are more design points than the file allows."""
 

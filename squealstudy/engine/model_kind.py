@@ -20,6 +20,7 @@ from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.study.definition import ResolvedStudy, resolve_study
 from squealstudy.study.design import DesignPoint
+from squealstudy.study.sampling import count_points
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText
 
@@ -104,15 +105,21 @@ class ModelKind(Kind):
         """Its design points."""
         return Plan(study)
 
+    def owner(self, study: ResolvedStudy) -> tuple[str, str, str]:
+        """Name, kind and model: whose results directory it is."""
+        return study.name, self.name, study.model.name
+
+    def n_points(self, study: ResolvedStudy) -> int:
+        """Number of design points that a study begins with, without making them."""
+        return count_points(study)
+
+    def check_count(self, study: ResolvedStudy, yes: bool) -> None:
+        """As `check_limit`, of the points that a study begins with, before they are made."""
+        _check_limit(study, self.n_points(study), yes)
+
     def check_limit(self, plan: Plan, yes: bool) -> None:
         """Raise StudyFileError (key ``design.limit``) for more points than the limit."""
-        count, limit = len(plan.swept), plan.study.definition.design.limit
-        if count > limit and not yes:
-            raise plan.study.error(
-                ("design", "limit"),
-                f"the study has {count:,} design points, more than the limit of {limit:,}: "
-                "give --yes to run it all the same, raise the limit or sweep fewer values",
-            )
+        _check_limit(plan.study, len(plan.swept), yes)
 
     def resolver(self, study: ResolvedStudy) -> Callable[[Columns], Columns]:
         """What fills in values of design points that follow from the whole study.
@@ -224,3 +231,13 @@ class ModelKind(Kind):
             f"structure_{name}": float(np.mean([t[name] for t in found if name in t]))
             for name in {name: None for timings in found for name in timings}
         }
+
+
+def _check_limit(study: ResolvedStudy, count: int, yes: bool) -> None:
+    limit = study.definition.design.limit
+    if count > limit and not yes:
+        raise study.error(
+            ("design", "limit"),
+            f"the study has {count:,} design points, more than the limit of {limit:,}: "
+            "give --yes to run it all the same, raise the limit or sweep fewer values",
+        )

@@ -39,6 +39,7 @@ MOST_CLASSES = 12  # counts beyond share colours
 JOINED = (0, (4, 2))  # dashes of what joins onsets
 MOST_ONSETS = 150  # larger dots would hide the line
 TITLE = 90  # characters in a line of the title
+WIDE = 95  # of the legend
 
 
 def _measures(results: Results) -> Iterator[tuple[str, Choices]]:
@@ -189,7 +190,7 @@ def _boundary(axes: Axes, boundary: Boundary, along: str | None, cells: bool) ->
     label = "boundary of stability of any mode, ticks to the unstable side: dashed where joined, "
     label += f"not solved; {how}"
     style: dict[str, Any] = {"color": BOUNDARY, "linewidth": 1.8, "linestyle": JOINED}
-    handles = [Line2D([], [], label=label, **style)]
+    handles = [Line2D([], [], label=fill(label, WIDE), **style)]
     if refined:
         dot: dict[str, Any] = {
             "color": BOUNDARY,

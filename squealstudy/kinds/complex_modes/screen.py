@@ -40,6 +40,7 @@ from squealstudy.tables.stability import (
     uncertain_points,
 )
 from squealstudy.wording import (
+    any_of,
     band_text,
     failure_counts,
     in_digits,
@@ -218,11 +219,13 @@ def _nothing(results: Results, where: str | None) -> str:
     none = "Within the query no mode" if where else "No mode"
     none += f" {band_text(results.fact('band_hz'))}"  # what lies outside may well be unstable
     if results.boundary is None:
-        return f"{none} is unstable at any of {_counted(results, where)}."
+        count = _counted_points(results, where)
+        return f"{none} is unstable at {any_of(count, 'solved point')}."
     solved = int(counted_points(results.points, results.columns("modes"), where).sum())
     nodes = _counted_points(results, where)
+    were = "was" if solved == 1 else "were"
     return (
-        f"{none} is unstable at any of the {plural(solved, 'point')} that were solved, of "
+        f"{none} is unstable at {any_of(solved, 'point')} that {were} solved, of "
         f"{plural(nodes, 'node')} of the map."
     )
 

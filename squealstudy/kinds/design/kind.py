@@ -65,6 +65,7 @@ from squealstudy.modes.sensitivity.structural import check_structural
 from squealstudy.motion.warmup import begin_warming, warm_kernels
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
+from squealstudy.study.sampling import count_points
 from squealstudy.study.source import SourceText
 from squealstudy.system.linearise import component_frequencies
 
@@ -108,6 +109,11 @@ class Design(ModelKind):
         """Today's design; others are asked for once it is solved."""
         assert isinstance(study, DesignStudy)
         return first_plan(study)
+
+    def n_points(self, study: ResolvedStudy) -> int:
+        """Points of the matrix of operation, for today's design."""
+        assert isinstance(study, DesignStudy)
+        return count_points(study.operation)
 
     def resolver(self, study: ResolvedStudy) -> Callable[[Columns], Columns]:
         """Fills in the speed at which friction saturates, as in studies in time."""

@@ -19,7 +19,7 @@ from squealstudy.tables.sensitivity_ranking import (
     rank_sensitivities,
     step_text,
 )
-from squealstudy.wording import in_digits, plural, setting
+from squealstudy.wording import any_of, in_digits, plural, setting
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -92,7 +92,7 @@ def _nothing(results: Results) -> str:
     which = (
         "that oscillates in the band is unstable" if asked == UNSTABLE else "oscillates in the band"
     )
-    return f"No mode {which} at any of the {plural(solved, 'solved point')}"
+    return f"No mode {which} at {any_of(solved, 'solved point')}"
 
 
 def _headline(results: Results, first: pd.Series) -> str:
