@@ -19,7 +19,14 @@ from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ResultsError
 from squealstudy.kinds.complex_modes.measuring import first_onset
 from squealstudy.kinds.complex_modes.neighbourhood import StudyNeighbourhoods
-from squealstudy.modes.tracking.onsets import FollowedMode, SolvedLine, cubic_onsets, refine_onset
+from squealstudy.modes.tracking.lockstep import ManyModes, refine_onsets_together
+from squealstudy.modes.tracking.onsets import (
+    FollowedMode,
+    SolvedLine,
+    cubic_onsets,
+    exchanged,
+    refine_onset,
+)
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.plots.boundary_lines import stability_boundary
 from squealstudy.plots.plane import study_plane
@@ -164,6 +171,36 @@ def test_a_mode_that_vanishes_is_said_so():
     stable = SolvedLine(0.0, hulten(0.0, (0.1, 0.1)), 0.1, hulten(0.1, (0.1, 0.1)), hulten)
     with pytest.raises(ConvergenceError, match="does not cross"):
         refine_onset(stable, 0, 0, 0.0, 1e-4)
+
+
+EXCHANGED_AT = 0.43
+
+
+def exchanging(x: float) -> Modes:
+    """A stable mode of hardly any damping and a growing one, whose shapes change places."""
+    lam = np.array([-0.5 + 2000j, 40.0 + 2040j])
+    return Modes(lam, np.eye(2, dtype=complex)[:, :: 1 if x < EXCHANGED_AT else -1])
+
+
+def test_two_modes_that_change_places_are_no_onset():
+    """The damping ratio leaps from nearly 0: as it does at a lock-in in a bracket less narrow."""
+    assert exchanged(*(exchanging(x).lam[None] for x in (0, 1)), np.array([0]), np.array([1]))[0]
+    samples = SolvedLine(0.0, exchanging(0.0), 1.0, exchanging(1.0), exchanging)
+    with pytest.raises(ConvergenceError, match="jumps"):
+        refine_onset(samples, 0, 1, 1e-7, 1e-4)
+
+
+def test_of_two_modes_that_change_places_none_is_refined_in_step():
+    def solve(rows, x):
+        found = [exchanging(v) for v in x]
+        at = ManyModes(np.array([m.lam for m in found]), np.array([m.shapes.T for m in found]))
+        return at, np.ones(len(rows), dtype=bool)
+
+    at = [solve([0], [x])[0] for x in (0.0, 1.0)]
+    ends, places = (np.zeros(1), np.ones(1)), (np.array([0]), np.array([1]))
+    found = refine_onsets_together(ends, (at[0], at[1]), places, solve, 1e-7, 1e-4)
+    assert found.evaluations[0] > 5
+    assert np.isnan(found.value[0])
 
 
 # -- four neighbouring points

@@ -13,7 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from squealstudy.modes.tracking.onsets import FAR, JUMP, MOST_ITERATIONS, ONE_SIDED
+from squealstudy.modes.tracking.onsets import (
+    FAR,
+    JUMP,
+    MOST_ITERATIONS,
+    ONE_SIDED,
+    exchanged,
+)
 from squealstudy.modes.tracking.pairing import pair_many
 
 
@@ -146,6 +152,7 @@ def refine_onsets_together(
     rows = np.arange(n)
     at_a, at_b = a.modes.lam[rows, a.place], b.modes.lam[rows, b.place]
     good &= np.abs(at_a - at_b) <= FAR * np.minimum(np.abs(at_a), np.abs(at_b))
+    good &= ~exchanged(a.modes.lam, b.modes.lam, a.place, b.place)
     lam = np.where(first, at_a, at_b)
     return ManyOnsets(
         value=np.where(good, value, np.nan),

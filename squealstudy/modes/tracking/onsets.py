@@ -19,6 +19,7 @@ MOST_ITERATIONS = 40
 JUMP = 0.1  # change of zeta across the root, as a share of its size over the bracket
 NO_CROSSING = "no_crossing"  # status of the error: the unstable mode stays so over the bracket
 ONE_SIDED = 0.02  # a square-root onset is as steep as a jump, but vanishes on one side
+CLOSER = 0.25  # of the way of a mode across such a bracket: where both ends have another mode
 FAR = 0.05  # change of a root, of its modulus, across a bracket as narrow as an onset's error
 HALVINGS = 50
 MOST_HALVINGS = 4  # of a step in which a mode is lost
@@ -105,6 +106,11 @@ class FollowedMode:
         if x not in self._place and not self._follow(x, MOST_HALVINGS):
             raise ConvergenceError("lost", f"the mode cannot be followed at {x:g}")
         return complex(self._samples.at(x).lam[self._place[x]])
+
+    def at(self, x: float) -> tuple[np.ndarray, int]:
+        """All roots at a value, and the place of the mode among them."""
+        self.root(x)
+        return self._samples.at(x).lam, self._place[x]
 
     def outwards(self, values: list[float]) -> list[float]:
         """Values in the order in which the mode is best followed: from where it is known."""
@@ -207,9 +213,35 @@ def _root(
     step = abs(right - left)
     scale = max(abs(zeta) for zeta in excess.values())
     jumps = min(abs(left), abs(right)) > ONE_SIDED * step > ONE_SIDED * JUMP * scale
-    roots = [mode.root(x) for x in places[change : change + 2]]
+    ends = [mode.at(x) for x in places[change : change + 2]]
+    roots = [lam[place] for lam, place in ends]
     far = abs(roots[1] - roots[0]) > FAR * min(abs(lam) for lam in roots)
-    return value, bool(jumps or far)
+    other = exchanged(*(lam[None] for lam, _ in ends), *(np.array([p]) for _, p in ends))[0]
+    return value, bool(jumps or far or other)
+
+
+def exchanged(
+    low: np.ndarray, high: np.ndarray, at_low: np.ndarray, at_high: np.ndarray
+) -> np.ndarray:
+    """Of which pairs of places near each other a mode is one root here and another there (n,).
+
+    At both ends another root is much closer to the mode's root at the other end than its own is:
+    two modes that only seem to change places. Where two modes merge both are as close.
+
+    Parameters
+    ----------
+    low, high : ndarray (n, m) complex
+        All roots at both places.
+    at_low, at_high : ndarray (n,) of int
+        Place of the mode among them.
+    """
+    rows = np.arange(len(low))
+    own_low, own_high = low[rows, at_low], high[rows, at_high]
+    way = np.abs(own_high - own_low)
+    from_low, from_high = np.abs(high - own_low[:, None]), np.abs(low - own_high[:, None])
+    nearest = np.maximum(from_low.min(axis=1), from_high.min(axis=1))
+    apart: np.ndarray = nearest < CLOSER * way
+    return apart
 
 
 def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
