@@ -148,6 +148,7 @@ def test_check_names_the_limit_that_run_refuses_for(tmp_path: Path) -> None:
 def test_modes_that_exchange_their_growth_between_neighbours_are_one_family() -> None:
     """Of two linings one mode near 3.8 kHz grows with each, under two numbers; one far off not."""
     points = pd.DataFrame({"friction": [0.5, 0.6, 0.5, 0.6], "lining": [1.5, 1.5, 2.2, 2.2]})
+    points["status"] = "ok"
     edges = neighbours(points, ["friction", "lining"])
     assert sorted(map(tuple, edges.tolist())) == [(0, 1), (0, 2), (1, 3), (2, 3)]
     modes = pd.DataFrame({"track": [22, 23, 40] * 4, "point": np.repeat(range(4), 3)})
@@ -176,6 +177,37 @@ def test_two_modes_without_coupling_that_grow_in_turn_are_two(tmp_path: Path) ->
         plan_of(text.format(folder=tmp_path.as_posix()), tmp_path / "two.toml"), tmp_path / "r"
     )
     assert results.rank()["family"].tolist() == [1, 2]
+
+
+def test_neighbours_pass_over_failed_points() -> None:
+    """As tracks do: a mode may change its number where a point between two has failed."""
+    points = pd.DataFrame({"x": [1.0, 3.0, 2.0, 4.0], "y": 0.0})
+    points["status"] = ["ok", "ok", "not_converged", "ok"]
+    assert sorted(map(tuple, neighbours(points, ["x"]).tolist())) == [(0, 1), (1, 3)]
+
+
+@pytest.mark.parametrize("others", [0, 70])
+def test_a_mode_that_is_no_nominal_one_is_followed_by_its_shape(
+    others: int, tmp_path: Path
+) -> None:
+    """At 100 and 200 Hz times 1 + x, without coupling: the first comes into the band at .1."""
+    hz = np.concatenate([[100.0, 200.0], np.linspace(3e3, 4e3, others)])
+    text = FALLING[: FALLING.index("[[model.term]]")]
+    for name, parts, way in (
+        ("M", np.ones(len(hz)), "1"),
+        ("C", np.ones(len(hz)), "-1"),
+        ("K", (2 * np.pi * hz) ** 2, "(1 + x)**2"),
+    ):
+        sp.save_npz(tmp_path / f"{name}.npz", sp.csr_matrix(np.diag(parts)))
+        text += f'[[model.term]]\nmatrix = "{name}"\nfile = "{name}.npz"\ncoefficient = "{way}"\n'
+    text += "[parameters]\nx = 0.0\n" + FALLING[FALLING.index("[[sweep]]") :]
+    text = text.replace("[80.0, 90.0, 100.0]", "[0.0, 0.1, 0.2, 0.6]").replace(
+        "[1.0, 1000.0]", "[105.0, 230.0]"
+    )
+    results = solved(plan_of(text.format(folder=tmp_path.as_posix())), tmp_path / "r")
+    ranking = results.rank()
+    assert ranking["unstable_points"].tolist() == [3, 2]
+    assert not ranking["ambiguous"].any()
 
 
 def test_check_and_run_name_the_limit_before_points_are_made(

@@ -226,6 +226,8 @@ class _Clock:
 
 BAND_FACTOR = 1.1  # shapes a little beyond the band: modes that a sweep moves into it
 SHAPE_TOLERANCE = 1e-2  # relative singular value of nominal shapes that are kept apart
+WHOLE = 64  # coordinates up to which shapes are compared by all of them
+DRAWN = 16  # directions drawn beside the nominal shapes: of modes that are none of these
 MARGIN = 1.08  # of the number of roots asked for first
 
 
@@ -240,8 +242,9 @@ class PreparedFamily:
         Square root of the nominal mass matrix' diagonal: it puts displacements and rotations in
         one unit.
     shape_basis : ndarray (n, k)
-        Orthonormal columns that span the real and imaginary parts of the scaled mode shapes at the
-        nominal point; shapes of all points are compared by their coordinates on it.
+        Orthonormal columns; shapes of all points are compared by their coordinates on it. All
+        coordinates of a small family; of others what spans the real and imaginary parts of the
+        scaled mode shapes at the nominal point, and some directions beside them.
     n_roots : int
         Roots to ask for first at a design point, conjugates counted.
     timings : mapping of stage -> seconds
@@ -286,7 +289,7 @@ def prepare_family(
     beyond = roots.lam[np.abs(roots.lam) > band[1]]
     inside = roots.n_below - len(beyond) - int((beyond.imag > 0).sum())
     first = min(max(int(MARGIN * inside), FIRST_ROOTS), 2 * family.n)
-    basis = spanning(scale[:, None] * roots.psi)
+    basis = compared_on(scale[:, None] * roots.psi, scale > 0.0)
     return PreparedFamily(
         model=family,
         scale=scale,
@@ -294,6 +297,23 @@ def prepare_family(
         n_roots=first,
         timings={"nominal_s": time.perf_counter() - started},
     )
+
+
+def compared_on(psi: np.ndarray, massive: np.ndarray) -> np.ndarray:
+    """Orthonormal columns (n, k) on which shapes are compared, from some of them (n, m).
+
+    A mode that a sweep brings into the band may be none of these, and lie in their span by no part:
+    directions drawn at random see it, and always the same way. Coordinates that are not `massive`
+    (n,) do not count.
+    """
+    n, count = len(psi), int(massive.sum())
+    if count <= WHOLE:
+        return np.eye(n)[:, massive]
+    known = spanning(psi)
+    drawn = np.random.default_rng(0).standard_normal((n, min(DRAWN, count - known.shape[1])))
+    drawn *= massive[:, None]
+    drawn -= known @ (known.T @ drawn)
+    return np.hstack([known, np.linalg.qr(drawn)[0]])
 
 
 def spanning(psi: np.ndarray) -> np.ndarray:

@@ -47,14 +47,19 @@ def linked_tracks(onsets: pd.DataFrame) -> list[tuple[int, int]]:
 
 
 def neighbours(points: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
-    """Rows (e, 2) of points next to each other in one parameter, all others equal."""
+    """Rows (e, 2) of solved points next to each other in one parameter, all others equal.
+
+    Failed points between two are passed over, as tracks pass over them.
+    """
     found = [np.zeros((0, 2), dtype=int)]
+    solved = np.flatnonzero((points["status"] == "ok").to_numpy(bool))
+    points = points.iloc[solved]
     for name in names:
         others = [n for n in names if n != name]
         line = points.groupby(others, dropna=False).ngroup() if others else 0 * points.index
         order = np.lexsort((points[name].to_numpy(float), np.asarray(line)))
         same = np.diff(np.asarray(line)[order]) == 0
-        found.append(np.column_stack([order[:-1][same], order[1:][same]]))
+        found.append(solved[np.column_stack([order[:-1][same], order[1:][same]])])
     return np.vstack(found)
 
 

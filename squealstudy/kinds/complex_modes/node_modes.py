@@ -79,7 +79,10 @@ class FinishedNodes:
             prepared = prepared_any(key)
             if isinstance(prepared, PreparedFamily):
                 M, _, _ = prepared.model.matrices(self._plan.nominal_values)
-                basis = prepared.shape_basis / prepared.scale[:, None]
+                basis = (
+                    prepared.shape_basis
+                    / np.where(prepared.scale > 0, prepared.scale, np.inf)[:, None]
+                )
                 mass = basis.T @ (M @ basis)
                 turned = _root(mass)
                 self._known[key] = turned, turned
