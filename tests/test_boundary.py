@@ -360,6 +360,15 @@ def test_full_tables_have_every_node_once(directories):
         full_tables(results.points, results.modes, {**facts["axes"], "friction": [0.0, 0.7]}, 0)
 
 
+def test_a_failed_node_is_no_solved_one(directories):
+    found = squealstudy.open_results(directories[0])
+    lost = found.points.copy()
+    lost.loc[0, "status"] = "not_converged"
+    fewer = found.with_tables(points=lost, modes=found.modes, onsets=found.onsets)
+    assert fewer.nodes[1].sum() == found.nodes[1].sum() - 1
+    assert f"({len(lost) - 1} solved)" in fewer.screen.verdict(fewer)
+
+
 def test_counts_are_those_of_the_table(directories):
     results = squealstudy.open_results(directories[0])
     ids = results.points["point_id"]

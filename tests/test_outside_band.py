@@ -130,3 +130,19 @@ def test_points_that_are_looked_at_lie_apart_and_begin_with_the_fastest_growth()
 def test_older_results_say_nothing_of_it():
     assert outside_text({"band_hz": [1.0, 2.0]}, {}) == ""
     assert grows_outside({"band_hz": [1.0, 2.0]}, {}) == ""
+
+
+def test_a_static_divergence_outside_has_no_frequency_and_half_a_hertz_is_not_none(tmp_path):
+    n = 2
+    for name, A in {"M": np.eye(n), "C": np.zeros((n, n)), "F": np.zeros((n, n))}.items():
+        sp.save_npz(tmp_path / f"{name}.npz", sp.csr_matrix(A))
+    sp.save_npz(tmp_path / "K.npz", sp.csr_matrix(np.diag([-9e4, 1e6])))
+    found = solved(FAMILY.format(folder=tmp_path), tmp_path / "r")
+    text = "below 100 Hz 1 mode grows at mu {}: {}, {} 1/s"
+    told = text.format(1, "without oscillation (static divergence)", 300)
+    assert told in found.screen.verdict(found)
+    slow = np.diag([(2 * np.pi * 0.5) ** 2, 1e6])
+    sp.save_npz(tmp_path / "K.npz", sp.csr_matrix(slow))
+    sp.save_npz(tmp_path / "C.npz", sp.csr_matrix(np.diag([-0.01, 1.0])))
+    found = solved(FAMILY.format(folder=tmp_path), tmp_path / "s")
+    assert text.format(1, "0.5 Hz", 0.005) in found.screen.verdict(found)

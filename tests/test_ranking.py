@@ -365,6 +365,19 @@ def screen_of(capsys, points, modes, where=None, along="friction"):
     return " ".join(capsys.readouterr().out.split())
 
 
+def test_what_is_said_of_onsets_is_of_the_query_and_of_the_design(capsys):
+    points, modes = linear_study(STUDY, MU, P)
+    text = screen_of(capsys, points, modes, "friction > 0.55")
+    assert "below range: unstable at the first value of a line within the query" in text
+    facts = {"sweeps": ["friction"], "design": {"type": "sobol"}}
+    apart = points.assign(pressure=np.arange(len(points), dtype=float))
+    results = made(points=apart, modes=modes, onsets=NO_ONSETS, facts=facts)
+    screen.show(*results.screen.ranking(results))
+    text = " ".join(capsys.readouterr().out.split())
+    assert "<= before an onset: the least value of a solved point at which the mode" in text
+    assert "where it was found" not in text  # a track is found at smaller values, too
+
+
 def test_an_empty_ranking_says_over_what_it_is(capsys):
     points, modes = linear_study(STABLE, MU, P)
     text = screen_of(capsys, points, modes)

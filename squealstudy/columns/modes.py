@@ -101,7 +101,7 @@ COMPLEX_POINTS = (
     ),
     number(
         "frequency_outside_hz",
-        "Frequency of that mode.",
+        "Frequency of that mode, |lambda|/2 pi; one that does not oscillate has one, too.",
         leaves_out="The error of the reduced model, which is made for the band.",
     ),
     number(

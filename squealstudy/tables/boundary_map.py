@@ -37,7 +37,7 @@ def full_points(
     -------
     table : DataFrame (n_nodes,)
     solved : ndarray (n_nodes,) of bool
-        The nodes that are points of the study.
+        The nodes that are points of the study and did not fail.
 
     Raises
     ------
@@ -49,7 +49,8 @@ def full_points(
     table = points.iloc[owner.ravel(order="F")].reset_index(drop=True)
     grids = np.meshgrid(*axes.values(), indexing="ij")
     values = {n: g.ravel(order="F") for n, g in zip(axes, grids, strict=True)}
-    return table.assign(**values), rows.ravel(order="F") >= 0
+    solved = (rows.ravel(order="F") >= 0) & (table["status"] == "ok").to_numpy(bool)
+    return table.assign(**values), solved
 
 
 def full_tables(

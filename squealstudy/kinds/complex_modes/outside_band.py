@@ -218,5 +218,6 @@ def _worst(plan: Plan, roots: Sequence[tuple[int, np.ndarray]]) -> dict[str, Any
         "points": len(growing),
         "frequency_hz": float(abs(root) / (2 * np.pi)),
         "growth_rate": float(root.real),
+        "oscillates": bool(root.imag != 0.0),
         "at": {name: float(plan.tasks.column(name)[row]) for name in names},
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from squealstudy.wording import amount, plural
+from squealstudy.wording import amount, in_digits, plural
 
 
 def outside_text(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
@@ -57,7 +57,9 @@ def _side(text: str, worst: Mapping[str, Any], units: Mapping[str, str]) -> str:
     at = f" at {settings}" if settings else ""
     grow = "grow" if worst["count"] > 1 else "grows"
     fastest = "the fastest " if worst["count"] > 1 else ""
+    how = f"{in_digits(worst['frequency_hz'])} Hz"
+    how = how if worst.get("oscillates", True) else "without oscillation (static divergence)"
     return (
-        f"{text} {plural(worst['count'], 'mode')} {grow}{at}: {fastest}"
-        f"{worst['frequency_hz']:.0f} Hz, {worst['growth_rate']:.3g} 1/s"
+        f"{text} {plural(worst['count'], 'mode')} {grow}{at}: {fastest}{how}, "
+        f"{worst['growth_rate']:.3g} 1/s"
     )

@@ -57,13 +57,14 @@ if TYPE_CHECKING:
 ONSETS = {
     CROSSING: "~ before an onset: interpolated between two design points, or put at a point that "
     "grows by less than its error; not refined",
-    FIRST_SEEN: "<= before an onset: the mode is already unstable at the least value where its "
-    "track was found",
+    FIRST_SEEN: "<= before an onset: on some line the mode is unstable at the least value where it "
+    "was found",
     BROKEN: "<= before an onset: on some line the mode's track begins unstable beside one that "
     "ends, of the same mode perhaps",
     BRACKETED: "<= before an onset: between a stable point and this one, not refined",
     BELOW_RANGE: "below range: unstable at the first value of a line",
 }
+DRAWN = "<= before an onset: the least value of a solved point at which the mode is unstable"
 SIDES = (("unstable_", "_low"), ("unstable_", "_high"), ("", ""))
 
 Row = dict[Hashable, Any]
@@ -239,7 +240,7 @@ def _counted(results: Results, where: str | None) -> str:
     """What a ranking is over, in words."""
     count = _counted_points(results, where)
     if results.boundary is not None:
-        solved = results.boundary["points_solved"]
+        solved = int((results.points["status"] == "ok").sum())
         return f"the {plural(count, 'node')} of the map ({solved} solved)"
     return f"the {plural(count, 'solved point')}"
 
@@ -288,7 +289,7 @@ def _legend(table: pd.DataFrame, results: Results, where: str | None) -> list[st
         unit = results.units.get(along, "")
         name = f"{along} [{unit}]" if unit else along
         texts.append(f"onset: least {name} at which the mode turns unstable, of all lines")
-        texts += [text for kind, text in ONSETS.items() if (table["threshold_kind"] == kind).any()]
+        texts += _onset_kinds(set(table["threshold_kind"]), results, query)
         if (table["threshold"].isna() & (table["threshold_kind"] != BELOW_RANGE)).any():
             texts.append(
                 "- for an onset: none is known; the mode is untracked, or an unstable mode only "
@@ -303,6 +304,14 @@ def _legend(table: pd.DataFrame, results: Results, where: str | None) -> list[st
     if table["ambiguous"].any():
         texts.append("~ before a mode: tracking was ambiguous somewhere on its lines")
     return [*texts, *named_tracks(table["track"], results.track_names)]
+
+
+def _onset_kinds(kinds: set[str], results: Results, query: str) -> list[str]:
+    """What is before an onset, or in its place."""
+    drawn = results.design in RANDOM_DESIGNS
+    known = ONSETS | ({FIRST_SEEN: DRAWN, BRACKETED: DRAWN} if drawn else {})
+    known[BELOW_RANGE] += query
+    return list(dict.fromkeys(text for kind, text in known.items() if kind in kinds))
 
 
 def _cells(row: Row, along: str | None, energies: bool, units: Mapping[str, str]) -> list[str]:
