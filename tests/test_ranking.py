@@ -378,6 +378,11 @@ def test_what_is_said_of_onsets_is_of_the_query_and_of_the_design(capsys):
     assert "where it was found" not in text  # a track is found at smaller values, too
 
 
+def test_damping_of_an_unstable_mode_is_never_shown_as_none(capsys):
+    points, modes = linear_study({1: lambda m, q: -8e-7}, MU, P)
+    assert " -8e-05 " in screen_of(capsys, points, modes)
+
+
 def test_an_empty_ranking_says_over_what_it_is(capsys):
     points, modes = linear_study(STABLE, MU, P)
     text = screen_of(capsys, points, modes)

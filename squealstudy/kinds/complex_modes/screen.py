@@ -325,7 +325,7 @@ def _cells(row: Row, along: str | None, energies: bool, units: Mapping[str, str]
         frequency_text(row),
         f"{100 * row['unstable_share']:.1f}{bounds} %",
         in_digits(row["max_growth_rate"], 1),
-        f"{100 * row['min_damping_ratio']:.3f}",
+        in_digits(100 * row["min_damping_ratio"], 3),
         *([_threshold(row)] if along else []),
         *([energy] if energies else []),
         ", ".join(settings_of(row["at"], units).values()),
