@@ -77,21 +77,64 @@ class Study:
         """The file that says what this study is, changes included."""
         return toml_text(self.tables)
 
-    def with_(self, changes: Mapping[str, Any]) -> Study:
-        """The study with other values of some keys.
+    def with_(self, changes: Mapping[str, Any] | None = None, /, **values: Any) -> Study:
+        """The study with other values of some keys, parameters, or options of the model.
 
         Parameters
         ----------
         changes : mapping of str -> value
             By dotted key, ``{"modes.method": "dense", "sweep[1].num": 5}``; None takes a key out.
+        **values
+            By name of a parameter: of several values they are swept, in place of its sweep or as
+            the last one, ``friction=[0.3, 0.5]``; one value is that of all design points. Names
+            with dots as ``**{"contact.lambda": 1e6}``. Of an option of the model one value,
+            ``mesh="coarse"``.
 
         Raises
         ------
         StudyFileError
             With file and key, where the study cannot take one.
+
+        Examples
+        --------
+        >>> import squealstudy as sq
+        >>> study = sq.model("hulten").study().with_(friction=[0.2, 0.5], mass="2 kg")
+        >>> study.tables["sweep"], study.tables["parameters"]
+        ([{'parameter': 'friction', 'values': [0.2, 0.5]}], {'mass': '2 kg'})
         """
-        tables = changed(self.source, self.tables, changes)
+        tables = changed(self.source, self.tables, changes or {})
+        if values:
+            tables = self._with_values(tables, values)
         return resolved_study(self.source, tables, toml_text(tables))
+
+    def _with_values(self, tables: dict[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+        """Tables with values of parameters and options."""
+        if not isinstance(self.resolved, ResolvedStudy):
+            raise self.source.error(
+                ("study", "kind"), "a study of methods has no parameters: change those of its base"
+            )
+        options = {option.name for option in self.resolved.model.options}
+        sweeps = list(tables.get("sweep", ()))
+        for name, value in values.items():
+            if name in options:
+                tables["model"] = {**tables["model"], name: value}
+                continue
+            given = value.tolist() if hasattr(value, "tolist") else value  # of numpy and pandas
+            place = next((i for i, s in enumerate(sweeps) if s.get("parameter") == name), None)
+            if isinstance(given, list | tuple):
+                swept = [{"parameter": name, "values": list(given)}]
+                at = len(sweeps) if place is None else place
+                sweeps[at : at + 1] = swept
+                continue
+            if place is not None:
+                del sweeps[place]
+            own = dict(tables.get("parameters", {}))
+            if name in own or "[" in name:
+                tables["parameters"] = {**own, name: given}
+            else:
+                tables = changed(self.source, tables, {f"parameters.{name}": given})
+        tables.pop("sweep", None)
+        return {**tables, "sweep": sweeps} if sweeps else tables
 
     def sensitivities(self) -> Study:
         """The study of sensitivities at the [parameters] of a complex-mode study; itself if it is.

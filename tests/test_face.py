@@ -413,6 +413,66 @@ def test_the_command_does_the_same(results, tmp_path, monkeypatch, capsys):
     assert "valid" in capsys.readouterr().out
 
 
+def test_values_and_sweeps_of_a_study_are_changed_by_their_names(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(FREQUENCY)
+    study = sq.read_study(path)
+
+    def value(changed, name):
+        return changed.resolved.values[name]  # noqa: PD011 - of a study
+
+    swept = study.with_(friction=np.array([0.1, 0.3, 0.5]))
+    assert swept.tables["sweep"] == [{"parameter": "friction", "values": [0.1, 0.3, 0.5]}]
+    more = swept.with_({"study.name": "more"}, frequency_1=["90 Hz", 0.1e3], damping_ratio=0.02)
+    first, second = more.resolved.sweeps
+    assert (first.name, second.name) == ("friction", "frequency_1")
+    assert (second.low, second.high) == (90.0, 100.0)
+    assert value(more, "damping_ratio") == 0.02
+    assert more.tables["study"]["name"] == "more"
+    single = more.with_(friction=0.4, frequency_1=None, contact_law="cubic")
+    assert "sweep" not in single.tables
+    assert value(single, "friction") == 0.4
+    assert single.resolved.options["contact_law"] == "cubic"
+    law = "contact.cubic_stiffness"
+    changed = single.with_(**{law: [0.0, -1e17]})
+    assert changed.resolved.sweeps[0].name == law
+    assert value(changed.with_(**{law: 2.0}), law) == 2.0
+    scale = "mass.modes[1].frequency_scale"
+    assert value(study.with_(**{scale: 1.0}), scale) == 1.0
+    assert study.tables["sweep"][0]["num"] == 13
+    with pytest.raises(StudyFileError, match="did you mean 'friction'"):
+        study.with_(fricton=[0.1, 0.2])
+
+
+def test_a_study_of_methods_has_no_parameters_to_change(tmp_path):
+    (tmp_path / "study.toml").write_text(FREQUENCY)
+    path = tmp_path / "methods.toml"
+    path.write_text(METHODS)
+    with pytest.raises(StudyFileError, match="change those of its base"):
+        sq.read_study(path).with_(friction=0.3)
+
+
+def test_a_model_is_swept_into_one_table():
+    """Against the closed form of Hulten's model, and point by point."""
+    model = sq.model("hulten")
+    table = model.sweep((1.0, 1e3), friction=np.linspace(0.0, 0.6, 61))
+    least = table[table["unstable"]]["friction"].min()
+    assert least == pytest.approx(0.30)  # (100^2 - 75^2) / (2 100 75) = 0.2917
+    assert table.attrs["units"]["growth_rate"] == "1/s"
+    grid = model.sweep((1.0, 1e3), friction=[0.4, 0.5, 0.6], frequency_2=["70 Hz", "80 Hz"])
+    points = grid.drop_duplicates("point").set_index("point")
+    assert points["friction"].tolist() == [0.4, 0.5, 0.6] * 2  # the first varies fastest
+    assert points["frequency_2"].tolist() == [70.0] * 3 + [80.0] * 3
+    own = model.with_(friction=0.6, frequency_2=70.0).modes((1.0, 1e3))
+    mine = grid[(grid["point"] == 2).to_numpy()]
+    np.testing.assert_allclose(mine["growth_rate"], own["growth_rate"], rtol=1e-9)
+    assert len(model.sweep(friction=0.5)) == 2
+    lifted = sq.model("hulten").sweep(friction=[0.5, 1.5])
+    assert (0 in set(lifted["point"])) != (0 in lifted.attrs["failed"])
+    with pytest.raises(ParameterError, match="got '7 hz', whose unit is not known"):
+        model.sweep(frequency_2=["70 Hz", "7 hz"])
+
+
 def test_values_of_a_model_have_units():
     model = sq.model("belt", normal_force="2 kN", sliding_speed="-300 mm/s")
     assert model.given == {"normal_force": 2000.0, "sliding_speed": -0.3}

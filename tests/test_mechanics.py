@@ -288,7 +288,7 @@ def test_matrices_that_are_there_are_a_model():
     rng = np.random.default_rng(1)
     M, C, K0 = (A @ A.T + np.eye(4) for A in rng.standard_normal((3, 4, 4)))
     G = rng.standard_normal((4, 4))
-    model = sq.matrices(M, {"1": 1e6 * K0, "2*mu": 1e5 * G}, C, mu=0.2)
+    model = sq.matrices(M, {"1": 1e6 * K0, "2*mu": 1e5 * G}, C=C, mu=0.2)
     system = model.at(mu=0.7)
     K = 1e6 * K0 + 1.4e5 * G
     np.testing.assert_allclose(system.linear.K, K)
@@ -325,7 +325,8 @@ def test_matrices_that_are_there_are_a_model():
         ({"friction": [[0.1], [0.2]]}, "one axis"),
         ({"friction": []}, "one axis"),
         ({"friction": [True, False]}, "expected numbers"),
-        ({"friction": ["a", "b"]}, "an array of numbers"),
+        ({"friction": ["a", "b"]}, "expected a number and its unit, got 'a'"),
+        ({"friction": [0.1, {}]}, "an array of numbers"),
         ({"sliding_speed": "3 bar"}, "m/s"),
         ({"contact.cubic_stiffness": 1e15}, "does nothing here"),
     ],

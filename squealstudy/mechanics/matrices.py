@@ -20,10 +20,11 @@ from squealstudy.models.matrices.family import (
 from squealstudy.wording import did_you_mean
 
 
-def matrices(M: Any, K: Any, C: Any = None, **values: float) -> Model:
+def matrices(M: Any, K: Any, *, C: Any = None, **values: float) -> Model:
     """The model lam^2 M(p) + lam C(p) + K(p), each a matrix or a sum of matrices.
 
-    It has complex modes, and neither contact nor components.
+    It has complex modes, and neither contact nor components. The damping has its name, ``C=``:
+    other programs have it in the second place.
 
     Parameters
     ----------

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self
 
+import numpy as np
+
 from squealstudy.errors import ParameterError
 from squealstudy.mechanics.basis import Basis
 from squealstudy.mechanics.component_tables import component_modes, loss_damping
@@ -178,6 +180,45 @@ class Model:
         [False, True]
         """
         return self.at().modes(band).to_pandas()
+
+    def sweep(self, band: tuple[float, float] | None = None, **values: Any) -> pd.DataFrame:
+        """Complex modes over values of parameters, all combinations of them, as one table.
+
+        Parameters
+        ----------
+        band : (float, float) or None
+            Lowest and highest frequency [Hz]; by default that of study files.
+        **values
+            As of `at`; of several arrays the first varies fastest.
+
+        Returns
+        -------
+        DataFrame
+            A row a mode, as of `modes`, with ``point``, the number of the design point from 0, and
+            the values swept. Points that failed have no rows: ``attrs["failed"]`` has why, by
+            number.
+
+        Raises
+        ------
+        ParameterError
+            As `at`.
+
+        Examples
+        --------
+        >>> import numpy as np, squealstudy as sq
+        >>> table = sq.model("hulten").sweep(friction=np.linspace(0.0, 0.6, 61))
+        >>> float(table.query("unstable")["friction"].min().round(2))
+        0.3
+        """
+        arrays = {k: np.asarray(v) for k, v in values.items() if np.ndim(v) == 1}
+        whole = np.meshgrid(*reversed(arrays.values()), indexing="ij")
+        columns = zip(reversed(arrays), (array.ravel() for array in whole), strict=True)
+        modes = self.at(**{**values, **dict(columns)}).modes(band)
+        table = modes.to_pandas()
+        told = zip(np.atleast_1d(modes.counts), np.atleast_1d(modes.message), strict=True)
+        failed = {point: str(why) for point, (n, why) in enumerate(told) if not n and why}
+        table.attrs["failed"] = failed
+        return table
 
     @property
     def parameters(self) -> pd.DataFrame:

@@ -26,6 +26,9 @@ def column_of(parameter: StudyParameter, value: Any) -> Column:
     ParameterError
         Not numbers, of more than one axis, empty, or one that is out of bounds.
     """
+    texts = isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "UO"
+    if texts or isinstance(value, list | tuple):
+        value = [quantity(one, parameter) for one in value]
     value = quantity(value, parameter)
     if isinstance(value, int | float):  # a truth value is none of them: the check says so
         return parameter.check(value)
