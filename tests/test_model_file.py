@@ -342,6 +342,13 @@ search = 0.1
          "unknown key; did you mean 'mesh'?"),
         ('mesh = "plate.inp"', 'mesh = "plate.inp"\nmaterials.X = {E = 1, nux = 1}', 10,
          "components.plate.materials.X.nux", "unknown key; did you mean 'nu'?"),
+        ('mesh = "plate.inp"', 'mesh = "plate.inp"\nmaster = "x"', 10, "components.plate.master",
+         "it belongs in [[contact]] or [[tie]]"),
+        ("[[layer]]", "[model]\n[[layer]]", 21, "model", "unknown key"),
+        ('units = "t-mm-s"', 'units = "t-mm-s"\ncontact_law = "linear"', 3, "contact_law",
+         "it belongs in [model] of the study"),
+        ('units = "t-mm-s"', 'units = "t-mm-s"\npoint = [0, 0, 0]', 3, "point",
+         "it belongs in [rotation] or [components.NAME.rotate]"),
         ("search = 0.1", "search = inf", 19, "contact[1].search", "expected a finite number"),
         ('unit = "MPa"', 'unit = "mm"', 37, "parameters.lining.E3.unit", "a unit like 'Pa'"),
         (', default = 2e3, unit = "MPa"', "", 37, "parameters.lining.E3", "expected default"),
@@ -499,3 +506,9 @@ def test_cells_have_the_energy_of_the_component(blocks, tmp_path):
     low = held.components[0].coordinates[:, 2] < 1e-9
     np.testing.assert_array_equal(moved[: len(low)].all(axis=1), ~low)
     np.testing.assert_array_equal(moved[len(low) :], 1.0)
+
+
+def test_a_load_without_area_has_that_of_its_face(tmp_path):
+    stated = assembled(tmp_path / "stated").load
+    own = assembled(tmp_path / "own", ("area = 10.0\n", "")).load
+    np.testing.assert_allclose(own, stated, atol=1e-15 * abs(stated).max())  # 5 x 2 mm2

@@ -22,6 +22,7 @@ from squealstudy.wording import did_you_mean, expectation, shown
 Model = TypeVar("Model", bound=BaseModel)
 TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 PLACE = re.compile(r"(?P<name>\w+)\[(?P<number>\d+)\]")
+MOST_NAMED = 2  # tables that have a key
 MOST_LISTED, MOST_SOUGHT = 10, 50  # errors of one message; those put in order by their lines
 
 
@@ -224,6 +225,8 @@ def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
         return _missing(kind, loc) if whole else _too_few(kind, loc, found)
     if problem["type"] == "extra_forbidden":
         known = list((_section(kind, loc[:-1]) or kind).model_fields)
+        if where := _elsewhere(kind, str(loc[-1])):
+            return f"it belongs in {where}"
         closest = did_you_mean(str(loc[-1]), known)
         return f"unknown key{closest or '; expected one of ' + ', '.join(known)}"
     if problem["type"] == "tuple_type" and isinstance(found, dict):
@@ -271,6 +274,33 @@ def _section(kind: type[BaseModel], loc: KeyPath) -> type[BaseModel] | None:
         section = next((k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None)
         named = any(get_origin(k) is dict for k in kinds)
     return section
+
+
+def _elsewhere(kind: type[BaseModel], key: str) -> str:
+    """Tables of the file that have a key, for a message; empty where none has."""
+    from squealstudy.models.operating import (  # numba is slow to load
+        CONTACT_OPTION,
+        FRICTION_OPTION,
+    )
+
+    if key in (CONTACT_OPTION.name, FRICTION_OPTION.name):
+        return "[model]" if "model" in kind.model_fields else "[model] of the study"
+    found = list(dict.fromkeys(_tables_with(kind, key, "")))
+    return " or ".join(found[:MOST_NAMED]) if len(found) <= MOST_NAMED else ""
+
+
+def _tables_with(kind: type[BaseModel], key: str, path: str) -> Iterator[str]:
+    """Names, as files write them, of the tables below one that have a key."""
+    for name, field in kind.model_fields.items():
+        kinds = list(_parts(field.annotation))
+        table = next((k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None)
+        if table is None:
+            continue
+        origins = [get_origin(k) for k in kinds]
+        here = f"{path}{name}" + (".NAME" if dict in origins else "")
+        if key in table.model_fields:
+            yield f"[[{here}]]" if tuple in origins and dict not in origins else f"[{here}]"
+        yield from _tables_with(table, key, f"{here}.")
 
 
 def _parts(annotation: Any) -> Iterator[Any]:

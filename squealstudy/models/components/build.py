@@ -263,7 +263,8 @@ class _Interfaces:
             raise PlacedError(("load",), text)
         total = np.zeros(self._expansion.shape[1])
         for i, table in enumerate(self._g.file.load):
-            area = self._numbers.at("load", i, "area")
+            own = float(self._g.loads[i][0].area.sum())
+            area = own if table.area is None else self._numbers.at("load", i, "area")
             sides = zip(self._g.loads[i], (table.pressure_on, table.reaction_on), strict=True)
             for surface, reference in sides:
                 if surface is not None and reference is not None:

@@ -264,7 +264,9 @@ class LoadTable(Table):
         default="spread",
         description="over its face, or at the places opposite to those of the pressure",
     )
-    area: float = Field(gt=0, description="hydraulic area")
+    area: float | None = Field(
+        default=None, gt=0, description="hydraulic area; else that of the face under pressure"
+    )
 
 
 class StressTable(Table):

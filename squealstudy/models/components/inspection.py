@@ -247,6 +247,10 @@ def _load(found: Inspection, geometry: Geometry) -> None:
                 "face that is pressed?"
             )
         text = f"pressure pushes {table.pressure_on} along {_vector(sums[0])}"
+        if table.area is None:
+            size = LENGTH.factor(geometry.file.units) ** 2
+            unit = NAMES.get(geometry.file.units, ("m",))[0]
+            text += f", over its own {geometry.loads[i][0].area.sum() / size:.4g} {unit}2"
         if len(sums) == 1:
             found.tell(name, f"{text}; no reaction")
             continue
