@@ -161,7 +161,7 @@ def doubled(folder):
 def negative(folder):
     path, whole = model(folder), mesh("plate")
     nodes = whole.blocks[0].nodes.copy()
-    nodes[3] = nodes[3][[4, 5, 6, 7, 0, 1, 2, 3, *range(12, 16), *range(8, 12), *range(16, 20)]]
+    nodes[3] = nodes[3][[6, 1, 2, 3, 4, 5, 0, *range(7, 20)]]
     write_inp(replace(whole, blocks=(replace(whole.blocks[0], nodes=nodes),)), folder / "plate.inp")
     return path, ("key 'components.plate.mesh'", "element 104: a negative Jacobian")
 

@@ -12,10 +12,17 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
+from squealstudy.models.components import discrete
 from squealstudy.models.components.bulk_cards import included
 from squealstudy.models.components.checks import check_mesh
 from squealstudy.models.components.constraints import Relation
-from squealstudy.models.components.dimensions import DENSITY, LENGTH, STRESS
+from squealstudy.models.components.dimensions import (
+    DENSITY,
+    LENGTH,
+    MASS,
+    STIFFNESS,
+    STRESS,
+)
 from squealstudy.models.components.expansion import Expansion, expanded
 from squealstudy.models.components.file_materials import changed_material, with_tables
 from squealstudy.models.components.file_matrices import Matrices, placed_matrices, symmetric
@@ -246,6 +253,9 @@ def _in_si(mesh: SolidMesh, units: str) -> SolidMesh:
         unfinished=unfinished,
         orientations=orientations,
         constraints=tuple(c.scaled(size) for c in mesh.constraints),
+        discrete=tuple(
+            d.scaled(STIFFNESS.factor(units), MASS.factor(units)) for d in mesh.discrete
+        ),
     )
 
 
@@ -272,6 +282,7 @@ def _moved(mesh: SolidMesh, turn: np.ndarray, shift: np.ndarray) -> SolidMesh:
         nodes=mesh.nodes @ turn.T + shift,
         orientations=orientations,
         orientation=orientation,
+        discrete=tuple(d.moved(turn) for d in mesh.discrete),
         constraints=tuple(
             c.moved(turn) if isinstance(c, Relation) else c for c in mesh.constraints
         ),
@@ -308,7 +319,8 @@ def _body_matrices(
     mesh = changed_mesh(body, given)
     try:
         rule = brake.file.components[name].mass or ("lumped" if mesh.lumped else "full")
-        K, M = stiffness_matrix(mesh), mass_matrix(mesh, rule)
+        added = discrete.matrices(mesh.discrete, len(mesh.nodes))
+        K, M = stiffness_matrix(mesh) + added[0], mass_matrix(mesh, rule) + added[1]
     except ModelError as error:
         raise PlacedError(("components", name), str(error)) from error
     K, M = (symmetric(body.expansion.restricted(A)) for A in (K, M))

@@ -84,7 +84,7 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
     """
     n = len(mesh.nodes)
     mesh = _adjusted(mesh)
-    if not mesh.constraints:
+    if not mesh.constraints:  # all nodes are of elements, or have masses
         return mesh, Expansion(sp.identity(3 * n, format="csr"), np.arange(3 * n))
     turning = sorted({c.reference for c in _couplings(mesh) if c.kind == "rigid"})
     whole = 3 * n + 3 * len(turning)
@@ -119,7 +119,9 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
     E = E[: 3 * n]
     moves = np.diff(E.tocsc().indptr)  # a reference node without structure moves itself alone
     alone = np.zeros(whole, dtype=bool)
-    alone[: 3 * n] = np.repeat(mesh.bare, 3)
+    bare = mesh.bare
+    bare[mesh.weighed] = False
+    alone[: 3 * n] = np.repeat(bare, 3)
     kept = free[moves[free] > alone[free]]
     E = E[:, kept].tocsr()
     E.eliminate_zeros()

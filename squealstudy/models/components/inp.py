@@ -89,10 +89,11 @@ def read_inp(
     """
     ignored = {_plain(keyword) for keyword in pass_over}
     contents = _sorted(read_cards(path), ignored)
-    elements = _elements(path, dialect or ("abaqus" if contents.abaqus else "calculix"), treat_as)
+    said = dialect or ("abaqus" if contents.abaqus else "calculix")
+    elements = _elements(path, said, treat_as)
     text = _text(path, contents, part, elements)
     refuse([*contents.refused, *sift_elements(text, ignored)])
-    text.temperature = temperature
+    text.temperature, text.abaqus = temperature, said == "abaqus"
     text.passed_over += contents.passed_over
     mesh = Component(text).mesh()
     if part is None or contents.parts:

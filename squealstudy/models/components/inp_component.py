@@ -13,6 +13,8 @@ from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import WHOLE, Card, Line
 from squealstudy.models.components.inp_couplings import KEYWORDS, Couplings, Where
+from squealstudy.models.components.inp_discrete import KEYWORDS as DISCRETE
+from squealstudy.models.components.inp_discrete import read_discrete
 from squealstudy.models.components.inp_equations import KEYWORDS as EQUATIONS
 from squealstudy.models.components.inp_equations import Equations
 from squealstudy.models.components.inp_materials import MaterialText, with_sections
@@ -26,7 +28,7 @@ ELEMENT = ("TYPE", "ELSET", "INPUT")
 SET = ("NSET", "ELSET", "GENERATE", "INSTANCE", "UNSORTED", "INTERNAL")
 SURFACE = ("NAME", "TYPE", "INTERNAL")
 SECTIONS = ("SOLIDSECTION", "ORIENTATION")
-READ = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", *SECTIONS, *KEYWORDS, *EQUATIONS)
+READ = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", *SECTIONS, *KEYWORDS, *EQUATIONS, *DISCRETE)
 
 
 @dataclass
@@ -51,8 +53,12 @@ class Text:
         Types of elements of the file, in capitals, and their formulation here.
     temperature : float or None
         At which materials are taken.
+    abaqus : bool
+        Whether Abaqus is meant, and not CalculiX.
     others : list of (Card, list of int)
-        Elements that are passed over, and their numbers.
+        Elements that are no solids, and their numbers.
+    points : list of Card
+        Springs, masses and older couplings among them, whose keywords are read.
     """
 
     path: Path
@@ -64,7 +70,9 @@ class Text:
     shift: np.ndarray
     elements: Mapping[str, str]
     temperature: float | None = None
+    abaqus: bool = False
     others: list[tuple[Card, list[int]]] = field(default_factory=list)
+    points: list[Card] = field(default_factory=list)
     passed_over: list[PassedOver] = field(default_factory=list)
 
     def note(self, card: Card, why: str) -> None:
@@ -95,6 +103,7 @@ class Component:
             Sets("element", self.element_sets, text.instance),
         )
         self.blocks: list[ElementBlock] = []
+        self.beyond: dict[int, Line] = {}  # lines with more numbers than nodes
         self.marked = MarkedFaces()
         self.labels = np.zeros(0, dtype=np.int64)  # of all elements, block after block
         self.by_label = np.zeros(0, dtype=np.int64)  # places of elements in ascending labels
@@ -126,6 +135,7 @@ class Component:
             mesh,
             nodes=mesh.nodes @ self.text.turn.T + self.text.shift,
             orientations=orientations,
+            discrete=tuple(d.moved(self.text.turn) for d in mesh.discrete),
             constraints=tuple(
                 c.moved(self.text.turn) if isinstance(c, Relation) else c for c in mesh.constraints
             ),
@@ -181,6 +191,11 @@ class Component:
                 parts.setdefault(name, []).append((labels, nodes))
             if in_set := card.parameters.get("ELSET"):
                 self.element_sets.add(in_set, labels)
+        for k, line in self.beyond.items():
+            why = f"numbers behind the {k} nodes of an element, which CalculiX ignores"
+            self.text.passed_over.append(
+                PassedOver("*ELEMENT", line.file.path, line.place + 1, why)
+            )
         if not parts:
             raise self._first().error("there are no elements")
         for name, found in parts.items():
@@ -202,9 +217,13 @@ class Component:
         begun: list[int] = []
         starts: list[Line] = []
         for line in card.data:
+            words = line.words()
             if not begun:
                 starts.append(line)
-            begun += [line.whole(w, "an element or node number") for w in line.words()]
+                if len(words) > k + 1 and not self.text.abaqus:
+                    self.beyond.setdefault(k, line)  # CalculiX ignores them
+                    words = words[: k + 1]
+            begun += [line.whole(w, "an element or node number") for w in words]
             if len(begun) > k + 1:
                 message = f"expected an element and its {k} nodes, found {len(begun)} numbers"
                 raise starts[-1].error(message)
@@ -377,12 +396,14 @@ class Component:
         part = Where(self.text.part, self.node_sets, self.element_sets, "", known)
         assembly = Where(self.text.assembly, *self.of_assembly, "ASSEMBLY.", known)
         found = [*read(part), *read(assembly)]
-        abaqus, bare = self.text.elements.get("C3D8") == "C3D8_BBAR", mesh.bare
+        abaqus, bare = self.text.abaqus, mesh.bare
         for where in (part, assembly):
             at = Places(where.nodes, self._nodes)
             relations = Equations(at, mesh.nodes, bare, abaqus, self.text.note)
             found += relations.read(where.cards)
-        return replace(mesh, constraints=tuple(found))
+        mesh = replace(mesh, constraints=tuple(found))
+        at = Places(self.node_sets, self._nodes)
+        return read_discrete(mesh, self.text, at, self.element_sets, abaqus)
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
         used = mesh.used_nodes()

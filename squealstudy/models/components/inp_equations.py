@@ -12,7 +12,7 @@ from squealstudy.models.components.inp_materials import read_orientation
 from squealstudy.models.components.inp_places import Places
 
 SAME = ("TIE", "PIN")  # of *MPC: all displacements are the same
-KEYWORDS = ("EQUATION", "MPC", "TRANSFORM", "DISTRIBUTINGCOUPLING")
+KEYWORDS = ("EQUATION", "MPC", "TRANSFORM")
 PASTE = 'where neither mass nor stiffness depend on it: pass_over = ["MPC"]'
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from squealstudy.models.components.inp_cards import WHOLE, Card
 from squealstudy.models.components.inp_component import Text
+from squealstudy.models.components.inp_discrete import POINTS
 from squealstudy.models.components.inp_keywords import ELEMENTS
 from squealstudy.models.components.marked_faces import FACES, NODES
 
@@ -46,6 +47,9 @@ def sift_elements(text: Text, pass_over: Collection[str]) -> list[Refused]:
         written = card.value("TYPE").upper() if card.keyword == "ELEMENT" else ""
         if not written or written in text.elements:
             kept.append(card)
+        elif written in POINTS and written not in pass_over:
+            text.points.append(card)
+            text.others.append((card, _labels(card)))
         elif written in pass_over and written not in ELEMENTS:
             dropped.setdefault(written, []).append(card)
         else:

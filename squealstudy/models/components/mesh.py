@@ -19,6 +19,7 @@ from squealstudy.models.components.constraints import (
     Relation,
     Tie,
 )
+from squealstudy.models.components.discrete import Discrete
 from squealstudy.models.components.formulations import FORMULATIONS, Formulation
 from squealstudy.models.components.materials import Elastic, Orientation, Unfinished
 
@@ -100,6 +101,8 @@ class SolidMesh:
         What the file says and the mesh does not.
     lumped : bool
         Whether the program of the file lumps the mass at the nodes.
+    discrete : tuple of Discrete
+        Springs and masses that are of no solid.
     """
 
     origin: Path
@@ -117,6 +120,7 @@ class SolidMesh:
     passed_over: tuple[PassedOver, ...] = ()
     unfinished: Mapping[str, Unfinished] = field(default_factory=dict)
     lumped: bool = False
+    discrete: tuple[Discrete, ...] = ()
 
     def __post_init__(self) -> None:
         n = self.n_elements
@@ -152,6 +156,9 @@ class SolidMesh:
             else:
                 others = c.joined
             ends.append(np.column_stack([np.full(len(others), others[0]), others]))
+        ends += [
+            np.column_stack([np.full(len(d.nodes), d.nodes[0]), d.nodes]) for d in self.discrete
+        ]
         one, other = np.vstack(ends).T
         graph = sp.coo_matrix((np.ones(len(one)), (one, other)), (n, n))
         _, label = connected_components(graph, directed=False)
@@ -170,9 +177,15 @@ class SolidMesh:
 
     @property
     def references(self) -> np.ndarray:
-        """Reference nodes of couplings, nodes of relations: they may belong to no element."""
+        """Reference nodes of couplings, nodes of relations and masses: of no element, perhaps."""
         found = [np.array([c.reference]) for c in self.constraints if isinstance(c, Coupling)]
         found += [c.nodes for c in self.constraints if isinstance(c, Relation)]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *found, self.weighed])
+
+    @property
+    def weighed(self) -> np.ndarray:
+        """Nodes with masses of their own."""
+        found = [d.nodes for d in self.discrete if d.M.any()]
         return np.concatenate([np.zeros(0, dtype=np.int64), *found])
 
     @property
@@ -324,6 +337,8 @@ class SolidMesh:
                 used[c.reference] = True
             elif isinstance(c, Relation):
                 used[c.nodes] |= bare[c.nodes] & used[c.nodes[~bare[c.nodes]]].any()
+        for d in self.discrete:
+            used[d.nodes] |= bare[d.nodes] & used[d.nodes].any()
         node_at, element_at = np.cumsum(used) - 1, np.cumsum(keep) - 1
         for c in self.constraints:
             try:
@@ -332,6 +347,11 @@ class SolidMesh:
                 raise self.error(str(error)) from error
             if inside is not None:
                 constraints.append(inside)
+        kept = Kept(used, node_at, keep, element_at)
+        try:
+            discrete = [own for d in self.discrete if (own := d.kept(kept)) is not None]
+        except ModelError as error:
+            raise self.error(str(error)) from error
         faces = {k: f[keep[f[:, 0]]] for k, f in self.surfaces.items()}
         return replace(
             self,
@@ -346,6 +366,7 @@ class SolidMesh:
             material=self.material[keep],
             orientation=self.orientation[keep],
             constraints=tuple(constraints),
+            discrete=tuple(discrete),
         )
 
 

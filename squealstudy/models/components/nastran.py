@@ -15,6 +15,8 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.bulk_cards import BulkCard, Systems, read_bulk
+from squealstudy.models.components.bulk_discrete import READ as DISCRETE
+from squealstudy.models.components.bulk_discrete import BulkDiscrete
 from squealstudy.models.components.bulk_names import MODEL_FILE, PASSED_OVER
 from squealstudy.models.components.constraints import Constraint, Coupling
 from squealstudy.models.components.formulations import FORMULATIONS
@@ -41,7 +43,7 @@ CORNERS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
 PLATES = {"CTRIA3": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUAD8": 8}
 PLATE_SECTIONS = ("PSHELL",)
 SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
-READ = ("GRID", "GRDSET", *CORNERS, "PSOLID", "MAT1", "SET1", "RBE2", "RBE3", *SYSTEMS)
+READ = ("GRID", "GRDSET", *CORNERS, "PSOLID", "MAT1", "SET1", "RBE2", "RBE3", *SYSTEMS, *DISCRETE)
 # of case control: matrices of DMIG, which Nastran adds to those of the elements
 SELECTED = ("K2GG", "M2GG", "B2GG", "K42GG", "K2PP", "M2PP", "B2PP")
 SELECTS = re.compile(rf"\s*({'|'.join(SELECTED)})\s*=", re.I)
@@ -117,6 +119,7 @@ class _Deck:
         ignored: set[str],
     ) -> None:
         self._path, self._wanted, self._asked = path, wanted, asked
+        self._above, self._turned = above, set[int]()
         self._cards: dict[str, list[BulkCard]] = {}
         for card in cards:
             self._cards.setdefault(card.name, []).append(card)
@@ -195,7 +198,7 @@ class _Deck:
         mesh = replace(mesh, element_sets=sets, node_sets=self._sets())
         mesh = self._with_materials(mesh, property_of)
         mesh = self._with_faces(mesh)
-        mesh = replace(mesh, constraints=tuple(self._couplings()))
+        mesh = self._with_discrete(replace(mesh, constraints=tuple(self._couplings())))
         mesh = self._with_mass(mesh)
         return self._without_unused(mesh)
 
@@ -216,6 +219,8 @@ class _Deck:
             found[number] = x
             if card.at(6).strip("0"):
                 held.append(card)
+            if card.at(5).strip("0"):
+                self._turned.add(number)
         if not found:
             raise ModelError(f"{self._path} has no GRID")
         if held:
@@ -356,6 +361,25 @@ class _Deck:
             mesh = mesh.with_material(f"MAT{number}", elastic, f"PID{own}")
             if materials[number].at(7).strip("0."):
                 self._note([materials[number]], "damping is " + MODEL_FILE)
+        return mesh
+
+    def _with_discrete(self, mesh: SolidMesh) -> SolidMesh:
+        """Springs, masses, equations."""
+
+        def place(card: BulkCard, number: int) -> int:
+            return int(self._places(card, [number])[0])
+
+        read = BulkDiscrete(self._all, place, self._turned)
+        bare = mesh.bare
+        constraints = (*mesh.constraints, *read.equations(self._above, bare))
+        found = tuple(read.springs_and_masses(self._weight))
+        mesh = replace(mesh, constraints=constraints, discrete=found)
+        ground = bare.copy()
+        ground[mesh.references] = False
+        for spring in found:
+            if ground[spring.nodes].any():
+                named = mesh.nodes_named(spring.nodes[ground[spring.nodes]])
+                raise mesh.error(f"{spring.name}: {named}: no element has what it joins")
         return mesh
 
     def _with_mass(self, mesh: SolidMesh) -> SolidMesh:

@@ -1,0 +1,147 @@
+"""Springs, masses and older couplings of files of Abaqus and CalculiX, which have elements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from squealstudy.models.components.constraints import Constraint, Coupling, relation
+from squealstudy.models.components.discrete import Discrete, point_mass, spring
+from squealstudy.models.components.inp_cards import Card, Line
+from squealstudy.models.components.inp_places import Places
+from squealstudy.models.components.inp_sets import Sets
+from squealstudy.models.components.mesh import SolidMesh
+
+if TYPE_CHECKING:
+    from squealstudy.models.components.inp_component import Text
+
+POINTS = {  # elements and their numbers of nodes
+    **dict.fromkeys(("MASS", "SPRING1", "DASHPOT1", "DCOUP3D"), 1),
+    **dict.fromkeys(("SPRINGA", "SPRING2", "DASHPOTA", "DASHPOT2"), 2),
+}
+KEYWORDS = ("MASS", "SPRING", "DISTRIBUTINGCOUPLING")
+Members = dict[int, tuple[Line, str, np.ndarray]]  # line, element, nodes by the label
+
+
+def read_discrete(mesh: SolidMesh, text: Text, at: Places, sets: Sets, abaqus: bool) -> SolidMesh:
+    """The mesh with them; ModelError about the line of what is wrong.
+
+    Springs end at the ground where a node belongs to no element and nothing moves it or weighs
+    there. `at` has places of nodes, `sets` the element sets; of Abaqus an older distributing
+    coupling carries moments, of CalculiX it is the mean of displacements.
+    """
+    cards = [card for card in text.part if card.keyword in KEYWORDS]
+    if not cards:
+        return mesh
+    members = _members(text, at)
+    found: list[Discrete] = []
+    constraints: list[Constraint] = list(mesh.constraints)
+    springs: list[tuple[Card, list[tuple[Line, str, np.ndarray]]]] = []
+    for card in cards:
+        card.check(("ELSET",))
+        labels = sets.labels(card.value("ELSET"), card.line)
+        own = [members[int(label)] for label in labels if int(label) in members]
+        if card.keyword == "MASS":
+            mass = card.numbers("a mass", 1, 1)[0][1]
+            if not mass >= 0:
+                raise card.data[0].error(f"expected a mass of zero or above, got {mass:g}")
+            for _, kind, nodes in own:
+                if kind == "MASS":
+                    found.append(point_mass(card.shown, int(nodes[0]), mass))
+        elif card.keyword == "SPRING":
+            springs.append((card, own))
+        else:
+            references = [int(nodes[0]) for _, kind, nodes in own if kind == "DCOUP3D"]
+            for reference in references:
+                constraints += _older(card, reference, at, abaqus)
+    mesh = replace(mesh, discrete=tuple(found), constraints=tuple(constraints))
+    ground = mesh.bare
+    ground[mesh.references] = False
+    for card, own in springs:
+        for line, kind, nodes in own:
+            if kind.startswith("SPRING"):
+                found += _spring(card, line, kind, nodes, mesh, ground, text)
+    return replace(mesh, discrete=tuple(found))
+
+
+def _members(text: Text, at: Places) -> Members:
+    found: Members = {}
+    for card in text.points:
+        kind = card.value("TYPE").upper()
+        for line in card.data:
+            words = [w for w in line.words() if w]
+            if len(words) != POINTS[kind] + 1:
+                raise line.error(
+                    f"expected an element and {POINTS[kind]} of its nodes, found {len(words)} words"
+                )
+            label = line.whole(words[0], "an element number")
+            nodes = [at.of(line, word) for word in words[1:]]
+            found[label] = (line, kind, np.concatenate(nodes))
+    return found
+
+
+def _spring(
+    card: Card,
+    line: Line,
+    kind: str,
+    nodes: np.ndarray,
+    mesh: SolidMesh,
+    ground: np.ndarray,
+    text: Text,
+) -> Iterator[Discrete]:
+    words = [[(at, w) for w in at.words() if w] for at in card.data]
+    if len(words) != (1 if kind == "SPRINGA" else 2):
+        raise card.error(
+            "expected a line with the stiffness, of SPRING1 and SPRING2 one with directions above"
+        )
+    at, word = words[-1][0]
+    stiffness = at.real(word, "a stiffness")
+    if kind == "SPRINGA":
+        along = mesh.nodes[nodes[1]] - mesh.nodes[nodes[0]]
+        if not np.linalg.norm(along) > 0:
+            raise line.error("the two nodes of the spring lie at one place")
+        along = along / np.linalg.norm(along)
+        ends = [(int(nodes[0]), -along), (int(nodes[1]), along)]
+    else:
+        ends = []
+        for node, (where, direction), sign in zip(nodes, words[0], (1.0, -1.0), strict=False):
+            axis = where.whole(direction, "a direction")
+            if axis not in (1, 2, 3):
+                raise where.error(f"a spring in direction {axis}: nodes of solids have 1 to 3")
+            ends.append((int(node), sign * np.eye(3)[axis - 1]))
+        if len(ends) < len(nodes):
+            raise card.data[0].error("expected a direction for each node of the spring")
+    held = [node for node, _ in ends if ground[node]]
+    if held:
+        text.note(card, f"{mesh.nodes_named(np.array(held))}: of no element: counts as ground")
+    ends = [end for end in ends if not ground[end[0]]]
+    if ends:
+        yield spring(card.shown, ends, stiffness)
+
+
+def _older(card: Card, reference: int, at: Places, abaqus: bool) -> Iterator[Constraint]:
+    """A *DISTRIBUTING COUPLING of a reference node."""
+    nodes: list[np.ndarray] = []
+    weights: list[np.ndarray] = []
+    for line in card.data:
+        words = line.words()
+        nodes.append(at.of(line, words[0]))
+        own = line.real(words[1], "a weight") if len(words) > 1 and words[1] else 1.0
+        weights.append(np.full(len(nodes[-1]), own))
+    others = np.concatenate([np.zeros(0, dtype=np.int64), *nodes])
+    weight = np.concatenate([np.zeros(0), *weights])
+    if not len(others) or not (weight > 0).all():
+        raise card.error(f"{card.shown}: expected nodes with weights above zero")
+    name = f"{card.shown} (line {card.line.place + 1})"
+    if abaqus:
+        if not (weight == weight[0]).all():
+            raise card.error(f"{card.shown}: weights that differ are not supported")
+        yield Coupling(name, "distributing", reference, np.setdiff1d(others, reference))
+        return
+    everything = np.append(reference, others)
+    for axis in np.eye(3):
+        factors = np.append(-weight.sum(), weight)
+        yield relation(name, everything, factors[:, None] * axis)
