@@ -194,8 +194,8 @@ def test_other_formulations_and_moduli(tmp_path):
         ("PSOLID,3,7", "PSOLID,3,8", "PSOLID: there is no MAT1 8"),
         (
             "PSOLID,3,7",
-            "CBAR,1,2\nCONM2,4,5\nCBAR,2",
-            r"CBAR \(2, first in line 16\), CONM2 \(1",
+            "CBAR,1,2\nCONM1,4,5\nCBAR,2",
+            r"CBAR \(2, first in line 16\), CONM1 \(1",
         ),
         ("MAT1,7,210000.0", "MAT1,7,", "MAT1: expected E > 0 and -1 < NU < 0.5"),
         ("7.8e-09", "", "MAT1: expected a density RHO above zero"),

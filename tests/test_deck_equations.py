@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from component_meshes import STEEL, box
+from test_deck_elements import two
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.bodies import _moved as moved
@@ -133,3 +134,29 @@ def test_equations_that_contradict_or_repeat(tmp_path):
     circle = ("*EQUATION", "2", "{0}, 1, 1., {1}, 1, -1.", "2", "{1}, 1, 1., {0}, 1, -1.")
     with pytest.raises(ModelError, match="in a circle"):
         read(tmp_path, *circle)
+
+
+def test_nodes_that_equations_join_may_lie_at_one_place(tmp_path):
+    """Two cubes, one on the other, joined at four pairs of nodes."""
+    rows = [f"2\n{n + 6}, {d}, 1., {n}, {d}, -1.\n" for n in (5, 6, 7, 8) for d in (1, 2, 3)]
+    mesh = two(tmp_path, "*EQUATION\n" + "".join(rows))
+    assert mesh.body_of.max() == 0
+    with pytest.raises(ModelError, match="are not connected there"):
+        two(tmp_path, "*EQUATION\n" + "".join(rows[:3]))
+
+
+def test_the_axis_of_a_system_may_hold_nodes_that_no_equation_has(tmp_path):
+    lines = ("*NSET, NSET=T", "{0}, {1}", "*TRANSFORM, NSET=T, TYPE=C", "0., 0., 0., 0., 0., 1.")
+    equation = ("*EQUATION", "2", "{4}, 3, 1., {7}, 1, -2.")
+    mesh, *_ = read(tmp_path, *lines, *equation)
+    np.testing.assert_allclose(mesh.constraints[0].vectors[0], Z)
+
+
+def test_what_only_follows_is_told(tmp_path):
+    """The cut of a bolt stays shut, and a mean turn is one of a node that has no element."""
+    lines = ("*NODE, NSET=P", "9000, 0., 0., 9.", "*PRE-TENSION SECTION, NODE=9000", "0., 0., 1.")
+    mesh, _, K, _ = read(tmp_path, *lines, "*MPC", "MEANROT, {0}, {0}, {0}, {1}, {1}, {1}, 9000")
+    assert len(K) == 3 * len(box("C3D8", (3, 1, 1)).nodes)
+    told = {note.keyword: note.why for note in mesh.passed_over}
+    assert "both sides of the cut stay together" in told["*PRE-TENSION SECTION"]
+    assert "the mean turn of some nodes is that of node 9000" in told["*MPC"]

@@ -10,6 +10,7 @@ from squealstudy.models.components.constraints import Coupling, Relation, relati
 from squealstudy.models.components.inp_cards import Card, Line
 from squealstudy.models.components.inp_materials import read_orientation
 from squealstudy.models.components.inp_places import Places
+from squealstudy.models.components.materials import Orientation
 
 SAME = ("TIE", "PIN")  # of *MPC: all displacements are the same
 KEYWORDS = ("EQUATION", "MPC", "TRANSFORM")
@@ -42,7 +43,7 @@ class Equations:
     ) -> None:
         self._at, self._nodes, self._bare = places, nodes, bare
         self._abaqus, self._note = abaqus, note
-        self._axes: dict[int, np.ndarray] = {}
+        self._axes: dict[int, Orientation] = {}
 
     def read(self, cards: Sequence[Card]) -> Iterator[Relation | Coupling]:
         """Those of a part or of the assembly; ModelError about the line of what is wrong."""
@@ -66,12 +67,13 @@ class Equations:
             return  # spherical: told if an equation has such a node
         words = {"SYSTEM": "RECTANGULAR" if kind == "R" else "CYLINDRICAL", "NAME": "axes"}
         axes = read_orientation(Card("ORIENTATION", words, card.line, card.data[:1]))
-        nodes = self._at.of(card.line, card.value("NSET"))
-        for node, own in zip(nodes, axes.axes(self._nodes[nodes]), strict=True):
-            self._axes[int(node)] = own
+        for node in self._at.of(card.line, card.value("NSET")):
+            self._axes[int(node)] = axes
 
     def _direction(self, node: int, axis: int) -> np.ndarray:
-        own: np.ndarray = self._axes.get(node, np.eye(3))[axis]
+        if node not in self._axes:
+            return np.eye(3)[axis]
+        own: np.ndarray = self._axes[node].axes(self._nodes[node][None])[0, axis]
         return own
 
     # -- equations -------------------------------------------------------------------------------
@@ -136,6 +138,9 @@ class Equations:
         for line in card.data:
             kind, *words = line.words()
             kind = kind.upper()
+            if kind == "MEANROT" and words and self._bare[self._at.of(line, words[-1])].all():
+                self._note(card, f"the mean turn of some nodes is that of node {words[-1]}: free")
+                continue
             known = (*SAME, "LINK", "BEAM") if self._abaqus else (*SAME, "BEAM")
             if kind not in known:
                 raise line.error(

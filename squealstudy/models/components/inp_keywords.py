@@ -36,6 +36,7 @@ PASSED_OVER: dict[str, str] = {
         "DESIGNVARIABLES DESIGNRESPONSE OBJECTIVE CONSTRAINT FEASIBLEDIRECTION DESIGNPARAMETER",
         "of an optimisation",
     ),
+    "PRE-TENSIONSECTION": "both sides of the cut stay together, as of a tightened bolt",
     "PHYSICALCONSTANTS": "not used here",
     "ACOUSTICWAVEFORMULATION": "not used here",
     **_each(
@@ -96,7 +97,7 @@ _GENERATE = "let the preprocessor write all nodes and elements"
 REFUSED: dict[str, str] = {
     "CYCLICSYMMETRYMODEL": "write the whole body",
     "KINEMATICCOUPLING": "write *COUPLING with *KINEMATIC",
-    **_each("FASTENER NETWORKMPC PRE-TENSIONSECTION", _COUPLE),
+    **_each("FASTENER NETWORKMPC", _COUPLE),
     **_each("EMBEDDEDELEMENT", _MERGE),
     "NONSTRUCTURALMASS": "state a [[point_mass]] in the model file",
     **_each("NGEN NFILL NCOPY NMAP ELGEN ELCOPY", _GENERATE),

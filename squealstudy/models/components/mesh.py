@@ -198,8 +198,8 @@ class SolidMesh:
 
     @property
     def tied(self) -> np.ndarray:
-        """Slave nodes of ties: they may lie where others do."""
-        parts = [c.nodes for c in self.constraints if isinstance(c, Tie)]
+        """Slave nodes of ties, nodes of relations: they may lie where others do."""
+        parts = [c.nodes for c in self.constraints if isinstance(c, Tie | Relation)]
         return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
     @property
