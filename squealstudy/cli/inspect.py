@@ -43,6 +43,8 @@ def draw(geometry: Geometry, path: Path) -> None:
         for reference in (contact.slave, contact.master):
             name, _, label = reference.partition(".")
             faces.setdefault(name, []).append(label)
+    if not faces:  # a part alone: its surfaces
+        faces = {name: [*body.mesh.surfaces][:COLOURED] for name, body in geometry.bodies.items()}
     bodies = {}
     for name, body in geometry.bodies.items():
         groups = facet_groups(body.mesh, boundary(body.mesh))
@@ -60,6 +62,7 @@ def draw(geometry: Geometry, path: Path) -> None:
     save_figure(draw_assembly(bodies, axis), path)
 
 
+COLOURED = 8  # surfaces of a part alone that are drawn
 NEAR = 0.02  # of the part's largest side: distance of a measured point and its node
 FREE = 6  # rigid modes of a free part
 DAMPING = 3  # columns of the table up to the measured damping

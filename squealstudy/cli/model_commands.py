@@ -13,7 +13,10 @@ from squealstudy.cli.options import (
 
 
 def inspect(
-    model: Annotated[Path, typer.Argument(metavar="MODEL", help="Model file (TOML).")],
+    model: Annotated[
+        Path,
+        typer.Argument(metavar="MODEL", help="Model file (TOML), or a mesh alone: .inp, .bdf, ..."),
+    ],
     picture: Annotated[
         Path | None, typer.Option("--picture", "-p", help="Picture to draw, .png or .svg.")
     ] = None,
@@ -34,10 +37,19 @@ def inspect(
             "component's length.",
         ),
     ] = None,
+    units: Annotated[str, typer.Option(help="Of a mesh alone: t-mm-s, mm-kg-ms or SI.")] = "t-mm-s",
+    part: Annotated[
+        str | None, typer.Option(help="Of a mesh alone: its instance, element set or body.")
+    ] = None,
+    pass_over: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEYWORD", help="Of a mesh alone: a keyword to pass over."),
+    ] = None,
 ) -> None:
     """What a model file was understood as: parts, contact, rotation, loads, and doubts.
 
-    Exit code 1 where something is in doubt.
+    Of a mesh alone, or of a model file without contact or load, what is there: mass, inertia, free
+    modes, sets, materials. Exit code 1 where something is in doubt.
     """
     if (measured is None) != (component is None):
         raise typer.BadParameter("--measured needs --component, and --component --measured")
@@ -49,15 +61,19 @@ def inspect(
         return
     from squealstudy import screen
     from squealstudy.cli.inspect import shown
-    from squealstudy.study.components import inspected, read_model
+    from squealstudy.study.components import inspected, inspected_part, read_model
 
-    read = read_model(model)
-    found, geometry = inspected(read)
-    facts, parameters = shown(read, found)
+    if model.suffix.lower() == ".toml":
+        read = read_model(model, unfinished=True)
+        found, geometry = inspected(read)
+        facts, parameters = shown(read, found)
+    else:
+        found, geometry = inspected_part(model, units, part, pass_over or ())
+        facts, parameters = [("units", units), *found.facts], []
     screen.show(screen.facts(facts))
     if parameters:
         screen.show("\nparameters", screen.facts(parameters))
-    if picture is not None:
+    if picture is not None and geometry is not None:
         from squealstudy.cli.inspect import draw
 
         draw(geometry, picture)

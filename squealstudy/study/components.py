@@ -55,6 +55,9 @@ if TYPE_CHECKING:
     from squealstudy.parameter import Parameter
 
 
+UNITS = ("SI", "t-mm-s", "mm-kg-ms")  # of model files
+
+
 def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefinition:
     """The model of a study's ``[model] file``.
 
@@ -77,10 +80,17 @@ def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefini
     return read_model(path, definition.added_parts(source))
 
 
-def read_model(path: Path, parts: Sequence[AddedPart] = ()) -> FileDefinition:
-    """The model of a model file with what a study adds; StudyFileError about what is wrong."""
+def read_model(
+    path: Path, parts: Sequence[AddedPart] = (), *, unfinished: bool = False
+) -> FileDefinition:
+    """The model of a model file with what a study adds; StudyFileError about what is wrong.
+
+    One that is `unfinished` may be without contact.
+    """
     source = SourceText.read(path)
     file = validate(ModelFile, source, source.tables)
+    if not file.contact and not unfinished:
+        raise source.error(("contact",), "there is no [[contact]]: no faces in contact")
     try:
         check_names(file)
     except PlacedError as error:
@@ -114,16 +124,34 @@ def _in_place(parameter: Parameter) -> bool:  # noqa: ARG001 - a file says where
     return True
 
 
-def inspected(model: FileDefinition) -> tuple[Inspection, Geometry]:
-    """What a model file was understood as, and its geometry; StudyFileError about what is wrong."""
+def inspected(model: FileDefinition) -> tuple[Inspection, Geometry | None]:
+    """What a model file was understood as, and its geometry; StudyFileError about what is wrong.
+
+    Of one without contact or load that of its components, as far as they can be used.
+    """
     from squealstudy.models.components.geometry import geometry_of
     from squealstudy.models.components.inspection import inspect
+    from squealstudy.models.components.part_inspection import inspect_parts
 
     build, values = build_of(model), model.defaults()
+    if not build.brake.file.contact or not build.brake.file.load:
+        with build.told(values):
+            return inspect_parts(build.brake, build.given(values))
     assembly = build({option.name: option.choices[0] for option in model.options}, values)
     with build.told(values):
         found = inspect(build.brake, assembly, values[PRESSURE.name], build.given(values))
         return found, geometry_of(build.brake)
+
+
+def inspected_part(
+    path: Path, units: str, part: str | None, pass_over: Sequence[str]
+) -> tuple[Inspection, Geometry | None]:
+    """What a mesh alone was understood as; ModelError about what is wrong."""
+    from squealstudy.models.components.part_inspection import inspect_parts, part_alone
+
+    if units not in UNITS:
+        raise ModelError(f"units '{units}': expected one of {', '.join(UNITS)}")
+    return inspect_parts(part_alone(path, units, part, pass_over), {})
 
 
 def build_of(model: FileDefinition) -> _Build:

@@ -41,6 +41,7 @@ from squealstudy.models.fem.solid import Isotropic
 
 INCLUDED = re.compile(r"^\s*\*[^,]*,.*?\bINPUT\s*=\s*\"?([^,\"\n]+?)\"?\s*(?:,|$)", re.I | re.M)
 ANSYS, NASTRAN = ".cdb", (".bdf", ".nas", ".dat")
+FORMATS = (".inp", ".msh", ANSYS, *NASTRAN)
 BODY = re.compile(r"BODY[1-9][0-9]*", re.I)  # a part of a mesh that nothing connects to others
 BODIES = 100  # from which on they are no sets
 LARGEST = 100_000_000  # characters of a file that are looked through for others it includes
@@ -171,7 +172,7 @@ def _read(path: Path, table: ComponentTable) -> SolidMesh:
 
         mesh = read_cdb(path, table.part, treat_as=table.treat_as, pass_over=table.pass_over)
     else:
-        known = ", ".join((".inp", ".msh", ANSYS, *NASTRAN))
+        known = ", ".join(FORMATS)
         raise ModelError(f"{path}: unknown format '{path.suffix}', expected one of {known}")
     return mesh
 

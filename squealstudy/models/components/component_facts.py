@@ -19,6 +19,7 @@ from squealstudy.models.components.free_modes import (
     tabled_modes,
 )
 from squealstudy.models.components.geometry import Geometry
+from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.model_file import (
     BY_MATERIAL,
     DAMPING,
@@ -30,6 +31,7 @@ from squealstudy.wording import listed, plural
 
 MASSES = (0.02, 100.0)  # kg of a part of a brake
 SIZES = (0.01, 1.0)  # m, the longest side of a part of a brake
+SPEEDS = (20.0, 20_000.0)  # m/s of waves in solids, from soft rubber to beyond beryllium
 INERTIA = Dimension((2, 1, 0), "kg m2")
 RIGID = 1e-7  # K R over K and R: rigid motions that cost no energy
 FIRST_CUTOFF, LAST_CUTOFF = 2000.0, 64_000.0  # Hz
@@ -105,15 +107,33 @@ def component_facts(
             mass = numbers.at("point_mass", i, "mass") / MASS.factor(geometry.file.units)
             text = f"mass {point_mass.name}: {mass:g} {weight}, {where} {point_mass.on}"
             found.tell("", text)
+    if mesh.discrete:
+        masses = len(mesh.weighed)
+        many = [plural(len(mesh.discrete) - masses, "spring")] * (len(mesh.discrete) > masses)
+        many += [plural(masses, "mass", "masses")] * (masses > 0)
+        found.tell("", f"{' and '.join(many)} of the deck")
     _damping(found, numbers, name)
-    for note in mesh.passed_over[:5]:
-        found.tell("", f"not read: {note.keyword} (line {note.line}): {note.why}")
-    if len(mesh.passed_over) > 5:
-        found.tell("", f"and {len(mesh.passed_over) - 5} more that are not read")
+    for text in _passed_over(mesh):
+        found.tell("", text)
     K, M = component_matrices(geometry, name, given)
     _weight(found, geometry.brake, body, M)
+    if body.matrices is None:
+        _waves(found, mesh, name, geometry.file.units)
     _rigid(found, body, K, M)
     _measured(found, geometry, name, K, M)
+
+
+def _passed_over(mesh: SolidMesh) -> list[str]:
+    """All that is passed over, by reason: "not read: *PLASTIC (line 3), *CREEP (line 8): ..."."""
+    reasons: dict[str, dict[str, int]] = {}
+    for note in mesh.passed_over:
+        reasons.setdefault(note.why, {}).setdefault(note.keyword, note.line)
+    return [
+        "not read: "
+        + ", ".join(f"{k} (line {line})" if line else k for k, line in keywords.items())
+        + f": {why}"
+        for why, keywords in reasons.items()
+    ]
 
 
 def _measured(
@@ -186,6 +206,21 @@ def _weight(found: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> No
         found.doubts.append(
             f"{body.name} weighs {mass:.3g} kg and is {1e3 * sides.max():.3g} mm long, which no "
             f"part of a brake is: are its numbers in {brake.file.units}?"
+        )
+
+
+def _waves(found: Inspection, mesh: SolidMesh, name: str, units: str) -> None:
+    """Doubts about materials, in SI, in which waves of no material run."""
+    doubtful = []
+    for label in sorted(set(mesh.material)):
+        material = mesh.materials[label]
+        modulus = float(np.diag(material.stiffness())[:3].max())
+        speed = np.sqrt(modulus / material.density)
+        if not SPEEDS[0] <= speed <= SPEEDS[1]:
+            doubtful.append(f"{label} at {speed:.2g} m/s")
+    if doubtful:
+        found.doubts.append(
+            f"{name}: waves would run in {listed(doubtful)}: are moduli and densities in {units}?"
         )
 
 

@@ -124,7 +124,7 @@ class ModelFile(Table):
     rotation: RotationTable | None = Field(default=None, description="of the rotor")
     components: dict[Name, ComponentTable] = Field(min_length=1, description="by name")
     contact: Annotated[tuple[ContactTable, ...], Strict(False)] = Field(
-        min_length=1, description="faces in contact"
+        default=(), description="faces in contact"
     )
     tie: Annotated[tuple[TieTable, ...], Strict(False)] = ()
     layer: Annotated[tuple[LayerTable, ...], Strict(False)] = ()

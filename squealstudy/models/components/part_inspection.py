@@ -1,0 +1,129 @@
+"""What parts were understood as before there is a brake: a mesh alone, an unfinished model file."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.bodies import FORMATS, Brake, body_of, read_mesh
+from squealstudy.models.components.component_facts import NAMES, Inspection, component_facts
+from squealstudy.models.components.dimensions import LENGTH
+from squealstudy.models.components.faces import facet_groups
+from squealstudy.models.components.facet_geometry import Facets
+from squealstudy.models.components.geometry import Geometry, geometry_of
+from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.model_file import KeyPath, ModelFile
+from squealstudy.wording import plural
+
+NEEDED = ("contact", "load", "rotation")  # of a brake; the last where something slides
+MOST = 12  # sets that are listed
+BESIDE = ("contact", "tie", "layer", "spring", "point_mass", "fixed", "load")
+
+
+def part_alone(
+    path: Path, units: str, part: str | None = None, pass_over: Sequence[str] = ()
+) -> Brake:
+    """A model of one component without contact, of a mesh's file.
+
+    Raises
+    ------
+    ModelError
+        An ending that no format has; there is no such file.
+    """
+    if path.suffix.lower() not in FORMATS:
+        known = ", ".join(FORMATS)
+        raise ModelError(f"{path}: expected a model file (.toml) or a mesh: one of {known}")
+    if not path.is_file():
+        raise ModelError(f"there is no file {path}")
+    name = re.sub(r"\W", "_", path.stem)
+    name = name if re.match(r"[A-Za-z_]", name) else f"part_{name}"
+    table = {"mesh": path.name, "part": part, "pass_over": list(pass_over)}
+    file = ModelFile.model_validate({"units": units, "components": {name: table}})
+    content = hashlib.sha256(path.read_bytes()).hexdigest()
+    return Brake(path, file, f"{path.resolve()} {content} {file!r}")
+
+
+def inspect_parts(
+    brake: Brake, given: Mapping[KeyPath, float]
+) -> tuple[Inspection, Geometry | None]:
+    """Look at the components of a model file without contact or without load.
+
+    What cannot be used is a doubt, and the rest is told.
+
+    Returns
+    -------
+    Inspection
+    Geometry or None
+        Of the components that can be used; None where there is none.
+    """
+    found = Inspection()
+    usable = []
+    for name, table in brake.file.components.items():
+        try:
+            body_of(brake, name)
+            usable.append(name)
+        except ModelError as error:
+            found.doubts.append(f"{name}: {error}")
+            if table.mesh is None:
+                continue
+            try:
+                mesh = read_mesh(brake.located(table.mesh), table)
+            except ModelError:
+                continue  # the doubt says why
+            kinds = ", ".join(f"{len(b.labels):,} {b.formulation}" for b in mesh.blocks)
+            found.tell(name, f"{mesh.origin.name}: {len(mesh.nodes):,} nodes, {kinds}")
+            _sets(found, mesh, NAMES.get(brake.file.units, ("m",))[0], 1.0)
+    geometry = _geometry(brake, usable)
+    if geometry is not None:
+        size = LENGTH.factor(brake.file.units)
+        for body in geometry.bodies.values():
+            component_facts(found, geometry, body, given)
+            _sets(found, body.mesh, NAMES.get(brake.file.units, ("m",))[0], size)
+        for number, pair in enumerate(geometry.contacts):
+            table_of = brake.file.contact[number]
+            found.tell(
+                brake.file.name_of("contact", number),
+                f"{table_of.kind}: {table_of.slave} on {table_of.master}, "
+                f"{plural(len(pair.gap0), 'point')}, {100 * pair.in_reach:.1f} % of the slave",
+            )
+    lacking = [key for key in NEEDED if not brake.file.at((key,))]
+    if lacking:
+        found.tell("not yet", ", ".join(lacking))
+    return found, geometry
+
+
+def _geometry(brake: Brake, usable: Sequence[str]) -> Geometry | None:
+    """Of the whole file, or where some of it cannot be used of the components alone."""
+    if not usable:
+        return None
+    if len(usable) == len(brake.file.components):
+        return geometry_of(brake)
+    own = {name: brake.file.components[name] for name in usable}
+    empty: dict[str, object] = dict.fromkeys(BESIDE, ())
+    file = brake.file.model_copy(update={**empty, "components": own, "rotation": None})
+    return geometry_of(replace(brake, file=file, identity=f"{brake.identity} {usable}"))
+
+
+def _sets(found: Inspection, mesh: SolidMesh, unit: str, size: float) -> None:
+    """Sets with what they have; lengths of the mesh are `size` units."""
+    surfaces = []
+    for name, faces in mesh.surfaces.items():
+        groups = tuple(group.nodes for group in facet_groups(mesh, faces))
+        area = Facets(mesh.nodes, groups, name).gauss_points(2)[0].area.sum()
+        count = plural(len(faces), "facet")
+        surfaces.append(f"{name} ({count}, {area / size**2:.4g} {unit}2)")
+    told = [
+        ("surfaces", surfaces),
+        ("node sets", [f"{n} ({len(s):,})" for n, s in mesh.node_sets.items()]),
+        ("element sets", [f"{n} ({len(s):,})" for n, s in mesh.element_sets.items()]),
+    ]
+    for what, names in told:
+        more = [f"and {len(names) - MOST} more"] if len(names) > MOST else []
+        if names:
+            found.tell("", f"{what}: {', '.join([*names[:MOST], *more])}")
+    if not mesh.surfaces and not mesh.node_sets:
+        found.tell("", "no surfaces and no node sets: faces need one")
