@@ -17,6 +17,7 @@ from squealstudy.system.linearise import component_frequencies
 
 LINING = tuple(f"pad.lining_{m}" for m in ("young_modulus", "young_modulus_z", "shear_modulus_z"))
 pytestmark = pytest.mark.usefixtures("assembled_once")
+SCALE = "pad.lining_stiffness_scale"
 LOSS = {"disc": 0.002, "inner_pad": 0.02, "outer_pad": 0.02, "caliper": 0.004}
 
 
@@ -56,6 +57,7 @@ def test_energy_of_a_mode_is_shared_by_its_materials(brake_model):
         ({"disc.young": 0.1}, "no parameter 'disc.young'"),
         ({"disc.young_modulus": -0.1}, "expected a loss factor, got -0.1"),
         ({LINING: 0.04, LINING[::-1]: 0.04}, "one loss factor of a material, got two"),
+        ({LINING: 0.04, SCALE: 0.04}, "one loss factor of a material, got two"),
     ],
 )
 def test_what_has_no_loss_factor(brake_model, factors, told):

@@ -55,6 +55,13 @@ def loss_damping(
             raise ParameterError(" and ".join(names), text)
         if not eta >= 0:
             raise ParameterError(" and ".join(names), f"expected a loss factor, got {eta}")
+    if len(moduli) > 1:
+        together = _scaled(point, dict.fromkeys(told, 2.0)).components
+        for k, c in enumerate(parts):
+            change = together[k].K - c.K
+            apart = sum(found[k].K - c.K for found in own.values())
+            if abs(change - apart).max() > LINEAR * abs(c.K).max():
+                raise ParameterError(told[-1], "expected one loss factor of a material, got two")
     for k, c in enumerate(parts):
         K = {names: found[k].K - c.K for names, found in own.items()}
         if not any(abs(part).max() > 0 for part in K.values()):

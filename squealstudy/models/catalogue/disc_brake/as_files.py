@@ -113,7 +113,7 @@ def brake_tables(
             },
             "pad.lining_young_modulus_z": {
                 "path": [f"{pad}.materials.lining.E[3]" for pad in PADS],
-                "default": v["pad.lining_young_modulus_z"],
+                "default": v["pad.lining_stiffness_scale"] * v["pad.lining_young_modulus_z"],
             },
             **{
                 f"{name}.stiffness": {"path": f"layer.{name}.normal"}

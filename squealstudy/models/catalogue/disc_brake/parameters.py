@@ -109,7 +109,8 @@ def _lining_strain(values: Mapping[str, Any]) -> Any:
     inner, outer = values["pad.inner_radius"], values["pad.outer_radius"]
     area = np.deg2rad(values["pad.half_angle"]) * (outer**2 - inner**2)
     force = values["pressure"] * values["piston.area"]
-    return abs(force / (area * values["pad.lining_young_modulus_z"]))
+    modulus = values["pad.lining_stiffness_scale"] * values["pad.lining_young_modulus_z"]
+    return abs(force / (area * modulus))
 
 
 SMALL_STRAINS = Assumption(
@@ -140,6 +141,7 @@ STRUCTURE = structural(
         ("pad.lining_young_modulus", 6e9, "Pa", "lining, in its plane"),
         ("pad.lining_young_modulus_z", 2e9, "Pa", "lining, through its thickness"),
         ("pad.lining_shear_modulus_z", 1.5e9, "Pa", "lining, through its thickness"),
+        ("pad.lining_stiffness_scale", 1.0, "", "factor on all three moduli of the lining"),
         ("pad.lining_poisson_ratio", 0.15, "", "lining, in its plane"),
         ("pad.lining_poisson_ratio_z", 0.2, "", "lining, through its thickness"),
         ("pad.lining_density", 2500.0, "kg/m3", "lining"),

@@ -135,12 +135,13 @@ class BrakeMesher:
         """Materials of a component by the names in its blocks."""
         if component in ("disc", "caliper"):
             return {"iron": self._isotropic(component + ".")}
+        scale = self.v("pad.lining_stiffness_scale")
         return {
             "plate": self._isotropic("pad.plate_"),
             "lining": TransverselyIsotropic(
-                self.v("pad.lining_young_modulus"),
-                self.v("pad.lining_young_modulus_z"),
-                self.v("pad.lining_shear_modulus_z"),
+                scale * self.v("pad.lining_young_modulus"),
+                scale * self.v("pad.lining_young_modulus_z"),
+                scale * self.v("pad.lining_shear_modulus_z"),
                 self.v("pad.lining_poisson_ratio"),
                 self.v("pad.lining_poisson_ratio_z"),
                 self.v("pad.lining_density"),
