@@ -78,3 +78,39 @@ def test_letters_of_a_table_are_no_fewer_than_it_has(tmp_path, monkeypatch, text
     assert found == texts * 3
     assert sum(map(len, found)) + 24 * len(found) <= max(asked)
     assert max(asked) <= 3 * len(texts) * (24 + max(map(len, texts))) + 10**6
+
+
+def test_few_texts_are_read_as_they_were_written(tmp_path):
+    """They are decoded once, not a row: nulls, dictionaries that differ, names that clash."""
+    rng, path, n = np.random.default_rng(2), tmp_path / "a.parquet", 900
+    words = pa.array([None, "", "ok", "failed: \u00e4"])
+    one = words.take(pa.array(rng.integers(0, 4, n)))
+    columns = {
+        "status": one,
+        "large": one.cast(pa.large_string()),
+        "ids": pa.array(IDS[:n]),
+        "new in each part": pa.array([f"{i // 300}" for i in range(n)]),
+        "s": pa.StructArray.from_arrays([one], ["a"]),
+        "s.a": one,
+        "lists": pa.array([[w] for w in one.to_pylist()]),
+        "bytes": one.cast(pa.binary()),
+        "coded": one.dictionary_encode(),
+        "x": pa.array(rng.random(n)),
+    }
+    table = pa.table(columns).replace_schema_metadata({b"a": b"b"})
+    pq.write_table(table, path, compression="zstd", row_group_size=300)
+    found = table_files.read_file(path)
+    assert found.equals(pq.ParquetFile(path).read(), check_metadata=True)
+    assert found.schema.types[:-2] == table.schema.types[:-2]
+    some = table_files.read_file(path, ["x", "status"])
+    assert some.select(["status", "x"]).equals(found.select(["status", "x"]))
+    twice = pa.Table.from_arrays([one, one], names=["a", "a"])
+    pq.write_table(twice, path)
+    assert table_files.read_file(path).equals(twice)
+
+
+def test_few_texts_are_not_decoded_row_by_row(tmp_path):
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.table({"few": ["ok", "failed"] * 3000, "many": LONG[:3000] * 2}), path)
+    with pq.ParquetFile(path) as file:
+        assert table_files._of_few_texts(file) == ["few"]

@@ -103,7 +103,8 @@ class ResultTables:
             file = f"{name}.parquet"
             self._expect_fit(name)
             found = self.store.read_table(file).to_pandas(self_destruct=True)
-            self._loaded[name] = found.rename(columns=RENAMED)
+            older = RENAMED.keys() & found
+            self._loaded[name] = found.rename(columns=RENAMED) if older else found
         table = self._loaded[name]
         if "units" not in table.attrs:
             self._give_units(table, f"{name}.parquet")

@@ -6,6 +6,8 @@ A row of nulls or of one text takes nothing in a file, and its bytes in memory.
 from __future__ import annotations
 
 import contextlib
+import math
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
@@ -23,6 +25,7 @@ NUMBER_BYTES = 8  # of a value that is no text
 TEXT_BYTES = 16  # of a text beside its letters: its place in a table, and in a frame
 TEXT = "BYTE_ARRAY"
 Part = tuple[int, int, int, pq.ColumnChunkMetaData]  # group, column, values, facts
+FEW_BYTES = 2**12  # of a dictionary on disk, of a column of few texts as status or method
 
 
 @contextlib.contextmanager
@@ -38,7 +41,35 @@ def read_file(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     """A file of a table; OSError, ValueError where it is none or has no room."""
     with pq.ParquetFile(path) as file:
         expect_room(path, file, columns)
-        return file.read(columns=None if columns is None else list(columns))
+        few = _of_few_texts(file)
+    chosen = None if columns is None else list(columns)
+    with pq.ParquetFile(path, metadata=file.metadata, read_dictionary=few) as coded:
+        table = coded.read(columns=chosen)
+    # texts are written out only here, once a row, from those that are there: half the time
+    for place, field in enumerate(table.schema):
+        if pa.types.is_dictionary(field.type):
+            own = file.schema_arrow.field(field.name)
+            table = table.set_column(place, own, table.column(place).cast(own.type))
+    return table
+
+
+def _of_few_texts(file: pq.ParquetFile) -> list[str]:
+    """Columns whose texts stand in small dictionaries in all parts of a file."""
+    named = Counter(file.schema_arrow.names)
+    alone = {n for n, times in named.items() if times == 1 and "." not in n}  # of no record a part
+    fields = (field for field in file.schema_arrow if field.name in alone)
+    texts, large = {f.name for f in fields if pa.types.is_string(f.type)}, set[str]()
+    for _, column, _, part in _parts(file, texts, 0):
+        if _dictionary_bytes(part) > FEW_BYTES:
+            large.add(file.schema.column(column).path)
+    return sorted(texts - large)
+
+
+def _dictionary_bytes(part: pq.ColumnChunkMetaData) -> float:
+    """Of a dictionary as it stands in the file; infinity where a part has none."""
+    if not part.has_dictionary_page or part.dictionary_page_offset is None:
+        return math.inf
+    return part.data_page_offset - part.dictionary_page_offset
 
 
 def read_batches(path: Path, columns: Sequence[str], rows: int) -> Iterator[pa.Table]:
