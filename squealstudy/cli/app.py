@@ -10,7 +10,7 @@ import platform
 import re
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -97,8 +97,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # of a terminal that may not know all letters
             stream.reconfigure(errors="backslashreplace")
-    with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_: _tell(f"warning: {message}")
+    with warnings_told():
         log, lines = logging.getLogger(NAME), logging.StreamHandler()  # to stderr
         log.addHandler(lines)
         log.setLevel(logging.INFO)
@@ -112,6 +111,14 @@ def main() -> None:
         except OSError:  # told by now: Python would try again, and complain, at its end
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     raise SystemExit(code)
+
+
+@contextlib.contextmanager
+def warnings_told() -> Iterator[None]:
+    """Warnings of libraries as lines on stderr, which may quote what a file says."""
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_: _tell(f"warning: {message}")
+        yield
 
 
 def _outcome(arguments: list[str]) -> int:

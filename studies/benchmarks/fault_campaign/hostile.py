@@ -145,7 +145,7 @@ def _said(command: list[str]) -> Judged:
 
     out = io.StringIO()
     screen.console.file = screen.messages.file = out
-    with redirect_stdout(out), redirect_stderr(out):
+    with redirect_stdout(out), redirect_stderr(out), app.warnings_told():
         code = app._outcome(command)
     text = out.getvalue()
     if "internal error" in text or "Traceback" in text:
