@@ -62,3 +62,28 @@ def test_a_line_more_or_less_is_refused(tmp_path, name, change):
 
 def test_a_number_that_stands_twice_is_refused(tmp_path):
     refused(tmp_path, MESH_22.replace("\n2 5 2 0 1", "\n1 5 2 0 1").split("\n"))
+
+
+NAMED = MESH_22.replace(
+    "$Nodes", '$PhysicalNames\n2\n3 1 "BACK"\n3 2 "OF TWO WORDS"\n$EndPhysicalNames\n$Nodes', 1
+)
+
+
+@pytest.mark.parametrize("section", ["PhysicalNames", "Entities"])
+def test_a_name_more_or_less_is_refused(tmp_path, section):
+    """meshio took a doubled name and lost the last without a word: its elements had none."""
+    tetrahedra = MESH_41.with_name("pad_tet10.msh").read_text()
+    for text in (NAMED, MESH_41.read_text(), tetrahedra):
+        if f"${section}\n" not in text:
+            continue
+        for k in section_lines(text, section):
+            for times in (0, 2):
+                lines = text.split("\n")
+                lines[k : k + 1] = [lines[k]] * times
+                refused(tmp_path, lines)
+
+
+def test_names_are_read_and_two_of_one_number_refused(tmp_path):
+    (tmp_path / "a.msh").write_text(NAMED)
+    assert read_gmsh(tmp_path / "a.msh").n_elements == 1
+    refused(tmp_path, NAMED.replace("3 2", "3 1").split("\n"))

@@ -15,12 +15,13 @@ from squealstudy.errors import ModelError
 FORMAT = re.compile(rb"\$MeshFormat\s+(\S+)\s+(\d+)")
 SECTION = r"^[ \t]*\${0}[ \t]*\r?\n(.*?)^[ \t]*\$End{0}"
 MOST_SHOWN = 5  # numbers in a message
+Number = int | tuple[int, ...]  # of a name with its dimension
 
 
 def check_counts(path: Path) -> None:
-    """Raise ModelError where sections of nodes and elements are not what their headers state.
+    """Raise ModelError where sections are not what their headers state: a line less is lost unsaid.
 
-    Also where two nodes, or two elements, have one number.
+    Also where two nodes, two elements or two names have one number.
     """
     content = path.read_bytes()
     found = FORMAT.search(content)
@@ -29,13 +30,19 @@ def check_counts(path: Path) -> None:
     blocks = found[1].startswith(b"4")
     if blocks and not found[1].startswith(b"4.1"):
         return  # meshio refuses 4.0 in its own words
-    for name, word in (("Nodes", "node"), ("Elements", "element")):
+    readers = {
+        ("Nodes", "node"): _in_blocks if blocks else _in_a_list,
+        ("Elements", "element"): _in_blocks if blocks else _in_a_list,
+        ("PhysicalNames", "name"): _names,
+        ("Entities", "entity"): _entities,
+    }
+    for (name, word), numbers_of in readers.items():
         section = re.search(SECTION.format(name).encode(), content, re.M | re.S)
         if section is None:
             continue  # meshio says so
         lines = [line.split() for line in section[1].splitlines() if line.strip()]
         try:
-            numbers = _in_blocks(lines, word) if blocks else _in_a_list(lines, word)
+            numbers = numbers_of(lines, word)
         except ValueError as error:
             raise ModelError(f"{path}: section ${name}: {error}") from None
         _expect_unique(numbers, path, word)
@@ -43,10 +50,31 @@ def check_counts(path: Path) -> None:
 
 def _in_a_list(lines: Sequence[list[bytes]], word: str) -> list[int]:
     """Numbers of nodes or elements of format 2.2; ValueError where they are not as many."""
+    rows = _stated(lines, word)
+    return [_whole(rows, k, 1)[0] for k in range(len(rows))]
+
+
+def _names(lines: Sequence[list[bytes]], word: str) -> list[Number]:
+    """Dimensions and numbers of physical names; ValueError where they are not as many."""
+    rows = _stated(lines, word)
+    return [tuple(_whole(rows, k, 2)) for k in range(len(rows))]
+
+
+def _stated(lines: Sequence[list[bytes]], word: str) -> Sequence[list[bytes]]:
+    """The lines below a header; ValueError where it states another number of them."""
     stated, rows = _whole(lines, 0, 1)[0], lines[1:]
     if stated != len(rows):
         raise ValueError(f"its header states {stated} {word}s, there are {len(rows)}")
-    return [_whole(rows, k, 1)[0] for k in range(len(rows))]
+    return rows
+
+
+def _entities(lines: Sequence[list[bytes]], _: str) -> list[Number]:
+    """Dimensions and numbers of points to volumes; ValueError where they are not as many."""
+    stated, rows = _whole(lines, 0, 4), lines[1:]
+    if sum(stated) != len(rows):
+        raise ValueError(f"its header states {sum(stated)} entities, there are {len(rows)}")
+    dimensions = [dimension for dimension, count in enumerate(stated) for _ in range(count)]
+    return [(dimension, *_whole(rows, k, 1)) for k, dimension in enumerate(dimensions)]
 
 
 def _in_blocks(lines: Sequence[list[bytes]], word: str) -> list[int]:
@@ -92,8 +120,9 @@ def _shown(words: Sequence[bytes]) -> str:
     return b" ".join(words)[:40].decode(errors="replace")
 
 
-def _expect_unique(numbers: Sequence[int], path: Path, word: str) -> None:
+def _expect_unique(numbers: Sequence[Number], path: Path, word: str) -> None:
     twice = [number for number, count in Counter(numbers).items() if count > 1]
     if twice:
         shown = ", ".join(map(str, twice[:MOST_SHOWN]))
-        raise ModelError(f"{path}: {word}s {shown} are there twice")
+        many = "entities" if word == "entity" else f"{word}s"
+        raise ModelError(f"{path}: {many} {shown} are there twice")
