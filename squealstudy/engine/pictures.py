@@ -6,6 +6,7 @@ every study gets the pictures that its tables allow; nothing else names it.
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import pkgutil
 import re
@@ -88,9 +89,25 @@ class Plot:
                 f"{results.directory}: the plot {self.name} needs {lacking}, which these results "
                 f"of kind {results.kind} have not"
             )
-        try:
+        from matplotlib.figure import Figure
+
+        with self.named():
             figure = self.draw(results, *arguments, **choices)
-        except SquealstudyError:
+            if not isinstance(figure, Figure):
+                raise TypeError(f"expected a Figure of Matplotlib, got {figure!r}")
+        if not hasattr(figure, AS_PNG):  # matplotlib's own way begins with a figure of pyplot
+            setattr(figure, AS_PNG, partial(_png, figure))
+        return figure
+
+    @contextlib.contextmanager
+    def named(self) -> Iterator[None]:
+        """Name the file of a plot from outside the package where drawing, or writing it, fails.
+
+        What the machine refuses stays what it is.
+        """
+        try:
+            yield
+        except (SquealstudyError, OSError, MemoryError):
             raise
         except Exception as error:
             code = self.draw.__code__ if isinstance(self.draw, FunctionType) else None
@@ -100,9 +117,6 @@ class Plot:
             raise ExtensionError(
                 Path(code.co_filename), f"the plot '{self.name}' cannot be drawn ({said})"
             ) from error
-        if not hasattr(figure, AS_PNG):  # matplotlib's own way begins with a figure of pyplot
-            setattr(figure, AS_PNG, partial(_png, figure))
-        return figure
 
 
 def _png(figure: Figure) -> bytes:
@@ -209,7 +223,9 @@ def pictures(results: Results) -> Iterable[tuple[str, Plot, Choices]]:
     """Name of the file, plot and choices of every picture that the results allow."""
     for name, plot in sorted(plots().items()):
         if not plot.missing(results):
-            for suffix, choices in plot.pictures(results):
+            with plot.named():
+                wanted = list(plot.pictures(results))
+            for suffix, choices in wanted:
                 yield name + suffix, plot, choices
 
 
@@ -217,7 +233,8 @@ def images(results: Results) -> Iterator[str]:
     """Every picture that the results allow, drawn for a page of HTML."""
     for _, plot, choices in pictures(results):
         image = BytesIO()
-        plot(results, **choices).savefig(image, format="png")
+        with plot.named():
+            plot(results, **choices).savefig(image, format="png")
         encoded = b64encode(image.getvalue()).decode()
         yield f'<img alt="{plot.name}" src="data:image/png;base64,{encoded}">'
 
@@ -232,11 +249,10 @@ def draw_pictures(results: Results, directory: Path | None) -> list[Path]:
     failed: list[ExtensionError] = []
     for path, (_, plot, choices) in zip(paths, wanted, strict=True):
         try:
-            figure = plot(results, **choices)
+            with plot.named():
+                save_figure(plot(results, **choices), path)
         except ExtensionError as error:  # the others are drawn all the same
             failed.append(error)
-        else:
-            save_figure(figure, path)
     if failed:
         raise failed[0]
     return paths

@@ -212,7 +212,8 @@ def _pictures(one: Results, room: int) -> tuple[list[str], int]:
         image, drawn = BytesIO(), plot(one, **choices)
         if drawn.get_label() == NOTHING:
             continue
-        drawn.savefig(image, format="png", dpi=110)
+        with plot.named():
+            drawn.savefig(image, format="png", dpi=110)
         text = b64encode(image.getvalue()).decode()
         if spent + len(text) > room:
             left.append(name)

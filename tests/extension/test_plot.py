@@ -14,6 +14,7 @@ from study_texts import study_text, sweep_text
 
 import squealstudy as sq
 from squealstudy.engine import pictures
+from squealstudy.engine.report import report
 from squealstudy.errors import ExtensionError, ResultsError
 
 STUDY = (
@@ -65,6 +66,43 @@ def test_one_that_fails_is_named_and_the_others_are_drawn(tmp_path):
     with pytest.raises(ExtensionError, match=r"my_plot\.py: the plot 'unstable_by_band' cannot"):
         results.draw(tmp_path / "drawn")
     assert (tmp_path / "drawn" / "stability_diagram.png").is_file()
+
+
+def no_figure(results):
+    return None
+
+
+def no_text(results):
+    figure = Figure()
+    figure.subplots().set_title("$\\frac{$")  # fails when it is written
+    return figure
+
+
+def no_choices(results):
+    raise KeyError("\x1b[31m")
+
+
+@pytest.mark.parametrize("draw", [no_figure, no_text])
+def test_what_cannot_be_written_is_named_as_well(tmp_path, monkeypatch, draw):
+    """In pictures beside tables, in a page to hand on, and in a notebook."""
+    few = {"unstable_by_band": pictures.plots()["unstable_by_band"]}
+    monkeypatch.setattr(pictures, "_REGISTERED", few)
+    sq.register_plot(points=("friction",))(draw)
+    results = results_of(tmp_path)
+    said = f"test_plot\\.py: the plot '{draw.__name__}' cannot be drawn"
+    with pytest.raises(ExtensionError, match=said):
+        results.draw(tmp_path / "drawn")
+    assert (tmp_path / "drawn" / "unstable_by_band.png").is_file()
+    with pytest.raises(ExtensionError, match=said):
+        report([results], shapes=False)
+    with pytest.raises(ExtensionError, match=said):
+        list(pictures.images(results))
+
+
+def test_choices_that_fail_are_named(tmp_path):
+    sq.register_plot(no_choices, points=("friction",))(no_figure)
+    with pytest.raises(ExtensionError, match=r"test_plot\.py: the plot 'no_figure' cannot"):
+        list(pictures.pictures(results_of(tmp_path)))
 
 
 def test_results_without_its_tables_have_no_such_picture(tmp_path):
