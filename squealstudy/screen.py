@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Rows = list[tuple[str, str]]
 STDOUT = "standard output"
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how texts begin that spreadsheets compute
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # how texts begin that spreadsheets compute
 NUMBERS = re.compile(r"[-+\d.,eE\s]*")
 NARROW = 6  # least width of a column: figures are never cut
 LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
@@ -78,6 +78,7 @@ def show_csv(table: pd.DataFrame) -> None:
     for name in told.columns:
         if told[name].dtype.kind not in "biufM":
             told[name] = [_no_formula(v) if isinstance(v, str) else v for v in told[name]]
+    told.columns = [_no_formula(str(name)) for name in told.columns]
     write(told.to_csv(index=False))
 
 
