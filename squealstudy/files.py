@@ -17,10 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from squealstudy.array_files import expect_memory
 from squealstudy.faults import named
 from squealstudy.machine import flush, is_running
 
 SEAL = "sha256"
+OF_TEXT = 4.0  # bytes of memory for each of a text that is decoded
+OF_LINES = OF_JSON = 40.0  # ... of many short ones: JSON and TOML, whose least is an empty list
 TEMPORARY = ".*.tmp"
 
 
@@ -90,6 +93,42 @@ def is_plain_file(path: Path) -> bool:
         return stat.S_ISREG(path.lstat().st_mode)
     except OSError:
         return False
+
+
+class UnusableFileError(OSError, ValueError):
+    """A file from anybody that is none, or too large; both, for readers expect one or the other."""
+
+
+def read_whole(path: Path, room: float = OF_TEXT) -> bytes:
+    """The bytes of a file from anybody, where there is memory for them and what is made of them.
+
+    A file that takes nothing on disk may have any size.
+
+    Parameters
+    ----------
+    path : Path
+        A link is followed.
+    room : float
+        Bytes of memory for each of the file.
+
+    Raises
+    ------
+    OSError
+        Not there, a device or pipe, unreadable; without room (UnusableFileError).
+    """
+    state = path.stat()
+    if not stat.S_ISREG(state.st_mode) and not stat.S_ISDIR(state.st_mode):
+        raise UnusableFileError("it is no file")
+    expect_room(room * state.st_size)
+    return path.read_bytes()
+
+
+def expect_room(needed: float) -> None:
+    """Raise UnusableFileError where so many bytes of memory are not left for what a file holds."""
+    try:
+        expect_memory(needed)
+    except ValueError as error:
+        raise UnusableFileError(str(error)) from None
 
 
 def file_hash(path: Path) -> str:

@@ -7,9 +7,11 @@ import io
 import json
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -17,10 +19,14 @@ import scipy.sparse as sp
 
 from squealstudy.engine import cache
 from squealstudy.files import file_hash, sealed
+from squealstudy.kinds.complex_modes import reduction_errors
+from squealstudy.kinds.transient import preparation
 from squealstudy.models.matrices.family import FamilyTerm
+from squealstudy.motion.shared_modes import Training
 from squealstudy.reduction.contact_space import ContactRows
 
 SECRET = "not yours"
+TRAINING = Training(np.eye(2), np.eye(2, dtype=complex))
 
 
 @pytest.fixture
@@ -135,6 +141,94 @@ def test_working_points_that_are_none_are_passed_over(monkeypatch, tmp_path):
     cache._gaps.cache_clear()
     assert list(cache._gaps("k")) == ["a"]
     assert not Path(MARK).exists()
+
+
+@pytest.fixture
+def theirs(monkeypatch, tmp_path) -> Path:
+    """A folder of somebody's arrays, beside a cache in which others can write."""
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
+    folder = tmp_path / "theirs"
+    (folder / "working_points").mkdir(parents=True)
+    for place in (folder, folder / "working_points"):
+        np.savez(place / "thesis.npz", x=np.arange(3))
+    cache._gaps.cache_clear()
+    return folder
+
+
+@pytest.mark.parametrize("level", ["model", "working_points"])
+def test_links_in_a_cache_remove_and_write_nothing_elsewhere(theirs, level):
+    """Files of working points that are none are removed, but not where a link leads."""
+    before = sorted(theirs.rglob("*"))
+    model = cache.prepared_path("k")
+    link = model if level == "model" else cache._gap_folder("k")
+    link.parent.mkdir(parents=True)
+    link.symlink_to(theirs, target_is_directory=True)
+    assert cache._gaps("k") == {}
+    assert sorted(theirs.rglob("*")) == before
+    new = cache.NewGaps()
+    new._found = {"k": {"a": np.ones(2)}}
+    new.save()
+    assert sorted(theirs.rglob("*")) == before
+    cache._gaps.cache_clear()
+    assert list(cache._gaps("k")) == ["a"]
+    if level == "model":
+        cache._remove_links(model)
+        shutil.rmtree(model)
+        model.symlink_to(theirs, target_is_directory=True)
+        eye, rows = sp.eye(3).tocsr(), np.arange(3)
+        cache.save_value(model / "value", ContactRows(eye, eye, rows, rows, rows))
+        assert sorted(theirs.rglob("*")) == before
+        assert cache.is_whole(model / "value")
+
+
+def test_a_working_point_file_without_end_is_passed_over(theirs):
+    folder = cache._gap_folder("k")
+    folder.mkdir(parents=True)
+    (folder / f"{'0' * 64}.npz").touch()
+    os.truncate(folder / f"{'0' * 64}.npz", 2**42)
+    assert cache._gaps("k") == {}
+
+
+ROOTS, ERRORS = np.array([-1 + 5j, 1 + 5j]), np.array([0.1, 0.2])
+NO_ERRORS = {
+    "number": (1e308, ERRORS),
+    "texts": (ROOTS, ERRORS.astype(str)),
+    "complex": (ROOTS, ERRORS.astype(complex)),
+    "shape": (ROOTS, ERRORS[None]),
+    "shorter": (ROOTS[:1], ERRORS),
+    "real": (ROOTS.real, ERRORS),
+}
+
+
+@pytest.mark.parametrize("case", list(NO_ERRORS))
+def test_errors_of_a_reduction_that_are_none_are_made_again(monkeypatch, tmp_path, case):
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path))
+    path = cache.prepared_path("k") / "reduction_errors" / "a"
+    monkeypatch.setattr(reduction_errors.ReductionErrorTask, "path", path)
+    task = reduction_errors.ReductionErrorTask(mock.MagicMock(), (1.0, 2.0))
+    assert task.read() is None
+    cache.save_value(path, reduction_errors.ReductionErrors(*NO_ERRORS[case]))
+    assert cache.is_whole(path)
+    assert task.read() is None
+    for name in ("prepared_model", "relative_errors", "solve_point"):
+        monkeypatch.setattr(reduction_errors, name, mock.MagicMock())
+    reduction_errors.solve_point.return_value.lam = ROOTS
+    reduction_errors.relative_errors.return_value = ERRORS
+    reduction_errors.solve_sample(task)
+    assert task.read().relative.tolist() == ERRORS.tolist()
+
+
+@pytest.mark.parametrize("value", [1e308, ("a", 1.0), (TRAINING, "x"), (TRAINING, float("inf"))])
+def test_a_training_that_is_none_is_made_again(monkeypatch, tmp_path, value):
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path))
+    folder = cache.prepared_path("k") / "training"
+    monkeypatch.setattr(preparation, "training_path", lambda plan, key: folder)
+    cache.save_value(folder, value)
+    plan = mock.MagicMock(structures=["k"])
+    assert preparation.training_seconds(plan) == 0.0
+    monkeypatch.setattr(preparation, "training_run", lambda plan, key: TRAINING)
+    preparation.make_training_runs(plan, lambda *told: None)
+    assert preparation.training_seconds(plan) > 0.0
 
 
 @pytest.mark.parametrize("damage", ["flip", "cut", "empty", "swap"])

@@ -111,6 +111,22 @@ def test_names_that_no_run_writes_are_neither_moved_nor_removed(results, fresh, 
     assert command("check", str(results)) == 0
 
 
+@pytest.mark.parametrize("fresh", [False, True])
+@pytest.mark.parametrize("name", [JOURNAL, MANIFEST, "points.parquet"])
+def test_a_file_that_has_another_name_elsewhere_stays_as_it_is(results, name, fresh):
+    """As in a backup of hard links, or by malice on a shared disk."""
+    kept = results.parent / "outside" / "a"
+    content = (results / name).read_bytes()
+    kept.write_bytes(content)
+    (results / name).unlink()
+    os.link(kept, results / name)
+    for path in sorted((results / CHUNKS).iterdir()):
+        path.unlink()  # so that there is something to do
+    run(results, fresh=fresh)
+    assert kept.read_bytes() == content
+    assert Store(results).faults() == {}
+
+
 @pytest.mark.parametrize("name", [CHUNKS, "references", SET_ASIDE, "onsets.parquet"])
 @pytest.mark.parametrize("fresh", [False, True])
 def test_nothing_is_written_or_removed_through_a_link(results, name, fresh):

@@ -27,10 +27,12 @@ from squealstudy.array_files import read_arrays
 from squealstudy.engine.keys import content_hash
 from squealstudy.faults import named
 from squealstudy.files import (
+    OF_JSON,
     TEMPORARY,
     abandoned,
     file_hash,
     is_plain_file,
+    read_whole,
     sealed,
     temporary_name,
     unsealed,
@@ -84,7 +86,7 @@ def is_whole(folder: Path) -> bool:
     try:
         if not is_plain_file(folder / META):
             return False
-        meta = unsealed((folder / META).read_bytes())
+        meta = unsealed(read_whole(folder / META, OF_JSON))
         if not all(map(ARRAY.fullmatch, meta["files"])):
             return False
         files = {folder / name: sha256 for name, sha256 in meta["files"].items()}
@@ -123,10 +125,17 @@ def save_value(folder: Path, value: Any) -> None:
     _touch(folder)
 
 
+def discard(folder: Path) -> None:
+    """Remove a value that is not what it should be, where there is one."""
+    _remove_links(folder)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
 @contextmanager
 def _appearing(folder: Path) -> Iterator[Path]:
     """A new directory to fill, which then takes the place of a value's folder."""
     with named(folder):
+        _remove_links(folder)
         folder.parent.mkdir(parents=True, exist_ok=True)
         remove_abandoned(folder.parent)
         temporary = temporary_name(folder)
@@ -140,6 +149,24 @@ def _appearing(folder: Path) -> Iterator[Path]:
             else:
                 shutil.rmtree(folder, ignore_errors=True)
                 temporary.rename(folder)
+
+
+def _links(folder: Path) -> list[Path]:
+    """Links on the way to a folder, from the folder of models on; that itself may be one."""
+    root = cache_directory() / MODELS
+    if not folder.is_relative_to(root):
+        return []
+    return [
+        p
+        for p in (folder, *folder.parents)
+        if p != root and p.is_relative_to(root) and p.is_symlink()
+    ]
+
+
+def _remove_links(folder: Path) -> None:
+    """Have what is written stay in the cache, whoever made a link in it."""
+    for link in _links(folder):
+        link.unlink(missing_ok=True)
 
 
 def remove_abandoned(folder: Path) -> None:
@@ -161,7 +188,7 @@ def load_value(folder: Path) -> Any:
     """
     if not is_whole(folder):
         raise OSError(f"{folder}: not as it was written; the next run makes it again")
-    return _unpacked(unsealed((folder / META).read_bytes())["value"], folder)
+    return _unpacked(unsealed(read_whole(folder / META, OF_JSON))["value"], folder)
 
 
 # -- other machines --------------------------------------------------------------------------------
@@ -211,6 +238,7 @@ def keep_contents(place: Path, files: Mapping[str, bytes]) -> None:
     if place.suffix == GAPS:
         for name, content in files.items():
             if hashlib.sha256(content).hexdigest() == Path(name).stem:
+                _remove_links(place.parent)
                 write_bytes(place.with_name(name), content)
         return
     if is_whole(place):
@@ -332,14 +360,14 @@ def prepared_model(key: str) -> PreparedModel:
 @lru_cache(maxsize=4)
 def _gaps(key: str) -> dict[str, np.ndarray]:
     found: dict[str, np.ndarray] = {}
+    if _links(_gap_folder(key)):  # files there may be anybody's
+        return found
     for file in sorted(_gap_folder(key).glob(f"[!.]*{GAPS}")):
-        content = file.read_bytes() if is_plain_file(file) else b""
-        if hashlib.sha256(content).hexdigest() != file.stem:
-            file.unlink(missing_ok=True)  # damaged, or of a version that named it otherwise
-            continue
-        with (
-            contextlib.suppress(ValueError, KeyError, OSError, TypeError),
-        ):
+        with contextlib.suppress(ValueError, KeyError, OSError, TypeError):
+            content = read_whole(file) if is_plain_file(file) else b""
+            if hashlib.sha256(content).hexdigest() != file.stem:
+                file.unlink(missing_ok=True)  # damaged, or of a version that named it otherwise
+                continue
             data = read_arrays(io.BytesIO(content))
             keys, gaps = data["keys"], data["gaps"]
             if gaps.ndim == 2 and gaps.dtype == float and np.isfinite(gaps).all():
@@ -373,6 +401,7 @@ class NewGaps:
             content = io.BytesIO()
             np.savez(content, keys=np.array(list(gaps)), gaps=np.stack(list(gaps.values())))
             name = hashlib.sha256(content.getvalue()).hexdigest()
+            _remove_links(_gap_folder(key))
             remove_abandoned(_gap_folder(key))
             write_bytes(_gap_folder(key) / f"{name}{GAPS}", content.getvalue())
             _touch(_gap_folder(key) / f"{name}{GAPS}")

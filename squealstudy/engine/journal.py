@@ -18,13 +18,23 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict
 
 from squealstudy.engine.result_names import FINISHED, leads_out
-from squealstudy.errors import printable
+from squealstudy.errors import ResultsError, printable
 from squealstudy.faults import named
-from squealstudy.files import file_hash, is_plain_file, write_text
+from squealstudy.files import (
+    UnusableFileError,
+    expect_room,
+    file_hash,
+    is_plain_file,
+    write_bytes,
+    write_text,
+)
 from squealstudy.wording import listed
 
 JOURNAL = "journal.jsonl"
 Owner = tuple[str, str, str]  # name, kind and model of the study
+LONGEST = 2**26  # bytes of a line; that of 4,096 points with their files has 2**20
+MOST_BYTES = 2**29  # of all; that of a million points with histories and states has 2**28
+ENTRY_ROOM = 12.0  # bytes of memory for each of the file
 MOST_NAMED, MOST_SHOWN = 4, 100  # names in a message, and letters of each
 DAMAGED, MISSING, UNFINISHED = "damaged", "missing", "in no journal"
 
@@ -124,6 +134,8 @@ class Journal:
             self._append(Line(gone=known))
 
     def _append(self, line: Line) -> None:
+        if self._path.exists() and self._path.stat().st_nlink > 1:  # of a backup, or not ours
+            write_bytes(self._path, self._path.read_bytes())
         with named(self._path), self._path.open("ab+") as handle:
             if handle.tell():
                 handle.seek(-1, os.SEEK_END)
@@ -178,8 +190,21 @@ def _text(line: Line) -> str:
 
 def _read(path: Path) -> Iterator[Line | None]:
     """Lines of a journal; None for one that cannot be read."""
-    for line in filter(None, path.read_bytes().split(b"\n") if is_plain_file(path) else ()):
-        try:
-            yield Line.model_validate_json(line, strict=True)
-        except ValueError:
-            yield None
+    if not is_plain_file(path):
+        return
+    size = path.stat().st_size
+    try:
+        if size > MOST_BYTES:
+            raise UnusableFileError(f"{size:,} bytes")
+        expect_room(ENTRY_ROOM * size)
+    except OSError as error:
+        raise ResultsError(f"{path}: too long for a journal: {error}") from None
+    with path.open("rb") as handle:
+        while line := handle.readline(LONGEST):
+            if len(line) == LONGEST:  # what is left of it is no line either
+                yield None
+            elif line := line.rstrip(b"\n"):
+                try:
+                    yield Line.model_validate_json(line, strict=True)
+                except ValueError:
+                    yield None

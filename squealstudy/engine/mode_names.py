@@ -11,7 +11,15 @@ from pydantic import BaseModel
 
 from squealstudy.engine.mode_shapes import expect_complex_modes, point_shapes
 from squealstudy.errors import ResultsError
-from squealstudy.files import file_hash, is_plain_file, sealed, unsealed, write_text
+from squealstudy.files import (
+    OF_JSON,
+    file_hash,
+    is_plain_file,
+    read_whole,
+    sealed,
+    unsealed,
+    write_text,
+)
 from squealstudy.progress import progress
 from squealstudy.shapes.names import AND, name_of
 
@@ -179,7 +187,7 @@ def read_track_names(results: Results) -> dict[int, tuple[str, bool]]:
     if not is_plain_file(path):
         return {}
     try:
-        content = KeptNames.model_validate(unsealed(path.read_bytes()))
+        content = KeptNames.model_validate(unsealed(read_whole(path, OF_JSON)))
     except ValueError:
         return {}  # damaged, or no such file: it is made again when names are asked for
     return content.tracks if content.modes == _identity(results) else {}

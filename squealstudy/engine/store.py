@@ -39,9 +39,11 @@ from squealstudy.engine.result_names import (
 from squealstudy.engine.table_files import read_batches, read_chunk, read_file, readable
 from squealstudy.errors import MachineError, ResultsError
 from squealstudy.files import (
+    OF_JSON,
     SEAL,
     TEMPORARY,
     is_plain_file,
+    read_whole,
     sealed,
     unsealed,
     write_arrays,
@@ -96,7 +98,7 @@ def read_manifest(directory: Path) -> dict[str, Any] | None:
     if path.stat().st_size > MOST_BYTES:
         raise ResultsError(f"{path}: too long for a manifest")
     try:
-        text = path.read_bytes()
+        text = read_whole(path, OF_JSON)
         content: dict[str, Any] = json.loads(text)
         if SEAL in content:  # those of older versions have none
             content = unsealed(text)
@@ -381,7 +383,7 @@ class Store:
         facts, found = facts_of(owner[1]) if owner else None, dict[str, dict[str, Any]]()
         for name in (name for name in self.names(REFERENCES) if not self.fault(name)):
             try:
-                result = json.loads((self.directory / name).read_bytes())
+                result = json.loads(read_whole(self.directory / name, OF_JSON))
                 if facts:
                     facts.model_validate({"reference": [result]})
                 if result["point_id"] == Path(name).stem:

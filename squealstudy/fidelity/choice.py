@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 from squealstudy.engine.keys import NUMERIC_PACKAGES, content_hash, source_hash
 from squealstudy.fidelity.ladders import Setting
 from squealstudy.fidelity.pilots import FidelityStudy
-from squealstudy.files import sealed, unsealed, write_text
+from squealstudy.files import OF_JSON, read_whole, sealed, unsealed, write_text
 from squealstudy.paths import cache_directory
 
 CODE = (*NUMERIC_PACKAGES, "study", "engine", "kinds", "fidelity")
@@ -204,7 +204,7 @@ def kept_choice(fidelity: FidelityStudy, make: Callable[[], Choice]) -> Choice:
     path = _path(fidelity)
     if path.is_file():
         with contextlib.suppress(ValueError):  # damaged: it is made again
-            return _CHOICE.validate_python(unsealed(path.read_bytes()))
+            return _CHOICE.validate_python(unsealed(read_whole(path, OF_JSON)))
     choice = make()
     write_text(path, sealed(_CHOICE.dump_python(choice, mode="json")))
     return choice

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from squealstudy.errors import ModelError
 from squealstudy.faults import named
+from squealstudy.files import OF_LINES, UnusableFileError, read_whole
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.components.free_modes import rigid_count
 from squealstudy.shapes.names import ALIKE
@@ -108,7 +109,10 @@ def _sets(path: Path) -> list[Mapping[str, Any]]:
     with named(path):
         if not path.is_file():
             raise ModelError(f"{path}: there is no such file")
-        path.read_bytes()  # what cannot be read says so itself
+        try:
+            read_whole(path, OF_LINES)  # what cannot be read says so itself
+        except UnusableFileError as error:
+            raise ModelError(f"{path} cannot be read: {error}") from None
     try:
         file = pyuff.UFF(str(path))
         wanted = (*NODES, UNITS, SHAPE)

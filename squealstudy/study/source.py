@@ -16,6 +16,7 @@ from pydantic_core import ErrorDetails
 
 from squealstudy.errors import ExtensionError, StudyFileError
 from squealstudy.extensions import load_extension
+from squealstudy.files import OF_JSON, read_whole
 from squealstudy.study.toml_text import KeyLines, KeyPath
 from squealstudy.wording import did_you_mean, expectation, shown
 
@@ -63,7 +64,7 @@ def _read_text(path: Path) -> str:
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):  # it might never end
             raise StudyFileError("expected a study file (TOML), got a pipe or a device", path)
-        raw = path.read_bytes()
+        raw = read_whole(path, OF_JSON)
     except FileNotFoundError:
         raise StudyFileError("there is no such file", path) from None
     except IsADirectoryError:

@@ -25,7 +25,7 @@ from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ConvergenceError
-from squealstudy.files import sealed, unsealed, write_text
+from squealstudy.files import OF_JSON, read_whole, sealed, unsealed, write_text
 from squealstudy.kinds.complex_modes.full_order_check import solve_unreduced
 from squealstudy.models.operating import DesignState
 from squealstudy.models.parameter_names import FREQUENCY_SCALE
@@ -97,7 +97,7 @@ class SweptStructure:
     def refusal(self) -> str:
         """Why there can be no basis over this box; empty where none was refused."""
         with contextlib.suppress(OSError, ValueError):  # not there, or damaged
-            return str(unsealed(self._refusal.read_bytes())["reason"])
+            return str(unsealed(read_whole(self._refusal, OF_JSON))["reason"])
         return ""
 
     def refuse(self, reason: str) -> None:

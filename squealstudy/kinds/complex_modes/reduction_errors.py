@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.engine.cache import (
+    discard,
     is_whole,
     load_value,
     prepared_model,
@@ -48,6 +49,18 @@ class ReductionErrors:
     relative: np.ndarray
 
     @property
+    def fit(self) -> bool:
+        """Whether they are what this class says: a cache may be of others."""
+        lam, relative = self.lam, self.relative
+        return (
+            isinstance(lam, np.ndarray)
+            and isinstance(relative, np.ndarray)
+            and lam.shape == relative.shape == (lam.size,)
+            and lam.dtype == np.complex128
+            and relative.dtype == np.float64
+        )
+
+    @property
     def worst(self) -> float:
         """Largest relative error of lightly damped and growing modes."""
         return float(self.relative[light_or_growing(self.lam)].max(initial=0.0))
@@ -68,15 +81,18 @@ class ReductionErrorTask:
         name = content_hash([source_hash(), laws, self.band_hz, values])
         return prepared_path(self.point.structure) / "reduction_errors" / name
 
-    def read(self) -> ReductionErrors | None:
-        """The errors that are kept; None where the point has none, or is not solved yet."""
+    def read(self) -> ReductionErrors | str | None:
+        """The errors that are kept, or why there are none; None where nothing is kept."""
         found = load_value(self.path) if is_whole(self.path) else None
-        return found if isinstance(found, ReductionErrors) else None
+        if isinstance(found, str) or (isinstance(found, ReductionErrors) and found.fit):
+            return found
+        return None  # whoever wrote it
 
 
 def solve_sample(task: ReductionErrorTask) -> None:
     """Solve a sample point and keep its errors, or why it has none."""
     prepared = prepared_model(task.point.structure)
+    discard(task.path)  # where there is one, it is none of this class
     try:
         state = task.point.state()
         found = solve_point(prepared, state, task.band_hz)
@@ -109,11 +125,11 @@ def make_samples(
         return []
     chosen = [i for i in sample_points(plan) if plan.tasks[i].structure not in failures]
     tasks = {i: ReductionErrorTask(plan.tasks[i], plan.band_hz) for i in chosen}
-    missing = [task for task in tasks.values() if not is_whole(task.path)]
+    missing = [task for task in tasks.values() if task.read() is None]
     for _ in workers.each(solve_sample, missing, "errors of the reduction"):
         pass
     found = ((i, task.read()) for i, task in tasks.items())
-    return [(i, sample) for i, sample in found if sample is not None]
+    return [(i, sample) for i, sample in found if isinstance(sample, ReductionErrors)]
 
 
 def carried_errors(

@@ -6,6 +6,7 @@ basis do, for POD vectors that repair it.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -13,7 +14,14 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.engine.cache import NewGaps, is_prepared, is_whole, load_value, save_value
+from squealstudy.engine.cache import (
+    NewGaps,
+    discard,
+    is_prepared,
+    is_whole,
+    load_value,
+    save_value,
+)
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Progress
 from squealstudy.errors import SquealstudyError
@@ -191,12 +199,13 @@ def make_training_runs(plan: Plan, report: Progress, wanted: Collection[str] | N
     if not plan.study.section.pod_vectors:
         return
     asked = [key for key in plan.structures if wanted is None or key in wanted]
-    missing = [key for key in asked if not is_whole(training_path(plan, key))]
+    missing = [key for key in asked if _seconds(plan, key) is None]
     for done, key in enumerate(missing):
         report("training run", done, len(missing))
         started = time.process_time()
         with threadpool_limits(1):
             made = training_run(plan, key)
+        discard(training_path(plan, key))  # where there is one, it is no training
         save_value(training_path(plan, key), (made, time.process_time() - started))
     if missing:
         report("training run", len(missing), len(missing))
@@ -206,9 +215,20 @@ def training_seconds(plan: Plan) -> float:
     """What training took on the structures that are trained on, for all of them; 0 without."""
     if not plan.study.section.pod_vectors:
         return 0.0
-    folders = [training_path(plan, key) for key in plan.structures]
-    made = [load_value(folder)[1] for folder in folders if is_whole(folder)]
-    return float(sum(made)) * len(folders) / max(len(made), 1)
+    told = (_seconds(plan, key) for key in plan.structures)
+    made = [seconds for seconds in told if seconds is not None]
+    return float(sum(made)) * len(plan.structures) / max(len(made), 1)
+
+
+def _seconds(plan: Plan, key: str) -> float | None:
+    """What the training of a structure took; None where the cache holds none, whoever wrote it."""
+    folder = training_path(plan, key)
+    found = load_value(folder) if is_whole(folder) else None
+    if not (isinstance(found, tuple) and len(found) == 2):
+        return None
+    made, seconds = found
+    fit = isinstance(made, Training) and isinstance(seconds, float) and math.isfinite(seconds)
+    return seconds if fit else None
 
 
 def training_run(plan: Plan, prepared_key: str) -> Training:

@@ -118,7 +118,9 @@ def _included(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[Pat
         yield from included(path)
     if path.suffix.lower() != ".inp" or not path.is_file() or path in above:
         return
-    for name in INCLUDED.findall(path.read_text(encoding="utf-8", errors="replace")[:LARGEST]):
+    with path.open(encoding="utf-8", errors="replace") as handle:
+        text = handle.read(LARGEST)
+    for name in INCLUDED.findall(text):
         found = folder / name.strip()
         if found.is_file():
             yield found

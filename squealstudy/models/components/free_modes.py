@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
+from squealstudy.files import OF_LINES, UnusableFileError, read_whole
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.components.bodies import Brake
 from squealstudy.models.components.file_matrices import least_frequency
@@ -54,7 +55,9 @@ def read_mode_table(path: Path) -> tuple[MeasuredLine, ...]:
         With file and line.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_whole(path, OF_LINES).decode("utf-8-sig")
+    except UnusableFileError as error:
+        raise ModelError(f"{path.name} cannot be read: {error}") from None
     except UnicodeDecodeError as error:
         raise ModelError(f"{path.name}: expected text in UTF-8") from error
     rows = csv.reader(text.splitlines())

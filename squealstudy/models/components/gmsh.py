@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.files import read_whole
 from squealstudy.models.components.faces import faces_with_corners
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.gmsh_counts import check_counts
@@ -106,8 +107,8 @@ def _read(path: Path) -> Any:
     meshio._mesh.topological_dimension.setdefault("wedge15", 3)
     if not path.is_file():
         raise ModelError(f"there is no file {path}")
-    _check_names(path)
     check_counts(path)
+    _check_names(path)
     said = io.StringIO()
     try:
         with redirect_stderr(said):  # it prints what it overlooks: sections without end
@@ -125,7 +126,7 @@ def _read(path: Path) -> Any:
 
 def _check_names(path: Path) -> None:
     """Raise ModelError for a name that two groups have: meshio knows groups by name alone."""
-    section = NAMES.search(path.read_bytes())
+    section = NAMES.search(read_whole(path))
     seen: dict[bytes, tuple[int, int]] = {}
     for dimension, tag, name in NAME.findall(section[1]) if section else ():
         group = int(dimension), int(tag)

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from squealstudy.errors import ModelError
+from squealstudy.files import expect_room, read_whole
 
 FORMAT = re.compile(rb"\$MeshFormat\s+(\S+)\s+(\d+)")
 SECTION = r"^[ \t]*\${0}[ \t]*\r?\n(.*?)^[ \t]*\$End{0}"
+WORD_BYTES = 100  # of memory for a word in a list of a line
 MOST_SHOWN = 5  # numbers in a message
 Number = int | tuple[int, ...]  # of a name with its dimension
 
@@ -23,14 +25,14 @@ def check_counts(path: Path) -> None:
 
     Also where two nodes, two elements or two names have one number.
     """
-    content = path.read_bytes()
+    content = _content(path)
     found = FORMAT.search(content)
     if found is None or found[2] != b"0":
         return  # meshio says what is wrong, or it is binary
     blocks = found[1].startswith(b"4")
     if blocks and not found[1].startswith(b"4.1"):
         return  # meshio refuses 4.0 in its own words
-    readers = {
+    readers: dict[tuple[str, str], Callable[[Sequence[list[bytes]], str], Sequence[Number]]] = {
         ("Nodes", "node"): _in_blocks if blocks else _in_a_list,
         ("Elements", "element"): _in_blocks if blocks else _in_a_list,
         ("PhysicalNames", "name"): _names,
@@ -46,6 +48,17 @@ def check_counts(path: Path) -> None:
         except ValueError as error:
             raise ModelError(f"{path}: section ${name}: {error}") from None
         _expect_unique(numbers, path, word)
+
+
+def _content(path: Path) -> bytes:
+    """The bytes of a file; ModelError where there is no room for its words."""
+    try:
+        content = read_whole(path)
+        words = sum(map(content.count, (b" ", b"\n", b"\t", b"\r")))
+        expect_room(2 * len(content) + WORD_BYTES * words)
+    except OSError as error:
+        raise ModelError(f"{path} cannot be read: {error}") from error
+    return content
 
 
 def _in_a_list(lines: Sequence[list[bytes]], word: str) -> list[int]:

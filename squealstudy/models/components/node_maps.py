@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.files import OF_LINES, read_whole
 from squealstudy.models.components.mesh import SolidMesh
 
 MAPPING = ".mapping"  # of ANSYS; all others have lines node.direction, as CalculiX's .dof
@@ -71,7 +72,7 @@ def read_map(path: Path, freedoms: FreedomsOf) -> np.ndarray:
         With the line of what is malformed, has no node in the mesh, or is there twice.
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig", errors="replace").split("\n")
+        lines = read_whole(path, OF_LINES).decode("utf-8-sig", errors="replace").split("\n")
     except OSError as error:
         raise ModelError(f"{path} cannot be read: {error.strerror or error}") from None
     ansys = path.suffix.lower() == MAPPING

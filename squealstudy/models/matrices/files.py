@@ -14,6 +14,7 @@ import scipy.sparse as sp
 
 from squealstudy.array_files import expect_room
 from squealstudy.errors import ModelError
+from squealstudy.files import read_whole
 from squealstudy.models.matrices.dmig import read_dmig
 from squealstudy.models.matrices.entries import check_size
 from squealstudy.models.matrices.harwell_boeing import read_harwell_boeing
@@ -136,7 +137,7 @@ def _calculix(path: Path, variable: str | None) -> Any:
 
 
 def _matlab(path: Path, variable: str | None) -> Any:
-    data = path.read_bytes()
+    data = read_whole(path)
     version = version_of(data)
     if version is None:  # before 5
         import scipy.io

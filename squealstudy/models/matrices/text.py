@@ -9,16 +9,19 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.files import OF_TEXT, expect_room, read_whole
 
 OPENERS: dict[str, Callable[..., Any]] = {".gz": gzip.open, ".bz2": bz2.open}
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?"
 COUNT = re.compile(r"[0-9]{1,18}", re.ASCII)
 LONGEST_SHOWN = 40
+PART = 2**26  # letters that are decompressed at once
+LINE_BYTES = 70  # of memory for a line beside its letters
 LONGEST = 2 * 10**9  # letters of a file, decompressed: a deck of 20 million elements
 
 
@@ -37,11 +40,16 @@ class TextFile:
         """
         if path.exists() and not path.is_file():
             raise OSError("it is no file")
-        opener = OPENERS.get(path.suffix.lower(), open)
-        with opener(path, "rt", encoding="utf-8-sig", errors="replace") as handle:
-            text = handle.read(LONGEST + 1)
+        opener = OPENERS.get(path.suffix.lower())
+        if opener is None:
+            text = read_whole(path).decode("utf-8-sig", errors="replace")
+        else:
+            with opener(path, "rt", encoding="utf-8-sig", errors="replace") as handle:
+                text = _unpacked(handle)
         if len(text) > LONGEST:
             raise OSError(f"it is longer than {LONGEST:.0e} letters")
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+        expect_room(len(text) + LINE_BYTES * text.count("\n"))
         return cls(path, text.split("\n"))
 
     def line(self, index: int) -> str:
@@ -59,6 +67,16 @@ class TextFile:
         if not all(COUNT.fullmatch(word) for word in words):
             raise self.error(index, f"expected {expected}, found '{shortened(self.line(index))}'")
         return [int(word) for word in words]
+
+
+def _unpacked(handle: IO[str]) -> str:
+    """The text of a compressed file, as long as there is room for it."""
+    found, letters = [], 0
+    while letters <= LONGEST and (part := handle.read(PART)):
+        found.append(part)
+        letters += len(part)
+        expect_room(OF_TEXT * letters)
+    return "".join(found)
 
 
 def shortened(text: str) -> str:
