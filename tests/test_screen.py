@@ -39,3 +39,5 @@ def test_texts_in_csv_are_no_formulas(text, told, capsys):
     screen.show_csv(pd.DataFrame({"name": [text], "growth_rate": [-1.5]}))
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].replace('"', "") == f"{told},-1.5"
+    screen.show_csv(pd.DataFrame({text: [-1.5]}))
+    assert capsys.readouterr().out.replace('"', "") == f"{told}\n-1.5\n"
