@@ -26,6 +26,7 @@ from squealstudy.models.components.dimensions import (
 from squealstudy.models.components.expansion import Expansion, expanded
 from squealstudy.models.components.file_materials import changed_material, with_tables
 from squealstudy.models.components.file_matrices import Matrices, placed_matrices, symmetric
+from squealstudy.models.components.file_sets import with_sets
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.handed import righted
 from squealstudy.models.components.materials import Elastic, Orientation, Orthotropic
@@ -198,6 +199,7 @@ def body_of(brake: Brake, name: str) -> Body:
     except ModelError as error:
         raise PlacedError(place, str(error)) from error
     mesh = _in_si(mesh, brake.file.units)
+    mesh = with_sets(mesh, name, table, brake.file.units)
     mesh = with_tables(mesh, name, table, Numbers(brake.file, {}))
     turn, shift = placement(name, table, brake.file.units)
     placed = _moved(mesh, turn, shift)

@@ -17,6 +17,8 @@ class Table(BaseModel):
 
 Vector = Annotated[tuple[float, float, float], Strict(False)]
 Texts = Annotated[tuple[str, ...], Strict(False)]
+Pair2 = Annotated[tuple[float, float], Strict(False)]
+Corners = Annotated[tuple[Vector, Vector], Strict(False)]
 Pair = Annotated[tuple[str, str], Strict(False)]
 Moduli = float | Vector
 Damping = Annotated[float, Field(ge=0)]
@@ -81,6 +83,46 @@ class MaterialTable(Table):
         return self.E is not None and self.nu is not None
 
 
+class PlaneTable(Table):
+    """A plane."""
+
+    point: Vector = Field(description="a point of it")
+    normal: Vector = Field(description="direction across it")
+
+
+class CylinderTable(Table):
+    """A cylinder, or what is between two of one axis."""
+
+    axis: Vector = Field(description="direction of the axis")
+    point: Vector = Field(default=(0.0, 0.0, 0.0), description="a point of the axis")
+    radius: float | Pair2 = Field(description="radius, or the least and the greatest")
+
+
+class SetTable(Table):
+    """A surface of a mesh: the outer faces that fulfil all that is said.
+
+    Places are those of the mesh's file, before the component is turned and shifted.
+    """
+
+    box: Corners | None = Field(default=None, description="two opposite corners; all nodes in it")
+    plane: PlaneTable | None = Field(default=None, description="all nodes in this plane")
+    cylinder: CylinderTable | None = Field(default=None, description="all nodes at this radius")
+    normal: Vector | None = Field(default=None, description="direction in which the faces look")
+    angle: float = Field(default=10.0, gt=0, le=180, description="how far they may be off it, deg")
+    tolerance: float | None = Field(
+        default=None, gt=0, description="distance of nodes; else a thousandth of the longest side"
+    )
+    elements: str | None = Field(default=None, description="element set that has the faces")
+
+    @model_validator(mode="after")
+    def _something(self) -> SetTable:
+        if not any(
+            getattr(self, key) for key in ("box", "plane", "cylinder", "normal", "elements")
+        ):
+            raise ValueError("expected box, plane, cylinder, normal or elements")
+        return self
+
+
 class MatrixTable(Table):
     """One of several matrices of a file."""
 
@@ -107,6 +149,9 @@ class ComponentTable(Table):
         default=None, description="at which materials of its file are taken that depend on it"
     )
     materials: dict[str, MaterialTable] = Field(default={}, description="by name")
+    sets: dict[Name, SetTable] = Field(
+        default={}, description="surfaces by where their faces are and look, by name"
+    )
     K: str | MatrixTable | None = Field(default=None, description="file of the stiffness matrix")
     M: str | MatrixTable | None = Field(default=None, description="file of the mass matrix")
     C: str | MatrixTable | None = Field(default=None, description="file of a damping matrix")

@@ -1,0 +1,117 @@
+"""Sets of a model file: outer faces of a mesh by where they are and where they look."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from squealstudy.models.components.dimensions import LENGTH
+from squealstudy.models.components.faces import boundary
+from squealstudy.models.components.file_tables import ComponentTable, SetTable
+from squealstudy.models.components.mesh import SolidMesh, has_name
+from squealstudy.models.components.model_file import KeyPath, PlacedError
+
+NEAR = 1e-3  # of the longest side of the mesh: how far nodes may be off a plane or a cylinder
+
+
+def with_sets(mesh: SolidMesh, name: str, table: ComponentTable, units: str) -> SolidMesh:
+    """The mesh, in SI and where its file has it, with the surfaces of the model file.
+
+    Raises
+    ------
+    PlacedError
+        With the key of the file: a name that is there already, a direction of zero, a set that
+        selects nothing.
+    """
+    if not table.sets:
+        return mesh
+    faces, nodes, normal = _outer(mesh)
+    surfaces = dict(mesh.surfaces)
+    for label, own in table.sets.items():
+        keys: KeyPath = ("components", name, "sets", label)
+        if has_name(mesh.surfaces, label) or has_name(mesh.node_sets, label):
+            raise PlacedError(keys, f"{mesh.origin.name} has a set '{label}' already")
+        chosen = np.ones(len(faces), dtype=bool)
+        for what, found in _conditions(own, mesh, nodes, normal, LENGTH.factor(units), keys):
+            if not (chosen & found).any():
+                left = int(chosen.sum())
+                raise PlacedError(
+                    keys,
+                    f"none of {left} outer faces of {mesh.origin.name} is {what}; lengths are in "
+                    f"{units}, places those of the mesh's file",
+                )
+            chosen &= found
+        if own.elements is not None:
+            of = mesh.find("element_sets", own.elements)
+            chosen &= np.isin(faces[:, 0], of)
+            if not chosen.any():
+                raise PlacedError(keys, f"no such face is of the element set '{own.elements}'")
+        surfaces[label] = faces[chosen]
+    return replace(mesh, surfaces=surfaces)
+
+
+def _outer(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Outer faces (p, 2), their nodes (p, 8), of which the last repeat, and outward normals."""
+    outer = boundary(mesh)
+    faces, nodes, normals = [], [], []
+    for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
+        here = outer[(outer[:, 0] >= start) & (outer[:, 0] < end)]
+        shape = block.kind.shape
+        for number, face in enumerate(shape.faces, 1):
+            own = here[here[:, 1] == number]
+            of = block.nodes[own[:, 0] - start][:, list(face)]
+            corners = mesh.nodes[of[:, [i for i, f in enumerate(face) if shape.is_corner(f)]]]
+            cross = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
+            if corners.shape[1] == 3:
+                cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            faces.append(own)
+            nodes.append(np.pad(of, ((0, 0), (0, 8 - of.shape[1])), mode="edge"))
+            normals.append(cross / np.linalg.norm(cross, axis=1, keepdims=True))
+    found = np.vstack(faces)
+    order = np.lexsort((found[:, 1], found[:, 0]))
+    return found[order], np.vstack(nodes)[order], np.vstack(normals)[order]
+
+
+def _conditions(
+    own: SetTable,
+    mesh: SolidMesh,
+    nodes: np.ndarray,
+    normal: np.ndarray,
+    size: float,
+    keys: KeyPath,
+) -> list[tuple[str, np.ndarray]]:
+    """What each key of a set asks for, and which faces (p,) fulfil it."""
+    x = mesh.nodes[nodes]
+    near = NEAR * float(np.ptp(mesh.nodes, axis=0).max())
+    if own.tolerance is not None:
+        near = size * own.tolerance
+    found = []
+    if own.box is not None:
+        low, high = np.sort(size * np.array(own.box), axis=0)
+        inside = ((x >= low - near) & (x <= high + near)).all(axis=(1, 2))
+        found.append(("in the box", inside))
+    if own.plane is not None:
+        n = _unit(own.plane.normal, (*keys, "plane", "normal"))
+        off = np.abs((x - size * np.array(own.plane.point)) @ n).max(axis=1)
+        found.append(("in the plane", off <= near))
+    if own.cylinder is not None:
+        axis = _unit(own.cylinder.axis, (*keys, "cylinder", "axis"))
+        from_axis = x - size * np.array(own.cylinder.point)
+        r = np.linalg.norm(from_axis - (from_axis @ axis)[..., None] * axis, axis=-1)
+        radius = own.cylinder.radius
+        low_r, high_r = radius if isinstance(radius, tuple) else (radius, radius)
+        on = ((r >= size * low_r - near) & (r <= size * high_r + near)).all(axis=1)
+        found.append(("at that radius", on))
+    if own.normal is not None:
+        cosine = normal @ _unit(own.normal, (*keys, "normal"))
+        found.append(("turned there", cosine >= np.cos(np.deg2rad(own.angle))))
+    return found
+
+
+def _unit(vector: tuple[float, float, float], keys: KeyPath) -> np.ndarray:
+    v = np.array(vector)
+    if not np.linalg.norm(v) > 0:
+        raise PlacedError(keys, "expected a direction, got zeros")
+    unit: np.ndarray = v / np.linalg.norm(v)
+    return unit
