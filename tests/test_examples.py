@@ -1,8 +1,12 @@
 """`squealstudy examples`: the shipped studies, whole, from a clone as from a wheel."""
 
 import os
+import runpy
+import sys
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from test_pages import shipped
@@ -67,6 +71,31 @@ def test_the_screen_says_what_to_run_and_in_which_order(tmp_path, capsys):
     )
     cli.examples()
     assert "coarse brake over friction, and over frequency" in capsys.readouterr().out
+
+
+@pytest.fixture
+def index_page(monkeypatch) -> Callable[..., str]:
+    """`for_an_index` of the build hook, without hatchling."""
+    interface = ModuleType("hatchling.metadata.plugin.interface")
+    interface.MetadataHookInterface = object
+    monkeypatch.setitem(sys.modules, "hatchling.metadata.plugin.interface", interface)
+    hook = runpy.run_path(str(ROOT / "hatch_build.py"))
+    return hook["for_an_index"]
+
+
+def test_the_page_of_a_package_index_needs_no_clone(index_page):
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    page = index_page(readme)
+    assert "](" not in page
+    assert "pip install squealstudy" in page
+    assert "-e " not in page
+    assert "squealstudy examples first_brake && squealstudy run first_brake.toml" in page
+    assert "run studies/" not in page
+    assert "`CHANGELOG.md`" in page
+    assert len(page) > 0.8 * len(readme)
+    linked = index_page(readme, "https://example.org/tree/main/")
+    assert "](https://example.org/tree/main/studies/running.md)" in linked
+    assert "](https://example.org/tree/main/results/charts/friction_pressure.png)" in linked
 
 
 def test_a_wheel_holds_them_all():
