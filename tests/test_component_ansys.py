@@ -251,6 +251,15 @@ def test_what_is_wrong_is_said_with_its_line(tmp_path, old, new, message):
     assert str(caught.value).startswith(str(tmp_path / "a.cdb"))
 
 
+def test_settings_of_cdwrite_and_lumped_masses(tmp_path):
+    text = archive(box("C3D8I"), 185, {2: 2}, range(8))
+    more = "LUMPM,OFF\nSTEF,5.67E-08\nDMPOPT,ESAV,NO\nTIMINT,ON,STRU\nCSCIR,0,0\nEMUNIT,MKS\n/GO"
+    assert not read(tmp_path, text.replace("/GO", more, 1)).lumped
+    assert read(tmp_path, text.replace("/GO", more.replace("OFF", "ON"), 1)).lumped
+    with pytest.raises(ModelError, match=r'depend on them: pass_over = \["TB", "CP"\]$'):
+        read(tmp_path, text.replace("/GO", "TB,ANEL,1\nCP,1,UX\n/GO", 1))
+
+
 def test_damaged_blocks(tmp_path):
     """Missing middle nodes, nodes and elements that are not there, bricks without sense."""
     mesh = box("C3D20R", (1, 1, 1))

@@ -122,7 +122,7 @@ class _Deck:
         self._notes.append(PassedOver(shown, self._path, line.place + 1 if line else 0, why))
 
     def _refuse_unknown(self) -> None:
-        unknown = []
+        unknown, names = [], []
         for name, own in self._commands.items():
             if name in ENDS:
                 for line, words in own:
@@ -134,11 +134,12 @@ class _Deck:
             elif name in PASSED_OVER or name in self._ignored:
                 self._note(name, len(own), own[0][0], PASSED_OVER.get(name, "as asked for"))
             elif name not in READ and name not in SETTINGS:
+                names.append(name)
                 unknown.append((own[0][0], f"{name} ({len(own)}, first in line {_number(own)})"))
         if unknown:
             raise unknown[0][0].error(
-                f"commands that are not supported: {', '.join(t for _, t in unknown)}: remove "
-                "them, or name in pass_over those on which neither mass nor stiffness depend"
+                f"commands that are not supported: {', '.join(t for _, t in unknown)}; where "
+                f"neither mass nor stiffness depend on them: pass_over = [{_pasted(names)}]"
             )
 
     def mesh(self) -> SolidMesh:
@@ -163,7 +164,10 @@ class _Deck:
             why = f"{mesh.nodes_named(np.flatnonzero(~used))}: no solid has such a node"
             self._note("NBLOCK", 1, None, why)
             mesh = mesh.part(np.arange(mesh.n_elements))
-        return replace(mesh, passed_over=(*mesh.passed_over, *self._notes))
+        lumped = any(words[:1] and words[0].upper() == "ON" for _, words in self._all("LUMPM"))
+        if lumped:
+            self._note("LUMPM", 1, None, "masses are lumped, as here; mass = 'full' does not")
+        return replace(mesh, lumped=lumped, passed_over=(*mesh.passed_over, *self._notes))
 
     # -- blocks ----------------------------------------------------------------------------------
     def _blocks(self) -> ArchiveBlocks:
@@ -277,7 +281,7 @@ class _Deck:
 
     def _refuse_others(self, of: np.ndarray, types: Mapping[int, _Type]) -> None:
         """ModelError about elements that are no solids, unless they are to be passed over."""
-        refused = []
+        refused, names = [], []
         for number in np.unique(of):
             if number not in types:
                 raise ModelError(f"{self._path}: there is no ET of type {number}")
@@ -287,11 +291,13 @@ class _Deck:
             if own.element in BESIDE or own.name in self._ignored:
                 self._note(own.name, count, None, BESIDE.get(own.element, "as asked for"))
             else:
+                names.append(own.name)
                 refused.append(f"{own.name} ({count})")
         if refused:
             raise ModelError(
                 f"{self._path}: elements that are not supported: {', '.join(refused)}: state "
-                "masses, springs and ties in the model file, then name these in pass_over"
+                "masses, springs and ties in the model file, then name these: pass_over = "
+                f"[{_pasted(names)}]"
             )
 
     def _formulation(self, number: int, own: _Type) -> str:
@@ -373,6 +379,11 @@ class _Deck:
                 )
             mesh = mesh.with_material(name, material, name)
         return mesh
+
+
+def _pasted(names: list[str]) -> str:
+    """Names as a model file lists them."""
+    return ", ".join(f'"{name}"' for name in dict.fromkeys(names))
 
 
 def _number(own: list[tuple[Line, list[str]]]) -> int:

@@ -41,10 +41,20 @@ from squealstudy.models.components.model_file import (
 from squealstudy.models.fem.solid import Isotropic
 
 INCLUDED = re.compile(r"^\s*\*[^,]*,.*?\bINPUT\s*=\s*\"?([^,\"\n]+?)\"?\s*(?:,|$)", re.I | re.M)
-ANSYS, NASTRAN = ".cdb", (".bdf", ".nas", ".dat")
+ANSYS, NASTRAN = ".cdb", (".bdf", ".nas", ".dat", ".fem")
 FORMATS = (".inp", ".msh", ANSYS, *NASTRAN)
 BODY = re.compile(r"BODY[1-9][0-9]*", re.I)  # a part of a mesh that nothing connects to others
 BODIES = 100  # from which on they are no sets
+POINTER = b"version https://git-lfs.github.com"  # what a file is replaced by
+ADVICE = (
+    (
+        (".med", ".vtu", ".vtk", ".xdmf", ".exo", ".e", ".mesh", ".avs", ".xml", ".unv"),
+        "; meshio or gmsh converts it to .msh or .inp",
+    ),
+    ((".stp", ".step", ".igs", ".iges", ".brep", ".stl", ".x_t"), "; it is a shape: mesh it first"),
+    ((".odb", ".op2", ".rst", ".db", ".hm", ".cae"), "; let its program write the mesh as text"),
+    ((".k", ".key"), "; LS-PrePost and others write it as .inp or .bdf"),
+)
 LARGEST = 100_000_000  # characters of a file that are looked through for others it includes
 
 
@@ -148,6 +158,10 @@ def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
 
 def _read(path: Path, table: ComponentTable) -> SolidMesh:
     ending = path.suffix.lower()
+    if path.is_file():
+        with path.open("rb") as handle:
+            if handle.read(len(POINTER)) == POINTER:
+                raise ModelError(f"{path} is a pointer of Git LFS: 'git lfs pull' brings the file")
     if ending == ".inp":
         from squealstudy.models.components.inp import read_inp
 
@@ -176,7 +190,8 @@ def _read(path: Path, table: ComponentTable) -> SolidMesh:
         mesh = read_cdb(path, table.part, treat_as=table.treat_as, pass_over=table.pass_over)
     else:
         known = ", ".join(FORMATS)
-        raise ModelError(f"{path}: unknown format '{path.suffix}', expected one of {known}")
+        advice = next((text for endings, text in ADVICE if ending in endings), "")
+        raise ModelError(f"{path}: unknown format '{path.suffix}', expected one of {known}{advice}")
     return mesh
 
 

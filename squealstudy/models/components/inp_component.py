@@ -23,7 +23,7 @@ from squealstudy.models.components.inp_sets import NOTHING, Sets
 from squealstudy.models.components.marked_faces import FACES, NODES, MarkedFaces
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 
-NODE = ("NSET", "INPUT")
+NODE = ("NSET", "INPUT", "SYSTEM")
 ELEMENT = ("TYPE", "ELSET", "INPUT")
 SET = ("NSET", "ELSET", "GENERATE", "INSTANCE", "UNSORTED", "INTERNAL")
 SURFACE = ("NAME", "TYPE", "INTERNAL")
@@ -150,6 +150,9 @@ class Component:
         for card in self._cards("NODE"):
             card.check(NODE)
             first = len(numbers)
+            system = card.parameters.get("SYSTEM", "R").upper()
+            if system not in ("R", "C", "S"):
+                raise card.error(f"SYSTEM={system} is not supported: expected R, C or S")
             for line in card.data:
                 number, *x = line.words()
                 if len(x) > 3:
@@ -159,6 +162,7 @@ class Component:
                 numbers.append(line.whole(number, "a node number"))
                 places.append([line.real(c, "a coordinate") if c else 0.0 for c in x])
                 places[-1] += [0.0] * (3 - len(x))
+                places[-1] = _cartesian(system, places[-1])
                 lines.append(line)
             if name := card.parameters.get("NSET"):
                 self.node_sets.add(name, np.array(numbers[first:], dtype=np.int64))
@@ -420,6 +424,22 @@ class Component:
 
     def _first(self) -> Card:
         return self.text.part[0]
+
+
+def _cartesian(system: str, x: list[float]) -> list[float]:
+    """Of rectangular, cylindrical (r, degrees, z) or spherical (r, degrees, degrees) ones."""
+    if system == "R":
+        return x
+    angle = np.deg2rad(x[1])
+    if system == "C":
+        return [float(x[0] * np.cos(angle)), float(x[0] * np.sin(angle)), x[2]]
+    above = np.deg2rad(x[2])
+    flat = x[0] * np.cos(above)
+    return [
+        float(flat * np.cos(angle)),
+        float(flat * np.sin(angle)),
+        float(x[0] * np.sin(above)),
+    ]
 
 
 def _free_name(name: str, taken: Mapping[str, object], card: Card, of_assembly: bool) -> str:

@@ -119,7 +119,6 @@ OTHER_LAWS = (
 
 # what a parameter of a keyword that is read would change; all others are passed over
 MATTERS: dict[str, tuple[str, ...]] = {
-    "NODE": ("SYSTEM",),
     "ELEMENT": ("OFFSET", "SOLIDELEMENTNUMBERING"),
     "SURFACE": ("COMBINE", "CROP", "FILLETING"),
     "TIE": ("CYCLICSYMMETRY", "MULTISTAGE", "TIEDNSET"),

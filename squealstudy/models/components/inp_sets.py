@@ -99,10 +99,10 @@ class Sets:
                 raise line.error(f"expected first, last and step, found '{line.text.strip()}'")
             first, last, *step = (line.whole(w, f"a {self.kind} number") for w in words)
             by = step[0] if step else 1
-            if by < 1 or last < first:
+            if by == 0 or (last - first) * by < 0:
                 raise line.error(f"from {first} to {last} in steps of {by} there is nothing")
-            inside = self.known[(self.known >= first) & (self.known <= last)]
-            inside = inside[(inside - first) % by == 0]
+            inside = self.known[(self.known >= min(first, last)) & (self.known <= max(first, last))]
+            inside = inside[(inside - first) % abs(by) == 0]
             missing += (last - first) // by + 1 - len(inside)
             found.append(inside)
         if missing:

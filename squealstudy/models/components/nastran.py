@@ -43,7 +43,19 @@ CORNERS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
 PLATES = {"CTRIA3": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUAD8": 8}
 PLATE_SECTIONS = ("PSHELL",)
 SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
-READ = ("GRID", "GRDSET", *CORNERS, "PSOLID", "MAT1", "SET1", "RBE2", "RBE3", *SYSTEMS, *DISCRETE)
+READ = (
+    "GRID",
+    "GRDSET",
+    *CORNERS,
+    "PSOLID",
+    "MAT1",
+    "SET1",
+    "RBE2",
+    "RBE3",
+    "BSURFS",
+    *SYSTEMS,
+    *DISCRETE,
+)
 # of case control: matrices of DMIG, which Nastran adds to those of the elements
 SELECTED = ("K2GG", "M2GG", "B2GG", "K42GG", "K2PP", "M2PP", "B2PP")
 SELECTS = re.compile(rf"\s*({'|'.join(SELECTED)})\s*=", re.I)
@@ -315,7 +327,34 @@ class _Deck:
                 self._notes.append(note)
             if len(faces):
                 surfaces[f"PID{own}"] = faces
+        for card in self._all("BSURFS"):
+            name = f"BSURFS{card.whole(0, 'a number of the surface')}"
+            found = surfaces.get(name, np.zeros((0, 2), dtype=np.int64))
+            surfaces[name] = np.unique(np.vstack([found, self._listed_faces(mesh, card)]), axis=0)
         return replace(mesh, surfaces=surfaces)
+
+    def _listed_faces(self, mesh: SolidMesh, card: BulkCard) -> np.ndarray:
+        """Faces of a BSURFS: an element and three nodes of its face each."""
+        at = np.argsort(mesh.labels)
+        found = []
+        for place in range(4, len(card.fields), 4):
+            if not card.at(place):
+                continue
+            label = card.whole(place, "an element number")
+            k = min(int(np.searchsorted(mesh.labels, label, sorter=at)), len(at) - 1)
+            element = int(at[k])
+            if mesh.labels[element] != label:
+                raise card.error(f"there is no solid element {label}", place)
+            b = int(np.searchsorted(mesh.starts, element, side="right")) - 1
+            block = mesh.blocks[b]
+            numbers = [card.whole(place + i, "a node") for i in (1, 2, 3)]
+            nodes = set(self._places(card, numbers).tolist())
+            own = block.nodes[element - mesh.starts[b]]
+            of = [i for i, f in enumerate(block.kind.shape.faces, 1) if nodes <= {*own[list(f)]}]
+            if len(of) != 1:
+                raise card.error(f"element {label} has no face with {numbers}", place)
+            found.append((element, of[0]))
+        return np.array(found, dtype=np.int64).reshape(-1, 2)
 
     def _couplings(self) -> list[Constraint]:
         found: list[Constraint] = []
