@@ -25,6 +25,7 @@ from squealstudy.plots.style import (
     Quantity,
     damping_limits,
     is_geometric,
+    legend_below,
     new_figure,
     quantity,
     set_ticks,
@@ -666,7 +667,7 @@ def test_the_legend_of_a_boundary_lies_within_its_picture():
     line = np.array([[0.0, 0.0], [1.0, 1.0]])
     found = maps.Boundary([line], line, crossings=115, refined=103)
     name = "caliper.modes[12-14].frequency_scale"
-    maps._boundary(figure, figure.add_subplot(), found, name, cells=True)
+    legend_below(figure, maps._boundary(figure.add_subplot(), found, name, cells=True), 1)
     drawn(figure)
     box = figure.legends[0].get_window_extent()
     assert box.x0 >= 0
