@@ -428,8 +428,12 @@ WRONG = [
         r".*expected temperatures that rise",
         "2., .3, 20.",
     ),
+    changed("TYPE=ENGINEERING CONSTANTS", "TYPE=LAMINA", r".*TYPE=LAMINA is not supported"),
     changed(
-        "TYPE=ENGINEERING CONSTANTS", "TYPE=ANISOTROPIC", r".*TYPE=ANISOTROPIC is not supported"
+        "TYPE=ENGINEERING CONSTANTS",
+        "TYPE=ANISOTROPIC",
+        r"\*ELASTIC: expected 21 numbers .*, found 9",
+        "3e3",
     ),
     changed(
         "2.5e-9,\n*ELASTIC",

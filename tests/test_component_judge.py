@@ -22,17 +22,23 @@ from squealstudy.models.catalogue.disc_brake.as_files import mesh_of_grid
 from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
 from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.formulations import FORMULATIONS
+from squealstudy.models.components.materials import Anisotropic
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 
 pytestmark = pytest.mark.skipif(
     CCX is None,
     reason="ELEMENTS ARE NOT CHECKED BY CALCULIX: there is no program ccx (Debian: calculix-ccx)",
 )
+SKEW = Anisotropic.of_stiffness(
+    LINING.stiffness() + 500.0 * (np.ones((6, 6)) - np.eye(6)), LINING.density
+)
 VERIFIED = [name for name, f in FORMULATIONS.items() if f.verified.startswith("K and M")]
 
 
 @pytest.mark.parametrize("axes", AXES)
-@pytest.mark.parametrize("material", [STEEL, LINING], ids=["isotropic", "orthotropic"])
+@pytest.mark.parametrize(
+    "material", [STEEL, LINING, SKEW], ids=["isotropic", "orthotropic", "anisotropic"]
+)
 @pytest.mark.parametrize("name", VERIFIED)
 def test_matrices_of_an_element(tmp_path, name, material, axes):
     mesh = ragged(name, material, AXES[axes])

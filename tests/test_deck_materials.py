@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from component_meshes import LINING, box
 from own_blocks import write_blocks
 from test_component_judge import apart
+from test_component_nastran import deck
 from test_model_file import built
 
 from squealstudy.errors import ModelError, StudyFileError
+from squealstudy.models.components.file_materials import changed_material
 from squealstudy.models.components.inp import read_inp
+from squealstudy.models.components.inp_writer import write_inp
+from squealstudy.models.components.materials import Anisotropic
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
+from squealstudy.models.components.nastran import read_bdf
 
 PLATE = 'mesh = "plate.inp"'
 CUBE = """*NODE
@@ -99,3 +107,48 @@ def test_materials_over_temperature(tmp_path, at, E, rho):
     np.testing.assert_allclose(mass_matrix(found).sum(), 3 * rho)
     with pytest.raises(ModelError, match=r"has values at 2 temperatures: expected temperature"):
         mass_matrix(read_inp(tmp_path / "t.inp"))
+
+
+def uneven():
+    """21 moduli that no symmetry has, in the order of keyword files."""
+    A = np.random.default_rng(1).uniform(-1, 1, (6, 6))
+    return Anisotropic.of_stiffness(1e4 * (A @ A.T + np.eye(6)), 2.5e-9)
+
+
+def test_21_moduli_are_written_and_read(tmp_path):
+    mesh = box("C3D8", (2, 1, 1), uneven=0.1, materials={"S": uneven()})
+    write_inp(mesh, tmp_path / "a.inp")
+    found = read_inp(tmp_path / "a.inp")
+    assert found.materials["S"] == uneven()
+    assert apart(stiffness_matrix(found), stiffness_matrix(mesh)) == 0.0
+
+
+def test_21_moduli_of_an_orthotropic_material(tmp_path):
+    mesh = box("C3D8", (2, 1, 1), uneven=0.1, materials={"S": LINING})
+    full = Anisotropic.of_stiffness(LINING.stiffness(), LINING.density)
+    assert apart(stiffness_matrix(mesh.with_material("S", full)), stiffness_matrix(mesh)) < 1e-14
+
+
+def test_21_moduli_of_nastran(tmp_path):
+    """Its order of shears is xy, yz, zx."""
+    C = uneven().stiffness()
+    order = [0, 1, 2, 5, 3, 4]
+    words = [repr(float(C[order[i], order[j]])) for i in range(6) for j in range(i, 6)]
+    words += ["2.5-9"]
+    lines = [",".join(words[k : k + 8]) for k in range(7, len(words), 8)]
+    card = "MAT9,7," + ",".join(words[:7]) + "".join(f"\n+,{line}" for line in lines)
+    mesh = box("C3D8", (2, 1, 1), materials={"S": uneven()})
+    text = deck(replace(mesh, blocks=(replace(mesh.blocks[0], formulation="C3D8I"),)))
+    text = "\n".join(card if line.startswith("MAT1") else line for line in text.split("\n"))
+    (tmp_path / "a.bdf").write_text(text)
+    found = read_bdf(tmp_path / "a.bdf", treat_as={"CHEXA8": "C3D8"})
+    assert apart(stiffness_matrix(found), stiffness_matrix(mesh)) < 1e-12
+    assert apart(mass_matrix(found), mass_matrix(mesh)) < 1e-12
+
+
+def test_of_21_moduli_the_density_can_be_changed(tmp_path):
+    name = ("components", "p", "materials", "S")
+    found = changed_material(uneven(), {(*name, "rho"): 3e-9}, "S")
+    assert (found.density, found.entries) == (3e-9, uneven().entries)
+    with pytest.raises(ModelError, match="has 21 moduli: its rho alone can be changed"):
+        changed_material(uneven(), {(*name, "E"): 1e5}, "S")

@@ -10,7 +10,7 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.file_tables import ComponentTable
-from squealstudy.models.components.materials import Elastic, Orthotropic
+from squealstudy.models.components.materials import Anisotropic, Elastic, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh, has_name
 from squealstudy.models.components.model_file import (
     KeyPath,
@@ -130,6 +130,11 @@ def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: s
     ValuesError
         Values that no material can have.
     """
+    if isinstance(material, Anisotropic):
+        other = next((keys for keys in values if keys[4:] != ("rho",)), None)
+        if other is not None:
+            raise PlacedError(other, f"material {name} has 21 moduli: its rho alone can be changed")
+        return replace(material, density=next(iter(values.values()), material.density))
     E, nu, G = ([*v] for v in engineering(material))
     density = material.density
     wrong = "one" if isinstance(material, Isotropic) else "three of each, such as E[3]"

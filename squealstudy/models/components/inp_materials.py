@@ -10,7 +10,9 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.models.components.inp_cards import Card, Line
 from squealstudy.models.components.materials import (
+    ALL_ENTRIES,
     ENTRIES,
+    Anisotropic,
     Elastic,
     Orientation,
     Orthotropic,
@@ -25,11 +27,14 @@ KINDS = {  # values of TYPE, without blanks
     "ORTHO": "orthotropic",
     "ORTHOTROPIC": "orthotropic",
     "ENGINEERINGCONSTANTS": "engineering",
+    "ANISO": "anisotropic",
+    "ANISOTROPIC": "anisotropic",
 }
-COUNTS = {"isotropic": 2, "orthotropic": 9, "engineering": 9}
+COUNTS = {"isotropic": 2, "orthotropic": 9, "engineering": 9, "anisotropic": 21}
 WHAT = {
     "isotropic": "Young's modulus, Poisson's ratio",
     "orthotropic": ", ".join(f"D{entry}" for entry in ENTRIES),
+    "anisotropic": ", ".join(f"D{entry}" for entry in ALL_ENTRIES),
     "engineering": "E1, E2, E3, nu12, nu13, nu23, G12, G13, G23",
 }
 
@@ -98,6 +103,8 @@ class MaterialText:
                 return _isotropic(*values)
             if kind == "orthotropic":
                 return Orthotropic(tuple(values), 1.0)
+            if kind == "anisotropic":
+                return Anisotropic(tuple(values), 1.0)
             young, ratios, shear = (tuple(values[i : i + 3]) for i in (0, 3, 6))
             return Orthotropic.from_engineering(young, ratios, shear, 1.0)  # type: ignore[arg-type]
         except (ModelError, ZeroDivisionError) as error:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.files import write_atomic
-from squealstudy.models.components.materials import Elastic, Orientation
+from squealstudy.models.components.materials import Anisotropic, Elastic, Orientation
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.fem.solid import Isotropic
 
@@ -122,12 +122,14 @@ def _sections(mesh: SolidMesh) -> Iterator[str]:
         yield f"*SOLID SECTION, ELSET={name}, MATERIAL={material}{more}"
 
 
-def _wrapped(numbers: Sequence[int] | np.ndarray) -> Iterator[str]:
-    """Numbers in lines, each but the last with a comma at its end."""
+def _wrapped(
+    numbers: Sequence[int] | Sequence[str] | np.ndarray, count: int = PER_LINE
+) -> Iterator[str]:
+    """Numbers in lines of some, each but the last with a comma at its end."""
     words = [str(n) for n in numbers]
-    for at in range(0, len(words), PER_LINE):
-        more = "," if at + PER_LINE < len(words) else ""
-        yield ", ".join(words[at : at + PER_LINE]) + more
+    for at in range(0, len(words), count):
+        more = "," if at + count < len(words) else ""
+        yield ", ".join(words[at : at + count]) + more
 
 
 def _material(name: str, material: Elastic) -> Iterator[str]:
@@ -138,10 +140,9 @@ def _material(name: str, material: Elastic) -> Iterator[str]:
         yield "*ELASTIC, TYPE=ISO"
         yield f"{number(material.young_modulus)}, {number(material.poisson_ratio)}"
     else:
-        yield "*ELASTIC, TYPE=ORTHO"
-        words = [number(entry) for entry in material.entries]
-        yield ", ".join(words[:8]) + ","
-        yield words[8]
+        kind = "ANISO" if isinstance(material, Anisotropic) else "ORTHO"
+        yield f"*ELASTIC, TYPE={kind}"
+        yield from _wrapped([number(entry) for entry in material.entries], 8)
 
 
 def _orientation(name: str, axes: Orientation) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -12,6 +12,10 @@ from squealstudy.models.fem.solid import VOIGT, Isotropic, orthotropic_stiffness
 
 # entries of the stiffness tensor in the order of Abaqus and CalculiX
 ENTRIES = ("1111", "1122", "2222", "1133", "2233", "3333", "1212", "1313", "2323")
+ALL_ENTRIES = (
+    *("1111", "1122", "2222", "1133", "2233", "3333", "1112", "2212", "3312", "1212", "1113"),
+    *("2213", "3313", "1213", "1313", "1123", "2223", "3323", "1223", "1323", "2323"),
+)
 
 
 @dataclass(frozen=True)
@@ -34,9 +38,11 @@ class Orthotropic:
     entries: tuple[float, ...]
     density: float
 
+    NAMES: ClassVar[tuple[str, ...]] = ENTRIES
+
     def __post_init__(self) -> None:
-        if len(self.entries) != len(ENTRIES):
-            raise ModelError(f"expected {len(ENTRIES)} moduli, got {len(self.entries)}")
+        if len(self.entries) != len(self.NAMES):
+            raise ModelError(f"expected {len(self.NAMES)} moduli, got {len(self.entries)}")
         if not np.isfinite([*self.entries, self.density]).all() or self.density <= 0:
             raise ModelError(f"expected a positive density and finite moduli, got {self}")
         if np.linalg.eigvalsh(self.stiffness())[0] <= 0:
@@ -60,6 +66,18 @@ class Orthotropic:
     def stiffness(self) -> np.ndarray:
         """Stiffness matrix (6, 6), engineering shear strains, order 11 22 33 23 13 12."""
         return np.sum([m.value * m.unit for m in moduli(self)], axis=0)
+
+
+@dataclass(frozen=True)
+class Anisotropic(Orthotropic):
+    """Material without symmetry: 21 entries of the stiffness tensor, in the order of files."""
+
+    NAMES: ClassVar[tuple[str, ...]] = ALL_ENTRIES
+
+    @classmethod
+    def of_stiffness(cls, C: np.ndarray, density: float) -> Anisotropic:
+        """Of a matrix (6, 6), order 11 22 33 23 13 12, engineering shear strains."""
+        return cls(tuple(float(C[_place(entry)]) for entry in ALL_ENTRIES), density)
 
 
 Elastic = Isotropic | Orthotropic
@@ -101,7 +119,7 @@ def _place(entry: str) -> tuple[int, int]:
 def moduli(material: Elastic) -> tuple[Modulus, ...]:
     """The moduli in which the stiffness of a material is linear.
 
-    Isotropic: ``lambda`` and ``mu`` of Lame; orthotropic: ``D1111`` ... ``D2323``.
+    Isotropic: ``lambda`` and ``mu`` of Lame; others: ``D1111`` ... ``D2323``.
     """
     if isinstance(material, Isotropic):
         E, nu = material.young_modulus, material.poisson_ratio
@@ -112,7 +130,7 @@ def moduli(material: Elastic) -> tuple[Modulus, ...]:
             Modulus("mu", E / (2 * (1 + nu)), np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])),
         )
     found = []
-    for entry, value in zip(ENTRIES, material.entries, strict=True):
+    for entry, value in zip(material.NAMES, material.entries, strict=True):
         unit = np.zeros((6, 6))
         unit[_place(entry)] = unit[_place(entry)[::-1]] = 1.0
         found.append(Modulus(f"D{entry}", value, unit))

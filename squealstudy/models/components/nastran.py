@@ -22,7 +22,7 @@ from squealstudy.models.components.constraints import Constraint, Coupling
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Line
 from squealstudy.models.components.marked_faces import FACES, MarkedFaces
-from squealstudy.models.components.materials import Unfinished
+from squealstudy.models.components.materials import Anisotropic, Elastic, Unfinished
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 from squealstudy.models.fem.solid import Isotropic
 from squealstudy.models.matrices.dmig import fields_of
@@ -36,6 +36,7 @@ SOLIDS: dict[tuple[str, int], tuple[str, str, tuple[int, ...]]] = {
     ("CHEXA", 8): ("CHEXA8", "C3D8I", tuple(range(8))),
     ("CHEXA", 20): ("CHEXA20", "C3D20", (*range(12), *range(16, 20), *range(12, 16))),
 }
+IN_OURS = (0, 1, 2, 5, 3, 4)  # places of xx, yy, zz, xy, yz, zx in 11 22 33 23 13 12
 BRICK = "CHEXA8"
 BUBBLE, FULL = ("", "0", "BUBBLE"), ("1", "FULL")  # values of IN and ISOP of a PSOLID
 SAME = 0.01  # of G: files round
@@ -43,19 +44,8 @@ CORNERS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
 PLATES = {"CTRIA3": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUAD8": 8}
 PLATE_SECTIONS = ("PSHELL",)
 SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
-READ = (
-    "GRID",
-    "GRDSET",
-    *CORNERS,
-    "PSOLID",
-    "MAT1",
-    "SET1",
-    "RBE2",
-    "RBE3",
-    "BSURFS",
-    *SYSTEMS,
-    *DISCRETE,
-)
+OF_NODES = ("GRID", "GRDSET", "SET1", "RBE2", "RBE3", "BSURFS")
+READ = (*OF_NODES, *CORNERS, "PSOLID", "MAT1", "MAT9", *SYSTEMS, *DISCRETE)
 # of case control: matrices of DMIG, which Nastran adds to those of the elements
 SELECTED = ("K2GG", "M2GG", "B2GG", "K42GG", "K2PP", "M2PP", "B2PP")
 SELECTS = re.compile(rf"\s*({'|'.join(SELECTED)})\s*=", re.I)
@@ -386,19 +376,24 @@ class _Deck:
 
     # -- materials -------------------------------------------------------------------------------
     def _with_materials(self, mesh: SolidMesh, property_of: np.ndarray) -> SolidMesh:
-        materials = {card.whole(0, "a material number"): card for card in self._all("MAT1")}
+        cards = self._all("MAT1", "MAT9")
+        materials = {card.whole(0, "a material number"): card for card in cards}
         for card in self._all("PSOLID"):
             own, number = card.whole(0, "a property"), card.whole(1, "a material")
             if not (property_of == own).any():
                 continue
             if number not in materials:
                 missing = card.error(f"there is no MAT1 {number}", 1)
-                elastic: Isotropic | Unfinished = Unfinished(None, None, str(missing))
+                elastic: Elastic | Unfinished = Unfinished(None, None, str(missing))
                 mesh = mesh.with_material(f"MAT{number}", elastic, f"PID{own}")
                 continue
-            elastic = _isotropic(materials[number], self._weight)
+            found = materials[number]
+            of = _isotropic if found.name == "MAT1" else _anisotropic
+            elastic = of(found, self._weight)
+            if found.name == "MAT9" and card.at(2).strip("0"):
+                raise card.error("CORDM: axes of the material are supported in basic ones alone", 2)
             mesh = mesh.with_material(f"MAT{number}", elastic, f"PID{own}")
-            if materials[number].at(7).strip("0."):
+            if found.name == "MAT1" and found.at(7).strip("0."):
                 self._note([materials[number]], "damping is " + MODEL_FILE)
         return mesh
 
@@ -471,3 +466,23 @@ def _isotropic(card: BulkCard, weight: float) -> Isotropic | Unfinished:
         missing = card.error("expected a density RHO above zero", 4)
         return Unfinished(Isotropic(E, nu, 1.0), None, str(missing))
     return Isotropic(E, nu, weight * rho)
+
+
+def _anisotropic(card: BulkCard, weight: float) -> Anisotropic | Unfinished:
+    """Of a MAT9: 21 entries in the order xx yy zz xy yz zx, and the density times `weight`."""
+    C = np.zeros((6, 6))
+    place = 1
+    for i in range(6):
+        for j in range(i, 6):
+            row, column = IN_OURS[i], IN_OURS[j]
+            C[row, column] = C[column, row] = card.real(place, "a modulus", 0.0)
+            place += 1
+    rho = card.real(22, "a density", 0.0)
+    try:
+        moduli = Anisotropic.of_stiffness(C, 1.0)
+    except ModelError as error:
+        raise card.error(str(error)) from error
+    if not rho > 0:
+        missing = card.error("expected a density RHO above zero", 22)
+        return Unfinished(moduli, None, str(missing))
+    return replace(moduli, density=weight * rho)
