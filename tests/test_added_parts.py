@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from own_blocks import write_blocks
+from tiny_meshes import tiny_meshes
 
 import squealstudy as sq
 from squealstudy.engine.cache import NewGaps
@@ -377,6 +378,71 @@ def test_the_generated_brake_has_the_sets_that_it_names():
     for component in built.components:
         for points in component.sets.values():
             assert points().shape.shape[1] == len(component.coordinates)
+
+
+ON_BRIDGE = "added_mass.caliper.BRIDGE"
+NAMED = f"""\
+[study]
+name = "named"
+kind = "complex_modes"
+[model]
+name = "disc_brake"
+mesh = "coarse"
+contact_points = 2
+[[sweep]]
+parameter = "{ON_BRIDGE}"
+values = [0.0, "50 g"]
+"""
+
+
+def test_any_study_adds_a_mass_by_its_name(tmp_path):
+    """As the variable of a design study does; swept, or one for all design points."""
+    with tiny_meshes(tmp_path / "cache"):
+        swept = of_brake(tmp_path, NAMED)
+        assert (swept.sweeps[0].low, swept.sweeps[0].high) == (0.0, 0.05)
+        variable = '[[variable]]\nadded_mass = {on = "caliper.BRIDGE", max = "80 g"}\n'
+        design = of_brake(tmp_path, GENERATED + variable)
+        bare, mine = (
+            swept.model.build(swept.options, {**swept.values, ON_BRIDGE: m}) for m in (0, 0.05)
+        )
+        theirs = assembly_of(design, (0.05,))
+        assert mine.M.sum() - bare.M.sum() == pytest.approx(3 * 0.05, rel=1e-9)
+        assert abs(mine.M - theirs.M).max() == 0
+        fixed = of_brake(
+            tmp_path, NAMED.split("[[sweep]]")[0] + f"[parameters]\n{ON_BRIDGE} = '80 g'\n"
+        )
+        assert fixed.values[ON_BRIDGE] == 0.08
+
+
+def test_a_mass_is_added_to_a_model_file_by_its_name(tmp_path):
+    """The frequencies of one that the file has itself."""
+    study = STUDY.split("[goal]")[0].replace('"design"', '"complex_modes"')
+    by_name = f'[parameters]\n"{NAMES[0]}" = "1.5e-6 kg"\n[[sweep]]'
+    named = read(tmp_path / "named", study.replace("[[sweep]]", by_name, 1))
+    written = read(
+        tmp_path / "written",
+        study,
+        ("[parameters]\n", IN_FILE.split("[[spring]]")[0] + "[parameters]\n"),
+    )
+    one, other = (s.model.build(s.options, s.values).M for s in (named, written))
+    assert abs(one - other).max() <= 1e-12 * abs(other).max()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (ON_BRIDGE, ON_BRIDGE + "S", "no set 'caliper.BRIDGES'; did you mean 'caliper.BRIDGE'"),
+        (ON_BRIDGE, "added_mass.caliper", "no set 'caliper'"),
+        ('"50 g"', '"50 mm"', "is in kg: got '50 mm'"),
+        ('"50 g"', "-0.1", "at least 0"),
+        ('"disc_brake"\nmesh = "coarse"\ncontact_points = 2', '"hulten"', "no named sets"),
+    ],
+)
+def test_masses_that_cannot_be_added_by_name(tmp_path, old, new, said):
+    assert old in NAMED
+    with pytest.raises(StudyFileError, match=re.escape(said)) as caught:
+        of_brake(tmp_path, NAMED.replace(old, new))
+    assert caught.value.key.startswith("sweep[1]")
 
 
 def test_a_set_too_large_for_a_mass_elsewhere_is_told_before_the_search(tmp_path, monkeypatch):

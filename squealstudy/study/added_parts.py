@@ -26,6 +26,7 @@ from squealstudy.models.components.model_file import GROUND, KeyPath, ModelFile
 from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
+from squealstudy.study.design_sections import ADDED_MASS
 from squealstudy.study.source import SourceText
 from squealstudy.wording import did_you_mean
 
@@ -46,6 +47,8 @@ class AddedPart:
         The study file, and
     place : tuple of key
         where it stands there.
+    by_name : bool
+        The study names the parameter alone: a parameter of the model that is called so is that one.
     """
 
     name: str
@@ -53,6 +56,7 @@ class AddedPart:
     keys: tuple[str, ...]
     source: SourceText
     place: KeyPath
+    by_name: bool = False
 
     @property
     def kind(self) -> str:
@@ -77,6 +81,12 @@ class AddedPart:
         return self.source.error(self.place, message)
 
 
+def named_mass(name: str, source: SourceText, place: KeyPath) -> AddedPart:
+    """The mass spread over a set that a parameter such as ``added_mass.caliper.BRIDGE`` adds."""
+    table = PointMassTable(name="added", on=name.removeprefix(ADDED_MASS), mass=0.0)
+    return AddedPart(name, table, ("mass",), source, place, by_name=True)
+
+
 def with_parts(
     file: ModelFile, parts: Sequence[AddedPart]
 ) -> tuple[ModelFile, dict[KeyPath, AddedPart]]:
@@ -92,6 +102,8 @@ def with_parts(
     places: dict[KeyPath, AddedPart] = {}
     taken = {t.name for kind in (*tables, "layer", "tie") for t in getattr(file, kind)}
     for number, part in enumerate(parts, start=1):
+        if part.name in parameters and part.by_name:
+            continue
         if part.name in parameters:
             raise part.error(f"there is a parameter '{part.name}' already")
         name = f"added_{number}"
@@ -115,6 +127,7 @@ def with_added(model: ModelDefinition, parts: Sequence[AddedPart]) -> ModelDefin
         A set that the model does not have; two springs between the same; ground twice.
     """
     known, declared = {p.name for p in model.parameters}, list(model.declared)
+    parts = [part for part in parts if not (part.by_name and part.name in known)]
     for part in parts:
         if not model.sets:
             text = f"model '{model.name}' has no named sets: disc_brake and model files have"

@@ -11,6 +11,7 @@ from squealstudy.study.section import FloatList, Section
 Scale = Literal["linear", "log"]
 DistributionName = Literal["uniform", "normal", "truncated_normal", "lognormal"]
 
+ADDED_MASS = "added_mass."  # how parameters begin that add a mass, kg, on the set that follows
 MOST_LEVELS = 1_000_000
 # of a design: a plan holds 8 bytes a sweep and 16 for the id of each point, some gigabytes then
 MOST_POINTS = 100_000_000

@@ -20,9 +20,10 @@ from squealstudy.mechanics.defaults import (
     STABILITY_TOLERANCE,
 )
 from squealstudy.modes.rungs import AUTO, rung_names
-from squealstudy.study.design_sections import MOST_LEVELS, DesignSection, SweepSection
+from squealstudy.study.design_sections import ADDED_MASS, MOST_LEVELS, DesignSection, SweepSection
 from squealstudy.study.section import Band, NamedSection, NumberTable, Section
 from squealstudy.study.source import SourceText
+from squealstudy.study.toml_text import KeyPath
 from squealstudy.wording import did_you_mean, shown
 
 if TYPE_CHECKING:  # it imports models
@@ -305,8 +306,15 @@ class StudyDefinition(Section):
     )
 
     def added_parts(self, source: SourceText) -> tuple[AddedPart, ...]:
-        """What the study adds to its model file; of most kinds nothing."""
-        return ()
+        """What the study adds to its model: masses whose parameters it names."""
+        named: dict[str, KeyPath] = {name: ("parameters", name) for name in self.parameters}
+        named |= {s.parameter: ("sweep", i, "parameter") for i, s in enumerate(self.sweep)}
+        masses = {name: place for name, place in named.items() if name.startswith(ADDED_MASS)}
+        if not masses:
+            return ()
+        from squealstudy.study.added_parts import named_mass
+
+        return tuple(named_mass(name, source, place) for name, place in masses.items())
 
     @model_validator(mode="before")
     @classmethod

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from squealstudy.errors import ParameterError
 from squealstudy.models.parameter_names import PlainParameter, StudyParameter, parse_parameter
 from squealstudy.models.units import QUANTITY, in_unit_of, with_bare_unit
+from squealstudy.parameter import Parameter
+from squealstudy.study.design_sections import ADDED_MASS
 from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import DEEPEST, KeyPath
 
@@ -54,7 +56,7 @@ def with_numbers(
     copied: dict[KeyPath, Any] = {(): dict(tables)}
     for keys, name, text in texts:
         try:
-            own = known.get(name) or known.setdefault(name, parse_parameter(name, of))
+            own = known.get(name) or known.setdefault(name, _parameter(name, of))
         except ParameterError as error:
             raise source.error(_named(keys), error.message) from None
         given = with_bare_unit(text, own.parameter) if isinstance(own, PlainParameter) else text
@@ -74,6 +76,16 @@ def with_numbers(
         copied[keys[:-1]][keys[-1]] = value
     found: Mapping[str, Any] = copied[()]
     return found
+
+
+def _parameter(name: str, model: ModelDefinition) -> StudyParameter:
+    """The parameter of a name; of masses that the study adds, too. ParameterError."""
+    try:
+        return parse_parameter(name, model)
+    except ParameterError:
+        if not name.startswith(ADDED_MASS):
+            raise
+        return PlainParameter(Parameter(name, 0.0, "kg", "", minimum=0.0))
 
 
 def _named(keys: KeyPath) -> KeyPath:

@@ -303,8 +303,10 @@ class DesignStudyDefinition(LimitCyclesDefinition):
     )
 
     def added_parts(self, source: SourceText) -> tuple[AddedPart, ...]:
-        """The masses and springs among the variables."""
-        return tuple(v.added.part(source, i) for i, v in enumerate(self.variable) if v.added)
+        """The masses and springs among the variables, and masses that are named elsewhere."""
+        own = tuple(v.added.part(source, i) for i, v in enumerate(self.variable) if v.added)
+        known = {part.name for part in own}
+        return (*own, *(p for p in super().added_parts(source) if p.name not in known))
 
 
 DEFINITION = DesignStudyDefinition
