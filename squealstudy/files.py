@@ -15,9 +15,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from squealstudy.array_files import expect_memory
 from squealstudy.faults import named
 from squealstudy.machine import flush, is_running
 
@@ -78,6 +75,8 @@ def write_text(path: Path, text: str) -> None:
 
 def write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False) -> None:
     """Write arrays by name to an npz file atomically."""
+    import numpy as np  # stays out of `squealstudy schema`
+
     save = np.savez_compressed if compressed else np.savez
 
     def write(temporary: Path) -> None:
@@ -125,6 +124,8 @@ def read_whole(path: Path, room: float = OF_TEXT) -> bytes:
 
 def expect_room(needed: float) -> None:
     """Raise UnusableFileError where so many bytes of memory are not left for what a file holds."""
+    from squealstudy.array_files import expect_memory  # imports numpy
+
     try:
         expect_memory(needed)
     except ValueError as error:
