@@ -56,6 +56,13 @@ def test_what_is_swept_goes_from_stable_to_unstable(model, tmp_path):
     assert set(found.points["n_unstable"] > 0) == {True, False}
 
 
+def test_a_study_in_time_to_start_from_ends_in_an_answer(tmp_path):
+    """Rest below the onset, a limit cycle above."""
+    path = sq.new_study(tmp_path / "start.toml", "transient", "hulten")
+    found = sq.run(path, tmp_path / "results", jobs=1)
+    assert found.points["class"].tolist() == ["stable"] * 2 + ["limit_cycle"] * 2
+
+
 def test_the_range_of_the_brake_holds_the_onset_of_its_shipped_study():
     """Of `first_brake` (README): 0.287 at the component mode as it is."""
     begun = tomllib.loads(study_text("start", "complex_modes", "disc_brake"))

@@ -66,6 +66,7 @@ class Transient(ModelKind):
     schema: pa.Schema = SCHEMA
     tells_reduction = False
     has_fidelity = True
+    begins_with: Mapping[str, float] = {"damping_ratio": 0.01}  # what decays is then seen to
     start: Mapping[str, Any] = {"sweep": {"num": 4}}
     short: Mapping[str, Sequence[str]] = {
         **OFTEN_CHANGED,

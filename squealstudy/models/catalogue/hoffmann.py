@@ -116,9 +116,9 @@ HOFFMANN = ModelDefinition(
     stack=stack,
     assumptions=ASSUMPTIONS,
     start={
-        "sweep": {"parameter": "friction", "start": 0.5, "stop": 1.0, "num": 11},
+        "sweep": {"parameter": "friction", "start": 0.5, "stop": 0.9, "num": 9},
         "modes": {"band": [10.0, 1000.0]},
-        "transient": {"duration": 1.5, "step": 2e-5},
+        "transient": {"duration": 1.0, "step": 2e-5},
         "variable": [{"parameter": "damping_ratio", "bounds": [0.0, 0.2]}],
     },
 )
