@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 import warnings
 from pathlib import Path
@@ -156,7 +157,8 @@ def test_variables_of_files_that_hold_several(tmp_path):
 @pytest.mark.parametrize("storage", ["dense", "nonbigmat", "bigmat"])
 @pytest.mark.parametrize("binary", [True, False])
 def test_output4_of_nastran(tmp_path, storage, binary):
-    op4 = pytest.importorskip("pyyeti.nastran.op4")
+    with np.printoptions():
+        op4 = pytest.importorskip("pyyeti.nastran.op4")
     A, B, path = random_matrix(seed=1), random_matrix(seed=2), tmp_path / "ab.op4"
     given = [m.toarray() for m in (A, B)] if storage == "dense" else [A.tocoo(), B.tocoo()]
     op4.write(str(path), ["KAA", "MAA"], given, sparse=storage, binary=binary, digits=17)
@@ -170,6 +172,21 @@ def test_output4_of_nastran(tmp_path, storage, binary):
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(ModelError, match=r"ab\.op4"):
         read_matrix(path, "MAA")
+
+
+def test_reading_output4_leaves_how_numpy_prints(tmp_path):
+    """Its reader sets that of numpy 1.13 when it is imported first."""
+    pytest.importorskip("pyyeti")
+    code = (
+        "import numpy as np\nfrom pathlib import Path\n"
+        "from squealstudy.models.matrices.files import read_matrix\n"
+        "try:\n    read_matrix(Path('none.op4'))\nexcept Exception:\n    pass\n"
+        "import sys\nprint('pyyeti' in sys.modules, np.array([120.0, 40.0]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "True [120.  40.]\n"
 
 
 def test_output4_without_its_reader(tmp_path, monkeypatch):

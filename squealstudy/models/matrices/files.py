@@ -178,7 +178,8 @@ def _npz(path: Path, variable: str | None) -> Any:
 
 def _op4(path: Path, variable: str | None) -> Any:
     try:
-        from pyyeti.nastran import op4
+        with np.printoptions():  # which importing it changes for the whole program
+            from pyyeti.nastran import op4
     except ImportError:
         raise ModelError(f"{path}: OP4 needs pyyeti: pip install 'squealstudy[op4]'") from None
     names, matrices, _, _ = op4.load(str(path), into="list", sparse=True)
