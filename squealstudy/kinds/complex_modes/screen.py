@@ -10,6 +10,12 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind import KindScreen
 from squealstudy.engine.table_rows import ranked_modes
+from squealstudy.kinds.complex_modes.design_lines import (
+    DesignLine,
+    design_lines,
+    design_table,
+    onsets_in_words,
+)
 from squealstudy.kinds.complex_modes.error_text import (
     full_order_error_text,
     method_rows,
@@ -128,7 +134,9 @@ class ComplexModesScreen(KindScreen):
     def findings(self, results: Results) -> list[RenderableType]:
         """The ranking, or that there is no mode at all."""
         if any(len(batch) for batch in results.batches("modes", ["mode"])):
-            return self.ranking(results)
+            lines = design_lines(results)
+            designs = design_table(results, lines) if lines else []
+            return [*_answer(results, self, lines), *designs, *self.ranking(results)]
         lost = _left_out(results)
         if not (results.points["status"] == "ok").any():
             return [_nothing(results, None), notes(lost)]
@@ -145,18 +153,13 @@ class ComplexModesScreen(KindScreen):
         table = self.rank(results, "share", None, None)
         if not len(table):
             return _nothing(results, None) + but
-        tracked = table[(table["kind"] == group_kind(1)).to_numpy(bool)]
-        named = int(tracked.drop_duplicates("family")["family_modes"].sum())
-        others = len(table) - len(tracked)
-        text = plural(named, "mode") if named else ""
-        text += " and " if named and others else ""
-        text += plural(others, "group of modes", "groups of modes") if others else ""
         wide = table.iloc[0]
         fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
-        text += f" {'is' if named + others == 1 else 'are'} unstable "
-        text += band_text(results.fact("band_hz"))
-        text += "".join(f"; {family}" for family in _families(tracked)) + ". Most widespread: "
-        text += f"{_told(wide)}, at {in_digits(100 * wide['unstable_share'])} % of "
+        text = _how_many(results, table)
+        text += "".join(f"; {family}" for family in _families(table)) + ". "
+        text += (
+            f"Most widespread: {_told(wide)}, at {in_digits(100 * wide['unstable_share'])} % of "
+        )
         text += f"{_counted(results, None)}. Fastest: {_told(fast)}, by "
         text += f"{in_digits(fast['max_growth_rate'], 1)} 1/s"
         where = ", ".join(map(" ".join, settings_of(fast["at"], results.units).items()))
@@ -173,6 +176,31 @@ class ComplexModesScreen(KindScreen):
             *_unrefined(manifest),
             ("error", error),
         ]
+
+
+def _how_many(results: Results, table: pd.DataFrame) -> str:
+    """How many modes are unstable, in which band, and from where on each."""
+    tracked = table[(table["kind"] == group_kind(1)).to_numpy(bool)]
+    named = int(tracked.drop_duplicates("family")["family_modes"].sum())
+    others = len(table) - len(tracked)
+    text = plural(named, "mode") if named else ""
+    text += " and " if named and others else ""
+    text += plural(others, "group of modes", "groups of modes") if others else ""
+    text += f" {'is' if named + others == 1 else 'are'} unstable "
+    text += band_text(results.fact("band_hz"))
+    onsets = onsets_in_words(results, table)
+    return text + (f": {onsets}" if onsets else "")
+
+
+def _answer(
+    results: Results, screen: ComplexModesScreen, lines: list[DesignLine]
+) -> list[RenderableType]:
+    """What was found, in a sentence; nothing where the ranking alone tells it."""
+    table = screen.rank(results, "share", None, None)
+    if not len(table) or not onsets_in_words(results, table):
+        return []
+    of = f"Over all {len(lines)} designs " if lines else ""
+    return [f"{of}{_how_many(results, table)}.", ""]
 
 
 def _told(row: pd.Series) -> str:

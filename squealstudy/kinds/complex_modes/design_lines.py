@@ -1,0 +1,171 @@
+"""The answer of a grid along one parameter: from which value on, and what each design does to it.
+
+Along the parameter of the onsets, friction as a rule, every choice of the other parameters is a
+design. What a change of the brake is worth is read from a row a design, not from a line a mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from rich.console import RenderableType
+
+from squealstudy.screen import grid, notes
+from squealstudy.tables.mode_ranking import frequency_text, group_kind, parameter_columns
+from squealstudy.tables.stability import BELOW_RANGE, INEXACT
+from squealstudy.wording import amount, in_digits, plural, track_number
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+GRID = "grid"
+MOST_DESIGNS = 12  # of a table on a screen; each is a ranking of its own
+MOST_MODES = 4  # named in the answer
+
+Row = Mapping[Hashable, Any]
+
+
+class DesignLine(NamedTuple):
+    """What is found along the parameter of the onsets at one choice of the others.
+
+    Attributes
+    ----------
+    design : dict of str -> float
+        Values of the other parameters.
+    unstable, solved : int
+        Solved points, and those at which some mode is unstable.
+    onset : float
+        Least value from which on a mode is unstable; NaN for none.
+    kind : str
+        How it is known (`tables.stability`); BELOW_RANGE where all values are beyond it.
+    first, fastest : dict or None
+        Rows of the ranking: of the mode of the onset, and of the one that grows fastest.
+    """
+
+    design: dict[str, float]
+    unstable: int
+    solved: int
+    onset: float
+    kind: str
+    first: Row | None
+    fastest: Row | None
+
+
+def design_lines(results: Results) -> list[DesignLine]:
+    """A row a design of a grid; none where there is one design alone, or too many for a screen."""
+    along = results.along
+    if not along or results.design != GRID or results.boundary is not None:
+        return []
+    points = results.points
+    others = [name for name in parameter_columns(points, varied=True) if name != along]
+    designs = points[others].drop_duplicates() if others else points[:0]
+    if not 2 <= len(designs) <= MOST_DESIGNS or points[others].isna().to_numpy().any():
+        return []
+    return [_line(results, dict(row)) for row in designs.to_dict("records")]
+
+
+def _line(results: Results, values: dict[str, float]) -> DesignLine:
+    where = " and ".join(f"{name} == {float(value)!r}" for name, value in values.items())
+    points = results.points
+    own = np.logical_and.reduce([points[name].to_numpy() == v for name, v in values.items()])
+    solved = points[own & (points["status"] == "ok").to_numpy(bool)]
+    table = results.screen.rank(results, "growth", None, where)
+    first = first_onset(table)
+    return DesignLine(
+        design=values,
+        unstable=int((solved["n_unstable"] > 0).sum()),
+        solved=len(solved),
+        onset=float(first["threshold"]) if first else float("nan"),
+        kind=str(first["threshold_kind"]) if first else "",
+        first=first,
+        fastest=table.iloc[0].to_dict() if len(table) else None,
+    )
+
+
+def first_onset(table: pd.DataFrame) -> Row | None:
+    """The row of a ranking whose mode turns unstable first; None where no onset is known."""
+    below = table[(table["threshold_kind"] == BELOW_RANGE).to_numpy(bool)]
+    if len(below):
+        return below.iloc[0].to_dict()
+    known = table[table["threshold"].notna().to_numpy(bool)]
+    return known.sort_values("threshold", kind="stable").iloc[0].to_dict() if len(known) else None
+
+
+def first_at(row: Row, along: str, unit: str) -> str:
+    """Where a mode turns unstable first, in words; empty where that is not known.
+
+    It may be stable again further on.
+    """
+    kind, value = str(row["threshold_kind"]), row["threshold"]
+    if kind == BELOW_RANGE:
+        return f" already at the least {along}"
+    if not isinstance(value, float) or np.isnan(value):
+        return ""
+    about = {"~": "about ", "<= ": "at most "}.get(INEXACT.get(kind, ""), "")
+    return f" first at {along} {about}{amount(value, unit)}"
+
+
+def onsets_in_words(results: Results, table: pd.DataFrame) -> str:
+    """The modes of a ranking in the order in which they turn unstable; empty without onsets."""
+    along = results.along
+    if not along or results.design != GRID or results.boundary is not None:
+        return ""
+    tracked = table[(table["kind"] == group_kind(1)).to_numpy(bool)]
+    tracked = tracked.assign(first=tracked["threshold"])
+    tracked.loc[(tracked["threshold_kind"] == BELOW_RANGE).to_numpy(bool), "first"] = -np.inf
+    tracked = tracked.sort_values("first", kind="stable").drop_duplicates("family")
+    unit = results.units.get(along, "")
+    told = [
+        f"{track_number(row['track'])} at {frequency_text(row)} Hz{first_at(row, along, unit)}"
+        for row in tracked[:MOST_MODES].to_dict("records")
+    ]
+    left = len(tracked) - len(told)
+    return ", ".join(told) + (f" and {plural(left, 'other')}" if left else "")
+
+
+def design_table(results: Results, lines: list[DesignLine]) -> list[RenderableType]:
+    """A row a design: its first onset and fastest growth; what `design` stands for."""
+    along = results.along or ""
+    units, top = results.units, float(results.points[along].max())
+    names = list(lines[0].design)
+    rows = []
+    for line in lines:
+        onset = "below range" if line.kind == BELOW_RANGE else f"none to {top:g}"
+        if np.isfinite(line.onset):
+            onset = f"{INEXACT.get(line.kind, '')}{line.onset:.4g}"
+        elif line.first is None and line.fastest is not None:
+            onset = "-"
+        rows.append(
+            [
+                ", ".join(amount(v, units.get(n, "")) for n, v in line.design.items()),
+                onset,
+                _named(line.first),
+                in_digits(line.fastest["max_growth_rate"], 1) if line.fastest else "-",
+                _named(line.fastest),
+                f"{100 * line.unstable / line.solved:.0f} %" if line.solved else "-",
+            ]
+        )
+    shown = grid(
+        *("text:design", "first onset", "text:of", "growth 1/s", "text:of", "unstable"), rows=rows
+    )
+    today = results.nominal_others(along)
+    as_it_is = ", ".join(f"{today[n]:g}" for n in names) if set(names) <= set(today) else ""
+    meaning = f"design: {', '.join(names)}" + (f"; as it is: {as_it_is}" if as_it_is else "")
+    return [
+        shown,
+        notes(
+            meaning,
+            f"first onset: least {along} at which a mode turns unstable; growth: the fastest of "
+            "all; unstable: share of its solved points\n",
+        ),
+    ]
+
+
+def _named(row: Row | None) -> str:
+    if row is None:
+        return ""
+    name = track_number(row["track"]) if row["kind"] == group_kind(1) else str(row["kind"])
+    return f"{name} {frequency_text(row)} Hz"

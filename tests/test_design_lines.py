@@ -1,0 +1,71 @@
+"""The answer of a grid along friction: first onsets, a row a design, against the closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reference import MU_C
+from study_runs import solved
+from study_texts import study_text
+
+from squealstudy.kinds.complex_modes.design_lines import MOST_DESIGNS, design_lines
+from squealstudy.screen import as_text
+
+
+def results_of(folder, frictions, seconds, more=""):
+    text = study_text("designs", "complex_modes", "hulten") + (
+        f'[[sweep]]\nparameter = "friction"\nvalues = {frictions}\n'
+        f'[[sweep]]\nparameter = "frequency_2"\nvalues = {seconds}\n'
+        f"[modes]\nband = [10.0, 1000.0]\n{more}"
+    )
+    return solved(text, folder)
+
+
+def onset_of(results, second):
+    """Of one design, from the table of onsets."""
+    table = results.onsets
+    own = table[np.isclose(table["frequency_2"], second) & (table["direction"] == "in")]
+    return own["onset"].min()
+
+
+def test_each_design_has_its_first_onset_and_its_fastest_growth(tmp_path):
+    results = results_of(tmp_path / "r", [0.1, 0.2, 0.3, 0.4], [75.0, 80.0, 60.0])
+    lines = design_lines(results)
+    assert [line.design for line in lines] == [{"frequency_2": f} for f in (75.0, 80.0, 60.0)]
+    assert lines[0].onset == pytest.approx(MU_C, abs=1e-4)
+    for line in lines[:2]:
+        second = line.design["frequency_2"]
+        own = results.modes.merge(results.points).query(f"frequency_2 == {second}")
+        assert line.onset == onset_of(results, second)
+        assert line.fastest["max_growth_rate"] == own["growth_rate"].max()
+        assert (line.unstable, line.solved) == (own.groupby("point_id")["unstable"].any().sum(), 4)
+    assert (lines[2].unstable, lines[2].first, lines[2].fastest) == (0, None, None)
+    text = as_text(results.screen.findings(results))
+    assert text.startswith("Over all 3 designs 1 mode is unstable between 10 and 1000 Hz: T")
+    assert f"first at friction {lines[1].onset:.4g}." in " ".join(text.split())
+    assert "none to 0.4" in text
+    assert "design: frequency_2; as it is: 75" in text
+
+
+def test_a_design_that_is_unstable_from_the_first_value_says_so(tmp_path):
+    results = results_of(tmp_path / "r", [0.32, 0.4], [75.0, 60.0])
+    assert [line.kind for line in design_lines(results)] == ["below range", ""]
+    text = " ".join(as_text(results.screen.findings(results)).split())
+    assert "Hz already at the least friction." in text
+    assert results.screen.verdict(results).count("already at the least friction") == 1
+
+
+def test_a_failed_point_is_no_stable_one(tmp_path):
+    results = results_of(tmp_path / "r", [0.1, 0.4], [75.0, 60.0])
+    points = results.points.copy()
+    points.loc[points["friction"] == 0.1, "status"] = "working_point"
+    lines = design_lines(results.with_tables(points=points))
+    assert [(line.unstable, line.solved) for line in lines] == [(1, 1), (0, 1)]
+
+
+def test_one_design_or_very_many_have_no_table(tmp_path):
+    one = results_of(tmp_path / "one", [0.2, 0.4], [75.0])
+    assert design_lines(one) == []
+    assert "first at friction 0.2917." in as_text(one.screen.findings(one))
+    many = np.linspace(70.0, 80.0, MOST_DESIGNS + 1).tolist()
+    assert design_lines(results_of(tmp_path / "many", [0.2, 0.4], many)) == []
