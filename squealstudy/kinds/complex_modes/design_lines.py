@@ -64,7 +64,8 @@ def design_lines(results: Results) -> list[DesignLine]:
     designs = points[others].drop_duplicates() if others else points[:0]
     if not 2 <= len(designs) <= MOST_DESIGNS or points[others].isna().to_numpy().any():
         return []
-    return [_line(results, dict(row)) for row in designs.to_dict("records")]
+    rows = designs.to_dict("records")
+    return [_line(results, {str(n): float(v) for n, v in row.items()}) for row in rows]
 
 
 def _line(results: Results, values: dict[str, float]) -> DesignLine:
