@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import traceback
 from pathlib import Path
+
+DEBUG = "SQUEALSTUDY_DEBUG"  # in the environment: errors are shown with all frames
+PACKAGE = Path(__file__).parent
 
 
 class SquealstudyError(Exception):
@@ -12,6 +17,18 @@ class SquealstudyError(Exception):
     """
 
     exit_code = 2
+
+    def _render_traceback_(self) -> list[str]:
+        """What a notebook shows: the line that called for it, and the sentence; all with DEBUG."""
+        if os.environ.get(DEBUG):
+            return traceback.format_exception(self)
+        caller = None
+        for frame in traceback.extract_tb(self.__traceback__):
+            if Path(frame.filename).is_relative_to(PACKAGE):
+                break
+            caller = frame
+        line = [] if caller is None else [f"line {caller.lineno}: {caller.line}"]
+        return [*line, f"{type(self).__name__}: {self}"]
 
 
 class MachineError(SquealstudyError):

@@ -473,6 +473,17 @@ def test_a_model_is_swept_into_one_table():
         model.sweep(frequency_2=["70 Hz", "7 hz"])
 
 
+def test_a_notebook_shows_the_sentence_and_the_line_that_called_for_it(monkeypatch):
+    monkeypatch.delenv("SQUEALSTUDY_DEBUG", raising=False)
+    with pytest.raises(ParameterError) as caught:
+        sq.model("hulten", fricton=0.3)
+    line, sentence = caught.value._render_traceback_()
+    assert line.endswith(': sq.model("hulten", fricton=0.3)')
+    assert sentence.startswith("ParameterError: parameter 'fricton': ")
+    monkeypatch.setenv("SQUEALSTUDY_DEBUG", "1")
+    assert "Traceback" in caught.value._render_traceback_()[0]
+
+
 def test_values_of_a_model_have_units():
     model = sq.model("belt", normal_force="2 kN", sliding_speed="-300 mm/s")
     assert model.given == {"normal_force": 2000.0, "sliding_speed": -0.3}

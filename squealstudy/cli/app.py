@@ -22,11 +22,11 @@ from squealstudy.cli.model_commands import inspect, models, warmup
 from squealstudy.cli.options import DONE, FAULT, USAGE_ERROR
 from squealstudy.cli.result_commands import compare, plot, rank, report, robust, shape
 from squealstudy.cli.study_commands import check, examples, export, new, run, schema, sensitivity
-from squealstudy.errors import SquealstudyError
+from squealstudy.errors import DEBUG, SquealstudyError
 from squealstudy.machine import InterruptedRun, cut_lifeline, interruptible
 from squealstudy.screen import plain
 
-NAME, DEBUG = "squealstudy", "SQUEALSTUDY_DEBUG"
+NAME = "squealstudy"
 UsageError: type[Any] = typer.BadParameter.mro()[1]
 
 app = typer.Typer(
