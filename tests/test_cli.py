@@ -303,6 +303,8 @@ def test_models_lists_units_and_defaults(capsys):
     screen = capsys.readouterr().out
     assert "disc.young_modulus" in screen
     assert "1.2e+11" in screen
+    assert re.search(r"^added_mass\.<set> +0 +kg", screen, re.MULTILINE)
+    assert "caliper.BRIDGE" in screen
     assert command("models", "hoffman") == 2
     assert "hoffmann" in capsys.readouterr().err
 

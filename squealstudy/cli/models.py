@@ -11,6 +11,7 @@ from squealstudy.face_model import Model
 from squealstudy.models.matrices.expression import CONSTANTS, FUNCTIONS
 from squealstudy.models.matrices.files import READERS
 from squealstudy.screen import grid
+from squealstudy.study.design_sections import ADDED_MASS
 from squealstudy.wording import in_digits
 
 MODE_PARAMETERS = (
@@ -71,6 +72,9 @@ def _parameters(model: Model) -> Iterator[list[str]]:
         yield [str(name), f"{row['default']:g}", row["unit"] or "-", row["description"] + note]
     for name, default, text in MODE_PARAMETERS:
         yield [name, default, "-", text]
+    if sets := model.definition.sets:
+        text = f"in studies: a mass spread over a set, of {', '.join(sets)} (new reduction)"
+        yield [f"{ADDED_MASS}<set>", "0", "kg", text]
 
 
 def _components(modes: pd.DataFrame) -> Iterator[list[str]]:
