@@ -13,11 +13,13 @@ from test_component_nastran import deck, read
 from squealstudy.errors import ModelError
 from squealstudy.models.components.bodies import read_mesh
 from squealstudy.models.components.checks import check_mesh
-from squealstudy.models.components.faces import boundary, facet_groups
+from squealstudy.models.components.expansion import expanded
+from squealstudy.models.components.faces import boundary, facet_groups, facets
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.handed import righted
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
+from squealstudy.models.components.middle_nodes import edge_of
 
 OTHER_WAY = {  # corners, then middles of edges, of an element read from below
     "C3D4": (0, 2, 1, 3),
@@ -199,3 +201,58 @@ def test_doubled_nodes_within_a_body_are_refused_beside_contact(tmp_path):
     third += "ELSET=E\n9,21,22,23,24,6,25,26,7\n*NODE\n26,2,1,1\n"
     with pytest.raises(ModelError, match=r"not connected there; merge the nodes$"):
         two(tmp_path, third + "*CONTACT PAIR, INTERACTION=I\nLOW, UP\n")
+
+
+@pytest.mark.parametrize("name", ["C3D10", "C3D15", "C3D20"])
+@pytest.mark.parametrize("left", [(1, 5), (0, 2, 3, 5)])
+def test_middle_nodes_that_are_not_there_follow_their_corners(tmp_path, name, left):
+    """Of elements that have only some of them."""
+    mesh = box(name, (1, 1, 1), uneven=0.2, materials={"S": STEEL})
+    shape, of = mesh.blocks[0].kind.shape, mesh.blocks[0].nodes
+    corners = sum(shape.is_corner(k) for k in range(shape.nodes))
+    ends = {}
+    for row in of:
+        for k in range(corners, shape.nodes):
+            a, b = (int(row[c]) for c in edge_of(shape, k))
+            ends[int(row[k])] = (a, b)
+    gone = [m for i, m in enumerate(sorted(ends)) if i % 6 not in left]
+    nodes = mesh.nodes.copy()
+    for m in gone:
+        nodes[m] = nodes[list(ends[m])].mean(axis=0)
+    whole = replace(mesh, nodes=nodes)
+    numbers = {int(mesh.numbers[m]) for m in gone}
+    lines = []
+    for line in deck(whole).split("\n"):
+        words = line.split(",")
+        if words[0] in ("CTETRA", "CPENTA", "CHEXA", "+"):
+            line = ",".join("" if w.isdigit() and int(w) in numbers and i else w for i, w in
+                            enumerate(words))  # fmt: skip
+        if words[0] != "GRID" or int(words[1]) not in numbers:
+            lines.append(line)
+    found = read(tmp_path, "\n".join(lines), treat_as={})
+    assert len(found.nodes) == len(nodes)
+    told = {note.keyword: note.why for note in found.passed_over}
+    assert f"{len(gone)} middle nodes" in told["middle nodes"]
+    found, e = expanded(found)
+    free = np.setdiff1d(np.arange(len(nodes)), gone)
+    E = np.zeros((3 * len(nodes), 3 * len(free)))
+    for axis in range(3):
+        E[3 * free + axis, 3 * np.arange(len(free)) + axis] = 1.0
+        for m in gone:
+            for end in ends[m]:
+                E[3 * m + axis, 3 * int(np.searchsorted(free, end)) + axis] = 0.5
+    expected = E.T @ stiffness_matrix(whole) @ E
+    assert apart(e.restricted(stiffness_matrix(found)), expected) < 1e-5  # digits of the deck
+
+
+def test_sets_of_corners_are_faces_without_their_middle_nodes(tmp_path):
+    mesh = box("C3D20", (1, 1, 1))
+    row = mesh.numbers[mesh.blocks[0].nodes[0]]
+    text = deck(mesh, more=["SET1,4," + ",".join(map(str, row[4:8]))])
+    lines = [line for line in text.split("\n") if line[:1] != "+" and line[:5] != "CHEXA"]
+    first, second = ",".join(map(str, row[:6])), ",".join(map(str, row[6:9]))
+    lines.insert(lines.index("PSOLID,3,7"), f"CHEXA,101,3,{first}\n+,{second}")
+    found = read(tmp_path, "\n".join(lines))
+    assert found.blocks[0].formulation == "C3D20"
+    (facet,) = facets(found, "SET4")
+    assert facet.nodes.shape == (1, 8)

@@ -30,6 +30,7 @@ from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Line
 from squealstudy.models.components.materials import Orthotropic
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
+from squealstudy.models.components.middle_nodes import LACKING, Middles
 from squealstudy.models.matrices.text import TextFile
 
 FIELDS = 10  # numbers of an element before its nodes, among them:
@@ -156,9 +157,10 @@ class _Deck:
         blocks, rows = self._solids(found.elem, fields, types, numbers)
         fields = fields[rows]
         nodes = np.asarray(found.nodes, dtype=float)[order]
-        mesh = SolidMesh(self._path, nodes, numbers.astype(np.int64), blocks)
+        every, labels = self._middles.added(nodes, numbers.astype(np.int64))
+        mesh = SolidMesh(self._path, every, labels, blocks)
         mesh = replace(mesh, element_sets=self._element_sets(found, fields))
-        mesh = replace(mesh, node_sets=self._node_sets(found, numbers))
+        mesh = self._middles.tied(replace(mesh, node_sets=self._node_sets(found, numbers)))
         mesh = self._with_materials(mesh, fields[:, AXES])
         if not (used := mesh.used_nodes()).all():
             why = f"{mesh.nodes_named(np.flatnonzero(~used))}: no solid has such a node"
@@ -242,6 +244,7 @@ class _Deck:
     ) -> tuple[tuple[ElementBlock, ...], np.ndarray]:
         """Elements by formulation, and which rows (n,) of the file they are."""
         of, labels = fields[:, TYPE], fields[:, LABEL]
+        self._middles = Middles(len(numbers))
         self._refuse_others(of, types)
         rows: dict[str, list[tuple[int, np.ndarray]]] = {}
         for number, own in types.items():
@@ -252,24 +255,28 @@ class _Deck:
             for row in np.flatnonzero(of == number):
                 nodes = elements[row][FIELDS:]
                 name = f"element {labels[row]} ({own.name})"
-                if len(nodes) != count or (nodes <= 0).any():
+                corners = {20: 8, 10: 4}.get(count, count)
+                if not corners <= len(nodes) <= count or (nodes[:corners] <= 0).any():
                     raise ModelError(
                         f"{self._path}: {name}: expected {count} nodes, found "
-                        f"{int((nodes > 0).sum())}: elements with some of their middle nodes are "
-                        "not supported"
+                        f"{int((nodes > 0).sum())}"
                     )
+                nodes = np.append(nodes, np.zeros(count - len(nodes), dtype=nodes.dtype))
                 shape, places = self._shape(name, nodes, formulation)
-                if (missing := ~np.isin(nodes[places], numbers)).any():
+                own_nodes = nodes[places]
+                if (missing := ~np.isin(own_nodes, numbers) & (own_nodes > 0)).any():
                     raise ModelError(
-                        f"{self._path}: {name}: there is no node {nodes[places][missing][0]}"
+                        f"{self._path}: {name}: there is no node {own_nodes[missing][0]}"
                     )
-                rows.setdefault(shape, []).append((int(row), nodes[places]))
+                at = np.where(own_nodes > 0, np.searchsorted(numbers, own_nodes), LACKING)
+                at = self._middles.filled(FORMULATIONS[shape].shape, at)
+                rows.setdefault(shape, []).append((int(row), at))
         if not rows:
             raise ModelError(f"{self._path} has no solid element: {', '.join(map(str, SOLIDS))}")
         blocks = tuple(
             ElementBlock(
                 name,
-                np.searchsorted(numbers, np.array([nodes for _, nodes in own])),
+                np.array([nodes for _, nodes in own]),
                 labels[[row for row, _ in own]],
             )
             for name, own in rows.items()
@@ -321,7 +328,8 @@ class _Deck:
         count = FORMULATIONS[formulation].shape.nodes
         every = np.arange(len(nodes))
         if len(nodes) not in (8, 20) or len(np.unique(nodes[:8])) == 8:
-            if count == len(nodes) == len(np.unique(nodes)):
+            there = nodes[nodes > 0]
+            if count == len(nodes) and len(there) == len(np.unique(there)):
                 return formulation, every
             if count != len(nodes):
                 raise ModelError(f"{self._path}: {name}: {formulation} has {count} nodes")
@@ -339,6 +347,7 @@ class _Deck:
             )
         shape, places = kind
         used = nodes[list(places)]
+        used = used[used > 0]
         if len(np.unique(corners)) != left or len(np.unique(used)) < len(used):
             raise ModelError(f"{self._path}: {name}: a node is there twice")
         return shape, np.array(places)

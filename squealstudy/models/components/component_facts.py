@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.components.attached import component_matrices
 from squealstudy.models.components.bodies import Body, Brake
-from squealstudy.models.components.constraints import Tie
+from squealstudy.models.components.constraints import Relation, Tie
 from squealstudy.models.components.dimensions import LENGTH, MASS, Dimension
 from squealstudy.models.components.free_modes import (
     read_mode_table,
@@ -88,7 +88,14 @@ def component_facts(
         if modal:
             held = f", {plural(modal, 'modal coordinate')}{held or ', all nodes recovered'}"
         found.tell(name, f"{source} of matrices{held}")
+    relations = [c for c in mesh.constraints if isinstance(c, Relation)]
+    if len(relations) == 1:
+        found.tell("", relations[0].told)
+    elif relations:
+        found.tell("", f"{len(relations)} displacements follow others by equations")
     for constraint in mesh.constraints:
+        if isinstance(constraint, Relation):
+            continue
         found.tell("", constraint.told)
         if isinstance(constraint, Tie) and constraint.beside:
             found.doubts.append(

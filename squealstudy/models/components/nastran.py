@@ -24,6 +24,7 @@ from squealstudy.models.components.inp_cards import Line
 from squealstudy.models.components.marked_faces import FACES, MarkedFaces
 from squealstudy.models.components.materials import Anisotropic, Elastic, Unfinished
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
+from squealstudy.models.components.middle_nodes import LACKING, Middles
 from squealstudy.models.fem.solid import Isotropic
 from squealstudy.models.matrices.dmig import fields_of
 
@@ -201,7 +202,7 @@ class _Deck:
         mesh = self._with_materials(mesh, property_of)
         mesh = self._with_faces(mesh)
         mesh = self._with_discrete(replace(mesh, constraints=tuple(self._couplings())))
-        mesh = self._with_mass(mesh)
+        mesh = self._with_mass(self._middles.tied(mesh))
         return self._without_unused(mesh)
 
     # -- nodes and elements ----------------------------------------------------------------------
@@ -242,6 +243,7 @@ class _Deck:
     def _solids(self) -> tuple[tuple[ElementBlock, ...], dict[str, np.ndarray]]:
         """Elements by formulation, and properties of each."""
         plain = self._plain_bricks()
+        self._middles = Middles(len(self._numbers))
         rows: dict[str, list[tuple[int, int, np.ndarray]]] = {}
         seen: set[int] = set()
         for card in self._all(*CORNERS):
@@ -252,23 +254,28 @@ class _Deck:
             words = card.fields[2:]
             while words and not words[-1]:
                 words.pop()
-            kind = SOLIDS.get((card.name, len(words)))
-            if kind is None or not all(words):
-                counts = " or ".join(str(n) for name, n in SOLIDS if name == card.name)
+            least, most = sorted(n for name, n in SOLIDS if name == card.name)
+            count = least if len(words) <= least else most
+            if not least <= len(words) <= most or not all(words[:least]):
                 given = len([w for w in words if w])
                 raise card.error(
-                    f"element {label}: expected {counts} nodes, found {given}: elements with some "
-                    "of their middle nodes are not supported"
+                    f"element {label}: expected {least} or {most} nodes, found {given}"
                 )
-            name, _, order = kind
-            numbers = [card.whole(2 + k, "a node number") for k in range(len(words))]
-            nodes = self._places(card, numbers)[list(order)]
+            name, _, order = SOLIDS[card.name, count]
+            there = [k for k in range(count) if card.at(2 + k).strip("0")]
+            if not set(range(least)) <= set(there):
+                raise card.error(f"element {label}: expected nodes at its corners")
+            nodes = np.full(count, LACKING)
+            numbers = [card.whole(2 + k, "a node number") for k in there]
+            nodes[there] = self._places(card, numbers)
             wanted = self._wanted[name]
             if name == BRICK and own in plain and BRICK not in self._asked:
                 wanted = "C3D8"
+            nodes = self._middles.filled(FORMULATIONS[wanted].shape, nodes[list(order)])
             rows.setdefault(wanted, []).append((label, label if own < 0 else own, nodes))
         if not rows:
             raise ModelError(f"{self._path} has no solid element: CTETRA, CPENTA or CHEXA")
+        self._nodes, self._numbers = self._middles.added(self._nodes, self._numbers)
         blocks = tuple(
             ElementBlock(name, np.array([n for *_, n in own]), np.array([e for e, *_ in own]))
             for name, own in rows.items()

@@ -1,0 +1,81 @@
+"""Middle nodes that elements lack: they are made, and move as the mean of their corners do.
+
+An element of the second degree without a middle node has a straight edge along which displacements
+are linear: the same as with a node there that follows its two corners.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from squealstudy.models.components.constraints import Relation, relation
+from squealstudy.models.components.element_shapes import Shape
+from squealstudy.models.components.mesh import PassedOver, SolidMesh
+
+LACKING = -1  # the place of a middle node that is not there
+
+
+def edge_of(shape: Shape, node: int) -> tuple[int, int]:
+    """The two corners between which a middle node of an element lies."""
+    for a, b in sorted(shape.edges):
+        if np.allclose(shape.places[[a, b]].mean(axis=0), shape.places[node]):
+            return a, b
+    raise AssertionError(node)
+
+
+class Middles:
+    """Makes middle nodes, one for each edge.
+
+    Parameters
+    ----------
+    n : int
+        Nodes that there are: new ones have the places from there on.
+    """
+
+    def __init__(self, n: int) -> None:
+        self._n = n
+        self._of: dict[tuple[int, int], int] = {}
+
+    def filled(self, shape: Shape, nodes: np.ndarray) -> np.ndarray:
+        """Nodes (k,) of an element with places of new ones where they are `LACKING`."""
+        found = nodes.copy()
+        for node in np.flatnonzero(nodes == LACKING):
+            ends = sorted(int(nodes[corner]) for corner in edge_of(shape, int(node)))
+            found[node] = self._of.setdefault((ends[0], ends[1]), self._n + len(self._of))
+        return found
+
+    def added(self, nodes: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates and numbers of all nodes, the new ones behind."""
+        if not self._of:
+            return nodes, numbers
+        ends = np.array(list(self._of))
+        new = numbers.max() + 1 + np.arange(len(ends))
+        return np.vstack([nodes, nodes[ends].mean(axis=1)]), np.append(numbers, new)
+
+    def tied(self, mesh: SolidMesh) -> SolidMesh:
+        """The mesh whose new nodes follow, and belong to sets that have both of their corners."""
+        if not self._of:
+            return mesh
+        relations: list[Relation] = []
+        for (a, b), middle in self._of.items():
+            for axis in np.eye(3):
+                vectors = np.array([-2.0, 1.0, 1.0])[:, None] * axis
+                relations.append(relation("middle node", np.array([middle, a, b]), vectors))
+        ends, places = np.array(list(self._of)), np.array(list(self._of.values()))
+        sets = {
+            name: np.union1d(own, places[np.isin(ends, own).all(axis=1)])
+            for name, own in mesh.node_sets.items()
+        }
+        why = (
+            f"{len(places)} middle nodes of elements are not there: the displacement of such an "
+            "edge is linear"
+        )
+        note = PassedOver("middle nodes", mesh.origin, 0, why)
+        return replace(
+            mesh,
+            node_sets=sets,
+            constraints=(*mesh.constraints, *relations),
+            passed_over=(*mesh.passed_over, note),
+        )
