@@ -194,7 +194,7 @@ def run(
     fresh: bool = False,
     client: Client | str | Path | None = None,
 ) -> Results:
-    """Run a study, or what is left of it, with a progress bar on a terminal or in a notebook.
+    """Run a study, or what is left of it, with progress on a terminal or in a notebook.
 
     Elsewhere how far it is goes to the log (`squealstudy.progress`), which Python does not show by
     itself: ``logging.basicConfig(level="INFO")`` does.

@@ -1,7 +1,7 @@
-"""How far a run is: bars on a terminal or in a notebook, else plain lines of the log.
+"""How far a run is: bars on a terminal, one line in a notebook, else plain lines of the log.
 
-What takes less than QUIET seconds has no bar. In a notebook without ipywidgets, which bars need
-there, a line of plain text is kept up to date instead.
+What takes less than QUIET seconds has neither bar nor line. In a notebook it is plain text that is
+kept up to date: bars would need ipywidgets there.
 
 The log is that of Python's `logging`, by the name squealstudy and at level INFO: the command writes
 it to stderr, a program sees it after ``logging.basicConfig(level="INFO")``.
@@ -17,7 +17,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any, Protocol
 
 from rich.progress import (
@@ -50,10 +49,10 @@ class Progress(Protocol):
 @contextlib.contextmanager
 def progress() -> Iterator[Progress]:
     """Tell how far a run is, in the way of the place where it runs."""
-    if messages.is_jupyter and find_spec("ipywidgets") is None:
+    if messages.is_jupyter:
         with _later(line := OneLine()):
             yield line
-    elif messages.is_jupyter or (messages.is_terminal and not messages.is_dumb_terminal):
+    elif messages.is_terminal and not messages.is_dumb_terminal:
         with _bars() as report:
             yield report
     else:

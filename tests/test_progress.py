@@ -168,16 +168,15 @@ class Notebook(ModuleType):
 
 @pytest.fixture
 def notebook(monkeypatch: pytest.MonkeyPatch) -> Notebook:
-    """One without ipywidgets."""
+    """Bars are not what it shows, with ipywidgets or without."""
     shown = Notebook()
     monkeypatch.setitem(sys.modules, "IPython", ModuleType("IPython"))
     monkeypatch.setitem(sys.modules, "IPython.display", shown)
-    monkeypatch.setitem(sys.modules, "ipywidgets", None)
     monkeypatch.setattr("squealstudy.progress.messages", Console(force_jupyter=True))
     return shown
 
 
-def test_a_notebook_without_widgets_has_one_line_of_text(
+def test_a_notebook_has_one_line_of_text(
     notebook: Notebook, monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
 ) -> None:
     monkeypatch.setattr("squealstudy.progress.QUIET", 0.0)
