@@ -275,9 +275,8 @@ def _options(
         choices = options[name].choices
         if not isinstance(value, str | int) or isinstance(value, bool) or value not in choices:
             allowed = " or ".join(shown(choice) for choice in choices)
-            own = did_you_mean(str(value), map(str, choices))
-            if not own and callable(options[name].allowed):
-                own = not_registered(source.tables, value)
+            own = not_registered(source.tables, value) if callable(options[name].allowed) else ""
+            own += did_you_mean(str(value), map(str, choices))
             raise source.error(keys, f"expected {allowed}, got {shown(value)}{own}")
         values[name] = value
     return values
