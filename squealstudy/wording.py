@@ -6,6 +6,7 @@ import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ NO_CYCLE = "no_cycle_found"
 VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NEUTRAL, NO_CYCLE)  # of a design the first of its modes'
 
 LEAST_DIGITS = 3
+MOST_RANGES = 6  # of a parameter in one sentence
 UNKNOWN = "-"  # in place of a number that is not known
 
 PREFIXES = (("G", 1e-9), ("M", 1e-6), ("k", 1e-3))
@@ -218,6 +220,26 @@ def setting(name: str, value: float, unit: str, largest: float | None = None) ->
 def with_unit(name: str, units: Mapping[str, str]) -> str:
     """A name with its unit, as titles of columns have it."""
     return f"{name} {units[name]}" if units.get(name) else name
+
+
+def by_ranges(name: str, unit: str, values: Sequence[float], words: Sequence[str]) -> str:
+    """What holds at which values of a parameter: ``stable at friction 0.1 to 0.3 (3), ...``.
+
+    In brackets how many values there are in a range. Empty where ranges are many, or where a value
+    is there twice or is none.
+    """
+    pairs = sorted(zip(map(float, values), words, strict=True))
+    if any(not a[0] < b[0] for a, b in pairwise(pairs)) or any(v != v for v, _ in pairs):
+        return ""
+    ranges = [(word, [v for v, _ in own]) for word, own in groupby(pairs, key=lambda p: p[1])]
+    if not pairs or len(ranges) > MOST_RANGES:
+        return ""
+    told, largest = [], max(abs(v) for v, _ in pairs)
+    for word, own in ranges:
+        ends = [amount(v, unit, largest) for v in (own[0], own[-1])]
+        place = ends[0] if len(own) == 1 else f"{ends[0]} to {ends[1]} ({len(own)})"
+        told.append(f"{word} at {name} {place}")
+    return ", ".join(told)
 
 
 def percent(low: float, high: float) -> str:

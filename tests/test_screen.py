@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from squealstudy import screen
+from squealstudy.wording import by_ranges
 
 HOSTILE = "ok\x1b]0;title\x07\x1b[2J\u202emoc.live\x9b31m\u200b"
 
@@ -41,3 +42,15 @@ def test_texts_in_csv_are_no_formulas(text, told, capsys):
     assert lines[1].replace('"', "") == f"{told},-1.5"
     screen.show_csv(pd.DataFrame({text: [-1.5]}))
     assert capsys.readouterr().out.replace('"', "") == f"{told}\n-1.5\n"
+
+
+def test_what_holds_where_is_told_by_ranges_of_one_parameter():
+    words = ["squeals", "silent", "silent", "squeals"]
+    assert by_ranges("speed", "m/s", [3.0, 1.0, 0.5, 2.0], words) == (
+        "silent at speed 0.5 m/s to 1 m/s (2), squeals at speed 2 m/s to 3 m/s (2)"
+    )
+    assert by_ranges("load", "N", [2e3], ["silent"]) == "silent at load 2 kN"
+    assert by_ranges("speed", "", [1.0, 1.0], ["a", "b"]) == ""  # of one value two
+    assert by_ranges("speed", "", [float("nan"), 1.0], ["a", "a"]) == ""
+    assert by_ranges("speed", "", [*range(8)], ["a", "b"] * 4) == ""  # too many to read
+    assert by_ranges("speed", "", [], []) == ""

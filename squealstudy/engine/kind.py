@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ResultsError
 from squealstudy.study.source import SourceText
-from squealstudy.wording import plural
+from squealstudy.wording import by_ranges, plural
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -312,6 +313,19 @@ class KindScreen:
         """What a study came to, in a sentence: by default the first words of its findings."""
         told = next((part for part in self.findings(results) if isinstance(part, str)), "")
         return told or f"{plural(results.n_points, self.row_word)}."
+
+    def counted(self, results: Results, words: Sequence[str]) -> str:
+        """What became of the design points, a word each: by ranges of the parameter that varies.
+
+        Of more parameters, or of many ranges, how often each word stands.
+        """
+        points, words = results.points, [str(word).replace("_", " ") for word in words]
+        varied = [p for p in results.parameters if len(set(points[p].tolist())) > 1]
+        told = ""
+        if len(varied) == 1:
+            (name,) = varied
+            told = by_ranges(name, results.units.get(name, ""), points[name].tolist(), words)
+        return told or ", ".join(f"{n} {word}" for word, n in Counter(words).most_common())
 
     def facts(self, results: Results) -> Rows:
         """Lines on methods and errors beneath the findings."""

@@ -72,17 +72,15 @@ class LimitCyclesScreen(KindScreen):
             if (points["verdict"] == NO_CYCLE).any()
             else "",
         )
-        return [shown, legend]
+        return [self.verdict(results), "", shown, legend]
 
     def verdict(self, results: Results) -> str:
         """How many designs have which verdict."""
         points = results.points
         solved = points["status"] == "ok"
-        counts = points.loc[solved, "verdict"].value_counts()
-        told = [f"{n} {str(name).replace('_', ' ')}" for name, n in counts.items()]
-        told += [f"{n} failed" for n in [int((~solved).sum())] if n]
+        told = self.counted(results, points["verdict"].where(solved, "failed").tolist())
         band = band_text(results.fact("band_hz"))
-        return f"{plural(len(points), 'design')}, of modes {band}: {', '.join(told)}."
+        return f"{plural(len(points), 'design')}, of modes {band}: {told}."
 
     def facts(self, results: Results) -> Rows:
         """Families and cycles; what the levels err by."""

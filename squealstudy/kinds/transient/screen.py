@@ -78,14 +78,12 @@ class TransientScreen(KindScreen):
         """What became of each design point, then the ranking."""
         unit = results.units.get(TORQUE, "N m")
         parts = points(results.points, results.parameters, results.units, unit)
-        return [*parts, "", *self.ranking(results)]
+        return [self.verdict(results), "", *parts, "", *self.ranking(results)]
 
     def verdict(self, results: Results) -> str:
         """How many runs came to what, and the loudest of those that last."""
         table, unit = results.points, results.units.get(TORQUE, "N m")
-        counts = table["class"].value_counts()
-        told = ", ".join(f"{n} {str(name).replace('_', ' ')}" for name, n in counts.items())
-        text = f"{plural(len(table), 'run')}: {told}."
+        text = f"{plural(len(table), 'run')}: {self.counted(results, table['class'].tolist())}."
         lasting = table[table["class"].isin(SUSTAINED).to_numpy()]
         if len(lasting):
             row = lasting.iloc[int(lasting["torque_rms"].to_numpy().argmax())]
