@@ -162,6 +162,8 @@ def _read(path: Path, table: ComponentTable) -> SolidMesh:
         with path.open("rb") as handle:
             if handle.read(len(POINTER)) == POINTER:
                 raise ModelError(f"{path} is a pointer of Git LFS: 'git lfs pull' brings the file")
+    if table.temperature is not None and ending != ".inp":
+        raise ModelError(f"{path}: materials over temperature are read of .inp alone")
     if ending == ".inp":
         from squealstudy.models.components.inp import read_inp
 
