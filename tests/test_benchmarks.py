@@ -39,6 +39,7 @@ RUNS = [
     Run("contact_pairs", "--quick", "3 on 3"),
     Run("cycle_cost", "--scenes hoffmann --harmonics 3 --steps 20", "level alone auto"),
     Run("cycle_verdicts", "--designs 3 --modes 1", "CPU-s"),
+    Run("decks", f"read {ROOT / 'tests' / 'meshes'}", "1 decks, 0 read"),
     Run("dense_roots", "--points 4", "all "),
     Run("elements", "cantilever 1", "C3D10"),
     Run("elements", "speed 2", "memory"),
