@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.models.components import discrete
 from squealstudy.models.components.bulk_cards import included
-from squealstudy.models.components.checks import check_mesh
+from squealstudy.models.components.checks import DOUBLED, check_mesh
 from squealstudy.models.components.constraints import Relation
 from squealstudy.models.components.dimensions import (
     DENSITY,
@@ -152,7 +152,7 @@ def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
         mesh = replace(mesh, element_sets={**own, **mesh.element_sets})
     if body is not None:
         mesh = mesh.part(mesh.find("element_sets", body))
-    check_mesh(mesh)
+    check_mesh(mesh, DOUBLED in [name.upper() for name in table.pass_over])
     return mesh
 
 

@@ -9,16 +9,17 @@ from squealstudy.models.components.formulations import integration
 from squealstudy.models.components.jacobians import CHUNK, jacobians
 from squealstudy.models.components.mesh import OF_CONTACT, SolidMesh
 
+DOUBLED = "DOUBLED NODES"  # the name by which `pass_over` allows them
 MERGED = 1e-4  # of the shortest edge: nodes nearer than this are one that was written twice
 
 
-def check_mesh(mesh: SolidMesh) -> None:
+def check_mesh(mesh: SolidMesh, doubled: bool = False) -> None:
     """ModelError, with the elements, about the first fault that a mesh has.
 
     Coordinates that are no numbers; an element that names a node twice; faces of more than two
     elements, as doubled elements have; negative Jacobians; nodes of no element; doubled nodes on
     the boundary, where parts of a body lie side by side unconnected. Bodies of a deck with contact
-    may lie so.
+    may lie so, and any where they may be `doubled`.
     """
     wrong = ~np.isfinite(mesh.nodes).all(axis=1)
     if wrong.any():
@@ -44,7 +45,8 @@ def check_mesh(mesh: SolidMesh) -> None:
     unused[mesh.references] = False
     if unused.any():
         raise mesh.error(f"{mesh.nodes_named(np.flatnonzero(unused))}: no element has this node")
-    _check_doubled(mesh)
+    if not doubled:
+        _check_doubled(mesh)
 
 
 def _check_jacobians(mesh: SolidMesh) -> None:
@@ -89,4 +91,5 @@ def _check_doubled(mesh: SolidMesh) -> None:
             f"{f', as do {len(pairs) - 1} other pairs' if len(pairs) > 1 else ''}: "
             f"{mesh.elements_named(elements)} are not connected there; merge the nodes"
             + (", or read each of two bodies by itself, part = 'BODY1'" if apart.all() else "")
+            + f'; where they are meant to be apart: pass_over = ["{DOUBLED}"]'
         )
