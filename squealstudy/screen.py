@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import re
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from io import StringIO
 from typing import TYPE_CHECKING, Any
 from unicodedata import category
@@ -27,6 +27,7 @@ STDOUT = "standard output"
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # how texts begin that spreadsheets compute
 NUMBERS = re.compile(r"[-+\d.,eE\s]*")
 NARROW = 6  # least width of a column: figures are never cut
+MOST_ACROSS, MOST_UP = 45, 30  # points of a map of letters
 LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
 COLUMNS: dict[str, dict[str, Any]] = {
     "number": {"justify": "right", "no_wrap": True, "min_width": NARROW},
@@ -123,6 +124,45 @@ def grid(*columns: str, rows: Iterable[Iterable[str]]) -> Table:
     for row in rows:
         table.add_row(*map(plain, row))
     return table
+
+
+def letter_map(
+    names: tuple[str, str],
+    values: tuple[Sequence[float], Sequence[float]],
+    words: Sequence[str],
+    letters: Mapping[str, str],
+) -> list[RenderableType]:
+    """A grid of two parameters as letters, the first to the right and the second up.
+
+    Nothing where the points are no whole grid, or one that is too large for a screen.
+
+    Parameters
+    ----------
+    names : (str, str)
+        With their units, as axes have them.
+    values : (sequence of float, sequence of float)
+        Of each point.
+    words : sequence of str
+        What is found at each point; keys of `letters`.
+    letters : mapping of str -> str
+    """
+    x, y = (sorted(set(map(float, own))) for own in values)
+    at = {(float(a), float(b)): w for a, b, w in zip(*values, words, strict=True)}
+    whole = len(at) == len(words) == len(x) * len(y)
+    if not whole or len(x) > MOST_ACROSS or len(y) > MOST_UP or set(words) - set(letters):
+        return []
+    labels = [f"{v:.6g}" for v in reversed(y)]
+    width = max(map(len, labels))
+    lines = [
+        f"{label:>{width}}  {' '.join(letters[at[a, b]] for a in x)}"
+        for label, b in zip(labels, reversed(y), strict=True)
+    ]
+    meaning = ", ".join(f"{letters[w]} {w.replace('_', ' ')}" for w in letters if w in set(words))
+    return [
+        plain(names[1]),
+        Text("\n".join(lines)),
+        notes(f"to the right: {names[0]}, {x[0]:.6g} to {x[-1]:.6g} ({len(x)} values); {meaning}"),
+    ]
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> Table:

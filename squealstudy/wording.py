@@ -31,6 +31,12 @@ NEUTRAL = "neutral"  # small motions neither grow nor decay, and larger ones do 
 NO_CYCLE = "no_cycle_found"
 VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NEUTRAL, NO_CYCLE)  # of a design the first of its modes'
 
+# one of each on a map of letters, the most silent the least ink
+VERDICT_LETTERS = {SQUEALS: "S", IF_KICKED: "K", UNDECIDED: "?", NEUTRAL: "n", NO_CYCLE: "."}
+VERDICT_LETTERS[FAILED] = "x"
+CLASS_LETTERS = {LIMIT_CYCLE: "L", IRREGULAR: "I", GROWING: "G", UNDECIDED: "?", STABLE: "."}
+CLASS_LETTERS[FAILED] = "x"
+
 LEAST_DIGITS = 3
 MOST_RANGES = 6  # of a parameter in one sentence
 UNKNOWN = "-"  # in place of a number that is not known

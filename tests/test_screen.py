@@ -6,7 +6,17 @@ import pandas as pd
 import pytest
 
 from squealstudy import screen
-from squealstudy.wording import by_ranges
+from squealstudy.kinds.limit_cycles.screen import footnotes
+from squealstudy.wording import (
+    CLASS_LETTERS,
+    FAILED,
+    LASTING,
+    STABLE,
+    UNDECIDED,
+    VERDICT_LETTERS,
+    VERDICTS,
+    by_ranges,
+)
 
 HOSTILE = "ok\x1b]0;title\x07\x1b[2J\u202emoc.live\x9b31m\u200b"
 
@@ -54,3 +64,31 @@ def test_what_holds_where_is_told_by_ranges_of_one_parameter():
     assert by_ranges("speed", "", [float("nan"), 1.0], ["a", "a"]) == ""
     assert by_ranges("speed", "", [*range(8)], ["a", "b"] * 4) == ""  # too many to read
     assert by_ranges("speed", "", [], []) == ""
+
+
+def test_a_grid_of_two_parameters_is_a_map_of_letters():
+    x, y = [0.1, 0.2, 0.3, 0.1, 0.2, 0.3], [5.0, 5.0, 5.0, 10.0, 10.0, 10.0]
+    words = ["stable", "stable", "limit_cycle", "stable", "failed", "limit_cycle"]
+    told = screen.as_text(screen.letter_map(("mu", "load N"), (x, y), words, CLASS_LETTERS))
+    assert told.splitlines() == [
+        "load N",
+        "10  . x L",
+        " 5  . . L",
+        "to the right: mu, 0.1 to 0.3 (3 values); L limit cycle, . stable, x failed",
+    ]
+    assert screen.letter_map(("mu", "load N"), (x[1:], y[1:]), words[1:], CLASS_LETTERS) == []
+    strange = [*words[:-1], "strange"]  # of a version to come
+    assert screen.letter_map(("mu", "load N"), (x, y), strange, CLASS_LETTERS) == []
+
+
+def test_every_class_and_verdict_has_a_letter_of_its_own():
+    for letters, names in ((VERDICT_LETTERS, VERDICTS), (CLASS_LETTERS, (*LASTING, STABLE))):
+        assert set(letters) == {*names, UNDECIDED, FAILED}
+        assert len(set(letters.values())) == len(letters)
+
+
+def test_a_reason_that_stands_often_is_a_footnote():
+    long = "mode 1: a stable cycle beside a stable mode"
+    assert footnotes([long, "short", long]) == {long: "a", "short": "b"}
+    assert footnotes([long, "another"]) == {long: long, "another": "another"}
+    assert footnotes(["short", "short"]) == {"short": "short"}

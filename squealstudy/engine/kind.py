@@ -18,7 +18,7 @@ from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ResultsError
 from squealstudy.study.source import SourceText
-from squealstudy.wording import by_ranges, plural
+from squealstudy.wording import by_ranges, plural, with_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -326,6 +326,20 @@ class KindScreen:
             (name,) = varied
             told = by_ranges(name, results.units.get(name, ""), points[name].tolist(), words)
         return told or ", ".join(f"{n} {word}" for word, n in Counter(words).most_common())
+
+    def mapped(
+        self, results: Results, words: Sequence[str], letters: Mapping[str, str]
+    ) -> list[RenderableType]:
+        """The design points as a map of letters, where exactly two parameters vary on a grid."""
+        from squealstudy.screen import letter_map
+
+        points, units = results.points, results.units
+        varied = [p for p in results.parameters if len(set(points[p].tolist())) > 1]
+        if len(varied) != 2 or points[varied].isna().to_numpy().any():
+            return []
+        first, second = varied
+        names = with_unit(first, units), with_unit(second, units)
+        return letter_map(names, (points[first], points[second]), words, letters)
 
     def facts(self, results: Results) -> Rows:
         """Lines on methods and errors beneath the findings."""

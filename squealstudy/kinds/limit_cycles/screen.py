@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping
+from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -14,8 +15,10 @@ from squealstudy.engine.kind import KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, grid, notes
 from squealstudy.wording import (
+    FAILED,
     NO_CYCLE,
     TORQUE,
+    VERDICT_LETTERS,
     amount,
     band_text,
     figure,
@@ -27,6 +30,8 @@ from squealstudy.wording import (
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
+SHORT = 12  # characters of a reason that is no longer than the note that would stand for it
+FEW = 8  # design points, up to which no map of letters is needed
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 MOST_BRANCHES, MOST_EVENTS = 6, 6  # listed
 EVENTS = {"F": "folds", "H": "Hopf points"}
@@ -52,15 +57,21 @@ class LimitCyclesScreen(KindScreen):
         listed = points.head(MOST_POINTS)
         unit = units.get(TORQUE, "N m")
         columns = ("growth 1/s", f"RMS {unit}", "+- %", "Hz", "kick m/s", "kick %")
+        words = points["verdict"].where(points["status"] == "ok", FAILED).tolist()
+        letters = self.mapped(results, words, VERDICT_LETTERS) if len(points) > FEW else []
+        if letters and len(points) > MOST_POINTS:
+            listed = listed[:0]
+        why = footnotes(_reasons(listed))
         shown = grid(
             *(f"value:{with_unit(p, units)}" for p in own),
             "word:verdict",
             *(f"value:{title}" for title in columns),
             "text:because",
-            rows=(_cells(row, own) for row in listed.to_dict("records")),
+            rows=(_cells(row, own, why) for row in listed.to_dict("records")),
         )
         more = len(points) - len(listed)
         legend = notes(
+            *(f"{letter}: {reason}" for reason, letter in why.items() if letter != reason),
             f"{more} more in the points table" if more else "",
             "growth: fastest complex mode that was followed; RMS, Hz: of the loudest stable cycle, "
             "or of a run in time that lasts (x2: the torque is loudest at twice that; ~: its "
@@ -72,13 +83,15 @@ class LimitCyclesScreen(KindScreen):
             if (points["verdict"] == NO_CYCLE).any()
             else "",
         )
-        return [self.verdict(results), "", shown, legend]
+        if not len(listed):
+            return [self.verdict(results), "", *letters, notes("levels: the points table")]
+        return [self.verdict(results), "", *letters, *([""] if letters else []), shown, legend]
 
     def verdict(self, results: Results) -> str:
         """How many designs have which verdict."""
         points = results.points
         solved = points["status"] == "ok"
-        told = self.counted(results, points["verdict"].where(solved, "failed").tolist())
+        told = self.counted(results, points["verdict"].where(solved, FAILED).tolist())
         band = band_text(results.fact("band_hz"))
         return f"{plural(len(points), 'design')}, of modes {band}: {told}."
 
@@ -152,10 +165,23 @@ def _borders(borders: pd.DataFrame) -> Rows:
     ]
 
 
-def _cells(row: dict[Hashable, Any], own: list[str]) -> list[str]:
+def _reasons(points: pd.DataFrame) -> list[str]:
+    """Why each design point has its verdict, or failed."""
+    return points["reason"].where(points["status"] == "ok", points["message"]).astype(str).tolist()
+
+
+def footnotes(reasons: list[str]) -> dict[str, str]:
+    """What stands in the table for each reason: a letter, where some of them are there twice."""
+    told = list(dict.fromkeys(reasons))
+    repeated = len(told) < len([r for r in reasons if r]) and len(told) <= len(ascii_lowercase)
+    long = any(len(reason) > SHORT for reason in told)
+    return dict(zip(told, ascii_lowercase if repeated and long else told, strict=False))
+
+
+def _cells(row: dict[Hashable, Any], own: list[str], why: Mapping[str, str]) -> list[str]:
     place = [f"{row[p]:.6g}" for p in own]
     if row["status"] != "ok":
-        return [*place, f"failed: {row['status']}", *[""] * 6, str(row["message"])]
+        return [*place, f"failed: {row['status']}", *[""] * 6, why[str(row["message"])]]
     hz = motion_frequency(row["frequency_hz"], row.get("torque_line_hz", math.nan), 1)
     return [
         *place,
@@ -166,7 +192,7 @@ def _cells(row: dict[Hashable, Any], own: list[str]) -> list[str]:
         hz,
         figure(row["threshold_velocity"]),
         figure(100 * row["threshold_share"], ".0f"),
-        str(row["reason"]),
+        why[str(row["reason"])],
     ]
 
 

@@ -14,6 +14,7 @@ from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, facts, grid, notes
 from squealstudy.tables.energy_ranking import rank_energy
 from squealstudy.wording import (
+    CLASS_LETTERS,
     FAILED,
     SUSTAINED,
     TORQUE,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 MOST_COLUMNS = 2  # parameters with a column of their own
+FEW = 8  # design points, up to which no map of letters is needed
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
 FINDINGS = 9  # columns of `_findings`
@@ -78,6 +80,10 @@ class TransientScreen(KindScreen):
         """What became of each design point, then the ranking."""
         unit = results.units.get(TORQUE, "N m")
         parts = points(results.points, results.parameters, results.units, unit)
+        words = results.points["class"].tolist()
+        letters = self.mapped(results, words, CLASS_LETTERS) if len(words) > FEW else []
+        if letters:
+            parts = [*letters, "", *parts]
         return [self.verdict(results), "", *parts, "", *self.ranking(results)]
 
     def verdict(self, results: Results) -> str:
