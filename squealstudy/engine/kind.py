@@ -339,7 +339,8 @@ class KindScreen:
             return []
         first, second = varied
         names = with_unit(first, units), with_unit(second, units)
-        return letter_map(names, (points[first], points[second]), words, letters)
+        values = points[first].tolist(), points[second].tolist()
+        return letter_map(names, values, words, letters)
 
     def facts(self, results: Results) -> Rows:
         """Lines on methods and errors beneath the findings."""
