@@ -12,6 +12,8 @@ from matplotlib.collections import PathCollection, PolyCollection, QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 from scipy.spatial import cKDTree
+from study_runs import solved
+from study_texts import study_text
 
 from squealstudy.engine.pictures import plots, save_figure
 from squealstudy.errors import ResultsError
@@ -334,6 +336,27 @@ def test_evolution_draws_every_track_on_the_line():
     texts = drawn(figure)
     assert "T1  3042 Hz" in texts
     assert "pressure = 1.2 MPa; 1 unstable track" in texts
+
+
+def test_evolution_is_led_through_refined_onsets(tmp_path):
+    """Between .25 and .35 a straight line would cross zero far from the onset of hulten."""
+    text = study_text("onset", "complex_modes", "hulten") + (
+        '[[sweep]]\nparameter = "friction"\nvalues = [0.1, 0.25, 0.35, 0.4]\n'
+        "[modes]\nband = [10.0, 1000.0]\n"
+    )
+    results = solved(text, tmp_path / "r")
+    figure = results.plot.evolution()
+    (onset,) = results.onsets["onset"]
+    frequency, damping = figure.axes[:2]
+    (curve,) = (x for x in damping.lines if x.get_marker() == "o" and len(x.get_xdata()) == 5)
+    x, y = np.asarray(curve.get_xdata()), np.asarray(curve.get_ydata())
+    assert x.tolist() == sorted([0.1, 0.25, 0.35, 0.4, onset])
+    assert y[x.tolist().index(onset)] == 0.0
+    assert curve.get_markevery() == [0, 1, 3, 4]  # design points alone
+    for axes, value in ((frequency, results.onsets["frequency_hz"][0]), (damping, 0.0)):
+        (bar,) = (x for x in axes.lines if x.get_marker() == "|")
+        assert (bar.get_xdata()[0], bar.get_ydata()[0]) == (onset, value)
+    assert "onset, refined" in drawn(figure)
 
 
 def test_evolution_takes_the_line_of_most_unstable_modes():

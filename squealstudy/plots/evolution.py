@@ -45,7 +45,7 @@ from squealstudy.plots.tables import (
     unstable_counts,
     worst_tracks,
 )
-from squealstudy.tables.mode_ranking import parameter_columns
+from squealstudy.tables.mode_ranking import CUBIC, REFINED, parameter_columns
 from squealstudy.tables.point_rows import ROW, rows_in
 from squealstudy.wording import did_you_mean, plural, track_number
 
@@ -158,6 +158,9 @@ def _draw(axes: Axes, line: StudyLine, name: str, factor: float) -> None:
         every = max(1, len(line.x) // 15)
         y = table[track]
         axes.plot(line.x, y, marker=marker, markersize=4.5, markevery=every, **style)
+        own = line.onsets[(line.onsets["track"] == track).to_numpy(bool)]
+        if len(own):
+            _through(axes, line.x, y.to_numpy(float), own, name, style)
         ring = line.doubtful[track].to_numpy(bool)
         axes.plot(
             line.x[ring], y[ring], "o", markersize=9, markerfacecolor="none", markeredgecolor="0.2"
@@ -166,6 +169,23 @@ def _draw(axes: Axes, line: StudyLine, name: str, factor: float) -> None:
     unstable = line.untracked["unstable"].to_numpy(bool)
     axes.plot(line.x[rows[~unstable]], loose[~unstable], ".", color=GREY, markersize=3)
     axes.plot(line.x[rows[unstable]], loose[unstable], "x", color=UNSTABLE, markersize=5)
+
+
+def _through(
+    axes: Axes, x: np.ndarray, y: np.ndarray, onsets: pd.DataFrame, name: str, style: dict[str, Any]
+) -> None:
+    """The curve of a track led through its refined onsets, each marked by a bar.
+
+    Between two design points a straight line would cross zero elsewhere.
+    """
+    at = onsets["x"].to_numpy(float)
+    value = onsets["frequency_hz"].to_numpy(float) if name == FREQUENCY else np.zeros(len(at))
+    curve = axes.lines[-1]
+    order = np.argsort(np.concatenate([x, at]), kind="stable")
+    curve.set_data(np.concatenate([x, at])[order], np.concatenate([y, value])[order])
+    design = np.flatnonzero(order < len(x))
+    curve.set_markevery([int(k) for k in design[:: max(1, len(x) // 15)]])
+    axes.plot(at, value, "|", color=style["color"], markersize=12, markeredgewidth=2, zorder=4)
 
 
 def _alone(axes: Axes, line: StudyLine, show: str, handles: Sequence[Line2D]) -> Figure:
@@ -222,6 +242,9 @@ def _handles(line: StudyLine, names: Mapping[int, tuple[str, bool]]) -> list[Lin
     if line.doubtful.reindex(columns=line.unstable_tracks).to_numpy().any():
         ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "none"}
         handles.append(Line2D([], [], linestyle="", color="0.2", label="ambiguous label", **ring))
+    if len(line.onsets):
+        bar: dict[str, Any] = {"marker": "|", "markersize": 10, "markeredgewidth": 2}
+        handles.append(Line2D([], [], linestyle="", color="0.2", label="onset, refined", **bar))
     if handles:
         handles.append(Line2D([], [], color=GREY, linewidth=0.7, label="stable tracks"))
     return handles
@@ -278,6 +301,9 @@ class StudyLine:
         Modes without a track, with the point's row as `row`.
     worst : DataFrame
         The row of largest growth of each unstable track, fastest first.
+    onsets : DataFrame
+        Values ``x`` along the line, as drawn, at which an unstable track turns unstable or stable,
+        with its ``frequency_hz`` there: those known to a tolerance.
     elsewhere : str
         What is fixed, and why there.
     """
@@ -291,6 +317,7 @@ class StudyLine:
     doubtful: pd.DataFrame
     untracked: pd.DataFrame
     worst: pd.DataFrame
+    onsets: pd.DataFrame
     elsewhere: str
 
     @property
@@ -338,5 +365,23 @@ def study_line(results: Results, along: str, fixed: Mapping[str, float] | None =
         doubtful=wide("doubtful") == 1.0,
         untracked=rows[(rows["track"] <= 0).to_numpy()],
         worst=worst_tracks(rows),
+        onsets=_onsets(results, shown, line, others),
         elsewhere=joined(describe(line.iloc[0], points, others, units), why, by=", "),
     )
+
+
+def _onsets(
+    results: Results, shown: Quantity, line: pd.DataFrame, others: Sequence[str]
+) -> pd.DataFrame:
+    """Refined onsets on a line; none along another parameter than theirs."""
+    columns = ["track", "x", FREQUENCY]
+    table = results.onsets if "onsets" in results.tables else None
+    if table is None or shown.name != results.along or not {*others} <= {*table.columns}:
+        return pd.DataFrame(columns=columns)
+    here = table["status"].isin((REFINED, CUBIC)).to_numpy(bool) & table["onset"].notna().to_numpy(
+        bool
+    )
+    for name in others:
+        here &= np.isclose(table[name].to_numpy(float), float(line[name].iloc[0]), rtol=1e-9)
+    own = table[here]
+    return own.assign(x=shown.scaled(own["onset"]))[columns].reset_index(drop=True)
