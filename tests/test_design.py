@@ -832,7 +832,7 @@ GOAL = "[goal]\nmargin = {damping_ratio = 0.002}"
             "damping_ratio = 0.01",
             "damping_ratio = 0.01\n'added_mass.disc.RIM' = 0.1",
             "parameters.added_mass.disc.RIM",
-            "'added_mass.disc.RIM' is nothing that a [[variable]]",
+            "model 'hoffmann' has no named sets: disc_brake and model files have",
         ),
         (
             "[goal]",
