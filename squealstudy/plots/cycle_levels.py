@@ -72,6 +72,7 @@ EVENTS = {
     "PD": "PD: twice the period",
     "BP": "BP: branch point",
 }
+MARKS = {SQUEALS: "s", IF_KICKED: "D", UNDECIDED: "x", NEUTRAL: "_", NO_CYCLE: "o"}  # of the strip
 VERDICTS = {  # heights and colours of the strip
     SQUEALS: COLOURS[0],
     IF_KICKED: COLOURS[3],
@@ -239,5 +240,5 @@ def _growth(axes: Axes, x: np.ndarray, line: pd.DataFrame) -> None:
     for name, colour in VERDICTS.items():
         own = (line["verdict"] == name).to_numpy(bool)
         if own.any():
-            style: dict[str, Any] = {"linestyle": "", "marker": "s", "markersize": 5}
+            style: dict[str, Any] = {"linestyle": "", "marker": MARKS[name], "markersize": 5}
             axes.plot(x[own], growth[own], color=colour, label=name.replace("_", " "), **style)

@@ -9,23 +9,30 @@ import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
-from squealstudy.plots.cycle_levels import VERDICTS
 from squealstudy.plots.plane import Plane
-from squealstudy.plots.style import finish, joined, legend_below, new_figure, quantity
+from squealstudy.plots.style import GREY, finish, joined, legend_below, new_figure, quantity
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
+from squealstudy.wording import IF_KICKED, NEUTRAL, NO_CYCLE, SQUEALS, UNDECIDED
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 LEVELS = 5  # contours
-PALE = 0.5  # share of white: lines and marks are drawn over it
+# told apart in grey and by readers who lack a cone: CIELAB distances of 20 and more
+FILLS = {
+    SQUEALS: "#C4500A",
+    IF_KICKED: "#E89C1E",
+    UNDECIDED: "#BDBDBD",
+    NEUTRAL: "#8FB9E3",
+    NO_CYCLE: "#F3F8F1",
+}
 BORDERS = {"H": ("^", "Hopf point of a branch"), "F": ("D", "fold of a branch")}
 LINES = {"H": ("-", "border of Hopf points"), "F": ("--", "border of folds")}
 
@@ -84,14 +91,13 @@ def verdict_map(
         raise ResultsError(f"{results.directory}: no design point at these values")
     first, second = (quantity(n, points[n], units) for n in (across, up))
     plane = Plane(first, second, first.scaled(rows[across]), second.scaled(rows[up]))
-    codes = [*VERDICTS]
+    codes = [*FILLS]
     verdict = rows["verdict"].map({name: k for k, name in enumerate(codes)}).to_numpy(float)
     verdict[(rows["status"] != "ok").to_numpy(bool)] = np.nan
     figure = new_figure(8.5, 6.0)
     axes = figure.add_subplot()
     plane.frame(axes, rows)
-    pale = {name: PALE + (1.0 - PALE) * np.array(to_rgb(c)) for name, c in VERDICTS.items()}
-    colours = ListedColormap(list(pale.values()))
+    colours = ListedColormap([FILLS[name] for name in codes])
     norm = BoundaryNorm(np.arange(len(codes) + 1) - 0.5, len(codes))
     gridded = all(len(np.unique(v)) > 1 for v in (plane.x, plane.y)) and len(rows) > 3
     if gridded:
@@ -107,7 +113,7 @@ def verdict_map(
     borders = _borders(axes, results, plane, rows, (across, up))
     present = {int(k) for k in verdict[np.isfinite(verdict)]}
     handles = [
-        Patch(color=pale[name], label=name.replace("_", " "))
+        Patch(facecolor=FILLS[name], edgecolor=GREY, label=name.replace("_", " "))
         for k, name in enumerate(codes)
         if k in present
     ]
