@@ -191,7 +191,7 @@ def test_modes_that_were_not_followed_are_told(tmp_path):
         found[name] = results.points.set_index("friction")
     few, screened = found["few"], found["screened"]
     assert few["n_left_out"].tolist() == [1, 1]
-    assert "; 1 modes not followed" in few.loc[0.6, "reason"]
+    assert "; 1 mode not followed" in few.loc[0.6, "reason"]
     assert few.loc[0.85, "verdict"] == "squeals"
     assert few.loc[0.85, "reason"] == "mode 1: unstable mode, not followed: level undecided"
     assert screened.loc[0.6, "verdict"] == "undecided"

@@ -72,7 +72,7 @@ EVENTS = {
     "PD": "PD: twice the period",
     "BP": "BP: branch point",
 }
-MARKS = {SQUEALS: "s", IF_KICKED: "D", UNDECIDED: "x", NEUTRAL: "_", NO_CYCLE: "o"}  # of the strip
+MARKS = {SQUEALS: "s", IF_KICKED: "D", UNDECIDED: "x", NEUTRAL: "_", NO_CYCLE: "P"}  # of the strip
 VERDICTS = {  # heights and colours of the strip
     SQUEALS: COLOURS[0],
     IF_KICKED: COLOURS[3],

@@ -25,7 +25,7 @@ from squealstudy.engine.rows import (
 )
 from squealstudy.engine.validity import motion_reason
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.wording import IF_KICKED, SQUEALS, UNDECIDED, VERDICTS
+from squealstudy.wording import IF_KICKED, SQUEALS, UNDECIDED, VERDICTS, plural
 
 SUMMARY_FIELDS = (
     ("verdict", TEXT),
@@ -195,7 +195,7 @@ def summary(
     unstable_outside: bool,
 ) -> dict[str, Any]:
     """What the families of a design come to; of levels the loudest stable cycle's."""
-    beyond = f"; {left_out} modes not followed" if left_out else ""
+    beyond = f"; {plural(left_out, 'mode')} not followed" if left_out else ""
     beyond += "; a mode outside the band is unstable" if unstable_outside else ""
     told = {"n_left_out": left_out, "unstable_outside": unstable_outside}
     if not verdicts:
