@@ -44,7 +44,7 @@ def test_each_design_has_its_first_onset_and_its_fastest_growth(tmp_path):
     assert text.startswith("Over all 3 designs 1 mode is unstable between 10 and 1000 Hz: T")
     assert f"first at friction {lines[1].onset:.4g}." in " ".join(text.split())
     assert "none to 0.4" in text
-    assert "design: frequency_2; as it is: 75" in text
+    assert "design: frequency_2; as it is: 75 Hz" in text
 
 
 def test_a_design_that_is_unstable_from_the_first_value_says_so(tmp_path):

@@ -153,7 +153,9 @@ def design_table(results: Results, lines: list[DesignLine]) -> list[RenderableTy
         *("text:design", "first onset", "text:of", "growth 1/s", "text:of", "unstable"), rows=rows
     )
     today = results.nominal_others(along)
-    as_it_is = ", ".join(f"{today[n]:g}" for n in names) if set(names) <= set(today) else ""
+    as_it_is = ""
+    if set(names) <= set(today):
+        as_it_is = ", ".join(amount(today[n], units.get(n, "")) for n in names)
     meaning = f"design: {', '.join(names)}" + (f"; as it is: {as_it_is}" if as_it_is else "")
     return [
         shown,
