@@ -1,6 +1,7 @@
 """Roots at a step, against eigenvalues of the whole step as a matrix, and against runs."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from squealstudy.kernels import newmark_layout as at
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.integrators.newmark import Newmark
-from squealstudy.motion.step_roots import integrated_roots
+from squealstudy.motion.step_roots import _root, integrated_roots
 
 METHODS = {
     "exponential": ExactFreeMotion(),
@@ -122,3 +123,12 @@ def test_bounds_cover_the_growth_of_random_runs() -> None:
     assert len(told) >= 0.7 * len(found)
     assert told["right"].mean() >= 0.93
     assert told["width"].median() <= 0.02
+
+
+@pytest.mark.parametrize("matrix", [np.zeros((3, 3)), np.full((3, 3), np.nan)])
+def test_where_the_step_has_no_root_none_is_told(matrix):
+    """No warning either: it would stand on the screen of a study."""
+    made = SimpleNamespace(
+        answers=lambda z: (np.ones((2, 3)), None, None), matrices=lambda K, C, z: (matrix, matrix)
+    )
+    assert np.isnan(_root(made, matrix, matrix, -1.0 + 600j, np.ones(3, complex), 1e-5))

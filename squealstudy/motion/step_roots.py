@@ -19,7 +19,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as la
 
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.motion.integrator import FixedJacobian, KernelIntegrator
@@ -127,9 +126,15 @@ def _root(
     for _ in range(ITERATIONS):
         T, slope = made.matrices(K, C, z)
         shift = ROUND_OFF * np.abs(T).max()  # a root met exactly would be a singular matrix
-        u = la.lu_solve(la.lu_factor(T + shift * np.eye(len(T))), slope @ r)
-        change = 1.0 / (r.conj() @ u)
-        z, r = z - change, u / np.linalg.norm(u)
+        try:
+            u = np.linalg.solve(T + shift * np.eye(len(T)), slope @ r)
+        except np.linalg.LinAlgError:
+            u = np.zeros_like(r)
+        size, along_r = np.linalg.norm(u), r.conj() @ u
+        if not (np.isfinite(size) and abs(along_r) > 0.0):  # two roots in one place, or none near
+            return complex(np.nan, np.nan)
+        change = 1.0 / along_r
+        z, r = z - change, u / size
         if abs(change) <= CONVERGED:
             break
     mu = complex(np.log(z) / step)
