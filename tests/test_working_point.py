@@ -386,3 +386,9 @@ def test_a_spring_that_bears_less_than_the_load_is_reached_from_where_it_holds(f
     assert steady.force[0, 0] == pytest.approx(force, rel=1e-9)
     assert d < (2.6e6 / area / (3 * 5.7e17)) ** 0.5  # which is where it gives way
     assert steady.iterations <= 10
+
+
+def test_next_to_no_load_on_an_exponential_contact_has_no_equilibrium_in_words():
+    model = sq.model("hoffmann", contact_law="exponential", normal_force=1e-320)
+    with pytest.raises(ConvergenceError, match="no steady sliding equilibrium"):
+        model.at(friction=0.2).modes()

@@ -244,10 +244,11 @@ def _closing_pressure(space: ContactSpace, point: OperatingPoint) -> float:
     """
     opened = space.S_N @ (space.C_Nf @ np.array([point.brake_pressure, 1.0]))
     closing = abs(float(space.area @ opened)) / max(abs(space.opened_by_unit_pressure), 1e-300)
-    if not np.isfinite(closing):
+    if not 1e-300 < closing < np.inf:  # of nothing an exponential law has no gap
         return 0.0
     ((borne,), _) = point.law.evaluate(np.array([point.law.gap_at(closing)]))
-    return closing if borne > 0.99 * closing else GIVEN_WAY * float(borne)
+    held = closing if borne > 0.99 * closing else GIVEN_WAY * float(borne)
+    return held if np.isfinite(held) else 0.0
 
 
 def _damping(law: ContactLaw, level: float, g: np.ndarray, step: np.ndarray) -> float:

@@ -210,10 +210,12 @@ def _closing_pressure(equations: _Equations, area: np.ndarray) -> np.ndarray:
     unit = np.abs((area * _times(equations.by_normal, area)).sum(axis=1))
     with np.errstate(over="ignore", invalid="ignore"):
         closing = np.abs((area * equations.by_load).sum(axis=1)) / np.maximum(unit, TINY)
-    closing = np.where(np.isfinite(closing), closing, 0.0)
+    known = np.isfinite(closing) & (closing > TINY)  # of nothing an exponential law has no gap
+    closing = np.where(known, closing, 1.0)
     operating = equations.operating
     borne = operating.contact(operating.gap_at(closing)[:, None])[0][:, 0]
-    return np.where(borne > 0.99 * closing, closing, GIVEN_WAY * borne)
+    held = np.where(borne > 0.99 * closing, closing, GIVEN_WAY * borne)
+    return np.where(known & np.isfinite(held), held, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
