@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from reference import MU_C
 from study_runs import solved
 from study_texts import study_text
 
-from squealstudy.kinds.complex_modes.design_lines import MOST_DESIGNS, design_lines
+from squealstudy.kinds.complex_modes.design_lines import (
+    MOST_DESIGNS,
+    design_lines,
+    onsets_in_words,
+)
 from squealstudy.screen import as_text
 
 
@@ -59,8 +64,22 @@ def test_a_failed_point_is_no_stable_one(tmp_path):
     results = results_of(tmp_path / "r", [0.1, 0.4], [75.0, 60.0])
     points = results.points.copy()
     points.loc[points["friction"] == 0.1, "status"] = "working_point"
-    lines = design_lines(results.with_tables(points=points))
+    failed = results.with_tables(points=points)
+    lines = design_lines(failed)
     assert [(line.unstable, line.solved) for line in lines] == [(1, 1), (0, 1)]
+    text = as_text(failed.screen.findings(failed))
+    assert "none known" in text
+    assert "none to" not in text
+
+
+def test_every_mode_that_is_counted_is_named(tmp_path):
+    """Of two that are followed as one family and grow side by side both."""
+    results = results_of(tmp_path / "r", [0.32, 0.4], [75.0])
+    table = results.rank()
+    second = table.assign(track=9, frequency_hz=300.0, max_growth_rate=1.0)
+    both = pd.concat([table, second]).assign(family_modes=2)
+    assert "T9 at 300 Hz" in onsets_in_words(results, both)
+    assert "T9" not in onsets_in_words(results, both.assign(family_modes=1))
 
 
 def test_one_design_or_very_many_have_no_table(tmp_path):

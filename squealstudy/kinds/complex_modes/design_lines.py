@@ -37,6 +37,8 @@ class DesignLine(NamedTuple):
         Values of the other parameters.
     unstable, solved : int
         Solved points, and those at which some mode is unstable.
+    sure : bool
+        All points are solved, and stability is certain at each.
     onset : float
         Least value from which on a mode is unstable; NaN for none.
     kind : str
@@ -48,6 +50,7 @@ class DesignLine(NamedTuple):
     design: dict[str, float]
     unstable: int
     solved: int
+    sure: bool
     onset: float
     kind: str
     first: Row | None
@@ -73,12 +76,14 @@ def _line(results: Results, values: dict[str, float]) -> DesignLine:
     points = results.points
     own = np.logical_and.reduce([points[name].to_numpy() == v for name, v in values.items()])
     solved = points[own & (points["status"] == "ok").to_numpy(bool)]
+    most = solved["n_unstable"]
     table = results.screen.rank(results, "growth", None, where)
     first = first_onset(table)
     return DesignLine(
         design=values,
         unstable=int((solved["n_unstable"] > 0).sum()),
         solved=len(solved),
+        sure=bool(len(solved) == own.sum() and (solved["n_unstable_high"] == most).all()),
         onset=float(first["threshold"]) if first else float("nan"),
         kind=str(first["threshold_kind"]) if first else "",
         first=first,
@@ -117,7 +122,9 @@ def onsets_in_words(results: Results, table: pd.DataFrame) -> str:
     tracked = table[(table["kind"] == group_kind(1)).to_numpy(bool)]
     tracked = tracked.assign(first=tracked["threshold"])
     tracked.loc[(tracked["threshold_kind"] == BELOW_RANGE).to_numpy(bool), "first"] = -np.inf
-    tracked = tracked.sort_values("first", kind="stable").drop_duplicates("family")
+    tracked = tracked.sort_values("first", kind="stable")
+    own = tracked.groupby("family", sort=False).cumcount()  # of tracks that are one mode, one
+    tracked = tracked[(own < tracked["family_modes"]).to_numpy(bool)]
     unit = results.units.get(along, "")
     told = [
         f"{track_number(row['track'])} at {frequency_text(row)} Hz{first_at(row, along, unit)}"
@@ -134,7 +141,9 @@ def design_table(results: Results, lines: list[DesignLine]) -> list[RenderableTy
     names = list(lines[0].design)
     rows = []
     for line in lines:
-        onset = "below range" if line.kind == BELOW_RANGE else f"none to {top:g}"
+        seen = line.sure and line.solved > 0
+        onset = f"none to {top:g}" if seen else "none known"  # a failed point may be unstable
+        onset = "below range" if line.kind == BELOW_RANGE else onset
         if np.isfinite(line.onset):
             onset = f"{INEXACT.get(line.kind, '')}{line.onset:.4g}"
         elif line.first is None and line.fastest is not None:
