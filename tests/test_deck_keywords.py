@@ -52,19 +52,19 @@ def test_what_does_not_matter_is_passed_over_and_told(tmp_path, plain, old, new,
 def test_what_may_matter_is_refused_all_at_once_with_a_line_to_paste(tmp_path, plain):
     more = (
         "*ELEMENT, TYPE=S4, ELSET=E\n9,1,2,3,4\n*SHELL SECTION, ELSET=E, MATERIAL=M\n1.\n"
-        "*FOO\n1\n*CYCLIC SYMMETRY MODEL\n1\n"
+        "*FOO\n1\n*EMBEDDED ELEMENT\n1\n"
     )
     with pytest.raises(ModelError) as caught:
         read(tmp_path, DECK + more)
     text = str(caught.value)
     assert "*FOO is not known here" in text
-    assert "*CYCLIC SYMMETRY MODEL is not supported: write the whole body" in text
+    assert "*EMBEDDED ELEMENT is not supported: merge the nodes" in text
     assert "element S4 is not supported: only solids are" in text
     line = text[text.index("pass_over = ") :].removeprefix("pass_over = ")
     mesh = read(tmp_path, DECK + more, pass_over=eval(line))
     assert apart(stiffness_matrix(mesh), plain[0]) == 0.0
     assert [len(e) for e in mesh.element_sets.values()] == [1]
-    assert {"*FOO", "*CYCLIC SYMMETRY MODEL", "*ELEMENT"} <= {n.keyword for n in mesh.passed_over}
+    assert {"*FOO", "*EMBEDDED ELEMENT", "*ELEMENT"} <= {n.keyword for n in mesh.passed_over}
 
 
 @pytest.mark.parametrize(

@@ -38,6 +38,7 @@ from squealstudy.models.components.model_file import (
     Numbers,
     PlacedError,
 )
+from squealstudy.models.components.sectors import Repetition, repeated
 from squealstudy.models.fem.solid import Isotropic
 
 INCLUDED = re.compile(r"^\s*\*[^,]*,.*?\bINPUT\s*=\s*\"?([^,\"\n]+?)\"?\s*(?:,|$)", re.I | re.M)
@@ -146,6 +147,8 @@ def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
     """
     body = table.part if table.part is not None and BODY.fullmatch(table.part) else None
     mesh = righted(_read(path, table if body is None else table.model_copy(update={"part": None})))
+    if (how := table.repeat) is not None:
+        mesh = repeated(mesh, Repetition(np.array(how.point), np.array(how.axis), how.count))
     bodies = mesh.body_of
     if 0 < bodies.max() < BODIES:
         own = {f"BODY{k + 1}": np.flatnonzero(bodies == k) for k in range(bodies.max() + 1)}

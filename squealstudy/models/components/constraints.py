@@ -47,6 +47,8 @@ class Tie:
         The master has more nodes there than follow it: what is between them is free.
     beside : int
         Nodes of the slave that are not on the master, and so free.
+    cyclic : bool
+        The master is that of the next sector (`sectors.repeated`).
     """
 
     name: str
@@ -56,6 +58,7 @@ class Tie:
     adjusted: bool = True
     coarse: bool = False
     beside: int = 0
+    cyclic: bool = False
 
     @property
     def told(self) -> str:

@@ -71,6 +71,15 @@ def facets(mesh: SolidMesh, name: str) -> tuple[FacetGroup, ...]:
     return found
 
 
+def faces_among(mesh: SolidMesh, nodes: np.ndarray) -> np.ndarray:
+    """Faces (p, 2) of the boundary all of whose nodes are among those of these places."""
+    chosen = np.zeros(len(mesh.nodes), dtype=bool)
+    chosen[nodes] = True
+    groups = facet_groups(mesh, boundary(mesh))
+    found = [g.faces[chosen[g.nodes].all(axis=1)] for g in groups]
+    return np.vstack([np.zeros((0, 2), dtype=np.int64), *found])
+
+
 def boundary(mesh: SolidMesh) -> np.ndarray:
     """Faces (p, 2) of only one element: its place, number of the face from 1; ascending."""
     faces, corners = _all_faces(mesh)

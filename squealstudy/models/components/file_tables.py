@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
 from squealstudy.models.components.formulations import MassRule
+from squealstudy.models.components.sectors import MOST
 
 
 class Table(BaseModel):
@@ -49,6 +50,20 @@ class TurnTable(Table):
     axis: Vector = Field(description="direction of the axis")
     angle: float = Field(description="deg")
     point: Vector = Field(default=(0.0, 0.0, 0.0), description="a point of the axis")
+
+
+class RepeatTable(Table):
+    """A sector of the component, which repeats about an axis."""
+
+    axis: Vector = Field(description="direction of the axis")
+    count: int = Field(ge=2, le=MOST, description="sectors of the whole component")
+    point: Vector = Field(default=(0.0, 0.0, 0.0), description="a point of the axis")
+
+    @model_validator(mode="after")
+    def _direction(self) -> RepeatTable:
+        if not any(self.axis):
+            raise ValueError("axis: expected a direction, got zeros")
+        return self
 
 
 class MaterialTable(Table):
@@ -181,6 +196,9 @@ class ComponentTable(Table):
         description="CSV file of frequencies and damping ratios measured on the free part, which "
         "its component modes have",
     )
+    repeat: RepeatTable | None = Field(
+        default=None, description="the mesh is a sector: it repeats count times about an axis"
+    )
     translate: Vector = Field(default=(0.0, 0.0, 0.0), description="shift, after the turn")
     rotate: TurnTable | None = Field(default=None, description="turn")
 
@@ -192,6 +210,8 @@ class ComponentTable(Table):
             raise ValueError(f"expected mesh, or K, M and nodes; got mesh and {matrices[0]}")
         if self.mesh is None and not {"K", "M", "nodes"} <= set(matrices):
             raise ValueError("expected mesh = FILE, or K, M and nodes (a mesh with coordinates)")
+        if self.mesh is None and self.repeat is not None:
+            raise ValueError("expected no repeat: the matrices are of the whole component")
         if self.mesh is None and self.materials:
             raise ValueError("expected no materials: the matrices hold them")
         if self.mesh is None and self.material_damping:

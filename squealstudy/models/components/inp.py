@@ -18,6 +18,7 @@ from squealstudy.models.components.inp_equations import KEYWORDS as EQUATIONS
 from squealstudy.models.components.inp_keywords import ELEMENTS, OTHER_LAWS, PASSED_OVER, REFUSED
 from squealstudy.models.components.inp_materials import MaterialText
 from squealstudy.models.components.inp_refused import Refused, refuse, sift_elements
+from squealstudy.models.components.inp_sectors import whole_body
 from squealstudy.models.components.marked_faces import FACES, NODES
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
@@ -95,10 +96,11 @@ def read_inp(
     refuse([*contents.refused, *sift_elements(text, ignored)])
     text.temperature, text.abaqus = temperature, said == "abaqus"
     text.passed_over += contents.passed_over
-    mesh = Component(text).mesh()
-    if part is None or contents.parts:
-        return mesh
-    return mesh.part(mesh.find("element_sets", part))
+    component = Component(text)
+    mesh = component.mesh()
+    if part is not None and not contents.parts:
+        mesh = mesh.part(mesh.find("element_sets", part))
+    return whole_body(mesh, component.sectors())
 
 
 def _plain(keyword: str) -> str:

@@ -19,6 +19,8 @@ from squealstudy.models.components.inp_equations import KEYWORDS as EQUATIONS
 from squealstudy.models.components.inp_equations import Equations
 from squealstudy.models.components.inp_materials import MaterialText, with_sections
 from squealstudy.models.components.inp_places import Places
+from squealstudy.models.components.inp_sectors import KEYWORD as SECTORS
+from squealstudy.models.components.inp_sectors import SectorCard, read_sectors
 from squealstudy.models.components.inp_sets import NOTHING, Sets
 from squealstudy.models.components.marked_faces import FACES, NODES, MarkedFaces
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
@@ -28,7 +30,8 @@ ELEMENT = ("TYPE", "ELSET", "INPUT")
 SET = ("NSET", "ELSET", "GENERATE", "INSTANCE", "UNSORTED", "INTERNAL")
 SURFACE = ("NAME", "TYPE", "INTERNAL")
 SECTIONS = ("SOLIDSECTION", "ORIENTATION")
-READ = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", *SECTIONS, *KEYWORDS, *EQUATIONS, *DISCRETE)
+OF_NODES = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
+READ = (*OF_NODES, *SECTIONS, *KEYWORDS, *EQUATIONS, *DISCRETE, SECTORS)
 
 
 @dataclass
@@ -141,6 +144,14 @@ class Component:
             ),
             passed_over=tuple(self.text.passed_over),
         )
+
+    def sectors(self) -> list[SectorCard]:
+        """How the mesh repeats, if it is a sector of a body."""
+
+        def labels_of(name: str, card: Card) -> np.ndarray:
+            return self.element_sets.labels(name, card.line)
+
+        return read_sectors(self.text.part, labels_of)
 
     # -- nodes and elements ----------------------------------------------------------------------
     def _read_nodes(self) -> None:

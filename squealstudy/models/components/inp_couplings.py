@@ -8,13 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.models.components.constraints import NO_FACES, Constraint, Coupling, Tie
-from squealstudy.models.components.faces import facet_groups
+from squealstudy.models.components.faces import faces_among, facet_groups
 from squealstudy.models.components.inp_cards import Card, Line
 from squealstudy.models.components.inp_places import Places
+from squealstudy.models.components.inp_sectors import KEYWORD as SECTORS
 from squealstudy.models.components.inp_sets import Sets
 from squealstudy.models.components.mesh import SolidMesh, has_name
 
-TIE = ("NAME", "POSITIONTOLERANCE", "ADJUST", "TYPE", "NOROTATION")
+CYCLIC = "CYCLICSYMMETRY"  # of a tie: the master is that of the next sector
+TIE = ("NAME", "POSITIONTOLERANCE", "ADJUST", "TYPE", "NOROTATION", CYCLIC)
 COUPLING = ("CONSTRAINTNAME", "REFNODE", "SURFACE", "ORIENTATION")
 RIGID_BODY = ("NSET", "ELSET", "REFNODE", "ROTNODE", "TIENSET", "PINNSET")
 DISTRIBUTING = ("COUPLING", "WEIGHTINGMETHOD")
@@ -86,6 +88,9 @@ class Couplings:
 
     def _tie(self, card: Card, line: Line, where: Where) -> Tie | None:
         card.check(TIE)
+        if CYCLIC in card.parameters and not any(c.keyword == SECTORS for c in where.cards):
+            self._note(card, "there is no *CYCLIC SYMMETRY MODEL that is read")
+            return None
         kind = "".join(card.parameters.get("TYPE", "").upper().split())
         if kind not in ("", NODES_TO_SURFACE, "SURFACETOSURFACE"):
             raise card.error(f"*TIE, TYPE={kind} is not supported")
@@ -100,7 +105,10 @@ class Couplings:
         for word, members in zip(words, (slave, master), strict=True):
             if not len(members):
                 raise line.error(f"'{word}' has nothing of this instance: {ELSEWHERE}")
-        if not len(faces):
+        cyclic = CYCLIC in card.parameters
+        if cyclic and not len(faces):
+            faces = faces_among(self._mesh, master)
+        elif not len(faces):
             raise line.error(
                 f"the master '{words[1]}' has no faces: expected a surface of elements"
             )
@@ -112,7 +120,7 @@ class Couplings:
         adjust = card.parameters.get("ADJUST", "YES").upper()
         if adjust not in ("YES", "NO"):
             raise card.error(f"ADJUST={adjust} is not supported: expected YES or NO")
-        return Tie(name, slave, faces, tolerance, adjust == "YES")
+        return Tie(name, slave, faces, tolerance, adjust == "YES", cyclic=cyclic)
 
     def _rigid_body(self, card: Card, where: Where) -> Coupling | None:
         card.check(RIGID_BODY)

@@ -95,7 +95,6 @@ _GENERATE = "let the preprocessor write all nodes and elements"
 
 # keywords that may change the component and are not read, and what to do
 REFUSED: dict[str, str] = {
-    "CYCLICSYMMETRYMODEL": "write the whole body",
     "KINEMATICCOUPLING": "write *COUPLING with *KINEMATIC",
     **_each("FASTENER NETWORKMPC", _COUPLE),
     **_each("EMBEDDEDELEMENT", _MERGE),
@@ -121,7 +120,8 @@ OTHER_LAWS = (
 MATTERS: dict[str, tuple[str, ...]] = {
     "ELEMENT": ("OFFSET", "SOLIDELEMENTNUMBERING"),
     "SURFACE": ("COMBINE", "CROP", "FILLETING"),
-    "TIE": ("CYCLICSYMMETRY", "MULTISTAGE", "TIEDNSET"),
+    "TIE": ("MULTISTAGE", "TIEDNSET"),
+    "CYCLICSYMMETRYMODEL": ("MATRIX",),
     "COUPLING": ("INFLUENCERADIUS", "ROTATIONALCOUPLING"),
     "SOLIDSECTION": ("COMPOSITE",),
     "ORIENTATION": ("LOCALDIRECTIONS",),

@@ -1,0 +1,64 @@
+"""``*CYCLIC SYMMETRY MODEL`` of CalculiX: a sector becomes the whole body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from squealstudy.models.components.inp_cards import Card
+from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.sectors import MOST, Repetition, repeated
+
+KEYWORD = "CYCLICSYMMETRYMODEL"
+KNOWN = ("N", "NGRAPH", "TIE", "ELSET", "CHECK", "CONTACT")
+
+
+@dataclass(frozen=True)
+class SectorCard:
+    """A card: how a sector repeats, and of which elements it is (their numbers; None: of all)."""
+
+    card: Card
+    how: Repetition
+    labels: np.ndarray | None
+
+
+def read_sectors(
+    cards: Sequence[Card], labels_of: Callable[[str, Card], np.ndarray]
+) -> list[SectorCard]:
+    """The cards; ModelError about the line of what is wrong. `labels_of` an element set."""
+    found = []
+    for card in cards:
+        if card.keyword != KEYWORD:
+            continue
+        card.check(KNOWN)
+        number = card.line.real(card.value("N"), "the number of sectors")
+        if not (number.is_integer() and 2 <= number <= MOST):
+            raise card.error(f"N={number:g} sectors are no whole body: expected 2 to {MOST}")
+        first = replace(card, data=card.data[:1])  # CalculiX reads no further
+        x = np.array([value for _, value in first.numbers("two points of the axis", 6, 6)])
+        if not np.linalg.norm(x[3:] - x[:3]) > 0:
+            raise card.data[0].error("the two points of the axis are one")
+        name = card.parameters.get("ELSET")
+        labels = None if name is None else labels_of(name, card)
+        found.append(SectorCard(card, Repetition(x[:3], x[3:] - x[:3], int(number)), labels))
+    return found
+
+
+def whole_body(mesh: SolidMesh, sectors: Sequence[SectorCard]) -> SolidMesh:
+    """The body of which a mesh, or a part of it, is a sector.
+
+    ModelError where parts of it repeat otherwise than others.
+    """
+    own = [s for s in sectors if s.labels is None or np.isin(mesh.labels, s.labels).any()]
+    if not own:
+        return mesh
+    first, *others = own
+    for other in others:
+        if other.how.count != first.how.count:
+            raise other.card.error(
+                f"sectors of 1/{first.how.count} and 1/{other.how.count} of a body: read each as "
+                "a component, part = ELEMENT SET"
+            )
+    return repeated(mesh, first.how)

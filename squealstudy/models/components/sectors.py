@@ -1,0 +1,321 @@
+"""A sector of a body that repeats about an axis, such as one of a vented disc: the whole body.
+
+Nodes that lie at one place in neighbouring sectors are one. Where the two sides of a sector are
+meshed differently, the slave's nodes of a cyclic tie follow the master's faces in the next sector.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.models.components.constraints import Constraint, Coupling, Relation, Tie
+from squealstudy.models.components.discrete import Discrete
+from squealstudy.models.components.faces import boundary, facet_groups
+from squealstudy.models.components.materials import Orientation, Orthotropic
+from squealstudy.models.components.mesh import ElementBlock, SolidMesh
+
+MOST = 1000  # sectors of a body
+MERGED = 1e-3  # of the shortest edge: sides are written with some six digits
+OPPOSITE = -0.99  # cosine between the normals of facets that face each other
+NEAR = 0.02  # of a facet: distance of facets that lie on each other
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """How a sector repeats.
+
+    Attributes
+    ----------
+    point, axis : ndarray (3,)
+        A point and the direction of the axis.
+    count : int
+        Sectors of the whole body.
+    """
+
+    point: np.ndarray
+    axis: np.ndarray
+    count: int
+
+    def turn(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """Turn and shift from the first sector to the k-th from 0: x goes to turn x + shift."""
+        from scipy.spatial.transform import Rotation  # heavy: only sectors need it
+
+        along = self.axis / np.linalg.norm(self.axis)
+        R: np.ndarray = Rotation.from_rotvec(2 * np.pi * k / self.count * along).as_matrix()
+        return R, self.point - R @ self.point
+
+
+def repeated(mesh: SolidMesh, how: Repetition) -> SolidMesh:
+    """The whole body of a sector; sets and surfaces are those of all sectors together.
+
+    Faces between sectors are no longer of a surface. Cyclic ties hold where sides differ.
+
+    Raises
+    ------
+    ModelError
+        Sides that do not meet, or that are meshed differently without a cyclic tie; masses or
+        springs on a side.
+    """
+    turns = [how.turn(k) for k in range(how.count)]
+    everywhere = np.vstack([mesh.nodes @ R.T + shift for R, shift in turns])
+    node_at = _merged(mesh, everywhere, how.count)
+    copies = _Copies(mesh, turns, node_at)
+    whole = copies.mesh(everywhere)
+    cyclic = [c for c in mesh.constraints if isinstance(c, Tie) and c.cyclic]
+    ties = [tie for c in cyclic for tie in copies.cyclic(c)]
+    if not cyclic:
+        _check_sides(mesh, whole, how)
+    return replace(whole, constraints=(*whole.constraints, *ties))
+
+
+def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
+    """Places (count, n) of the nodes of all sectors in the whole body.
+
+    ModelError where a sector meets no other one.
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    n, total = len(mesh.nodes), len(everywhere)
+    near = MERGED * _shortest_edge(mesh)
+    # the first sector against the second tells all others but for round-off; within a body first,
+    # since nodes of bodies in contact lie at one place
+    body = _bodies(mesh)[:, None] * 10 * np.ptp(everywhere, axis=0).max()
+    a, b = _pairs(np.hstack([everywhere[:n], body]), np.hstack([everywhere[n : 2 * n], body]), near)
+    rest_a, rest_b = np.setdiff1d(np.arange(n), a), np.setdiff1d(np.arange(n), b)
+    if len(rest_a) and len(rest_b):
+        more = _pairs(everywhere[rest_a], everywhere[n + rest_b], near)
+        a, b = np.append(a, rest_a[more[0]]), np.append(b, rest_b[more[1]])
+    cyclic = any(isinstance(c, Tie) and c.cyclic for c in mesh.constraints)
+    if not len(a) and not cyclic:
+        raise mesh.error(
+            f"a turn by 360/{count} degrees brings no node of the sector onto another one: its "
+            "sides do not meet; expected axis, point and count of its repetition"
+        )
+    k = np.arange(count)[:, None]
+    one, other = (k * n + a).ravel(), ((k + 1) % count * n + b).ravel()
+    graph = sp.coo_matrix((np.ones(len(one)), (one, other)), (total, total))
+    _, label = connected_components(graph, directed=False)
+    _, first, at = np.unique(label, return_index=True, return_inverse=True)
+    place = np.argsort(np.argsort(first))  # in the order in which nodes come first
+    return place[at].reshape(count, n)
+
+
+def _pairs(one: np.ndarray, other: np.ndarray, near: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of two lists of points that lie at one place."""
+    from scipy.spatial import cKDTree  # heavy: only what reads meshes needs it
+
+    distance, at = cKDTree(other).query(one, distance_upper_bound=near)
+    rows = np.flatnonzero(np.isfinite(distance))
+    return rows, at[rows]
+
+
+def _bodies(mesh: SolidMesh) -> np.ndarray:
+    """Number of the body of each node (n,), as elements alone connect them."""
+    from scipy.sparse.csgraph import connected_components
+
+    ends = [b.nodes[:, [0, k]] for b in mesh.blocks for k in range(1, b.nodes.shape[1])]
+    one, other = np.vstack(ends).T
+    n = len(mesh.nodes)
+    graph = sp.coo_matrix((np.ones(len(one)), (one, other)), (n, n))
+    found: np.ndarray = connected_components(graph, directed=False)[1]
+    return found
+
+
+def _shortest_edge(mesh: SolidMesh) -> float:
+    found = np.inf
+    for block in mesh.blocks:
+        for a, b in block.kind.shape.edges:
+            edge = mesh.nodes[block.nodes[:, a]] - mesh.nodes[block.nodes[:, b]]
+            found = min(found, float(np.linalg.norm(edge, axis=1).min()))
+    return found
+
+
+class _Copies:
+    """What a sector has, in all sectors."""
+
+    def __init__(
+        self, mesh: SolidMesh, turns: list[tuple[np.ndarray, np.ndarray]], node_at: np.ndarray
+    ) -> None:
+        self._sector, self._turns, self._node_at = mesh, turns, node_at
+        self._count = len(turns)
+        own = np.diff(mesh.starts)
+        new_starts = self._count * mesh.starts
+        block_of = np.repeat(np.arange(len(own)), own)
+        first = new_starts[block_of] + np.arange(mesh.n_elements) - mesh.starts[block_of]
+        self._element_at = first + np.arange(self._count)[:, None] * own[block_of]  # (count, e)
+
+    def mesh(self, everywhere: np.ndarray) -> SolidMesh:
+        """The whole body, but for cyclic ties."""
+        m, count, flat = self._sector, self._count, self._node_at.ravel()
+        size = flat.max() + 1
+        first = np.full(size, -1)
+        first[flat[::-1]] = np.arange(len(flat))[::-1]
+        k, node = np.divmod(first, len(m.nodes))
+        numbers = m.numbers[node] + k * _step(m.numbers)
+        blocks = tuple(
+            ElementBlock(
+                b.formulation,
+                self._node_at[:, b.nodes].reshape(-1, b.nodes.shape[1]),
+                (b.labels + np.arange(count)[:, None] * _step(m.labels)).ravel(),
+            )
+            for b in m.blocks
+        )
+        order = np.argsort(numbers, kind="stable")
+        at = np.argsort(order)  # ascending numbers, as of files
+        self._node_at = at[self._node_at]
+        whole = replace(
+            m,
+            nodes=everywhere[first][order],
+            numbers=numbers[order],
+            blocks=tuple(replace(b, nodes=at[b.nodes]) for b in blocks),
+            node_sets={s: np.unique(self._node_at[:, v]) for s, v in m.node_sets.items()},
+            element_sets={s: np.unique(self._element_at[:, v]) for s, v in m.element_sets.items()},
+            surfaces={},
+            material=self._of_elements(m.material),
+            constraints=tuple(c for k in range(count) for c in self._constraints(k)),
+            discrete=tuple(d for k in range(count) for d in self._discrete(k)),
+            **self._orientations(),
+        )
+        return replace(whole, surfaces=self._surfaces(whole))
+
+    def _of_elements(self, values: np.ndarray) -> np.ndarray:
+        found = np.empty(values.size * self._count, dtype=object)
+        found[self._element_at] = values
+        return found
+
+    def _orientations(self) -> dict[str, object]:
+        """Material axes turn with the sectors, the global ones of directional materials too."""
+        m = self._sector
+        own = m.orientation.astype(object)
+        named: dict[str, Orientation] = dict(m.orientations)
+        directional = [name for name, e in m.materials.items() if isinstance(e, Orthotropic)]
+        directional += list(m.unfinished)
+        bare = (own == "") & np.isin(m.material, directional)
+        if bare.any():
+            named["SECTOR"] = Orientation("rectangular", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+            own = np.where(bare, "SECTOR", own)
+        found: dict[str, Orientation] = {}
+        of = np.empty(own.size * self._count, dtype=object)
+        for k, (R, shift) in enumerate(self._turns):
+            of[self._element_at[k]] = [f"{name}@{k + 1}" if name else "" for name in own]
+            found |= {f"{name}@{k + 1}": o.moved(R, shift) for name, o in named.items()}
+        return {"orientations": found, "orientation": of}
+
+    def _faces(self, faces: np.ndarray, k: int) -> np.ndarray:
+        return np.column_stack([self._element_at[k][faces[:, 0]], faces[:, 1]])
+
+    def _surfaces(self, whole: SolidMesh) -> dict[str, np.ndarray]:
+        """Those of all sectors, without faces that lie between sectors now."""
+        here, now = (
+            {tuple(f) for f in boundary(mesh).tolist()} for mesh in (self._sector, whole)
+        )
+        found = {}
+        for name, faces in self._sector.surfaces.items():
+            own = [self._faces(faces, k) for k in range(self._count)]
+            was_outer = np.array([tuple(f) in here for f in faces.tolist()] * self._count)
+            is_outer = np.array([tuple(f) in now for f in np.vstack(own).tolist()])
+            kept = np.vstack(own)[is_outer | ~was_outer]
+            if len(kept):
+                found[name] = np.unique(kept, axis=0)
+        return found
+
+    def _constraints(self, k: int) -> Iterator[Constraint]:
+        at, (turn, _) = self._node_at[k], self._turns[k]
+        for c in self._sector.constraints:
+            if isinstance(c, Tie):
+                if not c.cyclic:
+                    yield replace(c, nodes=at[c.nodes], faces=self._faces(c.faces, k))
+            elif isinstance(c, Relation):
+                yield replace(c.moved(turn), nodes=at[c.nodes])
+            else:
+                yield self._coupling(c, k)
+
+    def _coupling(self, c: Coupling, k: int) -> Coupling:
+        if c.directions != (1, 2, 3):
+            raise self._sector.error(
+                f"{c.name}: a coupling in some directions alone, which do not turn with a sector"
+            )
+        at = self._node_at[k]
+        return replace(
+            c, reference=int(at[c.reference]), nodes=at[c.nodes], faces=self._faces(c.faces, k)
+        )
+
+    def _discrete(self, k: int) -> Iterator[Discrete]:
+        at = self._node_at
+        for d in self._sector.discrete:
+            if (np.bincount(at.ravel())[at[0][d.nodes]] > 1).any():
+                raise self._sector.error(
+                    f"{d.name} is on a side of the sector, where two sectors have it"
+                )
+            yield replace(d.moved(self._turns[k][0]), nodes=at[k][d.nodes])
+
+    def cyclic(self, tie: Tie) -> Iterator[Tie]:
+        """A cyclic tie in all sectors: of slave nodes that are no node of the next sector."""
+        m = self._sector
+        times = np.bincount(self._node_at.ravel())
+        slaves = tie.nodes[times[self._node_at[0][tie.nodes]] == 1]
+        if not len(slaves):
+            return
+        if not len(tie.faces):
+            raise m.error(
+                f"{tie.name}: {m.nodes_named(slaves)} of the slave lie on no node of the master, "
+                "which has no faces: expected a surface of elements"
+            )
+        masters = np.unique(np.concatenate([g.nodes.ravel() for g in facet_groups(m, tie.faces)]))
+        gaps = {}
+        for step in (1, -1):
+            R, shift = self._turns[step % self._count]
+            there = m.nodes[masters] @ R.T + shift
+            apart = np.linalg.norm(m.nodes[slaves][:, None] - there[None], axis=2)
+            gaps[step] = float(apart.min(axis=1).sum())
+        step = min(gaps, key=lambda one: gaps[one])
+        for k in range(self._count):
+            faces = self._faces(tie.faces, (k + step) % self._count)
+            yield replace(tie, nodes=self._node_at[k][slaves], faces=faces, cyclic=False)
+
+
+def _step(numbers: np.ndarray) -> int:
+    """By how much numbers of the next sector are higher: a power of ten."""
+    return 10 ** len(str(int(numbers.max())))
+
+
+def _check_sides(mesh: SolidMesh, whole: SolidMesh, how: Repetition) -> None:
+    """ModelError where outer facets of neighbouring sectors lie on each other unconnected."""
+    from scipy.spatial import cKDTree
+
+    outer = {tuple(f) for f in boundary(whole).tolist()}
+    own = mesh.n_elements
+    # of the first sector: its elements come first in each block
+    starts, size = whole.starts[:-1], np.diff(mesh.starts)
+    first = np.concatenate([s + np.arange(n) for s, n in zip(starts, size, strict=True)])
+    element = dict(zip(range(own), first.tolist(), strict=True))
+    left = np.array([f for f in boundary(mesh).tolist() if (element[f[0]], f[1]) in outer])
+    if not len(left):
+        return
+    middles, normals, sizes = [], [], []
+    for group in facet_groups(mesh, left.reshape(-1, 2)):
+        corners = 4 if group.nodes.shape[1] in (4, 8) else 3
+        x = mesh.nodes[group.nodes[:, :corners]]
+        across = np.cross(x[:, 1] - x[:, 0], x[:, -1] - x[:, 0])
+        area = np.linalg.norm(across, axis=1)
+        middles.append(x.mean(axis=1))
+        normals.append(across / area[:, None])
+        sizes.append(np.sqrt(area))
+    c, n, h = np.vstack(middles), np.vstack(normals), np.concatenate(sizes)
+    R, shift = how.turn(1)
+    there, across = c @ R.T + shift, n @ R.T
+    tree = cKDTree(there)
+    facing = 0
+    for i, near in enumerate(tree.query_ball_point(c, h)):
+        j = np.array(near, dtype=int)
+        opposite = across[j] @ n[i] < OPPOSITE
+        facing += bool((opposite & (abs((there[j] - c[i]) @ n[i]) < NEAR * h[i])).any())
+    if facing:
+        raise mesh.error(
+            f"{facing} facets of a side of the sector lie on those of the next sector, but have "
+            "other nodes: mesh both sides alike"
+        )
