@@ -210,9 +210,7 @@ class _Copies:
 
     def _surfaces(self, whole: SolidMesh) -> dict[str, np.ndarray]:
         """Those of all sectors, without faces that lie between sectors now."""
-        here, now = (
-            {tuple(f) for f in boundary(mesh).tolist()} for mesh in (self._sector, whole)
-        )
+        here, now = ({tuple(f) for f in boundary(mesh).tolist()} for mesh in (self._sector, whole))
         found = {}
         for name, faces in self._sector.surfaces.items():
             own = [self._faces(faces, k) for k in range(self._count)]
