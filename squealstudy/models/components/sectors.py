@@ -165,6 +165,7 @@ class _Copies:
             for b in m.blocks
         )
         order = np.argsort(numbers, kind="stable")
+        orientations, orientation = self._orientations()
         at = np.argsort(order)  # ascending numbers, as of files
         self._node_at = at[self._node_at]
         whole = replace(
@@ -178,7 +179,8 @@ class _Copies:
             material=self._of_elements(m.material),
             constraints=tuple(c for k in range(count) for c in self._constraints(k)),
             discrete=tuple(d for k in range(count) for d in self._discrete(k)),
-            **self._orientations(),
+            orientations=orientations,
+            orientation=orientation,
         )
         return replace(whole, surfaces=self._surfaces(whole))
 
@@ -187,7 +189,7 @@ class _Copies:
         found[self._element_at] = values
         return found
 
-    def _orientations(self) -> dict[str, object]:
+    def _orientations(self) -> tuple[dict[str, Orientation], np.ndarray]:
         """Material axes turn with the sectors, the global ones of directional materials too."""
         m = self._sector
         own = m.orientation.astype(object)
@@ -203,7 +205,7 @@ class _Copies:
         for k, (R, shift) in enumerate(self._turns):
             of[self._element_at[k]] = [f"{name}@{k + 1}" if name else "" for name in own]
             found |= {f"{name}@{k + 1}": o.moved(R, shift) for name, o in named.items()}
-        return {"orientations": found, "orientation": of}
+        return found, of
 
     def _faces(self, faces: np.ndarray, k: int) -> np.ndarray:
         return np.column_stack([self._element_at[k][faces[:, 0]], faces[:, 1]])
