@@ -463,7 +463,9 @@ WRONG = [
     ),
     changed("orientation=axes", "orientation=axis", r"there is no orientation 'axis'"),
     changed("*BOUNDARY\n", "*FASTENER\n", r"\*FASTENER is not supported: couple .*pass_over"),
-    changed("*BOUNDARY\n", "*Boundry\n*Ngen\n*Ngen\n", r'\*BOUNDRY is .* \(2 times\); .*"NGEN"\]'),
+    changed(
+        "*BOUNDARY\n", "*Boundry\n*Ncopy\n*Ncopy\n", r'\*BOUNDRY is .* \(2 times\); .*"NCOPY"\]'
+    ),
     changed("*BOUNDARY\n", "*BOUNDRY\n", r"\*BOUNDRY is not known here"),
     changed(
         "*BOUNDARY\n",

@@ -27,7 +27,7 @@ from squealstudy.models.components.ansys_commands import (
 )
 from squealstudy.models.components.ansys_materials import materials
 from squealstudy.models.components.formulations import FORMULATIONS
-from squealstudy.models.components.inp_cards import Line
+from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.materials import Orthotropic
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 from squealstudy.models.components.middle_nodes import LACKING, Middles

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.ansys_commands import MODEL_FILE, STUDY, each
-from squealstudy.models.components.inp_cards import Line
+from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.materials import Elastic, Orthotropic, Unfinished
 from squealstudy.models.fem.solid import Isotropic
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.inp_cards import DEEPEST, Line
+from squealstudy.models.components.inp_cards import DEEPEST
+from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.matrices.dmig import NUMBER, fields_of
 from squealstudy.models.matrices.text import COUNT, TextFile, shortened
 

@@ -10,7 +10,7 @@ import numpy as np
 from squealstudy.models.components.bulk_cards import BulkCard
 from squealstudy.models.components.constraints import Relation, relation
 from squealstudy.models.components.discrete import Discrete, point_mass, spring
-from squealstudy.models.components.inp_cards import Line
+from squealstudy.models.components.inp_lines import Line
 
 READ = ("CELAS1", "CELAS2", "PELAS", "CONM2", "MPC", "MPCADD")
 SELECTED = re.compile(r"\s*MPC\s*=\s*(\d+)", re.I)

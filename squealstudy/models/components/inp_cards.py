@@ -6,52 +6,17 @@ import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.inp_keywords import MATTERS
-from squealstudy.models.matrices.text import NUMBER, TextFile, shortened
+from squealstudy.models.components.inp_lines import Line
+from squealstudy.models.components.inp_parameters import KEYWORD as PARAMETER
+from squealstudy.models.components.inp_parameters import Parameters
+from squealstudy.models.matrices.text import TextFile, shortened
 
 DEEPEST = 20  # files that include each other
-REAL = re.compile(NUMBER, re.ASCII)
-WHOLE = re.compile(r"[+-]?[0-9]{1,18}", re.ASCII)
-FORTRAN = str.maketrans("dD", "eE")  # its double exponents
 FROM_FILES = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")  # of whose data INPUT names a file
 COMMAS = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')  # those outside quotes
-
-
-class Line(NamedTuple):
-    """A line of a file, counted from 0."""
-
-    file: TextFile
-    place: int
-
-    @property
-    def text(self) -> str:
-        """The keyword line as it stands in the file."""
-        return self.file.lines[self.place]
-
-    def error(self, message: str) -> ModelError:
-        """The error to raise about it: file, line, message."""
-        return self.file.error(self.place, message)
-
-    def words(self) -> list[str]:
-        """What stands between commas; of a comma at the end nothing follows."""
-        found = [w.strip() for w in self.text.split(",")]
-        return found[:-1] if len(found) > 1 and not found[-1] else found
-
-    def whole(self, word: str, what: str) -> int:
-        """A word as a whole number; ModelError where it is none."""
-        if not WHOLE.fullmatch(word):
-            raise self.error(f"expected {what}, found '{shortened(word)}'")
-        return int(word)
-
-    def real(self, word: str, what: str) -> float:
-        """A word as a finite number, Fortran's exponents among them; ModelError for others."""
-        value = float(word.translate(FORTRAN)) if REAL.fullmatch(word) else float("nan")
-        if not abs(value) < float("inf"):
-            raise self.error(f"expected {what}, found '{shortened(word)}'")
-        return value
 
 
 @dataclass
@@ -129,27 +94,33 @@ def read_cards(path: Path) -> list[Card]:
         An absent file; data before the first keyword; a parameter written twice.
     """
     cards: list[Card] = []
+    parameters = Parameters()
     lines = list(_flattened(_read(path, None), path.parent, 0))
     at = 0
     while at < len(lines):
-        line = lines[at]
+        line = parameters.put_in(lines[at])
         at += 1
         if not line.text.lstrip().startswith("*"):
             if not cards:
                 if line.text.lstrip()[:1] not in "0123456789+-.,":
                     continue  # a title
                 raise line.error(f"expected a keyword, found '{shortened(line.text)}'")
+            if cards[-1].keyword == PARAMETER:
+                parameters.define(line)
             cards[-1].data.append(line)
             continue
         text = line.text
         while text.rstrip().endswith(",") and at < len(lines) and "*" not in lines[at].text[:1]:
-            text += lines[at].text
+            text += parameters.put_in(lines[at]).text
             at += 1
         cards.append(_card(text, line))
+        if cards[-1].keyword == PARAMETER:
+            parameters.check(cards[-1].parameters, line)
         if "INPUT" in cards[-1].parameters and cards[-1].keyword in FROM_FILES:
             file = _read(path.parent / cards[-1].parameters.pop("INPUT"), line)
-            cards[-1].data += list(_flattened(file, path.parent, 1))
-    return cards
+            more = _flattened(file, path.parent, 1)
+            cards[-1].data += [parameters.put_in(one) for one in more]
+    return [card for card in cards if card.keyword != PARAMETER]
 
 
 def _read(path: Path, wanted_by: Line | None) -> TextFile:

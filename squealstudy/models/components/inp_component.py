@@ -10,28 +10,30 @@ import numpy as np
 
 from squealstudy.models.components.constraints import Relation
 from squealstudy.models.components.faces import boundary
-from squealstudy.models.components.formulations import FORMULATIONS
-from squealstudy.models.components.inp_cards import WHOLE, Card, Line
+from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_couplings import KEYWORDS, Couplings, Where
 from squealstudy.models.components.inp_discrete import KEYWORDS as DISCRETE
 from squealstudy.models.components.inp_discrete import read_discrete
+from squealstudy.models.components.inp_elements import KEYWORDS as ELEMENTS
+from squealstudy.models.components.inp_elements import Elements
 from squealstudy.models.components.inp_equations import KEYWORDS as EQUATIONS
 from squealstudy.models.components.inp_equations import Equations
+from squealstudy.models.components.inp_lines import WHOLE, Line
 from squealstudy.models.components.inp_materials import MaterialText, with_sections
+from squealstudy.models.components.inp_nodes import KEYWORDS as NODES
+from squealstudy.models.components.inp_nodes import Nodes
 from squealstudy.models.components.inp_places import Places
 from squealstudy.models.components.inp_sectors import KEYWORD as SECTORS
 from squealstudy.models.components.inp_sectors import SectorCard, read_sectors
 from squealstudy.models.components.inp_sets import NOTHING, Sets
-from squealstudy.models.components.marked_faces import FACES, NODES, MarkedFaces
+from squealstudy.models.components.marked_faces import MarkedFaces
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 
-NODE = ("NSET", "INPUT", "SYSTEM")
-ELEMENT = ("TYPE", "ELSET", "INPUT")
 SET = ("NSET", "ELSET", "GENERATE", "INSTANCE", "UNSORTED", "INTERNAL")
 SURFACE = ("NAME", "TYPE", "INTERNAL")
 SECTIONS = ("SOLIDSECTION", "ORIENTATION")
-OF_NODES = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
-READ = (*OF_NODES, *SECTIONS, *KEYWORDS, *EQUATIONS, *DISCRETE, SECTORS)
+OF_MESH = (*NODES, *ELEMENTS, "NSET", "ELSET", "SURFACE")
+READ = (*OF_MESH, *SECTIONS, *KEYWORDS, *EQUATIONS, *DISCRETE, SECTORS)
 
 
 @dataclass
@@ -106,15 +108,13 @@ class Component:
             Sets("element", self.element_sets, text.instance),
         )
         self.blocks: list[ElementBlock] = []
-        self.beyond: dict[int, Line] = {}  # lines with more numbers than nodes
         self.marked = MarkedFaces()
         self.labels = np.zeros(0, dtype=np.int64)  # of all elements, block after block
         self.by_label = np.zeros(0, dtype=np.int64)  # places of elements in ascending labels
 
     def mesh(self) -> SolidMesh:
         """The component; ModelError about the line of what is wrong or not supported."""
-        self._read_nodes()
-        self._read_elements()
+        self._read()
         self._collect_sets()
         mesh = SolidMesh(self.text.path, self.nodes, self.numbers, tuple(self.blocks))
         mesh = replace(
@@ -154,116 +154,22 @@ class Component:
         return read_sectors(self.text.part, labels_of)
 
     # -- nodes and elements ----------------------------------------------------------------------
-    def _read_nodes(self) -> None:
-        numbers: list[int] = []
-        places: list[list[float]] = []
-        lines: list[Line] = []
-        for card in self._cards("NODE"):
-            card.check(NODE)
-            first = len(numbers)
-            system = card.parameters.get("SYSTEM", "R").upper()
-            if system not in ("R", "C", "S"):
-                raise card.error(f"SYSTEM={system} is not supported: expected R, C or S")
-            for line in card.data:
-                number, *x = line.words()
-                if len(x) > 3:
-                    raise line.error(
-                        f"expected a node and three coordinates, found {len(x) + 1} words"
-                    )
-                numbers.append(line.whole(number, "a node number"))
-                places.append([line.real(c, "a coordinate") if c else 0.0 for c in x])
-                places[-1] += [0.0] * (3 - len(x))
-                places[-1] = _cartesian(system, places[-1])
-                lines.append(line)
-            if name := card.parameters.get("NSET"):
-                self.node_sets.add(name, np.array(numbers[first:], dtype=np.int64))
-        if not numbers:
-            raise self._first().error("there are no nodes")
-        labels, X = np.array(numbers, dtype=np.int64), np.array(places)
-        order = np.argsort(labels, kind="stable")
-        labels, X = labels[order], X[order]
-        again = np.flatnonzero(labels[1:] == labels[:-1])
-        for k in again:
-            if (X[k] != X[k + 1]).any():
-                line = lines[order[k + 1]]
-                raise line.error(f"node {labels[k]} is there twice, at different places")
-        keep = np.append(True, labels[1:] != labels[:-1])
-        self.numbers, self.nodes = labels[keep], X[keep]
+    def _read(self) -> None:
+        nodes = Nodes(self.text.part, self.node_sets)
+        self.numbers, self.nodes = nodes.numbers, nodes.places
         self.node_sets.known = self.numbers
-
-    def _read_elements(self) -> None:
-        parts: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
-        first: dict[int, Line] = {}
-        for card in self._cards("ELEMENT"):
-            card.check(ELEMENT)
-            name = self.text.elements[card.value("TYPE").upper()]
-            if name == FACES:
-                count = NODES[card.value("TYPE").upper()]
-                labels, nodes = self._records(card, count, first)
-                self.marked.add(labels, nodes)
-            else:
-                labels, nodes = self._records(card, FORMULATIONS[name].shape.nodes, first)
-                parts.setdefault(name, []).append((labels, nodes))
-            if in_set := card.parameters.get("ELSET"):
-                self.element_sets.add(in_set, labels)
-        for k, line in self.beyond.items():
-            why = f"numbers behind the {k} nodes of an element, which CalculiX ignores"
-            self.text.passed_over.append(
-                PassedOver("*ELEMENT", line.file.path, line.place + 1, why)
-            )
-        if not parts:
-            raise self._first().error("there are no elements")
-        for name, found in parts.items():
-            labels = np.concatenate([found_labels for found_labels, _ in found])
-            nodes = np.concatenate([found_nodes for _, found_nodes in found])
-            self.blocks.append(ElementBlock(name, nodes, labels))
-        self.labels = np.concatenate([b.labels for b in self.blocks])
-        self.by_label = np.argsort(self.labels)
+        read = Elements(
+            self.text.part, self.text.elements, self.numbers, self.element_sets, self.text.abaqus
+        )
+        self.blocks, self.marked = read.blocks, read.marked
+        self.labels, self.by_label = read.labels, read.by_label
+        self.text.passed_over += read.notes
         others = [np.array(numbers, dtype=np.int64) for _, numbers in self.text.others]
         for (card, _), numbers in zip(self.text.others, others, strict=True):
             if in_set := card.parameters.get("ELSET"):
                 self.element_sets.add(in_set, numbers)
         known = np.unique(np.concatenate([self.labels, self.marked.labels, *others]))
         self.element_sets.known = known
-
-    def _records(self, card: Card, k: int, first: dict[int, Line]) -> tuple[np.ndarray, np.ndarray]:
-        """Labels and places of nodes of elements with k nodes; a record may take several lines."""
-        records: list[list[int]] = []
-        begun: list[int] = []
-        starts: list[Line] = []
-        for line in card.data:
-            words = line.words()
-            if not begun:
-                starts.append(line)
-                if len(words) > k + 1 and not self.text.abaqus:
-                    self.beyond.setdefault(k, line)  # CalculiX ignores them
-                    words = words[: k + 1]
-            begun += [line.whole(w, "an element or node number") for w in words]
-            if len(begun) > k + 1:
-                message = f"expected an element and its {k} nodes, found {len(begun)} numbers"
-                raise starts[-1].error(message)
-            if len(begun) == k + 1:
-                if begun[0] in first:
-                    there = first[begun[0]]
-                    raise line.error(
-                        f"element {begun[0]} is there twice, first in line {there.place + 1} of "
-                        f"{there.file.path}"
-                    )
-                first[begun[0]] = starts[-1]
-                records.append(begun)
-                begun = []
-        if begun:
-            message = f"expected an element and its {k} nodes, found {len(begun)} numbers"
-            raise starts[-1].error(message)
-        table = np.array(records, dtype=np.int64).reshape(-1, k + 1)
-        at = np.searchsorted(self.numbers, table[:, 1:])
-        at[at == len(self.numbers)] = 0
-        wrong = self.numbers[at] != table[:, 1:]
-        if wrong.any():
-            row, column = np.argwhere(wrong)[0]
-            label, node = table[row, 0], table[row, column + 1]
-            raise starts[row].error(f"element {label} has node {node}, which is not there")
-        return table[:, 0], at
 
     # -- sets and surfaces -----------------------------------------------------------------------
     def _collect_sets(self) -> None:
@@ -435,22 +341,6 @@ class Component:
 
     def _first(self) -> Card:
         return self.text.part[0]
-
-
-def _cartesian(system: str, x: list[float]) -> list[float]:
-    """Of rectangular, cylindrical (r, degrees, z) or spherical (r, degrees, degrees) ones."""
-    if system == "R":
-        return x
-    angle = np.deg2rad(x[1])
-    if system == "C":
-        return [float(x[0] * np.cos(angle)), float(x[0] * np.sin(angle)), x[2]]
-    above = np.deg2rad(x[2])
-    flat = x[0] * np.cos(above)
-    return [
-        float(flat * np.cos(angle)),
-        float(flat * np.sin(angle)),
-        float(x[0] * np.sin(above)),
-    ]
 
 
 def _free_name(name: str, taken: Mapping[str, object], card: Card, of_assembly: bool) -> str:

@@ -9,7 +9,8 @@ import numpy as np
 
 from squealstudy.models.components.constraints import NO_FACES, Constraint, Coupling, Tie
 from squealstudy.models.components.faces import faces_among, facet_groups
-from squealstudy.models.components.inp_cards import Card, Line
+from squealstudy.models.components.inp_cards import Card
+from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.inp_places import Places
 from squealstudy.models.components.inp_sectors import KEYWORD as SECTORS
 from squealstudy.models.components.inp_sets import Sets

@@ -10,7 +10,8 @@ import numpy as np
 
 from squealstudy.models.components.constraints import Constraint, Coupling, relation
 from squealstudy.models.components.discrete import Discrete, point_mass, spring
-from squealstudy.models.components.inp_cards import Card, Line
+from squealstudy.models.components.inp_cards import Card
+from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.inp_places import Places
 from squealstudy.models.components.inp_sets import Sets
 from squealstudy.models.components.mesh import SolidMesh

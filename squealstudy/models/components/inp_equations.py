@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from squealstudy.models.components.constraints import Coupling, Relation, relation
-from squealstudy.models.components.inp_cards import Card, Line
+from squealstudy.models.components.inp_cards import Card
+from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.inp_materials import read_orientation
 from squealstudy.models.components.inp_places import Places
 from squealstudy.models.components.materials import Orientation

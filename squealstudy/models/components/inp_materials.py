@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.inp_cards import Card, Line
+from squealstudy.models.components.inp_cards import Card
+from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.materials import (
     ALL_ENTRIES,
     ENTRIES,

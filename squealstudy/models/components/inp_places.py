@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from squealstudy.models.components.inp_cards import WHOLE, Line
+from squealstudy.models.components.inp_lines import WHOLE, Line
 from squealstudy.models.components.inp_sets import Sets
 
 

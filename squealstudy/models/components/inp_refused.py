@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
-from squealstudy.models.components.inp_cards import WHOLE, Card
+from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_component import Text
 from squealstudy.models.components.inp_discrete import POINTS
 from squealstudy.models.components.inp_keywords import ELEMENTS
+from squealstudy.models.components.inp_lines import WHOLE
 from squealstudy.models.components.marked_faces import FACES, NODES
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.models.components.inp_cards import WHOLE, Card, Line
+from squealstudy.models.components.inp_cards import Card
+from squealstudy.models.components.inp_lines import WHOLE, Line
 
 NOTHING = np.zeros(0, dtype=np.int64)
 

@@ -20,7 +20,7 @@ from squealstudy.models.components.bulk_discrete import BulkDiscrete
 from squealstudy.models.components.bulk_names import MODEL_FILE, PASSED_OVER
 from squealstudy.models.components.constraints import Constraint, Coupling
 from squealstudy.models.components.formulations import FORMULATIONS
-from squealstudy.models.components.inp_cards import Line
+from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.marked_faces import FACES, MarkedFaces
 from squealstudy.models.components.materials import Anisotropic, Elastic, Unfinished
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh

@@ -1,0 +1,47 @@
+"""A line of a keyword file, with errors that name it."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from squealstudy.errors import ModelError
+from squealstudy.models.matrices.text import NUMBER, TextFile, shortened
+
+REAL = re.compile(NUMBER, re.ASCII)
+WHOLE = re.compile(r"[+-]?[0-9]{1,18}", re.ASCII)
+FORTRAN = str.maketrans("dD", "eE")  # its double exponents
+
+
+class Line(NamedTuple):
+    """A line of a file, counted from 0."""
+
+    file: TextFile
+    place: int
+
+    @property
+    def text(self) -> str:
+        """The keyword line as it stands in the file."""
+        return self.file.lines[self.place]
+
+    def error(self, message: str) -> ModelError:
+        """The error to raise about it: file, line, message."""
+        return self.file.error(self.place, message)
+
+    def words(self) -> list[str]:
+        """What stands between commas; of a comma at the end nothing follows."""
+        found = [w.strip() for w in self.text.split(",")]
+        return found[:-1] if len(found) > 1 and not found[-1] else found
+
+    def whole(self, word: str, what: str) -> int:
+        """A word as a whole number; ModelError where it is none."""
+        if not WHOLE.fullmatch(word):
+            raise self.error(f"expected {what}, found '{shortened(word)}'")
+        return int(word)
+
+    def real(self, word: str, what: str) -> float:
+        """A word as a finite number, Fortran's exponents among them; ModelError for others."""
+        value = float(word.translate(FORTRAN)) if REAL.fullmatch(word) else float("nan")
+        if not abs(value) < float("inf"):
+            raise self.error(f"expected {what}, found '{shortened(word)}'")
+        return value

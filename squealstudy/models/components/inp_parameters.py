@@ -1,0 +1,112 @@
+"""``*PARAMETER`` of Abaqus: named numbers and texts, put in where a line has ``<name>``."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Mapping
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.inp_lines import Line
+from squealstudy.models.matrices.expression import RESERVED, Expression
+from squealstudy.models.matrices.text import TextFile
+
+KEYWORD = "PARAMETER"
+ASSIGNMENT = re.compile(r"\s*([A-Za-z]\w*)\s*=\s*([^#]*?)\s*(?:#.*)?", re.ASCII)
+QUOTED = re.compile(r"'([^']*)'|\"([^\"]*)\"")
+USED = re.compile(r"<\s*([A-Za-z]\w*)\s*>", re.ASCII)
+
+
+class Parameters:
+    """Those that a deck has defined so far. No code of a file runs: values are arithmetic."""
+
+    def __init__(self) -> None:
+        self._texts: dict[str, str] = {}
+        self._numbers: dict[str, float] = {}
+        self._whole: set[str] = set()  # integers of Python
+        self._copies: dict[int, tuple[TextFile, TextFile]] = {}
+
+    def define(self, line: Line) -> None:
+        """A line of ``*PARAMETER``; ModelError about what is no name = value."""
+        if line.text.lstrip().startswith("#"):
+            return
+        read = ASSIGNMENT.fullmatch(line.text)
+        if read is None or not read[2]:
+            raise line.error("expected name = value of a parameter")
+        name, text = read[1], read[2]
+        if name in RESERVED:
+            raise line.error(f"a parameter cannot have the name {name}, a constant or a function")
+        quoted = QUOTED.fullmatch(text)
+        if quoted is not None:
+            self._texts[name] = quoted[1] or quoted[2] or ""
+            self._numbers.pop(name, None)
+            self._whole.discard(name)
+            return
+        try:
+            expression = Expression(text)
+            unknown = [n for n in expression.names if n not in self._numbers]
+            if unknown:
+                raise line.error(f"{name}: there is no number '{unknown[0]}' yet")
+            self._check_divisions(line, text)
+            value = expression.value({n: self._numbers[n] for n in expression.names})
+        except ModelError as error:
+            if str(line.file.path) in str(error):
+                raise
+            raise line.error(f"{name}: {error}") from None
+        whole = value.is_integer() and self._is_whole(ast.parse(text, mode="eval").body)
+        self._numbers[name] = value
+        self._texts[name] = str(int(value)) if whole else repr(value)
+        (self._whole.add if whole else self._whole.discard)(name)
+
+    def _check_divisions(self, line: Line, text: str) -> None:
+        """Versions of Abaqus cut the quotient of two integers, or do not."""
+        for node in ast.walk(ast.parse(text, mode="eval")):
+            if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
+                sides = (node.left, node.right)
+                if not all(self._is_whole(side) for side in sides):
+                    continue
+                a, b = (self._value(ast.unparse(side)) for side in sides)
+                if b and a % b:
+                    raise line.error(
+                        f"{ast.unparse(node)} divides integers, which versions of Abaqus "
+                        "round down or not: expected a decimal point in one of them"
+                    )
+
+    def _value(self, text: str) -> float:
+        expression = Expression(text)
+        return expression.value({n: self._numbers[n] for n in expression.names})
+
+    def _is_whole(self, node: ast.expr) -> bool:
+        if isinstance(node, ast.Constant):
+            return isinstance(node.value, int)
+        if isinstance(node, ast.Name):
+            return node.id in self._whole
+        if isinstance(node, ast.UnaryOp):
+            return self._is_whole(node.operand)
+        kinds = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow)
+        if isinstance(node, ast.BinOp) and isinstance(node.op, kinds):
+            return self._is_whole(node.left) and self._is_whole(node.right)
+        return False
+
+    def put_in(self, line: Line) -> Line:
+        """The line with values for ``<name>``; ModelError about a name that there is not yet."""
+        if not self._texts or "<" not in line.text:
+            return line
+        text = line.text
+        for name in dict.fromkeys(USED.findall(text)):
+            if name not in self._texts:
+                known = ", ".join(self._texts) or "none"
+                raise line.error(f"there is no parameter <{name}> yet; there is {known}")
+        text = USED.sub(lambda found: self._texts[found[1]], text)
+        if text == line.text:
+            return line
+        _, copy = self._copies.setdefault(
+            id(line.file), (line.file, TextFile(line.file.path, list(line.file.lines)))
+        )
+        copy.lines[line.place] = text
+        return Line(copy, line.place)
+
+    def check(self, parameters: Mapping[str, str], line: Line) -> None:
+        """ModelError where the keyword line says something else than values."""
+        for name in parameters:
+            raise line.error(f"*PARAMETER, {name} is not supported: write its values")
