@@ -162,7 +162,7 @@ def test_parameters_are_put_in(tmp_path):
         (
             "<last>, <length>",
             "<last>, <width>",
-            "there is no parameter <width> yet; there is n, le",
+            "there is no parameter <width> yet; there is n",
         ),
         ("*PARAMETER", "*PARAMETER, DEPENDENT", r"\*PARAMETER, DEPENDENT is not supported"),
     ],

@@ -152,8 +152,8 @@ class Nodes:
                 raise card.error(f"*NFILL, {name} is not supported: expected equal steps")
         known = Sets("node")
         known.known = np.unique(np.array(self._numbers, dtype=np.int64))
-        for one in before:
-            known.add(one.value("NSET"), one)
+        for sets_card in before:
+            known.add(sets_card.value("NSET"), sets_card)
         for name, labels in self._named:
             known.add(name, labels)
         members: list[int] = []
@@ -176,8 +176,8 @@ class Nodes:
                 for k in range(1, count):
                     self._add(first + k * step, (a + k / count * (b - a)).tolist(), line)
                     members.append(first + k * step)
-        if name := card.parameters.get("NSET"):
-            self._name(name, members)
+        if named := card.parameters.get("NSET"):
+            self._name(named, members)
 
 
 def _numbers(line: Line, first: int, last: int, step: int) -> list[int]:
