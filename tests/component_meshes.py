@@ -26,6 +26,15 @@ def corners_of_cells(shape_name, cells):
         parts = [cube]
     elif shape_name.startswith("wedge"):
         parts = [[cube[i] for i in p] for p in ((0, 1, 3, 4, 5, 7), (1, 2, 3, 5, 6, 7))]
+    elif shape_name.startswith("pyramid"):  # with the middle of the cell, behind all corners
+        bases = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))
+        return np.array(
+            [
+                [*(at[tuple(np.add(cell, cube[i]))] for i in base), len(at) + number]
+                for number, cell in enumerate(product(*map(range, cells)))
+                for base in bases
+            ]
+        )
     else:  # six tetrahedra along one diagonal (Kuhn)
         parts = []
         for order in permutations(np.eye(3, dtype=int)):
@@ -52,6 +61,9 @@ def box(formulation, cells=(2, 2, 2), lengths=(3.0, 2.0, 2.5), uneven=0.0, seed=
     size = np.divide(lengths, cells)
     nodes += uneven * size * inner * np.random.default_rng(seed).uniform(-1, 1, nodes.shape)
     elements = corners_of_cells(shape.name, cells)
+    if shape.name.startswith("pyramid"):
+        cubes = corners_of_cells("hex8", cells)
+        nodes = np.vstack([nodes, nodes[cubes].mean(axis=1)])
     if len(shape.places) > elements.shape[1]:
         nodes, elements = with_middles(shape, nodes, elements)
     labels = np.arange(len(elements)) + 101

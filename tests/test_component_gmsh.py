@@ -209,7 +209,11 @@ def test_two_groups_of_one_name_are_refused(tmp_path, name, message):
         ("2.2 0 8", "3.7 0 8", "cannot be read as a mesh of gmsh"),
         ("2 1 0 0\n", "2 1 x 0\n", "cannot be read as a mesh of gmsh"),
         ("2 9 10 3 6 11 12 7", "2 9 10 3 6 11 12 77", "cannot be read.*out of bounds"),
-        ("5 5 2 1 2 2 9 10 3 6 11 12 7", "5 7 2 1 2 2 9 10 3 6", "'pyramid' .* without pyramids"),
+        (
+            "5 5 2 1 2 2 9 10 3 6 11 12 7",
+            "5 14 2 1 2 2 9 10 3 6 1 4 5 7 8 11 12 1 2",
+            "'pyramid14' .*Incomplete = 1",
+        ),
         (
             "3 5 2 1 1 1 2 3 4 5 6 7 8\n4 5 2 2 1 1 2 3 4 5 6 7 8\n5 5 2 1 2 2 9 10 3 6 11 12 7\n",
             "",

@@ -22,7 +22,12 @@ from squealstudy.shapes.shape import DAMPING, INTERFACES, Label, amplitudes, sha
 from squealstudy.shapes.surface import middles, triangles, with_middles
 
 CUBE = SHAPES["hex8"].places
-VOLUMES = {"hex": (1.0, 6), "wedge": (0.5, 5), "tet": (1 / 6, 4)}  # and number of faces
+VOLUMES = {
+    "hex": (1.0, 6),
+    "wedge": (0.5, 5),
+    "tet": (1 / 6, 4),
+    "pyramid": (1 / 3, 5),
+}  # and number of faces
 STATE = DesignState(replace(NOMINAL, friction=0.6), damping_ratio=0.002, stiffness_damping=1.5e-7)
 
 

@@ -21,7 +21,7 @@ class CellBlock(NamedTuple):
     Attributes
     ----------
     kind : str
-        A name of `SHAPES`: tet4, tet10, wedge6, wedge15, hex8 or hex20.
+        A name of `SHAPES`: tet4, tet10, pyramid5, pyramid13, wedge6, wedge15, hex8 or hex20.
     nodes : ndarray (n, k) of int
         Node numbers of the component, in the order of the shape. Jacobians are positive.
     """

@@ -17,6 +17,8 @@ from squealstudy.shapes.shape import Shape
 MESHIO = {  # names of cells there, whose nodes have the same order
     "tet4": "tetra",
     "tet10": "tetra10",
+    "pyramid5": "pyramid",
+    "pyramid13": "pyramid13",
     "wedge6": "wedge",
     "wedge15": "wedge15",
     "hex8": "hexahedron",

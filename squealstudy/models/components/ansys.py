@@ -35,11 +35,15 @@ from squealstudy.models.matrices.text import TextFile
 
 FIELDS = 10  # numbers of an element before its nodes, among them:
 MATERIAL, TYPE, AXES, LABEL = 0, 1, 4, 8
-# nodes of bricks with corners in one place, in our order: wedges, tetrahedra
+# nodes of bricks with corners in one place, in our order: wedges, pyramids, tetrahedra
 Degenerate = tuple[tuple[str, tuple[int, ...]], tuple[str, tuple[int, ...]]]
 WEDGE: Degenerate = (
     ("C3D6", (0, 1, 2, 4, 5, 6)),
     ("C3D15", (0, 1, 2, 4, 5, 6, 8, 9, 11, 12, 13, 15, 16, 17, 18)),
+)
+PYRAMID: Degenerate = (
+    ("C3D5", tuple(range(5))),
+    ("C3D13", (0, 1, 2, 3, 4, 8, 9, 10, 11, 16, 17, 18, 19)),
 )
 TETRAHEDRON: Degenerate = ("C3D4", (0, 1, 2, 4)), ("C3D10", (0, 1, 2, 4, 8, 9, 11, 16, 17, 18))
 
@@ -340,10 +344,12 @@ class _Deck:
             kind, left = TETRAHEDRON[quadratic], 4
         elif corners[2] == corners[3] and corners[6] == corners[7]:
             kind, left = WEDGE[quadratic], 6
+        elif len(np.unique(corners[4:])) == 1:
+            kind, left = PYRAMID[quadratic], 5
         else:
             raise ModelError(
                 f"{self._path}: {name}: bricks with corners in one place may be wedges (K = L, "
-                "O = P) or tetrahedra (K = L, M = N = O = P): mesh without pyramids"
+                "O = P), pyramids (M = N = O = P) or tetrahedra (K = L, M = N = O = P)"
             )
         shape, places = kind
         used = nodes[list(places)]

@@ -1,7 +1,8 @@
 """Shapes of solid elements: nodes in the order of Abaqus, CalculiX and VTK, functions, faces.
 
 The functions are scikit-fem's where it has them, in another order of the nodes. Reference
-coordinates are those of scikit-fem: the unit cube, the unit tetrahedron, the unit wedge.
+coordinates are those of scikit-fem: the unit cube, the unit tetrahedron, the unit wedge; of
+pyramids a corner of the unit cube, x and y up to 1 - z.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ class Shape:
     Attributes
     ----------
     name : str
-        tet4, tet10, wedge6, wedge15, hex8 or hex20.
+        tet4, tet10, pyramid5, pyramid13, wedge6, wedge15, hex8 or hex20.
     places : ndarray (k, 3)
         Reference coordinates of the nodes.
     faces : tuple of tuple of int
@@ -55,8 +56,8 @@ class Shape:
 
     def functions(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Functions (q, k) and their slopes (q, k, 3) at reference coordinates X (q, 3)."""
-        if self.name == "wedge15":
-            return _wedge15(X)
+        if self.name in OWN:
+            return OWN[self.name](X)
         element, order = _of_library(self.name)
         values = [element.lbasis(X.T, i) for i in order]
         N = np.column_stack([np.broadcast_to(v, len(X)) for v, _ in values])
@@ -115,6 +116,75 @@ def _wedge15(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return N, dN
 
 
+NEAR_APEX = 1e-30  # where the ratios are those of the axis
+
+
+def _pyramid5(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Functions of the 5-node pyramid, and their slopes: those of a brick whose top is one point.
+
+    With w = 1 - z and a brick's four functions of x / w and y / w times w; the apex has z.
+    """
+    w = np.maximum(1 - X[:, 2], NEAR_APEX)
+    x, y = np.clip(X[:, 0] / w, 0, 1), np.clip(X[:, 1] / w, 0, 1)
+    N, dN = np.zeros((len(X), 5)), np.zeros((len(X), 5, 3))
+    for node, (i, j) in enumerate(_SQUARE):
+        P, dP = _bilinear(x, y, i, j)
+        N[:, node] = w * P
+        dN[:, node] = dP
+    N[:, 4], dN[:, 4, 2] = X[:, 2], 1.0
+    return N, dN
+
+
+_SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
+
+
+def _bilinear(x: np.ndarray, y: np.ndarray, i: int, j: int) -> tuple[np.ndarray, np.ndarray]:
+    """A function P of x / w, y / w of a unit square's corner, and the slopes (q, 3) of w P."""
+    f, df = (x, 1.0) if i else (1 - x, -1.0)
+    g, dg = (y, 1.0) if j else (1 - y, -1.0)
+    P = f * g
+    along = -P + x * df * g + y * f * dg  # d(w P)/dz = -P + (x P_x + y P_y)
+    return P, np.stack([df * g, f * dg, along], axis=1)
+
+
+def _pyramid13(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Functions of the 13-node pyramid, and their slopes (Bedrosian 1992, IJNME 35).
+
+    With w, P_i of `_pyramid5` and the base's coordinates from -w to w, r and s: corners
+    w P_i (r_i r + s_i s - 1), middles of the base 4 w P times the other factor along the side, of
+    the upright edges 4 z w P_i, the apex z (2 z - 1).
+    """
+    N5, d5 = _pyramid5(X)
+    z = X[:, 2]
+    w = np.maximum(1 - z, NEAR_APEX)
+    x, y = np.clip(X[:, 0] / w, 0, 1), np.clip(X[:, 1] / w, 0, 1)
+    N, dN = np.zeros((len(X), 13)), np.zeros((len(X), 13, 3))
+    r, s = 2 * X[:, 0] - w, 2 * X[:, 1] - w
+    for node, (i, j) in enumerate(_SQUARE):
+        a, b = 2 * i - 1, 2 * j - 1
+        factor = a * r + b * s - 1
+        N[:, node] = N5[:, node] * factor
+        slope = np.array([2 * a, 2 * b, a + b])  # of the factor
+        dN[:, node] = d5[:, node] * factor[:, None] + N5[:, node, None] * slope
+        up = 9 + node
+        N[:, up] = 4 * z * N5[:, node]
+        dN[:, up] = 4 * z[:, None] * d5[:, node]
+        dN[:, up, 2] += 4 * N5[:, node]
+    for side, (along, other, far) in enumerate(((x, y, 0), (y, x, 1), (x, y, 1), (y, x, 0))):
+        g, dg = (other, 1.0) if far else (1 - other, -1.0)
+        bubble, slope = along * (1 - along), 1 - 2 * along  # 4 w^2 t (1 - t) g
+        by_along, by_other = 4 * w * slope * g, 4 * w * bubble * dg
+        middle, first = 5 + side, 0 if along is x else 1
+        N[:, middle] = 4 * w**2 * bubble * g
+        dN[:, middle, first], dN[:, middle, 1 - first] = by_along, by_other
+        dN[:, middle, 2] = along * by_along + other * by_other - 8 * w * bubble * g
+    N[:, 4], dN[:, 4, 2] = z * (2 * z - 1), 4 * z - 1
+    return N, dN
+
+
+OWN = {"pyramid5": _pyramid5, "pyramid13": _pyramid13, "wedge15": _wedge15}  # the library lacks
+
+
 def _places(corners: list[tuple[int, int, int]], edges: list[tuple[int, int]]) -> np.ndarray:
     """Corners, then the middles of edges between them."""
     c = np.array(corners, dtype=float)
@@ -138,6 +208,9 @@ def _faces(corners: list[tuple[int, ...]], n: int, edges: list[tuple[int, int]])
 _TET = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
 _TET_EDGES = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
 _TET_FACES: list[tuple[int, ...]] = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
+_PYRAMID = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1)]
+_PYRAMID_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)]
+_PYRAMID_FACES: list[tuple[int, ...]] = [(0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]
 _WEDGE = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)]
 _WEDGE_EDGES = [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)]
 _WEDGE_FACES = [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)]
@@ -169,6 +242,12 @@ SHAPES = {
     for shape in (
         Shape("tet4", _places(_TET, []), _faces(_TET_FACES, 4, [])),
         Shape("tet10", _places(_TET, _TET_EDGES), _faces(_TET_FACES, 4, _TET_EDGES)),
+        Shape("pyramid5", _places(_PYRAMID, []), _faces(_PYRAMID_FACES, 5, [])),
+        Shape(
+            "pyramid13",
+            _places(_PYRAMID, _PYRAMID_EDGES),
+            _faces(_PYRAMID_FACES, 5, _PYRAMID_EDGES),
+        ),
         Shape("wedge6", _places(_WEDGE, []), _faces(_WEDGE_FACES, 6, [])),
         Shape("wedge15", _places(_WEDGE, _WEDGE_EDGES), _faces(_WEDGE_FACES, 6, _WEDGE_EDGES)),
         Shape("hex8", _places(_HEX, []), _faces(_HEX_FACES, 8, [])),

@@ -67,12 +67,12 @@ def _line(n: int) -> tuple[np.ndarray, np.ndarray]:
 @cache
 def integration(name: str) -> Rule:
     """Rule of a name: hex2 has 2 x 2 x 2 Gauss points, wedge3x2 three in each triangle and two
-    along the edge, tet4 four.
+    along the edge, tet4 four, pyramid2 two along each edge of a brick whose top is one point.
     """
     from skfem import refdom
     from skfem.quadrature import get_quadrature
 
-    kind = next(k for k in ("tet", "wedge", "hex") if name.startswith(k))
+    kind = next(k for k in ("tet", "pyramid", "wedge", "hex") if name.startswith(k))
     size = name.removeprefix(kind)
     if kind == "hex":
         x, w = _line(int(size))
@@ -81,6 +81,14 @@ def integration(name: str) -> Rule:
     if kind == "tet":
         X, W = get_quadrature(refdom.RefTet, {1: 1, 4: 2, 14: 5}[int(size)])
         return Rule(X.T, W)
+    if kind == "pyramid":
+        from scipy.special import roots_jacobi
+
+        x, w = _line(int(size))
+        h, v = roots_jacobi(int(size), 2, 0)  # of the weight (1 - z)^2
+        z, v = (1 + h) / 2, v / 8
+        points = np.array([[a * (1 - c), b * (1 - c), c] for a, b, c in product(x, x, z)])
+        return Rule(points, np.array([np.prod(c) for c in product(w, w, v)]))
     across, along = (int(n) for n in size.split("x"))
     if across == 1:
         X, W = np.full((2, 1), 1 / 3), np.array([0.5])
@@ -91,11 +99,14 @@ def integration(name: str) -> Rule:
     return Rule(points, np.array([a * b for b in w for a in W]))
 
 
+COLLAPSED = "K of parallelograms as base, by a collapsed C3D8 of CalculiX; else published"
 FORMULATIONS = {
     f.name: f
     for f in (
         Formulation("C3D4", SHAPES["tet4"], "tet1", "tet4"),
         Formulation("C3D10", SHAPES["tet10"], "tet4", "tet14"),
+        Formulation("C3D5", SHAPES["pyramid5"], "pyramid2", "pyramid2", verified=COLLAPSED),
+        Formulation("C3D13", SHAPES["pyramid13"], "pyramid3", "pyramid3", verified="published"),
         Formulation("C3D6", SHAPES["wedge6"], "wedge1x2", "wedge3x2"),
         Formulation("C3D15", SHAPES["wedge15"], "wedge3x3", "wedge6x3"),
         Formulation("C3D8", SHAPES["hex8"], "hex2", "hex2"),

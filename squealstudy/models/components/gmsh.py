@@ -22,6 +22,8 @@ from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMe
 SOLIDS = {
     "tetra": "C3D4",
     "tetra10": "C3D10",
+    "pyramid": "C3D5",
+    "pyramid13": "C3D13",
     "wedge": "C3D6",
     "wedge15": "C3D15",
     "hexahedron": "C3D8",
@@ -35,7 +37,7 @@ NAME = re.compile(rb'^[ \t]*([0-3])[ \t]+(\d+)[ \t]+"(.*)"[ \t]*\r?$', re.M)
 ADVICE = {
     "hexahedron27": "set Mesh.SecondOrderIncomplete = 1 for hexahedra with 20 nodes",
     "wedge18": "set Mesh.SecondOrderIncomplete = 1 for wedges with 15 nodes",
-    "pyramid": "mesh without pyramids",
+    "pyramid14": "set Mesh.SecondOrderIncomplete = 1 for pyramids with 13 nodes",
 }
 
 
@@ -103,8 +105,9 @@ def _read(path: Path) -> Any:
     """What meshio makes of it; ModelError for whatever it runs into."""
     import meshio
 
-    # meshio 5.3.5 reads wedges with 15 nodes but for the number of their dimensions
-    meshio._mesh.topological_dimension.setdefault("wedge15", 3)
+    # meshio 5.3.5 reads wedges with 15 nodes, pyramids with 13, but for their dimensions
+    for kind in ("wedge15", "pyramid13"):
+        meshio._mesh.topological_dimension.setdefault(kind, 3)
     if not path.is_file():
         raise ModelError(f"there is no file {path}")
     check_counts(path)

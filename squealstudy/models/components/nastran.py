@@ -32,6 +32,8 @@ from squealstudy.models.matrices.dmig import fields_of
 SOLIDS: dict[tuple[str, int], tuple[str, str, tuple[int, ...]]] = {
     ("CTETRA", 4): ("CTETRA4", "C3D4", tuple(range(4))),
     ("CTETRA", 10): ("CTETRA10", "C3D10", tuple(range(10))),
+    ("CPYRAM", 5): ("CPYRAM5", "C3D5", tuple(range(5))),
+    ("CPYRAM", 13): ("CPYRAM13", "C3D13", tuple(range(13))),
     ("CPENTA", 6): ("CPENTA6", "C3D6", tuple(range(6))),
     ("CPENTA", 15): ("CPENTA15", "C3D15", (*range(9), 12, 13, 14, 9, 10, 11)),
     ("CHEXA", 8): ("CHEXA8", "C3D8I", tuple(range(8))),
@@ -41,7 +43,7 @@ IN_OURS = (0, 1, 2, 5, 3, 4)  # places of xx, yy, zz, xy, yz, zx in 11 22 33 23 
 BRICK = "CHEXA8"
 BUBBLE, FULL = ("", "0", "BUBBLE"), ("1", "FULL")  # values of IN and ISOP of a PSOLID
 SAME = 0.01  # of G: files round
-CORNERS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
+CORNERS = {"CTETRA": 4, "CPYRAM": 5, "CPENTA": 6, "CHEXA": 8}
 PLATES = {"CTRIA3": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUAD8": 8}
 PLATE_SECTIONS = ("PSHELL",)
 SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
@@ -274,7 +276,7 @@ class _Deck:
             nodes = self._middles.filled(FORMULATIONS[wanted].shape, nodes[list(order)])
             rows.setdefault(wanted, []).append((label, label if own < 0 else own, nodes))
         if not rows:
-            raise ModelError(f"{self._path} has no solid element: CTETRA, CPENTA or CHEXA")
+            raise ModelError(f"{self._path} has no solid element: CTETRA, CPYRAM, CPENTA or CHEXA")
         self._nodes, self._numbers = self._middles.added(self._nodes, self._numbers)
         blocks = tuple(
             ElementBlock(name, np.array([n for *_, n in own]), np.array([e for e, *_ in own]))
