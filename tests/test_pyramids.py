@@ -11,6 +11,7 @@ from component_meshes import LINING, STEEL, box
 
 from squealstudy.models.components.checks import check_mesh
 from squealstudy.models.components.element_shapes import SHAPES
+from squealstudy.models.components.formulations import FORMULATIONS, integration
 from squealstudy.models.components.gmsh import read_gmsh
 from squealstudy.models.components.inp import read_inp
 from squealstudy.models.components.inp_writer import write_inp
@@ -76,6 +77,16 @@ def test_a_collapsed_brick_of_calculix_has_the_stiffness(tmp_path, material):
     brick = SolidMesh(blocks=(ElementBlock("C3D8", row, np.array([1])),), **given)
     K, _ = judged(tmp_path, brick)
     assert apart(stiffness_matrix(ours), K) < 1e-10
+
+
+@pytest.mark.parametrize("name", ["C3D5", "C3D13"])
+def test_masses_are_exact_integrals(name):
+    kind = FORMULATIONS[name]
+    found = []
+    for rule in (integration(kind.mass), integration("pyramid8")):
+        N, _ = kind.shape.functions(rule.points)
+        found.append(N.T * rule.weights @ N)
+    np.testing.assert_allclose(found[0], found[1], atol=1e-15)
 
 
 EDGES = {  # of gmsh's manual, the order of its middle nodes
