@@ -142,7 +142,7 @@ def test_older_distributing_couplings(tmp_path):
         ((*MASS[:-1], "-1."), "expected a mass of zero or above, got -1"),
         ((MASS[0], "900, {3}, {4}", *MASS[3:]), "expected an element and 1 of its nodes, found 3"),
         ((MASS[0], "900, 99999", *MASS[3:]), "there is no node 99999"),
-        (("*ELEMENT, TYPE=SPRING1, ELSET=K", "9, {0}", "*SPRING, ELSET=K", "4", "1."), "direction"),
+        (("*ELEMENT, TYPE=SPRING1, ELSET=K", "9, {0}", "*SPRING, ELSET=K", "7", "1."), "direction"),
         (("*ELEMENT, TYPE=SPRING2, ELSET=K", "9, {0}, {1}", "*SPRING, ELSET=K", "1."), "line with"),
         (("*ELEMENT, TYPE=SPRINGA, ELSET=K", "9, {0}, {0}", "*SPRING, ELSET=K", "1."), "one place"),
         (("*SPRING, ELSET=K, NONLINEAR", "1."), "NONLINEAR is not supported"),

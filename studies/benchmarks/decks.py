@@ -40,7 +40,7 @@ from calculix import CCX, apart
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.bodies import NASTRAN, read_mesh
-from squealstudy.models.components.discrete import matrices
+from squealstudy.models.components.body_matrices import freedom_matrices
 from squealstudy.models.components.expansion import expanded
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.inp_cards import read_cards
@@ -168,9 +168,7 @@ def judged(path: Path, mesh: SolidMesh) -> str:
         )
     rows = [3 * place[int(n)] + int(d) - 1 for (n, d), o in zip(words, own, strict=True) if o]
     mesh, expansion = expanded(mesh)
-    added = matrices(mesh.discrete, len(mesh.nodes))
-    k = expansion.restricted(stiffness_matrix(mesh) + added[0]).tocsr()
-    m = expansion.restricted(mass_matrix(mesh, "as_stiffness") + added[1]).tocsr()
+    k, m = freedom_matrices(mesh, expansion, "as_stiffness")
     ours = {int(p): i for i, p in enumerate(expansion.places)}
     both = [j for j, p in enumerate(rows) if p in ours]
     if len(both) == len(ours):

@@ -15,9 +15,9 @@ from squealstudy.errors import ModelError
 from squealstudy.models.components.bodies import body_matrices
 from squealstudy.models.components.contact_rows import Rotation
 from squealstudy.models.components.dimensions import LENGTH
-from squealstudy.models.components.expansion import mean_motion
 from squealstudy.models.components.file_matrices import symmetric
 from squealstudy.models.components.geometry import Geometry
+from squealstudy.models.components.mean_motions import mean_motion
 from squealstudy.models.components.model_file import KeyPath, Numbers, PlacedError
 from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.linear_interfaces import SpringInterface

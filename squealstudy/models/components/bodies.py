@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components import discrete
+from squealstudy.models.components.body_matrices import freedom_matrices
 from squealstudy.models.components.bulk_cards import included
 from squealstudy.models.components.checks import DOUBLED, check_mesh
 from squealstudy.models.components.constraints import Relation
@@ -31,7 +31,6 @@ from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.handed import righted
 from squealstudy.models.components.materials import Elastic, Orientation, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh
-from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.models.components.model_file import (
     KeyPath,
     ModelFile,
@@ -279,7 +278,7 @@ def _in_si(mesh: SolidMesh, units: str) -> SolidMesh:
         orientations=orientations,
         constraints=tuple(c.scaled(size) for c in mesh.constraints),
         discrete=tuple(
-            d.scaled(STIFFNESS.factor(units), MASS.factor(units)) for d in mesh.discrete
+            d.scaled(STIFFNESS.factor(units), MASS.factor(units), size) for d in mesh.discrete
         ),
     )
 
@@ -344,12 +343,10 @@ def _body_matrices(
     mesh = changed_mesh(body, given)
     try:
         rule = brake.file.components[name].mass or ("lumped" if mesh.lumped else "full")
-        added = discrete.matrices(mesh.discrete, len(mesh.nodes))
-        K, M = stiffness_matrix(mesh) + added[0], mass_matrix(mesh, rule) + added[1]
+        K, M = freedom_matrices(mesh, body.expansion, rule)
     except ModelError as error:
         raise PlacedError(("components", name), str(error)) from error
-    K, M = (symmetric(body.expansion.restricted(A)) for A in (K, M))
-    return K, M
+    return symmetric(K), symmetric(M)
 
 
 def changed_mesh(body: Body, given: tuple[tuple[KeyPath, float], ...]) -> SolidMesh:

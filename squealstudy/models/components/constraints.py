@@ -96,6 +96,8 @@ class Coupling:
         Of a rigid coupling, from 1 to 3: those in which the nodes follow.
     faces : ndarray (p, 2) of int
         Where the nodes of a distributing one are those of faces: they count by area, else alike.
+    turning : bool
+        Nodes of a rigid coupling that are reference nodes of others turn with this one.
     """
 
     name: str
@@ -104,6 +106,7 @@ class Coupling:
     nodes: np.ndarray
     directions: tuple[int, ...] = (1, 2, 3)
     faces: np.ndarray = field(default_factory=lambda: NO_FACES)
+    turning: bool = True
 
     @property
     def joined(self) -> np.ndarray:

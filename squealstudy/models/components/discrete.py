@@ -22,22 +22,30 @@ class Discrete:
         For messages.
     nodes : ndarray (k,) of int
         Places of its nodes in the mesh.
-    K, M : ndarray (3 k, 3 k)
-        Of their displacements, 3 * node + axis.
+    K, M : ndarray (3 k, 3 k) or (6 k, 6 k)
+        Of their displacements, 3 * node + axis; with turns three displacements and three turns of
+        each node.
+    turns : bool
     """
 
     name: str
     nodes: np.ndarray
     K: np.ndarray
     M: np.ndarray
+    turns: bool = False
 
-    def scaled(self, stiffness: float, mass: float) -> Discrete:
-        """The same in other units."""
-        return replace(self, K=stiffness * self.K, M=mass * self.M)
+    def scaled(self, stiffness: float, mass: float, length: float) -> Discrete:
+        """The same in other units, of stiffness between displacements, of mass and of length."""
+        D = np.ones(len(self.K))
+        if self.turns:
+            D = np.tile([1.0] * 3 + [length] * 3, len(self.nodes))
+        return replace(
+            self, K=stiffness * np.outer(D, D) * self.K, M=mass * np.outer(D, D) * self.M
+        )
 
     def moved(self, turn: np.ndarray) -> Discrete:
         """The same of a turned mesh."""
-        T = np.kron(np.eye(len(self.nodes)), turn)
+        T = np.kron(np.eye(len(self.K) // 3), turn)
         return replace(self, K=T @ self.K @ T.T, M=T @ self.M @ T.T)
 
     def kept(self, kept: Kept) -> Discrete | None:
@@ -57,19 +65,51 @@ def point_mass(name: str, node: int, mass: float) -> Discrete:
     return Discrete(name, np.array([node]), np.zeros((3, 3)), mass * np.eye(3))
 
 
+def rigid_mass(
+    name: str, node: int, mass: float, offset: np.ndarray, inertia: np.ndarray
+) -> Discrete:
+    """A mass off a node that turns, with its inertia (3, 3) about its own centre.
+
+    Raises
+    ------
+    ModelError
+        An inertia that no mass has.
+    """
+    if np.linalg.eigvalsh(inertia)[0] < -ROUND_OFF * abs(inertia).max():
+        raise ModelError(f"{name}: its moments of inertia are not those of a mass")
+    x, y, z = offset
+    G = np.hstack([np.eye(3), np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])])  # u at the centre
+    M = mass * G.T @ G
+    M[3:, 3:] += inertia
+    return Discrete(name, np.array([node]), np.zeros((6, 6)), M, turns=True)
+
+
 def spring(name: str, ends: Sequence[tuple[int, np.ndarray]], stiffness: float) -> Discrete:
-    """A spring of the elongation, the sum of direction . u over its ends, one or two."""
+    """A spring of the elongation, the sum of direction . u over its ends, one or two.
+
+    Directions have three entries, or six where turns count.
+    """
     along = np.concatenate([direction for _, direction in ends])
     K = stiffness * np.outer(along, along)
-    return Discrete(name, np.array([node for node, _ in ends]), K, np.zeros_like(K))
+    turns = len(along) == 6 * len(ends)
+    return Discrete(name, np.array([node for node, _ in ends]), K, np.zeros_like(K), turns)
+
+
+ROUND_OFF = 1e-9  # of the largest moment of inertia
 
 
 def matrices(found: Sequence[Discrete], n: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-    """K and M (3 n, 3 n) of springs and masses."""
-    empty = sp.csr_matrix((3 * n, 3 * n))
+    """K and M of springs and masses over all displacements and all turns of n nodes.
+
+    Rows 3 * node + axis are displacements, those from 3 n on turns: (6 n, 6 n).
+    """
+    empty = sp.csr_matrix((6 * n, 6 * n))
     if not found:
         return empty, empty
-    at = [(3 * d.nodes[:, None] + np.arange(3)).ravel() for d in found]
+    at = []
+    for d in found:
+        own = 3 * d.nodes[:, None] + np.arange(3)
+        at.append((np.hstack([own, 3 * n + own]) if d.turns else own).ravel())
     rows = np.concatenate([np.repeat(own, len(own)) for own in at])
     columns = np.concatenate([np.tile(own, len(own)) for own in at])
     K, M = (

@@ -9,7 +9,7 @@ motion. What follows is eliminated: u = E q, K and M become E^T K E and E^T M E.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,11 +20,11 @@ from squealstudy.kernels.facets import MOST, feet
 from squealstudy.models.components.constraints import Constraint, Coupling, Relation, Tie
 from squealstudy.models.components.faces import facet_groups
 from squealstudy.models.components.facet_geometry import Facets
+from squealstudy.models.components.mean_motions import ON_A_LINE, mean_motion, mean_turn
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
 TOLERANCE = 0.05  # of the master's mean facet: how far a tied node may be off, as in Abaqus
 APART = 1e-6  # of a facet: distance that strains nothing in a rigid turn
-ON_A_LINE = 1e-8  # smallest moment of points beside the largest: turns about it are free
 COARSER = 1.3  # times as many nodes of the master as are tied to it: the slave is the coarser one
 DEEPEST = 20  # what follows what follows ...
 GAUSS = 3  # points a side of a facet, by whose areas nodes of faces count
@@ -40,10 +40,22 @@ class Expansion:
         Displacements 3 * node + axis from degrees of freedom.
     places : ndarray (n,) of int
         Which 3 * node + axis a degree of freedom is; -1 for turns and modal coordinates.
+    turns : csr_matrix (3 n_nodes, n)
+        Turns 3 * node + axis from degrees of freedom; rows of nodes that have none are empty.
     """
 
     E: sp.csr_matrix
     places: np.ndarray
+    turns: sp.csr_matrix = field(default_factory=lambda: sp.csr_matrix((0, 0)))
+
+    def __post_init__(self) -> None:
+        if self.turns.shape != self.E.shape:
+            object.__setattr__(self, "turns", sp.csr_matrix(self.E.shape))
+
+    @property
+    def turning(self) -> np.ndarray:
+        """Nodes (n_nodes,) of bool that have turns."""
+        return np.asarray((np.diff(self.turns.indptr) > 0).reshape(-1, 3).any(axis=1))
 
     @property
     def plain(self) -> bool:
@@ -94,8 +106,9 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
         for row in np.unique(rows):
             other = owner.setdefault(int(row), name)
             if other != name:
+                place = row // 3 if row < 3 * n else turning[(row - 3 * n) // 3]
                 raise mesh.error(
-                    f"{mesh.nodes_named(np.array([row // 3]))} follows others by {other} and by "
+                    f"{mesh.nodes_named(np.array([place]))} follows others by {other} and by "
                     f"{name}: expected one of them"
                 )
         entries.append((rows, columns, values))
@@ -116,7 +129,7 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
         if depth > DEEPEST:
             raise mesh.error("ties and couplings follow each other in a circle")
         E = E @ S
-    E = E[: 3 * n]
+    E, turns = E[: 3 * n], E[3 * n :]
     moves = np.diff(E.tocsc().indptr)  # a reference node without structure moves itself alone
     alone = np.zeros(whole, dtype=bool)
     bare = mesh.bare
@@ -125,7 +138,24 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
     kept = free[moves[free] > alone[free]]
     E = E[:, kept].tocsr()
     E.eliminate_zeros()
-    return mesh, Expansion(E, np.where(kept < 3 * n, kept, -1))
+    T = _turns(mesh, turning, turns[:, kept].tocsr(), E)
+    return mesh, Expansion(E, np.where(kept < 3 * n, kept, -1), T)
+
+
+def _turns(
+    mesh: SolidMesh, turning: list[int], of_rigid: sp.csr_matrix, E: sp.csr_matrix
+) -> sp.csr_matrix:
+    """Turns (3 n, ...) of the reference nodes of couplings."""
+    at = (3 * np.array(turning, dtype=np.int64)[:, None] + np.arange(3)).ravel()
+    rows = (np.ones(len(at)), (at, np.arange(len(at))))
+    T = sp.csr_matrix(rows, (3 * len(mesh.nodes), len(at))) @ of_rigid
+    wanted = {int(node) for d in mesh.discrete if d.turns for node in d.nodes} - set(turning)
+    for c in _couplings(mesh):
+        if c.kind == "distributing" and c.reference in wanted:
+            T = T + _mean_turn(mesh, c) @ E
+    T = T.tocsr()
+    T.eliminate_zeros()
+    return T
 
 
 def _couplings(mesh: SolidMesh) -> Iterator[Coupling]:
@@ -148,6 +178,11 @@ def _relations(
             continue
         elif c.kind == "rigid":
             yield (c.name, *_rigid(mesh, c, 3 * n + 3 * turning[c.reference]))
+            own = np.array([turning[k] for k in c.nodes.tolist() if k in turning and c.turning])
+            if len(own):  # reference nodes of others turn with this one
+                rows = (3 * n + 3 * own[:, None] + np.arange(3)).ravel()
+                columns = np.tile(3 * n + 3 * turning[c.reference] + np.arange(3), len(own))
+                yield c.name, rows, columns, np.ones(len(rows))
         else:
             yield (c.name, *_mean(mesh, c))
     yield from _equations(mesh)
@@ -231,13 +266,7 @@ def _on_a_line(arm: np.ndarray) -> bool:
 
 def _mean(mesh: SolidMesh, c: Coupling) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The reference node by the mean motion of the nodes."""
-    if len(c.faces):
-        surface, _ = facets_of(mesh, c.faces, c.name).gauss_points(GAUSS)
-        points, weight, shape = surface.points, surface.area, surface.shape
-    else:
-        points, weight = mesh.nodes[c.nodes], np.ones(len(c.nodes))
-        at = (np.arange(len(c.nodes)), c.nodes)
-        shape = sp.csr_matrix((weight, at), (len(c.nodes), len(mesh.nodes)))
+    points, weight, shape = _weighted(mesh, c)
     try:
         follows = mean_motion(points, weight, mesh.nodes[c.reference])
     except ModelError as error:
@@ -252,38 +281,29 @@ def _mean(mesh: SolidMesh, c: Coupling) -> tuple[np.ndarray, np.ndarray, np.ndar
     return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
 
 
-def mean_motion(points: np.ndarray, weight: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Displacement at a place, of the rigid motion nearest to that of points.
-
-    Returns
-    -------
-    ndarray (3, n, 3)
-        What the displacement of each of the points (n, 3) along each axis contributes.
-
-    Raises
-    ------
-    ModelError
-        Points on a line, about which a rigid motion could turn freely.
-    """
-    weight = weight / weight.sum()
-    centre = weight @ points
-    G = _motions(points - centre)  # (n, 3, 6)
-    moments = np.einsum("i,iab,iac->bc", weight, G, G)
-    inertia = np.linalg.eigvalsh(moments[3:, 3:])
-    if not inertia[0] > ON_A_LINE * inertia[-1]:
-        raise ModelError("the points of the set lie on a line")
-    nearest = np.linalg.solve(moments, np.einsum("i,iab->bia", weight, G).reshape(6, -1))
-    there: np.ndarray = _motions((at - centre)[None])[0] @ nearest
-    return there.reshape(3, -1, 3)
-
-
-def _motions(r: np.ndarray) -> np.ndarray:
-    """Displacements (n, 3, 6) at r (n, 3) of unit translations and turns about the origin."""
-    G = np.zeros((len(r), 3, 6))
-    G[:, :, :3] = np.eye(3)
+def _mean_turn(mesh: SolidMesh, c: Coupling) -> sp.csr_matrix:
+    """Turn of the reference node (3 n, 3 n), in its rows, by the displacements of the nodes."""
+    points, weight, shape = _weighted(mesh, c)
+    n = len(mesh.nodes)
+    total = sp.csr_matrix((3 * n, 3 * n))
+    there = sp.csr_matrix((np.ones(3), (3 * c.reference + np.arange(3), np.arange(3))), (3 * n, 3))
+    follows = mean_turn(points, weight)
     for axis in range(3):
-        G[:, :, 3 + axis] = np.cross(np.eye(3)[axis], r)
-    return G
+        A = sp.coo_matrix(sp.csr_matrix(follows[:, :, axis]) @ shape)
+        own = sp.csr_matrix((A.data, (A.row, 3 * A.col + axis)), (3, 3 * n))
+        total = total + there @ own
+    return total
+
+
+def _weighted(mesh: SolidMesh, c: Coupling) -> tuple[np.ndarray, np.ndarray, sp.csr_matrix]:
+    """Points of a distributing coupling, their weights, their displacements by the nodes'."""
+    if len(c.faces):
+        surface, _ = facets_of(mesh, c.faces, c.name).gauss_points(GAUSS)
+        return surface.points, surface.area, surface.shape
+    weight = np.ones(len(c.nodes))
+    at = (np.arange(len(c.nodes)), c.nodes)
+    shape = sp.csr_matrix((weight, at), (len(c.nodes), len(mesh.nodes)))
+    return mesh.nodes[c.nodes], weight, shape
 
 
 # -- ties ----------------------------------------------------------------------------------------

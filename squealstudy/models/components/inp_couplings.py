@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -141,12 +141,14 @@ class Couplings:
         card.check(COUPLING)
         name = self._name(card, card.parameters.get("CONSTRAINTNAME", ""))
         nodes, faces = self._surface(card.line, card.value("SURFACE"), where)
-        directions = self._directions(how)
+        every = self._directions(how)
+        directions = tuple(d for d in every if d <= 3)
         if "ORIENTATION" in card.parameters and directions not in ((), (1, 2, 3)):
             raise card.error("ORIENTATION is supported only where directions 1 to 3 are coupled")
         if how.keyword == "KINEMATIC":
             how.check(())
-            return self._coupled(card, name, nodes, where, "rigid", directions, NO_FACES)
+            found = self._coupled(card, name, nodes, where, "rigid", directions, NO_FACES)
+            return found and replace(found, turning={4, 5, 6} <= set(every))
         how.check(DISTRIBUTING)
         method = how.parameters.get("WEIGHTINGMETHOD", "UNIFORM").upper()
         if method != "UNIFORM":
@@ -158,14 +160,14 @@ class Couplings:
 
     @staticmethod
     def _directions(card: Card) -> tuple[int, ...]:
-        """Of 1 to 3, those that the lines name; turns of the nodes of solids there are none."""
+        """Those that the lines name; all where there are none."""
         found: set[int] = set()
         for line in card.data:
             words = [line.whole(w, "a direction 1 to 6") for w in line.words() if w]
             if not 1 <= len(words) <= 2 or not all(1 <= w <= 6 for w in words):
                 raise line.error("expected the first and the last of the directions 1 to 6")
             found |= set(range(words[0], words[-1] + 1))
-        return tuple(d for d in (1, 2, 3) if d in found or not card.data)
+        return tuple(d for d in range(1, 7) if d in found or not card.data)
 
     def _coupled(
         self,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from squealstudy.models.components.constraints import Constraint, Coupling, relation
-from squealstudy.models.components.discrete import Discrete, point_mass, spring
+from squealstudy.models.components.discrete import Discrete, point_mass, rigid_mass, spring
 from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.inp_places import Places
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from squealstudy.models.components.inp_component import Text
 
 POINTS = {  # elements and their numbers of nodes
-    **dict.fromkeys(("MASS", "SPRING1", "DASHPOT1", "DCOUP3D"), 1),
+    **dict.fromkeys(("MASS", "ROTARYI", "SPRING1", "DASHPOT1", "DCOUP3D"), 1),
     **dict.fromkeys(("SPRINGA", "SPRING2", "DASHPOTA", "DASHPOT2"), 2),
 }
-KEYWORDS = ("MASS", "SPRING", "DISTRIBUTINGCOUPLING")
+KEYWORDS = ("MASS", "ROTARYINERTIA", "SPRING", "DISTRIBUTINGCOUPLING")
 Members = dict[int, tuple[Line, str, np.ndarray]]  # line, element, nodes by the label
 
 
@@ -52,6 +52,10 @@ def read_discrete(mesh: SolidMesh, text: Text, at: Places, sets: Sets, abaqus: b
             for _, kind, nodes in own:
                 if kind == "MASS":
                     found.append(point_mass(card.shown, int(nodes[0]), mass))
+        elif card.keyword == "ROTARYINERTIA":
+            inertia = _inertia(card)
+            nodes = np.array([int(nodes[0]) for _, kind, nodes in own if kind == "ROTARYI"])
+            found += _turning(card, nodes, inertia, mesh, text)
         elif card.keyword == "SPRING":
             springs.append((card, own))
         else:
@@ -66,6 +70,29 @@ def read_discrete(mesh: SolidMesh, text: Text, at: Places, sets: Sets, abaqus: b
             if kind.startswith("SPRING"):
                 found += _spring(card, line, kind, nodes, mesh, ground, text)
     return replace(mesh, discrete=tuple(found))
+
+
+def _inertia(card: Card) -> np.ndarray:
+    """I11, I22, I33 as a matrix (3, 3); ModelError about products, whose sign codes differ in."""
+    if "ORIENTATION" in card.parameters:
+        raise card.error(f"{card.shown}, ORIENTATION is not supported: write global moments")
+    values = [value for _, value in card.numbers("a moment of inertia", 1, 6)]
+    if any(values[3:]) or min(values) < 0:
+        raise card.data[0].error("expected moments of inertia I11, I22, I33 and no products")
+    return np.diag((values + [0.0] * 3)[:3])
+
+
+def _turning(
+    card: Card, nodes: np.ndarray, inertia: np.ndarray, mesh: SolidMesh, text: Text
+) -> Iterator[Discrete]:
+    """Rotary inertia of the reference nodes among some; turns of others move nothing."""
+    references = {c.reference for c in mesh.constraints if isinstance(c, Coupling)}
+    for node in nodes.tolist():
+        if node in references:
+            yield rigid_mass(card.shown, node, 0.0, np.zeros(3), inertia)
+        else:
+            named = mesh.nodes_named(np.array([node]))
+            text.note(card, f"{named}: of no coupling: its turns move nothing")
 
 
 def _members(text: Text, at: Places) -> Members:
@@ -110,17 +137,19 @@ def _spring(
         ends = []
         for node, (where, direction), sign in zip(nodes, words[0], (1.0, -1.0), strict=False):
             axis = where.whole(direction, "a direction")
-            if axis not in (1, 2, 3):
-                raise where.error(f"a spring in direction {axis}: nodes of solids have 1 to 3")
-            ends.append((int(node), sign * np.eye(3)[axis - 1]))
+            if axis not in range(1, 7):
+                raise where.error(f"expected a direction 1 to 6, found {axis}")
+            ends.append((int(node), sign * np.eye(6)[axis - 1]))
         if len(ends) < len(nodes):
             raise card.data[0].error("expected a direction for each node of the spring")
+        if not any(direction[3:].any() for _, direction in ends):
+            ends = [(node, direction[:3]) for node, direction in ends]
     held = [node for node, _ in ends if ground[node]]
     if held:
         text.note(card, f"{mesh.nodes_named(np.array(held))}: of no element: counts as ground")
     ends = [end for end in ends if not ground[end[0]]]
     if ends:
-        yield spring(card.shown, ends, stiffness)
+        yield spring(f"{card.shown} (line {card.line.place + 1})", ends, stiffness)
 
 
 def _older(card: Card, reference: int, at: Places, abaqus: bool) -> Iterator[Constraint]:

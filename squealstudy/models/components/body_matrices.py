@@ -1,0 +1,42 @@
+"""K and M of a mesh over its degrees of freedom: elements, and springs and masses beside them."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.models.components.discrete import matrices
+from squealstudy.models.components.expansion import Expansion
+from squealstudy.models.components.formulations import MassRule
+from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
+
+
+def freedom_matrices(
+    mesh: SolidMesh, expansion: Expansion, rule: MassRule
+) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """K and M (n, n).
+
+    Raises
+    ------
+    ModelError
+        Elements without material; a negative Jacobian; a spring or a mass at the turns of a node
+        that has none.
+    """
+    found = [expansion.restricted(A) for A in (stiffness_matrix(mesh), mass_matrix(mesh, rule))]
+    if mesh.discrete:
+        n = len(mesh.nodes)
+        for d in mesh.discrete:
+            if d.turns and not expansion.turning[d.nodes].all():
+                bare = d.nodes[~expansion.turning[d.nodes]]
+                raise mesh.error(
+                    f"{d.name}: {mesh.nodes_named(bare)} has no turns: expected the reference node "
+                    "of a rigid or distributing coupling"
+                )
+        R = expansion.E
+        if any(d.turns for d in mesh.discrete):
+            R = sp.vstack([expansion.E, expansion.turns], format="csr")
+        rows = np.arange(R.shape[0])
+        added = matrices(mesh.discrete, n)
+        found = [A + R.T @ B[rows][:, rows] @ R for A, B in zip(found, added, strict=True)]
+    return found[0].tocsr(), found[1].tocsr()

@@ -1,0 +1,54 @@
+"""The rigid motion that is nearest to that of points: distributing couplings, masses on sets."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+
+ON_A_LINE = 1e-8  # smallest moment of points beside the largest: turns about it are free
+
+
+def mean_motion(points: np.ndarray, weight: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Displacement at a place, of the rigid motion nearest to that of points.
+
+    Returns
+    -------
+    ndarray (3, n, 3)
+        What the displacement of each of the points (n, 3) along each axis contributes.
+
+    Raises
+    ------
+    ModelError
+        Points on a line, about which a rigid motion could turn freely.
+    """
+    nearest, centre = _nearest(points, weight)
+    there: np.ndarray = _motions((at - centre)[None])[0] @ nearest
+    return there.reshape(3, -1, 3)
+
+
+def mean_turn(points: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Turn of the rigid motion nearest to that of points, as of `mean_motion`."""
+    return _nearest(points, weight)[0][3:].reshape(3, -1, 3)
+
+
+def _nearest(points: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Three displacements of the centre and three turns (6, 3 n) of points (n, 3); the centre."""
+    weight = weight / weight.sum()
+    centre = weight @ points
+    G = _motions(points - centre)  # (n, 3, 6)
+    moments = np.einsum("i,iab,iac->bc", weight, G, G)
+    inertia = np.linalg.eigvalsh(moments[3:, 3:])
+    if not inertia[0] > ON_A_LINE * inertia[-1]:
+        raise ModelError("the points of the set lie on a line")
+    nearest = np.linalg.solve(moments, np.einsum("i,iab->bia", weight, G).reshape(6, -1))
+    return nearest, centre
+
+
+def _motions(r: np.ndarray) -> np.ndarray:
+    """Displacements (n, 3, 6) at r (n, 3) of unit translations and turns about the origin."""
+    G = np.zeros((len(r), 3, 6))
+    G[:, :, :3] = np.eye(3)
+    for axis in range(3):
+        G[:, :, 3 + axis] = np.cross(np.eye(3)[axis], r)
+    return G
