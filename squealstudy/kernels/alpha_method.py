@@ -151,7 +151,7 @@ def accept(modal: ModalArrays, settings: StepSettings, scheme: Scheme, work: Wor
     add_work(modal, work)
     keep_state(work.x[0], modal.modes[0], scheme)
     real[at.SUBSTEP_OLD] = real[at.SUBSTEP]
-    keep_points(point, real[at.SUBSTEP])
+    keep_points(point, modal.fixed.shape[2], real[at.SUBSTEP])
     for i in range(point.shape[1]):
         point[X_START, i] = 2.0 * point[at.OUT_X, i] - point[X_START, i]
     return part_done(settings, counts)
@@ -186,7 +186,7 @@ def alpha_method(
     counts = work.counts[0]
     while counts[at.STATUS] == at.RUNNING:
         h = settings.h / (1 << counts[at.HALVING])
-        ratio = open_part(settings, work, 0, h)
+        ratio = open_part(settings, work, 0, modal.fixed.shape[2], h)
         predict(work.x[0], modal.modes[0], modal.steps[0, counts[at.HALVING]], scheme, h, ratio)
         reason = solve(B, modal, settings, scheme, work)
         if reason == at.DONE:

@@ -8,6 +8,7 @@ from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
 from squealstudy.kernels.newmark_forces import point_forces, tangents
 from squealstudy.kernels.newmark_output import contact_row
+from squealstudy.kernels.regimes import find_regimes
 
 
 @entry_kernel
@@ -65,7 +66,8 @@ def sampled_rows(
     for s in range(y.shape[0]):
         _take(y, w, point, s)
         point_forces(points, law, point, 0, nc)
-        contact_row(points, law, point, own, 0.0, rows[s])
+        find_regimes(points, law, point, nc)
+        contact_row(points, law, point, nc, own, 0.0, rows[s])
         for i in range(nc):
             w1, w2, speed = point[at.OUT_W1, i], point[at.OUT_W2, i], points[at.POINT_SPEED, i]
             t1, t2 = point[at.OUT_T1, i], point[at.OUT_T2, i]

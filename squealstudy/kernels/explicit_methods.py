@@ -38,6 +38,7 @@ from squealstudy.kernels.newmark_layout import (
 from squealstudy.kernels.newmark_output import add_sums, add_work
 from squealstudy.kernels.newmark_step import count_pass, keep_points
 from squealstudy.kernels.newmark_vector import copy
+from squealstudy.kernels.regimes import find_regimes
 
 
 @fast_kernel
@@ -92,7 +93,8 @@ def one_step(
     copy(x[at.V_TRIAL], x[at.V])
     copy(x[at.PULL], x[at.PULL_OLD])
     copy(x[at.DELTA], x[at.PULL])
-    keep_points(work.point[0], h)
+    find_regimes(modal.points[0], modal.laws[0], work.point[0], modal.fixed.shape[2])
+    keep_points(work.point[0], modal.fixed.shape[2], h)
     add_sums(modal, settings, work, 0, h)
     if not finite(x[at.DELTA]):
         work.counts[0, at.STATUS] = at.NOT_FINITE
@@ -187,7 +189,8 @@ def central_difference(
         keep_resisted(x)
         copy(x[at.Q_TRIAL], x[at.Q])
         copy(x[at.V_TRIAL], x[at.V])
-        keep_points(work.point[0], h)
+        find_regimes(modal.points[0], modal.laws[0], work.point[0], modal.fixed.shape[2])
+        keep_points(work.point[0], modal.fixed.shape[2], h)
         add_sums(modal, settings, work, 0, h)
         counts[at.STEP] += 1
         close_step(modal, settings, work, saved)

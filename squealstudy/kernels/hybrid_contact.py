@@ -15,7 +15,7 @@ import numpy as np
 
 from squealstudy.kernels import newmark_layout as its
 from squealstudy.kernels.hybrid_layout import Contact, Limits
-from squealstudy.kernels.jit import exact_kernel, fast_kernel
+from squealstudy.kernels.jit import exact_kernel, fast_kernel, room_kernel
 from squealstudy.kernels.laws import contact_at, friction_at, friction_tangent
 
 FIRST_SHARE = 0.5  # of the tolerance: imbalance below which a point is left alone in a sweep
@@ -62,7 +62,7 @@ def evaluate(contact: Contact, F: np.ndarray) -> tuple[float, float]:
     return change2, bounds2
 
 
-@fast_kernel
+@room_kernel
 def sweep(
     contact: Contact, G: np.ndarray, scratch: np.ndarray, least: float, least_t: float
 ) -> None:
@@ -87,7 +87,7 @@ def sweep(
                 y[j] += row[j] * change
 
 
-@fast_kernel
+@room_kernel
 def contact_iteration(
     contact: Contact, G: np.ndarray, floor2: float, scale2: float, limits: Limits
 ) -> tuple[int, int, float]:
@@ -179,7 +179,7 @@ def solve3(A: np.ndarray, b: np.ndarray, x: np.ndarray) -> None:
     x[2] = (c2 * b[0] + d2 * b[1] + e2 * b[2]) / det
 
 
-@fast_kernel
+@room_kernel
 def solve_point(contact: Contact, i: int, G: np.ndarray, scratch: np.ndarray) -> None:
     """Change of one point's forces, row 0 of `scratch` (10, 3), that balances it.
 

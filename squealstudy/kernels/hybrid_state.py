@@ -12,6 +12,7 @@ from squealstudy.kernels.hybrid_step import multiply
 from squealstudy.kernels.jit import kernel
 from squealstudy.kernels.newmark_output import contact_energy, contact_row, contact_work
 from squealstudy.kernels.newmark_step import keep_points
+from squealstudy.kernels.regimes import find_regimes
 from squealstudy.kernels.row_sums import add_row, clear_sums, close_row, take_now
 
 
@@ -38,7 +39,8 @@ def start(model: HybridArrays, state: HybridState) -> bool:
     for a in range(k):
         rows[at.PAST, 3 * nc + a] = -model.d[a] * rows[at.Y, 3 * nc + a]
     rows[at.LEFT] = rows[at.PAST]
-    keep_points(point.T, 0.0)
+    find_regimes(model.points.T, model.law, point.T, nc)
+    keep_points(point.T, nc, 0.0)
     total = 0.0
     for i in range(3 * nc):
         total += forces[i] * forces[i]
@@ -75,11 +77,12 @@ def commit(model: HybridArrays, level: StepSize, state: HybridState) -> None:
         seen = rows[at.Y_END, own] + rows[at.Y, own]
         damped += model.d[a] * seen * seen
     state.work[at.D_DAMPING] += 0.25 * h * damped
-    load, belt, sliding = contact_work(model.points.T, point.T, 0.0)
+    load, belt, sliding = contact_work(model.points.T, point.T, nc, 0.0)
     state.work[at.W_LOAD] += 0.5 * h * load
     state.work[at.W_BELT] += 0.5 * h * belt
     state.work[at.D_FRICTION] -= 0.25 * h * sliding
-    keep_points(point.T, h)
+    find_regimes(model.points.T, model.law, point.T, nc)
+    keep_points(point.T, nc, h)
     for i in range(nc):
         point[i, its.X_START] += 0.5 * h * (rows[at.Y, 3 * i] + rows[at.Y_END, 3 * i])
     rows[at.Y] = rows[at.Y_END]
@@ -99,7 +102,8 @@ def potential_energy(model: HybridArrays, state: HybridState) -> float:
 @kernel
 def history_row(model: HybridArrays, state: HybridState, row: np.ndarray) -> None:
     """Fill the columns newmark_layout.HISTORY of contact and work."""
-    contact_row(model.points.T, model.law, state.point.T, np.empty(0), 0.0, row)
+    point = state.point
+    contact_row(model.points.T, model.law, point.T, point.shape[0], np.empty(0), 0.0, row)
     row[its.WORK : its.WORK + 4] = state.work
 
 
@@ -111,7 +115,8 @@ def sum_step(
 
     `row` (len(HISTORY),) is room. The energy, which takes products with K, is not summed.
     """
-    contact_row(model.points.T, model.law, state.point.T, np.empty(0), 0.0, row)
+    point = state.point
+    contact_row(model.points.T, model.law, point.T, point.shape[0], np.empty(0), 0.0, row)
     row[its.MODAL_ENERGY] = np.nan
     if h > 0.0:
         add_row(sums, row, h)

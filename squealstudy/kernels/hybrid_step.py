@@ -28,7 +28,7 @@ from squealstudy.kernels.hybrid_layout import (
     Sparse,
     StepSize,
 )
-from squealstudy.kernels.jit import fast_kernel, kernel
+from squealstudy.kernels.jit import fast_kernel, kernel, room_kernel
 from squealstudy.kernels.newmark_vector import dot, move
 
 TIGHT = 0.02  # of the tolerances in the contact iteration: what it leaves, extrapolation amplifies
@@ -96,7 +96,7 @@ def balance(
     return outcome, evaluations, contraction, n_corrected, solve
 
 
-@fast_kernel
+@room_kernel
 def predicted_velocities(model: HybridArrays, level: StepSize, state: HybridState) -> np.ndarray:
     """B v (3 nc + k,) at the end of a step with the predicted forces; velocities of the modes."""
     rows, modes = state.rows, state.modes
@@ -115,7 +115,7 @@ def predicted_velocities(model: HybridArrays, level: StepSize, state: HybridStat
     return y
 
 
-@fast_kernel
+@room_kernel
 def eliminate_shapes(
     model: HybridArrays, level: StepSize, r: np.ndarray, y: np.ndarray
 ) -> np.ndarray:
@@ -131,7 +131,7 @@ def eliminate_shapes(
     return change
 
 
-@fast_kernel
+@room_kernel
 def change_shapes(
     level: StepSize, eliminated: np.ndarray, change: np.ndarray, rows: np.ndarray, nb: int
 ) -> None:
@@ -147,7 +147,7 @@ def change_shapes(
         rows[at.FOUND, nb + a] = rows[at.R, nb + a]
 
 
-@fast_kernel
+@room_kernel
 def carry(
     model: HybridArrays, level: StepSize, state: HybridState, change: np.ndarray, solve: bool
 ) -> None:
@@ -165,7 +165,7 @@ def carry(
             move(x[at.DV], 0.5 * level.h * change[i], level.X[i])
 
 
-@fast_kernel
+@room_kernel
 def points_to_correct(
     contact: Contact, level: StepSize, lack: np.ndarray, scale2: float, limits: Limits
 ) -> tuple[np.ndarray, int]:

@@ -50,6 +50,11 @@ def fast_entry_kernel(function: F) -> F:
     return _compiled(function, REORDER, nogil=True)
 
 
+def lean_entry_kernel(function: F) -> F:
+    """Like `fast_entry_kernel`, for a kernel that makes no arrays and counts no references."""
+    return _compiled(function, REORDER, nogil=True, _nrt=False)
+
+
 # those below are without wrappers for Python, which would be most of the time to compile
 def exact_kernel(function: F) -> F:
     """For functions that only other kernels call and whose order of operations must stay.
@@ -63,7 +68,14 @@ def fast_kernel(function: F) -> F:
     """For functions that only other kernels call and whose sums may be reordered.
 
     The fast-math flags that assume finite values are left out: a NaN still arrives as NaN.
+    References to arrays are not counted: each view of one would cost two atomic additions, which
+    were three quarters of a step of one degree of freedom. Arrays cannot be made (`room_kernel`).
     """
+    return _compiled(function, REORDER, no_cpython_wrapper=True, _nrt=False)
+
+
+def room_kernel(function: F) -> F:
+    """Like `fast_kernel`, for a function that makes arrays."""
     return _compiled(function, REORDER, no_cpython_wrapper=True)
 
 
@@ -72,7 +84,7 @@ def part_kernel(function: F) -> F:
 
     Every function is optimised on its own and again within all that are above it.
     """
-    return _compiled(function, REORDER, no_cpython_wrapper=True, inline="always")
+    return _compiled(function, REORDER, no_cpython_wrapper=True, inline="always", _nrt=False)
 
 
 def _compiled(function: F, fastmath: Collection[str] = (), **options: bool | str) -> F:

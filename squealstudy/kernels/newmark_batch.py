@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.jit import fast_entry_kernel, fast_kernel, part_kernel
+from squealstudy.kernels.jit import fast_kernel, lean_entry_kernel, part_kernel
 from squealstudy.kernels.newmark_correct import place
 from squealstudy.kernels.newmark_forces import give_forces, pass_one, point_forces, take_points
 from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
@@ -57,7 +57,7 @@ def panel_of_eight(
     tiles = work.tiles
     for t in range(panel.shape[0]):
         observe_eight(panel[t], q, v, tiles[t])
-    last = first + panel.shape[0] * POINTS
+    last = min(first + panel.shape[0] * POINTS, modal.fixed.shape[2])
     for d in range(designs.size):
         k = designs[d]
         for t in range(panel.shape[0]):
@@ -106,7 +106,7 @@ def paused(counts: np.ndarray) -> bool:
     return False
 
 
-@fast_entry_kernel
+@lean_entry_kernel
 def newmark_batch(
     B: np.ndarray, modal: ModalArrays, settings: StepSettings, work: WorkArrays, saved: SavedArrays
 ) -> None:
@@ -123,7 +123,7 @@ def newmark_batch(
     modal, settings, work, saved : newmark_layout tuples
         `work` holds the initial q and v in the rows Q_TRIAL and V_TRIAL as well.
     """
-    listed = np.zeros(work.counts.shape[0], dtype=np.int64)
+    listed = work.running
     while True:
         n = running(work.counts, listed)
         if n == 0:
@@ -141,7 +141,7 @@ def newmark_batch(
             return
 
 
-@fast_entry_kernel
+@lean_entry_kernel
 def newmark_trace(
     B: np.ndarray,
     modal: ModalArrays,

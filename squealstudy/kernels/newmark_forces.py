@@ -88,7 +88,7 @@ def friction_change(modal: ModalArrays, work: WorkArrays, k: int) -> tuple[float
     point, points = work.point[k], modal.points[k]
     change = 0.0
     bounds = work.real[k, at.FLOOR2]
-    for i in range(point.shape[1]):
+    for i in range(modal.fixed.shape[2]):
         e1 = point[at.OUT_T1, i] - point[at.GUESS_1, i]
         e2 = point[at.OUT_T2, i] - point[at.GUESS_2, i]
         change += e1 * e1 + e2 * e2
@@ -145,10 +145,10 @@ def pass_one(B: np.ndarray, modal: ModalArrays, work: WorkArrays, k: int) -> Non
         `work.point` with the state of every point.
     """
     fill(work.x[k, at.FORCE], 0.0)
-    step = work.tiles.shape[0]
+    step, nc = work.tiles.shape[0], modal.fixed.shape[2]
     for t in range(0, B.shape[0], step):
         panel = B[t : min(t + step, B.shape[0])]
-        first, last = t * POINTS, (t + panel.shape[0]) * POINTS
+        first, last = t * POINTS, min((t + panel.shape[0]) * POINTS, nc)
         observe_panel(panel, first, work, k)
         point_forces(modal.points[k], modal.laws[k], work.point[k], first, last)
         spread_panel(panel, first, work, k)
@@ -172,10 +172,10 @@ def gradient_forces(
 def pass_gradient(B: np.ndarray, modal: ModalArrays, work: WorkArrays) -> None:
     """As `pass_one` for design 0 with a midpoint in the trial rows."""
     fill(work.x[0, at.FORCE], 0.0)
-    step = work.tiles.shape[0]
+    step, nc = work.tiles.shape[0], modal.fixed.shape[2]
     for t in range(0, B.shape[0], step):
         panel = B[t : min(t + step, B.shape[0])]
-        first, last = t * POINTS, (t + panel.shape[0]) * POINTS
+        first, last = t * POINTS, min((t + panel.shape[0]) * POINTS, nc)
         observe_panel(panel, first, work, 0)
         gradient_forces(modal.points[0], modal.laws[0], work.point[0], first, last)
         spread_panel(panel, first, work, 0)

@@ -115,8 +115,8 @@ N_ROWS = 20
 # rows of Work.point after OUT_* and R_* of the trial state: w1, w2, t1, t2 accepted last; t1, t2 of
 # the iteration before; their change a second over the last sub-step
 OLD_W1, OLD_W2, OLD_T1, OLD_T2, GUESS_1, GUESS_2, RATE_1, RATE_2 = 9, 10, 11, 12, 13, 14, 15, 16
-REGIME = 17  # of the accepted state
-N_POINT = 18
+REGIME, OUT_REGIME = 17, 18  # of the accepted and of the evaluated state
+N_POINT = 19
 SLIPS, STICKS, IS_OPEN = 0, 1, 2  # regimes
 
 # of the integrators beside Newmark, and of hybrid runs
@@ -184,6 +184,7 @@ class WorkArrays(NamedTuple):
     lanes: np.ndarray  # (3, n, LANES) q, v and F of the designs in one batched pass
     wide: np.ndarray  # (panel, n, ROWS) a panel of tiles stored in single precision; else (0, ..)
     row: np.ndarray  # (3, n) [N; T1; T2] of one contact point, or room
+    running: np.ndarray  # (nb,) int, the designs that run
     listed: np.ndarray  # (nc,) int, stiff points of the design at hand
     stiff: np.ndarray  # (nc, 4) newmark_stiff: state of each
     free: np.ndarray  # (2 nc,) sliding velocities of each

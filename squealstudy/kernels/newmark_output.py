@@ -6,10 +6,11 @@ import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, part_kernel
-from squealstudy.kernels.laws import mu_at, package_mu_at, potential
+from squealstudy.kernels.laws import potential
 from squealstudy.kernels.newmark_between import resisted_work
 from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_vector import copy, dot, fill
+from squealstudy.kernels.regimes import find_regimes
 from squealstudy.kernels.row_sums import (
     add_row,
     clear_sums,
@@ -45,7 +46,8 @@ def add_work(
         damped += modal.component_terms[k, 0, m] * ((y0 + y1) ** 2 + share * (y1 - y0) ** 2)
     if modal.between_of[k] >= 0:
         damped += resisted_work(x, share)
-    load, belt, sliding = contact_work(modal.points[k], work.point[k], share)
+    nc = modal.fixed.shape[2]
+    load, belt, sliding = contact_work(modal.points[k], work.point[k], nc, share)
     real = work.real[k]
     real[at.W_LOAD] += 0.5 * h * (w_load + load)
     real[at.W_BELT] += 0.5 * h * belt
@@ -54,8 +56,10 @@ def add_work(
 
 
 @fast_kernel
-def contact_work(points: np.ndarray, point: np.ndarray, share: float) -> tuple[float, float, float]:
-    """Powers at all points over a step, from the states before and after it; `share` as above.
+def contact_work(
+    points: np.ndarray, point: np.ndarray, nc: int, share: float
+) -> tuple[float, float, float]:
+    """Powers at nc points over a step, from the states before and after it; `share` as above.
 
     Twice the mean power of the loads that balance the base and of the belt, four times that of
     friction, W.
@@ -63,7 +67,7 @@ def contact_work(points: np.ndarray, point: np.ndarray, share: float) -> tuple[f
     load = 0.0
     belt = 0.0
     sliding = 0.0
-    for i in range(points.shape[1]):
+    for i in range(nc):
         w1 = point[at.OLD_W1, i] + point[at.OUT_W1, i]
         w2 = point[at.OLD_W2, i] + point[at.OUT_W2, i]
         t1 = point[at.OLD_T1, i] + point[at.OUT_T1, i]
@@ -120,44 +124,20 @@ def contact_energy(points: np.ndarray, law: np.ndarray, gaps: np.ndarray) -> flo
 
 
 @fast_kernel
-def outside_sticking(
-    points: np.ndarray, law: np.ndarray, point: np.ndarray, own: np.ndarray, h: float, limit: float
-) -> tuple[float, float, float]:
-    """What `contact_row` sums of points that stick by a curve from outside, and are not open.
-
-    Area m2, creep, torque N m: a call by an address in that loop would slow all others.
-    """
-    stick, creep, torque = 0.0, 0.0, 0.0
-    for i in range(points.shape[1]):
-        p = point[at.OUT_P, i]
-        if points[at.POINT_FRICTION, i] == 0.0 or p <= limit:
-            continue
-        w1, w2 = point[at.OUT_W1, i], point[at.OUT_W2, i]
-        s = (w1 * w1 + w2 * w2) ** 0.5
-        mu, _, _ = mu_at(law, s, p)
-        if law[at.LAW_SLOPE] * s < points[at.POINT_FRICTION, i] * mu * p:
-            stick += points[at.POINT_AREA, i]
-            speed = abs(points[at.POINT_SPEED, i])
-            creep = max(creep, s / speed if speed > 0.0 else 0.0)
-            if i < own.size and law[at.LAW_SLOPE] * points[at.POINT_AREA, i] * own[i] > 1.0:
-                torque += 0.5 * h * points[at.POINT_RADIUS, i] * point[at.RATE_1, i]
-    return stick, creep, torque
-
-
-@fast_kernel
 def contact_row(
     points: np.ndarray,
     law: np.ndarray,
     point: np.ndarray,
+    nc: int,
     own: np.ndarray,
     h: float,
     row: np.ndarray,
 ) -> None:
-    """Torque, normal force, shares of the area, and creep, into a row of histories.
+    """Torque, normal force, shares of the area, and creep of nc points, into a row of histories.
 
-    Points without friction neither stick nor slip: none of these counts them. A point is open
-    below 1 % of the area mean of pressure in the design's own steady sliding, whatever the others
-    do at that instant: a contact may lift off as a whole.
+    Their regimes are known. Points without friction neither stick nor slip: none of these counts
+    them. A point is open below 1 % of the area mean of pressure in the design's own steady sliding,
+    whatever the others do at that instant: a contact may lift off as a whole.
 
     The friction of a point that sticks alternates from step to step where the step is long for its
     slope: k_t A times its compliance `own` (Modal.own, empty where unknown) is then above 1. It
@@ -167,7 +147,7 @@ def contact_row(
     force = 0.0
     steady = 0.0
     area = 0.0
-    for i in range(points.shape[1]):
+    for i in range(nc):
         torque -= points[at.POINT_RADIUS, i] * point[at.OUT_T1, i]
         own_area = points[at.POINT_AREA, i] * points[at.POINT_FRICTION, i]
         force += own_area * point[at.OUT_P, i]
@@ -176,26 +156,18 @@ def contact_row(
     stick = 0.0
     opened = 0.0
     creep = 0.0
-    for i in range(points.shape[1]):
+    limit = OPEN_SHARE * steady / area
+    for i in range(nc):
         if points[at.POINT_FRICTION, i] == 0.0:
             continue
-        p = point[at.OUT_P, i]
-        w1, w2 = point[at.OUT_W1, i], point[at.OUT_W2, i]
-        s = (w1 * w1 + w2 * w2) ** 0.5
-        mu, _, _ = package_mu_at(law, s, p)  # NaN for a curve from outside: nothing sticks here
-        if p <= OPEN_SHARE * steady / area:
+        if point[at.OUT_P, i] <= limit:
             opened += points[at.POINT_AREA, i] / area
-        elif law[at.LAW_SLOPE] * s < points[at.POINT_FRICTION, i] * mu * p:
+        elif point[at.OUT_REGIME, i] == at.STICKS:
             stick += points[at.POINT_AREA, i] / area
-            speed = abs(points[at.POINT_SPEED, i])
-            creep = max(creep, s / speed if speed > 0.0 else 0.0)
+            w1, w2, speed = point[at.OUT_W1, i], point[at.OUT_W2, i], abs(points[at.POINT_SPEED, i])
+            creep = max(creep, (w1 * w1 + w2 * w2) ** 0.5 / speed if speed > 0.0 else 0.0)
             if i < own.size and law[at.LAW_SLOPE] * points[at.POINT_AREA, i] * own[i] > 1.0:
                 torque += 0.5 * h * points[at.POINT_RADIUS, i] * point[at.RATE_1, i]
-    if law[at.LAW_CURVE] == at.OUTSIDE:
-        limit = OPEN_SHARE * steady / area
-        share, creep, more = outside_sticking(points, law, point, own, h, limit)
-        stick = share / area if area > 0.0 else 0.0
-        torque += more
     row[at.TORQUE] = torque
     row[at.NORMAL_FORCE] = force
     row[at.STICK] = stick
@@ -205,17 +177,17 @@ def contact_row(
 
 
 @fast_kernel
-def ringing(modal: ModalArrays, settings: StepSettings) -> np.ndarray:
-    """Modal.own where friction may alternate from step to step; empty where steps are cut."""
-    return modal.own[: 0 if settings.corner_halvings > 0 else modal.own.size]
+def ringing_step(settings: StepSettings, h: float) -> float:
+    """Sub-step h over which friction may alternate; 0 where steps are cut and it does not."""
+    return 0.0 if settings.corner_halvings > 0 else h
 
 
 @fast_kernel
-def begin_sums(modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int) -> None:
+def begin_sums(modal: ModalArrays, work: WorkArrays, k: int) -> None:
     """The initial state of design k is where its sums begin."""
     row, sums, x = work.now[k], work.sums[k], work.x[k]
-    rings = ringing(modal, settings)
-    contact_row(modal.points[k], modal.laws[k], work.point[k], rings, 0.0, row)
+    nc = modal.fixed.shape[2]
+    contact_row(modal.points[k], modal.laws[k], work.point[k], nc, modal.own, 0.0, row)
     row[at.MODAL_ENERGY] = modal_energy(x, modal.modes[k, at.W2])
     take_now(sums, row)
     clear_sums(sums)
@@ -231,8 +203,8 @@ def add_sums(
     trapezoidal one but for the first and the last.
     """
     row, sums, x = work.now[k], work.sums[k], work.x[k]
-    rings = ringing(modal, settings)
-    contact_row(modal.points[k], modal.laws[k], work.point[k], rings, h, row)
+    nc, rings = modal.fixed.shape[2], ringing_step(settings, h)
+    contact_row(modal.points[k], modal.laws[k], work.point[k], nc, modal.own, rings, row)
     row[at.MODAL_ENERGY] = modal_energy(x, modal.modes[k, at.W2])
     add_row(sums, row, h)
     for j in range(x.shape[1]):
@@ -250,10 +222,12 @@ def save(
     row = saved.history[k, number]
     fill(row, 0.0)
     row[at.TIME] = counts[at.STEP] * settings.h
-    if modal.points.shape[2] > 0:
-        h = work.real[k, at.SUBSTEP_OLD]
-        rings = ringing(modal, settings)
-        contact_row(modal.points[k], modal.laws[k], work.point[k], rings, h, row)
+    nc = modal.fixed.shape[2]
+    if nc > 0:
+        points, law, point = modal.points[k], modal.laws[k], work.point[k]
+        find_regimes(points, law, point, nc)
+        rings = ringing_step(settings, work.real[k, at.SUBSTEP_OLD])
+        contact_row(points, law, point, nc, modal.own, rings, row)
     for i in range(4):
         row[at.WORK + i] = work.real[k, at.W_LOAD + i]
     row[at.STORED] = stored_energy(modal, work, k)

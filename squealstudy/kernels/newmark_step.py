@@ -29,7 +29,7 @@ from squealstudy.kernels.newmark_output import (
     stored_energy,
 )
 from squealstudy.kernels.newmark_vector import copy, dot, move
-from squealstudy.kernels.regimes import keep_regimes, meets_corner
+from squealstudy.kernels.regimes import find_regimes, meets_corner
 
 BIG = 1e290  # squares at or beyond it, and NaN, are not finite
 EQUAL_STEPS = 4  # sub-steps of one length before they grow again
@@ -64,22 +64,23 @@ def keep_state(x: np.ndarray) -> None:
 
 
 @fast_kernel
-def guess_friction(point: np.ndarray, h: float) -> None:
-    """Friction forces of the points (N_POINT, nc) a time h after the accepted ones."""
-    for i in range(point.shape[1]):
+def guess_friction(point: np.ndarray, nc: int, h: float) -> None:
+    """Friction forces of nc points (N_POINT, ..) a time h after the accepted ones."""
+    for i in range(nc):
         point[at.GUESS_1, i] = point[at.OLD_T1, i] + h * point[at.RATE_1, i]
         point[at.GUESS_2, i] = point[at.OLD_T2, i] + h * point[at.RATE_2, i]
 
 
 @fast_kernel
-def open_part(settings: StepSettings, work: WorkArrays, k: int, h: float) -> float:
-    """Open a sub-step h; the ratio to the last one over which the pull is extrapolated, or 0."""
+def open_part(settings: StepSettings, work: WorkArrays, k: int, nc: int, h: float) -> float:
+    """Open a sub-step h; its ratio to the last one, to extrapolate the pull by, or 0."""
     counts, real = work.counts[k], work.real[k]
     known = settings.extrapolate and real[at.SUBSTEP_OLD] > 0.0
     real[at.SUBSTEP], real[at.OMEGA] = h, 1.0
     real[at.STEP_LENGTH], real[at.E2_OLD] = 1.0, 0.0
     counts[at.ITERATION] = 0
-    guess_friction(work.point[k], h if settings.extrapolate else 0.0)
+    later = h if settings.extrapolate else 0.0
+    guess_friction(work.point[k], nc, later)
     return h / real[at.SUBSTEP_OLD] if known else 0.0
 
 
@@ -146,21 +147,22 @@ def close_passes(counts: np.ndarray) -> None:
 @part_kernel
 def begin(modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int, h: float) -> None:
     """Open a sub-step h from the accepted state, with a trial state."""
-    ratio = open_part(settings, work, k, h)
+    ratio = open_part(settings, work, k, modal.fixed.shape[2], h)
     predict(work.x[k], modal.steps[k, work.counts[k, at.HALVING]], ratio)
 
 
 @fast_kernel
-def keep_points(point: np.ndarray, h: float) -> None:
-    """The trial state of the points (N_POINT, nc) is accepted; slopes over h, none for h = 0."""
+def keep_points(point: np.ndarray, nc: int, h: float) -> None:
+    """The trial state of nc points (N_POINT, ..) is accepted; slopes over h, none for h = 0."""
     rate = 1.0 / h if h > 0.0 else 0.0
-    for i in range(point.shape[1]):
+    for i in range(nc):
         point[at.RATE_1, i] = (point[at.OUT_T1, i] - point[at.OLD_T1, i]) * rate
         point[at.RATE_2, i] = (point[at.OUT_T2, i] - point[at.OLD_T2, i]) * rate
         point[at.OLD_W1, i] = point[at.OUT_W1, i]
         point[at.OLD_W2, i] = point[at.OUT_W2, i]
         point[at.OLD_T1, i] = point[at.OUT_T1, i]
         point[at.OLD_T2, i] = point[at.OUT_T2, i]
+        point[at.REGIME, i] = point[at.OUT_REGIME, i]
 
 
 @fast_kernel
@@ -189,9 +191,9 @@ def start(
     copy(x[at.DELTA], x[at.PULL_TRIAL])
     keep_state(x)
     copy(x[at.PULL], x[at.PULL_OLD])
-    keep_points(work.point[k], 0.0)
-    keep_regimes(modal, settings, work, k)
-    begin_sums(modal, settings, work, k)
+    find_regimes(modal.points[k], modal.laws[k], work.point[k], modal.fixed.shape[2])
+    keep_points(work.point[k], modal.fixed.shape[2], 0.0)
+    begin_sums(modal, work, k)
     work.counts[k, at.MODE] = at.NEWTON if settings.newton else at.FIXED
     return e2 < BIG
 
@@ -220,8 +222,7 @@ def accept(
     add_work(modal, settings, work, k, h)
     keep_state(x)
     real[at.SUBSTEP_OLD] = h
-    keep_points(work.point[k], h)
-    keep_regimes(modal, settings, work, k)
+    keep_points(work.point[k], modal.fixed.shape[2], h)
     add_sums(modal, settings, work, k, h)
     counts[at.MODE] = at.NEWTON if settings.newton else at.FIXED
     if not part_done(settings, counts):
@@ -246,7 +247,9 @@ def iterate(
         return fail(settings, counts, at.NOT_FINITE)
     balanced = e2 <= settings.tolerance * settings.tolerance * scale2 + real[at.FLOOR2]
     if balanced and change2 <= settings.tolerance_t * settings.tolerance_t * bound2:
-        if counts[at.HALVING] < settings.corner_halvings and meets_corner(modal, work, k):
+        points, point, nc = modal.points[k], work.point[k], modal.fixed.shape[2]
+        find_regimes(points, modal.laws[k], point, nc)
+        if counts[at.HALVING] < settings.corner_halvings and meets_corner(points, point, nc):
             counts[at.HALVING] += 1
             counts[at.CUTS] += 1
             counts[at.EQUAL] = 0

@@ -11,46 +11,51 @@ import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel
-from squealstudy.kernels.laws import mu_at
-from squealstudy.kernels.newmark_layout import ModalArrays, StepSettings, WorkArrays
+from squealstudy.kernels.laws import mu_at, package_mu_at
 
 
 @fast_kernel
-def regime(points: np.ndarray, law: np.ndarray, point: np.ndarray, i: int) -> int:
-    """Of the evaluated point i: SLIPS, STICKS below the corner of its friction, or IS_OPEN."""
-    p, factor = point[at.OUT_P, i], points[at.POINT_FRICTION, i]
+def regime(law: np.ndarray, factor: float, mu: float, p: float, s: float) -> int:
+    """SLIPS, STICKS below the corner of its friction, or IS_OPEN, of a point that slides by s.
+
+    `factor` is that on the point's friction coefficient mu, p its pressure [Pa].
+    """
     if p <= 0.0:
         return at.IS_OPEN
-    if factor == 0.0:
-        return at.SLIPS
-    w1, w2 = point[at.OUT_W1, i], point[at.OUT_W2, i]
-    s = (w1 * w1 + w2 * w2) ** 0.5
-    mu, _, _ = mu_at(law, s, p)
     return at.STICKS if law[at.LAW_SLOPE] * s < factor * mu * p else at.SLIPS
 
 
 @fast_kernel
-def keep_regimes(modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int) -> None:
-    """Those of the evaluated state of design k become those of the accepted one."""
-    if settings.corner_halvings == 0:
+def find_regimes(points: np.ndarray, law: np.ndarray, point: np.ndarray, nc: int) -> None:
+    """Row OUT_REGIME of the first nc evaluated points; a point without friction never sticks.
+
+    Curves from outside have a loop of their own: a call by an address would slow the other.
+    """
+    w1, w2, p = point[at.OUT_W1], point[at.OUT_W2], point[at.OUT_P]
+    factor, found = points[at.POINT_FRICTION], point[at.OUT_REGIME]
+    if law[at.LAW_CURVE] == at.OUTSIDE:
+        for i in range(nc):
+            s = (w1[i] * w1[i] + w2[i] * w2[i]) ** 0.5
+            mu, _, _ = mu_at(law, s, p[i])
+            found[i] = regime(law, factor[i], mu, p[i], s)
         return
-    points, law, point = modal.points[k], modal.laws[k], work.point[k]
-    for i in range(points.shape[1]):
-        point[at.REGIME, i] = regime(points, law, point, i)
+    for i in range(nc):
+        s = (w1[i] * w1[i] + w2[i] * w2[i]) ** 0.5
+        mu, _, _ = package_mu_at(law, s, p[i])
+        found[i] = regime(law, factor[i], mu, p[i], s)
 
 
 @fast_kernel
-def meets_corner(modal: ModalArrays, work: WorkArrays, k: int) -> bool:
-    """Whether a point of design k changes its regime in the evaluated sub-step, or its direction.
+def meets_corner(points: np.ndarray, point: np.ndarray, nc: int) -> bool:
+    """Whether one of nc points changes its regime in the evaluated sub-step, or its direction.
 
     One that slips back passes through zero sliding, however short it may stick there.
     """
-    points, law, point = modal.points[k], modal.laws[k], work.point[k]
-    for i in range(points.shape[1]):
-        now = regime(points, law, point, i)
-        if now != point[at.REGIME, i]:
+    for i in range(nc):
+        if point[at.OUT_REGIME, i] != point[at.REGIME, i]:
             return True
-        along = point[at.OLD_W1, i] * point[at.OUT_W1, i]
-        if now == at.SLIPS and along + point[at.OLD_W2, i] * point[at.OUT_W2, i] < 0.0:
-            return points[at.POINT_FRICTION, i] > 0.0
+        if point[at.OUT_REGIME, i] == at.SLIPS and points[at.POINT_FRICTION, i] > 0.0:
+            along = point[at.OLD_W1, i] * point[at.OUT_W1, i]
+            if along + point[at.OLD_W2, i] * point[at.OUT_W2, i] < 0.0:
+                return True
     return False

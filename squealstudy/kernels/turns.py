@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.jit import entry_kernel, fast_kernel
+from squealstudy.kernels.jit import entry_kernel, fast_kernel, room_kernel
 from squealstudy.kernels.laws import contact_at, mu_at
 from squealstudy.kernels.newmark_forces import point_forces, tangents
 
@@ -68,7 +68,7 @@ def resolve_turns(
                     _add(points, law, y, w, (s, i), (tau, weight), point, sums)
 
 
-@fast_kernel
+@room_kernel
 def _turned(points: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Whether sliding of points turns by more than `TURNED` in a cell; least squares of speeds."""
     S, nc = w.shape[:2]

@@ -277,6 +277,7 @@ def work_arrays(
         lanes=aligned_zeros(3, n, LANES),
         wide=aligned_zeros(panel if B.dtype == np.float32 else 0, n, ROWS),
         row=aligned_zeros(3, n),
+        running=np.zeros(nb, dtype=np.int64),
         listed=np.zeros(modal.points.shape[2], dtype=np.int64),
         stiff=np.zeros((modal.own.size, 4)),
         free=np.zeros(2 * modal.own.size),
