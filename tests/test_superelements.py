@@ -249,6 +249,6 @@ def test_a_scalar_point_is_no_node(tmp_path):
     top = int(mesh.numbers.max())
     assert f",{top + 1},0," in text
     (tmp_path / "se.pch").write_text(text.replace(f",{top + 1},0,", f",{mesh.numbers[0]},0,"))
-    message = f"has no direction of node {mesh.numbers[0]}: expected 1, 2 or 3"
+    message = f"has no direction of node {mesh.numbers[0]}: expected 1 to 6"
     with pytest.raises(StudyFileError, match=message):
         built(tmp_path / "blocks.toml")

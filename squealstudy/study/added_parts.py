@@ -100,7 +100,7 @@ def with_parts(
     tables = {kind: list(getattr(file, kind)) for kind in ("point_mass", "spring")}
     parameters = dict(file.parameters)
     places: dict[KeyPath, AddedPart] = {}
-    taken = {t.name for kind in (*tables, "layer", "tie") for t in getattr(file, kind)}
+    taken = {t.name for kind in (*tables, "layer", "tie", "coupling") for t in getattr(file, kind)}
     for number, part in enumerate(parts, start=1):
         if part.name in parameters and part.by_name:
             continue

@@ -17,8 +17,8 @@ from squealstudy.models.components.contact_rows import Rotation
 from squealstudy.models.components.dimensions import LENGTH
 from squealstudy.models.components.file_matrices import symmetric
 from squealstudy.models.components.geometry import Geometry
-from squealstudy.models.components.mean_motions import mean_motion
 from squealstudy.models.components.model_file import KeyPath, Numbers, PlacedError
+from squealstudy.models.components.turn_rows import rigid_motion, turn_of
 from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.linear_interfaces import SpringInterface
 
@@ -55,7 +55,20 @@ def component_matrices(
             except ModelError as error:
                 raise PlacedError((*keys, "on"), str(error)) from error
             M = M + geometry.bodies[name].expansion.restricted(added)
+            if table.inertia is not None:
+                moments = numbers.list_at(*keys, "inertia")
+                M = M + _turned_mass(geometry, table.on, points, moments, (*keys, "on"))
     return K, symmetric(M)
+
+
+def _turned_mass(
+    geometry: Geometry, reference: str, points: Surface, moments: Sequence[float], keys: KeyPath
+) -> sp.csr_matrix:
+    """Rotary inertia at the turn of a set, over the component's degrees of freedom."""
+    turn = turn_of(geometry, reference, points, keys)
+    expansion = geometry.bodies[turn.component].expansion
+    T = turn.by_displacements @ expansion.E + turn.by_turns @ expansion.turns
+    return (T.T @ sp.diags(moments) @ T).tocsr()
 
 
 def mass_on(points: Surface, mass: float, at: np.ndarray | None) -> sp.csr_matrix:
@@ -85,22 +98,6 @@ def mass_on(points: Surface, mass: float, at: np.ndarray | None) -> sp.csr_matri
         )
     follows = rigid_motion(points, at)
     return (mass * follows.T @ follows).tocsr()
-
-
-def rigid_motion(points: Surface, at: np.ndarray) -> sp.csr_matrix:
-    """Displacement (3, 3 n_nodes) at a place, of the rigid motion nearest to the points'.
-
-    Raises
-    ------
-    ModelError
-        Points on a line, or fewer than three.
-    """
-    try:
-        there = mean_motion(points.points, points.area, at)  # (3, n, 3) of point and axis
-    except ModelError as error:
-        raise ModelError(f"{error}: a mass cannot be at another place") from error
-    rows = [points.observe(axis) for axis in np.eye(3)]
-    return sum(sp.csr_matrix(there[:, :, a]) @ rows[a] for a in range(3)).tocsr()
 
 
 def springs_on(

@@ -148,13 +148,13 @@ def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
     mesh = righted(_read(path, table if body is None else table.model_copy(update={"part": None})))
     if (how := table.repeat) is not None:
         mesh = repeated(mesh, Repetition(np.array(how.point), np.array(how.axis), how.count))
-    bodies = mesh.body_of
-    if 0 < bodies.max() < BODIES:
+    bodies, points = mesh.body_of, table.mesh is None
+    if 0 < bodies.max(initial=0) < BODIES:
         own = {f"BODY{k + 1}": np.flatnonzero(bodies == k) for k in range(bodies.max() + 1)}
         mesh = replace(mesh, element_sets={**own, **mesh.element_sets})
     if body is not None:
         mesh = mesh.part(mesh.find("element_sets", body))
-    check_mesh(mesh, DOUBLED in [name.upper() for name in table.pass_over])
+    check_mesh(mesh, DOUBLED in [name.upper() for name in table.pass_over], points)
     return mesh
 
 
@@ -176,6 +176,7 @@ def _read(path: Path, table: ComponentTable) -> SolidMesh:
             treat_as=table.treat_as,
             pass_over=table.pass_over,
             temperature=table.temperature,
+            points=table.mesh is None,
         )
     elif ending == ".msh":
         from squealstudy.models.components.gmsh import read_gmsh
@@ -184,10 +185,15 @@ def _read(path: Path, table: ComponentTable) -> SolidMesh:
         if table.part is not None:
             mesh = mesh.part(mesh.find("element_sets", table.part))
     elif ending in NASTRAN:
-        from squealstudy.models.components.nastran import SELECTED, read_bdf
+        from squealstudy.models.components.nastran import read_bdf
 
-        passed = (*table.pass_over, *(SELECTED if table.mesh is None else ()))  # K and M are given
-        mesh = read_bdf(path, table.part, treat_as=table.treat_as, pass_over=passed)
+        mesh = read_bdf(
+            path,
+            table.part,
+            treat_as=table.treat_as,
+            pass_over=table.pass_over,
+            points=table.mesh is None,
+        )
     elif ending == ANSYS:
         from squealstudy.models.components.ansys import read_cdb
 
@@ -221,7 +227,6 @@ def body_of(brake: Brake, name: str) -> Body:
     mesh = with_sets(mesh, name, table, brake.file.units)
     mesh = with_tables(mesh, name, table, Numbers(brake.file, {}))
     turn, shift = placement(name, table, brake.file.units)
-    placed = _moved(mesh, turn, shift)
     if table.mesh is None:
         if mesh.constraints:
             raise PlacedError(
@@ -229,12 +234,12 @@ def body_of(brake: Brake, name: str) -> Body:
                 f"{mesh.constraints[0].name}: ties and couplings belong to the matrices, which "
                 "hold them already: name their keywords in pass_over",
             )
-        matrices, expansion = placed_matrices(
+        mesh, matrices, expansion = placed_matrices(
             brake.path.parent, brake.file.units, name, table, mesh, turn
         )
-        return Body(name, placed, matrices, expansion)
+        return Body(name, _moved(mesh, turn, shift), matrices, expansion)
     try:
-        placed, expansion = expanded(placed)
+        placed, expansion = expanded(_moved(mesh, turn, shift))
     except ModelError as error:
         raise PlacedError(place, str(error)) from error
     return Body(name, placed, None, expansion)

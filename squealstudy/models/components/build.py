@@ -41,6 +41,7 @@ from squealstudy.models.components.model_file import (
     PlacedError,
 )
 from squealstudy.models.components.pairs import Pair
+from squealstudy.models.components.turn_rows import coupled, turn_of
 from squealstudy.models.linear_interfaces import SpringInterface
 
 COMPARED = 500  # nodes of a component at which mode shapes of two structures are compared
@@ -73,8 +74,14 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
         C = damping_matrix(body, numbers, *matrices[name])
         mesh = changed_mesh(body, own_numbers(name, given))
         components.append(_component(body, mesh, *matrices[name], C, kept[name]))
-    blocks = [body.expansion.E[:, kept[name]] for name, body in geometry.bodies.items()]
-    interfaces = _Interfaces(geometry, numbers, sp.block_diag(blocks, format="csr"))
+    E, turns = (
+        sp.block_diag(
+            [getattr(body.expansion, key)[:, kept[name]] for name, body in geometry.bodies.items()],
+            format="csr",
+        )
+        for key in ("E", "turns")
+    )
+    interfaces = _Interfaces(geometry, numbers, E, turns)
     contact, ties = interfaces.contact(law)
     load = interfaces.load()
     springs = (*interfaces.springs(), *ties)
@@ -127,8 +134,14 @@ def _compared(M: sp.csr_matrix) -> sp.csr_matrix:
 class _Interfaces:
     """Rows of a brake over the degrees of freedom that are not held."""
 
-    def __init__(self, geometry: Geometry, numbers: Numbers, expansion: sp.csr_matrix) -> None:
-        self._g, self._numbers, self._expansion = geometry, numbers, expansion
+    def __init__(
+        self,
+        geometry: Geometry,
+        numbers: Numbers,
+        expansion: sp.csr_matrix,
+        turns: sp.csr_matrix,
+    ) -> None:
+        self._g, self._numbers, self._expansion, self._turns = geometry, numbers, expansion, turns
 
     def _kept(self, rows: sp.spmatrix) -> sp.csr_matrix:
         kept = (rows.tocsr() @ self._expansion).tocsr()
@@ -137,6 +150,11 @@ class _Interfaces:
 
     def _rows(self, *parts: tuple[str, sp.spmatrix]) -> sp.csr_matrix:
         return self._kept(expand_rows(parts, self._g.spans, self._g.n_dof))
+
+    def _turn_rows(self, *parts: tuple[str, sp.spmatrix]) -> sp.csr_matrix:
+        """Rows over turns of nodes."""
+        found = expand_rows(parts, self._g.spans, self._g.n_dof).tocsr() @ self._turns
+        return found.tocsr()
 
     def _pair_rows(self, number: int, kind: str, found: Pair, names: Sequence[str]) -> ContactRows:
         """Rows of a pair, held freedoms among them."""
@@ -210,7 +228,9 @@ class _Interfaces:
         """Of all ties, layers and springs."""
         ties = [self._tie(i) for i in range(len(self._g.file.tie))]
         layers = [self._layer(i) for i in range(len(self._g.file.layer))]
-        return [*ties, *layers, *(self._spring(i) for i in range(len(self._g.file.spring)))]
+        couplings = [self._coupling(i) for i in range(len(self._g.file.coupling))]
+        springs = [self._spring(i) for i in range(len(self._g.file.spring))]
+        return [*ties, *couplings, *layers, *springs]
 
     def _tie(self, number: int) -> SpringInterface:
         table, found = self._g.file.tie[number], self._g.ties[number]
@@ -218,8 +238,18 @@ class _Interfaces:
         B = self._kept(sp.vstack([rows.N, rows.T, rows.T_perp]))
         keys: KeyPath = ("tie", number, "bedding")
         known = table.bedding is not None or keys in self._numbers.given
-        bedding = self._numbers.at(*keys) if known else self._g.tie_bedding(number)
+        bedding = (
+            self._numbers.at(*keys) if known else self._g.bedding(("slave", "master"), keys[:2])
+        )
         return SpringInterface(table.name, B, np.tile(bedding * rows.area, 3))
+
+    def _coupling(self, number: int) -> SpringInterface:
+        table = self._g.file.coupling[number]
+        keys: KeyPath = ("coupling", number, "bedding")
+        known = table.bedding is not None or keys in self._numbers.given
+        bedding = self._numbers.at(*keys) if known else self._g.bedding(("face",), keys[:2])
+        found = coupled(self._g, number, bedding, self._rows, self._turn_rows)
+        return SpringInterface(table.name, found.B, found.stiffness)
 
     def _layer(self, number: int) -> SpringInterface:
         table, found = self._g.file.layer[number], self._g.layers[number]
@@ -253,7 +283,25 @@ class _Interfaces:
                 raise PlacedError((*keys, "axes"), str(error)) from error
 
         second = sets[1] if other is not None else None
-        return springs_on(table.name, sets[0], second, k, directions, self._rows, table.in_static)
+        own = springs_on(table.name, sets[0], second, k, directions, self._rows, table.in_static)
+        if table.rotary is None:
+            return own
+        names = [n for n in (one, other) if n is not None]
+        parts = [
+            turn_of(self._g, n, points, (*keys, "between"))
+            for n, (_, points) in zip(names, sets, strict=True)
+        ]
+        turned = [
+            self._rows((t.component, t.by_displacements))
+            + self._turn_rows((t.component, t.by_turns))
+            for t in parts
+        ]
+        relative = turned[0] if len(turned) == 1 else turned[0] - turned[1]
+        middle = np.vstack([points.points for _, points in sets]).mean(axis=0)
+        axes = np.array([d[0] for d in directions(middle[None])])
+        B = sp.vstack([own.B, sp.csr_matrix(axes) @ relative]).tocsr()
+        stiffness = np.append(own.stiffness, self._numbers.list_at(*keys, "rotary"))
+        return replace(own, B=B, stiffness=stiffness)
 
     # -- load ------------------------------------------------------------------------------------
     def load(self) -> np.ndarray:

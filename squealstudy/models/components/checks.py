@@ -13,7 +13,7 @@ DOUBLED = "DOUBLED NODES"  # the name by which `pass_over` allows them
 MERGED = 1e-4  # of the shortest edge: nodes nearer than this are one that was written twice
 
 
-def check_mesh(mesh: SolidMesh, doubled: bool = False) -> None:
+def check_mesh(mesh: SolidMesh, doubled: bool = False, points: bool = False) -> None:
     """ModelError, with the elements, about the first fault that a mesh has.
 
     Coordinates that are no numbers; an element that names a node twice; faces of more than two
@@ -43,9 +43,9 @@ def check_mesh(mesh: SolidMesh, doubled: bool = False) -> None:
     for block in mesh.blocks:
         unused[block.nodes] = False
     unused[mesh.references] = False
-    if unused.any():
+    if unused.any() and not points:
         raise mesh.error(f"{mesh.nodes_named(np.flatnonzero(unused))}: no element has this node")
-    if not doubled:
+    if not doubled and mesh.blocks:
         _check_doubled(mesh)
 
 

@@ -12,7 +12,7 @@ from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.components.attached import component_matrices
 from squealstudy.models.components.bodies import Body, Brake
 from squealstudy.models.components.constraints import Relation, Tie
-from squealstudy.models.components.dimensions import LENGTH, MASS, Dimension
+from squealstudy.models.components.dimensions import INERTIA, LENGTH, MASS
 from squealstudy.models.components.free_modes import (
     read_mode_table,
     rigid_count,
@@ -32,7 +32,6 @@ from squealstudy.wording import listed, plural
 MASSES = (0.02, 100.0)  # kg of a part of a brake
 SIZES = (0.01, 1.0)  # m, the longest side of a part of a brake
 SPEEDS = (20.0, 20_000.0)  # m/s of waves in solids, from soft rubber to beyond beryllium
-INERTIA = Dimension((2, 1, 0), "kg m2")
 RIGID = 1e-7  # K R over K and R: rigid motions that cost no energy
 FIRST_CUTOFF, LAST_CUTOFF = 2000.0, 64_000.0  # Hz
 LISTED = 3  # elastic frequencies
@@ -62,6 +61,11 @@ def rigid_shapes(x: np.ndarray) -> np.ndarray:
     return R.reshape(-1, 6)
 
 
+def _rigid_turns(n: int) -> np.ndarray:
+    """Turns of n nodes (3 n, 6) in the motions of `rigid_shapes`."""
+    return np.tile(np.hstack([np.zeros((3, 3)), np.eye(3)]), (n, 1))
+
+
 def component_facts(
     found: Inspection, geometry: Geometry, body: Body, given: Mapping[KeyPath, float]
 ) -> None:
@@ -83,10 +87,13 @@ def component_facts(
                 found.tell("", f"{formulation}: confirmed by CalculiX: {verified}")
     else:
         lacking = int(body.expansion.lacking.sum())
-        modal = int((body.expansion.places < 0).sum())
+        turns = int((np.diff(body.expansion.turns.indptr) > 0).sum())
+        modal = int((body.expansion.places < 0).sum()) - turns
         held = f", {lacking} freedoms are not in them" if lacking else ""
         if modal:
             held = f", {plural(modal, 'modal coordinate')}{held or ', all nodes recovered'}"
+        if turns:
+            held = f", {plural(turns, 'turn')} of nodes{held}"
         found.tell(name, f"{source} of matrices{held}")
     relations = [c for c in mesh.constraints if isinstance(c, Relation)]
     if len(relations) == 1:
@@ -193,7 +200,7 @@ def _damping(found: Inspection, numbers: Numbers, name: str) -> None:
 
 def _weight(found: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> None:
     """Mass, sides and inertia, and whether they are a brake's."""
-    R = body.expansion.freedoms(rigid_shapes(body.nodes))
+    R = body.expansion.freedoms(rigid_shapes(body.nodes), _rigid_turns(len(body.nodes)))
     about = R.T @ (M @ R)
     mass = float(about[0, 0])
     offset = np.array([about[5, 1], -about[5, 0], about[4, 0]]) / max(mass, 1e-300)
@@ -234,7 +241,8 @@ def _waves(found: Inspection, mesh: SolidMesh, name: str, units: str) -> None:
 def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) -> None:
     """Rigid modes, six of a free body, and the first elastic frequencies."""
     R = rigid_shapes(body.nodes)
-    R = body.expansion.freedoms(R / np.linalg.norm(R, axis=0))
+    size = np.linalg.norm(R, axis=0)
+    R = body.expansion.freedoms(R / size, _rigid_turns(len(body.nodes)) / size)
     forces = np.linalg.norm(K @ R, axis=0) / max(abs(K).max(), 1e-300)
     costly = [m for m, f in zip(MOTIONS, forces, strict=True) if f > RIGID]
     cutoff, elastic, rigid = FIRST_CUTOFF, np.zeros(0), 0

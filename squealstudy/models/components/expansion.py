@@ -71,18 +71,23 @@ class Expansion:
         """E^T A E of a matrix (3 n_nodes, 3 n_nodes)."""
         return A if self.E.shape[0] == self.E.shape[1] and self.plain else self.E.T @ A @ self.E
 
-    def freedoms(self, moved: np.ndarray) -> np.ndarray:
+    def freedoms(self, moved: np.ndarray, turned: np.ndarray | None = None) -> np.ndarray:
         """Degrees of freedom (n, k) of displacements (3 n_nodes, k) that they can have.
 
-        Those that move no node are zero.
+        And of turns of nodes, where they are given. Those that move no node are zero.
         """
         q = np.zeros((self.E.shape[1], moved.shape[1]))
         of_nodes = self.places >= 0
         q[of_nodes] = moved[self.places[of_nodes]]
-        rest = np.flatnonzero(~of_nodes & (np.diff(self.E.tocsc().indptr) > 0))
+        E, left = self.E, moved - self.E @ q
+        if turned is not None and self.turns.nnz:
+            there = np.flatnonzero(np.diff(self.turns.indptr))
+            E = sp.vstack([E, self.turns[there]], format="csr")
+            left = np.vstack([left, turned[there] - self.turns[there] @ q])
+        rest = np.flatnonzero(~of_nodes & (np.diff(E.tocsc().indptr) > 0))
         if len(rest):
-            R = self.E[:, rest]
-            q[rest] = splu((R.T @ R).tocsc()).solve(R.T @ (moved - self.E @ q))
+            R = E[:, rest]
+            q[rest] = splu((R.T @ R).tocsc()).solve(R.T @ left)
         return q
 
 

@@ -118,7 +118,7 @@ def faces_with_corners(mesh: SolidMesh, corners: np.ndarray) -> tuple[np.ndarray
 
 def _all_faces(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray]:
     """All faces (p, 2) of all elements, and their corners (p, 4), sorted; -1 for no fourth."""
-    faces, corners = [], []
+    faces, corners = [np.zeros((0, 2), dtype=np.int64)], [np.zeros((0, 4), dtype=np.int64)]
     for block, start in zip(mesh.blocks, mesh.starts, strict=False):
         shape, n = block.kind.shape, len(block.labels)
         for k, face in enumerate(shape.faces):
@@ -132,6 +132,8 @@ def _all_faces(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray]:
 
 def _times(rows: np.ndarray) -> np.ndarray:
     """How often each row occurs among all (p,)."""
+    if not len(rows):
+        return np.zeros(0, dtype=int)
     order = np.lexsort(rows.T)
     new = np.append(True, (rows[order[1:]] != rows[order[:-1]]).any(axis=1))
     group = np.cumsum(new) - 1

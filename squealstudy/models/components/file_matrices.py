@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.linalg.factor import is_definite
-from squealstudy.models.components.dimensions import DAMPER, MASS, STIFFNESS
+from squealstudy.models.components.dimensions import DAMPER, LENGTH, MASS, STIFFNESS
 from squealstudy.models.components.expansion import Expansion
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.mesh import SolidMesh
@@ -23,6 +24,7 @@ INDEPENDENT = 1e-12  # least eigenvalue of the products of such columns, each of
 IDENTITY = 1e-6  # how far a recovery matrix may be off for the nodes of the rows themselves
 ROUND_OFF = 1e-14
 DIGITS = 2e-5  # of the highest frequency of a freedom: what ten digits leave of rigid motions
+FEW = 1000  # nodes that are sets of their own
 SKEW = 1e-8  # of the largest entry: matrices of files are symmetric to the digits of their texts
 
 
@@ -33,12 +35,13 @@ def symmetric(A: sp.spmatrix) -> sp.csr_matrix:
 
 def placed_matrices(
     folder: Path, units: str, name: str, table: ComponentTable, mesh: SolidMesh, turn: np.ndarray
-) -> tuple[Matrices, Expansion]:
+) -> tuple[SolidMesh, Matrices, Expansion]:
     """K, M and C over the degrees of freedom that they have, and how these move the mesh's nodes.
 
-    Degrees of freedom are those of nodes, ascending, then modal coordinates.
+    Degrees of freedom are displacements of nodes, ascending, then turns of nodes, then modal
+    coordinates. The mesh is without nodes of no element that have none of them; those that are
+    left of no element are node sets NODE7 each, as long as there are few.
     """
-    n = 3 * len(mesh.nodes)
     freedoms = FreedomsOf(mesh, str(table.nodes))
     read: list[tuple[sp.csr_matrix, np.ndarray]] = []
     scalars: dict[int, int] = {}  # scalar points, and which modal coordinate each is
@@ -54,53 +57,109 @@ def placed_matrices(
         if isinstance(A, LabelledMatrix):
             A, rows = A.matrix, _named(path, A, freedoms, table, place, scalars)
         else:
-            rows = _freedoms(folder, name, table, len(mesh.nodes), A.shape[0], key, freedoms)
+            rows = _freedoms(folder, name, table, mesh, A.shape[0], key, freedoms)
         skew = abs(A - A.T)
         if skew.nnz and skew.max() > SKEW * abs(A).max():
             raise PlacedError(place, f"{path.name} is not symmetric: is a half of it missing?")
-        read.append((symmetric(dimension.factor(units) * A), rows))
+        of_turns = (rows >= freedoms.count // 2) & (rows < freedoms.count)
+        D = sp.diags(np.where(of_turns, LENGTH.factor(units), 1.0))  # of a length in such units
+        read.append((symmetric(dimension.factor(units) * (D @ A @ D)), rows))
+    mesh, read = _with_rows(mesh, read)
+    n = 3 * len(mesh.nodes)
     kept = np.unique(np.concatenate([rows for _, rows in read]))
     places = np.where(kept < n, kept, -1)
-    own = kept[kept < n]
-    E = sp.csr_matrix((np.ones(len(own)), (own, np.arange(len(own)))), (n, len(kept)))
+    own, turning = kept[kept < n], kept[(kept >= n) & (kept < 2 * n)] - n
+    at = np.arange(len(own))
+    E = sp.csr_matrix((np.ones(len(own)), (own, at)), (n, len(kept)))
+    at = len(own) + np.arange(len(turning))
+    T = sp.csr_matrix((np.ones(len(turning)), (turning, at)), (n, len(kept)))
     if table.recovery is not None:
-        E = _recovered(folder, name, table, E, read[0][1])
+        of = np.append(np.ones(len(own)), np.full(len(turning), LENGTH.factor(units)))
+        E = _recovered(folder, name, table, E, read[0][1], of)
     found = []
     for A, rows in read:
         at = np.searchsorted(kept, rows)
         placed = sp.csr_matrix((np.ones(len(at)), (at, np.arange(len(at)))), (len(kept), len(at)))
         found.append((placed @ A @ placed.T).tocsr())
     if not np.array_equal(turn, np.eye(3)):
-        E, found = _turned(name, turn, E, own, found)
+        Q = _turning(name, turn, n, own, turning, E.shape[1])
+        whole = sp.kron(sp.eye(n // 3), turn)
+        E, T = (_rounded(whole @ A @ Q.T) for A in (E, T))
+        found = [(Q @ A @ Q.T).tocsr() for A in found]
     K, M, *C = (symmetric(A) for A in found)
-    return (K, M, C[0] if C else None), Expansion(E, places)
+    return mesh, (K, M, C[0] if C else None), Expansion(E, places, T)
 
 
-def _turned(
-    name: str, turn: np.ndarray, E: sp.csr_matrix, own: np.ndarray, found: list[sp.csr_matrix]
-) -> tuple[sp.csr_matrix, list[sp.csr_matrix]]:
-    """Freedoms in axes that have turned with the part; modal coordinates stay."""
-    there = np.zeros(E.shape[0], dtype=bool)
-    there[own] = True
-    nodes = there.reshape(-1, 3)
-    if (nodes.any(axis=1) != nodes.all(axis=1)).any():
-        raise PlacedError(
-            ("components", name, "rotate"),
-            "matrices without all three directions of every node cannot be turned: place the part "
-            "before they are made",
-        )
-    modal = sp.eye(E.shape[1] - len(own))
-    Q = sp.block_diag([sp.kron(sp.eye(len(own) // 3), turn), modal], format="csr")
-    moved = sp.csr_matrix(sp.kron(sp.eye(len(nodes)), turn) @ E @ Q.T)
-    moved.data[abs(moved.data) < ROUND_OFF] = 0.0
-    moved.eliminate_zeros()
-    return moved, [(Q @ A @ Q.T).tocsr() for A in found]
+def _with_rows(
+    mesh: SolidMesh, read: list[tuple[sp.csr_matrix, np.ndarray]]
+) -> tuple[SolidMesh, list[tuple[sp.csr_matrix, np.ndarray]]]:
+    """The mesh without nodes that neither elements nor matrices have; the rows by its nodes.
+
+    Of a file without elements all nodes are kept.
+    """
+    n = len(mesh.nodes)
+    every = np.concatenate([rows for _, rows in read])
+    named = np.zeros(n, dtype=bool)
+    named[every[every < 6 * n] // 3 % n] = True
+    bare = mesh.bare
+    if not bare.any():
+        return mesh, read
+    named |= not mesh.blocks  # a file of nodes alone has those that are meant
+    node_at = np.cumsum(named | ~bare) - 1
+    count = int((named | ~bare).sum())
+    moved = []
+    for A, rows in read:
+        part, axis = np.divmod(rows, 3)  # nodes of displacements, then of turns
+        of_node = rows < 6 * n
+        turns, node = np.divmod(part, n)
+        there = 3 * (turns * count + node_at[np.where(of_node, node, 0)]) + axis
+        moved.append((A, np.where(of_node, there, rows - 6 * n + 6 * count)))
+    mesh = mesh.part(np.arange(mesh.n_elements), named)
+    points = np.flatnonzero(mesh.bare)
+    if len(points) <= FEW:
+        own = {f"NODE{mesh.numbers[k]}": np.array([k]) for k in points}
+        mesh = replace(mesh, node_sets={**own, **mesh.node_sets})
+    return mesh, moved
+
+
+def _turning(
+    name: str, turn: np.ndarray, n: int, own: np.ndarray, turning: np.ndarray, count: int
+) -> sp.csr_matrix:
+    """What turns degrees of freedom (count, count) with the part; modal coordinates stay."""
+    for places in (own, turning):
+        there = np.zeros(n, dtype=bool)
+        there[places] = True
+        nodes = there.reshape(-1, 3)
+        if (nodes.any(axis=1) != nodes.all(axis=1)).any():
+            raise PlacedError(
+                ("components", name, "rotate"),
+                "matrices without all three directions of every node cannot be turned: place the "
+                "part before they are made",
+            )
+    of_nodes = len(own) + len(turning)
+    turned = sp.kron(sp.eye(of_nodes // 3), turn)
+    return sp.block_diag([turned, sp.eye(count - of_nodes)], format="csr")
+
+
+def _rounded(A: sp.spmatrix) -> sp.csr_matrix:
+    found = sp.csr_matrix(A)
+    found.data[abs(found.data) < ROUND_OFF] = 0.0
+    found.eliminate_zeros()
+    return found
 
 
 def _recovered(
-    folder: Path, name: str, table: ComponentTable, E: sp.csr_matrix, rows: np.ndarray
+    folder: Path,
+    name: str,
+    table: ComponentTable,
+    E: sp.csr_matrix,
+    rows: np.ndarray,
+    of_nodes_in_si: np.ndarray,
 ) -> sp.csr_matrix:
-    """Displacements of all nodes from degrees of freedom, by the recovery matrix of a file."""
+    """Displacements of all nodes from degrees of freedom, by the recovery matrix of a file.
+
+    `of_nodes_in_si` is what a displacement and a turn of nodes are in SI, per unit of length.
+    """
     keys: KeyPath = ("components", name, "recovery")
     path = folder / str(table.file_of("recovery"))
     try:
@@ -113,7 +172,9 @@ def _recovered(
             f"{path.name} is {R.shape[0]} x {R.shape[1]}: expected three rows for each node of "
             f"{table.nodes} and a column for each row of K, {E.shape[0]} x {E.shape[1]}",
         )
-    R = R[:, np.argsort(rows)]
+    first_modal = len(of_nodes_in_si)
+    scale = np.append(of_nodes_in_si, np.ones(len(rows) - first_modal))
+    R = R[:, np.argsort(rows)] @ sp.diags(scale)
     of_nodes = np.flatnonzero(np.diff(E.indptr) > 0)
     off = abs(R[of_nodes] - E[of_nodes]).max()
     if off > IDENTITY:
@@ -122,7 +183,7 @@ def _recovered(
             f"{path.name} moves the nodes of the matrices' own rows otherwise than these rows (by "
             f"{off:.1g}): does it belong to them, and are its rows in the order of {table.nodes}?",
         )
-    modal = R[:, np.flatnonzero(np.diff(E.tocsc().indptr) == 0)].astype(float)
+    modal = R[:, first_modal:].astype(float)
     modal = modal[:, np.flatnonzero(modal.count_nonzero(axis=0))]
     gram = (modal.T @ modal).toarray()
     size = np.sqrt(np.diag(gram))
@@ -159,8 +220,8 @@ def _named(
     if len(both):
         raise PlacedError(
             place,
-            f"{path.name} has no direction of node {both[0]}: expected 1, 2 or 3, or the number of "
-            "a scalar point, which is no node",
+            f"{path.name} has no direction of node {both[0]}: expected 1 to 6, or the number of a "
+            "scalar point, which is no node",
         )
     rows[modal] = [
         freedoms.count + scalars.setdefault(int(node), len(scalars)) for node in A.nodes[modal]
@@ -175,7 +236,7 @@ def _freedoms(
     folder: Path,
     name: str,
     table: ComponentTable,
-    n_nodes: int,
+    mesh: SolidMesh,
     count: int,
     key: str,
     freedoms: FreedomsOf,
@@ -183,13 +244,14 @@ def _freedoms(
     """Degree of freedom of each row of the matrix of a key (count,), as of `read_map`."""
     file = table.file_of(key)
     if table.dof is None:
+        n_nodes = int((~mesh.bare).sum())
         if count != 3 * n_nodes:
             raise PlacedError(
                 ("components", name, key),
                 f"{file} has {count} rows, but {table.nodes} has {n_nodes} nodes, three rows "
                 "each: give dof = FILE with 'node.direction' or 'modal' of each row",
             )
-        return np.arange(count)
+        return (3 * np.flatnonzero(~mesh.bare)[:, None] + np.arange(3)).ravel()
     keys: KeyPath = ("components", name, "dof")
     path = folder / table.dof
     try:

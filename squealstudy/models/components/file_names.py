@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from squealstudy.models.components.model_file import KeyPath, ModelFile, PlacedError
 
-TOGETHER = (("contact", "tie", "layer", "spring"), ("point_mass",), ("load",))
+TOGETHER = (("contact", "tie", "coupling", "layer", "spring"), ("point_mass",), ("load",))
 # of those together springs have energies, and all of them parameters, by their names
 
 

@@ -268,6 +268,24 @@ class TieTable(Table):
     )
 
 
+class CouplingTable(Table):
+    """A node that turns, of a superelement, and a face of another component that it holds."""
+
+    name: Name
+    node: str = Field(description="COMPONENT.SET of one node with turns")
+    face: str = Field(description="COMPONENT.SET that moves with it")
+    kind: Literal["distributing", "rigid"] = Field(
+        default="distributing",
+        description="the node has the mean motion of the face; or every place of the face moves "
+        "with the node",
+    )
+    bedding: float | None = Field(
+        default=None,
+        gt=0,
+        description="stiffness per area; else 1000 times that of the elements beside the face",
+    )
+
+
 class LayerTable(Table):
     """An elastic layer between two faces, or between a face and ground; it has no mass."""
 
@@ -294,6 +312,11 @@ class SpringTable(Table):
         default="cartesian", description="x, y, z; or radial, around and along the axis of rotation"
     )
     stiffness: Vector = Field(description="in all, in the three directions")
+    rotary: Vector | None = Field(
+        default=None,
+        description="against turns about the three directions: mean ones of sets, those of a "
+        "superelement's node that turns",
+    )
     in_static: bool = Field(default=True, description="false: it is there in vibration only")
 
 
@@ -310,13 +333,19 @@ class PointMassTable(Table):
     at: Vector | None = Field(
         default=None, description="where it is, by the mean motion of the set; else spread over it"
     )
+    inertia: Vector | None = Field(
+        default=None,
+        description="moments of inertia about global axes through it, at the mean turn of the set",
+    )
 
 
 class FixedTable(Table):
     """Degrees of freedom that are held."""
 
     set: str = Field(description="COMPONENT.SET")
-    dofs: Annotated[tuple[Literal[1, 2, 3], ...], Strict(False)] = (1, 2, 3)
+    dofs: Annotated[tuple[Literal[1, 2, 3, 4, 5, 6], ...], Strict(False)] = Field(
+        default=(1, 2, 3), description="directions; 4 to 6 are turns of a superelement's nodes"
+    )
 
 
 class LoadTable(Table):

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.models.assembly import Rotors
-from squealstudy.models.components.bodies import Brake, body_of
+from squealstudy.models.components.bodies import Body, Brake, body_of
 from squealstudy.models.components.contact_rows import Rotation, sliding
 from squealstudy.models.components.dimensions import LENGTH
 from squealstudy.models.components.faces import facets
@@ -152,7 +152,10 @@ class Geometry:
             keys: KeyPath = ("fixed", i, "set")
             name, nodes = self.nodes(fixed.set, keys)
             of = self.bodies[name]
-            asked = np.concatenate([3 * nodes + direction - 1 for direction in fixed.dofs])
+            of_turns = [3 * nodes + d - 4 for d in fixed.dofs if d > 3]
+            held[name] |= self._held_turns(of_turns, of, (*keys[:2], "dofs"))
+            own = [3 * nodes + d - 1 for d in fixed.dofs if d <= 3]
+            asked = np.concatenate([np.zeros(0, dtype=np.int64), *own])
             asked = asked[~of.expansion.lacking[asked]]
             follows = asked[~np.isin(asked, of.expansion.places)]
             if len(follows):
@@ -163,6 +166,19 @@ class Geometry:
                 )
             held[name] |= np.isin(of.expansion.places, asked)
         return {name: np.flatnonzero(~h) for name, h in held.items()}
+
+    @staticmethod
+    def _held_turns(of_turns: list[np.ndarray], of: Body, keys: KeyPath) -> np.ndarray:
+        """Degrees of freedom (n,) of bool that are turns to be held; PlacedError without them."""
+        asked = np.concatenate([np.zeros(0, dtype=np.int64), *of_turns])
+        lacking = asked[~of.expansion.turning[asked // 3]]
+        if len(lacking):
+            named = of.mesh.nodes_named(np.unique(lacking // 3))
+            raise PlacedError(keys, f"{named}: no turns of it are freedoms: expected 1 to 3")
+        rows = of.expansion.turns[asked]
+        found = np.zeros(rows.shape[1], dtype=bool)
+        found[rows.indices[of.expansion.places[rows.indices] < 0]] = True
+        return found
 
     # -- where faces meet ------------------------------------------------------------------------
     def _rotation(self) -> Rotation | None:
@@ -261,15 +277,15 @@ class Geometry:
             )
         return found
 
-    def tie_bedding(self, number: int) -> float:
-        """Stiffness per area [N/m3] of a tie for which the file states none.
+    def bedding(self, sides: Sequence[str], keys: KeyPath) -> float:
+        """Stiffness per area [N/m3] of a tie or a coupling for which the file states none.
 
-        Raises PlacedError where no component beside it has materials.
+        `sides` are keys of faces, the facets of the first count. Raises PlacedError where no
+        component beside it has materials.
         """
-        table = self.file.tie[number]
-        keys: KeyPath = ("tie", number)
+        table = self.file.at(keys)
         stiffest = 0.0
-        for key in ("slave", "master"):
+        for key in sides:
             body = self.bodies[self.split(getattr(table, key), (*keys, key))[0]]
             if body.matrices is None:
                 tensors = [m.stiffness() for m in body.mesh.materials.values()]
@@ -278,8 +294,8 @@ class Geometry:
             raise PlacedError(
                 keys, "expected bedding = STIFFNESS PER AREA: the matrices have no materials"
             )
-        _, slave = self.face(table.slave, (*keys, "slave"))
-        return STIFFER * stiffest / (2 * float(slave.radii.mean()))
+        _, face = self.face(getattr(table, sides[0]), (*keys, sides[0]))
+        return STIFFER * stiffest / (2 * float(face.radii.mean()))
 
     def _load(self, number: int) -> tuple[Surface, Surface | None]:
         table = self.file.load[number]

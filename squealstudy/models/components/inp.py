@@ -58,6 +58,7 @@ def read_inp(
     treat_as: Mapping[str, str] | None = None,
     pass_over: Collection[str] = (),
     temperature: float | None = None,
+    points: bool = False,
 ) -> SolidMesh:
     """A component from a file of Abaqus or CalculiX, in its units.
 
@@ -77,6 +78,9 @@ def read_inp(
         Keywords, and elements that are no solids, to pass over that would be refused: TIE, S8R.
     temperature : float or None
         At which materials are taken that depend on it.
+    points : bool
+        The file has the nodes of matrices: elements need not be there, all nodes are kept, and what
+        is not supported is passed over.
 
     Returns
     -------
@@ -93,8 +97,12 @@ def read_inp(
     said = dialect or ("abaqus" if contents.abaqus else "calculix")
     elements = _elements(path, said, treat_as)
     text = _text(path, contents, part, elements)
-    refuse([*contents.refused, *sift_elements(text, ignored)])
-    text.temperature, text.abaqus = temperature, said == "abaqus"
+    refused = [*contents.refused, *sift_elements(text, ignored)]
+    if points:
+        contents.passed_over += [passed(r.card, "of the matrices, or of nothing") for r in refused]
+    else:
+        refuse(refused)
+    text.temperature, text.abaqus, text.points_alone = temperature, said == "abaqus", points
     text.passed_over += contents.passed_over
     component = Component(text)
     mesh = component.mesh()

@@ -64,6 +64,8 @@ class Text:
         Elements that are no solids, and their numbers.
     points : list of Card
         Springs, masses and older couplings among them, whose keywords are read.
+    points_alone : bool
+        Elements need not be there, and all nodes are kept.
     """
 
     path: Path
@@ -78,6 +80,7 @@ class Text:
     abaqus: bool = False
     others: list[tuple[Card, list[int]]] = field(default_factory=list)
     points: list[Card] = field(default_factory=list)
+    points_alone: bool = False
     passed_over: list[PassedOver] = field(default_factory=list)
 
     def note(self, card: Card, why: str) -> None:
@@ -158,9 +161,10 @@ class Component:
         nodes = Nodes(self.text.part, self.node_sets)
         self.numbers, self.nodes = nodes.numbers, nodes.places
         self.node_sets.known = self.numbers
-        read = Elements(
-            self.text.part, self.text.elements, self.numbers, self.element_sets, self.text.abaqus
-        )
+        text = self.text
+        read = Elements(text.part, text.elements, self.numbers, self.element_sets, text.abaqus)
+        if not read.blocks and not text.points_alone:
+            raise self._first().error("there are no elements")
         self.blocks, self.marked = read.blocks, read.marked
         self.labels, self.by_label = read.labels, read.by_label
         self.text.passed_over += read.notes
@@ -193,7 +197,7 @@ class Component:
     def _nodes_of(self, elements: np.ndarray) -> np.ndarray:
         """Numbers of the nodes of elements of these labels."""
         found = [b.nodes[np.isin(b.labels, elements)].ravel() for b in self.blocks]
-        return self.numbers[np.unique(np.concatenate(found))]
+        return self.numbers[np.unique(np.concatenate([NOTHING, *found]))]
 
     def _nodes(self, labels: np.ndarray) -> np.ndarray:
         return np.searchsorted(self.numbers, labels)
@@ -328,7 +332,7 @@ class Component:
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
         used = mesh.used_nodes()
-        if used.all():
+        if used.all() or self.text.points_alone:
             return mesh
         unused = np.flatnonzero(~used)
         them = "them" if len(unused) > 1 else "it"

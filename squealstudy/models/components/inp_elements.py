@@ -10,7 +10,7 @@ from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.inp_nodes import MOST
-from squealstudy.models.components.inp_sets import Sets
+from squealstudy.models.components.inp_sets import NOTHING, Sets
 from squealstudy.models.components.marked_faces import FACES, NODES, MarkedFaces
 from squealstudy.models.components.mesh import ElementBlock, PassedOver
 
@@ -56,8 +56,6 @@ class Elements:
                 self._read(card, parts)
             elif card.keyword == "ELGEN":
                 self._generate(card, parts)
-        if not parts:
-            raise cards[0].error("there are no elements")
         self.blocks = [
             ElementBlock(
                 name,
@@ -66,7 +64,7 @@ class Elements:
             )
             for name, found in parts.items()
         ]
-        self.labels = np.concatenate([b.labels for b in self.blocks])
+        self.labels = np.concatenate([NOTHING, *(b.labels for b in self.blocks)])
         self.by_label = np.argsort(self.labels)
         why = "numbers behind the {} nodes of an element, which CalculiX ignores"
         self.notes = [

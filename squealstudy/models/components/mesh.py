@@ -83,6 +83,7 @@ class SolidMesh:
     numbers : ndarray (n,) of int
         Numbers of the nodes in the file.
     blocks : tuple of ElementBlock
+        None of the nodes of matrices that have no solids.
     node_sets, element_sets : dict of str -> ndarray of int
         Nodes, elements by their places here, ascending.
     surfaces : dict of str -> ndarray (p, 2) of int
@@ -131,7 +132,7 @@ class SolidMesh:
                 raise self.error(f"expected a {name} for each of {n} elements")
         if self.nodes.shape != (len(self.numbers), 3) or not len(self.nodes):
             raise self.error(f"expected nodes (n, 3), got {self.nodes.shape}")
-        if not n:
+        if self.blocks and not n:
             raise self.error("there is no solid element")
 
     @cached_property
@@ -162,7 +163,8 @@ class SolidMesh:
         one, other = np.vstack(ends).T
         graph = sp.coo_matrix((np.ones(len(one)), (one, other)), (n, n))
         _, label = connected_components(graph, directed=False)
-        of = np.concatenate([label[block.nodes[:, 0]] for block in self.blocks])
+        own = [label[block.nodes[:, 0]] for block in self.blocks]
+        of = np.concatenate([np.zeros(0, dtype=np.int64), *own])
         _, first, number = np.unique(of, return_index=True, return_inverse=True)
         return np.argsort(np.argsort(first))[number]
 
@@ -204,13 +206,13 @@ class SolidMesh:
 
     @property
     def n_elements(self) -> int:
-        """Elements of all blocks."""
+        """Of all blocks."""
         return int(self.starts[-1])
 
     @cached_property
     def labels(self) -> np.ndarray:
         """Numbers of all elements in the file (n_elements,)."""
-        return np.concatenate([b.labels for b in self.blocks])
+        return np.concatenate([np.zeros(0, dtype=np.int64), *(b.labels for b in self.blocks)])
 
     def error(self, message: str) -> ModelError:
         """The error to raise about this component."""
@@ -316,18 +318,21 @@ class SolidMesh:
                 raise self.error(f"{c.name}: {bare}: no element has what it couples")
         return used
 
-    def part(self, elements: np.ndarray) -> SolidMesh:
+    def part(self, elements: np.ndarray, nodes: np.ndarray | None = None) -> SolidMesh:
         """Only these elements (places), and the nodes, sets, faces, couplings that belong to them.
 
-        Raises ModelError about a coupling of them and others.
+        And other `nodes` (n,) of bool. Raises ModelError about a coupling of them and others; where
+        there is nothing.
         """
         keep = np.zeros(self.n_elements, dtype=bool)
         keep[elements] = True
+        if not keep.any() and nodes is None:
+            raise self.error("there is no solid element")
         blocks = [
             ElementBlock(b.formulation, b.nodes[keep[s:e]], b.labels[keep[s:e]])
             for b, s, e in zip(self.blocks, self.starts, self.starts[1:], strict=False)
         ]
-        used = np.zeros(len(self.nodes), dtype=bool)
+        used = np.zeros(len(self.nodes), dtype=bool) if nodes is None else nodes.copy()
         for b in blocks:
             used[b.nodes] = True
         constraints = []

@@ -18,6 +18,7 @@ from squealstudy.models.components.dimensions import (
     AREA,
     BEDDING,
     DENSITY,
+    INERTIA,
     LENGTH,
     MASS,
     NUMBER,
@@ -25,11 +26,13 @@ from squealstudy.models.components.dimensions import (
     STIFFNESS,
     STRESS,
     TIME,
+    TORSION,
     Dimension,
 )
 from squealstudy.models.components.file_tables import (
     ComponentTable,
     ContactTable,
+    CouplingTable,
     FixedTable,
     LayerTable,
     LoadTable,
@@ -50,6 +53,7 @@ STEP = re.compile(r"(?P<name>[^\[\]]+)(?:\[(?P<number>[1-9][0-9]*)\])?")
 LISTS = (
     "contact",
     "tie",
+    "coupling",
     "layer",
     "spring",
     "point_mass",
@@ -65,7 +69,9 @@ DIMENSIONS = {  # of the keys of the file
     "tangential": BEDDING,
     "bedding": BEDDING,
     "stiffness": STIFFNESS,
+    "rotary": TORSION,
     "mass": MASS,
+    "inertia": INERTIA,
     "area": AREA,
     "search": LENGTH,
     "initial_gap": LENGTH,
@@ -77,15 +83,16 @@ DIMENSIONS = {  # of the keys of the file
 }
 POSITIVE = ("E", "G", "rho", "area", "bedding")
 NOT_NEGATIVE = (
-    *("normal", "tangential", "stiffness", "mass"),
+    *("normal", "tangential", "stiffness", "rotary", "mass", "inertia"),
     *("mass_damping", "stiffness_damping", "material_damping"),
 )
 VARIED = {  # keys that parameters may point to
     "contact": ("tangential", "initial_gap"),
     "tie": ("bedding",),
+    "coupling": ("bedding",),
     "layer": ("normal", "tangential"),
-    "spring": ("stiffness",),
-    "point_mass": ("mass",),
+    "spring": ("stiffness", "rotary"),
+    "point_mass": ("mass", "inertia"),
     "load": ("area",),
 }
 MATERIAL = ("E", "nu", "G", "rho")
@@ -127,6 +134,7 @@ class ModelFile(Table):
         default=(), description="faces in contact"
     )
     tie: Annotated[tuple[TieTable, ...], Strict(False)] = ()
+    coupling: Annotated[tuple[CouplingTable, ...], Strict(False)] = ()
     layer: Annotated[tuple[LayerTable, ...], Strict(False)] = ()
     spring: Annotated[tuple[SpringTable, ...], Strict(False)] = ()
     point_mass: Annotated[tuple[PointMassTable, ...], Strict(False)] = ()

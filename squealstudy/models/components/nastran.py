@@ -62,6 +62,7 @@ def read_bdf(
     *,
     treat_as: Mapping[str, str] | None = None,
     pass_over: Collection[str] = (),
+    points: bool = False,
 ) -> SolidMesh:
     """A component from bulk data, in its units.
 
@@ -75,6 +76,9 @@ def read_bdf(
         "faces": their property is a surface of the solids then.
     pass_over : collection of str
         Cards, and selections of case control, to pass over that would be refused, such as CONM2.
+    points : bool
+        The deck has the nodes of matrices: elements need not be there, all nodes are kept, and what
+        is not supported is passed over.
 
     Returns
     -------
@@ -90,7 +94,10 @@ def read_bdf(
     wanted = _treated(path, treat_as or {})
     cards, above = read_bulk(path)
     asked = {name.upper() for name in treat_as or {}}
-    mesh = _Deck(path, cards, above, wanted, asked, {name.upper() for name in pass_over}).mesh()
+    ignored = {name.upper() for name in pass_over}
+    if points:
+        ignored |= {*SELECTED, *(card.name for card in cards if card.name not in READ)}
+    mesh = _Deck(path, cards, above, wanted, asked, ignored, points).mesh()
     return mesh if part is None else mesh.part(mesh.find("element_sets", part))
 
 
@@ -122,8 +129,9 @@ class _Deck:
         wanted: Mapping[str, str],
         asked: Collection[str],
         ignored: set[str],
+        points: bool,
     ) -> None:
-        self._path, self._wanted, self._asked = path, wanted, asked
+        self._path, self._wanted, self._asked, self._points = path, wanted, asked, points
         self._above, self._turned = above, set[int]()
         self._cards: dict[str, list[BulkCard]] = {}
         for card in cards:
@@ -198,7 +206,7 @@ class _Deck:
         self._read_nodes()
         blocks, of = self._solids()
         mesh = SolidMesh(self._path, self._nodes, self._numbers, blocks)
-        property_of = np.concatenate([of[b.formulation] for b in blocks])
+        property_of = np.concatenate([np.zeros(0, int), *(of[b.formulation] for b in blocks)])
         sets = {f"PID{p}": np.flatnonzero(property_of == p) for p in np.unique(property_of)}
         mesh = replace(mesh, element_sets=sets, node_sets=self._sets())
         mesh = self._with_materials(mesh, property_of)
@@ -275,7 +283,7 @@ class _Deck:
                 wanted = "C3D8"
             nodes = self._middles.filled(FORMULATIONS[wanted].shape, nodes[list(order)])
             rows.setdefault(wanted, []).append((label, label if own < 0 else own, nodes))
-        if not rows:
+        if not rows and not self._points:
             raise ModelError(f"{self._path} has no solid element: CTETRA, CPYRAM, CPENTA or CHEXA")
         self._nodes, self._numbers = self._middles.added(self._nodes, self._numbers)
         blocks = tuple(
@@ -427,7 +435,7 @@ class _Deck:
 
     def _with_mass(self, mesh: SolidMesh) -> SolidMesh:
         """Lumped where Nastran lumps it, as far as its rule is known; told."""
-        if self._consistent:
+        if self._consistent or self._points:
             return mesh
         quadratic = sorted({b.formulation for b in mesh.blocks if b.nodes.shape[1] > 8})
         absent = "PARAM,COUPMASS is not above zero, so that Nastran lumps the mass"
@@ -439,7 +447,7 @@ class _Deck:
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
         used = mesh.used_nodes()
-        if not used.all():
+        if not used.all() and not self._points:
             why = f"{mesh.nodes_named(np.flatnonzero(~used))}: no element has such a node"
             self._notes.append(PassedOver("GRID", self._path, 0, why))
             mesh = mesh.part(np.arange(mesh.n_elements))

@@ -16,12 +16,14 @@ MAPPING = ".mapping"  # of ANSYS; all others have lines node.direction, as Calcu
 LINE = re.compile(r"\s*([0-9]{1,18})\.([0-9]{1,18})\s*", re.ASCII)
 EQUATION = re.compile(r"\s*([0-9]{1,18})\s+([0-9]{1,18})\s+([A-Za-z]\w*)\s*", re.ASCII)
 NUMBERED = re.compile(r"\s*[0-9]")
-DISPLACEMENTS = ("UX", "UY", "UZ")
+DISPLACEMENTS = ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
 MODAL_LINE, MODAL = "modal", -1  # of a row that belongs to no node
 
 
 class FreedomsOf:
-    """Degrees of freedom 3 * node + axis of a mesh by numbers of nodes and directions.
+    """Degrees of freedom of a mesh by numbers of nodes and directions.
+
+    3 * node + axis of displacements, and behind those of all nodes the same of turns.
 
     Parameters
     ----------
@@ -35,16 +37,18 @@ class FreedomsOf:
         self._order = np.argsort(mesh.numbers)
 
     def at(self, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Of nodes (m,) and directions (m,) from 1 to 3; -1 where the mesh has no such node."""
+        """Of nodes (m,) and directions (m,) from 1 to 6; -1 where the mesh has no such node."""
         ordered = self._numbers[self._order]
         place = np.minimum(np.searchsorted(ordered, nodes), len(ordered) - 1)
-        found = np.where(ordered[place] == nodes, 3 * self._order[place] + directions - 1, -1)
+        turns, axis = np.divmod(directions - 1, 3)
+        freedom = 3 * (self._order[place] + turns * len(ordered)) + axis
+        found = np.where(ordered[place] == nodes, freedom, -1)
         return found.astype(np.int64)
 
     @property
     def count(self) -> int:
         """Of the mesh's nodes; modal coordinates count from there."""
-        return 3 * len(self._numbers)
+        return 6 * len(self._numbers)
 
     def unknown(self, node: int) -> str:
         """What to say of a node that the mesh has not."""
@@ -57,13 +61,13 @@ class FreedomsOf:
 def read_map(path: Path, freedoms: FreedomsOf) -> np.ndarray:
     """Degree of freedom of each row (n,) of the matrices.
 
-    3 * node + axis; modal coordinates count from 3 * n_nodes.
+    As of `FreedomsOf`; modal coordinates count from 6 * n_nodes.
 
     Parameters
     ----------
     path : Path
-        A line ``node.direction`` or ``modal`` a row, or a ``.mapping`` of ANSYS: row, node, UX, UY
-        or UZ.
+        A line ``node.direction`` or ``modal`` a row, or a ``.mapping`` of ANSYS: row, node, UX, UY,
+        UZ, ROTX, ROTY or ROTZ.
     freedoms : FreedomsOf
 
     Raises
@@ -85,8 +89,8 @@ def read_map(path: Path, freedoms: FreedomsOf) -> np.ndarray:
             rows[row] = modal
             modal += 1
             continue
-        if direction not in (1, 2, 3):
-            raise ModelError(f"{where}: direction {direction}: expected 1, 2 or 3 (no rotations)")
+        if direction not in range(1, 7):
+            raise ModelError(f"{where}: direction {direction}: expected 1 to 6")
         (freedom,) = freedoms.at(np.array([node]), np.array([direction]))
         if freedom < 0:
             raise ModelError(f"{where}: {freedoms.unknown(node)}")
@@ -129,8 +133,8 @@ def _equations(path: Path, lines: list[str]) -> Iterator[tuple[int, int, int, in
         found, given = EQUATION.fullmatch(text), text.strip()[:40]
         where = f"{path.name}, line {at}"
         if found is None:
-            raise ModelError(f"{where}: expected equation, node and UX, UY or UZ, got '{given}'")
+            raise ModelError(f"{where}: expected equation, node and UX ... ROTZ, got '{given}'")
         label = found[3].upper()
         if label not in DISPLACEMENTS:
-            raise ModelError(f"{where}: {label}: expected UX, UY or UZ (no rotations)")
+            raise ModelError(f"{where}: {label}: expected one of {', '.join(DISPLACEMENTS)}")
         yield at, int(found[1]), int(found[2]), DISPLACEMENTS.index(label) + 1

@@ -21,7 +21,7 @@ from squealstudy.wording import plural
 
 NEEDED = ("contact", "load", "rotation")  # of a brake; the last where something slides
 MOST = 12  # sets that are listed
-BESIDE = ("contact", "tie", "layer", "spring", "point_mass", "fixed", "load")
+BESIDE = ("contact", "tie", "coupling", "layer", "spring", "point_mass", "fixed", "load")
 
 
 def part_alone(

@@ -14,8 +14,8 @@ from squealstudy.models.matrices.text import TextFile, read_table, shortened
 
 PLACES = ("row node", "row direction", "column node", "column direction")
 HELD = 1e30  # Abaqus writes 1e36 on the diagonal where a boundary condition holds
-DIRECTIONS = (1, 2, 3)
-SLOTS = 4  # of a node: its scalar, and its directions
+DIRECTIONS = (1, 2, 3, 4, 5, 6)  # displacements and turns
+SLOTS = 7  # of a node: its scalar, and its directions
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,8 @@ class LabelledMatrix:
     Attributes
     ----------
     nodes, directions : ndarray (n,) of int
-        Numbers of nodes as in the file, ascending; directions 1 to 3, 0 of scalar points.
+        Numbers of nodes as in the file, ascending; directions 1 to 3 of displacements, 4 to 6 of
+        turns, 0 of scalar points.
     matrix : csr_matrix (n, n)
     """
 
@@ -58,7 +59,7 @@ def labelled_matrix(
     Raises
     ------
     ModelError
-        Nodes and directions that are none of a solid, supports, an entry that is there twice, a
+        Nodes and directions that are none, supports, an entry that is there twice, a
         matrix that is not symmetric, no entries.
     """
     known = (*DIRECTIONS, 0) if scalars else DIRECTIONS
@@ -66,7 +67,7 @@ def labelled_matrix(
         _check(places[:, node] < 1, refused, places[:, node], "a node of the mesh (internal ones "
                "of a connector, contact or rigid body cannot be taken over)")  # fmt: skip
         _check(~np.isin(places[:, direction], known), refused, places[:, direction],
-               "a direction 1, 2 or 3 (neither rotations nor modal coordinates)")  # fmt: skip
+               "a direction 1 to 6 (no modal coordinates)")  # fmt: skip
     held = np.abs(values) >= HELD
     if held.any():
         k = int(held.argmax())

@@ -1,0 +1,107 @@
+"""Turns of sets: the mean turn of points, or that of a superelement's node that has one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.geometry import Geometry
+from squealstudy.models.components.mean_motions import mean_motion, mean_turn
+from squealstudy.models.components.model_file import KeyPath, PlacedError
+from squealstudy.models.fem.sampling import Surface
+
+POINTS = 3  # a side of a facet
+Rows = Callable[..., sp.csr_matrix]  # parts (component, rows over its nodes) -> over an assembly
+
+
+class Turn(NamedTuple):
+    """A component, and its turn (3, 3 n_nodes) by displacements, or by turns of its nodes."""
+
+    component: str
+    by_displacements: sp.csr_matrix
+    by_turns: sp.csr_matrix
+
+
+def turn_of(geometry: Geometry, reference: str, points: Surface, keys: KeyPath) -> Turn:
+    """The turn of a set; PlacedError where it can have none."""
+    name, nodes = geometry.nodes(reference, keys)
+    body = geometry.bodies[name]
+    n = 3 * len(body.nodes)
+    nothing = sp.csr_matrix((3, n))
+    if len(nodes) == 1:
+        if not body.expansion.turning[nodes[0]]:
+            raise PlacedError(keys, f"{reference} is one node, and has no turns: expected a face")
+        at = 3 * nodes[0] + np.arange(3)
+        return Turn(name, nothing, sp.csr_matrix((np.ones(3), (np.arange(3), at)), (3, n)))
+    try:
+        follows = mean_turn(points.points, points.area)
+    except ModelError as error:
+        raise PlacedError(keys, f"{reference}: {error}: expected a face") from error
+    rows = [sp.csr_matrix(follows[:, :, a]) @ points.observe(np.eye(3)[a]) for a in range(3)]
+    return Turn(name, sum(rows).tocsr(), nothing)
+
+
+def rigid_motion(points: Surface, at: np.ndarray) -> sp.csr_matrix:
+    """Displacement (3, 3 n_nodes) at a place, of the rigid motion nearest to the points'.
+
+    Raises
+    ------
+    ModelError
+        Points on a line, or fewer than three.
+    """
+    try:
+        there = mean_motion(points.points, points.area, at)  # (3, n, 3) of point and axis
+    except ModelError as error:
+        raise ModelError(f"{error}: a mass cannot be at another place") from error
+    rows = [points.observe(axis) for axis in np.eye(3)]
+    return sum(sp.csr_matrix(there[:, :, a]) @ rows[a] for a in range(3)).tocsr()
+
+
+class Coupled(NamedTuple):
+    """Rows of what a coupling holds together, and the stiffness of each."""
+
+    B: sp.csr_matrix
+    stiffness: np.ndarray
+
+
+def coupled(
+    geometry: Geometry, number: int, bedding: float, rows: Rows, turn_rows: Rows
+) -> Coupled:
+    """Relative motions of the node and the face of a coupling.
+
+    PlacedError where the node has no turns; where both are of one component.
+    """
+    table = geometry.file.coupling[number]
+    keys: KeyPath = ("coupling", number)
+    one, nodes = geometry.nodes(table.node, (*keys, "node"))
+    if len(nodes) != 1:
+        text = f"{table.node} has {len(nodes)} nodes: expected a set of one node"
+        raise PlacedError((*keys, "node"), text)
+    node = geometry.points(table.node, (*keys, "node"))[1]
+    turn = turn_of(geometry, table.node, node, (*keys, "node"))
+    other, face = geometry.face(table.face, (*keys, "face"))
+    if one == other:
+        raise PlacedError(keys, f"expected two components, got two sets of {one}")
+    surface = face.gauss_points(POINTS)[0]
+    at = geometry.bodies[one].nodes[nodes[0]]
+    arm = surface.points - at
+    moves = [node.observe(axis) for axis in np.eye(3)]
+    if table.kind == "distributing":
+        mean = rigid_motion(surface, at)
+        moved = [rows((one, moves[a]), (other, -mean[a])) for a in range(3)]
+        of_face = turn_of(geometry, table.face, surface, (*keys, "face"))
+        turned = turn_rows((one, turn.by_turns)) - rows((other, of_face.by_displacements))
+        moment = surface.area @ (np.sum(arm**2, axis=1)[:, None] - arm**2)
+        stiffness = np.append(np.full(3, surface.area.sum()), moment)
+        return Coupled(sp.vstack([*moved, turned]).tocsr(), bedding * stiffness)
+    found = []
+    for axis, e in enumerate(np.eye(3)):
+        whole = sp.csr_matrix(np.ones((len(arm), 1)))
+        by_turn = sp.csr_matrix(np.cross(arm, e)) @ turn.by_turns  # (turn x arm) . e
+        relative = rows((one, whole @ moves[axis]), (other, -surface.observe(e)))
+        found.append(relative + turn_rows((one, by_turn)))
+    return Coupled(sp.vstack(found).tocsr(), np.tile(bedding * surface.area, 3))
