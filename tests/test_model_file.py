@@ -407,7 +407,7 @@ def test_values_of_a_design_that_cannot_be_name_their_parameters(blocks):
 def broken_map(lines):
     yield lines[:-1], "row 144 of 144 of K.npz has no line in slider.dof"
     yield [*lines[:4], "7000.1", *lines[5:]], "slider.dof, line 5: slider.inp has no node 7000"
-    yield [*lines[:4], "12.4", *lines[5:]], "direction 4: expected 1, 2 or 3"
+    yield [*lines[:4], "12.7", *lines[5:]], "direction 7: expected 1 to 6"
     yield [*lines[:4], lines[0], *lines[5:]], "is in line 1 already"
     yield (
         [*lines[:4], "x", *lines[5:]],
