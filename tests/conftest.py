@@ -28,6 +28,7 @@ import hypothesis
 import numpy as np
 import pytest
 import threadpoolctl
+from tiny_meshes import tiny_meshes
 
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.laws import contact_law
@@ -37,6 +38,8 @@ from squealstudy.mechanics.basis import LOAD_FACTOR
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.catalogue.disc_brake import assemble as disc_brake_assembly
+from squealstudy.models.catalogue.disc_brake.solids import COARSE as COARSE_MESHES
+from squealstudy.models.catalogue.disc_brake.solids import DENSITIES
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.modes.full_order.modes import full_order_roots, full_order_system
 from squealstudy.motion.warmup import warm_kernels
@@ -256,7 +259,12 @@ def m0_files() -> Path:
 
 @pytest.fixture(scope="session")
 def brake() -> Brake:
-    return shared("brake", lambda: prepare_brake("coarse"))
+    def made() -> Brake:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setitem(DENSITIES, "coarse", COARSE_MESHES)  # `tiny_brake` may have others
+            return prepare_brake("coarse")
+
+    return shared("brake", made)
 
 
 @pytest.fixture(scope="session")
@@ -285,6 +293,13 @@ def assembled_once():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(disc_brake_assembly, "assemble", kept)
         yield
+
+
+@pytest.fixture(scope="module")
+def tiny_brake():
+    """Within a file the coarse meshes are the smallest, with one cache for all such files."""
+    with tiny_meshes(Path(os.environ[SHARED]) / "tiny-cache") as patch:
+        yield patch
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from own_blocks import write_blocks
-from tiny_meshes import tiny_meshes
 
 import squealstudy as sq
 from squealstudy.engine.cache import NewGaps
@@ -22,7 +21,7 @@ from squealstudy.models.catalogue import MODELS
 from squealstudy.models.catalogue.disc_brake.assemble import brake_faces
 from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
 
-pytestmark = pytest.mark.usefixtures("assembled_once")
+pytestmark = pytest.mark.usefixtures("tiny_brake", "assembled_once")
 MASS, STIFF = 1.5e-6, 4e6  # kg, N/m
 
 STUDY = """\
@@ -397,21 +396,20 @@ values = [0.0, "50 g"]
 
 def test_any_study_adds_a_mass_by_its_name(tmp_path):
     """As the variable of a design study does; swept, or one for all design points."""
-    with tiny_meshes(tmp_path / "cache"):
-        swept = of_brake(tmp_path, NAMED)
-        assert (swept.sweeps[0].low, swept.sweeps[0].high) == (0.0, 0.05)
-        variable = '[[variable]]\nadded_mass = {on = "caliper.BRIDGE", max = "80 g"}\n'
-        design = of_brake(tmp_path, GENERATED + variable)
-        bare, mine = (
-            swept.model.build(swept.options, {**swept.values, ON_BRIDGE: m}) for m in (0, 0.05)
-        )
-        theirs = assembly_of(design, (0.05,))
-        assert mine.M.sum() - bare.M.sum() == pytest.approx(3 * 0.05, rel=1e-9)
-        assert abs(mine.M - theirs.M).max() == 0
-        fixed = of_brake(
-            tmp_path, NAMED.split("[[sweep]]")[0] + f"[parameters]\n{ON_BRIDGE} = '80 g'\n"
-        )
-        assert fixed.values[ON_BRIDGE] == 0.08
+    swept = of_brake(tmp_path, NAMED)
+    assert (swept.sweeps[0].low, swept.sweeps[0].high) == (0.0, 0.05)
+    variable = '[[variable]]\nadded_mass = {on = "caliper.BRIDGE", max = "80 g"}\n'
+    design = of_brake(tmp_path, GENERATED + variable)
+    bare, mine = (
+        swept.model.build(swept.options, {**swept.values, ON_BRIDGE: m}) for m in (0, 0.05)
+    )
+    theirs = assembly_of(design, (0.05,))
+    assert mine.M.sum() - bare.M.sum() == pytest.approx(3 * 0.05, rel=1e-9)
+    assert abs(mine.M - theirs.M).max() == 0
+    fixed = of_brake(
+        tmp_path, NAMED.split("[[sweep]]")[0] + f"[parameters]\n{ON_BRIDGE} = '80 g'\n"
+    )
+    assert fixed.values[ON_BRIDGE] == 0.08
 
 
 def test_a_mass_is_added_to_a_model_file_by_its_name(tmp_path):

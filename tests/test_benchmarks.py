@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import sys
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ import matplotlib.pyplot as plt
 import pytest
 from calculix import CCX
 from conftest import BENCHMARKS, benchmark
-from tiny_meshes import TINY, tiny_meshes
+from tiny_meshes import TINY
 
 import squealstudy
 
@@ -112,11 +113,9 @@ OF_RESULTS = ("cycle_screen",)  # it reads those of a study below
 ELSEWHERE = ("column_truth", "mode_slopes", "mode_designs")  # test_column_truth, _small_models
 
 
-@pytest.fixture(scope="module")
-def tiny_brake(tmp_path_factory):
-    with tiny_meshes(tmp_path_factory.mktemp("cache")) as patch:
-        patch.setitem(benchmark("size").SIZES, "15k", TINY)
-        yield
+@pytest.fixture(scope="module", autouse=True)
+def tiny_sizes(tiny_brake):
+    tiny_brake.setitem(benchmark("size").SIZES, "15k", TINY)
 
 
 def printed(run: Run, folder: Path, monkeypatch, capsys) -> str:
@@ -136,7 +135,10 @@ def printed(run: Run, folder: Path, monkeypatch, capsys) -> str:
     return capsys.readouterr().out
 
 
-RARE = {"hybrid", "narrow_tongues"}  # whose parts have tests of their own, and that take longest
+RARE = {  # that take longest, and whose parts have tests of their own
+    *("contact_pairs", "cycle_verdicts", "hybrid", "integrators", "mode_columns"),
+    *("narrow_tongues", "same_tables", "small_batches", "squeal_judge"),
+}
 MARKED = [pytest.param(r, marks=[pytest.mark.full_size] * (r.script in RARE)) for r in RUNS]
 
 
@@ -145,6 +147,16 @@ def test_it_runs_and_prints_its_table(run, tiny_brake, tmp_path, monkeypatch, ca
     if run.script == "squeal_judge" and CCX is None:
         pytest.skip("NOT JUDGED BY CALCULIX: there is no program ccx")
     assert run.prints in printed(run, tmp_path, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize("name", sorted({*RARE, *(run.script for run in LONG)}))
+def test_what_runs_on_some_days_alone_says_how(name, monkeypatch, capsys):
+    """So it can be imported, too."""
+    monkeypatch.setattr(sys, "argv", [f"{name}.py", "--help"])
+    with pytest.raises(SystemExit) as caught:
+        benchmark(name).main()
+    said = f"{caught.value.code or ''}{capsys.readouterr().out}"
+    assert re.search(r"^(usage|Run): ", said, re.MULTILINE)
 
 
 @pytest.mark.by_hand

@@ -335,8 +335,11 @@ def gone(cluster: Loopback, kept: int = 0) -> bool:
 @pytest.mark.parametrize(
     "text",
     [
-        *(HULTEN, BOUNDARY, INDICES, SENSITIVITY, BELT, CYCLES, STABILITY),
-        pytest.param(DESIGN, marks=pytest.mark.full_size),
+        *(HULTEN, BOUNDARY, BELT),
+        *(
+            pytest.param(text, marks=pytest.mark.full_size)
+            for text in (INDICES, SENSITIVITY, CYCLES, STABILITY, DESIGN)
+        ),
     ],
     ids=lambda t: t.split('"')[1],
 )
@@ -356,7 +359,8 @@ def test_what_is_timed_is_timed_here_and_finds_the_same(cluster, here):
 
 
 @pytest.mark.parametrize(
-    "in_time", ["", "modal", pytest.param("hybrid", marks=pytest.mark.full_size)]
+    "in_time",
+    ["", *(pytest.param(name, marks=pytest.mark.full_size) for name in ("modal", "hybrid"))],
 )
 def test_a_model_file_in_modes_and_in_time(cluster, here, in_time):
     """Its meshes are here: workers get what was made of them, or tasks stay."""

@@ -18,7 +18,7 @@ from squealstudy.study.components import read_model
 from squealstudy.study.definition import parse_study
 
 ROOT = Path(__file__).parents[1]
-pytestmark = pytest.mark.usefixtures("assembled_once")
+pytestmark = pytest.mark.usefixtures("tiny_brake", "assembled_once")
 STUDY = """\
 [study]
 name = "generated"
@@ -37,7 +37,7 @@ friction = 0.4
 
 
 @pytest.fixture(scope="module")
-def both(tmp_path_factory, assembled_once):
+def both(tmp_path_factory, tiny_brake, assembled_once):
     """The assembly of the generated brake, and of its export."""
     folder = tmp_path_factory.mktemp("export")
     study = parse_study(STUDY, Path("generated.toml"))

@@ -22,7 +22,7 @@ LOSS = {"disc": 0.002, "inner_pad": 0.02, "outer_pad": 0.02, "caliper": 0.004}
 
 
 @pytest.fixture(scope="module")
-def brake_model(assembled_once):
+def brake_model(tiny_brake, assembled_once):
     return sq.model("disc_brake", mesh="coarse", contact_points=2)
 
 

@@ -43,8 +43,8 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in headings}
 
 
-@pytest.fixture(scope="session")
-def first_brake(tmp_path_factory) -> Path:
+@pytest.fixture(scope="module")
+def first_brake(tmp_path_factory, tiny_brake) -> Path:
     """A folder with a smaller studies/first_brake.toml and its results/first_brake."""
     text = (STUDIES / "first_brake.toml").read_text(encoding="utf-8")
     for old, new in TINY:

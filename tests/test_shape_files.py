@@ -34,7 +34,7 @@ from squealstudy.shapes.page import page
 from squealstudy.shapes.picture import apart, draw, title
 from squealstudy.shapes.surface import Camera
 
-pytestmark = pytest.mark.usefixtures("assembled_once")
+pytestmark = pytest.mark.usefixtures("tiny_brake", "assembled_once")
 STUDY = f"""
 [study]
 name = "shown"
@@ -69,7 +69,7 @@ CHROMIUM = next(
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory, assembled_once):
+def results(tmp_path_factory, tiny_brake, assembled_once):
     return solved(STUDY, tmp_path_factory.mktemp("shown") / "results")
 
 

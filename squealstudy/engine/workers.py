@@ -9,16 +9,18 @@ from __future__ import annotations
 import atexit
 import errno
 import math
+import sys
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial, wraps
 from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import pyarrow as pa
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.errors import MachineError
@@ -263,12 +265,23 @@ def _executor(
 atexit.register(_executor.cache_clear)  # while modules are there, which it looks up at its end
 
 
+@lru_cache(maxsize=1)
+def _thread_pools(_modules: int) -> ThreadpoolController:
+    """Those of this process; they are looked for in all that is loaded, so only where it grew."""
+    return ThreadpoolController()
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """With one thread of BLAS."""
+    return _thread_pools(len(sys.modules)).limit(limits=1)
+
+
 def on_one_thread(function: Callable[Given, Found]) -> Callable[Given, Found]:
     """The function with one thread of BLAS: for small matrices more of them wait for each other."""
 
     @wraps(function)
     def limited(*args: Given.args, **kwargs: Given.kwargs) -> Found:
-        with threadpool_limits(1):
+        with one_thread():
             return function(*args, **kwargs)
 
     return limited
@@ -276,7 +289,7 @@ def on_one_thread(function: Callable[Given, Found]) -> Callable[Given, Found]:
 
 def _on_one_thread(function: Callable[[Item], Found], task: Item) -> Found:
     keep_free_memory()
-    with threadpool_limits(1):
+    with one_thread():
         return function(task)
 
 

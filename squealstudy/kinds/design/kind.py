@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
-from squealstudy.engine.cache import NewGaps, is_prepared, load_prepared
+from squealstudy.engine.cache import NewGaps, is_prepared, load_prepared, prepared_model
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import OFTEN_CHANGED, Columns, ModelKind
@@ -330,7 +330,7 @@ def todays_structures(plan: DesignPlan) -> dict[tuple[float, ...], str]:
 def cyclic(plan: Plan) -> bool:
     """Whether limit cycles and runs can be looked for: of models that are small enough."""
     first = plan.tasks[0].structure
-    return is_prepared(first) and load_prepared(first).model.n <= MOST
+    return is_prepared(first) and prepared_model(first).model.n <= MOST
 
 
 KIND = Design()
