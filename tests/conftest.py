@@ -28,7 +28,6 @@ import hypothesis
 import numpy as np
 import pytest
 import threadpoolctl
-from tiny_meshes import tiny_meshes
 
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.laws import contact_law
@@ -285,7 +284,8 @@ def assembled_once():
     assemble = disc_brake_assembly.assemble
 
     def kept(options, values):
-        key = tuple(sorted(options.items())), tuple(sorted(values.items()))
+        meshes = id(DENSITIES["coarse"])  # of `tiny_brake`, or not
+        key = tuple(sorted(options.items())), tuple(sorted(values.items())), meshes
         if key not in assembled:
             assembled[key] = assemble(options, values)
         return assembled[key]
@@ -298,6 +298,8 @@ def assembled_once():
 @pytest.fixture(scope="module")
 def tiny_brake():
     """Within a file the coarse meshes are the smallest, with one cache for all such files."""
+    from tiny_meshes import tiny_meshes  # which imports most of the package
+
     with tiny_meshes(Path(os.environ[SHARED]) / "tiny-cache") as patch:
         yield patch
 

@@ -10,7 +10,7 @@ import pytest
 BENCHMARKS = Path(__file__).parents[1] / "studies" / "benchmarks"
 FEW = {
     "kills": 1,
-    "damage": 3,
+    "damage": 2,
     "hostile": 4,
     "study_files": 20,
     "matrix_files": 40,
@@ -22,8 +22,8 @@ FEW = {
     "memory_limits": 1,
     "far_workers": 1,
 }
-RARE = (  # whose scenes take ten seconds to make
-    *("model_files", "environment", "cache_entries"),
+RARE = (  # whose scenes take ten seconds to make; test_runner.py kills, too
+    *("kills", "model_files", "environment", "cache_entries"),
     *("mesh_kills", "memory_limits", "far_workers"),
 )
 SMALL = ("hulten_modes",)

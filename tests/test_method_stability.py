@@ -139,7 +139,15 @@ def test_unflagged_wrong_cells_are_counted():
     assert agreement(table)["unflagged_wrong"] == 1
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(
+            p, id=p.stem, marks=[pytest.mark.full_size] * p.stem.startswith("fixed_jacobian")
+        )
+        for p in SHIPPED
+    ],
+)
 def test_shipped_maps(path, tmp_path):
     """At 5 x 5 cells: nothing wrong that nothing tells of, and as predicted."""
     text = re.sub(r"num = \d+", "num = 5", path.read_text())

@@ -32,9 +32,18 @@ def test_every_kind_can_be_begun_with_and_the_option_names_them():
     assert all(name in said for name in (*packaged, template.ROBUST))
 
 
-@pytest.mark.parametrize("whole", [False, True], ids=["short", "all"])
-@pytest.mark.parametrize("kind", [*KINDS, template.ROBUST])
-@pytest.mark.parametrize("model", MODELS)
+def begun():
+    """Of each model, kind and length; the check times a limit cycle of one small model alone."""
+    for model in MODELS:
+        for kind in (*KINDS, template.ROBUST):
+            for whole in (False, True):
+                rare = kind == "limit_cycles" and (model, whole) != ("hulten", False)
+                marks = [pytest.mark.full_size] * (rare and not MODELS[model].meshed)
+                name = f"{model}-{kind}-{'all' if whole else 'short'}"
+                yield pytest.param(model, kind, whole, id=name, marks=marks)
+
+
+@pytest.mark.parametrize(("model", "kind", "whole"), begun())
 def test_every_kind_of_every_model_passes_its_check(model, kind, whole, tmp_path, capsys):
     path = tmp_path / "start.toml"
     cli.new(path, model, kind, whole)

@@ -48,6 +48,7 @@ def crossing(above, low, high):
     return np.sqrt(low * high)
 
 
+@pytest.mark.full_size  # as all that follows iterations here: their kernel is of this case alone
 @pytest.mark.parametrize("contact_factor", [0.0, 1.0, 3.0])
 @pytest.mark.parametrize("step", [3e-4, 1e-3])
 def test_one_point_converges_up_to_j_lin_and_twice_k_c(step, contact_factor):
@@ -90,6 +91,7 @@ GRIDS = [
 ]
 
 
+@pytest.mark.full_size
 def test_agreement_away_from_the_boundary():
     cells = [
         ROUGH.evaluate(dict(zip(grid, values, strict=True)))
@@ -155,7 +157,13 @@ def test_rates_are_read_where_they_are_geometric():
     assert fixed_jacobian.rate(np.array([1.0, 1e7, 1e7])) == pytest.approx(1e7)
 
 
-@pytest.mark.parametrize("name", known_cases())
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.full_size] * name.startswith("fixed_jacobian"))
+        for name in known_cases()
+    ],
+)
 def test_knobs_are_checked(name):
     if name == "storage":  # in one process of the session: both would take as long
         warm_kernels(single_storage=True)
