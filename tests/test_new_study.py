@@ -43,7 +43,7 @@ def begun():
                 yield pytest.param(model, kind, whole, id=name, marks=marks)
 
 
-@pytest.mark.parametrize(("model", "kind", "whole"), begun())
+@pytest.mark.parametrize(("model", "kind", "whole"), list(begun()))
 def test_every_kind_of_every_model_passes_its_check(model, kind, whole, tmp_path, capsys):
     path = tmp_path / "start.toml"
     cli.new(path, model, kind, whole)
