@@ -72,6 +72,15 @@ LINES = {
         [[(0, Z), (6, -Z)], [(1, Z), (6, -Z)]],
     ),
     "pin": (["*MPC", "PIN, {0}, {9}"], [[(0, v), (9, -v)] for v in (X, Y, Z)]),
+    "nodes on a line": (
+        ["*MPC", "STRAIGHT, {0}, {12}, {4}, {8}"],
+        [[(k, v), (0, -(1 - t) * v), (12, -t * v)] for k, t in ((4, 1 / 3), (8, 2 / 3))
+         for v in (Y, Z)],
+    ),
+    "nodes of a plane": (
+        ["*NSET, NSET=P", "{0}, {1}, {2}, {3}", "*MPC", "PLANE, P"],
+        [[(3, X), (1, -X), (2, -X), (0, X)]],
+    ),
     "turned axes": (
         ["*NSET, NSET=T", "{0}", f"*TRANSFORM, NSET=T\n{C}, {S}, 0., {-S}, {C}, 0.",
          "*EQUATION", "2", "{0}, 1, 1., {7}, 1, -2.", "2", "{0}, 2, 1., {7}, 3, 1."],
@@ -120,6 +129,20 @@ def test_a_node_without_elements_carries_others(tmp_path):
     mesh, *_ = read(tmp_path, *lines, "*EQUATION", "2", "DUMMY, 1, 1., DUMMY, 2, -1.")
     assert not mesh.constraints
     assert "nodes of no element" in [note.why for note in mesh.passed_over]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("STRAIGHT, {0}, {4}", "expected more than 2 nodes of a straight MPC"),
+        ("STRAIGHT, {0}, {4}, {9}", "node 3 of 3 of the MPC lies off the others"),
+        ("PLANE, {0}, {4}, {8}, {12}", "the first 3 nodes give no plane"),
+        ("PLANE, {0}, {4}, {2}, {9}", "node 4 of 4 of the MPC lies off the others"),
+    ],
+)
+def test_lines_and_planes_that_are_none(tmp_path, line, message):
+    with pytest.raises(ModelError, match=message):
+        read(tmp_path, "*MPC", line)
 
 
 def test_equations_of_no_displacement_are_told(tmp_path):

@@ -68,6 +68,15 @@ def test_what_may_matter_is_refused_all_at_once_with_a_line_to_paste(tmp_path, p
 
 
 @pytest.mark.parametrize(
+    ("kind", "why"), [("D", "of a flow network"), ("GAPUNI", "contact is stated in the model file")]
+)
+def test_elements_that_join_no_solids_are_told(tmp_path, plain, kind, why):
+    mesh = read(tmp_path, f"{DECK}*ELEMENT, TYPE={kind}, ELSET=EG\n9,1,2\n")
+    assert apart(stiffness_matrix(mesh), plain[0]) == 0.0
+    assert ("*ELEMENT", why) in [(note.keyword, note.why) for note in mesh.passed_over]
+
+
+@pytest.mark.parametrize(
     ("line", "members"),
     [
         ("8, 5, -1", [5, 6, 7, 8]),

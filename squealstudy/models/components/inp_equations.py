@@ -14,6 +14,8 @@ from squealstudy.models.components.inp_places import Places
 from squealstudy.models.components.materials import Orientation
 
 SAME = ("TIE", "PIN")  # of *MPC: all displacements are the same
+ALONG = {"STRAIGHT": 2, "PLANE": 3}  # of CalculiX: nodes that say where a line or a plane is
+OFF = 1e-6  # of its size: how far nodes may lie off it
 KEYWORDS = ("EQUATION", "MPC", "TRANSFORM")
 PASTE = 'where neither mass nor stiffness depend on it: pass_over = ["MPC"]'
 
@@ -142,7 +144,10 @@ class Equations:
             if kind == "MEANROT" and words and self._bare[self._at.of(line, words[-1])].all():
                 self._note(card, f"the mean turn of some nodes is that of node {words[-1]}: free")
                 continue
-            known = (*SAME, "LINK", "BEAM") if self._abaqus else (*SAME, "BEAM")
+            if kind in ALONG and not self._abaqus:
+                yield from self._along(line, kind, words)
+                continue
+            known = (*SAME, "LINK", "BEAM") if self._abaqus else (*SAME, *ALONG, "BEAM")
             if kind not in known:
                 raise line.error(
                     f"*MPC of type {kind} is not supported: supported are {', '.join(known)}; "
@@ -174,3 +179,42 @@ class Equations:
                     raise line.error("the two nodes lie at one place")
                 along = along / np.linalg.norm(along)
                 yield relation(name, pair, np.array([along, -along]))
+
+    def _along(self, line: Line, kind: str, words: list[str]) -> Iterator[Relation]:
+        """Nodes that stay on a line or plane through the first two or three, in small motions."""
+        parts = [self._at.of(line, word) for word in words]
+        nodes = np.concatenate([np.zeros(0, dtype=np.int64), *parts])
+        _, first = np.unique(nodes, return_index=True)
+        nodes = nodes[np.sort(first)]
+        few = ALONG[kind]
+        if len(nodes) <= few:
+            raise line.error(f"expected more than {few} nodes of a {kind.lower()} MPC")
+        x = self._nodes[nodes]
+        chosen = _spanning(x, few)
+        if chosen is None:
+            raise line.error(f"the first {few} nodes give no {'line' if few == 2 else 'plane'}")
+        start, sides = x[chosen[0]], x[chosen[1:]] - x[chosen[0]]
+        across = np.linalg.svd(sides)[2][few - 1 :]  # directions in which nodes may not part
+        size = np.ptp(x, axis=0).max()
+        for k in np.setdiff1d(np.arange(len(nodes)), chosen):
+            share = np.linalg.lstsq(sides.T, x[k] - start, rcond=None)[0]
+            if np.linalg.norm(x[k] - start - sides.T @ share) > OFF * size:
+                raise line.error(f"node {k + 1} of {len(nodes)} of the MPC lies off the others")
+            factors = np.append(1 - share.sum(), share)
+            own = np.append(nodes[k], nodes[chosen])
+            for axis in across:
+                vectors = np.append(1.0, -factors)[:, None] * axis
+                yield relation(f"*MPC {kind} (line {line.place + 1})", own, vectors)
+
+
+def _spanning(x: np.ndarray, few: int) -> np.ndarray | None:
+    """The first nodes (few,) that are at several places, not on a line; None without such."""
+    chosen = [0]
+    for k in range(1, len(x)):
+        sides = x[[*chosen[1:], k]] - x[chosen[0]]
+        s = np.linalg.svd(sides, compute_uv=False)
+        if s[-1] > OFF * s[0]:
+            chosen.append(k)
+        if len(chosen) == few:
+            return np.array(chosen)
+    return None

@@ -129,6 +129,12 @@ MATTERS: dict[str, tuple[str, ...]] = {
     "DENSITY": ("DEPENDENCIES",),
 }
 
+# elements that join no solids, or that are stated otherwise, and why they are passed over
+BESIDE: dict[str, str] = {
+    "D": "of a flow network",
+    "GAPUNI": OF_CONTACT,
+}
+
 # elements that are refused unless `treat_as` says what they are to be
 ELEMENTS: dict[str, str] = {
     "C3D8R": "hourglass control is each code's own; mesh with C3D8I or C3D20R",
