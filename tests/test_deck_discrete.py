@@ -205,8 +205,8 @@ def test_equations_of_nastran(tmp_path):
 @pytest.mark.parametrize(
     ("card", "message"),
     [
-        ("CONM2,901,2,,2e-6,1.", "a mass with an offset is not supported: state a"),
-        ("CELAS2,900,7.,1,5", "expected a direction 1 to 3 of node 1, found 5"),
+        ("CONM2,901,2,,2e-6,1.", "a mass with an offset at a node that does not turn: state a"),
+        ("CELAS2,900,7.,1,5", "node 1 does not turn: expected a direction 1 to 3, found 5"),
         ("CELAS1,900,5,1,1", "there is no PELAS 5"),
         ("CELAS2,900,7.,99,1", "there is no node 99"),
     ],

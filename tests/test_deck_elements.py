@@ -132,11 +132,11 @@ def test_decks_with_default_systems_and_formulas(tmp_path):
 
 
 def test_cards_that_may_matter_are_a_line_to_paste(tmp_path):
-    more = ("CBAR,900,3,1,2,0.,0.,1.", "PBAR,3,7", "TLOAD1,1,1", "RBAR,901,1,2,123456")
-    with pytest.raises(ModelError, match=r'pass_over = \["CBAR", "RBAR"\]$'):
+    more = ("CBAR,900,3,1,2,0.,0.,1.", "PBAR,3,7", "TLOAD1,1,1", "CGAP,901,1,1,2")
+    with pytest.raises(ModelError, match=r'pass_over = \["CBAR", "CGAP"\]$'):
         nastran(tmp_path, *more)
-    mesh = nastran(tmp_path, *more, pass_over=["CBAR", "RBAR"])
-    assert {"CBAR", "PBAR", "TLOAD1", "RBAR"} <= {note.keyword for note in mesh.passed_over}
+    mesh = nastran(tmp_path, *more, pass_over=["CBAR", "CGAP"])
+    assert {"CBAR", "PBAR", "TLOAD1", "CGAP"} <= {note.keyword for note in mesh.passed_over}
 
 
 TWO = """*NODE

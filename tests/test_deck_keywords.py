@@ -148,8 +148,9 @@ def test_decks_of_optistruct_and_listed_faces(tmp_path):
         read_mesh(tmp_path / "a.fem", ComponentTable(mesh="a.fem"))
 
 
-def test_temperatures_are_of_inp_alone(tmp_path):
+def test_temperatures_are_of_inp_and_bulk_data_alone(tmp_path):
     (tmp_path / "a.bdf").write_text(deck(box("C3D8I", (2, 1, 1)), more=["CDAMP2,9,1.,1,1"]))
     assert read_mesh(tmp_path / "a.bdf", ComponentTable(mesh="a.bdf")).n_elements == 2
-    with pytest.raises(ModelError, match=r"materials over temperature are read of \.inp alone"):
-        read_mesh(tmp_path / "a.bdf", ComponentTable(mesh="a.bdf", temperature=20.0))
+    (tmp_path / "a.msh").write_text("")
+    with pytest.raises(ModelError, match=r"over temperature are read of \.inp and bulk data alone"):
+        read_mesh(tmp_path / "a.msh", ComponentTable(mesh="a.msh", temperature=20.0))

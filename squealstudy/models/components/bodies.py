@@ -164,8 +164,8 @@ def _read(path: Path, table: ComponentTable) -> SolidMesh:
         with path.open("rb") as handle:
             if handle.read(len(POINTER)) == POINTER:
                 raise ModelError(f"{path} is a pointer of Git LFS: 'git lfs pull' brings the file")
-    if table.temperature is not None and ending != ".inp":
-        raise ModelError(f"{path}: materials over temperature are read of .inp alone")
+    if table.temperature is not None and ending not in (".inp", *NASTRAN):
+        raise ModelError(f"{path}: materials over temperature are read of .inp and bulk data alone")
     if ending == ".inp":
         from squealstudy.models.components.inp import read_inp
 
@@ -193,6 +193,7 @@ def _read(path: Path, table: ComponentTable) -> SolidMesh:
             treat_as=table.treat_as,
             pass_over=table.pass_over,
             points=table.mesh is None,
+            temperature=table.temperature,
         )
     elif ending == ANSYS:
         from squealstudy.models.components.ansys import read_cdb

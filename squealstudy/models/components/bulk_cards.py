@@ -172,6 +172,24 @@ class Systems:
         """
         return self._basic(card, place, x, ())
 
+    def axes_at(self, card: BulkCard, place: int, x: np.ndarray) -> np.ndarray:
+        """Axes, rows (3, 3) in basic ones, at x (3,) of the system that a field of a card names.
+
+        Raises ModelError as `in_basic`, and about a spherical one, and on the axis of a cylinder.
+        """
+        number = card.whole(place, "a coordinate system", 0)
+        self._basic(card, place, np.zeros(3), ())
+        if number == 0:
+            return np.eye(3)
+        origin, axes = self._known[number]
+        if self._cards[number].name == "CORD2R":
+            return axes
+        out = x - origin - ((x - origin) @ axes[2]) * axes[2]
+        if self._cards[number].name == "CORD2S" or not np.linalg.norm(out) > 0:
+            raise card.error(f"axes of the system {number} are not supported there", place)
+        out = out / np.linalg.norm(out)
+        return np.array([out, np.cross(axes[2], out), axes[2]])
+
     def _basic(
         self, card: BulkCard, place: int, x: np.ndarray, above: tuple[int, ...]
     ) -> np.ndarray:

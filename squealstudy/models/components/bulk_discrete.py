@@ -1,18 +1,19 @@
-"""Springs, masses and equations of bulk data of Nastran: CELAS1, CELAS2, CONM2, MPC."""
+"""Springs, masses and equations of bulk data: CELAS1, CELAS2, CBUSH, CONM2, MPC."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 import numpy as np
 
-from squealstudy.models.components.bulk_cards import BulkCard
+from squealstudy.errors import ModelError
+from squealstudy.models.components.bulk_cards import BulkCard, Systems
 from squealstudy.models.components.constraints import Relation, relation
-from squealstudy.models.components.discrete import Discrete, point_mass, spring
+from squealstudy.models.components.discrete import Discrete, point_mass, rigid_mass, spring
 from squealstudy.models.components.inp_lines import Line
 
-READ = ("CELAS1", "CELAS2", "PELAS", "CONM2", "MPC", "MPCADD")
+READ = ("CELAS1", "CELAS2", "PELAS", "CBUSH", "PBUSH", "CONM2", "MPC", "MPCADD")
 SELECTED = re.compile(r"\s*MPC\s*=\s*(\d+)", re.I)
 
 
@@ -27,6 +28,10 @@ class BulkDiscrete:
         Of a node number, with the card that has it.
     turned : set of int
         Numbers of nodes whose displacements have a coordinate system of their own (CD of GRID).
+    nodes : ndarray (n, 3)
+    turning : collection of int
+        Places of reference nodes, which turn.
+    systems : Systems
     """
 
     def __init__(
@@ -34,21 +39,34 @@ class BulkDiscrete:
         cards: Callable[..., Sequence[BulkCard]],
         place: Callable[[BulkCard, int], int],
         turned: set[int],
+        nodes: np.ndarray,
+        turning: Collection[int],
+        systems: Systems,
     ) -> None:
         self._all, self._place, self._turned = cards, place, turned
+        self._nodes, self._turning, self._systems = nodes, turning, systems
 
-    def _end(self, card: BulkCard, at: int) -> tuple[int, np.ndarray] | None:
-        """Node and direction of two fields; None where they are empty: the ground."""
+    def _end(self, card: BulkCard, at: int, turns: bool = True) -> tuple[int, np.ndarray] | None:
+        """Node and direction (6,) of two fields; None where they are empty: the ground."""
         number = card.whole(at, "a node", 0)
         if number == 0:
             return None
         axis = card.whole(at + 1, "a direction", 0)
-        if axis not in (1, 2, 3):
-            raise card.error(f"expected a direction 1 to 3 of node {number}, found {axis}", at + 1)
+        most = 6 if turns else 3
+        if axis not in range(1, most + 1):
+            text = f"expected a direction 1 to {most} of node {number}, found {axis}"
+            raise card.error(text, at + 1)
+        node = self._node(card, number, at)
+        if axis > 3 and node not in self._turning:
+            text = f"node {number} does not turn: expected a direction 1 to 3, found {axis}"
+            raise card.error(text, at + 1)
+        return node, np.eye(6)[axis - 1]
+
+    def _node(self, card: BulkCard, number: int, at: int) -> int:
         if number in self._turned:
             text = f"node {number} has a system of displacements (CD), which is not supported"
             raise card.error(text, at)
-        return self._place(card, number), np.eye(3)[axis - 1]
+        return self._place(card, number)
 
     def springs_and_masses(self, weight: float) -> Iterator[Discrete]:
         """Those of the deck, masses times `weight`; ModelError about what is wrong."""
@@ -73,20 +91,117 @@ class BulkDiscrete:
                 for end, sign in zip(ends, (1.0, -1.0), strict=True)
                 if end is not None
             ]
+            if not any(direction[3:].any() for _, direction in signed):
+                signed = [(node, direction[:3]) for node, direction in signed]
             if signed:
                 yield spring(f"{card.name} {number}", signed, k)
+        yield from self._bushes()
         for card in self._all("CONM2"):
             number = card.whole(0, "an element number")
             mass = card.real(3, "a mass", 0.0)
-            if any(card.real(k, "an offset", 0.0) for k in (4, 5, 6)):
+            node = self._place(card, card.whole(1, "a node"))
+            yield from self._mass(card, f"CONM2 {number}", node, weight * mass, weight)
+
+    def _mass(
+        self, card: BulkCard, name: str, node: int, mass: float, weight: float
+    ) -> Iterator[Discrete]:
+        """A mass at a node, or off one that turns; rotary inertia of others moves nothing."""
+        x = np.array([card.real(k, "an offset", 0.0) for k in (4, 5, 6)])
+        values = [card.real(k, "a moment of inertia", 0.0) for k in range(8, 14)]
+        if node not in self._turning:
+            if x.any():
                 raise card.error(
-                    "a mass with an offset is not supported: state a [[point_mass]] with at = "
-                    "[x, y, z] in the model file, and name CONM2 in pass_over",
+                    "a mass with an offset at a node that does not turn: state a [[point_mass]] "
+                    "with at = [x, y, z] in the model file, and name CONM2 in pass_over",
                     4,
                 )
-            node = self._place(card, card.whole(1, "a node"))
             if mass:
-                yield point_mass(f"CONM2 {number}", node, weight * mass)
+                yield point_mass(name, node, mass)
+            return
+        if card.at(2).strip("0") and (x.any() or any(values)):
+            raise card.error("CID: an offset or inertia in axes of its own is not supported", 2)
+        I11, I21, I22, I31, I32, I33 = values
+        inertia = weight * np.array([[I11, -I21, -I31], [-I21, I22, -I32], [-I31, -I32, I33]])
+        if mass or inertia.any():
+            try:
+                yield rigid_mass(name, node, mass, x, inertia)
+            except ModelError as error:
+                raise card.error(str(error), 8) from error
+
+    # -- bushes ----------------------------------------------------------------------------------
+    def _bushes(self) -> Iterator[Discrete]:
+        """CBUSH: three springs between two nodes, or to ground, and three against their turns."""
+        stiffness = {card.whole(0, "a property"): card for card in self._all("PBUSH")}
+        for card in self._all("CBUSH"):
+            number = card.whole(0, "an element number")
+            own = card.whole(1, "a property", number)
+            if own not in stiffness:
+                raise card.error(f"there is no PBUSH {own}", 1)
+            k = self._bush_stiffness(stiffness[own])
+            numbers = [card.whole(at, "a node", 0) for at in (2, 3)]
+            nodes = [self._node(card, n, at) for at, n in enumerate(numbers, 2) if n]
+            if not nodes:
+                raise card.error("expected a node", 2)
+            axes = self._bush_axes(card, nodes, k)
+            turning = [node in self._turning for node in nodes]
+            length = np.linalg.norm(self._nodes[nodes[-1]] - self._nodes[nodes[0]])
+            if k[3:].any() and not all(turning):
+                raise card.error(
+                    "its stiffness against turns is at a node that does not turn: expected "
+                    "reference nodes of RBE2, or K4 to K6 of zero",
+                    2,
+                )
+            if any(turning) and length > 0 and k[1:3].any():
+                raise card.error(
+                    "a bush of some length across which nodes turn is not supported: put both of "
+                    "its nodes at one place",
+                    2,
+                )
+            for direction in range(6):
+                if k[direction]:
+                    along = np.zeros(6)
+                    first = 3 * (direction // 3)
+                    along[first : first + 3] = axes[direction % 3]
+                    along = along if direction > 2 else along[:3]
+                    ends = [(n, s * along) for n, s in zip(nodes, (-1.0, 1.0), strict=False)]
+                    yield spring(f"CBUSH {number}", ends, k[direction])
+
+    @staticmethod
+    def _bush_stiffness(card: BulkCard) -> np.ndarray:
+        """K1 to K6 of a PBUSH, whose lines begin with K, B, GE or RCV."""
+        k = np.zeros(6)
+        for place in range(1, len(card.fields), 8):
+            if card.at(place).upper() == "K":
+                k = np.array([card.real(place + i, "a stiffness", 0.0) for i in range(1, 7)])
+                if (k < 0).any():
+                    raise card.error("expected stiffnesses of zero or above", place)
+        return k
+
+    def _bush_axes(self, card: BulkCard, nodes: list[int], k: np.ndarray) -> np.ndarray:
+        """Its axes as rows (3, 3): of CID, of the line of its nodes and G0 or X1 to X3."""
+        if card.at(7):
+            return self._systems.axes_at(card, 7, self._nodes[nodes[0]])
+        alike = (k[:3] == k[0]).all() and (k[3:] == k[3]).all()
+        if alike:
+            return np.eye(3)
+        x = self._nodes[nodes[-1]] - self._nodes[nodes[0]]
+        if not np.linalg.norm(x) > 0:
+            raise card.error("expected CID of a bush whose nodes lie at one place", 7)
+        x = x / np.linalg.norm(x)
+        given = [card.at(at) for at in (4, 5, 6)]
+        if not any(given):
+            if k[[1, 2, 4, 5]].any():
+                raise card.error("expected G0 or X1, X2, X3, or CID", 4)
+            return np.array([x, x, x])
+        if given[0] and not any(given[1:]) and "." not in given[0]:
+            v = self._nodes[self._place(card, card.whole(4, "a node"))] - self._nodes[nodes[0]]
+        else:
+            v = np.array([card.real(at, "a coordinate", 0.0) for at in (4, 5, 6)])
+        z = np.cross(x, v)
+        if not np.linalg.norm(z) > 0:
+            raise card.error("its orientation lies along the bush", 4)
+        z = z / np.linalg.norm(z)
+        return np.array([x, np.cross(z, x), z])
 
     def equations(self, above: Sequence[Line], bare: np.ndarray) -> Iterator[Relation]:
         """MPC cards that the case control selects, or all where there is none."""
@@ -101,9 +216,9 @@ class BulkDiscrete:
             ends, factors = [], []
             for at in range(1, len(card.fields)):
                 if at % 8 in (1, 4) and card.at(at):
-                    end = self._end(card, at)
+                    end = self._end(card, at, turns=False)
                     if end is not None:
-                        ends.append(end)
+                        ends.append((end[0], end[1][:3]))
                         factors.append(card.real(at + 2, "a factor"))
             if not ends or not factors[0]:
                 raise card.error("expected a node, a direction and a factor that is not zero")

@@ -15,17 +15,21 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.bulk_cards import BulkCard, Systems, read_bulk
+from squealstudy.models.components.bulk_couplings import READ as COUPLINGS
+from squealstudy.models.components.bulk_couplings import BulkCouplings
 from squealstudy.models.components.bulk_discrete import READ as DISCRETE
 from squealstudy.models.components.bulk_discrete import BulkDiscrete
+from squealstudy.models.components.bulk_materials import OVER_TEMPERATURE, BulkMaterials
+from squealstudy.models.components.bulk_materials import READ as MATERIALS
 from squealstudy.models.components.bulk_names import MODEL_FILE, PASSED_OVER
-from squealstudy.models.components.constraints import Constraint, Coupling
+from squealstudy.models.components.bulk_surfaces import PLATES, BulkSurfaces
+from squealstudy.models.components.bulk_surfaces import READ as SURFACES
+from squealstudy.models.components.constraints import Coupling
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_lines import Line
-from squealstudy.models.components.marked_faces import FACES, MarkedFaces
-from squealstudy.models.components.materials import Anisotropic, Elastic, Unfinished
+from squealstudy.models.components.marked_faces import FACES
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 from squealstudy.models.components.middle_nodes import LACKING, Middles
-from squealstudy.models.fem.solid import Isotropic
 from squealstudy.models.matrices.dmig import fields_of
 
 # card and number of nodes -> name of the element, formulation, places of its nodes in our order
@@ -39,16 +43,13 @@ SOLIDS: dict[tuple[str, int], tuple[str, str, tuple[int, ...]]] = {
     ("CHEXA", 8): ("CHEXA8", "C3D8I", tuple(range(8))),
     ("CHEXA", 20): ("CHEXA20", "C3D20", (*range(12), *range(16, 20), *range(12, 16))),
 }
-IN_OURS = (0, 1, 2, 5, 3, 4)  # places of xx, yy, zz, xy, yz, zx in 11 22 33 23 13 12
 BRICK = "CHEXA8"
 BUBBLE, FULL = ("", "0", "BUBBLE"), ("1", "FULL")  # values of IN and ISOP of a PSOLID
-SAME = 0.01  # of G: files round
 CORNERS = {"CTETRA": 4, "CPYRAM": 5, "CPENTA": 6, "CHEXA": 8}
-PLATES = {"CTRIA3": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUAD8": 8}
 PLATE_SECTIONS = ("PSHELL",)
 SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
-OF_NODES = ("GRID", "GRDSET", "SET1", "RBE2", "RBE3", "BSURFS")
-READ = (*OF_NODES, *CORNERS, "PSOLID", "MAT1", "MAT9", *SYSTEMS, *DISCRETE)
+OF_MESH = ("GRID", "GRDSET", "SET1", *CORNERS, "PSOLID", *SYSTEMS)
+READ = (*OF_MESH, *MATERIALS, *OVER_TEMPERATURE, *SURFACES, *COUPLINGS, *DISCRETE)
 # of case control: matrices of DMIG, which Nastran adds to those of the elements
 SELECTED = ("K2GG", "M2GG", "B2GG", "K42GG", "K2PP", "M2PP", "B2PP")
 SELECTS = re.compile(rf"\s*({'|'.join(SELECTED)})\s*=", re.I)
@@ -63,6 +64,7 @@ def read_bdf(
     treat_as: Mapping[str, str] | None = None,
     pass_over: Collection[str] = (),
     points: bool = False,
+    temperature: float | None = None,
 ) -> SolidMesh:
     """A component from bulk data, in its units.
 
@@ -79,6 +81,8 @@ def read_bdf(
     points : bool
         The deck has the nodes of matrices: elements need not be there, all nodes are kept, and what
         is not supported is passed over.
+    temperature : float or None
+        At which materials with MATT1 are taken.
 
     Returns
     -------
@@ -97,7 +101,7 @@ def read_bdf(
     ignored = {name.upper() for name in pass_over}
     if points:
         ignored |= {*SELECTED, *(card.name for card in cards if card.name not in READ)}
-    mesh = _Deck(path, cards, above, wanted, asked, ignored, points).mesh()
+    mesh = _Deck(path, cards, above, wanted, asked, ignored, points, temperature).mesh()
     return mesh if part is None else mesh.part(mesh.find("element_sets", part))
 
 
@@ -130,7 +134,9 @@ class _Deck:
         asked: Collection[str],
         ignored: set[str],
         points: bool,
+        temperature: float | None,
     ) -> None:
+        self._temperature = temperature
         self._path, self._wanted, self._asked, self._points = path, wanted, asked, points
         self._above, self._turned = above, set[int]()
         self._cards: dict[str, list[BulkCard]] = {}
@@ -210,14 +216,15 @@ class _Deck:
         sets = {f"PID{p}": np.flatnonzero(property_of == p) for p in np.unique(property_of)}
         mesh = replace(mesh, element_sets=sets, node_sets=self._sets())
         mesh = self._with_materials(mesh, property_of)
-        mesh = self._with_faces(mesh)
-        mesh = self._with_discrete(replace(mesh, constraints=tuple(self._couplings())))
+        mesh = BulkSurfaces(mesh, self._all, self._places, self._note).read(self._plates)
+        couplings = BulkCouplings(self._all, self._places, mesh.nodes).read()
+        mesh = self._with_discrete(replace(mesh, constraints=tuple(couplings)))
         mesh = self._with_mass(self._middles.tied(mesh))
         return self._without_unused(mesh)
 
     # -- nodes and elements ----------------------------------------------------------------------
     def _read_nodes(self) -> None:
-        systems = Systems(self._all(*SYSTEMS))
+        self._systems = systems = Systems(self._all(*SYSTEMS))
         for first in self._all("GRDSET")[:1]:
             for card in self._all("GRID"):
                 card.fields[1:2] = [card.at(1) or first.at(1)]
@@ -320,98 +327,14 @@ class _Deck:
             found[name] = np.unique(self._places(card, card.listed(1, "a node")))
         return found
 
-    def _with_faces(self, mesh: SolidMesh) -> SolidMesh:
-        """Plates by their properties as surfaces of the solids."""
-        marked, labels = MarkedFaces(), dict[int, list[int]]()
-        for number, card in enumerate(self._all(*self._plates)):
-            nodes = [card.whole(2 + k, "a node number") for k in range(PLATES[card.name])]
-            marked.add(np.array([number]), self._places(card, nodes)[None])
-            labels.setdefault(card.whole(1, "a property"), []).append(number)
-        surfaces = {}
-        for own, numbers in labels.items():
-            faces, note = marked.surface(mesh, f"PID{own}", np.array(numbers))
-            if note:
-                self._notes.append(note)
-            if len(faces):
-                surfaces[f"PID{own}"] = faces
-        for card in self._all("BSURFS"):
-            name = f"BSURFS{card.whole(0, 'a number of the surface')}"
-            found = surfaces.get(name, np.zeros((0, 2), dtype=np.int64))
-            surfaces[name] = np.unique(np.vstack([found, self._listed_faces(mesh, card)]), axis=0)
-        return replace(mesh, surfaces=surfaces)
-
-    def _listed_faces(self, mesh: SolidMesh, card: BulkCard) -> np.ndarray:
-        """Faces of a BSURFS: an element and three nodes of its face each."""
-        at = np.argsort(mesh.labels)
-        found = []
-        for place in range(4, len(card.fields), 4):
-            if not card.at(place):
-                continue
-            label = card.whole(place, "an element number")
-            k = min(int(np.searchsorted(mesh.labels, label, sorter=at)), len(at) - 1)
-            element = int(at[k])
-            if mesh.labels[element] != label:
-                raise card.error(f"there is no solid element {label}", place)
-            b = int(np.searchsorted(mesh.starts, element, side="right")) - 1
-            block = mesh.blocks[b]
-            numbers = [card.whole(place + i, "a node") for i in (1, 2, 3)]
-            nodes = set(self._places(card, numbers).tolist())
-            own = block.nodes[element - mesh.starts[b]]
-            of = [i for i, f in enumerate(block.kind.shape.faces, 1) if nodes <= {*own[list(f)]}]
-            if len(of) != 1:
-                raise card.error(f"element {label} has no face with {numbers}", place)
-            found.append((element, of[0]))
-        return np.array(found, dtype=np.int64).reshape(-1, 2)
-
-    def _couplings(self) -> list[Constraint]:
-        found: list[Constraint] = []
-        for card in self._all("RBE2"):
-            name = f"RBE2 {card.whole(0, 'an element number')}"
-            if not set("123") <= set(card.at(2)):
-                raise card.error("expected the components 123 (and 456, which solids have not)", 2)
-            nodes = card.listed(3, "a node")
-            found.append(self._coupling(card, name, "rigid", card.whole(1, "a node"), nodes))
-        for card in self._all("RBE3"):
-            name = f"RBE3 {card.whole(0, 'an element number')}"
-            words = [w.upper() for w in card.fields[6:] if w]
-            if card.at(5) != "123" or any("." in w or w == "UM" for w in words):
-                raise card.error("expected one weight, for components 123 of all its nodes")
-            nodes = card.listed(6, "a node")
-            place = card.whole(2, "a node")
-            found.append(self._coupling(card, name, "distributing", place, nodes))
-        return found
-
-    def _coupling(
-        self, card: BulkCard, name: str, kind: str, reference: int, nodes: list[int]
-    ) -> Coupling:
-        (place,) = self._places(card, [reference])
-        others = np.setdiff1d(self._places(card, nodes), place)
-        if not len(others):
-            raise card.error("it couples no other node")
-        rigid = kind == "rigid"
-        return Coupling(name, "rigid" if rigid else "distributing", int(place), others)
-
     # -- materials -------------------------------------------------------------------------------
     def _with_materials(self, mesh: SolidMesh, property_of: np.ndarray) -> SolidMesh:
-        cards = self._all("MAT1", "MAT9")
-        materials = {card.whole(0, "a material number"): card for card in cards}
+        read = BulkMaterials(self._all, self._weight, self._temperature, self._note)
         for card in self._all("PSOLID"):
-            own, number = card.whole(0, "a property"), card.whole(1, "a material")
-            if not (property_of == own).any():
-                continue
-            if number not in materials:
-                missing = card.error(f"there is no MAT1 {number}", 1)
-                elastic: Elastic | Unfinished = Unfinished(None, None, str(missing))
-                mesh = mesh.with_material(f"MAT{number}", elastic, f"PID{own}")
-                continue
-            found = materials[number]
-            of = _isotropic if found.name == "MAT1" else _anisotropic
-            elastic = of(found, self._weight)
-            if found.name == "MAT9" and card.at(2).strip("0"):
-                raise card.error("CORDM: axes of the material are supported in basic ones alone", 2)
-            mesh = mesh.with_material(f"MAT{number}", elastic, f"PID{own}")
-            if found.name == "MAT1" and found.at(7).strip("0."):
-                self._note([materials[number]], "damping is " + MODEL_FILE)
+            own = card.whole(0, "a property")
+            if (property_of == own).any():
+                name, elastic = read.read(card)
+                mesh = mesh.with_material(name, elastic, f"PID{own}")
         return mesh
 
     def _with_discrete(self, mesh: SolidMesh) -> SolidMesh:
@@ -420,7 +343,8 @@ class _Deck:
         def place(card: BulkCard, number: int) -> int:
             return int(self._places(card, [number])[0])
 
-        read = BulkDiscrete(self._all, place, self._turned)
+        turning = {c.reference for c in mesh.constraints if isinstance(c, Coupling)}
+        read = BulkDiscrete(self._all, place, self._turned, mesh.nodes, turning, self._systems)
         bare = mesh.bare
         constraints = (*mesh.constraints, *read.equations(self._above, bare))
         found = tuple(read.springs_and_masses(self._weight))
@@ -465,41 +389,3 @@ def _refuse_selections(above: list[Line], ignored: set[str]) -> None:
                 f"give the whole as K and M in the model file, or name {name} in pass_over where "
                 "nothing of this component is in it"
             )
-
-
-def _isotropic(card: BulkCard, weight: float) -> Isotropic | Unfinished:
-    """Two of E, G and nu give the third; the density times `weight`."""
-    E, G, nu = (card.real(k, "a number", 0.0) if card.at(k) else None for k in (1, 2, 3))
-    if E is None and G is not None and nu is not None:
-        E = 2 * G * (1 + nu)
-    elif nu is None and E is not None and G is not None:
-        nu = E / (2 * G) - 1
-    elif not (E is None or nu is None or G is None) and abs(G - E / (2 * (1 + nu))) > SAME * G:
-        raise card.error("E, G and NU contradict each other: give two of them")
-    rho = card.real(4, "a density", 0.0)
-    if E is None or nu is None or not (E > 0 and -1 < nu < 0.5):
-        raise card.error("expected E > 0 and -1 < NU < 0.5, or G in place of one of them")
-    if not rho > 0:
-        missing = card.error("expected a density RHO above zero", 4)
-        return Unfinished(Isotropic(E, nu, 1.0), None, str(missing))
-    return Isotropic(E, nu, weight * rho)
-
-
-def _anisotropic(card: BulkCard, weight: float) -> Anisotropic | Unfinished:
-    """Of a MAT9: 21 entries in the order xx yy zz xy yz zx, and the density times `weight`."""
-    C = np.zeros((6, 6))
-    place = 1
-    for i in range(6):
-        for j in range(i, 6):
-            row, column = IN_OURS[i], IN_OURS[j]
-            C[row, column] = C[column, row] = card.real(place, "a modulus", 0.0)
-            place += 1
-    rho = card.real(22, "a density", 0.0)
-    try:
-        moduli = Anisotropic.of_stiffness(C, 1.0)
-    except ModelError as error:
-        raise card.error(str(error)) from error
-    if not rho > 0:
-        missing = card.error("expected a density RHO above zero", 22)
-        return Unfinished(moduli, None, str(missing))
-    return replace(moduli, density=weight * rho)

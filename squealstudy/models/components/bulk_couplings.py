@@ -1,0 +1,132 @@
+"""Rigid elements of bulk data of Nastran: RBE2, RBE3, RBAR, RROD."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from squealstudy.models.components.bulk_cards import BulkCard
+from squealstudy.models.components.constraints import Constraint, Coupling, Relation, relation
+
+READ = ("RBE2", "RBE3", "RBAR", "RROD")
+EVERY = "123456"
+Bar = tuple[BulkCard, int, int]  # and the nodes of its ends
+
+
+class BulkCouplings:
+    """Reads them.
+
+    Parameters
+    ----------
+    cards : callable
+        All cards of some names.
+    places : callable
+        Of node numbers of a card.
+    nodes : ndarray (n, 3)
+    """
+
+    def __init__(
+        self,
+        cards: Callable[..., Sequence[BulkCard]],
+        places: Callable[[BulkCard, list[int]], np.ndarray],
+        nodes: np.ndarray,
+    ) -> None:
+        self._all, self._places, self._nodes = cards, places, nodes
+
+    def read(self) -> Iterator[Constraint]:
+        """Those of the deck; ModelError about the card of what is wrong."""
+        bars = self._bar_ends()
+        for card in self._all("RBE2"):
+            name = f"RBE2 {card.whole(0, 'an element number')}"
+            given = set(card.at(2))
+            if not set("123") <= given:
+                raise card.error("expected the components 123, or 123456", 2)
+            nodes = card.listed(3, "a node")
+            turning = set("456") <= given
+            reference = card.whole(1, "a node")
+            joined = [bar for bar in bars if bar[1] == reference]  # bars from its middle
+            bars = [bar for bar in bars if bar[1] != reference]
+            nodes += [bar[2] for bar in joined]
+            yield self._coupling(card, name, reference, nodes, turning)
+        for card in self._all("RBE3"):
+            name = f"RBE3 {card.whole(0, 'an element number')}"
+            words = [w.upper() for w in card.fields[6:] if w]
+            if card.at(5) != "123" or any("." in w or w == "UM" for w in words):
+                raise card.error("expected one weight, for components 123 of all its nodes")
+            (place,) = self._places(card, [card.whole(2, "a node")])
+            others = self._others(card, card.listed(6, "a node"), int(place))
+            yield Coupling(name, "distributing", int(place), others)
+        yield from self._bars(bars)
+        for card in self._all("RROD"):
+            name = f"RROD {card.whole(0, 'an element number')}"
+            yield self._distance(card, name, *(card.whole(k, "a node") for k in (1, 2)))
+
+    def _others(self, card: BulkCard, nodes: list[int], place: int) -> np.ndarray:
+        others = np.setdiff1d(self._places(card, nodes), place)
+        if not len(others):
+            raise card.error("it couples no other node")
+        return others
+
+    def _coupling(
+        self, card: BulkCard, name: str, reference: int, nodes: list[int], turning: bool
+    ) -> Coupling:
+        (place,) = self._places(card, [reference])
+        others = self._others(card, nodes, int(place))
+        return Coupling(name, "rigid", int(place), others, turning=turning)
+
+    def _distance(self, card: BulkCard, name: str, one: int, other: int) -> Relation:
+        """Two nodes keep their distance."""
+        pair = self._places(card, [one, other])
+        along = self._nodes[pair[1]] - self._nodes[pair[0]]
+        if not np.linalg.norm(along) > 0:
+            raise card.error("its two nodes lie at one place")
+        along = along / np.linalg.norm(along)
+        return relation(name, pair[::-1], np.array([along, -along]))
+
+    def _bar_ends(self) -> list[Bar]:
+        """Bars with the node that moves and the one that is moved."""
+        bars: list[Bar] = []
+        for card in self._all("RBAR"):
+            ends = [card.whole(k, "a node") for k in (1, 2)]
+            independent = [card.at(k) for k in (3, 4)]
+            if sorted(independent) != ["", EVERY]:
+                raise card.error("expected CNA or CNB = 123456, and the other one empty", 3)
+            if independent[1]:
+                ends.reverse()
+            bars.append((card, *ends))
+        return bars
+
+    def _bars(self, bars: list[Bar]) -> Iterator[Constraint]:
+        """Bars that meet are one rigid body; one alone keeps the distance of its nodes.
+
+        Nodes of solids have no turns: a bar alone turns freely about both of its ends.
+        """
+        coupled = {card.whole(1, "a node") for card in self._all("RBE2")} | {
+            n for card in self._all("RBE2") for n in card.listed(3, "a node")
+        }
+        groups: list[list[Bar]] = []
+        for bar in bars:
+            joined = [g for g in groups if any({*bar[1:]} & {*other[1:]} for other in g)]
+            groups = [g for g in groups if g not in joined]
+            groups.append([bar, *(one for g in joined for one in g)])
+        for group in groups:
+            group.sort(key=lambda bar: bars.index(bar))
+            card, first, second = group[0]
+            names = [f"RBAR {c.whole(0, 'an element number')}" for c, *_ in group]
+            nodes = {n for _, *ends in group for n in ends}
+            if nodes & coupled:
+                raise card.error(
+                    "a bar at the nodes of an RBE2 is not supported: write one RBE2 of all nodes"
+                )
+            if len(group) == 1:
+                yield self._distance(card, names[0], first, second)
+                continue
+            dependent = [b for _, _, b in group]
+            roots = nodes - set(dependent)
+            if len(roots) != 1 or len(set(dependent)) < len(dependent):
+                raise card.error(
+                    f"{', '.join(names)} are one rigid body: expected one node of it that no bar "
+                    "moves, and no node that two move"
+                )
+            yield self._coupling(card, ", ".join(names), roots.pop(), sorted(set(dependent)), True)

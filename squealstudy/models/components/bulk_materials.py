@@ -1,0 +1,189 @@
+"""Materials of bulk data of Nastran: MAT1, MAT9, MAT11; over temperature MATT1, TABLEM1 to 4."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.bulk_cards import BulkCard
+from squealstudy.models.components.bulk_names import MODEL_FILE
+from squealstudy.models.components.materials import (
+    Anisotropic,
+    Elastic,
+    Orthotropic,
+    Unfinished,
+)
+from squealstudy.models.fem.solid import Isotropic
+
+READ = ("MAT1", "MAT9", "MAT11")
+TABLES = ("TABLEM1", "TABLEM2", "TABLEM3", "TABLEM4")
+OVER_TEMPERATURE = ("MATT1", *TABLES)
+OTHERS = {"MAT9": "MATT9", "MAT11": "MATT11"}  # whose tables are not read
+IN_OURS = (0, 1, 2, 5, 3, 4)  # places of xx, yy, zz, xy, yz, zx in 11 22 33 23 13 12
+SAME = 0.01  # of G: files round
+LAST = ("ENDT", "SKIP")
+
+
+class BulkMaterials:
+    """Reads materials by number.
+
+    Parameters
+    ----------
+    cards : callable
+        All cards of some names.
+    weight : float
+        Factor of densities.
+    temperature : float or None
+        At which they are taken; None: as the material itself says.
+    note : callable
+        Takes cards and why something of them is passed over.
+    """
+
+    def __init__(
+        self,
+        cards: Callable[..., Sequence[BulkCard]],
+        weight: float,
+        temperature: float | None,
+        note: Callable[[list[BulkCard], str], None],
+    ) -> None:
+        self._all, self._weight, self._temperature, self._note = cards, weight, temperature, note
+        self._cards = {card.whole(0, "a material number"): card for card in cards(*READ)}
+
+    def read(self, section: BulkCard) -> tuple[str, Elastic | Unfinished]:
+        """Name and moduli of the material of a PSOLID; ModelError about what is wrong."""
+        number = section.whole(1, "a material")
+        name = f"MAT{number}"
+        if number not in self._cards:
+            return name, Unfinished(None, None, str(section.error(f"there is no MAT1 {number}", 1)))
+        card = self._cards[number]
+        if card.name == "MAT1":
+            card = self._at_temperature(card, number)
+            if card.at(7).strip("0."):
+                self._note([self._cards[number]], "damping is " + MODEL_FILE)
+            return name, _isotropic(card, self._weight)
+        if section.at(2).strip("0"):
+            raise section.error("CORDM: axes of the material are supported in basic ones alone", 2)
+        if self._temperature is not None and self._table_card(OTHERS[card.name], number):
+            raise card.error(f"{OTHERS[card.name]} is not supported: state its moduli there")
+        of = _anisotropic if card.name == "MAT9" else _orthotropic
+        return name, of(card, self._weight)
+
+    def _table_card(self, name: str, number: int) -> BulkCard | None:
+        return next((c for c in self._all(name) if c.whole(0, "a material number") == number), None)
+
+    def _at_temperature(self, card: BulkCard, number: int) -> BulkCard:
+        """The MAT1 with what its MATT1 has at the temperature."""
+        tables = self._table_card("MATT1", number)
+        if tables is None:
+            return card
+        if self._temperature is None:
+            why = "moduli over temperature: those of the MAT1 itself are taken, without the key "
+            self._note([tables], why + "temperature")
+            return card
+        fields = [*card.fields, *[""] * 8]
+        for place in (1, 2, 3, 4):
+            table = tables.whole(place, "a table", 0)
+            if table:
+                fields[place] = repr(self._value(tables, place, table, card))
+        return BulkCard(card.name, fields, [*card.lines, *card.lines[-1:] * 8])
+
+    def _value(self, asks: BulkCard, place: int, number: int, card: BulkCard) -> float:
+        """A property at the temperature; ModelError where the table does not reach it."""
+        found = [c for c in self._all(*TABLES) if c.whole(0, "a table number") == number]
+        if len(found) != 1:
+            raise asks.error(f"there {'is no' if not found else 'are two'} TABLEM {number}", place)
+        (table,) = found
+        T = float(self._temperature or 0.0)
+        if table.name == "TABLEM1" and any(table.at(k).strip() for k in (1, 2)):
+            axes = {table.at(1).upper(), table.at(2).upper()} - {"", "LINEAR"}
+            if axes:
+                raise table.error("axes that are not LINEAR are not supported", 1)
+        own = card.real(place, "a number", 0.0)
+        if table.name in ("TABLEM2", "TABLEM3", "TABLEM4"):
+            T -= table.real(1, "a temperature", 0.0)
+        if table.name in ("TABLEM3", "TABLEM4"):
+            T /= table.real(2, "a temperature above zero")
+        if table.name == "TABLEM4":
+            low, high = (table.real(k, "a temperature") for k in (3, 4))
+            self._check(table, T, low, high)
+            powers = self._numbers(table)
+            return own * float(np.polynomial.polynomial.polyval(T, powers))
+        pairs = np.array(self._numbers(table))
+        x, y = pairs[: len(pairs) // 2 * 2].reshape(-1, 2).T
+        if len(pairs) % 2 or len(x) < 2 or (np.diff(x) <= 0).any():
+            raise table.error("expected at least two pairs of ascending temperatures and values")
+        self._check(table, T, x[0], x[-1])
+        value = float(np.interp(T, x, y))
+        return value if table.name == "TABLEM1" else own * value
+
+    def _check(self, table: BulkCard, T: float, low: float, high: float) -> None:
+        if not low <= T <= high:
+            raise table.error(
+                f"temperature = {self._temperature:g} is outside of it, {low:g} to {high:g} there"
+            )
+
+    @staticmethod
+    def _numbers(table: BulkCard) -> list[float]:
+        """Those of a table, from its second line up to ENDT."""
+        found = []
+        for place in range(8, len(table.fields)):
+            if table.at(place).upper() in LAST:
+                break
+            if table.at(place):
+                found.append(table.real(place, "a number"))
+        return found
+
+
+def _orthotropic(card: BulkCard, weight: float) -> Orthotropic | Unfinished:
+    """Of a MAT11: three of E, nu12 nu13 nu23, G12 G13 G23, and the density times `weight`."""
+    values = [card.real(k, "a modulus") for k in range(1, 10)]
+    E, nu, G = (tuple(values[k : k + 3]) for k in (0, 3, 6))
+    rho = card.real(10, "a density", 0.0)
+    try:
+        moduli = Orthotropic.from_engineering(E, nu, G, 1.0)  # type: ignore[arg-type]
+    except (ModelError, ZeroDivisionError) as error:
+        raise card.error(str(error)) from error
+    if not rho > 0:
+        return Unfinished(moduli, None, str(card.error("expected a density RHO above zero", 10)))
+    return replace(moduli, density=weight * rho)
+
+
+def _isotropic(card: BulkCard, weight: float) -> Isotropic | Unfinished:
+    """Two of E, G and nu give the third; the density times `weight`."""
+    E, G, nu = (card.real(k, "a number", 0.0) if card.at(k) else None for k in (1, 2, 3))
+    if E is None and G is not None and nu is not None:
+        E = 2 * G * (1 + nu)
+    elif nu is None and E is not None and G is not None:
+        nu = E / (2 * G) - 1
+    elif not (E is None or nu is None or G is None) and abs(G - E / (2 * (1 + nu))) > SAME * G:
+        raise card.error("E, G and NU contradict each other: give two of them")
+    rho = card.real(4, "a density", 0.0)
+    if E is None or nu is None or not (E > 0 and -1 < nu < 0.5):
+        raise card.error("expected E > 0 and -1 < NU < 0.5, or G in place of one of them")
+    if not rho > 0:
+        missing = card.error("expected a density RHO above zero", 4)
+        return Unfinished(Isotropic(E, nu, 1.0), None, str(missing))
+    return Isotropic(E, nu, weight * rho)
+
+
+def _anisotropic(card: BulkCard, weight: float) -> Anisotropic | Unfinished:
+    """Of a MAT9: 21 entries in the order xx yy zz xy yz zx, and the density times `weight`."""
+    C = np.zeros((6, 6))
+    place = 1
+    for i in range(6):
+        for j in range(i, 6):
+            row, column = IN_OURS[i], IN_OURS[j]
+            C[row, column] = C[column, row] = card.real(place, "a modulus", 0.0)
+            place += 1
+    rho = card.real(22, "a density", 0.0)
+    try:
+        moduli = Anisotropic.of_stiffness(C, 1.0)
+    except ModelError as error:
+        raise card.error(str(error)) from error
+    if not rho > 0:
+        missing = card.error("expected a density RHO above zero", 22)
+        return Unfinished(moduli, None, str(missing))
+    return replace(moduli, density=weight * rho)
