@@ -94,7 +94,7 @@ class BulkCouplings:
                 raise card.error("expected CNA or CNB = 123456, and the other one empty", 3)
             if independent[1]:
                 ends.reverse()
-            bars.append((card, *ends))
+            bars.append((card, ends[0], ends[1]))
         return bars
 
     def _bars(self, bars: list[Bar]) -> Iterator[Constraint]:
