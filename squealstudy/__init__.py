@@ -6,8 +6,8 @@ The names are imported on first use: ``import squealstudy`` stays light.
 import sys
 
 # `python -m squealstudy` looks for modules in the current directory first, which may be anybody's:
-# no more after this line. What Python has imported before it is in studies/running.md. Programs of
-# others (`python -m theirs.main`), which import this package too, keep theirs.
+# no more after this line. What Python has imported before it is in docs/reference/trust.md.
+# Programs of others (`python -m theirs.main`), which import this package too, keep theirs.
 if sys.argv[:1] == ["-m"] and not sys.flags.safe_path:
     _args = sys.orig_argv[1:]
     _modules = [_args[k + 1] for k, f in enumerate(_args[:-1]) if f[:1] + f[-1:] == "-m"]

@@ -215,7 +215,7 @@ def run(
         valid; files of others stay.
     client : distributed.Client, str, path or None
         A cluster of dask whose workers solve the design points, or the address or the file of its
-        scheduler (studies/cluster.md); None for processes of this machine.
+        scheduler (docs/howto/cluster.md); None for processes of this machine.
 
     Raises
     ------

@@ -308,3 +308,27 @@ def tiny_brake():
 def one_by_one(monkeypatch):
     """Small models, too, are prepared, kept in the cache and solved point by point, as others."""
     monkeypatch.setattr("squealstudy.kinds.complex_modes.kind.stacks", lambda plan: False)
+
+
+TINY = [  # first_brake.toml in seconds
+    ("start = 0.1\nstop = 0.7\nnum = 7", "values = [0.1, 0.4, 0.5]"),
+    ("values = [0.9, 1.0, 1.1]", "values = [1.0, 1.1]"),
+    ("8000.0]", "3500.0]\nreference_points = 0\nrefine_tracking = false"),
+]
+
+
+@pytest.fixture(scope="module")
+def first_brake(tmp_path_factory, tiny_brake) -> Path:
+    """A folder with a smaller studies/first_brake.toml and its results/first_brake."""
+    text = (Path(__file__).parents[1] / "studies" / "first_brake.toml").read_text(encoding="utf-8")
+    for old, new in TINY:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    folder = tmp_path_factory.mktemp("pages")
+    path = folder / "studies" / "first_brake.toml"
+    path.parent.mkdir()
+    path.write_text(text, encoding="utf-8")
+    import squealstudy
+
+    squealstudy.run(path, folder / "results" / "first_brake", jobs=1)
+    return folder

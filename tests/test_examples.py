@@ -89,13 +89,13 @@ def test_the_page_of_a_package_index_needs_no_clone(index_page):
     assert "](" not in page
     assert "pip install squealstudy" in page
     assert "-e " not in page
-    assert "squealstudy examples first_brake && squealstudy run first_brake.toml" in page
+    assert "squealstudy examples softer_lining && squealstudy run softer_lining.toml" in page
     assert "run studies/" not in page
     assert "`CHANGELOG.md`" in page
     assert len(page) > 0.8 * len(readme)
     linked = index_page(readme, "https://example.org/tree/main/")
-    assert "](https://example.org/tree/main/studies/running.md)" in linked
-    assert "](https://example.org/tree/main/results/charts/friction_pressure.png)" in linked
+    assert "](https://example.org/tree/main/docs/howto/why.md)" in linked
+    assert "](https://example.org/tree/main/results/charts/overview.png)" in linked
 
 
 def test_a_wheel_holds_them_all():

@@ -66,7 +66,7 @@ def test_sets_of_the_meshes_are_those_of_the_page_and_where_they_are_named(tmp_p
     study = parse_study(STUDY, Path("generated.toml"))
     export_model(study, tmp_path)
     v = {n: study.values[n] for n in study.model.defaults()}
-    page = (ROOT / "studies" / "own_brake.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "export.md").read_text(encoding="utf-8")
     told = set(re.findall(r"`((?:disc|inner_pad|outer_pad|caliper)\.[A-Z]+)`", page))
     meshes = {path.stem: read_inp(path) for path in tmp_path.glob("*.inp")}
     assert told == {f"{name}.{label}" for name, mesh in meshes.items() for label in mesh.surfaces}
@@ -131,8 +131,8 @@ reference_points = 0
     assert (np.abs(roots[0] - roots[1]) < 1e-8 * np.abs(roots[0])).all()
     with np.load(tmp_path / "out" / "reduced.npz") as archive:
         found = dict(archive)
-    page = (ROOT / "studies" / "own_brake.md").read_text(encoding="utf-8")
-    table = page[page.index("`reduced.mat`") :].split("## In Python")[0]
+    page = (ROOT / "docs" / "reference" / "export.md").read_text(encoding="utf-8")
+    table = page[page.index("`reduced.mat`") :].split("## The generated")[0]
     told = [row.split("|")[1] for row in table.splitlines() if row.startswith("| `")]
     assert set(re.findall(r"`(\w+)`", " ".join(told))) == set(found)
     law = dict(zip(found["law_parameter_names"].tolist(), found["law_parameters"], strict=True))

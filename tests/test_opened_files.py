@@ -1,4 +1,4 @@
-"""Files that commands open are in the table of the page `running`, which says who wrote them."""
+"""Files that commands open are in the table of the page `trust`, which says who wrote them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from own_blocks import STUDY, write_blocks
 
 HERE = Path(__file__).parent
-PAGE = HERE.parent / "studies" / "running.md"
+PAGE = HERE.parent / "docs" / "reference" / "trust.md"
 EXTENSION = "own.py"
 OWN = """\
 from matplotlib.figure import Figure

@@ -13,7 +13,7 @@ from squealstudy.cli.run import fidelity
 from squealstudy.engine.forecast import Estimate, estimate, run_seconds
 from squealstudy.engine.manifest import check_owner, outdated
 from squealstudy.engine.plan import Plan, has_mesh
-from squealstudy.engine.schema import methods_schema, study_schema
+from squealstudy.engine.schema import MODEL_FILE, methods_schema, model_schema, study_schema
 from squealstudy.engine.store import Store
 from squealstudy.engine.structures import (
     build_structure,
@@ -278,8 +278,10 @@ def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:
 
 
 def schema(kind: str | None) -> str:
-    """The JSON Schema of study files, or of those of a kind that measures methods."""
+    """The JSON Schema of study files, of those of a kind that measures methods, of model files."""
     of_methods = [n for n in kind_names() if not issubclass(definition_of(n), StudyDefinition)]
+    if kind == MODEL_FILE:
+        return json.dumps(model_schema(), indent=2)
     if kind is not None and kind not in of_methods:
-        raise SquealstudyError(f"kind '{kind}': expected {' or '.join(of_methods)}")
+        raise SquealstudyError(f"kind '{kind}': expected {', '.join(of_methods)} or {MODEL_FILE}")
     return json.dumps(study_schema() if kind is None else methods_schema(kind), indent=2)

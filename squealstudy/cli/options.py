@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-DONE, FAULT, USAGE_ERROR = 0, 1, 2  # exit codes: studies/running.md
+DONE, FAULT, USAGE_ERROR = 0, 1, 2  # exit codes: docs/reference/errors.md
 
 StudyPath = Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")]
 ResultsPath = Annotated[Path, typer.Argument(metavar="RESULTS", help="Results directory.")]

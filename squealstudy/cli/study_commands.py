@@ -204,10 +204,11 @@ def examples(
 
 def schema(
     kind: Annotated[
-        str | None, typer.Option(help="work_precision or method_stability, else study files.")
+        str | None,
+        typer.Option(help="model_file, work_precision or method_stability; else study files."),
     ] = None,
 ) -> None:
-    """Print the JSON Schema of study files, for editors."""
+    """Print the JSON Schema of study or model files, for editors."""
     from squealstudy import screen
     from squealstudy.cli.check import schema as found
 

@@ -130,7 +130,7 @@ _REGISTERED: dict[str, Plot] = {}
 
 
 def register_plot(pictures: Pictures = once, **needs: Sequence[str]) -> Callable[[Draw], Draw]:
-    """Decorator that makes a function (results, **choices) -> Figure a plot of its name.
+    """Decorator: a function of results, and of choices, that gives a Figure is a plot of its name.
 
     Parameters
     ----------

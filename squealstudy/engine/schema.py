@@ -1,7 +1,14 @@
-"""JSON Schemas of study files, for editors, from the sections and models themselves."""
+"""JSON Schemas of study and model files, for editors and the reference, from what checks them.
+
+Beside what JSON Schema knows a key has ``unit`` (of numbers that have one), ``kinds`` (of study,
+where not all have it) and an example, which `key_examples` holds for every key.
+"""
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from pydantic import create_model
@@ -10,6 +17,25 @@ from squealstudy.study.kinds import definition_of, kind_names
 from squealstudy.study.sections import StudyDefinition
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
+EXAMPLES = Path(__file__).with_name("key_examples")
+MODEL_FILE = "model_file"  # what is no kind, but has a schema too
+UNITS = {  # of keys of study files that have one
+    **dict.fromkeys(("modes.band", "transient.sensors", "transient.modes_below"), "Hz"),
+    **dict.fromkeys(("transient.duration", "transient.step"), "s"),
+    **dict.fromkeys(("transient.pod_duration", "transient.pod_step", "fidelity.budget"), "s"),
+    **dict.fromkeys(("sensitivity.modes",), "Hz"),
+    "transient.perturbation": "m/s",
+    "limit_cycles.screen": "1/s",
+    "limit_cycles.points.at": "m",
+    "variable.added_mass.max": "kg",
+    "variable.added_mass.at": "of the model file, else m",
+    "variable.stiffener.max": "N/m",
+}
+NAMED = {"additionalProperties", "patternProperties"}  # of a table whose keys are names
+OF_PARAMETER = "of the parameter"
+for _key in ("values", "start", "stop", "mean", "std", "median"):
+    UNITS |= {f"{table}.{_key}": OF_PARAMETER for table in ("sweep", "uncertain")}
+UNITS["variable.bounds"] = OF_PARAMETER
 
 
 def study_schema() -> dict[str, Any]:
@@ -32,15 +58,81 @@ def study_schema() -> dict[str, Any]:
         known.extend(c for c in option.choices if c not in known)
         model["properties"][option.name] = {"enum": known, "description": option.description}
     model["additionalProperties"] = False
-    head = {"$schema": DIALECT, "title": "squealstudy study file"}
-    return head | {k: v for k, v in schema.items() if k not in head}
+    model["anyOf"] = [{"required": [key]} for key in ("name", "file")]  # one of both
+    del model["required"]
+    for name, table in schema["properties"].items():
+        kinds = [kind for kind, d in of_models.items() if name in d.model_fields]
+        if len(kinds) < len(of_models):
+            table["kinds"] = kinds
+    return _finished(schema, "study", "squealstudy study file", UNITS)
 
 
 def methods_schema(name: str) -> dict[str, Any]:
     """JSON Schema of the files of a kind that measures methods."""
     schema: dict[str, Any] = _without_null(definition_of(name).model_json_schema())
-    head = {"$schema": DIALECT, "title": f"squealstudy {name} file"}
+    return _finished(schema, name, f"squealstudy {name} file", {})
+
+
+def model_schema() -> dict[str, Any]:
+    """JSON Schema of a model file; units are those in SI, a file has those that it states."""
+    from squealstudy.models.components.model_file import DIMENSIONS, ModelFile
+
+    schema: dict[str, Any] = _without_null(ModelFile.model_json_schema())
+    units = {key: dimension.unit for key, dimension in DIMENSIONS.items() if dimension.unit}
+    units["angle"] = "deg"
+    return _finished(schema, MODEL_FILE, "squealstudy model file", units)
+
+
+def _finished(
+    schema: dict[str, Any], name: str, title: str, units: Mapping[str, str]
+) -> dict[str, Any]:
+    """The schema with its head, and with units and examples of its keys."""
+    path = EXAMPLES / f"{name}.toml"
+    if path.is_file():  # kinds from outside have none
+        _annotate(schema, schema["$defs"], tomllib.loads(path.read_text("utf-8")), (), units)
+    head = {"$schema": DIALECT, "$id": f"urn:squealstudy:{name}", "title": title}
     return head | {k: v for k, v in schema.items() if k not in head}
+
+
+def _annotate(
+    node: dict[str, Any],
+    tables: Mapping[str, Any],
+    example: Mapping[str, Any],
+    keys: tuple[str, ...],
+    units: Mapping[str, str],
+) -> None:
+    """Give the keys of a table, and of tables in it, their units and examples."""
+    for key, found in node.get("properties", {}).items():
+        path = (*keys, key)
+        if unit := units.get(".".join(path)) or units.get(key if keys else ""):
+            found["unit"] = unit
+        if key not in example:
+            continue
+        value = example[key]
+        inner = [tables[name] for name in table_names(found)]
+        one = value[0] if inner and isinstance(value, list) else value
+        if inner and isinstance(one, dict) and NAMED & found.keys():
+            one = next(iter(one.values()))  # a table of tables by name
+        for table in inner:
+            if isinstance(one, dict):
+                _annotate(table, tables, one, path, units)
+        if keys or not inner:
+            found["examples"] = [value]
+
+
+def table_names(node: Any) -> list[str]:
+    """Names of the tables that a key may hold, itself or as entries of a list or of a table."""
+    if isinstance(node, dict):
+        if "$ref" in node:
+            return [str(node["$ref"]).rpartition("/")[2]]
+        parts: Iterable[Any] = [
+            *node.get("anyOf", ()),
+            node.get("items"),
+            node.get("additionalProperties"),
+            *node.get("patternProperties", {}).values(),
+        ]
+        return [name for part in parts for name in table_names(part)]
+    return []
 
 
 def _without_null(node: Any) -> Any:

@@ -101,12 +101,12 @@ class ComplexModes:
 
     @property
     def error(self) -> np.ndarray:
-        """Estimated |lam - lam of the unreduced model|, rad/s."""
+        """Estimated abs(lam - lam of the unreduced model), rad/s."""
         return self.error_rung + self.error_reduction
 
     @property
     def frequency_hz(self) -> np.ndarray:
-        """|lam| / 2 pi."""
+        """abs(lam) / 2 pi."""
         found: np.ndarray = np.abs(self.lam) / (2 * np.pi)
         return found
 
@@ -118,7 +118,7 @@ class ComplexModes:
 
     @property
     def damping_ratio(self) -> np.ndarray:
-        """-Re lam / |lam|."""
+        """-Re lam / abs(lam)."""
         return damping_ratios(self.lam)
 
     @property

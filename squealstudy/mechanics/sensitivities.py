@@ -113,7 +113,7 @@ class Sensitivities:
 
     @property
     def d_frequency_hz(self) -> np.ndarray:
-        """Derivative (k, p) of the frequency |lam| / 2 pi, Hz per unit."""
+        """Derivative (k, p) of the frequency abs(lam) / 2 pi, Hz per unit."""
         return self._figures(1)
 
     @property

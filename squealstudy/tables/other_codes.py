@@ -12,7 +12,7 @@ UNITS = {"damped_frequency_hz": "Hz", "stability_hz": "Hz", "effective_damping":
 
 
 def roots_of(modes: pd.DataFrame) -> np.ndarray:
-    """Roots lambda (n,) [rad/s] of a modes table, from |lambda| and Re lambda.
+    """Roots lambda (n,) [rad/s] of a modes table, from abs(lambda) and Re lambda.
 
     A mode that oscillates with a damping ratio of 1 - d has Im lambda to about 1e-16 / d of it.
 
@@ -34,7 +34,7 @@ def roots_of(modes: pd.DataFrame) -> np.ndarray:
 def other_codes(modes: pd.DataFrame) -> pd.DataFrame:
     """What other codes print of complex modes, row by row: ``modes.join(other_codes(modes))``.
 
-    With lambda = sigma + i omega in rad/s, the frequency of this table being |lambda| / 2 pi.
+    With lambda = sigma + i omega in rad/s, the frequency of this table being abs(lambda) / 2 pi.
 
     Parameters
     ----------
@@ -47,12 +47,12 @@ def other_codes(modes: pd.DataFrame) -> pd.DataFrame:
         With the index of `modes` and units in ``attrs``:
 
         ``damped_frequency_hz``
-            |omega| / 2 pi: the frequency of Abaqus and of Nastran, the imaginary part of ANSYS.
+            abs(omega) / 2 pi: the frequency of Abaqus and of Nastran, the imaginary part of ANSYS.
             0 of a real root.
         ``stability_hz``
             sigma / 2 pi: the real part of ANSYS, positive where the mode grows.
         ``effective_damping``
-            -2 sigma / |omega|: Abaqus's effective damping and Nastran's coefficient g, negative
+            -2 sigma / abs(omega): Abaqus's effective damping and Nastran's coefficient g, negative
             where the mode grows; about twice the damping ratio. NaN of a real root, which has none.
 
     Raises

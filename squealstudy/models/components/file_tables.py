@@ -24,6 +24,8 @@ Pair = Annotated[tuple[str, str], Strict(False)]
 Moduli = float | Vector
 Damping = Annotated[float, Field(ge=0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
+CALLED = "as errors, tables and paths of parameters call it"
+CUTS = "clipped: by the parts of facets that lie on each other; gauss: by the slave's facets alone"
 
 
 class RotationTable(Table):
@@ -232,14 +234,16 @@ class ComponentTable(Table):
 class ContactTable(Table):
     """Two faces in contact."""
 
-    name: Name | None = None
+    name: Name | None = Field(default=None, description=CALLED)
     kind: Literal["sliding", "stuck", "frictionless"] = Field(description="what it does in plane")
     slave: str = Field(description="COMPONENT.SET that has the contact points")
     master: str = Field(description="COMPONENT.SET opposite")
-    quadrature: Literal["clipped", "gauss"] = "clipped"
+    quadrature: Literal["clipped", "gauss"] = Field(default="clipped", description=CUTS)
     points: int = Field(default=3, ge=1, le=32, description="contact points a side of a facet")
     search: float = Field(gt=0, description="greatest distance of the faces, to either side")
-    initial_gap: Literal["zero", "geometric"] | float = "zero"
+    initial_gap: Literal["zero", "geometric"] | float = Field(
+        default="zero", description="at rest: none, that of the meshes, or a number"
+    )
     tangential: float | None = Field(
         default=None, ge=0, description="stiffness per area that holds a stuck contact in plane"
     )
@@ -254,7 +258,7 @@ class ContactTable(Table):
 class TieTable(Table):
     """Two faces that move as one, by a layer that is far stiffer than what is beside it."""
 
-    name: Name
+    name: Name = Field(description=CALLED)
     slave: str = Field(description="COMPONENT.SET")
     master: str = Field(description="COMPONENT.SET opposite")
     bedding: float | None = Field(
@@ -271,7 +275,7 @@ class TieTable(Table):
 class CouplingTable(Table):
     """A node that turns, of a superelement, and a face of another component that it holds."""
 
-    name: Name
+    name: Name = Field(description=CALLED)
     node: str = Field(description="COMPONENT.SET of one node with turns")
     face: str = Field(description="COMPONENT.SET that moves with it")
     kind: Literal["distributing", "rigid"] = Field(
@@ -289,7 +293,7 @@ class CouplingTable(Table):
 class LayerTable(Table):
     """An elastic layer between two faces, or between a face and ground; it has no mass."""
 
-    name: Name
+    name: Name = Field(description=CALLED)
     between: Pair = Field(description='two of COMPONENT.SET, or one and "ground"')
     normal: float = Field(
         ge=0,
@@ -297,7 +301,7 @@ class LayerTable(Table):
     )
     tangential: float = Field(ge=0, description="the same, in plane")
     in_static: bool = Field(default=True, description="false: it is there in vibration only")
-    quadrature: Literal["clipped", "gauss"] = "clipped"
+    quadrature: Literal["clipped", "gauss"] = Field(default="clipped", description=CUTS)
     search: float | None = Field(
         default=None, gt=0, description="greatest distance; else half the size of a facet"
     )
@@ -306,7 +310,7 @@ class LayerTable(Table):
 class SpringTable(Table):
     """Springs between a set and ground, spread over it, or between the means of two sets."""
 
-    name: Name
+    name: Name = Field(description=CALLED)
     between: Pair = Field(description='two of COMPONENT.SET, or one and "ground"')
     axes: Literal["cartesian", "cylindrical"] = Field(
         default="cartesian", description="x, y, z; or radial, around and along the axis of rotation"
@@ -323,7 +327,7 @@ class SpringTable(Table):
 class PointMassTable(Table):
     """A mass on a set of a component."""
 
-    name: Name
+    name: Name = Field(description=CALLED)
     on: str = Field(description="COMPONENT.SET that it moves with")
     mass: float = Field(
         ge=0,
@@ -351,7 +355,7 @@ class FixedTable(Table):
 class LoadTable(Table):
     """The forces of a unit brake pressure."""
 
-    name: Name | None = None
+    name: Name | None = Field(default=None, description=CALLED)
     pressure_on: str = Field(description="COMPONENT.SET that the pressure pushes inwards")
     reaction_on: str | None = Field(default=None, description="COMPONENT.SET that is pushed back")
     reaction: Literal["spread", "opposite"] = Field(
@@ -380,7 +384,7 @@ class ParameterTable(Table):
         default=None, description="a number, or one with its unit; else the file's value"
     )
     unit: str | None = Field(default=None, description="of a bare default; else the file's units")
-    description: str = ""
+    description: str = Field(default="", description="what tables and screens say of it")
 
     @property
     def paths(self) -> tuple[str, ...]:

@@ -124,7 +124,7 @@ class ValuesError(ModelError):
 class ModelFile(Table):
     """A whole model file."""
 
-    description: str = ""
+    description: str = Field(default="", description="free text")
     units: Literal["SI", "t-mm-s", "mm-kg-ms"] = Field(
         description="SI, t-mm-s or mm-kg-ms, of all numbers of its files"
     )
@@ -133,18 +133,34 @@ class ModelFile(Table):
     contact: Annotated[tuple[ContactTable, ...], Strict(False)] = Field(
         default=(), description="faces in contact"
     )
-    tie: Annotated[tuple[TieTable, ...], Strict(False)] = ()
-    coupling: Annotated[tuple[CouplingTable, ...], Strict(False)] = ()
-    layer: Annotated[tuple[LayerTable, ...], Strict(False)] = ()
-    spring: Annotated[tuple[SpringTable, ...], Strict(False)] = ()
-    point_mass: Annotated[tuple[PointMassTable, ...], Strict(False)] = ()
-    fixed: Annotated[tuple[FixedTable, ...], Strict(False)] = ()
-    load: Annotated[tuple[LoadTable, ...], Strict(False)] = ()
+    tie: Annotated[tuple[TieTable, ...], Strict(False)] = Field(
+        default=(), description="faces of two components that move as one"
+    )
+    coupling: Annotated[tuple[CouplingTable, ...], Strict(False)] = Field(
+        default=(), description="nodes that turn, of superelements, on faces of other components"
+    )
+    layer: Annotated[tuple[LayerTable, ...], Strict(False)] = Field(
+        default=(), description="elastic layers between faces"
+    )
+    spring: Annotated[tuple[SpringTable, ...], Strict(False)] = Field(
+        default=(), description="springs between sets, or to ground"
+    )
+    point_mass: Annotated[tuple[PointMassTable, ...], Strict(False)] = Field(
+        default=(), description="masses on sets"
+    )
+    fixed: Annotated[tuple[FixedTable, ...], Strict(False)] = Field(
+        default=(), description="what is held"
+    )
+    load: Annotated[tuple[LoadTable, ...], Strict(False)] = Field(
+        default=(), description="forces of a unit brake pressure; at least one"
+    )
     stress_stiffening: StressTable | None = Field(
         default=None,
         description="its stresses stiffen what vibrates; else none do",
     )
-    parameters: dict[str, ParameterTable] = Field(default={})
+    parameters: dict[str, ParameterTable] = Field(
+        default={}, description="numbers that studies may vary, by name"
+    )
 
     def at(self, keys: KeyPath) -> Any:
         """The value at a key of the file; None where it is not written there."""

@@ -1,0 +1,453 @@
+"""Pages of the site that are made when it is built, from the program itself and from the clone.
+
+`python docs/generate.py` writes them to `docs/generated/`; `conf.py` does so before every build.
+Only what has changed is written: Sphinx reads no other page again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).resolve().parent
+ROOT = DOCS.parent
+GENERATED = DOCS / "generated"
+PARTS = GENERATED / "parts"  # no pages, but parts of some
+
+THEORY = (  # pages of squealstudy/THEORY.md: name, title, its sections
+    ("theory-1", "Theory: the brake", range(1, 5)),
+    ("theory-2", "Theory: complex modes", range(5, 8)),
+    ("theory-3", "Theory: tracks and slopes", range(8, 10)),
+    ("theory-4", "Theory: in time", range(10, 12)),
+    ("theory-5", "Theory: limit cycles", range(16, 17)),
+    ("theory-6", "Theory: the rest", (*range(12, 16), *range(17, 40))),
+)
+PAGES = {  # files of the clone that are pages of the site, too: name, title
+    "squealstudy/README.md": ("how-built", "How it is built"),
+    "squealstudy/THEORY.md": ("theory-1", ""),
+    "studies/benchmarks/README.md": ("benchmarks", "Benchmarks"),
+    "studies/benchmarks/limit_cycles.md": ("benchmarks-limit-cycles", "Limit cycles, measured"),
+    "studies/benchmarks/designs.md": ("benchmarks-designs", "Design studies, measured"),
+    "studies/benchmarks/contact_and_squeal.md": (
+        "benchmarks-contact",
+        "Contact and squeal, measured",
+    ),
+    "studies/paper/README.md": ("paper", "Vermot des Roches 2010"),
+    "CHANGELOG.md": ("changes", "Changes"),
+    "SECURITY.md": ("security", "Security"),
+}
+LINK = re.compile(r"(!?\[[^\]]*\])\(([^)\s]+)\)")
+FLAGS = re.MULTILINE | re.DOTALL
+FENCE = re.compile(r"^(```.*?^```)$", FLAGS)
+KEY_PAGES = (  # schema, heading of a table, what a table is in such a file
+    ("study-keys", ""),
+    ("model-keys", "model_file"),
+    ("work-precision-keys", "work_precision"),
+    ("method-stability-keys", "method_stability"),
+)
+KIND_TITLES = {
+    "complex_modes": "Complex modes",
+    "transient": "Runs in time",
+    "limit_cycles": "Limit cycles",
+    "sensitivity": "Sensitivities",
+    "design": "Design studies",
+    "work_precision": "Error over time of methods",
+    "method_stability": "Where methods fail",
+}
+# the library behind `squealstudy.model(...).at(...)`: module and class
+MECHANICS = (
+    ("squealstudy.mechanics.unreduced", "Unreduced"),
+    ("squealstudy.mechanics.reduction", "Reduction"),
+    ("squealstudy.mechanics.steady", "SteadySliding"),
+    ("squealstudy.mechanics.linear", "LinearSystem"),
+    ("squealstudy.mechanics.modes", "ComplexModes"),
+    ("squealstudy.mechanics.sensitivities", "Sensitivities"),
+    ("squealstudy.mechanics.motions", "Runs"),
+    ("squealstudy.mechanics.limit_cycles", "LimitCycles"),
+)
+
+
+def parts() -> dict[str, str]:
+    """Text of what pages of the reference include, by name."""
+    made = {name: _keys(of) for name, of in KEY_PAGES}
+    made |= {"commands": _commands(), "columns": _columns(), "models": _models(), "laws": _laws()}
+    return made | {"python": _python()}
+
+
+def pages() -> dict[str, str]:
+    """Text of the pages that are files of the clone, by name."""
+    made = dict(_theory())
+    for source, (name, title) in PAGES.items():
+        path = ROOT / source
+        if title and path.is_file():
+            made[name] = _moved(path, path.read_text("utf-8"), title)
+    return made
+
+
+def write() -> None:
+    """Write the pages that have changed, and remove those that are no more."""
+    for folder, made in ((GENERATED, pages()), (PARTS, parts())):
+        folder.mkdir(exist_ok=True)
+        for path in folder.glob("*.md"):
+            if path.stem not in made:
+                path.unlink()
+        for name, text in made.items():
+            path = folder / f"{name}.md"
+            if not path.is_file() or path.read_text("utf-8") != text:
+                path.write_text(text, "utf-8")
+
+
+def digest() -> str:
+    """Hash of what executed pages depend on beside their text."""
+    found = hashlib.sha256()
+    own = [*(ROOT / "squealstudy").rglob("*.py"), *(ROOT / "studies" / "own_brake").iterdir()]
+    for path in sorted([*own, DOCS / "cells.py"]):
+        found.update(path.read_bytes())
+    for page in sorted((DOCS / "tutorials").glob("*.md")):  # files that hidden cells take from it
+        found.update(
+            "".join(re.findall(r"^```toml\n.*?^```$", page.read_text("utf-8"), FLAGS)).encode()
+        )
+    return found.hexdigest()[:16]
+
+
+# -- files of the clone as pages -------------------------------------------------------------------
+def relinked(text: str, source: Path, page: Path) -> str:
+    """Links of a file of the clone, as they are on a page of the site.
+
+    Parameters
+    ----------
+    text : str
+    source : Path
+        Where the links lead from.
+    page : Path
+        The page below `DOCS` that they stand on.
+    """
+
+    def changed(link: re.Match[str]) -> str:
+        shown, to = link.groups()
+        if "://" in to or to.startswith(("#", "mailto:")):
+            return link[0]
+        path, _, anchor = to.partition("#")
+        target = (source.parent / path).resolve()
+        known = PAGES.get(str(target.relative_to(ROOT))) if target.is_relative_to(ROOT) else None
+        if known:
+            target = GENERATED / f"{known[0]}.md"
+            anchor = anchor if known[1] else ""  # theory is in parts
+        elif target.is_dir():
+            return shown.strip("[]")
+        return f"{shown}({_from(page, target)}{'#' if anchor else ''}{anchor})"
+
+    parts = FENCE.split(text)
+    return "".join(p if k % 2 else LINK.sub(changed, p) for k, p in enumerate(parts))
+
+
+def _from(page: Path, target: Path) -> str:
+    """A path from a page to a file, with slashes."""
+    up = page.resolve().parent
+    steps = 0
+    while not target.is_relative_to(up):
+        up, steps = up.parent, steps + 1
+    return "../" * steps + target.relative_to(up).as_posix()
+
+
+def _moved(path: Path, text: str, title: str) -> str:
+    body = re.sub(r"\A# .*\n", f"# {title}\n", text)
+    return relinked(body, path, GENERATED / "page.md")
+
+
+def _theory() -> Iterator[tuple[str, str]]:
+    """The parts of THEORY.md, each with the sections that it holds."""
+    path = ROOT / "squealstudy" / "THEORY.md"
+    head, *sections = re.split(r"^(?=## )", path.read_text("utf-8"), flags=re.MULTILINE)
+    for name, title, numbers in THEORY:
+        own = [s for s in sections if (m := re.match(r"## (\d+)", s)) and int(m[1]) in numbers]
+        if name == THEORY[0][0]:
+            own = [re.sub(r"\A# .*\n", "", head), *own]
+        if name == THEORY[-1][0]:
+            own += [s for s in sections if not re.match(r"## \d", s)]
+        yield name, relinked(f"# {title}\n\n" + "".join(own), path, GENERATED / "page.md")
+
+
+# -- keys ------------------------------------------------------------------------------------------
+def _keys(of: str) -> str:
+    from squealstudy.engine.schema import MODEL_FILE, methods_schema, model_schema, study_schema
+
+    if not of:
+        schema = study_schema()
+    else:
+        schema = model_schema() if of == MODEL_FILE else methods_schema(of)
+    lines: list[str] = []
+    plain: dict[str, Any] = {}
+    for name, table in schema["properties"].items():
+        inner = list(_inner(table, schema))
+        if not inner:
+            plain[name] = table
+            continue
+        lines += _table(_heading(name, table), table, inner, schema)
+    if plain:
+        head = ["## Top of the file", "", *_rows(plain, (), schema)]
+        lines = [*head, *lines]
+    return "\n".join(lines) + "\n"
+
+
+def _inner(node: Mapping[str, Any], schema: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    from squealstudy.engine.schema import table_names
+
+    for name in dict.fromkeys(table_names(node)):
+        yield schema["$defs"][name]
+
+
+def _heading(name: str, table: Mapping[str, Any]) -> str:
+    if table.get("type") == "array":
+        return f"[[{name}]]"
+    return f"[{name}.NAME]" if "additionalProperties" in table else f"[{name}]"
+
+
+def _table(
+    heading: str,
+    table: Mapping[str, Any],
+    inner: Iterable[Mapping[str, Any]],
+    schema: Mapping[str, Any],
+) -> list[str]:
+    """A section of the page: a table of the file, and tables in it."""
+    lines = [f"## `{heading}`", "", _sentence(table.get("description", ""))]
+    if kinds := table.get("kinds"):
+        lines += ["", f"Kinds: {', '.join(f'`{k}`' for k in kinds)}."]
+    deeper: list[str] = []
+    for one in inner:
+        lines += ["", *_rows(one["properties"], one.get("required", ()), schema)]
+        for key, found in one["properties"].items():
+            for nested in _inner(found, schema):
+                plain = heading.strip("[]")
+                deeper += [f"### `{plain}.{key}`", "", _sentence(found.get("description", "")), ""]
+                deeper += _rows(nested["properties"], nested.get("required", ()), schema)
+                for key2, found2 in nested["properties"].items():
+                    for third in _inner(found2, schema):
+                        deeper += [f"### `{plain}.{key}.{key2}`", ""]
+                        deeper += _rows(third["properties"], third.get("required", ()), schema)
+    return [*lines, *deeper]
+
+
+def _rows(
+    properties: Mapping[str, Any], required: Iterable[str], schema: Mapping[str, Any]
+) -> list[str]:
+    lines = ["| key | type | unit | default | meaning |", "|---|---|---|---|---|"]
+    examples: list[str] = []
+    for key, found in properties.items():
+        default = "*required*" if key in required else _default(found)
+        meaning = _sentence(found.get("description", ""))
+        cells = (f"`{key}`", _type(found, schema), found.get("unit", ""), default, meaning)
+        lines.append("| " + " | ".join(_cell(c) for c in cells) + " |")
+        examples += [f"{_bare(key)} = {toml_value(e)}" for e in found.get("examples", ())]
+    if examples:
+        lines += ["", "```toml", *examples, "```"]
+    return [*lines, ""]
+
+
+def _type(node: Mapping[str, Any], schema: Mapping[str, Any]) -> str:
+    """Type, choices and range of a key, in words."""
+    if "enum" in node:
+        return " or ".join(f"`{toml_value(v)}`" for v in node["enum"])
+    if "const" in node:
+        return f"`{toml_value(node['const'])}`"
+    if "anyOf" in node:
+        return ", or ".join(_type(part, schema) for part in node["anyOf"])
+    if "$ref" in node:
+        return "table"
+    kind = node.get("type", "any")
+    names = {"integer": "whole number", "boolean": "true or false", "string": "text"}
+    if isinstance(kind, list):
+        return " or ".join(names.get(k, k) for k in kind)
+    if kind == "array":
+        parts = node.get("prefixItems")
+        if parts:
+            return f"list of {len(parts)}, {_type(parts[0], schema)}"
+        return "list" if "items" not in node else f"list of: {_type(node['items'], schema)}"
+    words = "table" if kind == "object" else names.get(kind, kind)
+    return words + _range(node)
+
+
+def _range(node: Mapping[str, Any]) -> str:
+    bounds = (
+        ("exclusiveMinimum", "above"),
+        ("minimum", "at least"),
+        ("exclusiveMaximum", "below"),
+        ("maximum", "at most"),
+    )
+    said = [f"{word} {node[key]:,}" for key, word in bounds if key in node]
+    return ", " + ", ".join(said) if said else ""
+
+
+def _default(node: Mapping[str, Any]) -> str:
+    if "default" not in node or node["default"] in ([], {}, ""):
+        return ""
+    return f"`{toml_value(node['default'])}`"
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML has it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_bare(k)} = {toml_value(v)}" for k, v in value.items()) + "}"
+    return f"{value:g}" if isinstance(value, float) and value != int(value) else str(value)
+
+
+def _bare(key: str) -> str:
+    return key if re.fullmatch(r"[\w-]+", key) else toml_value(key)
+
+
+def _sentence(text: str) -> str:
+    """The text as a sentence, names in angle brackets as they stand."""
+    plain = " ".join(text.split()).replace("<", "&lt;").replace("*", "\\*")
+    if not plain:
+        return ""
+    return plain[0].upper() + plain[1:] + ("" if plain.endswith((".", "!", "?")) else ".")
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+# -- commands, tables, models, laws ----------------------------------------------------------------
+def _commands() -> str:
+    import os
+
+    from typer.main import get_command
+
+    from squealstudy.cli.app import COMMANDS, app
+
+    os.environ["COLUMNS"] = os.environ["TERMINAL_WIDTH"] = "78"
+    whole = get_command(app)
+    lines: list[str] = []
+    for function in COMMANDS:
+        command = whole.commands[function.__name__]  # type: ignore[attr-defined]
+        context = type(whole.make_context("squealstudy", ["--"], resilient_parsing=True))(
+            command, info_name=f"squealstudy {function.__name__}"
+        )
+        lines += [f"## `{function.__name__}`", "", "```text", command.get_help(context), "```", ""]
+    return "\n".join(lines)
+
+
+def _columns() -> str:
+    """Tables of each kind of study, with unit, meaning and error of each column."""
+    from squealstudy.columns import COLUMNS, unit_of
+
+    lines: list[str] = []
+    for kind, tables in COLUMNS.items():
+        lines += [f"## {KIND_TITLES[kind]}", "", f'Of `kind = "{kind}"`.', ""]
+        for table, columns in tables.items():
+            lines += [f"### `{table}` of `{kind}`", ""]
+            lines += ["| column | unit | meaning | error |", "|---|---|---|---|"]
+            for column in columns:
+                names = column_names(column.name)
+                unit = unit_of(names[0].replace("*", "1")) or ""
+                error = ", ".join(f"`{e}`" for e in column.errors) or _sentence(column.leaves_out)
+                shown = ", ".join(f"`{name}`" for name in names)
+                cells = (shown, unit, _sentence(column.definition), error)
+                lines.append("| " + " | ".join(_cell(c) for c in cells) + " |")
+            lines.append("")
+    return "\n".join(lines)
+
+
+def column_names(pattern: str) -> list[str]:
+    """The names that a regular expression of columns means, a star for what varies."""
+    found = re.search(r"\(([^()]*)\)", pattern)
+    if found:
+        ends = pattern[: found.start()], pattern[found.end() :]
+        parts = (ends[0] + choice + ends[1] for choice in found[1].split("|"))
+        return [name for part in parts for name in column_names(part)]
+    return [re.sub(r"\\[dw]\+|\.\+", "*", name) for name in pattern.split("|")]
+
+
+def _parameter_rows(parameters: Any) -> list[str]:
+    lines = ["| parameter | default | unit | meaning |", "|---|---|---|---|"]
+    for name, row in parameters.iterrows():
+        meaning = _sentence(row["description"])
+        meaning += " Each value costs a reduction." if row["structural"] else ""
+        meaning += f" With {row['laws']}." if row["laws"] else ""
+        cells = (f"`{name}`", f"{row['default']:g}", row["unit"], meaning)
+        lines.append("| " + " | ".join(_cell(c) for c in cells) + " |")
+    return lines
+
+
+def _models() -> str:
+    import squealstudy as sq
+
+    lines: list[str] = []
+    for name, description in sq.list_models().items():
+        lines += [f"## `{name}`", "", _sentence(description), ""]
+        if name in ("matrices", "components"):  # of files
+            continue
+        model = sq.model(name)
+        if len(model.options):
+            lines += ["| option of `[model]` | default | others | meaning |", "|---|---|---|---|"]
+            for option, row in model.options.iterrows():
+                first, *others = map(str, row["choices"])
+                cells = (f"`{option}`", first, ", ".join(others), _sentence(row["description"]))
+                lines.append("| " + " | ".join(_cell(c) for c in cells) + " |")
+            lines.append("")
+        lines += [*_parameter_rows(model.parameters), ""]
+    return "\n".join(lines)
+
+
+def _laws() -> str:
+    from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES, REGULARISATIONS
+
+    lines: list[str] = []
+    for title, laws in (
+        ("Contact laws: `contact_law` of `[model]`", CONTACT_LAWS),
+        ("Friction curves: `friction_law` of `[model]`", FRICTION_CURVES),
+        ("Friction at rest: `friction` of `[transient]` and `[limit_cycles]`", REGULARISATIONS),
+    ):
+        lines += [f"## {title}", "", "| law | meaning | parameters |", "|---|---|---|"]
+        for law in laws:
+            definition = law if hasattr(law, "description") else laws[law]
+            own = "; ".join(
+                f"`{p.name}` [{p.unit or '1'}], {p.default:g}" for p in definition.parameters
+            )
+            cells = (f"`{definition.name}`", _sentence(definition.description), own)
+            lines.append("| " + " | ".join(_cell(c) for c in cells) + " |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+# -- Python ----------------------------------------------------------------------------------------
+def _python() -> str:
+    import inspect
+
+    import squealstudy
+
+    lines: list[str] = []
+    for name in squealstudy.__all__:
+        if name.startswith("__"):
+            continue
+        found = getattr(squealstudy, name)
+        kind = "class" if inspect.isclass(found) else "function"
+        lines += [f"## `{name}`", "", *_documented(kind, f"squealstudy.{name}")]
+    lines += [
+        "## Pictures: `results.plot`",
+        "",
+        *_documented("class", "squealstudy.engine.pictures.Plots"),
+    ]
+    for module, name in MECHANICS:
+        lines += [f"## `{name}`", "", *_documented("class", f"{module}.{name}")]
+    return "\n".join(lines)
+
+
+def _documented(kind: str, name: str) -> list[str]:
+    lines = ["```{eval-rst}", f".. auto{kind}:: {name}"]
+    if kind == "class":
+        lines += ["   :members:"]
+    return [*lines, "```", ""]
+
+
+if __name__ == "__main__":
+    write()
