@@ -123,9 +123,25 @@ def test_a_bush_to_ground_against_turns(tmp_path):
     same(matrices(tmp_path, *cards), rigid([("K", np.diag([1e4, 2e4, 3e4, 4e4, 5e4, 6e4]))]))
 
 
+@pytest.mark.parametrize(("share", "at"), [("", 0.5), (".2", 0.2)])
+def test_a_bush_of_some_length_has_levers(tmp_path, share, at):
+    """From the middle of a rigid face to a node of the other end: it acts where it is."""
+    node = OTHER[0]
+    cards = [RBE2, GRID, "PBUSH,5,K,1e4,2e4,3e4", f"CBUSH,700,5,900,{NUMBERS[node]},,,,0,+"]
+    cards.append(f"+,{share}")
+    K, M = matrices(tmp_path, *cards)
+    N = moved([(FACE, on(REF, FACE))], 6)
+    free = [k for k in range(len(X0)) if k not in FACE]
+    relative = np.zeros((3, N.shape[1]))
+    relative[:, 3 * free.index(node) : 3 * free.index(node) + 3] = np.eye(3)
+    relative[:, -6:] = -np.hstack([np.eye(3), turned(at * (X0[node] - REF))])
+    same((K, M), (N.T @ K0 @ N + relative.T @ np.diag([1e4, 2e4, 3e4]) @ relative, N.T @ M0 @ N))
+
+
 @pytest.mark.parametrize(
     ("cards", "message"),
     [
+        (["PBUSH,5,K,1e4,2e4", "CBUSH,700,5,{},{},,,,0,+", "+,,3,1.,2.,3."], "OCID: a place off"),
         (["RBAR,850,{},{},123,456"], "expected CNA or CNB = 123456"),
         (["RBAR,850,{},{},123456", "RBAR,851,{1},{0},123456"], "are one rigid body: expected one"),
         (["CBUSH,700,5,{},{},,,,0"], "there is no PBUSH 5"),

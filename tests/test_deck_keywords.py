@@ -124,9 +124,13 @@ def test_nodes_in_other_coordinates(tmp_path, system, node, place):
             "a pointer of Git LFS: 'git lfs",
         ),
         ("a.stp", "", "unknown format '.stp', .*it is a shape: mesh it first"),
-        ("a.med", "", "unknown format '.med', .*meshio or gmsh converts it"),
+        ("a.vtu", "", "unknown format '.vtu', .*meshio or gmsh converts it"),
         ("a.odb", "", "unknown format '.odb', .*let its program write the mesh as text"),
-        ("a.xyz", "", "unknown format '.xyz', expected one of .inp, .msh, .cdb, .bdf, .*fem$"),
+        (
+            "a.xyz",
+            "",
+            "unknown format '.xyz', expected one of .inp, .msh, .unv, .med, .cdb, .bdf, .*fem$",
+        ),
     ],
 )
 def test_files_that_are_no_deck(tmp_path, name, content, message):

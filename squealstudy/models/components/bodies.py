@@ -42,13 +42,13 @@ from squealstudy.models.fem.solid import Isotropic
 
 INCLUDED = re.compile(r"^\s*\*[^,]*,.*?\bINPUT\s*=\s*\"?([^,\"\n]+?)\"?\s*(?:,|$)", re.I | re.M)
 ANSYS, NASTRAN = ".cdb", (".bdf", ".nas", ".dat", ".fem")
-FORMATS = (".inp", ".msh", ANSYS, *NASTRAN)
+FORMATS = (".inp", ".msh", ".unv", ".med", ANSYS, *NASTRAN)
 BODY = re.compile(r"BODY[1-9][0-9]*", re.I)  # a part of a mesh that nothing connects to others
 BODIES = 100  # from which on they are no sets
 POINTER = b"version https://git-lfs.github.com"  # what a file is replaced by
 ADVICE = (
     (
-        (".med", ".vtu", ".vtk", ".xdmf", ".exo", ".e", ".mesh", ".avs", ".xml", ".unv"),
+        (".vtu", ".vtk", ".xdmf", ".exo", ".e", ".mesh", ".avs", ".xml"),
         "; meshio or gmsh converts it to .msh or .inp",
     ),
     ((".stp", ".step", ".igs", ".iges", ".brep", ".stl", ".x_t"), "; it is a shape: mesh it first"),
@@ -178,10 +178,14 @@ def _read(path: Path, table: ComponentTable) -> SolidMesh:
             temperature=table.temperature,
             points=table.mesh is None,
         )
-    elif ending == ".msh":
-        from squealstudy.models.components.gmsh import read_gmsh
-
-        mesh = read_gmsh(path, treat_as=table.treat_as)
+    elif ending in (".msh", ".unv", ".med"):
+        if ending == ".msh":
+            from squealstudy.models.components.gmsh import read_gmsh as read
+        elif ending == ".unv":
+            from squealstudy.models.components.unv import read_unv as read
+        else:
+            from squealstudy.models.components.med import read_med as read
+        mesh = read(path, treat_as=table.treat_as)
         if table.part is not None:
             mesh = mesh.part(mesh.find("element_sets", table.part))
     elif ending in NASTRAN:

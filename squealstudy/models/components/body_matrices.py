@@ -27,8 +27,11 @@ def freedom_matrices(
     if mesh.discrete:
         n = len(mesh.nodes)
         for d in mesh.discrete:
-            if d.turns and not expansion.turning[d.nodes].all():
-                bare = d.nodes[~expansion.turning[d.nodes]]
+            if not d.turns:
+                continue
+            used = (abs(d.K) + abs(d.M)).sum(axis=1).reshape(-1, 6)[:, 3:].any(axis=1)
+            bare = d.nodes[used & ~expansion.turning[d.nodes]]
+            if len(bare):
                 raise mesh.error(
                     f"{d.name}: {mesh.nodes_named(bare)} has no turns: expected the reference node "
                     "of a rigid or distributing coupling"

@@ -144,27 +144,34 @@ class BulkDiscrete:
                 raise card.error("expected a node", 2)
             axes = self._bush_axes(card, nodes, k)
             turning = [node in self._turning for node in nodes]
-            length = np.linalg.norm(self._nodes[nodes[-1]] - self._nodes[nodes[0]])
             if k[3:].any() and not all(turning):
                 raise card.error(
                     "its stiffness against turns is at a node that does not turn: expected "
                     "reference nodes of RBE2, or K4 to K6 of zero",
                     2,
                 )
-            if any(turning) and length > 0 and k[1:3].any():
-                raise card.error(
-                    "a bush of some length across which nodes turn is not supported: put both of "
-                    "its nodes at one place",
-                    2,
-                )
+            arms = self._bush_arms(card, nodes)
             for direction in range(6):
-                if k[direction]:
-                    along = np.zeros(6)
-                    first = 3 * (direction // 3)
-                    along[first : first + 3] = axes[direction % 3]
-                    along = along if direction > 2 else along[:3]
-                    ends = [(n, s * along) for n, s in zip(nodes, (-1.0, 1.0), strict=False)]
-                    yield spring(f"CBUSH {number}", ends, k[direction])
+                if not k[direction]:
+                    continue
+                axis, ends = axes[direction % 3], []
+                for node, arm, sign in zip(nodes, arms, (-1.0, 1.0), strict=False):
+                    along = np.append(np.zeros(3), axis)
+                    if direction < 3:
+                        lever = np.cross(arm, axis) if node in self._turning else np.zeros(3)
+                        along = np.append(axis, lever)
+                    ends.append((node, sign * along))
+                if not any(along[3:].any() for _, along in ends):
+                    ends = [(node, along[:3]) for node, along in ends]
+                yield spring(f"CBUSH {number}", ends, k[direction])
+
+    def _bush_arms(self, card: BulkCard, nodes: list[int]) -> np.ndarray:
+        """From each node to where the bush is: S of the way between them, half by default."""
+        if card.at(9) not in ("", "-1"):
+            raise card.error("OCID: a place off the line of its nodes is not supported", 9)
+        share = card.real(8, "a share of the way", 0.5)
+        x = self._nodes[nodes]
+        return (1 - share) * x[0] + share * x[-1] - x
 
     @staticmethod
     def _bush_stiffness(card: BulkCard) -> np.ndarray:

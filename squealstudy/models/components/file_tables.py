@@ -150,7 +150,7 @@ class MatrixTable(Table):
 class ComponentTable(Table):
     """A component: a mesh with materials, or matrices with a mesh that names their nodes."""
 
-    mesh: str | None = Field(default=None, description="file .inp, .msh, .bdf or .cdb")
+    mesh: str | None = Field(default=None, description="file .inp, .msh, .unv, .med, .bdf or .cdb")
     part: str | None = Field(default=None, description="instance or element set of the mesh's file")
     dialect: Literal["abaqus", "calculix"] | None = Field(
         default=None, description="whose C3D8 an .inp means"

@@ -65,8 +65,12 @@ def read_gmsh(path: Path, *, treat_as: Mapping[str, str] | None = None) -> Solid
         A file that cannot be read; elements that are not supported; no solid elements; two groups
         of one name.
     """
-    names = _formulations(path, treat_as or {})
-    found = _read(path)
+    return mesh_of_cells(path, _read(path), treat_as or {})
+
+
+def mesh_of_cells(path: Path, found: Any, treat_as: Mapping[str, str]) -> SolidMesh:
+    """The component of what meshio has read, as of `read_gmsh`."""
+    names = _formulations(path, treat_as)
     for block in found.cells:
         if block.type not in (*SOLIDS, *CORNERS, *LESSER):
             advice = ADVICE.get(block.type, f"supported are {', '.join(SOLIDS)}")
@@ -101,13 +105,19 @@ def _formulations(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
     return {kind: treat_as.get(name, name) for kind, name in SOLIDS.items()}
 
 
+def know_cells() -> None:
+    """Meshio 5.3.5 reads wedges with 15 nodes, pyramids with 13, but for their dimensions."""
+    import meshio
+
+    for kind in ("wedge15", "pyramid13"):
+        meshio._mesh.topological_dimension.setdefault(kind, 3)
+
+
 def _read(path: Path) -> Any:
     """What meshio makes of it; ModelError for whatever it runs into."""
     import meshio
 
-    # meshio 5.3.5 reads wedges with 15 nodes, pyramids with 13, but for their dimensions
-    for kind in ("wedge15", "pyramid13"):
-        meshio._mesh.topological_dimension.setdefault(kind, 3)
+    know_cells()
     if not path.is_file():
         raise ModelError(f"there is no file {path}")
     check_counts(path)

@@ -1,0 +1,117 @@
+"""Components from files of Salome and Code_Aster (``.med``) by meshio, which reads them by h5py."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.files import expect_room
+from squealstudy.models.components.gmsh import know_cells, mesh_of_cells
+from squealstudy.models.components.mesh import SolidMesh
+
+MOST = 100_000  # groups and arrays of a file
+OF_NUMBERS = 4.0  # bytes of memory for each of the file's arrays
+
+
+def read_med(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidMesh:
+    """A component from a file of MED 3 or 4, in its units, without materials.
+
+    Groups of volumes are element sets, of faces surfaces and node sets, of edges and nodes node
+    sets. Nodes and elements are numbered from 1 in the order of the file.
+
+    Parameters
+    ----------
+    path : Path
+    treat_as : dict of str -> str
+        As of `read_gmsh`.
+
+    Raises
+    ------
+    ModelError
+        Without h5py; a file that cannot be read; elements that are not supported.
+    """
+    import meshio
+
+    if not path.is_file():
+        raise ModelError(f"there is no file {path}")
+    know_cells()
+    try:
+        _check(path)
+        found = meshio.med.read(path)
+    except ModelError:
+        raise
+    except Exception as error:  # a damaged file is whatever its reader runs into
+        reason = f"{type(error).__name__} {error}".strip()
+        raise ModelError(f"{path} cannot be read as a mesh of MED: {reason}") from error
+    found.points = np.asarray(found.points, dtype=float)
+    if found.points.ndim != 2 or found.points.shape[1] != 3:
+        raise ModelError(f"{path}: expected nodes in space")
+    for block in found.cells:
+        if len(block.data) and not (0 <= block.data.min() <= block.data.max() < len(found.points)):
+            raise ModelError(f"{path}: elements '{block.type}' have nodes that are not there")
+    _name_groups(found)
+    mesh = mesh_of_cells(path, found, treat_as or {})
+    return _with_node_groups(mesh, found)
+
+
+def _check(path: Path) -> None:
+    """ModelError without h5py, for links to other files, for more than there is memory for."""
+    try:
+        import h5py  # type: ignore[import-untyped]
+    except ImportError:
+        raise ModelError(f"{path}: MED needs h5py: pip install 'squealstudy[med]'") from None
+    needed = 0
+    with h5py.File(path, "r") as file:
+        groups = [file]
+        seen = 0
+        while groups:
+            group = groups.pop()
+            for name in group:
+                seen += 1
+                if seen > MOST or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                    raise ModelError(f"{path}: links to other places, which are not followed")
+                own = group[name]
+                if isinstance(own, h5py.Group):
+                    groups.append(own)
+                elif own.external or own.is_virtual:
+                    raise ModelError(f"{path}: numbers in other files, which are not read")
+                else:
+                    needed += own.size * own.dtype.itemsize
+    expect_room(OF_NUMBERS * needed)
+
+
+def _name_groups(found: Any) -> None:
+    """Families of cells as sets by the names of their groups."""
+    tags = found.cell_data.pop("cell_tags", None)
+    if tags is None:
+        return
+    sets: dict[str, list[np.ndarray]] = {}
+    for k, own in enumerate(tags):
+        for tag in np.unique(own):
+            for name in found.cell_tags.get(int(tag), ()):
+                parts = sets.setdefault(
+                    name.strip(), [np.zeros(0, dtype=np.int64) for _ in found.cells]
+                )
+                parts[k] = np.union1d(parts[k], np.flatnonzero(own == tag))
+    found.cell_sets = sets
+
+
+def _with_node_groups(mesh: SolidMesh, found: Any) -> SolidMesh:
+    tags = found.point_data.get("point_tags")
+    if tags is None:
+        return mesh
+    place = np.full(len(found.points) + 1, -1)
+    place[mesh.numbers] = np.arange(len(mesh.numbers))
+    sets = dict(mesh.node_sets)
+    for tag, names in found.point_tags.items():
+        own = place[1 + np.flatnonzero(tags == tag)]
+        for name in names:
+            both = np.union1d(sets.get(name.strip(), np.zeros(0, dtype=np.int64)), own[own >= 0])
+            if len(both):
+                sets[name.strip()] = both
+    return replace(mesh, node_sets=sets)

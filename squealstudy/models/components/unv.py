@@ -1,0 +1,264 @@
+"""Components from universal files (``.unv``): datasets 2411, 2412 and 2467 of I-deas, Salome.
+
+pyuff reads one line of nodes an element, of which those of the second degree have two and three:
+the three datasets are gone through here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.faces import faces_with_corners
+from squealstudy.models.components.formulations import FORMULATIONS
+from squealstudy.models.components.inp_lines import Line
+from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
+from squealstudy.models.matrices.text import TextFile
+
+MARK = "-1"  # the line around each dataset
+NODES, ELEMENTS = ("2411", "781"), ("2412",)
+GROUPS = ("2467", "2477", "2452", "2435")
+# number of the element -> formulation, places of its nodes in our order: middles follow corners
+# along each edge there (dataset 2412, I-deas Test Universal File Datasets)
+SOLIDS: dict[int, tuple[str, tuple[int, ...]]] = {
+    111: ("C3D4", tuple(range(4))),
+    112: ("C3D6", tuple(range(6))),
+    115: ("C3D8", tuple(range(8))),
+    118: ("C3D10", (0, 2, 4, 9, 1, 3, 5, 6, 7, 8)),
+    113: ("C3D15", (0, 2, 4, 9, 11, 13, 1, 3, 5, 10, 12, 14, 6, 7, 8)),
+    116: ("C3D20", (0, 2, 4, 6, 12, 14, 16, 18, 1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11)),
+}
+PLATES = {  # with the places of their corners
+    **dict.fromkeys((41, 51, 61, 74, 81, 91), (0, 1, 2)),
+    **dict.fromkeys((42, 52, 62, 72, 82, 92), (0, 2, 4)),
+    **dict.fromkeys((44, 54, 64, 71, 84, 94), (0, 1, 2, 3)),
+    **dict.fromkeys((45, 55, 65, 75, 85, 95), (0, 2, 4, 6)),
+}
+BEAMS = (11, 21, 22, 23, 24)  # have a line of their own between
+OF_NODE, OF_ELEMENT = 7, 8  # kinds of members of groups
+OFF = 0.6  # of an edge: how far its middle node may be from where the corners' middle is
+
+
+def read_unv(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidMesh:
+    """A component from a universal file, in the units of its numbers, without materials.
+
+    Groups of solids are element sets, of plates on the boundary surfaces, of nodes node sets.
+
+    Parameters
+    ----------
+    path : Path
+    treat_as : dict of str -> str
+        Formulations to use in place of others with as many nodes, such as C3D8I for C3D8.
+
+    Raises
+    ------
+    ModelError
+        With the line of what is malformed, or refers to what is not there.
+    """
+    names = _treated(path, treat_as or {})
+    try:
+        text = TextFile.read(path)
+    except (OSError, EOFError) as error:
+        raise ModelError(f"{path} cannot be read: {error}") from error
+    return _Reader(path, text, names).mesh()
+
+
+def _treated(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
+    found = {name: name for name, _ in SOLIDS.values()}
+    for old, new in treat_as.items():
+        if old not in found or new not in FORMULATIONS:
+            known = ", ".join(found)
+            raise ModelError(f"{path}: treat_as {old} = '{new}': expected one of {known}")
+        found[old] = new
+    return found
+
+
+class _Reader:
+    """What the datasets of a file say."""
+
+    def __init__(self, path: Path, text: TextFile, names: Mapping[str, str]) -> None:
+        self._path, self._text, self._names = path, text, names
+        self._nodes: dict[int, list[float]] = {}
+        self._rows: dict[str, list[tuple[int, list[int], Line]]] = {}
+        self._plates: dict[int, tuple[list[int], Line]] = {}
+        self._groups: list[tuple[str, list[tuple[int, int]]]] = []
+        self._others: dict[str, Line] = {}
+
+    def mesh(self) -> SolidMesh:
+        """The component."""
+        for kind, lines in self._datasets():
+            if kind in NODES:
+                self._read_nodes(lines)
+            elif kind in ELEMENTS:
+                self._read_elements(lines)
+            elif kind in GROUPS:
+                self._read_groups(lines)
+            elif lines:
+                self._others.setdefault(f"dataset {kind}", lines[0])
+        if not self._nodes or not self._rows:
+            raise ModelError(f"{self._path} has no solid element in datasets 2411 and 2412")
+        numbers = np.array(sorted(self._nodes), dtype=np.int64)
+        at = {int(n): k for k, n in enumerate(numbers)}
+        blocks = tuple(self._block(name, rows, at) for name, rows in self._rows.items())
+        X = np.array([self._nodes[int(n)] for n in numbers])
+        mesh = SolidMesh(self._path, X, numbers, blocks)
+        self._check_middles(mesh)
+        mesh = self._with_groups(mesh, at)
+        notes = [
+            PassedOver(what, self._path, line.place + 1, "neither nodes, solids nor groups")
+            for what, line in self._others.items()
+        ]
+        used = mesh.used_nodes()
+        if not used.all():
+            why = f"{mesh.nodes_named(np.flatnonzero(~used))}: no solid element has them"
+            notes.append(PassedOver("dataset 2411", self._path, 0, why))
+            mesh = mesh.part(np.arange(mesh.n_elements))
+        return replace(mesh, passed_over=(*mesh.passed_over, *notes))
+
+    def _datasets(self) -> Iterator[tuple[str, list[Line]]]:
+        """Number and lines of each dataset."""
+        lines = self._text.lines
+        at = 0
+        while at < len(lines):
+            if lines[at].strip() != MARK:
+                at += 1
+                continue
+            start = at + 1
+            at = start + 1
+            while at < len(lines) and lines[at].strip() != MARK:
+                at += 1
+            if at >= len(lines):
+                break_at = Line(self._text, min(start, len(lines) - 1))
+                raise break_at.error("a dataset without its end, -1")
+            kind = lines[start].strip()
+            yield kind, [Line(self._text, k) for k in range(start + 1, at)]
+            at += 1
+
+    @staticmethod
+    def _whole(line: Line, least: int) -> list[int]:
+        found = [line.whole(word, "a whole number") for word in line.text.split()]
+        if len(found) < least:
+            raise line.error(f"expected {least} whole numbers, found {len(found)}")
+        return found
+
+    def _read_nodes(self, lines: list[Line]) -> None:
+        if len(lines) % 2:
+            raise lines[-1].error("expected two lines a node")
+        for head, line in zip(lines[::2], lines[1::2], strict=True):
+            number = self._whole(head, 1)[0]
+            x = [line.real(word, "a coordinate") for word in line.text.split()]
+            if len(x) != 3:
+                raise line.error(f"expected three coordinates, found {len(x)}")
+            if self._nodes.setdefault(number, x) != x:
+                raise head.error(f"node {number} is there twice, at different places")
+
+    def _read_elements(self, lines: list[Line]) -> None:
+        rest = iter(lines)
+        seen: set[int] = set()
+        for head in rest:
+            label, kind, *_, count = self._whole(head, 6)[:6]
+            if kind in BEAMS:
+                next(rest, None)
+            nodes: list[int] = []
+            while len(nodes) < count:
+                line = next(rest, None)
+                if line is None:
+                    raise head.error(f"element {label}: expected {count} nodes, found {len(nodes)}")
+                nodes += self._whole(line, 1)
+            if label in seen:
+                raise head.error(f"element {label} is there twice")
+            seen.add(label)
+            if kind in SOLIDS:
+                name, order = SOLIDS[kind]
+                if len(nodes) != len(order):
+                    text = f"element {label}: expected {len(order)} nodes, found {len(nodes)}"
+                    raise head.error(text)
+                own = [nodes[k] for k in order]
+                self._rows.setdefault(self._names[name], []).append((label, own, head))
+            elif kind in PLATES:
+                self._plates[label] = [nodes[k] for k in PLATES[kind] if k < len(nodes)], head
+            else:
+                self._others.setdefault(f"elements {kind}", head)
+
+    def _read_groups(self, lines: list[Line]) -> None:
+        rest = iter(lines)
+        for head in rest:
+            count = self._whole(head, 8)[7]
+            named = next(rest, None)
+            if named is None:
+                raise head.error("expected the name of a group")
+            numbers: list[int] = []
+            while len(numbers) < 4 * count:
+                line = next(rest, None)
+                if line is None:
+                    raise head.error(f"expected {count} members of a group")
+                numbers += self._whole(line, 4)
+            members = [(numbers[k], numbers[k + 1]) for k in range(0, 4 * count, 4)]
+            self._groups.append((named.text.strip() or f"GROUP{self._whole(head, 8)[0]}", members))
+
+    def _block(
+        self, name: str, rows: list[tuple[int, list[int], Line]], at: Mapping[int, int]
+    ) -> ElementBlock:
+        for label, nodes, line in rows:
+            missing = next((n for n in nodes if n not in at), None)
+            if missing is not None:
+                raise line.error(f"element {label} has node {missing}, which is not there")
+        places = np.array([[at[n] for n in nodes] for _, nodes, _ in rows])
+        return ElementBlock(name, places, np.array([label for label, *_ in rows]))
+
+    def _check_middles(self, mesh: SolidMesh) -> None:
+        """ModelError where middle nodes are not on their edges: programs differ in the order."""
+        for block, start in zip(mesh.blocks, mesh.starts, strict=False):
+            shape = block.kind.shape
+            X = mesh.nodes[block.nodes]
+            for node in range(shape.nodes):
+                if shape.is_corner(node):
+                    continue
+                a, b = next(
+                    (a, b)
+                    for a, b in sorted(shape.edges)
+                    if np.allclose(shape.places[[a, b]].mean(axis=0), shape.places[node])
+                )
+                off = np.linalg.norm(X[:, node] - (X[:, a] + X[:, b]) / 2, axis=1)
+                wrong = off > OFF * np.linalg.norm(X[:, a] - X[:, b], axis=1)
+                if wrong.any():
+                    named = mesh.elements_named(start + np.flatnonzero(wrong))
+                    raise mesh.error(f"{named}: middle nodes that are not on their edges")
+
+    def _with_groups(self, mesh: SolidMesh, at: Mapping[int, int]) -> SolidMesh:
+        place_of = {int(label): k for k, label in enumerate(mesh.labels)}
+        node_sets: dict[str, np.ndarray] = {}
+        element_sets: dict[str, np.ndarray] = {}
+        surfaces: dict[str, np.ndarray] = {}
+        notes = []
+        for name, members in self._groups:
+            nodes = [at[n] for kind, n in members if kind == OF_NODE and n in at]
+            elements = [place_of[n] for kind, n in members if kind == OF_ELEMENT and n in place_of]
+            plates = [
+                self._plates[n] for kind, n in members if kind == OF_ELEMENT and n in self._plates
+            ]
+            if nodes:
+                node_sets[name] = np.union1d(node_sets.get(name, []), nodes).astype(np.int64)
+            if elements:
+                own = np.union1d(element_sets.get(name, []), elements)
+                element_sets[name] = own.astype(np.int64)
+            corners = [[at[n] for n in c if n in at] for c, _ in plates]
+            corners = [c + [-1] * (4 - len(c)) for c in corners if len(c) >= 3]
+            if corners:
+                faces, there = faces_with_corners(mesh, np.array(corners))
+                if len(faces):
+                    surfaces[name] = faces
+                if not there.all():
+                    why = f"{(~there).sum()} of {len(there)} faces are none of the solid's boundary"
+                    notes.append(PassedOver(f"group {name}", self._path, 0, why))
+        return replace(
+            mesh,
+            node_sets=node_sets,
+            element_sets=element_sets,
+            surfaces=surfaces,
+            passed_over=(*mesh.passed_over, *notes),
+        )
