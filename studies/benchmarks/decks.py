@@ -57,7 +57,7 @@ JUDGED = (  # keywords that the judge sees
     *("SOLIDSECTION", "ORIENTATION", "TRANSFORM", "TIE", "RIGIDBODY", "COUPLING", "KINEMATIC"),
     *("DISTRIBUTING", "DISTRIBUTINGCOUPLING", "EQUATION", "MPC", "SPRING", "DASHPOT", "MASS"),
 )
-CYCLIC = re.compile(r"\s*\*\s*TIE\b.*CYCLIC", re.I)
+BESIDE = re.compile(r"\s*\*\s*(TIE\b.*CYCLIC|ELEMENT\b.*TYPE *= *(D|GAPUNI)\b *(,|$))", re.I)
 SECTOR = "CYCLICSYMMETRYMODEL"  # matrices of CalculiX are those of the sector
 STATED = Isotropic(1e5, 0.3, 1.0)  # where a deck states nothing
 STEP = ("*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "1", "*END STEP", "")
@@ -121,7 +121,7 @@ def for_judge(path: Path) -> str:
         if line.lstrip().startswith("*"):
             keyword = re.sub(r"\s", "", line.split(",")[0]).lstrip("*").upper()
             step = step or keyword == "STEP"
-            keep = keyword in JUDGED and not step and not CYCLIC.match(line)
+            keep = keyword in JUDGED and not step and not BESIDE.match(line)
             step = step and keyword != "ENDSTEP"
             if keyword == "MATERIAL" and keep:
                 material = line

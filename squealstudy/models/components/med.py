@@ -62,7 +62,7 @@ def read_med(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidM
 def _check(path: Path) -> None:
     """ModelError without h5py, for links to other files, for more than there is memory for."""
     try:
-        import h5py  # type: ignore[import-untyped]
+        import h5py
     except ImportError:
         raise ModelError(f"{path}: MED needs h5py: pip install 'squealstudy[med]'") from None
     needed = 0
