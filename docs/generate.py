@@ -446,6 +446,8 @@ def _documented(kind: str, name: str) -> list[str]:
     lines = ["```{eval-rst}", f".. auto{kind}:: {name}"]
     if kind == "class":
         lines += ["   :members:"]
+    if name == "squealstudy.Model":  # with those of the library's
+        lines += ["   :inherited-members:"]
     return [*lines, "```", ""]
 
 
