@@ -33,17 +33,25 @@ def found():
     """What some cases tell beside the judge: runs of each model, and limit cycles."""
     cases = [case_of_kind("transient", k, 1) for k in (0, 3)]
     cases += [case_of_kind("transient", k, 4) for k in (7, 14)]
-    cases += [case_of_kind("limit_cycles", 8, 1)]
     return [(case, compared(case)) for case in cases]
 
 
-def test_cases_are_of_all_models_and_the_same_each_time(found):
-    assert {case.design.model for case, _ in found} == {"belt", "hoffmann", "hulten"}
+@pytest.fixture(scope="module")
+def cycles():
+    """The same of limit cycles, of the belt."""
+    case = case_of_kind("limit_cycles", 8, 1)
+    return [(case, compared(case))]
+
+
+def test_cases_are_of_several_models_and_the_same_each_time(found):
+    assert {case.design.model for case, _ in found} == {"hoffmann", "hulten"}
     for case, _ in found:
         assert case.text in [case_of_kind(case.kind, case.number, seed).text for seed in (1, 4)]
 
 
-def test_what_the_judge_knows_exactly_is_told(found):
+@pytest.mark.parametrize("of", ["found", pytest.param("cycles", marks=pytest.mark.full_size)])
+def test_what_the_judge_knows_exactly_is_told(of, request):
+    found = request.getfixturevalue(of)
     for case, told in found:
         own = [t for t in told if t.column in EXACT]
         assert len(own) >= 4

@@ -170,9 +170,14 @@ def _least(damping: Damping, study: DesignStudy, n: int = 161) -> tuple[float, i
 @pytest.mark.parametrize(
     ("shift", "tie", "first", "second", "costs"),
     [
-        (1.0, 0.0, [-40, 40], [-8, 30], (1.0, 1.5)),
         (-4.0, 0.6, [-30, 60], [-6, 40], (1.0, 0.7)),
-        (3.0, -0.4, [-50, 40], [-10, 30], (0.5, 1.0)),
+        *(
+            pytest.param(*more, marks=pytest.mark.full_size)
+            for more in (
+                (1.0, 0.0, [-40, 40], [-8, 30], (1.0, 1.5)),
+                (3.0, -0.4, [-50, 40], [-10, 30], (0.5, 1.0)),
+            )
+        ),
     ],
 )
 def test_least_cost_against_exhaustive_search(

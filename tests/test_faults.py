@@ -76,7 +76,11 @@ def test_a_full_disk(folder: Path, small_disk: Path) -> None:
 
 @pytest.mark.parametrize(
     "command",
-    ["plot out -o disk/new", "report out -o disk/new.html", "export study.toml -o disk/new"],
+    [
+        "plot out -o disk/new",
+        pytest.param("report out -o disk/new.html", marks=pytest.mark.full_size),
+        "export study.toml -o disk/new",
+    ],
 )
 def test_other_commands_leave_nothing_half_written(
     folder: Path, small_disk: Path, command: str
@@ -88,6 +92,7 @@ def test_other_commands_leave_nothing_half_written(
     assert [path.name for path in small_disk.rglob("*") if path.is_file()] == ["others"]
 
 
+@pytest.mark.full_size
 @needs_limits
 def test_a_limit_of_file_size(folder: Path) -> None:
     done = shell("ulimit -f 4;", *RUN, "out")

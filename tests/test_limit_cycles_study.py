@@ -92,8 +92,12 @@ def test_modes_are_those_of_a_study_of_complex_modes(kicked, tmp_path):
     )
 
 
+@pytest.mark.full_size
 def test_kicks_along_the_mode_stand_beside_thresholds(tmp_path):
-    """Along the mode it takes more than along the cycle: part of the kick decays at once."""
+    """Along the mode it takes more than along the cycle: part of the kick decays at once.
+
+    By default of cycles alone: test_cycle_thresholds.py.
+    """
     changes = {"kick": ("tolerance = 1e-3", "tolerance = 1e-3\nkick_along_mode = true")}
     results = solved(plan_of(study([0.6, 0.85], **changes), STUDY), tmp_path / "kicks")
     verdicts = results.table("verdicts").set_index(["mode", "verdict"])

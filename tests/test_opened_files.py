@@ -95,10 +95,12 @@ def is_told(path: str) -> bool:
     return any(fnmatch(path, p if p.startswith("/") else f"*/{p}") for p in patterns())
 
 
+@pytest.mark.full_size  # a dozen commands in a process of their own
 def test_every_file_that_is_opened_is_in_the_table(opened):
     assert not [path for path in opened if not is_told(path)]
 
 
+@pytest.mark.full_size
 def test_what_a_table_of_all_files_must_have_is_opened(opened):
     """The commands open what they are about: the list is a real one."""
     names = {Path(path).name for path in opened}

@@ -58,7 +58,11 @@ def made(folder: Path, kind: str) -> Path:
 
 @owners
 @pytest.mark.parametrize(
-    "kind", ["a file", pytest.param("below a file", marks=pytest.mark.full_size), "read-only"]
+    "kind",
+    [
+        *(pytest.param(k, marks=pytest.mark.full_size) for k in ("a file", "below a file")),
+        "read-only",
+    ],
 )
 def test_a_cache_that_cannot_be_written_is_one_warning(folder: Path, kind: str) -> None:
     cache = made(folder, kind)

@@ -211,7 +211,7 @@ def test_of_limit_cycles_it_tells_events_of_branches_with_units():
 
 
 @pytest.fixture(scope="module")
-def brake(tmp_path_factory):
+def brake(tmp_path_factory, tiny_brake):
     return solved(BRAKE, tmp_path_factory.mktemp("brake") / "r")
 
 

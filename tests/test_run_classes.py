@@ -121,6 +121,7 @@ def test_the_scale_of_mass_does_not_matter(tmp_path):
     np.testing.assert_allclose(found[1]["growth_rate"], found[0]["growth_rate"], rtol=1e-4)
 
 
+@pytest.mark.full_size
 def test_classes_are_those_of_runs_ten_times_longer():
     """Six runs of the table of truth, of a third of the length or less.
 

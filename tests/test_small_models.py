@@ -30,7 +30,8 @@ def test_sensitivities_are_central_differences_of_numpy(number):
     assert columns <= set(table["column"])
 
 
-@pytest.mark.parametrize("number", [1, pytest.param(2, marks=pytest.mark.full_size)])
+@pytest.mark.full_size  # by default against closed forms: test_design.py
+@pytest.mark.parametrize("number", [1, 2])
 def test_designs_are_those_of_brute_force(number, monkeypatch):
     monkeypatch.setattr(mode_designs, "GRID", 15)
     table, wrong = _wrong(mode_designs.random_numbers(1, number))

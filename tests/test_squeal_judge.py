@@ -35,6 +35,7 @@ def test_squeal_of_blocks_whose_meshes_do_not_match(tmp_path):
     assert abs(less[:, 1].max() / growing[0, 3] - 1) > 0.03
 
 
+@pytest.mark.full_size  # frequencies by default: test_stress_stiffness.py
 def test_stresses_stiffen_blocks_under_one_megapascal(tmp_path):
     """Without their stiffness one frequency is 2.1e-3 off and the growth 2.8 %."""
     case = blocks(tmp_path / "model", COARSE, pressure=1e6, slide=1e-3)

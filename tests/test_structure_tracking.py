@@ -145,7 +145,9 @@ FRICTION_SWEEP = '[[sweep]]\nparameter = "friction"\nstart = 0.0\nstop = 0.5\n'
 SOBOL = '[design]\ntype = "sobol"\nsamples = 16\nseed = 1\n'
 
 
-@pytest.mark.parametrize("num", [3, 11])  # steps of 20 and of 4 %
+@pytest.mark.parametrize(  # steps of 20 and of 4 %
+    "num", [pytest.param(3, marks=pytest.mark.full_size), 11]
+)
 def test_a_mode_keeps_its_number_over_structures_of_different_meshes(strings, num):
     modes = strings(LENGTH + f"num = {num}\n")
     check_one_number_a_mode(modes)

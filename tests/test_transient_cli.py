@@ -241,6 +241,7 @@ def test_compare_of_the_wrong_directories(there, capsys, first, second, told):
     assert told in one_line(capsys.readouterr())
 
 
+@pytest.mark.full_size  # the same pictures as `run`; elsewhere too in test_cli.py
 def test_plot_draws_elsewhere(there, tmp_path):
     assert command("plot", "results/belt", "--output", str(tmp_path / "p")) == 0
     drawn = {p.stem for p in (tmp_path / "p").glob("*.png")}
