@@ -6,6 +6,7 @@ run in one.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import importlib
 import os
@@ -137,6 +138,17 @@ def pytest_sessionstart(session):
     if session.config.getoption("numprocesses", 0) and not session.config.option.collectonly:
         code = "from squealstudy.motion.warmup import warm_kernels; warm_kernels()"
         session.config.compiling = subprocess.Popen([sys.executable, "-c", code])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """What is collected stays: it is not looked through for garbage again and again."""
+    gc.disable()
+    done = yield
+    gc.freeze()
+    gc.set_threshold(20_000)
+    gc.enable()
+    return done
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -596,6 +596,7 @@ def test_a_worker_of_another_version_is_refused_before_any_task(own, here):
         late[0](*late[1:])
 
 
+@pytest.mark.full_size  # one of another version is in the test before
 def test_a_worker_without_squealstudy_is_refused(own, here):
     own.add("bare", before="import sys; sys.modules['squealstudy'] = None")
     with pytest.raises(MachineError, match=r"worker tcp://\S+ cannot be used .*install the same"):
@@ -647,6 +648,7 @@ def test_a_killed_client_leaves_no_task_and_the_same_command_goes_on(cluster, he
     assert (again.points["status"] == "ok").all()
 
 
+@pytest.mark.full_size  # three workers of its own
 def test_peers_replace_a_worker_that_dies_and_late_ones_help(own, here):
     own.add("a", "b")
     with connected(own.client, print) as place:

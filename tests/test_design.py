@@ -310,6 +310,7 @@ def test_the_loop_does_not_choose_what_squeals_when_kicked(trap) -> None:
     assert set(cycles["verdict"]) == {"no_cycle_found"}
 
 
+@pytest.mark.full_size  # by default runs of one design: below
 def test_runs_in_time_refuse_what_squeals_when_kicked(trap, tmp_path: Path) -> None:
     """Without limit cycles: runs tell the least damping with which they decay, too."""
     text = SHIPPED.read_text(encoding="utf-8").replace("[0.5, 0.7, 0.9]", "[0.9]")
@@ -1179,6 +1180,7 @@ def test_a_report_says_what_the_results_say(trap, tmp_path: Path) -> None:
     assert len(re.findall("<section id=", text)) == 1
 
 
+@pytest.mark.full_size  # by default of several designs: of the variants above
 def test_a_report_of_several_studies_of_any_kind(varied, tmp_path: Path) -> None:
     path = tmp_path / "flutter.toml"
     text = (SHIPPED.parent / "hulten_flutter.toml").read_text(encoding="utf-8")
