@@ -19,7 +19,6 @@ from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.handed import righted
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
-from squealstudy.models.components.middle_nodes import edge_of
 
 OTHER_WAY = {  # corners, then middles of edges, of an element read from below
     "C3D4": (0, 2, 1, 3),
@@ -214,7 +213,7 @@ def test_middle_nodes_that_are_not_there_follow_their_corners(tmp_path, name, le
     ends = {}
     for row in of:
         for k in range(corners, shape.nodes):
-            a, b = (int(row[c]) for c in edge_of(shape, k))
+            a, b = (int(row[c]) for c in shape.ends[k])
             ends[int(row[k])] = (a, b)
     gone = [m for i, m in enumerate(sorted(ends)) if i % 6 not in left]
     nodes = mesh.nodes.copy()

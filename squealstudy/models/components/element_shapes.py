@@ -8,7 +8,7 @@ pyramids a corner of the unit cube, x and y up to 1 - z.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -53,6 +53,17 @@ class Shape:
             ends = zip(corners, [*corners[1:], corners[0]], strict=True)
             found |= {(min(a, b), max(a, b)) for a, b in ends}
         return found
+
+    @cached_property
+    def ends(self) -> dict[int, tuple[int, int]]:
+        """The two corners of each middle node's edge."""
+        return {
+            int(k): (a, b)
+            for a, b in sorted(self.edges)
+            for k in np.flatnonzero(
+                np.isclose(self.places, self.places[[a, b]].mean(axis=0)).all(axis=1)
+            )
+        }
 
     def functions(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Functions (q, k) and their slopes (q, k, 3) at reference coordinates X (q, 3)."""

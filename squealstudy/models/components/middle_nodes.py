@@ -17,14 +17,6 @@ from squealstudy.models.components.mesh import PassedOver, SolidMesh
 LACKING = -1  # the place of a middle node that is not there
 
 
-def edge_of(shape: Shape, node: int) -> tuple[int, int]:
-    """The two corners between which a middle node of an element lies."""
-    for a, b in sorted(shape.edges):
-        if np.allclose(shape.places[[a, b]].mean(axis=0), shape.places[node]):
-            return a, b
-    raise AssertionError(node)
-
-
 class Middles:
     """Makes middle nodes, one for each edge.
 
@@ -42,7 +34,7 @@ class Middles:
         """Nodes (k,) of an element with places of new ones where they are `LACKING`."""
         found = nodes.copy()
         for node in np.flatnonzero(nodes == LACKING):
-            ends = sorted(int(nodes[corner]) for corner in edge_of(shape, int(node)))
+            ends = sorted(int(nodes[corner]) for corner in shape.ends[int(node)])
             found[node] = self._of.setdefault((ends[0], ends[1]), self._n + len(self._of))
         return found
 
