@@ -591,6 +591,7 @@ def test_a_point_that_fails_is_left_out_of_the_audit(tmp_path, monkeypatch):
     assert report.manifest["fidelity"]["audit"]["points"] == [1]
 
 
+@pytest.mark.full_size  # by default they fail once, or draw others: above and below
 def test_audits_look_at_all_points_that_they_have_looked_at(tmp_path, monkeypatch):
     seen = []
 

@@ -43,6 +43,7 @@ def belt(tmp_path_factory):
     )
 
 
+@pytest.mark.full_size  # all seventeen; by default each by itself: test_integrators.py
 def test_every_integrator_runs_and_implicit_ones_agree(belt):
     assert belt["method"].nunique() == 17
     newmark = belt[belt["method"] == "Newmark"]
@@ -54,6 +55,7 @@ def test_every_integrator_runs_and_implicit_ones_agree(belt):
         assert own["error_torque_rms"] < 5e-2, name
 
 
+@pytest.mark.full_size
 def test_outside_solvers_tighten_with_their_tolerance(belt):
     solver = belt[belt["method"] == "Radau"]
     errors = solver[["error_torque_rms", "error_torque_mean", "error_dominant_frequency"]]

@@ -254,6 +254,7 @@ def many_rows(n_friction: int, n_pressure: int, m: int) -> tuple[pd.DataFrame, p
     return points, modes
 
 
+@pytest.mark.full_size
 def test_two_million_rows_are_ranked_in_a_moment():
     """Processor time, which other work on the machine does not change much: the goal is 3 s."""
     import time
