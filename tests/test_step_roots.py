@@ -118,7 +118,7 @@ def test_a_run_grows_as_the_step_makes_it(tmp_path: Path) -> None:
 
 def test_bounds_cover_the_growth_of_random_runs() -> None:
     coverage = benchmark("growth_coverage")
-    found = coverage.coverage(2, 0.02)
+    found = coverage.coverage(2, 0.04)
     told = found[found["told"].to_numpy()]
     assert len(told) >= 0.7 * len(found)
     assert told["right"].mean() >= 0.93
