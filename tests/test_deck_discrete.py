@@ -14,10 +14,11 @@ from test_deck_equations import X, Y, Z, null_space, same
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components import bodies
-from squealstudy.models.components.bodies import Brake, read_mesh
+from squealstudy.models.components.bodies import Brake
 from squealstudy.models.components.expansion import expanded
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.inp_writer import write_inp
+from squealstudy.models.components.mesh_files import read_mesh
 from squealstudy.models.components.model_file import ModelFile
 
 BOX = box("C3D8", (3, 1, 1), materials={"S": STEEL})

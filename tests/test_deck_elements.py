@@ -11,13 +11,13 @@ from test_component_judge import apart
 from test_component_nastran import deck, read
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.bodies import read_mesh
 from squealstudy.models.components.checks import check_mesh
 from squealstudy.models.components.expansion import expanded
 from squealstudy.models.components.faces import boundary, facet_groups, facets
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.handed import righted
+from squealstudy.models.components.mesh_files import read_mesh
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 
 OTHER_WAY = {  # corners, then middles of edges, of an element read from below

@@ -10,10 +10,10 @@ from test_deck_elements import two
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.bodies import _moved as moved
-from squealstudy.models.components.bodies import read_mesh
 from squealstudy.models.components.expansion import expanded
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.inp_writer import write_inp
+from squealstudy.models.components.mesh_files import read_mesh
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 
 C, S = np.cos(0.3), np.sin(0.3)

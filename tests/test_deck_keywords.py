@@ -11,9 +11,9 @@ from test_component_nastran import deck
 from test_deck_materials import CUBE
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.bodies import read_mesh
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.inp import read_inp
+from squealstudy.models.components.mesh_files import read_mesh
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 
 DECK = CUBE.replace("*SOLID", "*DENSITY\n1.\n*ELASTIC\n1e3, .3\n*SOLID")

@@ -11,7 +11,6 @@ from component_meshes import LINING, STEEL, box, rigid_shapes
 from scipy.sparse.linalg import eigsh
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.bodies import read_mesh
 from squealstudy.models.components.constraints import Coupling, Tie
 from squealstudy.models.components.discrete import point_mass
 from squealstudy.models.components.expansion import expanded
@@ -21,6 +20,7 @@ from squealstudy.models.components.inp import read_inp
 from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.models.components.materials import Orientation
 from squealstudy.models.components.mesh import ElementBlock, SolidMesh
+from squealstudy.models.components.mesh_files import read_mesh
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.models.components.sectors import Repetition, repeated
 

@@ -39,12 +39,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 from calculix import CCX, apart
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.bodies import NASTRAN, read_mesh
 from squealstudy.models.components.body_matrices import freedom_matrices
 from squealstudy.models.components.expansion import expanded
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.inp_cards import read_cards
 from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.mesh_files import NASTRAN, read_mesh
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.models.fem.solid import Isotropic
 

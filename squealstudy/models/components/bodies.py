@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,6 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.models.components.body_matrices import freedom_matrices
 from squealstudy.models.components.bulk_cards import included
-from squealstudy.models.components.checks import DOUBLED, check_mesh
 from squealstudy.models.components.constraints import Relation
 from squealstudy.models.components.dimensions import (
     DENSITY,
@@ -28,33 +27,20 @@ from squealstudy.models.components.file_materials import changed_material, with_
 from squealstudy.models.components.file_matrices import Matrices, placed_matrices, symmetric
 from squealstudy.models.components.file_sets import with_sets
 from squealstudy.models.components.file_tables import ComponentTable
-from squealstudy.models.components.handed import righted
 from squealstudy.models.components.materials import Elastic, Orientation, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.mesh_files import NASTRAN, read_mesh
 from squealstudy.models.components.model_file import (
+    TEMPERATURE,
     KeyPath,
     ModelFile,
     Numbers,
     PlacedError,
+    ValuesError,
 )
-from squealstudy.models.components.sectors import Repetition, repeated
 from squealstudy.models.fem.solid import Isotropic
 
 INCLUDED = re.compile(r"^\s*\*[^,]*,.*?\bINPUT\s*=\s*\"?([^,\"\n]+?)\"?\s*(?:,|$)", re.I | re.M)
-ANSYS, NASTRAN = ".cdb", (".bdf", ".nas", ".dat", ".fem")
-FORMATS = (".inp", ".msh", ".unv", ".med", ANSYS, *NASTRAN)
-BODY = re.compile(r"BODY[1-9][0-9]*", re.I)  # a part of a mesh that nothing connects to others
-BODIES = 100  # from which on they are no sets
-POINTER = b"version https://git-lfs.github.com"  # what a file is replaced by
-ADVICE = (
-    (
-        (".vtu", ".vtk", ".xdmf", ".exo", ".e", ".mesh", ".avs", ".xml"),
-        "; meshio or gmsh converts it to .msh or .inp",
-    ),
-    ((".stp", ".step", ".igs", ".iges", ".brep", ".stl", ".x_t"), "; it is a shape: mesh it first"),
-    ((".odb", ".op2", ".rst", ".db", ".hm", ".cae"), "; let its program write the mesh as text"),
-    ((".k", ".key"), "; LS-PrePost and others write it as .inp or .bdf"),
-)
 LARGEST = 100_000_000  # characters of a file that are looked through for others it includes
 
 
@@ -99,12 +85,15 @@ class Body:
         Over the degrees of freedom, where they come from files.
     expansion : Expansion
         Displacements of its nodes from its degrees of freedom.
+    at_temperature : callable or None
+        Materials, SI, by name, of a temperature of the deck.
     """
 
     name: str
     mesh: SolidMesh
     matrices: Matrices | None
     expansion: Expansion
+    at_temperature: Callable[[float], Mapping[str, Elastic]] | None = None
 
     @property
     def nodes(self) -> np.ndarray:
@@ -138,78 +127,6 @@ def _included(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[Pat
             yield from _included(found, folder, (*above, path))
 
 
-def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
-    """A mesh in the units of its file, checked.
-
-    Of several bodies that nothing connects each is an element set besides, BODY1, BODY2, ..., which
-    the component's `part` may name.
-    """
-    body = table.part if table.part is not None and BODY.fullmatch(table.part) else None
-    mesh = righted(_read(path, table if body is None else table.model_copy(update={"part": None})))
-    if (how := table.repeat) is not None:
-        mesh = repeated(mesh, Repetition(np.array(how.point), np.array(how.axis), how.count))
-    bodies, points = mesh.body_of, table.mesh is None
-    if 0 < bodies.max(initial=0) < BODIES:
-        own = {f"BODY{k + 1}": np.flatnonzero(bodies == k) for k in range(bodies.max() + 1)}
-        mesh = replace(mesh, element_sets={**own, **mesh.element_sets})
-    if body is not None:
-        mesh = mesh.part(mesh.find("element_sets", body))
-    check_mesh(mesh, DOUBLED in [name.upper() for name in table.pass_over], points)
-    return mesh
-
-
-def _read(path: Path, table: ComponentTable) -> SolidMesh:
-    ending = path.suffix.lower()
-    if path.is_file():
-        with path.open("rb") as handle:
-            if handle.read(len(POINTER)) == POINTER:
-                raise ModelError(f"{path} is a pointer of Git LFS: 'git lfs pull' brings the file")
-    if table.temperature is not None and ending not in (".inp", *NASTRAN):
-        raise ModelError(f"{path}: materials over temperature are read of .inp and bulk data alone")
-    if ending == ".inp":
-        from squealstudy.models.components.inp import read_inp
-
-        mesh = read_inp(
-            path,
-            table.part,
-            dialect=table.dialect,
-            treat_as=table.treat_as,
-            pass_over=table.pass_over,
-            temperature=table.temperature,
-            points=table.mesh is None,
-        )
-    elif ending in (".msh", ".unv", ".med"):
-        if ending == ".msh":
-            from squealstudy.models.components.gmsh import read_gmsh as read
-        elif ending == ".unv":
-            from squealstudy.models.components.unv import read_unv as read
-        else:
-            from squealstudy.models.components.med import read_med as read
-        mesh = read(path, treat_as=table.treat_as)
-        if table.part is not None:
-            mesh = mesh.part(mesh.find("element_sets", table.part))
-    elif ending in NASTRAN:
-        from squealstudy.models.components.nastran import read_bdf
-
-        mesh = read_bdf(
-            path,
-            table.part,
-            treat_as=table.treat_as,
-            pass_over=table.pass_over,
-            points=table.mesh is None,
-            temperature=table.temperature,
-        )
-    elif ending == ANSYS:
-        from squealstudy.models.components.ansys import read_cdb
-
-        mesh = read_cdb(path, table.part, treat_as=table.treat_as, pass_over=table.pass_over)
-    else:
-        known = ", ".join(FORMATS)
-        advice = next((text for endings, text in ADVICE if ending in endings), "")
-        raise ModelError(f"{path}: unknown format '{path.suffix}', expected one of {known}{advice}")
-    return mesh
-
-
 @lru_cache(maxsize=64)
 def body_of(brake: Brake, name: str) -> Body:
     """Read a component; a process reads it once.
@@ -228,8 +145,7 @@ def body_of(brake: Brake, name: str) -> Body:
         raise
     except ModelError as error:
         raise PlacedError(place, str(error)) from error
-    mesh = _in_si(mesh, brake.file.units)
-    mesh = with_sets(mesh, name, table, brake.file.units)
+    mesh = with_sets(_in_si(mesh, brake.file.units), name, table, brake.file.units)
     mesh = with_tables(mesh, name, table, Numbers(brake.file, {}))
     turn, shift = placement(name, table, brake.file.units)
     if table.mesh is None:
@@ -247,7 +163,25 @@ def body_of(brake: Brake, name: str) -> Body:
         placed, expansion = expanded(_moved(mesh, turn, shift))
     except ModelError as error:
         raise PlacedError(place, str(error)) from error
-    return Body(name, placed, None, expansion)
+    return Body(name, placed, None, expansion, partial(_materials_at, brake, name))
+
+
+@lru_cache(maxsize=64)
+def _materials_at(brake: Brake, name: str, temperature: float) -> Mapping[str, Elastic]:
+    """Materials of a component at another temperature of its deck.
+
+    Raises
+    ------
+    ValuesError
+        A temperature at which the deck states none.
+    """
+    table = brake.file.components[name]
+    there = table.model_copy(update={TEMPERATURE: temperature})
+    try:
+        mesh = _in_si(read_mesh(brake.located(str(table.mesh)), there), brake.file.units)
+        return with_tables(mesh, name, table, Numbers(brake.file, {})).materials
+    except ModelError as error:
+        raise ValuesError((("components", name, TEMPERATURE),), str(error)) from error
 
 
 def placement(name: str, table: ComponentTable, units: str) -> tuple[np.ndarray, np.ndarray]:
@@ -370,6 +304,9 @@ def changed_mesh(body: Body, given: tuple[tuple[KeyPath, float], ...]) -> SolidM
         Values that no material can have.
     """
     materials = dict(body.mesh.materials)
+    warm = dict(given).get(("components", body.name, TEMPERATURE))
+    if warm is not None and body.at_temperature is not None:
+        materials |= body.at_temperature(warm)
     given = tuple((k, v) for k, v in given if k[2] == "materials")
     for label in dict.fromkeys(str(k[3]) for k, _ in given):
         values = {k: v for k, v in given if k[3] == label}

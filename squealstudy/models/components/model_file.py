@@ -60,6 +60,8 @@ LISTS = (
     "load",
 )  # [[...]] with names
 
+TEMPERATURE = "temperature"  # of a component, at which its materials are taken
+
 DIMENSIONS = {  # of the keys of the file
     "E": STRESS,
     "G": STRESS,
@@ -80,6 +82,7 @@ DIMENSIONS = {  # of the keys of the file
     "mass_damping": RATE,
     "stiffness_damping": TIME,
     "material_damping": TIME,
+    TEMPERATURE: NUMBER,  # of the deck, whose scale it has
 }
 POSITIVE = ("E", "G", "rho", "area", "bedding")
 NOT_NEGATIVE = (
@@ -214,12 +217,13 @@ class ModelFile(Table):
         last = steps[-1]
         index: KeyPath = (int(last["number"]) - 1,) if last and last["number"] else ()
         if names[0] in self.components:
-            if names[1:] in ([d] for d in DAMPING) or names[1:-1] == [BY_MATERIAL]:
+            single = (*DAMPING, TEMPERATURE)
+            if names[1:] in ([d] for d in single) or names[1:-1] == [BY_MATERIAL]:
                 return self._checked(path, ("components", *names), index)
             if len(names) != 4 or names[1] != "materials" or names[3] not in MATERIAL:
                 raise ModelError(
                     f"'{path}': expected {names[0]}.materials.NAME with {', '.join(MATERIAL)}, or "
-                    f"{names[0]} with {', '.join(DAMPING)} or {BY_MATERIAL}.NAME"
+                    f"{names[0]} with {', '.join(single)} or {BY_MATERIAL}.NAME"
                 )
             return self._checked(path, ("components", *names), index)
         if names[0] not in LISTS:

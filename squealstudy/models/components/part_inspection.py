@@ -9,13 +9,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.bodies import FORMATS, Brake, body_of, read_mesh
+from squealstudy.models.components.bodies import Brake, body_of
 from squealstudy.models.components.component_facts import NAMES, Inspection, component_facts
 from squealstudy.models.components.dimensions import LENGTH
 from squealstudy.models.components.faces import facet_groups
 from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.geometry import Geometry, geometry_of
 from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.mesh_files import FORMATS, read_mesh
 from squealstudy.models.components.model_file import KeyPath, ModelFile
 from squealstudy.wording import plural
 
