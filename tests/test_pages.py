@@ -7,6 +7,7 @@ from typing import Any
 
 import matplotlib as mpl
 import pytest
+from study_runs import command
 
 ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "studies"
@@ -64,6 +65,20 @@ def test_readme_is_short():
 def test_readme_shows_the_shipped_study():
     blocks = re.findall(r"^```toml\n(.*?)^```$", PAGES[0].read_text("utf-8"), re.M | re.S)
     assert (STUDIES / "softer_lining.toml").read_text(encoding="utf-8") in blocks
+
+
+@pytest.mark.full_size
+def test_readme_shows_what_its_study_prints(tmp_path, capsys):
+    """To the last digit that a number has on the screen: one unit of it may be round-off."""
+    shown = re.findall(r"^```text\n(.*?)^```$", PAGES[0].read_text("utf-8"), re.M | re.S)[0]
+    study = str(STUDIES / "softer_lining.toml")
+    assert command("run", study, "-o", str(tmp_path / "results"), "--no-pictures") == 0
+    printed = capsys.readouterr().out.split()[: len(shown.split())]
+    for one, other in zip(shown.split(), printed, strict=True):
+        try:
+            assert float(one.strip(":.")) == pytest.approx(float(other.strip(":.")), rel=1e-3), one
+        except ValueError:
+            assert one == other
 
 
 def test_pages_have_fewer_words_than_before():
