@@ -19,6 +19,7 @@ from squealstudy.engine.pictures import Plots
 from squealstudy.engine.schema import EXAMPLES, methods_schema, model_schema, study_schema
 from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES, REGULARISATIONS
 from squealstudy.models.components.formulations import FORMULATIONS
+from squealstudy.study.definition import parse_study
 from squealstudy.study.kinds import definition_of, kind_names
 from squealstudy.study.sections import StudyDefinition
 
@@ -288,6 +289,15 @@ def test_toml_of_pages_is_toml(page):
     for language, text in blocks(page):
         if language == "toml":
             tomllib.loads(text)
+
+
+def test_whole_studies_of_pages_are_valid():
+    """Those of the generated brake; others name files that a page does not have."""
+    found = [t for p in PAGES for lang, t in blocks(p) if lang == "toml" and "[study]" in t]
+    whole = [t for t in found if '"disc_brake"' in t and "extensions" not in t]
+    assert len(whole) >= 4
+    for text in whole:
+        parse_study(text, Path("page.toml"))
 
 
 @pytest.mark.full_size
