@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from component_meshes import STEEL, box
 from test_component_nastran import deck
 from test_inspect import mesh, model, said
+from test_turning_superelements import write_frame
 
 from squealstudy.errors import StudyFileError
+from squealstudy.models.components.free_modes import first_elastic
 from squealstudy.models.components.inp_writer import write_inp
+from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.study.components import read_model
 
 
@@ -26,6 +31,8 @@ def test_a_part_alone(tmp_path, capsys):
     assert "not read: *BOUNDARY (line" in facts
     assert "not yet contact, load, rotation" in facts
     assert picture.is_file()
+    assert f"free modes: {tmp_path / 'plate_modes.png'}" in " ".join(facts.split())
+    assert (tmp_path / "plate_modes.png").stat().st_size > 10_000
     code, facts, messages = said(capsys, path, "--units", "SI")
     assert code == 1
     assert "which no part of a brake is: are its numbers in SI?" in messages
@@ -98,3 +105,23 @@ def test_a_model_file_is_built_up_by_looking(tmp_path, capsys):
     assert code == 1
     assert "slider.inp" in facts
     assert "plate: " in messages
+
+
+def test_free_modes_that_are_drawn_are_those_of_the_part():
+    """Of a slender bar: pairs of bending, up to the count asked for."""
+    bar = box("C3D20", (10, 1, 1), (100.0, 10.0, 10.0), materials={"S": STEEL})
+    K, M = stiffness_matrix(bar), mass_matrix(bar)
+    hz, shapes = first_elastic(K * 1e3, M * 1e3, 4)
+    beam = 4.73**2 / (2 * np.pi) * np.sqrt(2.1e11 * 10**2 / 12 / 7800) / 100**2 / 1e-3
+    assert hz[0] == pytest.approx(hz[1], rel=1e-6)
+    assert 0.9 < hz[0] / beam < 1.0
+    assert shapes.shape == (K.shape[0], 4)
+
+
+def test_nodes_alone_cannot_be_drawn(tmp_path, capsys):
+    table = write_frame(tmp_path, 6)
+    (tmp_path / "m.toml").write_text(f'units = "t-mm-s"\n{table}')
+    picture = tmp_path / "m.png"
+    code, _, messages = said(capsys, tmp_path / "m.toml", "--picture", str(picture))
+    assert code == 2
+    assert "there is nothing to draw: no component has solids" in messages

@@ -10,14 +10,17 @@ from rich.console import RenderableType
 
 from squealstudy.engine.pictures import save_figure
 from squealstudy.errors import ModelError
+from squealstudy.models.components.attached import component_matrices
 from squealstudy.models.components.component_facts import Inspection
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.components.faces import boundary, facet_groups, facets
+from squealstudy.models.components.free_modes import first_elastic
 from squealstudy.models.components.geometry import Geometry
+from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.units import in_unit_of
 from squealstudy.plots.style import finish, head, new_figure
 from squealstudy.screen import Rows, facts, grid, show, warning
-from squealstudy.shapes.assembled import Body, draw_assembly, eight
+from squealstudy.shapes.assembled import Body, draw_assembly, draw_free_modes, eight
 from squealstudy.shapes.measured import LEAST, Correlation, Measured, correlated, read_measured
 from squealstudy.study.components import free_component, read_model
 from squealstudy.wording import figure, listed, plural
@@ -47,21 +50,51 @@ def draw(geometry: Geometry, path: Path) -> None:
         faces = {name: [*body.mesh.surfaces][:COLOURED] for name, body in geometry.bodies.items()}
     bodies = {}
     for name, body in geometry.bodies.items():
-        groups = facet_groups(body.mesh, boundary(body.mesh))
-        bodies[name] = Body(
-            nodes=body.nodes,
-            facets=np.vstack([eight(g.nodes) for g in groups]),
-            faces={
-                f"{name}.{label}": [g.nodes for g in facets(body.mesh, label)]
-                for label in dict.fromkeys(faces.get(name, ()))
-            },
-        )
+        drawn_facets = _outer(body.mesh)
+        if len(drawn_facets):  # a superelement's nodes alone have none
+            bodies[name] = Body(
+                nodes=body.nodes,
+                facets=drawn_facets,
+                faces={
+                    f"{name}.{label}": [g.nodes for g in facets(body.mesh, label)]
+                    for label in dict.fromkeys(faces.get(name, ()))
+                },
+            )
+    if not bodies:
+        raise ModelError(f"{path}: there is nothing to draw: no component has solids")
     axis = np.array([0.0, 0.0, 1.0])
     if geometry.rotation is not None:
         axis = geometry.rotation.direction
     save_figure(draw_assembly(bodies, axis), path)
 
 
+def _outer(mesh: SolidMesh) -> np.ndarray:
+    """Facets (m, 8) of the boundary."""
+    groups = facet_groups(mesh, boundary(mesh))
+    return np.vstack([np.zeros((0, 8), dtype=np.int64), *(eight(g.nodes) for g in groups)])
+
+
+def draw_modes(geometry: Geometry, path: Path) -> list[Path]:
+    """Draw the first free modes of each component with solids; the files, beside `path`."""
+    written = []
+    for name, body in geometry.bodies.items():
+        outer = _outer(body.mesh)
+        if not len(outer):
+            continue
+        K, M = component_matrices(geometry, name, {})
+        hz, vectors = first_elastic(K, M, SHOWN)
+        if not len(hz):
+            continue
+        moved = [(body.expansion.E @ v).reshape(-1, 3) for v in vectors.T]
+        titles = [f"{name}: {f:.1f} Hz" for f in hz]
+        figure_of = draw_free_modes(body.nodes, outer, list(zip(titles, moved, strict=True)))
+        own = f"_{name}" if len(geometry.bodies) > 1 else ""
+        written.append(path.with_name(f"{path.stem}{own}_modes{path.suffix}"))
+        save_figure(figure_of, written[-1])
+    return written
+
+
+SHOWN = 6  # free modes of a part that are drawn
 COLOURED = 8  # surfaces of a part alone that are drawn
 NEAR = 0.02  # of the part's largest side: distance of a measured point and its node
 FREE = 6  # rigid modes of a free part

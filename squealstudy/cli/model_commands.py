@@ -74,10 +74,13 @@ def inspect(
     if parameters:
         screen.show("\nparameters", screen.facts(parameters))
     if picture is not None and geometry is not None:
-        from squealstudy.cli.inspect import draw
+        from squealstudy.cli.inspect import draw, draw_modes
 
         draw(geometry, picture)
         screen.show(f"\npicture: {picture}")
+        if not geometry.file.contact:
+            for written in draw_modes(geometry, picture):
+                screen.show(f"free modes: {written}")
     for text in found.doubts:
         screen.warning(text)
     if found.doubts:

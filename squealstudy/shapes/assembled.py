@@ -1,4 +1,4 @@
-"""A picture of an assembly from files, with its contact faces coloured."""
+"""Pictures of parts from files: an assembly with coloured contact faces, a part's free modes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -103,9 +103,10 @@ def _draw(
     facets: np.ndarray,
     colours: ScalarMappable,
     view: tuple[float, float],
+    smooth: bool = False,
 ) -> None:
     surface = triangles(facets, len(points))
-    points, values = with_middles(facets, points), with_middles(facets, values, smooth=False)
+    points, values = with_middles(facets, points), with_middles(facets, values, smooth=smooth)
     camera = Camera.at(*view)
     seen = camera.seen(points[np.unique(surface.nodes)])[:, :2]
     low, high = seen.min(axis=0), seen.max(axis=0)
@@ -114,3 +115,36 @@ def _draw(
     image = picture(points, surface, values, camera, window, SAMPLES * COLUMNS)
     axes.imshow(image.colours(colours), extent=window, interpolation="antialiased")
     axes.set_axis_off()
+
+
+LARGEST = 0.06  # of the part's diagonal: the largest displacement that is drawn
+ACROSS = 3  # modes in a row
+
+
+def draw_free_modes(
+    nodes: np.ndarray, facets: np.ndarray, modes: Sequence[tuple[str, np.ndarray]]
+) -> Figure:
+    """Free modes of a part, deformed, coloured by how far they move: dark is at rest.
+
+    Parameters
+    ----------
+    nodes : ndarray (n, 3)
+    facets : ndarray (m, 8) of int
+        Its surface, as `ComponentCells.facets`.
+    modes : sequence of (str, ndarray (n, 3))
+        Titles, and displacements of any size.
+    """
+    rows = -(-len(modes) // ACROSS)
+    figure: Any = Figure(figsize=(14.0, 4.4 * rows), layout="constrained")
+    colours = ScalarMappable(Normalize(0.0, 1.0), mpl.colormaps["viridis"])
+    diagonal = float(np.linalg.norm(np.ptp(nodes, axis=0)))
+    panels = figure.subplots(rows, ACROSS, squeeze=False).ravel()
+    for axes in panels[len(modes) :]:
+        axes.set_axis_off()
+    for axes, (title, moved) in zip(panels, modes, strict=False):
+        far = np.linalg.norm(moved, axis=1)
+        share = far / far.max()
+        deformed = nodes + LARGEST * diagonal * moved / far.max()
+        _draw(axes, deformed, share, facets, colours, VIEW, smooth=True)
+        axes.set_title(title)
+    return figure

@@ -14,6 +14,8 @@ from squealstudy.models.components.bodies import Body, Brake
 from squealstudy.models.components.constraints import Relation, Tie
 from squealstudy.models.components.dimensions import INERTIA, LENGTH, MASS
 from squealstudy.models.components.free_modes import (
+    FIRST_CUTOFF,
+    LAST_CUTOFF,
     read_mode_table,
     rigid_count,
     tabled_modes,
@@ -33,7 +35,6 @@ MASSES = (0.02, 100.0)  # kg of a part of a brake
 SIZES = (0.01, 1.0)  # m, the longest side of a part of a brake
 SPEEDS = (20.0, 20_000.0)  # m/s of waves in solids, from soft rubber to beyond beryllium
 RIGID = 1e-7  # K R over K and R: rigid motions that cost no energy
-FIRST_CUTOFF, LAST_CUTOFF = 2000.0, 64_000.0  # Hz
 LISTED = 3  # elastic frequencies
 DOUBTFUL = 0.2  # of a frequency: measured and computed ones of another mode
 NAMES = {"t-mm-s": ("mm", "t", "t mm2"), "mm-kg-ms": ("mm", "kg", "kg mm2")}

@@ -110,6 +110,23 @@ def _mode(cells: Mapping[str, str], line: int, where: str) -> MeasuredLine:
     return MeasuredLine(line, None if mode is None else int(mode), hz, zeta)
 
 
+FIRST_CUTOFF, LAST_CUTOFF = 2000.0, 64_000.0  # Hz
+
+
+def first_elastic(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies [Hz] (m,) and shapes (n, m) of the first free modes that are not rigid.
+
+    Fewer than `count` where there are no more up to LAST_CUTOFF.
+    """
+    cutoff = FIRST_CUTOFF
+    while True:
+        omega, phi = real_modes(M, K, cutoff)
+        rigid = rigid_count(K, M, omega)
+        if len(omega) >= rigid + count or 2 * cutoff > LAST_CUTOFF:
+            return omega[rigid:][:count] / (2 * np.pi), phi[:, rigid:][:, :count]
+        cutoff *= 2
+
+
 def rigid_count(K: sp.csr_matrix, M: sp.csr_matrix, omega: np.ndarray) -> int:
     """Modes [rad/s] below 1 Hz, or that are zero to the ten digits of matrices in files."""
     return int((omega < max(2 * np.pi, least_frequency(K, M))).sum())

@@ -16,7 +16,7 @@ from squealstudy.models.components.constraints import Constraint, Coupling, Rela
 from squealstudy.models.components.discrete import Discrete
 from squealstudy.models.components.faces import boundary, facet_groups
 from squealstudy.models.components.materials import Orientation, Orthotropic
-from squealstudy.models.components.mesh import ElementBlock, SolidMesh
+from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 
 MOST = 1000  # sectors of a body
 MERGED = 1e-3  # of the shortest edge: sides are written with some six digits
@@ -69,7 +69,14 @@ def repeated(mesh: SolidMesh, how: Repetition) -> SolidMesh:
     ties = [tie for c in cyclic for tie in copies.cyclic(c)]
     if not cyclic:
         _check_sides(mesh, whole, how)
-    return replace(whole, constraints=(*whole.constraints, *ties))
+    joined = len(everywhere) - len(whole.nodes)
+    why = f"one of {how.count}: the whole body is read, {joined} nodes of sides are those of others"
+    note = PassedOver("sector", mesh.origin, 0, why)
+    return replace(
+        whole,
+        constraints=(*whole.constraints, *ties),
+        passed_over=(*whole.passed_over, note),
+    )
 
 
 def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
