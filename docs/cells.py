@@ -43,9 +43,9 @@ def picture(pattern: str, width: int | None = None) -> Any:
 
 def command(line: str, code: int = 0) -> str:
     """Print what `squealstudy LINE` prints, and return it; AssertionError for another exit code."""
-    done = subprocess.run(
-        [sys.executable, "-m", "squealstudy", *line.split()], capture_output=True, text=True
-    )
+    plain = {k: v for k, v in os.environ.items() if "COLOR" not in k}  # which a notebook forces
+    asked = [sys.executable, "-m", "squealstudy", *line.split()]
+    done = subprocess.run(asked, capture_output=True, text=True, env=plain)
     assert done.returncode == code, done.stderr
     shown = "\n".join(line.rstrip() for line in done.stdout.splitlines())
     sys.stdout.write(shown + "\n")

@@ -48,6 +48,7 @@ KEY_PAGES = (  # schema, heading of a table, what a table is in such a file
     ("work-precision-keys", "work_precision"),
     ("method-stability-keys", "method_stability"),
 )
+WIDTH = 78  # characters of a line of help
 KIND_TITLES = {
     "complex_modes": "Complex modes",
     "transient": "Runs in time",
@@ -318,19 +319,16 @@ def _cell(text: str) -> str:
 
 # -- commands, tables, models, laws ----------------------------------------------------------------
 def _commands() -> str:
-    import os
-
     from typer.main import get_command
 
     from squealstudy.cli.app import COMMANDS, app
 
-    os.environ["COLUMNS"] = os.environ["TERMINAL_WIDTH"] = "78"
     whole = get_command(app)
     lines: list[str] = []
     for function in COMMANDS:
         command = whole.commands[function.__name__]  # type: ignore[attr-defined]
         context = type(whole.make_context("squealstudy", ["--"], resilient_parsing=True))(
-            command, info_name=f"squealstudy {function.__name__}"
+            command, info_name=f"squealstudy {function.__name__}", terminal_width=WIDTH
         )
         lines += [f"## `{function.__name__}`", "", "```text", command.get_help(context), "```", ""]
     return "\n".join(lines)
