@@ -50,9 +50,9 @@ class BandRoots:
 
 
 def roots_in_band(
-    M: sp.csr_matrix,
-    C: sp.csr_matrix,
-    K: sp.csr_matrix,
+    M: Matrix,
+    C: Matrix,
+    K: Matrix,
     band: tuple[float, float],
     first: int = FIRST_ROOTS,
     shift: float = 0.0,
@@ -67,7 +67,8 @@ def roots_in_band(
 
     Parameters
     ----------
-    M, C, K : csr_matrix (n, n)
+    M, C, K : csr_matrix or ndarray (n, n)
+        Arrays where LAPACK solves them, `DENSE_LIMIT`.
     band : (low, high)
         rad/s.
     first : int
@@ -80,6 +81,8 @@ def roots_in_band(
     ConvergenceError
         Where no attempt gives roots at all.
     """
+    if M.shape[0] <= DENSE_LIMIT:
+        M, C, K = (_dense(A) for A in (M, C, K))
     failure = ConvergenceError("not_converged", "no roots were found")
     best: BandRoots | None = None
     least = np.inf
@@ -124,9 +127,7 @@ def judged_roots(
     return found, errors.doubt(lam)
 
 
-def pair_residuals(
-    M: sp.csr_matrix, C: sp.csr_matrix, K: sp.csr_matrix, lam: np.ndarray, psi: np.ndarray
-) -> np.ndarray:
+def pair_residuals(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:
     """Normwise backward error of each pair (Tisseur 2000), with norms of the matrices.
 
     |Q(lambda) psi| / ((|lambda|^2 |M| + |lambda| |C| + |K|) |psi|): at round-off for pairs that
@@ -139,15 +140,15 @@ def pair_residuals(
     return error
 
 
-def _norm(A: sp.csr_matrix) -> float:
+def _norm(A: Matrix) -> float:
     """Bound of the 2-norm: the geometric mean of the largest column and row sum."""
     return float(np.sqrt(abs(A).sum(axis=0).max() * abs(A).sum(axis=1).max()))
 
 
 def _roots_about(
-    M: sp.csr_matrix,
-    C: sp.csr_matrix,
-    K: sp.csr_matrix,
+    M: Matrix,
+    C: Matrix,
+    K: Matrix,
     limit: float,
     first: int,
     sigma: float,
@@ -180,14 +181,19 @@ def _pivoting_factor(A: sp.spmatrix) -> spla.SuperLU:
         raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
 
 
+def _dense(A: Matrix) -> np.ndarray:
+    dense: np.ndarray = A.toarray() if sp.issparse(A) else A
+    return dense
+
+
 def _dense_roots(
-    M: sp.csr_matrix, C: sp.csr_matrix, K: sp.csr_matrix, limit: float, inverse: bool = False
+    M: Matrix, C: Matrix, K: Matrix, limit: float, inverse: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """All roots by LAPACK: of the companion form, or of its inverse where M is singular.
 
     The inverse is also more accurate for small roots beside stiff springs.
     """
-    M_d, C_d, K_d = (A.toarray() for A in (M, C, K))
+    M_d, C_d, K_d = (_dense(A) for A in (M, C, K))
     if not inverse and np.linalg.matrix_rank(M_d) == M.shape[0]:
         return pairs_up_to(C_d, K_d, limit, M_d)
     return inverse_pairs(C_d, K_d, limit, M_d)  # at a shift: of all matrices, if not by chance

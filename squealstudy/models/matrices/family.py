@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError, ModelError
@@ -100,6 +101,22 @@ class MatrixFamily:
         return weights
 
     @cached_property
+    def _stacked(self) -> np.ndarray:
+        """Matrices of all terms (k, n, n)."""
+        return np.array([term.matrix.toarray() for term in self.terms])
+
+    def dense(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As `matrices` without zeros left out, for families so small that LAPACK solves them."""
+        weights = np.array(self.weights(values))
+        orders = np.array([term.order for term in self.terms])
+        stiffness, damping, mass = (
+            np.tensordot(weights[orders == order], self._stacked[orders == order], axes=1)
+            for order in sorted(LETTERS)
+        )
+        _expect_mass(mass)
+        return mass, damping, stiffness
+
+    @cached_property
     def _sizes(self) -> tuple[float, ...]:
         """Largest entry of each term's matrix."""
         return tuple(largest_entry(t.matrix) for t in self.terms)
@@ -124,11 +141,16 @@ class MatrixFamily:
         for term, weight in zip(self.terms, weights, strict=True):
             parts[term.order] = parts[term.order] + weight * term.matrix
         stiffness, damping, mass = (part.tocsr() for part in parts)
-        if 0 < (size := largest_entry(mass)) < LEAST_MASS:
-            raise ConvergenceError(
-                OVERFLOW, f"the largest entry of M is {size:.0e}: expected at least {LEAST_MASS:g}"
-            )
+        _expect_mass(mass)
         return mass, damping, stiffness
+
+
+def _expect_mass(mass: np.ndarray | sp.csr_matrix) -> None:
+    """ConvergenceError ``overflow`` for a mass, not zero, that is too small to divide by."""
+    if 0 < (size := largest_entry(mass)) < LEAST_MASS:
+        raise ConvergenceError(
+            OVERFLOW, f"the largest entry of M is {size:.0e}: expected at least {LEAST_MASS:g}"
+        )
 
 
 @dataclass(frozen=True)

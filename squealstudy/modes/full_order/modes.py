@@ -19,6 +19,7 @@ from squealstudy.linalg.band_roots import (
 from squealstudy.linalg.factor import RefinedFactor, factorise
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil, squared
 from squealstudy.linalg.real_modes import real_modes
+from squealstudy.linalg.root_error import Matrix
 from squealstudy.linalg.sparse_qep import (
     DENSE_LIMIT,
     LowRankSum,
@@ -282,7 +283,7 @@ def solve_family_point(
     ConvergenceError
         ``undefined`` where a coefficient has no value; where no roots are found.
     """
-    M, C, K = family_matrices(prepared.model, values)
+    M, C, K = family_matrices(prepared.model, values, dense=prepared.model.n <= DENSE_LIMIT)
     roots = family_roots(prepared, (M, C, K), band_hz, check)
     lam, psi = roots.lam, roots.psi
     return PointModes(
@@ -298,7 +299,7 @@ def solve_family_point(
 
 def family_roots(
     prepared: PreparedFamily,
-    matrices: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix],
+    matrices: tuple[Matrix, Matrix, Matrix],
     band_hz: tuple[float, float],
     check: bool = False,
 ) -> BandRoots:
@@ -311,10 +312,10 @@ def family_roots(
 
 
 def family_matrices(
-    family: MatrixFamily, values: Mapping[str, float]
-) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
-    """M, C, K of a family; ConvergenceError ``undefined`` where a coefficient has no value."""
+    family: MatrixFamily, values: Mapping[str, float], dense: bool = False
+) -> tuple[Matrix, Matrix, Matrix]:
+    """M, C, K of a family, sparse or dense; ConvergenceError ``undefined`` without a value."""
     try:
-        return family.matrices(values)
+        return family.dense(values) if dense else family.matrices(values)
     except ExpressionError as error:
         raise ConvergenceError(UNDEFINED, str(error)) from error
