@@ -14,6 +14,7 @@ from squealstudy.motion.outcome.levels import (
     mean_interval,
     period_swings,
     periods_interval,
+    plain_levels,
     spectrum,
     swing_spread,
     torque_levels,
@@ -176,3 +177,15 @@ def test_peaks_of_single_periods():
     assert len(swings) == 30
     assert swings.min() == pytest.approx(1.53, abs=0.05)
     assert np.ptp(swings) / swings.mean() == pytest.approx(0.45, abs=0.06)
+
+
+@pytest.mark.parametrize("rows", [2, 5, 30, 400])
+@pytest.mark.parametrize("cycles", [0.01, 0.033, 0.2])
+def test_plain_levels_are_those_with_bounds(rows: int, cycles: float) -> None:
+    time = np.arange(float(rows))
+    torque = 3.0 + np.sin(2 * np.pi * cycles * time) + 0.01 * np.cos(time**2)
+    for sums in (None, TorqueSums(torque + 0.01, 0.1 + 0.0 * torque, torque - 0.2, torque + 0.3)):
+        told = torque_levels(time, torque, sums)
+        plain = plain_levels(time, torque, sums)
+        assert plain == pytest.approx([told.rms, told.mean, told.peak_to_peak], rel=1e-12)
+    assert plain_levels(time, np.ones(rows), None).tolist() == [0.0, 1.0, 0.0]

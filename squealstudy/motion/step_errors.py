@@ -20,7 +20,13 @@ from squealstudy.motion.arrays import FEW_POINTS
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import NOT_ASKED, OF_THE_WINDOW, StepParts
-from squealstudy.motion.outcome.levels import TorqueSums, hann, last_window, torque_levels
+from squealstudy.motion.outcome.levels import (
+    TorqueSums,
+    hann,
+    last_window,
+    plain_levels,
+    torque_levels,
+)
 from squealstudy.motion.outcome.summary import over_steps, own_frequency
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
@@ -107,9 +113,8 @@ def _levels(run: Motion, window: slice) -> np.ndarray:
     """RMS, mean, peak to peak and own frequency of a window."""
     own = slice(max(window.start, 1), window.stop)
     sums = TorqueSums.of(run.history, own)
-    found = torque_levels(run.times[own], run.history["torque"][own], sums)
-    hz = own_frequency(run, own).hz
-    return np.array([found.rms, found.mean, found.peak_to_peak, hz])
+    found = plain_levels(run.times[own], run.history["torque"][own], sums)
+    return np.append(found, own_frequency(run, own).hz)
 
 
 def _parts(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -161,6 +161,22 @@ def torque_levels(
     )
 
 
+def plain_levels(time: np.ndarray, torque: np.ndarray, sums: TorqueSums | None) -> np.ndarray:
+    """RMS, mean and peak to peak (3,) as `torque_levels` tells them, without bounds and lines."""
+    whole = sums is not None
+    sums = sums or TorqueSums.of_rows(torque)
+    mean, swing = float(sums.mean.mean()), float(sums.most.max() - sums.least.min())
+    rest = np.abs([sums.most.max() - mean, sums.least.min() - mean]).max()
+    if rest <= FLAT * np.abs(torque).max() or len(torque) < 2:
+        return np.array([0.0, mean, 0.0])
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    frequency = spectrum(step, torque).peak() if whole else np.nan
+    width = 1.0 / (frequency * step) if np.isfinite(frequency) else np.nan
+    mean = periods_mean(sums.mean, width)
+    square = periods_mean(sums.squares(mean), width)
+    return np.array([np.sqrt(max(square, 0.0)), mean, swing])
+
+
 def _quarters(sums: TorqueSums) -> Iterator[np.ndarray]:
     """Least and largest torque of each quarter of a window, of halves where rows are few."""
     count = QUARTERS if len(sums.least) >= LEAST_ROWS * QUARTERS else 2
@@ -290,24 +306,39 @@ def periods_interval(values: np.ndarray, width: float) -> tuple[float, float, fl
     may be the second or third harmonic, the mean is over a multiple of six periods where there are
     twelve. NaN, or fewer than five periods: `mean_interval` itself.
     """
-    count = int(len(values) / width * (1 + 1e-12)) if width > 0 else 0
-    if count < BLOCKS[-1] or width < 1:
+    count, means = _periods(values, width)
+    if not count:
         mean, low, high = mean_interval(values)
         return float(mean), float(low), float(high)
-    summed = np.concatenate([[0.0], np.cumsum(values)])
-
-    def means(edges: np.ndarray) -> np.ndarray:
-        """Between edges, in periods from the last row backwards, the earliest first."""
-        at = np.interp(len(values) - width * edges, np.arange(len(summed)), summed)
-        blocks: np.ndarray = np.diff(at) / (width * -np.diff(edges))
-        return blocks
-
-    count -= count % HARMONICS if count >= 2 * HARMONICS else 0
     own = float(means(np.array([count, 0.0]))[0])
     blocks = [means(_whole_periods(count, number)) for number in BLOCKS if count >= number]
     half = float(_half_width(np.array(own), blocks))
     half = max(half, _still_to_come(own, blocks[-2:][0], means(_whole_periods(count, 3))))
     return own, own - half, own + half
+
+
+def periods_mean(values: np.ndarray, width: float) -> float:
+    """The mean of `periods_interval`."""
+    count, means = _periods(values, width)
+    return float(means(np.array([count, 0.0]))[0] if count else values.mean())
+
+
+def _periods(values: np.ndarray, width: float) -> tuple[int, Callable[[np.ndarray], np.ndarray]]:
+    """How many whole periods a mean is over, 0 for none, and means between edges.
+
+    Edges are in periods from the last row backwards, the earliest first.
+    """
+    summed = np.concatenate([[0.0], np.cumsum(values)])
+
+    def means(edges: np.ndarray) -> np.ndarray:
+        at = np.interp(len(values) - width * edges, np.arange(len(summed)), summed)
+        blocks: np.ndarray = np.diff(at) / (width * -np.diff(edges))
+        return blocks
+
+    count = int(len(values) / width * (1 + 1e-12)) if width > 0 else 0
+    if count < BLOCKS[-1] or width < 1:
+        return 0, means
+    return count - (count % HARMONICS if count >= 2 * HARMONICS else 0), means
 
 
 def _whole_periods(count: int, number: int) -> np.ndarray:
