@@ -25,6 +25,7 @@ from squealstudy.models.components.ansys_commands import (
     SETTINGS,
     SOLIDS,
 )
+from squealstudy.models.components.ansys_degenerate import PYRAMID, TETRAHEDRON, WEDGE
 from squealstudy.models.components.ansys_materials import materials
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_lines import Line
@@ -35,17 +36,6 @@ from squealstudy.models.matrices.text import TextFile
 
 FIELDS = 10  # numbers of an element before its nodes, among them:
 MATERIAL, TYPE, AXES, LABEL = 0, 1, 4, 8
-# nodes of bricks with corners in one place, in our order: wedges, pyramids, tetrahedra
-Degenerate = tuple[tuple[str, tuple[int, ...]], tuple[str, tuple[int, ...]]]
-WEDGE: Degenerate = (
-    ("C3D6", (0, 1, 2, 4, 5, 6)),
-    ("C3D15", (0, 1, 2, 4, 5, 6, 8, 9, 11, 12, 13, 15, 16, 17, 18)),
-)
-PYRAMID: Degenerate = (
-    ("C3D5", tuple(range(5))),
-    ("C3D13", (0, 1, 2, 3, 4, 8, 9, 10, 11, 16, 17, 18, 19)),
-)
-TETRAHEDRON: Degenerate = ("C3D4", (0, 1, 2, 4)), ("C3D10", (0, 1, 2, 4, 8, 9, 11, 16, 17, 18))
 
 
 @dataclass(frozen=True)

@@ -219,6 +219,7 @@ def _in_si(mesh: SolidMesh, units: str) -> SolidMesh:
         nodes=size * mesh.nodes,
         materials={name: _scaled(m, stress, density) for name, m in mesh.materials.items()},
         unfinished=unfinished,
+        added_density=density * mesh.added_density,
         orientations=orientations,
         constraints=tuple(c.scaled(size) for c in mesh.constraints),
         discrete=tuple(

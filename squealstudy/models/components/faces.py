@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.models.components.mesh import SolidMesh, has_name
+from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.set_names import has_name
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,14 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.materials import Anisotropic, Elastic, Orthotropic
-from squealstudy.models.components.mesh import SolidMesh, has_name
+from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.model_file import (
     KeyPath,
     Numbers,
     PlacedError,
     ValuesError,
 )
+from squealstudy.models.components.set_names import has_name
 from squealstudy.models.fem.solid import Isotropic
 
 AXES = ("E", "nu", "G")

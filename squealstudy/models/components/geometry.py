@@ -15,9 +15,9 @@ from squealstudy.models.components.contact_rows import Rotation, sliding
 from squealstudy.models.components.dimensions import LENGTH
 from squealstudy.models.components.faces import facets
 from squealstudy.models.components.facet_geometry import Facets
-from squealstudy.models.components.mesh import has_name
 from squealstudy.models.components.model_file import GROUND, KeyPath, PlacedError
 from squealstudy.models.components.pairs import Pair, pair
+from squealstudy.models.components.set_names import has_name
 from squealstudy.models.fem.sampling import Surface
 
 LEAST_IN_REACH = 0.5  # of a face: with less the faces are hardly those meant

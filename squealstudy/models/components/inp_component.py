@@ -10,6 +10,8 @@ import numpy as np
 
 from squealstudy.models.components.constraints import Relation
 from squealstudy.models.components.faces import boundary
+from squealstudy.models.components.inp_added_mass import KEYWORD as ADDED
+from squealstudy.models.components.inp_added_mass import with_added_mass
 from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_couplings import KEYWORDS, Couplings, Where
 from squealstudy.models.components.inp_discrete import KEYWORDS as DISCRETE
@@ -33,7 +35,7 @@ SET = ("NSET", "ELSET", "GENERATE", "INSTANCE", "UNSORTED", "INTERNAL")
 SURFACE = ("NAME", "TYPE", "INTERNAL")
 SECTIONS = ("SOLIDSECTION", "ORIENTATION")
 OF_MESH = (*NODES, *ELEMENTS, "NSET", "ELSET", "SURFACE")
-READ = (*OF_MESH, *SECTIONS, *KEYWORDS, *EQUATIONS, *DISCRETE, SECTORS)
+READ = (*OF_MESH, *SECTIONS, *KEYWORDS, *EQUATIONS, *DISCRETE, SECTORS, ADDED)
 
 
 @dataclass
@@ -308,9 +310,10 @@ class Component:
         def elements_of(card: Card) -> np.ndarray:
             return self._elements(self.element_sets.labels(card.value("ELSET"), card.line))
 
-        return with_sections(
+        mesh = with_sections(
             mesh, self.text.part, self.text.materials, elements_of, self.text.temperature
         )
+        return with_added_mass(mesh, self.text.part, elements_of)
 
     def _with_couplings(self, mesh: SolidMesh) -> SolidMesh:
         cards = (*self.text.part, *self.text.assembly)

@@ -14,7 +14,8 @@ from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.inp_places import Places
 from squealstudy.models.components.inp_sectors import KEYWORD as SECTORS
 from squealstudy.models.components.inp_sets import Sets
-from squealstudy.models.components.mesh import SolidMesh, has_name
+from squealstudy.models.components.mesh import SolidMesh
+from squealstudy.models.components.set_names import has_name
 
 CYCLIC = "CYCLICSYMMETRY"  # of a tie: the master is that of the next sector
 TIE = ("NAME", "POSITIONTOLERANCE", "ADJUST", "TYPE", "NOROTATION", CYCLIC)

@@ -98,7 +98,6 @@ REFUSED: dict[str, str] = {
     "KINEMATICCOUPLING": "write *COUPLING with *KINEMATIC",
     **_each("FASTENER NETWORKMPC", _COUPLE),
     **_each("EMBEDDEDELEMENT", _MERGE),
-    "NONSTRUCTURALMASS": "state a [[point_mass]] in the model file",
     **_each("NCOPY NMAP ELCOPY", _GENERATE),
     "MATRIXASSEMBLE": "give the whole as K and M in the model file",
     "MATRIXINPUT": "give the whole as K and M in the model file",

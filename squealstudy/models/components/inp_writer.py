@@ -36,10 +36,13 @@ def write_inp(mesh: SolidMesh, path: Path, steps: Sequence[str] = ()) -> None:
     Raises
     ------
     ModelError
-        A name that such a file cannot hold; ties and couplings; C3D8 and C3D8_BBAR in one mesh.
+        A name that such a file cannot hold; ties, couplings, mass that is no material's; C3D8 and
+        C3D8_BBAR in one mesh.
     """
     if mesh.constraints:
         raise mesh.error(f"{mesh.constraints[0].name}: ties and couplings cannot be written")
+    if mesh.added_density.any():
+        raise mesh.error("mass that is no material's cannot be written")
     kinds = {block.formulation for block in mesh.blocks}
     if {"C3D8", "C3D8_BBAR"} <= kinds:
         raise mesh.error("C3D8 and C3D8_BBAR cannot be in one file: each is a C3D8 of its code")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from squealstudy.models.components.formulations import integration
 from squealstudy.models.components.mesh import SolidMesh
 
 CHUNK = 256  # elements at a time
@@ -47,3 +48,15 @@ def jacobians(
             "integration point; the order of its nodes is not that of Abaqus, or it is folded"
         )
     return det, J
+
+
+def volumes(mesh: SolidMesh) -> np.ndarray:
+    """Of all elements (n_elements,); ModelError about a negative Jacobian."""
+    found = []
+    for block, start in zip(mesh.blocks, mesh.starts, strict=False):
+        rule = integration(block.kind.mass)
+        _, dN = block.kind.shape.functions(rule.points)
+        rows = np.arange(len(block.labels))
+        det, _ = jacobians(mesh, int(start), rows, mesh.nodes[block.nodes], dN)
+        found.append(det @ rule.weights)
+    return np.concatenate([np.zeros(0), *found])

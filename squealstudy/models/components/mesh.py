@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,10 +22,10 @@ from squealstudy.models.components.constraints import (
 from squealstudy.models.components.discrete import Discrete
 from squealstudy.models.components.formulations import FORMULATIONS, Formulation
 from squealstudy.models.components.materials import Elastic, Orientation, Unfinished
+from squealstudy.models.components.set_names import found_name, has_name
 
 NAMED = 5  # elements or nodes that a message names
 OF_CONTACT = "contact is stated in the model file"  # why keywords of contact are passed over
-T = TypeVar("T")
 
 
 class PassedOver(NamedTuple):
@@ -104,6 +104,8 @@ class SolidMesh:
         Whether the program of the file lumps the mass at the nodes.
     discrete : tuple of Discrete
         Springs and masses that are of no solid.
+    added_density : ndarray (n_elements,)
+        Of mass that is no material's, such as paint; beside that of the material.
     """
 
     origin: Path
@@ -122,6 +124,7 @@ class SolidMesh:
     unfinished: Mapping[str, Unfinished] = field(default_factory=dict)
     lumped: bool = False
     discrete: tuple[Discrete, ...] = ()
+    added_density: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         n = self.n_elements
@@ -130,6 +133,8 @@ class SolidMesh:
                 object.__setattr__(self, name, np.full(n, "", dtype=object))
             if len(getattr(self, name)) != n:
                 raise self.error(f"expected a {name} for each of {n} elements")
+        if not len(self.added_density):
+            object.__setattr__(self, "added_density", np.zeros(n))
         if self.nodes.shape != (len(self.numbers), 3) or not len(self.nodes):
             raise self.error(f"expected nodes (n, 3), got {self.nodes.shape}")
         if self.blocks and not n:
@@ -370,6 +375,7 @@ class SolidMesh:
             ),
             material=self.material[keep],
             orientation=self.orientation[keep],
+            added_density=self.added_density[keep],
             constraints=tuple(constraints),
             discrete=tuple(discrete),
         )
@@ -382,22 +388,3 @@ def _kept(sets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 def _listed(numbers: np.ndarray) -> str:
     shown = ", ".join(str(n) for n in numbers[:NAMED])
     return shown + (f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else "")
-
-
-def has_name(of: Mapping[str, T], name: str) -> bool:
-    """Whether a name is there, in whatever capitals."""
-    return any(known.casefold() == name.casefold() for known in of)
-
-
-def found_name(of: Mapping[str, T], name: str, what: str, origin: Path) -> T:
-    """The value of a name; capitals count only where names differ by nothing else.
-
-    Raises ModelError, with the names that there are.
-    """
-    if name in of:
-        return of[name]
-    alike: Sequence[str] = [known for known in of if known.casefold() == name.casefold()]
-    if len(alike) != 1:
-        known = ", ".join(sorted(of)) or "none"
-        raise ModelError(f"{origin} has no {what} '{name}'; it has {known}")
-    return of[alike[0]]

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.models.cells import CellBlock, ComponentCells
-from squealstudy.models.components.formulations import integration
-from squealstudy.models.components.jacobians import jacobians
+from squealstudy.models.components.jacobians import volumes
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_matrices import element_stiffnesses
 
@@ -57,12 +56,5 @@ def moved_cells(mesh: SolidMesh, lacking: np.ndarray) -> ComponentCells | None:
 
 def mesh_cells(mesh: SolidMesh) -> ComponentCells:
     """All elements of a mesh in SI."""
-    volumes = []
-    for block, start in zip(mesh.blocks, mesh.starts, strict=False):
-        rule = integration(block.kind.mass)
-        _, dN = block.kind.shape.functions(rule.points)
-        rows = np.arange(len(block.labels))
-        det, _ = jacobians(mesh, int(start), rows, mesh.nodes[block.nodes], dN)
-        volumes.append(det @ rule.weights)
     blocks = tuple(CellBlock(b.kind.shape.name, b.nodes) for b in mesh.blocks)
-    return ComponentCells(blocks, np.concatenate(volumes), MeshEnergies(mesh))
+    return ComponentCells(blocks, volumes(mesh), MeshEnergies(mesh))

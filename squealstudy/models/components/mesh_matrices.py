@@ -133,7 +133,8 @@ def mass_matrix(mesh: SolidMesh, rule: MassRule = "full") -> sp.csr_matrix:
         points = part.block.kind.mass_rule(rule)
         N, dN = part.block.kind.shape.functions(points.points)
         det, _ = jacobians(mesh, part.start, chunk, X, dN)
-        weight = det * points.weights * material_of(mesh, part.material).density
+        density = material_of(mesh, part.material).density + mesh.added_density[part.start + chunk]
+        weight = det * points.weights * density[:, None]
         M = np.matmul(N.T * weight[:, None, :], N)
         sums.add(part, chunk, (_lumped(M, part.block.kind) if rule == "lumped" else M)[..., None])
     found = sums.matrix()

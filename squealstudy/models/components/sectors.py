@@ -184,6 +184,7 @@ class _Copies:
             element_sets={s: np.unique(self._element_at[:, v]) for s, v in m.element_sets.items()},
             surfaces={},
             material=self._of_elements(m.material),
+            added_density=self._of_elements(m.added_density).astype(float),
             constraints=tuple(c for k in range(count) for c in self._constraints(k)),
             discrete=tuple(d for k in range(count) for d in self._discrete(k)),
             orientations=orientations,

@@ -1,0 +1,58 @@
+"""``*NONSTRUCTURAL MASS`` of Abaqus: mass of an element set that is no material's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from squealstudy.models.components.inp_cards import Card
+from squealstudy.models.components.jacobians import volumes
+from squealstudy.models.components.mesh import SolidMesh
+
+KEYWORD = "NONSTRUCTURALMASS"
+KNOWN = ("ELSET", "UNITS", "DISTRIBUTION")
+TOTAL, PER_VOLUME = "TOTALMASS", "MASSPERVOLUME"
+BY_MASS, BY_VOLUME = "MASSPROPORTIONAL", "VOLUMEPROPORTIONAL"
+
+
+def with_added_mass(
+    mesh: SolidMesh, cards: Sequence[Card], elements_of: Callable[[Card], np.ndarray]
+) -> SolidMesh:
+    """The mesh with the densities that its cards add; ModelError about the line of what is wrong.
+
+    `elements_of` are places of the elements of a card's set.
+    """
+    density = mesh.added_density.copy()
+    for card in cards:
+        if card.keyword != KEYWORD:
+            continue
+        card.check(KNOWN)
+        units = _plain(card.value("UNITS"))
+        how = _plain(card.parameters.get("DISTRIBUTION", BY_MASS))
+        if units not in (TOTAL, PER_VOLUME):
+            raise card.error(
+                f"UNITS={units} is not supported: expected TOTAL MASS or MASS PER VOLUME"
+            )
+        if how not in (BY_MASS, BY_VOLUME):
+            raise card.error(f"DISTRIBUTION={how} is not supported")
+        ((line, value),) = card.numbers("a mass", 1, 1)
+        if not value >= 0:
+            raise line.error(f"expected a mass of zero or above, got {value:g}")
+        own = elements_of(card)
+        if not len(own):
+            raise card.error(f"ELSET={card.value('ELSET')} has no solid element")
+        if units == TOTAL:
+            if how == BY_MASS and len(set(mesh.material[own])) > 1:
+                raise card.error(
+                    "a mass in proportion to that of several materials is not supported: expected "
+                    "DISTRIBUTION=VOLUME PROPORTIONAL, or a set of one material"
+                )
+            value /= volumes(mesh)[own].sum()
+        density[own] += value
+    return replace(mesh, added_density=density)
+
+
+def _plain(text: str) -> str:
+    return "".join(text.split()).upper()
