@@ -21,6 +21,7 @@ from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMe
 MOST = 1000  # sectors of a body
 MERGED = 1e-3  # of the shortest edge: sides are written with some six digits
 OPPOSITE = -0.99  # cosine between the normals of facets that face each other
+BESIDE = 0.6  # of a facet: middles of facets that overlap are nearer, those of neighbours are not
 NEAR = 0.02  # of a facet: distance of facets that lie on each other
 
 
@@ -318,7 +319,7 @@ def _check_sides(mesh: SolidMesh, whole: SolidMesh, how: Repetition) -> None:
     there, across = c @ R.T + shift, n @ R.T
     tree = cKDTree(there)
     facing = 0
-    for i, near in enumerate(tree.query_ball_point(c, h)):
+    for i, near in enumerate(tree.query_ball_point(c, BESIDE * h)):
         j = np.array(near, dtype=int)
         opposite = across[j] @ n[i] < OPPOSITE
         facing += bool((opposite & (abs((there[j] - c[i]) @ n[i]) < NEAR * h[i])).any())
