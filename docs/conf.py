@@ -15,6 +15,7 @@ sys.path.insert(0, str(DOCS))
 import generate  # noqa: E402
 
 import squealstudy  # noqa: E402
+from squealstudy.engine import pictures  # noqa: E402
 from squealstudy.paths import user_cache  # noqa: E402
 
 project = "squealstudy"
@@ -73,7 +74,15 @@ def _links(app: Any, docname: str, source: list[str]) -> None:
         source[0] = generate.relinked(source[0], path, path)
 
 
+def _of_results(_app: Any, _what: str, name: str, *others: Any) -> None:
+    """Docstrings of plots as those of methods of `results.plot`, which have the results."""
+    if name.startswith("squealstudy.plots."):
+        lines = others[-1]
+        lines[:] = pictures._without_results("\n".join(lines)).splitlines()
+
+
 def setup(app: Any) -> None:
     """Called by Sphinx."""
+    app.connect("autodoc-process-docstring", _of_results, priority=100)  # numpydoc is later
     app.connect("source-read", _links)
     app.connect("build-finished", _equations)

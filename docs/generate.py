@@ -422,6 +422,7 @@ def _python() -> str:
     import inspect
 
     import squealstudy
+    from squealstudy.engine.pictures import plots
 
     lines: list[str] = []
     for name in squealstudy.__all__:
@@ -435,6 +436,11 @@ def _python() -> str:
         "",
         *_documented("class", "squealstudy.engine.pictures.Plots"),
     ]
+    for name, plot in sorted(plots().items()):
+        own = [*inspect.signature(plot.draw).parameters.values()][1:]
+        shown = ", ".join(str(p.replace(annotation=p.empty)) for p in own)
+        lines += [f"### `plot.{name}`", ""]
+        lines += _documented("function", f"{plot.draw.__module__}.{plot.draw.__name__}({shown})")
     for module, name in MECHANICS:
         lines += [f"## `{name}`", "", *_documented("class", f"{module}.{name}")]
     return "\n".join(lines)
