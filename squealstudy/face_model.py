@@ -13,6 +13,8 @@ from squealstudy.models.catalogue import MODELS, model_names
 from squealstudy.models.components.definition import DESCRIPTION as OF_A_FILE
 from squealstudy.models.components.definition import NAME as OF_FILE
 from squealstudy.models.components.definition import FileDefinition
+from squealstudy.models.lumped.definition import DESCRIPTION as OF_LUMPED
+from squealstudy.models.lumped.definition import NAME as LUMPED
 from squealstudy.models.matrices.family import DESCRIPTION as OF_MATRICES
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.study.source import SourceText
@@ -77,13 +79,13 @@ def model(name: str, **values: Any) -> Model:
         An unknown model; a parameter that it does not have, or a value that it cannot take.
     """
     if name.endswith(MODEL_FILE):
-        from squealstudy.study.components import read_model  # imports scikit-fem
+        from squealstudy.study.model_files import read_model_file
 
-        return Model(read_model(Path(name)), values)
+        return Model(read_model_file(Path(name)), values)
     if name == MATRICES:
         raise SquealstudyError(f"model '{MATRICES}' is made of the files that its study names")
-    if name == OF_FILE:
-        raise SquealstudyError(f"model '{OF_FILE}' is what a model file describes: give its path")
+    if name in (OF_FILE, LUMPED):
+        raise SquealstudyError(f"model '{name}' is what a model file describes: give its path")
     if name not in MODELS:
         raise SquealstudyError(
             f"unknown model '{name}', expected {', '.join(model_names())}"
@@ -95,4 +97,6 @@ def model(name: str, **values: Any) -> Model:
 def list_models() -> dict[str, str]:
     """Descriptions of the models by name."""
     named = {m.name: m.description for m in MODELS.values()}
-    return named | {MATRICES: OF_MATRICES, OF_FILE: f"{OF_A_FILE}: its path in place of the name"}
+    by_path = "its path in place of the name"
+    files = {OF_FILE: f"{OF_A_FILE}: {by_path}", LUMPED: f"{OF_LUMPED}: {by_path}"}
+    return named | {MATRICES: OF_MATRICES} | files

@@ -14,7 +14,7 @@ import numpy as np
 
 from squealstudy.engine.cache import is_prepared, load_any, load_prepared
 from squealstudy.engine.model_kind import ModelKind
-from squealstudy.engine.plan import Plan
+from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.machine import peak_memory_mb
@@ -189,7 +189,7 @@ def mesh_error(plan: Plan, threads: int) -> MeshError:
     mesh = str(plan.study.options.get(MESH_OPTION, ""))
     if mesh not in FINER:
         what = f"there is no finer mesh than '{mesh}'" if mesh else "this model has no mesh"
-        if isinstance(plan.study.model, FileDefinition):
+        if isinstance(plan.study.model, FileDefinition) and has_mesh(plan.study):
             what = "its meshes are files; a finer one is another model file"
         raise SquealstudyError(f"the error of the mesh cannot be told: {what}")
     options = {**plan.study.options, MESH_OPTION: FINER[mesh]}

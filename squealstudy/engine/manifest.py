@@ -31,7 +31,9 @@ from squealstudy.files import TEMPORARY
 from squealstudy.machine import HeldError, cores, lock
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.components.definition import NAME, FileDefinition
+from squealstudy.models.components.definition import FileDefinition
+from squealstudy.models.lumped.definition import NAME as LUMPED
+from squealstudy.models.lumped.definition import LumpedDefinition
 from squealstudy.models.operating import SLIDING_SPEED
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
@@ -136,7 +138,9 @@ def model_of(manifest: Mapping[str, Any]) -> ModelDefinition:
         return MODELS[model]
     parameters = tuple(Parameter(n, float(v), "", "") for n, v in found["defaults"].items())
     components = tuple(found["components"])
-    return FileDefinition(NAME, "", (), parameters, components, _not_built, path=found["path"])
+    name = str(manifest["model"])
+    sort = LumpedDefinition if name == LUMPED else FileDefinition
+    return sort(name, "", (), parameters, components, _not_built, path=found["path"])
 
 
 def _not_built(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-OF_FILE = "components"  # name of a model that a file describes
+OF_FILE = "components"  # name of a model that a file describes, of meshes
+LUMPED = "lumped"  # of masses and springs
 DEFAULT_BAND = (1.0, 16000.0)  # Hz
 BANDS = {"disc_brake": (500.0, 8000.0), OF_FILE: (500.0, 8000.0)}  # Hz, of models with their own
 COMPONENT_CUTOFF_FACTOR, ASSEMBLY_CUTOFF_FACTOR = 1.5, 1.25  # of the top of the band

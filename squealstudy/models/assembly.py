@@ -17,7 +17,11 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
 from squealstudy.models.cells import ComponentCells
-from squealstudy.models.linear_interfaces import SpringInterface, StressStiffness
+from squealstudy.models.linear_interfaces import (
+    DamperInterface,
+    SpringInterface,
+    StressStiffness,
+)
 from squealstudy.models.matrix_checks import check_masses, check_size, check_symmetric
 
 if TYPE_CHECKING:  # scikit-fem is slow to load
@@ -264,6 +268,8 @@ class Assembly:
         Nodal forces that are always there, N.
     rotors : Rotors or None
         What turns; None where nothing does, or the axis is not known.
+    dampers : tuple of DamperInterface
+        Linear dampers between components and to the ground.
 
     Raises
     ------
@@ -277,14 +283,16 @@ class Assembly:
     load: np.ndarray
     constant_load: np.ndarray
     rotors: Rotors | None = None
+    dampers: tuple[DamperInterface, ...] = ()
 
     def __post_init__(self) -> None:
         names = self.component_names
         if len(set(names)) != len(names) or not names:
             raise ModelError(f"component names must be unique, got {names}")
-        for spring in self.springs:
-            if spring.n_dof != self.n_dof:
-                raise ModelError(f"interface '{spring.name}' does not have {self.n_dof} columns")
+        for interface in (*self.springs, *self.dampers):
+            if interface.n_dof != self.n_dof:
+                text = f"interface '{interface.name}' does not have {self.n_dof} columns"
+                raise ModelError(text)
         if self.contact.N.shape[1] != self.n_dof:
             raise ModelError(f"contact interface does not have {self.n_dof} columns")
         for name in ("load", "constant_load"):
@@ -320,11 +328,11 @@ class Assembly:
 
     @cached_property
     def C_el(self) -> sp.csr_matrix | None:
-        """Damping (n_dof, n_dof) of the components' own, N s/m: block diagonal; None for none."""
-        if all(c.C is None for c in self.components):
+        """Damping (n_dof, n_dof) of components and dampers, N s/m; None for none."""
+        if all(c.C is None for c in self.components) and not self.dampers:
             return None
         blocks = [sp.csr_matrix(c.K.shape) if c.C is None else c.C for c in self.components]
-        return sp.block_diag(blocks, format="csr")
+        return sum((d.matrix() for d in self.dampers), sp.block_diag(blocks, format="csr"))
 
     @cached_property
     def correspondence(self) -> sp.csr_matrix:

@@ -1,4 +1,4 @@
-"""What is linear between and in components: springs and layers, the stiffness of stresses."""
+"""What is linear between and in components: springs, layers, dampers, stiffness of stresses."""
 
 from __future__ import annotations
 
@@ -53,6 +53,46 @@ class SpringInterface:
         """u^H K u of displacements (n_dof,)."""
         moved = self.B @ u
         return float(self.stiffness @ (moved.real**2 + moved.imag**2))
+
+
+@dataclass(frozen=True)
+class DamperInterface:
+    """Linear dampers: force = -B^T diag(damping) B q'.
+
+    Attributes
+    ----------
+    name : str
+        For messages and tables.
+    B : csr_matrix (n_dampers, n_dof)
+        Elongations from the assembly's degrees of freedom.
+    damping : ndarray (n_dampers,)
+        N s/m, or N m s of turns, not negative.
+    """
+
+    name: str
+    B: sp.csr_matrix
+    damping: np.ndarray
+
+    def __post_init__(self) -> None:
+        if self.damping.shape != (self.B.shape[0],):
+            raise ModelError(f"interface '{self.name}': one damping a row of B is needed")
+        if not (np.isfinite(self.damping).all() and (self.damping >= 0).all()):
+            raise ModelError(f"interface '{self.name}': damping must be finite, not negative")
+        check_size(f"interface '{self.name}': damping", self.damping)
+
+    def matrix(self) -> sp.csr_matrix:
+        """Assembled damping (n_dof, n_dof), N s/m."""
+        return (self.B.T @ sp.diags(self.damping) @ self.B).tocsr()
+
+    @property
+    def n_dof(self) -> int:
+        """Degrees of freedom of the assembly."""
+        return int(self.B.shape[1])
+
+    def loss(self, u: np.ndarray) -> float:
+        """u^H C u of displacements (n_dof,)."""
+        moved = self.B @ u
+        return float(self.damping @ (moved.real**2 + moved.imag**2))
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
@@ -14,7 +13,7 @@ from squealstudy.linalg.factor import RefinedFactor, factorise
 from squealstudy.linalg.real_modes import real_modes, shifted
 from squealstudy.models.operating import ModeKey
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
-from squealstudy.reduction.projected import AnyAssembly, Part
+from squealstudy.reduction.projected import AnyAssembly
 from squealstudy.reduction.working_point import WorkingPoint
 
 
@@ -81,7 +80,7 @@ class ReducedModel:
         Real modes of the assembly up to here [rad/s] have modal damping of their own, those beyond
         that of a mode here.
     C_el : ndarray (n, n) or None
-        Damping of the components' own, rad/s: block diagonal; None where there is none.
+        Damping of the components' own and of dampers, rad/s; None where there is none.
     """
 
     components: tuple[str, ...]
@@ -316,12 +315,11 @@ def project(
 
 
 def _own_damping(assembly: AnyAssembly, basis: ComponentBasis) -> np.ndarray | None:
-    if assembly.C_el is None:
+    C = assembly.C_el
+    if C is None:
         return None
-    parts: Sequence[Part] = assembly.components
-    blocks = [
-        T.T @ (c.C @ T) if c.C is not None else np.zeros((T.shape[1],) * 2)
-        for c, T in zip(parts, basis.blocks, strict=True)
-    ]
-    C: np.ndarray = la.block_diag(*blocks)
-    return (C + C.T) / 2
+    spans = [assembly.slices[name] for name in assembly.component_names]
+    moved = np.hstack([C[:, s] @ T for s, T in zip(spans, basis.blocks, strict=True)])
+    found = np.vstack([T.T @ moved[s] for s, T in zip(spans, basis.blocks, strict=True)])
+    damping: np.ndarray = (found + found.T) / 2
+    return damping

@@ -22,8 +22,9 @@ from squealstudy.models.components.file_tables import (
     PointMassTable,
     SpringTable,
 )
-from squealstudy.models.components.model_file import GROUND, KeyPath, ModelFile
+from squealstudy.models.components.model_file import GROUND, ModelFile
 from squealstudy.models.fem.sampling import Surface
+from squealstudy.models.file_table import KeyPath
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
 from squealstudy.study.design_sections import ADDED_MASS

@@ -21,11 +21,10 @@ from squealstudy.models.components.bodies import (
 from squealstudy.models.components.definition import DESCRIPTION, NAME, FileDefinition
 from squealstudy.models.components.file_names import check_names
 from squealstudy.models.components.model_file import (
-    KeyPath,
     ModelFile,
-    PlacedError,
     ValuesError,
 )
+from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.operating import (
     ASSUMPTIONS,
     CONTACT_OPTION,
@@ -36,7 +35,6 @@ from squealstudy.models.operating import (
 from squealstudy.parameter import Parameter
 from squealstudy.study.added_parts import AddedPart, with_parts
 from squealstudy.study.file_parameters import file_parameters, file_places
-from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText, validate
 from squealstudy.study.stresses import (
     law_defaults,
@@ -56,28 +54,6 @@ if TYPE_CHECKING:
 
 
 UNITS = ("SI", "t-mm-s", "mm-kg-ms")  # of model files
-
-
-def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefinition:
-    """The model of a study's ``[model] file``.
-
-    Raises
-    ------
-    StudyFileError
-        With line and key: of the study where there is no such file, of the model file for all that
-        is wrong there.
-    """
-    given = definition.model.file
-    if given is None:
-        raise source.error(
-            ("model", "name"), f"model '{NAME}' is what a file describes: expected file = \"...\""
-        )
-    path = source.path.parent / given
-    if not path.is_file():
-        raise source.error(("model", "file"), f"there is no file {path}")
-    for name in definition.model.family_keys:
-        raise source.error(("model", name), f"unknown key of a model of a file: '{name}'")
-    return read_model(path, definition.added_parts(source))
 
 
 def read_model(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ParameterError, StudyFileError
-from squealstudy.mechanics.defaults import OF_FILE
+from squealstudy.mechanics.defaults import LUMPED, OF_FILE
 from squealstudy.models.parameter_names import StudyParameter, check_disjoint, parse_parameter
 from squealstudy.study.kinds import kind_named, kind_names, kind_of_file, model_kind
 from squealstudy.study.measured import measured_values
@@ -144,10 +144,11 @@ def given_keys(study: ResolvedStudy) -> set[str]:
 def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStudy:
     """The study of a file's tables, perhaps with some values changed; errors are about the file."""
     from squealstudy.study.laws import check_outside_laws
+    from squealstudy.study.model_files import named_by_content
 
     extensions = extensions_of(source, tables)
     kind = _kind(source, tables)
-    tables, found = taken(tables)
+    tables, found = taken(named_by_content(tables, source))
     tables = with_numbers(tables, partial(_model_with_units, tables, source, found), source)
     definition = validate(kind.definition, source, tables)
     model = _model(definition, source)
@@ -224,10 +225,10 @@ def _model_with_units(
     if not isinstance(section, Mapping):
         return None
     name, file = section.get("name"), section.get("file")
-    if isinstance(file, str) and name is None and (source.path.parent / file).is_file():
-        from squealstudy.study.components import read_model  # imports scikit-fem
+    if isinstance(file, str) and name in (None, LUMPED) and (source.path.parent / file).is_file():
+        from squealstudy.study.model_files import read_model_file
 
-        return with_temperature(read_model(source.path.parent / file), found)
+        return with_temperature(read_model_file(source.path.parent / file), found)
     known = MODELS.get(name) if isinstance(name, str) else None
     return known if known is None else with_temperature(known, found)
 
@@ -238,8 +239,8 @@ def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:
     from squealstudy.study.family import family_of
 
     name = definition.model.name
-    if name == OF_FILE:
-        from squealstudy.study.components import model_of_file  # imports scikit-fem
+    if definition.model.file is not None or name == OF_FILE:
+        from squealstudy.study.model_files import model_of_file
 
         return model_of_file(definition, source)
     if name not in model_names():

@@ -11,12 +11,12 @@ from squealstudy.models.components.file_tables import ParameterTable
 from squealstudy.models.components.model_file import (
     NOT_NEGATIVE,
     POSITIVE,
-    KeyPath,
     ModelFile,
     Numbers,
     dimension_of,
     kind_of,
 )
+from squealstudy.models.file_table import KeyPath
 from squealstudy.models.operating import (
     DAMPING,
     FRICTION,

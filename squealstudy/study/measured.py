@@ -42,7 +42,7 @@ def measured_values(
     """
     from squealstudy.models.components.definition import FileDefinition
 
-    if not isinstance(model, FileDefinition):
+    if not isinstance(model, FileDefinition) or not model.meshed:
         return {}
     own = {
         (p.component, mode, p.quantity)

@@ -15,6 +15,7 @@ from squealstudy.mechanics.defaults import (
     BASIS_TOLERANCE,
     COMPONENT_CUTOFF_FACTOR,
     DEFAULT_BAND,
+    LUMPED,
     MODE_TOLERANCE,
     OF_FILE,
     STABILITY_TOLERANCE,
@@ -143,9 +144,10 @@ class ModelSection(Section):
     def _named_by_its_file(cls, data: Any) -> Any:
         if not isinstance(data, dict) or "file" not in data:
             return data
-        if data.get("name", OF_FILE) != OF_FILE:
+        name = data.get("name", OF_FILE)
+        if name not in (OF_FILE, LUMPED):
             raise ValueError("expected the name of a model of the catalogue, or a file; not both")
-        return {**data, "name": OF_FILE}
+        return {**data, "name": name}
 
     @property
     def options(self) -> dict[str, Any]:
@@ -322,7 +324,9 @@ class StudyDefinition(Section):
         """The band of the model and the basis of the kind, where the file gives none."""
         if not isinstance(data, dict):
             return data
-        name = OF_FILE if _inside(data, "model", "file") else _inside(data, "model", "name")
+        name = _inside(data, "model", "name")
+        if name is None and _inside(data, "model", "file"):
+            name = OF_FILE
         given: dict[str, Any] = {k: dict(v) for k, v in cls.other_defaults.items()}
         if isinstance(name, str) and name in BANDS:
             given["modes"] = {"band": BANDS[name]}

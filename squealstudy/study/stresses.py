@@ -12,7 +12,8 @@ from squealstudy.laws import contact_law
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import Brake, body_of, changed_mesh, own_numbers
 from squealstudy.models.components.dimensions import STRESS
-from squealstudy.models.components.model_file import KeyPath, ModelFile
+from squealstudy.models.components.model_file import ModelFile
+from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import StressStiffness
 from squealstudy.models.operating import (
     FRICTION,

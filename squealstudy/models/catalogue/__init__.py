@@ -7,6 +7,7 @@ from pkgutil import iter_modules
 
 from squealstudy.extensions import note_registered
 from squealstudy.models.components.definition import NAME as OF_FILE
+from squealstudy.models.lumped.definition import NAME as LUMPED
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.models.parameter import ModelDefinition
 
@@ -15,15 +16,15 @@ MODELS: dict[str, ModelDefinition] = {}
 
 def register_model(model: ModelDefinition) -> None:
     """Add a model; ValueError where another one has its name."""
-    if model.name in (MATRICES, OF_FILE) or MODELS.get(model.name, model) != model:
+    if model.name in (MATRICES, OF_FILE, LUMPED) or MODELS.get(model.name, model) != model:
         raise ValueError(f"there is a model '{model.name}' already")
     MODELS[model.name] = model
     note_registered(model.build.__module__, in_models=True)
 
 
 def model_names() -> tuple[str, ...]:
-    """Names of all models; two are what a study file or a model file makes of them."""
-    return (*MODELS, MATRICES, OF_FILE)
+    """Names of all models; three are what a study file or a model file makes of them."""
+    return (*MODELS, MATRICES, OF_FILE, LUMPED)
 
 
 def _read_folder() -> None:

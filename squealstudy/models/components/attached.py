@@ -17,9 +17,10 @@ from squealstudy.models.components.contact_rows import Rotation
 from squealstudy.models.components.dimensions import LENGTH
 from squealstudy.models.components.file_matrices import symmetric
 from squealstudy.models.components.geometry import Geometry
-from squealstudy.models.components.model_file import KeyPath, Numbers, PlacedError
+from squealstudy.models.components.model_file import Numbers
 from squealstudy.models.components.turn_rows import rigid_motion, turn_of
 from squealstudy.models.fem.sampling import Surface
+from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.linear_interfaces import SpringInterface
 
 MOST_NODES = 600  # of a set that moves one mass: every pair of them is coupled

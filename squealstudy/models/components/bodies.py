@@ -32,13 +32,12 @@ from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_files import NASTRAN, read_mesh
 from squealstudy.models.components.model_file import (
     TEMPERATURE,
-    KeyPath,
     ModelFile,
     Numbers,
-    PlacedError,
     ValuesError,
 )
 from squealstudy.models.fem.solid import Isotropic
+from squealstudy.models.file_table import KeyPath, PlacedError
 
 INCLUDED = re.compile(r"^\s*\*[^,]*,.*?\bINPUT\s*=\s*\"?([^,\"\n]+?)\"?\s*(?:,|$)", re.I | re.M)
 LARGEST = 100_000_000  # characters of a file that are looked through for others it includes

@@ -33,15 +33,10 @@ from squealstudy.models.components.geometry import Geometry, between, geometry_o
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_cells import mesh_cells, moved_cells
 from squealstudy.models.components.mesh_matrices import stiffness_matrix
-from squealstudy.models.components.model_file import (
-    BY_MATERIAL,
-    GROUND,
-    KeyPath,
-    Numbers,
-    PlacedError,
-)
+from squealstudy.models.components.model_file import BY_MATERIAL, GROUND, Numbers
 from squealstudy.models.components.pairs import Pair
 from squealstudy.models.components.turn_rows import coupled, turn_of
+from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.linear_interfaces import SpringInterface
 
 COMPARED = 500  # nodes of a component at which mode shapes of two structures are compared

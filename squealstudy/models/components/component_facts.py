@@ -22,13 +22,8 @@ from squealstudy.models.components.free_modes import (
 )
 from squealstudy.models.components.geometry import Geometry
 from squealstudy.models.components.mesh import SolidMesh
-from squealstudy.models.components.model_file import (
-    BY_MATERIAL,
-    DAMPING,
-    KeyPath,
-    Numbers,
-    dimension_of,
-)
+from squealstudy.models.components.model_file import BY_MATERIAL, DAMPING, Numbers, dimension_of
+from squealstudy.models.file_table import KeyPath
 from squealstudy.wording import listed, plural
 
 MASSES = (0.02, 100.0)  # kg of a part of a brake

@@ -12,14 +12,10 @@ from squealstudy.errors import ModelError
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.materials import Anisotropic, Elastic, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh
-from squealstudy.models.components.model_file import (
-    KeyPath,
-    Numbers,
-    PlacedError,
-    ValuesError,
-)
+from squealstudy.models.components.model_file import Numbers, ValuesError
 from squealstudy.models.components.set_names import has_name
 from squealstudy.models.fem.solid import Isotropic
+from squealstudy.models.file_table import KeyPath, PlacedError
 
 AXES = ("E", "nu", "G")
 BARE = re.compile(r"[A-Za-z0-9_-]+")  # keys that need no quotes

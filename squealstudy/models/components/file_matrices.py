@@ -14,8 +14,8 @@ from squealstudy.models.components.dimensions import DAMPER, LENGTH, MASS, STIFF
 from squealstudy.models.components.expansion import Expansion
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.mesh import SolidMesh
-from squealstudy.models.components.model_file import KeyPath, PlacedError
 from squealstudy.models.components.node_maps import FreedomsOf, read_map
+from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.matrices.files import read_component_matrix, read_recovery
 from squealstudy.models.matrices.labelled import LabelledMatrix
 

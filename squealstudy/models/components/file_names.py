@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from squealstudy.models.components.model_file import KeyPath, ModelFile, PlacedError
+from squealstudy.models.components.model_file import ModelFile
+from squealstudy.models.file_table import KeyPath, PlacedError
 
 TOGETHER = (("contact", "tie", "coupling", "layer", "spring"), ("point_mass",), ("load",))
 # of those together springs have energies, and all of them parameters, by their names

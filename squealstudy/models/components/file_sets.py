@@ -10,8 +10,8 @@ from squealstudy.models.components.dimensions import LENGTH
 from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.file_tables import ComponentTable, SetTable
 from squealstudy.models.components.mesh import SolidMesh
-from squealstudy.models.components.model_file import KeyPath, PlacedError
 from squealstudy.models.components.set_names import has_name
+from squealstudy.models.file_table import KeyPath, PlacedError
 
 NEAR = 1e-3  # of the longest side of the mesh: how far nodes may be off a plane or a cylinder
 

@@ -4,26 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
+from pydantic import Field, Strict, model_validator
 
 from squealstudy.models.components.formulations import MassRule
 from squealstudy.models.components.sectors import MOST
+from squealstudy.models.file_table import Name, Table, Vector
 
-
-class Table(BaseModel):
-    """A table of the file: unknown keys are errors, and nothing is converted silently."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
-Vector = Annotated[tuple[float, float, float], Strict(False)]
 Texts = Annotated[tuple[str, ...], Strict(False)]
 Pair2 = Annotated[tuple[float, float], Strict(False)]
 Corners = Annotated[tuple[Vector, Vector], Strict(False)]
 Pair = Annotated[tuple[str, str], Strict(False)]
 Moduli = float | Vector
 Damping = Annotated[float, Field(ge=0)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 CALLED = "as errors, tables and paths of parameters call it"
 CUTS = "clipped: by the parts of facets that lie on each other; gauss: by the slave's facets alone"
 

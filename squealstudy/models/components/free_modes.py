@@ -21,7 +21,7 @@ from squealstudy.files import OF_LINES, UnusableFileError, read_whole
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.components.bodies import Brake
 from squealstudy.models.components.file_matrices import least_frequency
-from squealstudy.models.components.model_file import PlacedError
+from squealstudy.models.file_table import PlacedError
 
 MODE, FREQUENCY, DAMPING_RATIO = COLUMNS = ("mode", "frequency_hz", "damping_ratio")
 FAR = 0.1  # of the frequency: a measured mode without number has no partner beyond

@@ -15,10 +15,11 @@ from squealstudy.models.components.contact_rows import Rotation, sliding
 from squealstudy.models.components.dimensions import LENGTH
 from squealstudy.models.components.faces import facets
 from squealstudy.models.components.facet_geometry import Facets
-from squealstudy.models.components.model_file import GROUND, KeyPath, PlacedError
+from squealstudy.models.components.model_file import GROUND
 from squealstudy.models.components.pairs import Pair, pair
 from squealstudy.models.components.set_names import has_name
 from squealstudy.models.fem.sampling import Surface
+from squealstudy.models.file_table import KeyPath, PlacedError
 
 LEAST_IN_REACH = 0.5  # of a face: with less the faces are hardly those meant
 ALL_MET = 0.9  # of the other face, by area: it is the first that is larger

@@ -19,7 +19,7 @@ from squealstudy.models.components.component_facts import (
 )
 from squealstudy.models.components.dimensions import LENGTH, STRESS
 from squealstudy.models.components.geometry import Geometry, geometry_of
-from squealstudy.models.components.model_file import KeyPath
+from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.wording import duration, listed, plural
 

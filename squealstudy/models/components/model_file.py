@@ -36,17 +36,15 @@ from squealstudy.models.components.file_tables import (
     FixedTable,
     LayerTable,
     LoadTable,
-    Name,
     ParameterTable,
     PointMassTable,
     RotationTable,
     SpringTable,
     StressTable,
-    Table,
     TieTable,
 )
+from squealstudy.models.file_table import KeyPath, Name, Table
 
-KeyPath = tuple[str | int, ...]  # keys of the file, and 0-based positions in lists
 GROUND = "ground"
 FIRST_LOAD = "brake"  # its name where the file gives none
 STEP = re.compile(r"(?P<name>[^\[\]]+)(?:\[(?P<number>[1-9][0-9]*)\])?")
@@ -101,19 +99,6 @@ VARIED = {  # keys that parameters may point to
 MATERIAL = ("E", "nu", "G", "rho")
 DAMPING = ("mass_damping", "stiffness_damping")  # of a component
 BY_MATERIAL = "material_damping"
-
-
-class PlacedError(ModelError):
-    """What is wrong at a key of the model file.
-
-    `word` is the one at fault and `known` are those that there are, for a proposal.
-    """
-
-    def __init__(
-        self, keys: KeyPath, message: str, word: str = "", known: tuple[str, ...] = ()
-    ) -> None:
-        self.keys, self.message, self.word, self.known = keys, message, word, known
-        super().__init__(message)
 
 
 class ValuesError(ModelError):

@@ -17,7 +17,8 @@ from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.geometry import Geometry, geometry_of
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_files import FORMATS, read_mesh
-from squealstudy.models.components.model_file import KeyPath, ModelFile
+from squealstudy.models.components.model_file import ModelFile
+from squealstudy.models.file_table import KeyPath
 from squealstudy.wording import plural
 
 NEEDED = ("contact", "load", "rotation")  # of a brake; the last where something slides

@@ -11,8 +11,8 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.models.components.geometry import Geometry
 from squealstudy.models.components.mean_motions import mean_motion, mean_turn
-from squealstudy.models.components.model_file import KeyPath, PlacedError
 from squealstudy.models.fem.sampling import Surface
+from squealstudy.models.file_table import KeyPath, PlacedError
 
 POINTS = 3  # a side of a facet
 Rows = Callable[..., sp.csr_matrix]  # parts (component, rows over its nodes) -> over an assembly

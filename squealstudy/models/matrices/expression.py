@@ -14,10 +14,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from keyword import iskeyword
+from typing import Any
+
+import numpy as np
 
 from squealstudy.errors import ModelError
 
-Evaluation = Callable[[Mapping[str, float]], float]  # raises what Python's floats raise
+Evaluation = Callable[[Mapping[str, Any]], Any]  # of floats raises what Python's floats raise
 
 FUNCTIONS: dict[str, Callable[..., float]] = {
     "sin": math.sin,
@@ -34,8 +37,23 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "min": min,
     "max": max,
 }
+OF_ARRAYS: dict[str, Callable[..., Any]] = {
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "asin": np.arcsin,
+    "acos": np.arccos,
+    "atan": np.arctan,
+    "sqrt": np.sqrt,
+    "exp": np.exp,
+    "log": np.log,
+    "log10": np.log10,
+    "abs": np.abs,
+    "min": lambda *parts: np.minimum.reduce(np.broadcast_arrays(*parts)),
+    "max": lambda *parts: np.maximum.reduce(np.broadcast_arrays(*parts)),
+}
 SEVERAL = ("min", "max")  # functions of two and more arguments; all others have one
-_OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
+_OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
@@ -93,6 +111,16 @@ class Expression:
     @cached_property
     def _read(self) -> tuple[Evaluation, tuple[str, ...]]:
         """What evaluates it, and the parameters that it uses."""
+        reader = _Reader(self.text, FUNCTIONS, _OPERATORS)
+        return reader.node(self._tree, 0), tuple(reader.names)
+
+    @cached_property
+    def _of_arrays(self) -> Evaluation:
+        """What evaluates it for arrays."""
+        return _Reader(self.text, OF_ARRAYS, _OPERATORS | {ast.Pow: np.power}).node(self._tree, 0)
+
+    @property
+    def _tree(self) -> ast.expr:
         try:
             tree = ast.parse(self.text, mode="eval")
         except SyntaxError as error:
@@ -100,8 +128,7 @@ class Expression:
             raise ExpressionError(f"'{self.text}' is no expression: {error.msg}{where}") from None
         except (ValueError, RecursionError, MemoryError):  # beyond what Python's own parser takes
             raise ExpressionError("an expression nested too deeply") from None
-        reader = _Reader(self.text)
-        return reader.node(tree.body, 0), tuple(reader.names)
+        return tree.body
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -131,6 +158,27 @@ class Expression:
         at = ", ".join(f"{name} = {values[name]:g}" for name in self.names)
         raise ExpressionError(f"'{self.text}' has no value{at and f' at {at}'}: {reason}")
 
+    def of_arrays(self, values: Mapping[str, float | np.ndarray]) -> np.ndarray:
+        """Values (m,) or () of the expression where parameters are arrays (m,) or numbers.
+
+        Raises
+        ------
+        ExpressionError
+            As `value`, about the first place that has none.
+        """
+        own = {name: np.asarray(values[name], dtype=float) for name in self.names}
+        try:
+            with np.errstate(all="ignore"):  # told below
+                found = np.asarray(self._of_arrays(own), dtype=float)
+        except (ArithmeticError, ValueError):  # of its constants alone
+            found = np.asarray(np.nan)
+        bad = np.flatnonzero(~np.isfinite(found))
+        if len(bad):
+            at = {n: float(np.broadcast_to(v, found.shape).flat[bad[0]]) for n, v in own.items()}
+            self.value(at)
+            raise ExpressionError(f"'{self.text}' has no finite value")
+        return found
+
 
 def _check_text(text: str) -> None:
     if len(text) > LONGEST:
@@ -148,12 +196,21 @@ class _Reader:
 
     Attributes
     ----------
+    text : str
+    functions : mapping of name -> callable
+        Those of `FUNCTIONS`, of floats or of arrays.
+    operators : mapping of syntax node -> callable
     names : dict of str -> None
         Parameters met, in order.
     """
 
-    def __init__(self, text: str) -> None:
-        self.text = text
+    def __init__(
+        self,
+        text: str,
+        functions: Mapping[str, Callable[..., Any]],
+        operators: Mapping[type[ast.operator], Callable[[Any, Any], Any]],
+    ) -> None:
+        self.text, self.functions, self.operators = text, functions, operators
         self.names: dict[str, None] = {}
 
     def node(self, tree: ast.expr, depth: int) -> Evaluation:
@@ -165,8 +222,8 @@ class _Reader:
             return self._name(tree)
         if isinstance(tree, ast.Call):
             return self._call(tree, depth)
-        if isinstance(tree, ast.BinOp) and type(tree.op) in _OPERATORS:
-            apply = _OPERATORS[type(tree.op)]
+        if isinstance(tree, ast.BinOp) and type(tree.op) in self.operators:
+            apply = self.operators[type(tree.op)]
             left, right = self.node(tree.left, depth + 1), self.node(tree.right, depth + 1)
             return lambda values: apply(left(values), right(values))
         if isinstance(tree, ast.UnaryOp) and isinstance(tree.op, ast.USub | ast.UAdd):
@@ -204,7 +261,7 @@ class _Reader:
         if given != 1 if not several else given < 2:
             wanted = "two arguments or more" if several else "one argument"
             raise self._error(tree, f"'{name}' takes {wanted}, got {given}")
-        function, parts = FUNCTIONS[name], [self.node(part, depth + 1) for part in tree.args]
+        function, parts = self.functions[name], [self.node(part, depth + 1) for part in tree.args]
         return lambda values: function(*(part(values) for part in parts))
 
     def _what(self, tree: ast.expr) -> str:

@@ -1,0 +1,34 @@
+"""What all tables of model files share: strictness, names, vectors, errors at a key."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, Strict
+
+from squealstudy.errors import ModelError
+
+KeyPath = tuple[str | int, ...]  # keys of the file, and 0-based positions in lists
+
+
+class Table(BaseModel):
+    """A table of the file: unknown keys are errors, and nothing is converted silently."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+Vector = Annotated[tuple[float, float, float], Strict(False)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
+
+
+class PlacedError(ModelError):
+    """What is wrong at a key of the model file.
+
+    `word` is the one at fault and `known` are those that there are, for a proposal.
+    """
+
+    def __init__(
+        self, keys: KeyPath, message: str, word: str = "", known: tuple[str, ...] = ()
+    ) -> None:
+        self.keys, self.message, self.word, self.known = keys, message, word, known
+        super().__init__(message)

@@ -1,0 +1,20 @@
+"""A lumped model that a file describes, as a study sees it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from squealstudy.models.components.definition import FileDefinition
+
+NAME = "lumped"
+DESCRIPTION = "point masses, springs, dampers and contact points of a model file with [[mass]]"
+
+
+@dataclass(frozen=True)
+class LumpedDefinition(FileDefinition):
+    """A lumped model file, read and checked."""
+
+    @property
+    def meshed(self) -> bool:
+        """It has no mesh, and is not reduced."""
+        return False

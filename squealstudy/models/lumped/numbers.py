@@ -1,0 +1,90 @@
+"""Numbers of the file of a lumped model: expressions of its parameters, and directions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from squealstudy.models.file_table import KeyPath, PlacedError
+from squealstudy.models.lumped.tables import AXES, TRANSLATIONS, TURNS, Direction, Number
+from squealstudy.models.matrices.expression import Expression, ExpressionError
+
+Values = Mapping[str, Any]  # of the parameters: numbers, or arrays (m,)
+LEAST_DIRECTION = 1e-12  # length of components below which they tell no direction
+
+
+@lru_cache(maxsize=1024)
+def expression(text: str) -> Expression:
+    """The expression of a text; ExpressionError where it is none."""
+    return Expression(text)
+
+
+def names_in(number: Number | None) -> tuple[str, ...]:
+    """Parameters that a number is made of; ExpressionError where it is no expression."""
+    return expression(number).names if isinstance(number, str) else ()
+
+
+def value_of(number: Number, values: Values, keys: KeyPath) -> np.ndarray:
+    """The number (m,) or (); PlacedError where it has none."""
+    if not isinstance(number, str):
+        return np.asarray(number, dtype=float)
+    try:
+        return expression(number).of_arrays(values)
+    except ExpressionError as error:
+        raise PlacedError(keys, str(error)) from None
+
+
+def bounded(
+    number: Number, values: Values, keys: KeyPath, unit: str, *, zero: bool = False
+) -> np.ndarray:
+    """As `value_of`, of a number above zero, or with `zero` not below it; PlacedError."""
+    found = value_of(number, values, keys)
+    wrong = np.flatnonzero(found < 0.0 if zero else found <= 0.0)
+    if len(wrong):
+        told = f"{np.atleast_1d(found)[wrong[0]]:g}"
+        if names := names_in(number):
+            at = (np.broadcast_to(values[n], found.shape).flat[wrong[0]] for n in names)
+            given = ", ".join(f"{n} = {v:g}" for n, v in zip(names, at, strict=True))
+            told += f" of '{number}' at {given}"
+        expected = "at least 0" if zero else "a value above 0"
+        raise PlacedError(keys, f"expected {expected} {unit}, got {told}")
+    return found
+
+
+@dataclass(frozen=True)
+class Along:
+    """A direction of unit length, or a turn about an axis.
+
+    Attributes
+    ----------
+    vector : ndarray (m, 3) or (1, 3)
+        Of motion; the axis of a turn.
+    turn : bool
+    """
+
+    vector: np.ndarray
+    turn: bool
+
+
+def along(direction: Direction, values: Values, keys: KeyPath, *, turns: bool = False) -> Along:
+    """The direction at values of the parameters; PlacedError where it is none."""
+    if isinstance(direction, str):
+        name = direction.removeprefix("-")
+        known = AXES if turns else TRANSLATIONS
+        if name not in known:
+            text = f"expected one of {', '.join(known)}, with a minus or without, or components"
+            raise PlacedError(keys, f"{text} [x, y], got '{direction}'")
+        axis = np.zeros((1, 3))
+        axis[0, AXES.index(name) % 3] = -1.0 if direction.startswith("-") else 1.0
+        return Along(axis, name in TURNS)
+    parts = [value_of(part, values, (*keys, i)) for i, part in enumerate(direction)]
+    parts += [np.zeros(())] * (3 - len(parts))
+    vector = np.stack([np.atleast_1d(part) for part in np.broadcast_arrays(*parts)], axis=-1)
+    length = np.linalg.norm(vector, axis=-1, keepdims=True)
+    if (length <= LEAST_DIRECTION).any():
+        raise PlacedError(keys, "expected a direction, got components that are all zero")
+    return Along(vector / length, turn=False)

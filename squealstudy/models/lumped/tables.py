@@ -1,0 +1,150 @@
+"""The tables of the file of a lumped model: the keys of each, and what they may be."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, Strict, model_validator
+
+from squealstudy.models.file_table import Name, Table, Vector
+
+GROUND = "ground"  # what does not move
+MOVING = ("belt", "disc")  # what slides at the imposed speed, and does not vibrate
+TRANSLATIONS, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
+AXES = (*TRANSLATIONS, *TURNS)
+
+Number = float | str  # a number, or an expression of the file's parameters
+Components = Annotated[
+    tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)
+]  # along x, y and z; z is 0 where there are two
+Direction = str | Components
+Ends = Annotated[tuple[str, str], Strict(False)]
+Listed = Annotated[tuple[str, ...], Strict(False)]
+
+ALONG = "direction: x, y, z, with a minus the other way, or components [x, y] or [x, y, z]; "
+PLACE = "point [x, y, z] where it acts, m; turns of its masses move it"
+
+
+class MassTable(Table):
+    """A body of coordinates of its own."""
+
+    name: Name = Field(description="of the mass; components of tables have it")
+    mass: Number | None = Field(default=None, description="kg, of its motion along x, y and z")
+    inertia: Number | None = Field(default=None, description="kg m2, of its turns rx, ry and rz")
+    directions: Listed = Field(
+        default=(), description="its coordinates, of x, y, z (m) and rx, ry, rz (rad)"
+    )
+    place: Vector = Field(default=(0.0, 0.0, 0.0), description="of its centre of mass, m")
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Its coordinates, as given or by default: x of a mass, rz of an inertia."""
+        own = (("x",) if self.mass is not None else ()) + (
+            ("rz",) if self.inertia is not None else ()
+        )
+        return self.directions or own
+
+    @model_validator(mode="after")
+    def _has_what_moves(self) -> MassTable:
+        for axis in self.directions:
+            if axis not in AXES:
+                raise ValueError(f"directions: expected of {', '.join(AXES)}, got '{axis}'")
+        if len(set(self.directions)) < len(self.directions):
+            raise ValueError(f"directions: one is there twice in {list(self.directions)}")
+        for key, value, axes in (
+            ("mass", self.mass, TRANSLATIONS),
+            ("inertia", self.inertia, TURNS),
+        ):
+            needed = [axis for axis in self.axes if axis in axes]
+            if needed and value is None:
+                raise ValueError(f"the key '{key}' is missing: it moves along {needed[0]}")
+            if not needed and value is not None and self.directions:
+                raise ValueError(f"{key}: expected one of {', '.join(axes)} among its directions")
+        if not self.axes:
+            raise ValueError("the key 'mass' is missing: kg (or 'inertia', kg m2)")
+        return self
+
+
+class SpringTable(Table):
+    """A linear spring."""
+
+    name: Name | None = None
+    between: Ends = Field(description='two masses, or a mass and "ground"')
+    direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
+    stiffness: Number = Field(description="N/m, or N m/rad")
+    at: Vector | None = Field(default=None, description=PLACE)
+
+
+class DamperTable(Table):
+    """A linear damper."""
+
+    name: Name | None = None
+    between: Ends = Field(description='two masses, or a mass and "ground"')
+    direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
+    damping: Number = Field(description="N s/m, or N m s/rad")
+    at: Vector | None = Field(default=None, description=PLACE)
+
+
+class ContactTable(Table):
+    """A contact point; friction and contact law are the study's."""
+
+    name: Name | None = None
+    between: Ends = Field(
+        description='a mass and what it touches: a mass, "belt" or "disc" that slide at '
+        'sliding_speed, or "ground" without friction'
+    )
+    normal: Direction = Field(description=ALONG + "in which the first leaves the second")
+    sliding: Direction | None = Field(
+        default=None,
+        description=ALONG + "in which the second slides past the first, and pulls it",
+    )
+    stiffness: Number | None = Field(
+        default=None, description="N/m at 5e11 Pa/m, the default of contact.stiffness"
+    )
+    area: Number | None = Field(default=None, description="m2, instead of a stiffness")
+    gap: Number = Field(default=0.0, description="opening without load, m; negative: preloaded")
+    friction: bool = Field(default=True, description="false: it has none")
+    speed_factor: Number = Field(default=1.0, description="its sliding speed over sliding_speed")
+    radius: Number | None = Field(
+        default=None, description="arm of its friction in torques, m; without any they are forces"
+    )
+    at: Vector | None = Field(default=None, description=PLACE)
+
+
+class LoadTable(Table):
+    """A force on a mass that is always there, or that follows the brake pressure."""
+
+    name: Name | None = None
+    on: str = Field(description="the mass")
+    direction: Direction = Field(description=ALONG + "rx, ry or rz of a moment")
+    force: Number | None = Field(default=None, description="N, or N m")
+    area: Number | None = Field(
+        default=None, description="m2, instead of a force: the parameter 'pressure' acts on it"
+    )
+    at: Vector | None = Field(default=None, description=PLACE)
+
+
+class ParameterTable(Table):
+    """A parameter that numbers of the file are made of, or one of the operating point."""
+
+    default: float | str = Field(description='number in SI units, or with its unit: "7 kN/mm"')
+    unit: str | None = Field(default=None, description="of SI, or deg; empty for a pure number")
+    description: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+
+
+class LumpedFile(Table):
+    """A whole file of a lumped model."""
+
+    description: str = ""
+    mass: Annotated[tuple[MassTable, ...], Strict(False)] = Field(min_length=1)
+    spring: Annotated[tuple[SpringTable, ...], Strict(False)] = ()
+    damper: Annotated[tuple[DamperTable, ...], Strict(False)] = ()
+    contact: Annotated[tuple[ContactTable, ...], Strict(False)] = ()
+    load: Annotated[tuple[LoadTable, ...], Strict(False)] = ()
+    parameters: dict[str, ParameterTable | float | str] = Field(default={})
+
+    def name_of(self, kind: str, number: int) -> str:
+        """Name of a mass, spring, damper, contact or load."""
+        return getattr(self, kind)[number].name or f"{kind}_{number + 1}"

@@ -1,0 +1,202 @@
+"""The model of a study that names the file of a lumped model: its parameters, how it is built."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from squealstudy.errors import ParameterError
+from squealstudy.models.file_table import KeyPath, PlacedError
+from squealstudy.models.lumped.build import LumpedBuild
+from squealstudy.models.lumped.checks import check_held, check_tables, check_used, texts_of
+from squealstudy.models.lumped.definition import DESCRIPTION, NAME, LumpedDefinition
+from squealstudy.models.lumped.numbers import expression
+from squealstudy.models.lumped.parts import parts_of
+from squealstudy.models.lumped.tables import LumpedFile, ParameterTable
+from squealstudy.models.matrices.expression import RESERVED
+from squealstudy.models.operating import (
+    ASSUMPTIONS,
+    CONTACT_OPTION,
+    DAMPING,
+    FRICTION,
+    FRICTION_OPTION,
+    PRESSURE,
+    SLIDING_SPEED,
+    STIFFNESS_DAMPING,
+    contact_laws,
+    contact_parameters,
+    friction_parameters,
+)
+from squealstudy.models.parameter import Declared, ModelOption
+from squealstudy.models.units import Unit, in_unit_of
+from squealstudy.parameter import Parameter
+from squealstudy.study.family import TAKEN
+from squealstudy.study.source import SourceText, validate
+from squealstudy.wording import did_you_mean
+
+LINEAR = "bilateral"  # contact law by default: it opens never, as springs do
+ANGLES = ("deg", "°")  # units of parameters that are not of SI
+POSITIVE = ("mass", "inertia", "area", "speed_factor", "radius")  # keys above zero
+NOT_NEGATIVE = ("stiffness", "damping")  # of springs and dampers; of contact above zero
+
+
+def is_lumped(path: Path) -> bool:
+    """Whether a file has [[mass]]; one that cannot be read has none."""
+    try:
+        tables = tomllib.loads(path.read_text("utf-8-sig"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return "mass" in tables and "components" not in tables
+
+
+def read_lumped(path: Path) -> LumpedDefinition:
+    """The model of a file with [[mass]]; StudyFileError about what is wrong."""
+    source = SourceText.read(path)
+    file = validate(LumpedFile, source, source.tables)
+    with _told(source):
+        check_tables(file)
+    operating = _operating(file)
+    own = tuple(name for name in file.parameters if name not in operating)
+    with _told(source):
+        check_used(file, own)
+    declared = _declared(file, source, operating, own)
+    build = LumpedBuild(str(path), file, own)
+    defaults = {p.name: p.default for p in declared if isinstance(p, Parameter)}
+    with _told(source):
+        check_held(file, parts_of(file, {name: defaults[name] for name in own}))
+    return LumpedDefinition(
+        name=NAME,
+        description=file.description or DESCRIPTION,
+        options=(
+            ModelOption(CONTACT_OPTION.name, _linear_first, CONTACT_OPTION.description),
+            FRICTION_OPTION,
+        ),
+        declared=declared,
+        components=tuple(table.name for table in file.mass),
+        build=build,
+        stack=build.stack,
+        assumptions=ASSUMPTIONS,
+        torque_unit="N" if all(t.radius is None for t in file.contact) else "N m",
+        path=str(path.resolve()),
+        files=(hashlib.sha256(source.text.encode()).hexdigest(),),
+    )
+
+
+def _linear_first() -> tuple[str, ...]:
+    return LINEAR, *(name for name in contact_laws() if name != LINEAR)
+
+
+@contextmanager
+def _told(source: SourceText) -> Iterator[None]:
+    """Errors about a key of the file raised with file, line and key."""
+    try:
+        yield
+    except PlacedError as error:
+        hint = did_you_mean(error.word, error.known)
+        raise source.error(error.keys, error.message + hint) from error
+
+
+def _operating(file: LumpedFile) -> dict[str, Parameter]:
+    """Parameters of the operating point that the model has."""
+    pressed = (PRESSURE,) if any(table.area is not None for table in file.load) else ()
+    plain = (FRICTION, *pressed, SLIDING_SPEED, DAMPING, STIFFNESS_DAMPING)
+    return {p.name: p for p in (*plain, *friction_parameters(), *contact_parameters())}
+
+
+def _declared(
+    file: LumpedFile, source: SourceText, operating: dict[str, Parameter], own: tuple[str, ...]
+) -> Declared:
+    """Parameters of the operating point with the file's defaults, and those of the file."""
+    of_laws = {p.name for p in (*friction_parameters(), *contact_parameters())}
+    changed = {
+        name: _changed(operating[name], file, source)
+        for name in file.parameters
+        if name in operating
+    }
+    first = [changed.get(name, p) for name, p in operating.items() if name not in of_laws]
+    others = [p for name, p in changed.items() if name in of_laws]
+    mine = [_parameter(name, file, source) for name in own]
+    return (*first, *others, friction_parameters, contact_parameters, *mine)
+
+
+def _table(file: LumpedFile, name: str) -> ParameterTable:
+    found = file.parameters[name]
+    return found if isinstance(found, ParameterTable) else ParameterTable(default=found)
+
+
+def _changed(parameter: Parameter, file: LumpedFile, source: SourceText) -> Parameter:
+    """A parameter of the operating point with another default."""
+    table, keys = _table(file, parameter.name), ("parameters", parameter.name)
+    for key in ("unit", "minimum", "maximum"):
+        if getattr(table, key) is not None:
+            raise source.error((*keys, key), "it belongs to the operating point: default alone")
+    default = _default(table, parameter.unit, source, keys)
+    return _checked(replace(parameter, default=default), source, keys)
+
+
+def _parameter(name: str, file: LumpedFile, source: SourceText) -> Parameter:
+    """A parameter that numbers of the file are made of."""
+    table, keys = _table(file, name), ("parameters", name)
+    if not name.isidentifier() or name in TAKEN or name in RESERVED:
+        text = f"'{name}' has another meaning: expected a name of letters, digits and _"
+        raise source.error(keys, text if name.isidentifier() else text.partition(": ")[2])
+    unit = _unit(table, source, keys)
+    places = [k for k, text in texts_of(file) if expression(text).text == name]
+    positive = any(_above_zero(place) for place in places)
+    least = 0.0 if any(place[-1] in NOT_NEGATIVE for place in places) else -float("inf")
+    users = (
+        f"{k[0]} {file.name_of(str(k[0]), int(k[1]))}"
+        for k, text in texts_of(file)
+        if name in expression(text).names
+    )
+    parameter = Parameter(
+        name,
+        _default(table, unit, source, keys),
+        unit,
+        table.description or "of " + ", ".join(dict.fromkeys(users)),
+        minimum=least if table.minimum is None else table.minimum,
+        maximum=float("inf") if table.maximum is None else table.maximum,
+        positive=positive,
+        structural=True,
+    )
+    return _checked(parameter, source, keys)
+
+
+def _above_zero(keys: KeyPath) -> bool:
+    return keys[-1] in POSITIVE or (keys[0] == "contact" and keys[-1] == "stiffness")
+
+
+def _unit(table: ParameterTable, source: SourceText, keys: KeyPath) -> str:
+    """The unit of a parameter, one of SI or deg: expressions are in it."""
+    unit = table.unit or ""
+    try:
+        known = Unit.named(unit or "1")
+    except KeyError as error:
+        text = f"'{unit}': the unit '{error.args[0]}' is not known"
+        raise source.error((*keys, "unit"), text) from None
+    if known.size != 1 and unit not in ANGLES:
+        text = f"expected a unit of SI, in which expressions are, or deg; got '{unit}'"
+        raise source.error((*keys, "unit"), f'{text}: default = "7 kN/mm" is converted to it')
+    return unit
+
+
+def _default(table: ParameterTable, unit: str, source: SourceText, keys: KeyPath) -> float:
+    if not isinstance(table.default, str):
+        return table.default
+    try:
+        return in_unit_of(table.default, unit)
+    except ValueError as error:
+        more = "" if unit else ': expected unit = "..." of SI beside it'
+        raise source.error((*keys, "default"), f"{keys[-1]} {error}{more}") from None
+
+
+def _checked(parameter: Parameter, source: SourceText, keys: KeyPath) -> Parameter:
+    try:
+        parameter.check(parameter.default)
+    except ParameterError as error:
+        raise source.error((*keys, "default"), error.message) from None
+    return parameter

@@ -1,0 +1,80 @@
+"""Model files of both sorts: of meshes, and of lumped models, told apart by what is in them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from squealstudy.errors import StudyFileError
+from squealstudy.models.components.definition import NAME as OF_MESHES
+from squealstudy.models.components.definition import FileDefinition
+from squealstudy.models.lumped.definition import NAME as LUMPED
+from squealstudy.study.lumped import is_lumped, read_lumped
+from squealstudy.study.source import SourceText
+
+if TYPE_CHECKING:
+    from squealstudy.study.added_parts import AddedPart
+    from squealstudy.study.sections import StudyDefinition
+
+
+def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefinition:
+    """The model of a study's ``[model] file``.
+
+    Raises
+    ------
+    StudyFileError
+        With line and key: of the study where there is no such file, of the model file for all that
+        is wrong there.
+    """
+    given = definition.model.file
+    if given is None:
+        text = f"model '{OF_MESHES}' is what a file describes: expected file = \"...\""
+        raise source.error(("model", "name"), text)
+    path = source.path.parent / given
+    if not path.is_file():
+        raise source.error(("model", "file"), f"there is no file {path}")
+    for name in definition.model.family_keys:
+        raise source.error(("model", name), f"unknown key of a model of a file: '{name}'")
+    return read_model_file(path, definition.added_parts(source))
+
+
+def read_model_file(path: Path, parts: Sequence[AddedPart] = ()) -> FileDefinition:
+    """The model of a model file with what a study adds; StudyFileError about what is wrong."""
+    if is_lumped(path):
+        if parts:
+            raise parts[0].error("a lumped model has no sets to add to")
+        return read_lumped(path)
+    from squealstudy.study.components import read_model  # imports scikit-fem
+
+    return read_model(path, parts)
+
+
+def named_by_content(tables: Mapping[str, Any], source: SourceText) -> Mapping[str, Any]:
+    """A study's tables, in which the file of a lumped model is named as one.
+
+    Raises
+    ------
+    StudyFileError
+        A model named so without a file, or with one of another sort.
+    """
+    section = tables.get("model")
+    if not isinstance(section, Mapping):
+        return tables
+    name, file = section.get("name"), section.get("file")
+    lumped = isinstance(file, str) and is_lumped(source.path.parent / file)
+    if name == LUMPED and not lumped:
+        raise _no_lumped(file, source)
+    if lumped and name is None:
+        return {**tables, "model": {**section, "name": LUMPED}}
+    return tables
+
+
+def _no_lumped(file: object, source: SourceText) -> StudyFileError:
+    if not isinstance(file, str):
+        text = f"model '{LUMPED}' is what a file with [[mass]] describes: expected file = \"...\""
+        return source.error(("model", "name"), text)
+    path = source.path.parent / file
+    if not path.is_file():
+        return source.error(("model", "file"), f"there is no file {path}")
+    return source.error(("model", "file"), f"expected a file with [[mass]], {path} has none")

@@ -1,0 +1,120 @@
+"""Files of lumped models that tests share: the minimal models of the catalogue, written so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+HULTEN = """\
+[[mass]]
+name = "mass"
+mass = "m"
+directions = ["x", "y"]
+
+[[contact]]
+between = ["mass", "disc"]
+normal = "x"
+sliding = "y"
+stiffness = "m * (2*pi*frequency_1)**2"
+
+[[contact]]
+between = ["mass", "disc"]
+normal = "y"
+sliding = "-x"
+stiffness = "m * (2*pi*frequency_2)**2"
+
+[[load]]
+on = "mass"
+direction = "-x"
+force = "normal_force"
+
+[[load]]
+on = "mass"
+direction = "-y"
+force = "normal_force"
+
+[parameters]
+m = { default = 1.0, unit = "kg" }
+frequency_1 = { default = 100.0, unit = "Hz" }
+frequency_2 = { default = 75.0, unit = "Hz" }
+normal_force = { default = 100.0, unit = "N" }
+"""
+
+HOFFMANN = """\
+[[mass]]
+name = "mass"
+mass = "m"
+directions = ["x", "y"]
+
+[[spring]]
+between = ["mass", "ground"]
+direction = ["cos(alpha1*pi/180)", "sin(alpha1*pi/180)"]
+stiffness = "k1"
+
+[[spring]]
+between = ["mass", "ground"]
+direction = ["cos(alpha2*pi/180)", "sin(alpha2*pi/180)"]
+stiffness = "k2"
+
+[[contact]]
+between = ["mass", "belt"]
+normal = "y"
+sliding = "-x"
+stiffness = "contact_stiffness"
+
+[[load]]
+on = "mass"
+direction = "-y"
+force = "normal_force"
+
+[parameters]
+m = { default = 1.0, unit = "kg" }
+k1 = { default = 178632.7949540818, unit = "N/m" }
+k2 = { default = 2488033.871712585, unit = "N/m" }
+contact_stiffness = { default = 1333333.3333333333, unit = "N/m" }
+alpha1 = { default = 150.0, unit = "deg" }
+alpha2 = { default = 30.0, unit = "deg" }
+normal_force = { default = 100.0, unit = "N" }
+"""
+
+BELT = """\
+[[mass]]
+name = "mass"
+mass = "m"
+directions = ["x", "y"]
+
+[[spring]]
+between = ["mass", "ground"]
+direction = "x"
+stiffness = "stiffness"
+
+[[contact]]
+between = ["mass", "belt"]
+normal = "y"
+sliding = "-x"
+stiffness = "contact_stiffness"
+
+[[load]]
+on = "mass"
+direction = "-y"
+force = "normal_force"
+
+[parameters]
+friction = 0.5
+sliding_speed = 1.0
+damping_ratio = 0.05
+"friction_law.static_ratio" = 2.0
+"friction_law.decay_speed" = 0.5
+m = { default = 1.0, unit = "kg" }
+stiffness = { default = 394784.1760435743, unit = "N/m" }
+normal_force = { default = 628.3185307179587, unit = "N" }
+contact_stiffness = { default = 1e8, unit = "N/m" }
+"""
+
+MINIMAL = {"hulten": HULTEN, "hoffmann": HOFFMANN, "belt": BELT}
+
+
+def write_minimal(folder: Path, name: str) -> Path:
+    """The file of a minimal model, as a lumped one."""
+    path = folder / f"{name}.toml"
+    path.write_text(MINIMAL[name])
+    return path
