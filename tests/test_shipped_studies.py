@@ -235,3 +235,15 @@ def test_sensitivity(tmp_path: Path) -> None:
     assert "caliper.young_modulus" in set(seen["parameter"])
     ratio = seen["finite_growth_change"] / seen["predicted_growth_change"]
     assert ratio.between(0.8, 1.25).all()
+
+
+def test_groan_to_honk(tmp_path) -> None:
+    """At 0.1 m/s pad and caliper stick and slip, at 0.2 m/s the pad alone; for a shorter time."""
+    path = SHIPPED / "lumped" / "groan_to_honk.toml"
+    text = path.read_text().replace("duration = 2.0", "duration = 0.5")
+    text = text.replace("[0.05, 0.1, 0.15, 0.2, 0.3]", "[0.1, 0.2]").replace("2e-6", "5e-6")
+    points = solved(plan_of(text, path), tmp_path / "groan").points
+    assert (points["status"] == "ok").all()
+    assert points["torque_mean"].to_list() == pytest.approx([654.3, 630.3], rel=0.02)
+    assert points["torque_rms"].to_list() == pytest.approx([175.3, 156.5], rel=0.05)
+    assert points["torque_line_hz"].to_list() == pytest.approx([64.0, 873.0], rel=0.05)
