@@ -260,10 +260,13 @@ def test_groan_and_honk_against_event_driven_integration(speed, mean, rms, line)
     judge = Groan(speed).levels(3.0, 1.5)
     assert judge[:2] == pytest.approx((mean, rms), rel=3e-3)
     assert judge[2] == pytest.approx(line, abs=3.0)
-    system = sq.model(str(STUDIES / "groan.toml")).at(sliding_speed=speed)
-    found = system.simulate(duration=3.0, step=1e-5, perturbation=0.1).summary().iloc[0]
+    model = sq.model(str(STUDIES / "groan.toml"), **{"contact.regularisation_speed": 1e-4})
+    runs = model.at(sliding_speed=speed).simulate(duration=3.0, step=1e-6, perturbation=0.1)
+    found = runs.summary().iloc[0]
     assert found["torque_mean"] == pytest.approx(judge[0], rel=3e-3)
-    assert found["torque_rms"] == pytest.approx(judge[1], rel=5e-3)
+    assert found["torque_rms"] == pytest.approx(judge[1], rel=1e-2)
+    if speed > 0.05:  # at 0.05 m/s lines near 62 and 270 Hz are as loud, over other windows
+        assert found["torque_line_hz"] == pytest.approx(judge[2], rel=2e-2)
 
 
 def changed(text, old, new):
