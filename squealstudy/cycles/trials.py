@@ -21,7 +21,7 @@ from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
 from squealstudy.motion.outcome.levels import last_window, mean_interval, spectrum
-from squealstudy.motion.outcome.summary import run_levels, summarise
+from squealstudy.motion.outcome.summary import run_levels, summarise, told_frequency
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import Watch, simulate
 from squealstudy.motion.step_errors import LARGEST, has_few_points, settling, step_parts
@@ -275,8 +275,9 @@ def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -
     mode = np.nan if outside else max(shares, key=lambda hz: shares[hz], default=np.nan)
     if found not in SUSTAINED:
         return Ended(start, found, mode_hz=mode)
-    hz, line = point["frequency_hz"], point["torque_line_hz"]
+    line = point["torque_line_hz"]
     error = point["frequency_error"] + by_step.frequency
+    hz, error = told_frequency(point["frequency_hz"], error)
     opened = float(point["open_share_max"])
     if band is not None and motion.point.growing.n_outside:
         rms, spread, line = band_level(motion, band)

@@ -39,6 +39,7 @@ from squealstudy.wording import FAILED, GROWING, STABLE, SUSTAINED
 
 LEAST_ROWS = 10  # of a history that says anything
 PASSING = (STABLE, GROWING)  # classes of motion that is another one later
+FREQUENCY_ERROR = 0.1  # relative: by another step, from which on it is of another period
 # relative: how far a frequency may be from that of the mode at the step, of 300 runs at most 1e-3;
 # from that of the mode, where what the step makes of it is not known
 SAME_HZ, SAME_HZ_UNKNOWN = 5e-3, 0.05
@@ -257,6 +258,7 @@ def run_levels(
         half, scatter = np.zeros(2), 0.0
     sizes = np.array([by_step.rms * found.rms, by_step.mean * found.rms])
     swing = by_step.peak_to_peak * found.peak_to_peak
+    hz, error = told_frequency(own_hz.hz, own_hz.error + by_step.frequency)
     rms = Level.of(found.rms, LevelParts(half[0], sizes[0], rows[0]), 0.0)
     mean = Level.of(found.mean, LevelParts(half[1], sizes[1], rows[1]))
     peaks = Level.of(found.peak_to_peak, LevelParts(scatter, swing, rows[2]), 0.0)
@@ -275,13 +277,21 @@ def run_levels(
         "torque_peak_to_peak_high": peaks.high,
         "swing_spread": swing_spread(known, width),
         "bounds_reason": by_step.reason,
-        "frequency_hz": own_hz.hz,
-        "frequency_error": own_hz.error + by_step.frequency,
+        "frequency_hz": hz,
+        "frequency_error": error,
         "torque_line_hz": found.frequency_hz,
         "dominant_level": found.line,
         "harmonic_2_level": found.harmonic_2,
         "harmonic_3_level": found.harmonic_3,
     }, window
+
+
+def told_frequency(hz: float, error: float) -> tuple[float, float]:
+    """Own frequency [Hz] and its relative error, NaN where another step gives another period.
+
+    A motion that nearly repeats after one burst and fully after two has a period or twice that.
+    """
+    return (np.nan, np.nan) if error > FREQUENCY_ERROR else (hz, error)
 
 
 def _least_swing(sums: TorqueSums, width: float) -> float:
