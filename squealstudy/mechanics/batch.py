@@ -14,7 +14,6 @@ import scipy.sparse as sp
 from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.mechanics.stacked_rows import OK
 from squealstudy.mechanics.values import Values
-from squealstudy.models.assembly import Assembly
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.stacked.modes import BLOCK, MOST_COORDINATES, StackedSystem, stacked_system
 from squealstudy.stacked.roots import StackedRoots
@@ -42,25 +41,25 @@ class BatchModes(NamedTuple):
     message: np.ndarray
 
 
-def in_batches(values: Values) -> bool:
-    """Whether design points are of a small model of point masses."""
+def is_small_batch(values: Values) -> bool:
+    """Whether design points are several, of a small model that arrays can hold."""
     definition = values.definition
     if values.length is None or definition.meshed or isinstance(definition, FamilyDefinition):
         return False
     try:
-        return _point_masses(values.point(0).assembly())
+        assembly = values.point(0).assembly()
     except FAILURES:  # which the loop over points tells
         return False
+    plain = all(c.correspondence is None for c in assembly.components)
+    return plain and assembly.n_dof <= MOST_COORDINATES
 
 
-def _point_masses(assembly: Assembly) -> bool:
-    rigid = all(
-        not c.K.count_nonzero()
-        and not (c.M - sp.diags(c.M.diagonal())).count_nonzero()
-        and c.correspondence is None
-        for c in assembly.components
+def in_batches(values: Values) -> bool:
+    """Whether they are of point masses besides: in coordinates of which there is one choice."""
+    return is_small_batch(values) and all(
+        not c.K.count_nonzero() and not (c.M - sp.diags(c.M.diagonal())).count_nonzero()
+        for c in values.point(0).assembly().components
     )
-    return rigid and assembly.n_dof <= MOST_COORDINATES
 
 
 def batch_modes(values: Values, band_hz: tuple[float, float]) -> BatchModes:

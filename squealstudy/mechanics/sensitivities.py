@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from squealstudy.errors import ParameterError
+from squealstudy.linalg.overflow import LARGEST
 from squealstudy.mechanics.basis import Basis
+from squealstudy.mechanics.batch import is_small_batch
 from squealstudy.mechanics.defaults import STABILITY_TOLERANCE
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.mechanics.reduction import Reduction
+from squealstudy.mechanics.sensitivity_batch import Request, batch_sensitivities
 from squealstudy.mechanics.sensitivity_parameters import (
     default_names,
     design_structure,
@@ -19,6 +24,9 @@ from squealstudy.mechanics.sensitivity_parameters import (
     state_parameters,
     structural_names,
 )
+from squealstudy.mechanics.solving import each
+from squealstudy.mechanics.structures import Structures
+from squealstudy.mechanics.values import Values
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.modes.sensitivity.mode_sensitivities import (
     ModeSensitivities,
@@ -27,6 +35,8 @@ from squealstudy.modes.sensitivity.mode_sensitivities import (
 )
 from squealstudy.modes.sensitivity.reduced import ModeChoice, point_sensitivities, solve_families
 from squealstudy.modes.sensitivity.structural import check_structural, structural_sensitivities
+from squealstudy.reduction.cmt import ReductionSettings
+from squealstudy.stacked.sensitivities import StackedSensitivities
 from squealstudy.system.linearise import component_frequencies
 
 if TYPE_CHECKING:
@@ -81,7 +91,6 @@ class Sensitivities:
     near_coalescence: np.ndarray
     status: str = "ok"
     message: str = ""
-    modes: tuple[ModeSensitivities, ...] = field(default=(), repr=False)
 
     @classmethod
     def of(cls, modes: Sequence[ModeSensitivities]) -> Sensitivities:
@@ -103,7 +112,27 @@ class Sensitivities:
             validity=table(lambda _, s: s.validity),
             condition=np.array([mode.family.condition for mode in modes]),
             near_coalescence=table(lambda mode, s: mode.near_coalescence(s), bool),
-            modes=tuple(modes),
+        )
+
+    @classmethod
+    def of_batch(cls, found: StackedSensitivities, row: int) -> Sensitivities:
+        """The arrays of one design point of a batch that is solved at once."""
+        start, end = np.searchsorted(found.owner, [row, row + 1])
+        names = found.names if end > start else ()
+        own = slice(start, end), slice(0, len(names))
+        status, message = found.system.failures.get(row, ("ok", ""))
+        return cls(
+            lam=found.lam[own[0]],
+            names=names,
+            derivative=found.derivative[own],
+            change=found.change[own],
+            finite=found.finite[own],
+            match=found.match[own],
+            validity=found.validity[own],
+            condition=found.condition[own[0]],
+            near_coalescence=found.near_coalescence[own],
+            status=status,
+            message=message,
         )
 
     @property
@@ -201,3 +230,58 @@ def point_derivatives(
         more = structural_sensitivities(solved, builder, structural, change)
         found = [with_more(m, s) for m, s in zip(found, more, strict=True)]
     return Sensitivities.of(found)
+
+
+def all_sensitivities(
+    structures: Structures, names: Sequence[str], choice: ModeChoice, change: float, single: bool
+) -> tuple[Sensitivities, ...]:
+    """Sensitivities of all design points of structures; of small models in a batch, at once.
+
+    Raises
+    ------
+    One of FAILURES
+        Where it is a `single` point that fails.
+    """
+    values, basis = structures.values, structures.basis  # noqa: PD011 - no frame
+    find = partial(point_derivatives, basis=basis, names=names, choice=choice, change=change)
+    if not is_small_batch(values):
+        return tuple(map(_told, each(structures, find, single)))
+    made = _at_once(values, names, choice, change, basis.band_hz)
+    for number in [i for i, one in enumerate(made) if one is None]:
+        own = Structures(values.at(number), structures.nominal, basis, structures.improved)
+        made[number] = _told(each(own, find, single=False)[0])
+    return tuple(one for one in made if one is not None)
+
+
+def _told(found: Sensitivities | Exception) -> Sensitivities:
+    if not isinstance(found, Exception):
+        return found
+    status, message = reason(found)
+    return replace(Sensitivities.of(()), status=status, message=message)
+
+
+def _at_once(
+    values: Values,
+    names: Sequence[str],
+    choice: ModeChoice,
+    change: float,
+    band_hz: tuple[float, float],
+) -> list[Sensitivities | None]:
+    """Sensitivities of a batch of a small model; None of a design point that is to be alone."""
+    first, none = values.point(0), list[Sensitivities | None]([None]) * values.count
+    try:
+        asked = [requested(name, first) for name in names or default_names(first)]
+        if any(np.abs(x).max() > LARGEST for k, x in values.varied.items() if k in names):
+            return none
+        if structural := structural_names(asked):
+            settings = ReductionSettings(np.inf, np.inf, 0.0)
+            check_structural(design_structure(first, settings), structural)
+        made, wanted = list(none), Request(asked, choice, change, band_hz)
+        columns, count = values.columns, values.count
+        parts = batch_sensitivities(values.definition, values.options, columns, count, wanted)
+        for rows, found in parts:
+            for row, number in enumerate(rows.tolist()):
+                made[number] = None if found.left[row] else Sensitivities.of_batch(found, row)
+    except FAILURES:  # which the way point by point tells
+        return none
+    return made

@@ -28,8 +28,8 @@ from squealstudy.mechanics.reduction import Reduction
 from squealstudy.mechanics.sensitivities import (
     UNSTABLE,
     Sensitivities,
+    all_sensitivities,
     mode_choice,
-    point_derivatives,
 )
 from squealstudy.mechanics.sensitivity_parameters import requested
 from squealstudy.mechanics.solving import each, linearised, sliding
@@ -248,16 +248,9 @@ class System(Design):
         basis, choice = self._basis(band), mode_choice(modes)
         for name in names:
             requested(name, self.nominal)
-        find = partial(point_derivatives, basis=basis, names=names, choice=choice, change=change)
-        found = each(self._structures(basis), find, self.single)
-        told = zip(found, statuses(found), messages(found), strict=True)
-        made = tuple(
-            replace(Sensitivities.of(()), status=status, message=message)
-            if isinstance(x, Exception)
-            else x
-            for x, status, message in told
-        )
-        return made[0] if self.single else made
+        structures = self._structures(basis)
+        found = all_sensitivities(structures, names, choice, change, self.single)
+        return found[0] if self.single else found
 
     # -- in time ---------------------------------------------------------------------------------
     def simulate(

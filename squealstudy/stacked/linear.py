@@ -26,12 +26,21 @@ class StackedDamping:
         Factor on the frequency of each component mode.
     component_ratio : ndarray (m, n) or (1, n)
         Damping ratio of each component mode at its scaled frequency.
+    uniform_ratio : ndarray (m,)
+        Of the real modes that have no parameter of their own.
+    named_modes : tuple of int
+        Real modes, from 0, whose damping ratio is a parameter of its own.
+    named_coordinates : tuple of int
+        Component modes that parameters change or damp.
     """
 
     damping_ratio: np.ndarray
     stiffness_damping: np.ndarray
     scale: np.ndarray
     component_ratio: np.ndarray
+    uniform_ratio: np.ndarray
+    named_modes: tuple[int, ...]
+    named_coordinates: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +84,13 @@ def linearised(
         elastic = s.k_el * damping.scale**2
         omega = np.sqrt(np.maximum(s.k_el, 0.0)) * damping.scale
         dampers = 2.0 * damping.component_ratio * omega
-        K_sym = _quadratic(s.N, normal, s.N) + s.springs
+        K_sym = quadratic(s.N, normal, s.N) + s.springs
         diagonal = np.arange(s.n)
         K_sym[:, diagonal, diagonal] += elastic
-        K = K_sym + _quadratic(s.T, coupling, s.N)
-        C = _quadratic(s.T_perp, across, s.T_perp)
+        K = K_sym + quadratic(s.T, coupling, s.N)
+        C = quadratic(s.T_perp, across, s.T_perp)
         if friction.by_speed.any():
-            C = C + _quadratic(s.T, friction.by_speed * rubbing, s.T)
+            C = C + quadratic(s.T, friction.by_speed * rubbing, s.T)
         if s.C is not None:
             C = C + s.C
         C = C + damping.stiffness_damping[:, None, None] * K_sym
@@ -109,7 +118,7 @@ def modal_damping(K_sym: np.ndarray, zeta: np.ndarray) -> np.ndarray:
     return damping
 
 
-def _quadratic(left: np.ndarray, weights: np.ndarray, right: np.ndarray) -> np.ndarray:
+def quadratic(left: np.ndarray, weights: np.ndarray, right: np.ndarray) -> np.ndarray:
     """left^T diag(weights) right (m, n, n)."""
     found: np.ndarray = left.swapaxes(1, 2) @ (weights[:, :, None] * right)
     return found

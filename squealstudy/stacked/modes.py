@@ -41,6 +41,7 @@ class StackedSystem:
     structures : StackedStructures
     operating : StackedOperating
     sliding : StackedSliding
+    damping : StackedDamping
     linear : StackedLinear
     failures : mapping of int -> (status, message)
         Points that have no such system; what stands in their rows means nothing.
@@ -49,6 +50,7 @@ class StackedSystem:
     structures: StackedStructures
     operating: StackedOperating
     sliding: StackedSliding
+    damping: StackedDamping
     linear: StackedLinear
     failures: Mapping[int, tuple[str, str]]
 
@@ -155,11 +157,29 @@ def stacked_system(
     """
     assembly, failures = stacked_assembly(model, options, columns, count)
     point = ModelPoint(model, options, {name: _first(value) for name, value in columns.items()})
-    failures = dict(failures)
-    with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-        structures = StackedStructures.of(assembly)
+    structures = structures_of(assembly)
     operating = StackedOperating.of(point.law_kind, point.curve_kind, columns, count)
     damping = _damping(point, structures, columns, count)
+    return system_about_sliding(structures, operating, damping, failures)
+
+
+def structures_of(assembly: StackedAssembly) -> StackedStructures:
+    """In component-mode coordinates; what overflows is told by its point."""
+    with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+        return StackedStructures.of(assembly)
+
+
+def system_about_sliding(
+    structures: StackedStructures,
+    operating: StackedOperating,
+    damping: StackedDamping,
+    failures: Mapping[int, tuple[str, str]],
+) -> StackedSystem:
+    """Design points linearised about steady sliding.
+
+    `failures` are those known already, by the number of the point.
+    """
+    failures, count = dict(failures), len(operating.friction)
     elastic = np.broadcast_to(structures.k_el * damping.scale**2, (count, structures.n))
     sliding = steady_sliding(structures, elastic, operating)
     for i in np.flatnonzero(sliding.state != SOLVED):
@@ -169,8 +189,8 @@ def stacked_system(
         text = f"a matrix of the linearised system has entries too large: {LIMITS}"
         failures.setdefault(int(i), (OVERFLOW, text))
     if not (operating.law.in_package and operating.curve.in_package):
-        failures |= _contradictions(model, options, columns, structures, sliding, failures)
-    return StackedSystem(structures, operating, sliding, linear, failures)
+        failures |= _contradictions(structures, sliding, operating, failures)
+    return StackedSystem(structures, operating, sliding, damping, linear, failures)
 
 
 def natural_frequencies(
@@ -234,14 +254,15 @@ def _damping(
 ) -> StackedDamping:
     """Damping and changes of component modes; ParameterError for a mode that is not there."""
     n = structures.n
-    ratio = np.repeat(_column(columns.get("damping_ratio", 0.0), count)[:, None], n, axis=1)
+    uniform = _column(columns.get("damping_ratio", 0.0), count)
+    ratio = np.repeat(uniform[:, None], n, axis=1)
     for parameter in point.assembly_parameters():
         for mode in parameter.modes:
             if not 1 <= mode <= n:
                 raise ParameterError(parameter.name, f"the assembly has modes 1 to {n} here")
             ratio[:, mode - 1] = _column(columns[parameter.name], count)
     scale, own = np.ones((1, n)), np.zeros((1, n))
-    changed = point.mode_parameters()
+    changed, named = point.mode_parameters(), set[int]()
     if changed:
         scale, own = np.ones((count, n)), np.zeros((count, n))
     for parameter in changed:
@@ -253,11 +274,15 @@ def _damping(
                 text = f"component '{parameter.component}' has no mode {mode} here"
                 raise ParameterError(parameter.name, text) from None
             target[:, place] = _column(columns[parameter.name], count)
+            named.add(place)
     return StackedDamping(
         damping_ratio=ratio,
         stiffness_damping=_column(columns.get("stiffness_damping", 0.0), count),
         scale=scale,
         component_ratio=own,
+        uniform_ratio=uniform,
+        named_modes=tuple({m - 1 for p in point.assembly_parameters() for m in p.modes}),
+        named_coordinates=tuple(sorted(named)),
     )
 
 
@@ -273,11 +298,9 @@ def _reason(state: int, operating: StackedOperating, row: int) -> tuple[str, str
 
 
 def _contradictions(
-    model: ModelDefinition,
-    options: Mapping[str, str | int],
-    columns: Columns,
     structures: StackedStructures,
     sliding: StackedSliding,
+    operating: StackedOperating,
     failures: Mapping[int, tuple[str, str]],
 ) -> dict[int, tuple[str, str]]:
     """Points at which a law from outside contradicts itself."""
@@ -285,7 +308,6 @@ def _contradictions(
     for i in range(len(sliding.gap)):
         if i in failures:
             continue
-        values = {name: float(np.ravel(v)[i if np.ndim(v) else 0]) for name, v in columns.items()}
         own = {
             name: array[0 if len(array) == 1 else i]
             for name in ("area", "frictional", "speed_factor")
@@ -294,8 +316,7 @@ def _contradictions(
         gap, p, kappa = sliding.gap[i], sliding.pressure[i], sliding.tangent[i]
         state = working_point_result(own["area"], gap, p, kappa, 0, 0.0, np.zeros_like(gap))
         try:
-            operating = ModelPoint(model, options, values).operating_point()
-            expect_consistent_laws(SimpleNamespace(**own), operating, state)
+            expect_consistent_laws(SimpleNamespace(**own), operating.point_at(i), state)
         except ConvergenceError as error:
             found[i] = (error.status, str(error))
     return found

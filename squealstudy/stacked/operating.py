@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES
+from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES, FrictionCurve
 from squealstudy.laws.contact_law import ContactLaw, ContactLawDefinition
 from squealstudy.laws.friction_law import FrictionCurveDefinition
 from squealstudy.laws.registry import at_points
+from squealstudy.models.operating import FRICTION, PRESSURE, SLIDING_SPEED, OperatingPoint
+
+OWN = (FRICTION.name, PRESSURE.name, SLIDING_SPEED.name)  # of no law
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +92,37 @@ class StackedOperating:
     def law_at(self, row: int) -> ContactLaw:
         """The contact law of one of the points."""
         return ContactLaw(self.law.name, tuple(float(x[row, 0]) for x in self.law_values))
+
+    def point_at(self, row: int) -> OperatingPoint:
+        """One of the points."""
+        values = tuple(float(x[row, 0]) for x in self.curve_values)
+        return OperatingPoint(
+            friction=float(self.friction[row]),
+            brake_pressure=float(self.pressure[row]),
+            sliding_speed=float(self.sliding_speed[row]),
+            law=self.law_at(row),
+            curve=FrictionCurve(self.curve.name, values),
+        )
+
+    def value(self, name: str) -> np.ndarray:
+        """Values (m,) of a parameter of theirs; KeyError of another."""
+        if name in OWN:
+            own: np.ndarray = getattr(self, name)
+            return own
+        for law, values in ((self.curve, self.curve_values), (self.law, self.law_values)):
+            names = [p.name for p in law.parameters]
+            if name in names:
+                return values[names.index(name)][:, 0]
+        raise KeyError(name)
+
+    def with_value(self, name: str, value: np.ndarray) -> StackedOperating:
+        """The points with other values (m,) of a parameter, in both laws if both have it."""
+        changed: dict[str, Any] = {name: value} if name in OWN else {}
+        for field, law in (("law_values", self.law), ("curve_values", self.curve)):
+            before = getattr(self, field)
+            known = zip(law.parameters, before, strict=True)
+            changed[field] = tuple(value[:, None] if p.name == name else x for p, x in known)
+        return replace(self, **changed)
 
     def contact(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pressure [Pa] and tangent -dp/dg [Pa/m] at gaps g (m, c) [m]."""

@@ -54,7 +54,7 @@ def stacked_roots(C: np.ndarray, K: np.ndarray, band: tuple[float, float]) -> St
 
     C, K are finite (m, n, n). Roots that cannot be told from zero are left out.
     """
-    lam, psi = _companion_pairs(C, K)
+    lam, psi = companion_pairs(C, K)
     size = np.abs(lam)
     inside = (lam.imag >= 0) & (size >= band[0]) & (size <= band[1])
     lam, psi, count = _gathered(lam, psi, inside, np.where(inside, size, np.inf))
@@ -76,7 +76,7 @@ def stacked_roots(C: np.ndarray, K: np.ndarray, band: tuple[float, float]) -> St
     return StackedRoots(count, lam, psi, error, _backward_errors(C, K, lam, psi))
 
 
-def _companion_pairs(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def companion_pairs(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """All 2n roots (m, 2n) and right vectors (m, n, 2n), as `companion.right_pairs`."""
     m, n = K.shape[:2]
     scale = np.sqrt(np.linalg.norm(K, axis=(1, 2)) / np.sqrt(n))

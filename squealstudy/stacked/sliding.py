@@ -52,7 +52,7 @@ class StackedSliding:
 
 
 @dataclass(frozen=True, eq=False)
-class _Equations:
+class GapEquations:
     """The gap equations of m design points.
 
     Attributes
@@ -63,6 +63,10 @@ class _Equations:
         Opening by the loads, m.
     k_c : ndarray (m, 1)
         Contact stiffness per area of the structure that these compliances are of, Pa/m.
+    area : ndarray (m, c)
+        m2.
+    moved : ndarray (m, n, 2 c + 1)
+        Displacements by normal and by friction forces of each contact point, and by the loads.
     """
 
     structures: StackedStructures
@@ -71,15 +75,20 @@ class _Equations:
     by_sliding: np.ndarray
     by_load: np.ndarray
     k_c: np.ndarray
+    area: np.ndarray
+    moved: np.ndarray
 
-    def at(self, rows: np.ndarray) -> _Equations:
-        return _Equations(
+    def at(self, rows: np.ndarray) -> GapEquations:
+        """Those of some design points; the structures stay whole."""
+        return GapEquations(
             structures=self.structures,
             operating=self.operating.at(rows),
             by_normal=self.by_normal[rows],
             by_sliding=self.by_sliding[rows],
             by_load=self.by_load[rows],
             k_c=self.k_c[rows],
+            area=self.area[rows],
+            moved=self.moved[rows],
         )
 
 
@@ -95,6 +104,16 @@ def steady_sliding(
     k_el : ndarray (m, n)
         Elastic stiffness with the changes of component modes, (rad/s)^2.
     operating : StackedOperating
+    """
+    return _newton(*gap_equations(structures, k_el, operating))
+
+
+def gap_equations(
+    structures: StackedStructures, k_el: np.ndarray, operating: StackedOperating
+) -> tuple[GapEquations, np.ndarray]:
+    """The gap equations, and which (m,) of them have a static stiffness that is regular.
+
+    Arguments as of `steady_sliding`.
     """
     m = len(operating.friction)
     area = np.broadcast_to(structures.area, (m, structures.N.shape[1]))
@@ -113,15 +132,17 @@ def steady_sliding(
     moved, held = _solved(K0, columns)
     opened = structures.N @ moved
     c = area.shape[1]
-    equations = _Equations(
+    equations = GapEquations(
         structures=structures,
         operating=operating,
         by_normal=opened[:, :, :c],
         by_sliding=opened[:, :, c : 2 * c],
         by_load=opened[:, :, 2 * c],
         k_c=k_c,
+        area=area,
+        moved=moved,
     )
-    return _newton(equations, area, held)
+    return equations, held
 
 
 def _mean_pressure_of_loads(
@@ -157,13 +178,13 @@ def _solved(K0: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.where(held[:, None, None], found[..., :-1], 0.0), held
 
 
-def _newton(equations: _Equations, area: np.ndarray, held: np.ndarray) -> StackedSliding:
-    structures, operating = equations.structures, equations.operating
+def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
+    structures, operating, area = equations.structures, equations.operating, equations.area
     m, c = area.shape
     gap0 = np.broadcast_to(structures.gap0, (m, c))
     stiffness = np.abs(equations.k_c * equations.by_load)
     loaded = np.maximum((area * stiffness).sum(axis=1) / area.sum(axis=1), TINY)
-    estimate = np.maximum(loaded, _closing_pressure(equations, area))
+    estimate = np.maximum(loaded, _closing_pressure(equations))
     size = np.abs(equations.by_load).max(axis=1)
     gap = np.repeat(operating.gap_at(estimate)[:, None], c, axis=1)
     state = np.where(held, NO_EQUILIBRIUM, SINGULAR)
@@ -173,8 +194,8 @@ def _newton(equations: _Equations, area: np.ndarray, held: np.ndarray) -> Stacke
             if not len(open_rows):
                 break
             part = equations.at(open_rows)
-            g, own = gap[open_rows], area[open_rows]
-            rows = _PointRows(part, own, gap0[open_rows], open_rows)
+            g, own = gap[open_rows], part.area
+            rows = PointRows(part, gap0[open_rows], open_rows)
             F, p, kappa = rows.imbalance(g)
             step = -rows.newton(F, p, kappa)
             level = np.maximum(estimate[open_rows], np.abs((own * p).sum(axis=1) / own.sum(axis=1)))
@@ -191,7 +212,7 @@ def _newton(equations: _Equations, area: np.ndarray, held: np.ndarray) -> Stacke
             state[open_rows[done]] = SOLVED
             lost = ~np.isfinite(step).all(axis=1)
             open_rows = open_rows[~done & ~lost]
-        whole = _PointRows(equations, area, gap0, np.arange(m))
+        whole = PointRows(equations, gap0, np.arange(m))
         F, p, kappa = whole.imbalance(gap)
         residual = np.abs(F).max(axis=1) / (size + np.abs(gap).max(axis=1) + TINY)
     return StackedSliding(
@@ -205,8 +226,9 @@ def _newton(equations: _Equations, area: np.ndarray, held: np.ndarray) -> Stacke
     )
 
 
-def _closing_pressure(equations: _Equations, area: np.ndarray) -> np.ndarray:
+def _closing_pressure(equations: GapEquations) -> np.ndarray:
     """As in `working_point`: (m,) [Pa] that takes back the mean opening under the load."""
+    area = equations.area
     unit = np.abs((area * _times(equations.by_normal, area)).sum(axis=1))
     with np.errstate(over="ignore", invalid="ignore"):
         closing = np.abs((area * equations.by_load).sum(axis=1)) / np.maximum(unit, TINY)
@@ -219,11 +241,10 @@ def _closing_pressure(equations: _Equations, area: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class _PointRows:
+class PointRows:
     """Imbalance and Newton's step of some rows of a batch."""
 
-    equations: _Equations
-    area: np.ndarray
+    equations: GapEquations
     gap0: np.ndarray
     rows: np.ndarray
 
@@ -239,8 +260,8 @@ class _PointRows:
         e = self.equations
         p, kappa = e.operating.contact(g)
         speed_factor = self._of(e.structures.speed_factor)
-        drag = e.operating.rubbing(p, speed_factor).mu * p * self.area * self._frictional
-        normal = self.area * (p + e.k_c * (g - self.gap0))
+        drag = e.operating.rubbing(p, speed_factor).mu * p * e.area * self._frictional
+        normal = e.area * (p + e.k_c * (g - self.gap0))
         moved = _times(e.by_normal, normal) - _times(e.by_sliding, drag) + e.by_load
         return g - self.gap0 - moved, p, kappa
 
@@ -249,8 +270,8 @@ class _PointRows:
         e = self.equations
         speed_factor = self._of(e.structures.speed_factor)
         grip = self._frictional * e.operating.rubbing(p, speed_factor).following(p)
-        normal = self.area * (kappa - e.k_c)
-        sliding = self.area * grip * kappa
+        normal = e.area * (kappa - e.k_c)
+        sliding = e.area * grip * kappa
         J = e.by_normal * normal[:, None, :] - e.by_sliding * sliding[:, None, :]
         J[:, np.arange(J.shape[1]), np.arange(J.shape[1])] += 1.0
         return solved_rows(J, F)

@@ -92,16 +92,42 @@ def contact_weights_change(
     """Derivatives of `contact_weights` by one parameter: the product rule on its four lines."""
     p = point.contact_pressure
     friction = operating.friction_at(p, contact.speed_factor)
-    k_n, force = contact.area * point.tangent, contact.area * p
-    d_k_n = contact.area * by.tangent + by.area * point.tangent
-    d_force = contact.area * by.pressure + by.area * p
+    speed = operating.sliding_speed * contact.speed_factor
+    return changed_weights(contact.area, contact.frictional, p, point.tangent, friction, speed, by)
+
+
+def changed_weights(
+    area: np.ndarray,
+    frictional: np.ndarray,
+    p: np.ndarray,
+    tangent: np.ndarray,
+    friction: Any,
+    speed: np.ndarray,
+    by: ContactChange,
+) -> ContactWeights:
+    """The same of arrays (nc,), or (m, nc) with a row a design point.
+
+    Parameters
+    ----------
+    area, frictional : ndarray
+        m2; share of the friction coefficient.
+    p, tangent : ndarray
+        Pa, Pa/m.
+    friction : Friction or StackedFriction
+        At these pressures.
+    speed : ndarray
+        Sliding velocities along T, m/s.
+    by : ContactChange
+    """
+    k_n, force = area * tangent, area * p
+    d_k_n = area * by.tangent + by.area * tangent
+    d_force = area * by.pressure + by.area * p
     following = friction.following(p)
     d_following = by.mu + p * by.by_pressure + by.pressure * friction.by_pressure
-    speed = operating.sliding_speed * contact.speed_factor
     d_drag = (by.mu - friction.mu * by.speed / speed) * force + friction.mu * d_force
     return ContactWeights(
         normal=d_k_n,
-        coupling=-contact.frictional * (d_following * k_n + following * d_k_n),
-        across=contact.frictional * d_drag / speed,
-        along=contact.frictional * (by.by_speed * force + friction.by_speed * d_force),
+        coupling=-frictional * (d_following * k_n + following * d_k_n),
+        across=frictional * d_drag / speed,
+        along=frictional * (by.by_speed * force + friction.by_speed * d_force),
     )

@@ -1,12 +1,14 @@
-"""What complex modes of small models cost in batches, in studies and in the library.
+"""What small models cost in batches, in studies and in the library.
 
     python studies/benchmarks/small_batches.py [--samples 128 16384] [--points 100001]
+        [--sensitivities 10000] [--cycles 200]
 
-For each number of Sobol samples a study of the scatter of friction and of two frequencies is run by
-the command in a process of its own, without pictures, from an empty cache: of Hulten's model, and
-of Hoffmann's with the exponential law. Processor seconds, those beyond a study of two points of the
-same model, the same a point, peak memory, and files in the cache afterwards. Then modes of a batch
-of so many frictions by the library, without a study.
+Studies are run by the command in a process of its own, without pictures, from an empty cache. For
+each number of Sobol samples complex modes over the scatter of friction and of two parameters of the
+structure: of Hulten's model, and of Hoffmann's with the exponential law. Then so many frictions:
+sensitivities of Hoffmann's model, limit cycles of Hulten's with a contact that hardens. Processor
+seconds, those beyond a study of two points of the same sort, the same a point, peak memory, and
+files in the cache afterwards. Last modes of a batch of frictions by the library, without a study.
 """
 
 from __future__ import annotations
@@ -29,19 +31,19 @@ import squealstudy as sq
 
 HEAD = """
 [study]
-name = "scatter"
-kind = "complex_modes"
+name = "many"
+kind = "{kind}"
 [model]
 name = "{model}"
 {options}
 [parameters]
 damping_ratio = 0.01
+{parameters}
 [modes]
 band = [10.0, 1000.0]
 [[sweep]]
 parameter = "friction"
 """
-TWO = "values = [0.2, 0.4]\n"
 SCATTER = """
 distribution = "truncated_normal"
 mean = {mean}
@@ -68,17 +70,33 @@ MODELS = {
         "others": (("k1", 1.786e5, 5e3), ("mass", 1.0, 0.02)),
     },
 }
+LINES = {  # kind of study: model, options, parameters, ends of the frictions
+    "sensitivity": ("hoffmann", "", "", (0.8, 1.2)),
+    "limit_cycles": (
+        "hulten",
+        'contact_law = "cubic"',
+        '"contact.cubic_stiffness" = 5e17',
+        (0.32, 0.6),
+    ),
+}
 
 
-def study(model: str, samples: int) -> str:
-    """Text of a study file; with 0 samples that of two points."""
+def scatter(model: str, samples: int) -> str:
+    """Text of a study of complex modes; with 0 samples that of two points."""
     given = MODELS[model]
-    head = HEAD.format(model=model, options=given["options"])
+    head = HEAD.format(kind="complex_modes", model=model, options=given["options"], parameters="")
     if not samples:
-        return head + TWO
+        return head + "values = [0.2, 0.4]\n"
     mean, std = given["friction"]
     others = "".join(NORMAL.format(*row) for row in given["others"])
     return head + SCATTER.format(mean=mean, std=std, others=others, samples=samples)
+
+
+def line(kind: str, points: int) -> str:
+    """Text of a study of so many frictions; with 0 points that of the two ends."""
+    model, options, parameters, (start, stop) = LINES[kind]
+    head = HEAD.format(kind=kind, model=model, options=options, parameters=parameters)
+    return head + f"start = {start}\nstop = {stop}\nnum = {points or 2}\n"
 
 
 def run(folder: Path, text: str) -> tuple[float, float, int, int]:
@@ -104,24 +122,35 @@ def run(folder: Path, text: str) -> tuple[float, float, int, int]:
     return seconds, usage.ru_maxrss / 1024, points, files
 
 
+def rows(name: str, texts: list[str]) -> None:
+    """Print a row a study; what the others take beyond the first."""
+    least = None
+    for text in texts:
+        with tempfile.TemporaryDirectory() as folder:
+            seconds, memory, points, files = run(Path(folder), text)
+        least = seconds if least is None else least
+        beyond = seconds - least
+        each = f"{1e6 * beyond / points:.0f}" if points > 2 else ""
+        row = f"| {name} | {points:,} | {seconds:.2f} | {beyond:.2f} | {each} "
+        print(f"{row}| {memory:.0f} | {files} |", flush=True)
+
+
 def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--samples", type=int, nargs="+", default=[128, 16384])
+    parser.add_argument("--samples", type=int, nargs="*", default=[128, 16384])
     parser.add_argument("--points", type=int, default=100_001)
+    parser.add_argument("--sensitivities", type=int, default=10_000)
+    parser.add_argument("--cycles", type=int, default=200)
     asked = parser.parse_args()
-    print("| model | points | CPU-s | beyond two points | us a point | MB | files in the cache |")
+    print("| study | points | CPU-s | beyond two points | us a point | MB | files in the cache |")
     print("|---|---|---|---|---|---|---|")
-    for model in MODELS:
-        least = 0.0
-        for samples in (0, *asked.samples):
-            with tempfile.TemporaryDirectory() as folder:
-                seconds, memory, points, files = run(Path(folder), study(model, samples))
-            least = least or seconds
-            beyond = seconds - least
-            each = f"{1e6 * beyond / points:.0f}" if samples else ""
-            row = f"| {model} | {points:,} | {seconds:.2f} | {beyond:.2f} | {each} "
-            print(f"{row}| {memory:.0f} | {files} |", flush=True)
+    for model in MODELS if asked.samples else ():
+        texts = [scatter(model, samples) for samples in (0, *asked.samples)]
+        rows(f"complex modes of {model}", texts)
+    for kind, count in (("sensitivity", asked.sensitivities), ("limit_cycles", asked.cycles)):
+        if count:
+            rows(f"{kind} of {LINES[kind][0]}", [line(kind, n) for n in (0, count)])
     model = sq.model("hulten")
     model.at(friction=np.linspace(0.0, 1.0, 3)).modes()  # imports
     started = time.process_time()

@@ -14,22 +14,19 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
+from squealstudy.engine.batches import LEAST, batch_parts
 from squealstudy.engine.design_points import DesignPoints
-from squealstudy.engine.plan import Plan, has_mesh
+from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Solved
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.rows import SCHEMA
 from squealstudy.mechanics.failures import FAILURES, reason
-from squealstudy.models.matrices.family import FamilyDefinition
-from squealstudy.models.parameter import nothing_vanishes
 from squealstudy.modes.point import DENSE
 from squealstudy.modes.tracking.refinement import Modes
-from squealstudy.stacked.modes import BLOCK, MOST_COORDINATES, StackedSystem, stacked_system
+from squealstudy.stacked.modes import StackedSystem, stacked_system
 from squealstudy.stacked.roots import StackedRoots
 from squealstudy.study.design import DesignPoint
-
-TASKS = 4  # of a batch for each worker, at least BLOCK / TASKS points each
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,26 +43,9 @@ class BatchTask:
     band_hz: tuple[float, float]
 
 
-def stacks(plan: Plan) -> bool:
-    """Whether a plan is of a small model that is solved exactly, and so in batches."""
-    model = plan.study.model
-    if has_mesh(plan.study) or isinstance(model, FamilyDefinition) or plan.method.name != DENSE:
-        return False
-    if model.vanishing is not nothing_vanishes:
-        return False
-    try:
-        assembly = plan.first.assembly()
-    except FAILURES:  # which the way point by point tells
-        return False
-    plain = all(c.correspondence is None for c in assembly.components)
-    return plain and assembly.n_dof <= MOST_COORDINATES
-
-
 def batch_tasks(plan: Plan, points: DesignPoints, jobs: int) -> Iterator[BatchTask]:
-    """Consecutive points in tasks of BLOCK, or fewer where workers would have none."""
-    size = min(BLOCK, max(BLOCK // TASKS, -(-len(points) // max(jobs, 1))))
-    for start in range(0, len(points), size):
-        yield BatchTask(points.at(slice(start, start + size)), plan.band_hz)
+    """Consecutive points in tasks, as `batch_parts` cuts them."""
+    return (BatchTask(part, plan.band_hz) for part in batch_parts(points, jobs))
 
 
 def solve_batch(task: BatchTask) -> Solved:
@@ -108,7 +88,7 @@ def _alone(design: DesignPoint) -> StackedSystem:
 
 def seconds_a_point(plan: Plan) -> float | None:
     """Of a batch of design points, as they are timed for a forecast; None where none is solved."""
-    points = plan.tasks.at(slice(0, BLOCK // TASKS))
+    points = plan.tasks.at(slice(0, LEAST))
     started = time.perf_counter()
     try:
         system = system_of(points)

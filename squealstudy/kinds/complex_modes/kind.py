@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
+from squealstudy.engine.batches import stacks
 from squealstudy.engine.cache import is_prepared, load_any
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
@@ -26,7 +27,6 @@ from squealstudy.kinds.complex_modes.batch import (
     batch_tasks,
     seconds_a_point,
     solve_batch,
-    stacks,
 )
 from squealstudy.kinds.complex_modes.problems import (
     SweptStructure,

@@ -14,7 +14,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from squealstudy.engine.rows import HEAD, WORKING_POINT_FIELDS, head, working_point_cells
+from squealstudy.engine.rows import (
+    HEAD,
+    WORKING_POINT_FIELDS,
+    head,
+    rows_of,
+    working_point_cells,
+)
 from squealstudy.engine.store import INACCURATE, Store
 from squealstudy.engine.table_files import SIDE_BY_SIDE
 from squealstudy.kinds.complex_modes.stored_shapes import SHAPES, ShapeFile, ShapeWriter
@@ -189,7 +195,7 @@ def read_columns(
         return pa.chunked_array(found.pop(name), SCHEMA.field(name).type)
 
     point_ids = column("point_id")
-    order = _rows_of(point_ids, ids)
+    order = rows_of(point_ids, ids)
     if missing := int((order < 0).sum()):
         if writer is not None:
             writer.discard()
@@ -211,15 +217,6 @@ def read_columns(
         energies=energies.reshape(len(lam), energies.size // max(len(lam), 1)),
         shapes=None if writer is None else writer.close(order, counts),
     )
-
-
-def _rows_of(point_ids: pa.ChunkedArray, wanted: Sequence[str] | np.ndarray) -> np.ndarray:
-    """Row of each wanted id, -1 where it has none; the last of several."""
-    n = len(point_ids)
-    backwards = pa.array(point_ids.take(np.arange(n)[::-1]).combine_chunks())
-    found = pc.index_in(pa.array(np.asarray(wanted)).cast(pa.string()), value_set=backwards)
-    rows: np.ndarray = n - 1 - found.fill_null(n).to_numpy()
-    return rows
 
 
 def _lengths(parts: list[pa.Array], order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,52 +2,49 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
-from squealstudy.engine.cache import is_prepared, known_gap, load_prepared, prepared_model
+from squealstudy.engine.batches import batch_parts, stacks
+from squealstudy.engine.cache import is_prepared, load_prepared
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import OFTEN_CHANGED, ModelKind
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import failed_row
 from squealstudy.engine.store import POINTS, SENSITIVITIES, Store
 from squealstudy.engine.workers import Solved, Workers
-from squealstudy.errors import ParameterError
+from squealstudy.errors import ConvergenceError, ParameterError
+from squealstudy.kinds.complex_modes.prepared_point import prepared_of
+from squealstudy.kinds.sensitivity.batch import BatchTask, seconds_a_point, solve_batch
 from squealstudy.kinds.sensitivity.parameters import asked_parameters, error_at_name, mode_choice
+from squealstudy.kinds.sensitivity.points import (
+    SensitivityRequest,
+    SensitivityTask,
+    point_seconds,
+    solve_points,
+)
 from squealstudy.kinds.sensitivity.section import SensitivityDefinition
-from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables, solved_row
-from squealstudy.mechanics.failures import FAILURES, reason
+from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.mechanics.sensitivity_parameters import (
     RequestedParameter,
     design_structure,
     state_parameters,
     structural_names,
 )
-from squealstudy.modes.sensitivity.mode_sensitivities import ModeSensitivities, with_more
-from squealstudy.modes.sensitivity.reduced import ModeChoice, point_sensitivities, solve_families
-from squealstudy.modes.sensitivity.structural import (
-    check_structural,
-    structural_sensitivities,
-)
-from squealstudy.reduction.cmt import ReductionSettings
-from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.modes.sensitivity.structural import check_structural
+from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import component_frequencies
 
 if TYPE_CHECKING:
     import pandas as pd
 
-
 SOURCES = ("kinds/sensitivity",)  # the code that decides them, beside that of all numbers
-
-
-TIMED = 3  # parameters that stand for all in a forecast
 
 
 class Sensitivities(ModelKind):
@@ -76,10 +73,9 @@ class Sensitivities(ModelKind):
         """Parameters must be held by every basis, modes of one name equal, geometry left out."""
         asked = request(plan).asked
         try:
-            for key, point in plan.structures.items():
-                if is_prepared(key):
-                    plan.check_assembly_modes(load_prepared(key).model.n)
-                    _check_state(point, asked)
+            for model, point in _prepared(plan):
+                plan.check_assembly_modes(model.n)
+                _check_state(point, model, asked)
             names = structural_names(asked)
             if names:
                 check_structural(design_structure(plan.tasks[0], plan.settings), names)
@@ -90,17 +86,24 @@ class Sensitivities(ModelKind):
         """Derivatives by what a structure is assembled of."""
         return bool(structural_names(request(plan).asked))
 
+    def stacks(self, plan: Plan) -> bool:
+        """Small models, unless a kind from outside solves its own tasks."""
+        return type(self).solve is Sensitivities.solve and stacks(plan)
+
     def tasks(
         self, plan: Plan, points: DesignPoints, workers: Workers
-    ) -> Iterator[SensitivityTask]:
-        """Tasks of consecutive design points."""
+    ) -> Iterator[SensitivityTask | BatchTask]:
+        """Tasks of consecutive design points; of a small model those of a batch."""
         asked = request(plan)
+        if plan.stacked:
+            return (BatchTask(part, asked) for part in batch_parts(points, workers.jobs))
         return (SensitivityTask(asked, part) for part in workers.pace.parts(points, workers.jobs))
 
-    def solve(self, task: SensitivityTask) -> Solved:
+    def solve(self, task: SensitivityTask | BatchTask) -> Solved:
         """Solve one chunk in a worker."""
-        known = sum(known_gap(p.structure, p) is not None for p in task.points)
-        return Solved([_row(point, task.request) for point in task.points], known=known)
+        if isinstance(task, BatchTask):
+            return solve_batch(task)
+        return solve_points(task)
 
     def build_tables(
         self, plan: Plan, store: Store, workers: Workers
@@ -110,7 +113,9 @@ class Sensitivities(ModelKind):
         return build_tables(plan, store), {"sensitivity": section.model_dump(mode="json")}
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
-        """Seconds of one design point, from a few of its parameters."""
+        """Seconds of one design point, from a few of its parameters; of a batch from all."""
+        if plan.stacked:
+            return seconds_a_point(plan, request(plan))
         with threadpool_limits(1):
             try:
                 return point_seconds(task, request(plan))
@@ -118,9 +123,21 @@ class Sensitivities(ModelKind):
                 return None
 
 
-def _check_state(point: DesignPoint, asked: Sequence[RequestedParameter]) -> None:
+def _prepared(plan: Plan) -> Iterator[tuple[ReducedModel, DesignPoint]]:
+    """Reduced models that are there, each with its first design point; of a batch the first one."""
+    if plan.stacked:
+        with suppress(ConvergenceError):  # no steady sliding: its row tells
+            yield prepared_of(plan.first).model, plan.first
+        return
+    for key, point in plan.structures.items():
+        if is_prepared(key):
+            yield load_prepared(key).model, point
+
+
+def _check_state(
+    point: DesignPoint, model: ReducedModel, asked: Sequence[RequestedParameter]
+) -> None:
     """Raise ParameterError for modes that a basis does not hold, or that differ in one name."""
-    model = load_prepared(point.structure).model
     for parameter in state_parameters(asked, component_frequencies(model)):
         parameter.value(point.state())
         if not parameter.component and max(parameter.modes, default=1) > model.n:
@@ -137,87 +154,6 @@ def request(plan: Plan) -> SensitivityRequest:
         plan.band_hz,
         plan.settings,
     )
-
-
-@dataclass(frozen=True)
-class SensitivityRequest:
-    """What is asked of every design point.
-
-    Attributes
-    ----------
-    asked : tuple of RequestedParameter
-    choice : ModeChoice
-    change : float
-        Relative finite change.
-    band_hz : (low, high)
-    settings : ReductionSettings
-    """
-
-    asked: tuple[RequestedParameter, ...]
-    choice: ModeChoice
-    change: float
-    band_hz: tuple[float, float]
-    settings: ReductionSettings
-
-
-@dataclass(frozen=True)
-class SensitivityTask:
-    """Design points that one worker solves and writes together."""
-
-    request: SensitivityRequest
-    points: DesignPoints
-
-
-def _row(point: DesignPoint, request: SensitivityRequest) -> dict[str, Any]:
-    started = time.perf_counter()
-    try:
-        found, modes = design_sensitivities(point, request)
-    except FAILURES as error:
-        wall_s = time.perf_counter() - started
-        return failed_row(SCHEMA, point.point_id, *reason(error), wall_s)
-    return solved_row(point.point_id, time.perf_counter() - started, found, modes)
-
-
-def design_sensitivities(
-    point: DesignPoint, request: SensitivityRequest
-) -> tuple[WorkingPoint, list[ModeSensitivities]]:
-    """Working point and sensitivities of one design point; SquealstudyError."""
-    prepared = prepared_model(point.structure)
-    gap = known_gap(point.structure, point)
-    state = point.state()
-    solved = solve_families(prepared, state, request.band_hz, request.choice, gap)
-    parameters = state_parameters(request.asked, component_frequencies(prepared.model))
-    modes = point_sensitivities(solved, parameters, request.change, request.band_hz[1])
-    structure = design_structure(point, request.settings)
-    names = structural_names(request.asked)
-    more = structural_sensitivities(solved, structure, names, request.change)
-    return solved.point, [with_more(m, s) for m, s in zip(modes, more, strict=True)]
-
-
-def point_seconds(point: DesignPoint, request: SensitivityRequest) -> float:
-    """Expected seconds: modes, a few parameters of the state and one of the structure, scaled.
-
-    Raises
-    ------
-    ConvergenceError
-        Where there is no working point.
-    """
-    prepared = prepared_model(point.structure)
-    started = time.perf_counter()
-    solved = solve_families(prepared, point.state(), request.band_hz, request.choice)
-    total = time.perf_counter() - started
-    parameters = state_parameters(request.asked, component_frequencies(prepared.model))
-    if parameters:
-        started, few = time.perf_counter(), parameters[:TIMED]
-        point_sensitivities(solved, few, request.change, request.band_hz[1])
-        total += (time.perf_counter() - started) * len(parameters) / len(few)
-    names = structural_names(request.asked)
-    if names:
-        started = time.perf_counter()
-        structure = design_structure(point, request.settings)
-        structural_sensitivities(solved, structure, names[:1], request.change)
-        total += (time.perf_counter() - started) * len(names)
-    return total
 
 
 KIND = Sensitivities()

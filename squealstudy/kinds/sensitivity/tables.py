@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import (
@@ -19,8 +20,7 @@ from squealstudy.engine.rows import (
     WHOLE,
     WORKING_POINT_FIELDS,
     head,
-    planned_rows,
-    tabled,
+    planned_table,
     working_point_cells,
 )
 from squealstudy.engine.store import SENSITIVITIES, Store
@@ -83,27 +83,45 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
     ResultsError
         Where a point of the plan is in no chunk.
     """
-    rows = planned_rows(plan, store, SCHEMA)
+    rows = planned_table(plan, store, SCHEMA)
     store.write_table(SENSITIVITIES, _arrow(_sensitivities(plan, rows)))
-    filled = []
-    for row in rows:
-        growth = max((m["re"] for m in row["modes"]), default=np.nan)
-        count = len(row["modes"]) if row["status"] == "ok" else None
-        filled.append({**row, "n_modes": count, "max_growth_rate": growth})
-    found = tabled(filled, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
-    return write_points(plan, store, found)
+    point, _, modes = _items(rows["modes"].combine_chunks())
+    growth = np.full(len(rows), np.nan)
+    np.fmax.at(growth, point, modes.field("re").to_numpy(zero_copy_only=False))
+    failed = pc.not_equal(rows["status"], "ok").to_numpy()
+    counts = np.bincount(point, minlength=len(rows)).astype(np.int32)
+    found = {name: rows[name] for name, _ in (*HEAD, *WORKING_POINT_FIELDS)}
+    found["n_modes"] = pa.array(counts, WHOLE, mask=failed)
+    found["max_growth_rate"] = pa.array(growth)
+    schema = pa.schema([*HEAD, *SUMMARY_FIELDS, *WORKING_POINT_FIELDS])
+    return write_points(plan, store, pa.table([found[n] for n in schema.names], schema=schema))
 
 
-def _sensitivities(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    names = [*plan.study.model.components, "interfaces"]
+def _items(lists: pa.ListArray) -> tuple[np.ndarray, np.ndarray, pa.Array]:
+    """Row of each item of a column of lists, its place there from 0, and the items."""
+    counts = lists.value_lengths().fill_null(0).to_numpy(zero_copy_only=False)
+    owner = np.repeat(np.arange(len(counts)), counts)
+    place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return owner, place, lists.flatten()
+
+
+def _sensitivities(plan: Plan, rows: pa.Table) -> pd.DataFrame:
+    names = pa.array([*plan.study.model.components, "interfaces"])
     units = {p.name: p.unit for p in plan.study.model.parameters}
-    flat: list[dict[str, Any]] = []
-    for row in rows:
-        for number, mode in enumerate(row["modes"], start=1):
-            own = {"point_id": row["point_id"], "mode": number}
-            own["main_component"] = names[int(np.argmax(mode["energies"]))]
-            flat.extend({**mode, **own, **s} for s in mode["sensitivities"])
-    frame = pa.Table.from_pylist(flat, schema=RAW).to_pandas()
+    point, number, modes = _items(rows["modes"].combine_chunks())
+    owner, part, energies = _items(modes.field("energies"))
+    shares = np.full((len(modes), max(len(names), int(part.max(initial=0)) + 1)), -np.inf)
+    shares[owner, part] = energies.to_numpy(zero_copy_only=False)
+    mode, _, found = _items(modes.field("sensitivities"))
+    own = {
+        **{name: modes.field(name) for name, _ in MODE_FIELDS[:5]},
+        "point_id": rows["point_id"].combine_chunks().take(point),
+        "mode": pa.array(number + 1, WHOLE),
+        "main_component": names.take(shares.argmax(axis=1)),
+    }
+    columns = [own[name].take(mode) for name in RAW.names[: len(own)]]
+    columns += [found.field(name) for name, _ in SENSITIVITY_FIELDS]
+    frame = pa.table(columns, schema=RAW).to_pandas()
     return _columns(frame, units, plan.study.definition.modes.stability_tolerance)
 
 
@@ -115,7 +133,7 @@ def _columns(raw: pd.DataFrame, units: Mapping[str, str], tolerance: float) -> p
     )
     change, reference = raw["change"].to_numpy(float), raw["reference"].to_numpy(float)
     growth, frequency, zeta = figures(lam)
-    owners = [MODE_OF.fullmatch(name) for name in raw["parameter"]]
+    owners = {name: MODE_OF.fullmatch(name) for name in raw["parameter"].unique()}
     table = pd.DataFrame(
         {
             "point_id": raw["point_id"],
@@ -126,8 +144,8 @@ def _columns(raw: pd.DataFrame, units: Mapping[str, str], tolerance: float) -> p
             "unstable": zeta < -tolerance,
             "main_component": raw["main_component"],
             **{k: raw[k] for k in ("condition", "residual", "biorthogonality", "parameter")},
-            "component": [m["component"] if m else "" for m in owners],
-            "component_mode": [int(m["mode"]) if m else 0 for m in owners],
+            "component": [m["component"] if (m := owners[n]) else "" for n in raw["parameter"]],
+            "component_mode": [int(m["mode"]) if (m := owners[n]) else 0 for n in raw["parameter"]],
             "component_frequency_hz": raw["component_frequency_hz"],
             "value": raw["value"],
             "unit": [units.get(name, "") for name in raw["parameter"]],

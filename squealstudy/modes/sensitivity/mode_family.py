@@ -64,7 +64,8 @@ def mode_family(
     """
     sigma = lam * (1.0 + OFFSET)
     roots = nearest_two_sided(pencil, pencil.factor(sigma), sigma, count)
-    return _neighbourhood(pencil, roots.lam, roots.X, roots.Y)
+    first = np.argsort(np.abs(roots.lam - lam), kind="stable")  # not that beside the shift
+    return _neighbourhood(pencil, *roots.take(first))
 
 
 def known_mode(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> ModeNeighbourhood:

@@ -170,16 +170,17 @@ class DampingGradient:
 
 
 def damping_factors(w2: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """F and H (m, m) of the module's formula, by squares of frequencies w2 (m,)."""
+    """F and H (..., m, m) of the module's formula, by squares of frequencies w2 (..., m)."""
     omega = np.sqrt(np.maximum(w2, 0.0))
-    total = omega[:, None] + omega[None, :]
-    apart = w2[:, None] - w2[None, :]
-    unequal = np.abs(apart) > EQUAL * np.maximum(np.abs(w2[:, None]), np.abs(w2[None, :]))
+    rows, columns = (..., slice(None), None), (..., None, slice(None))
+    total = omega[rows] + omega[columns]
+    apart = w2[rows] - w2[columns]
+    unequal = np.abs(apart) > EQUAL * np.maximum(np.abs(w2[rows]), np.abs(w2[columns]))
     # (omega_i + omega_j) / (w2_i - w2_j), then (omega_i - omega_j) / (w2_i - w2_j)
     ratio = np.where(unequal, total / np.where(unequal, apart, 1.0), 0.0)
-    vibrate = np.minimum(w2[:, None], w2[None, :]) > 0.0
+    vibrate = np.minimum(w2[rows], w2[columns]) > 0.0
     slope = np.where(vibrate, 1.0 / np.where(vibrate, total, 1.0), np.abs(ratio))
-    F = (zeta[:, None] + zeta[None, :]) * slope + (zeta[:, None] - zeta[None, :]) * ratio
+    F = (zeta[rows] + zeta[columns]) * slope + (zeta[rows] - zeta[columns]) * ratio
     d = 2.0 * zeta * omega
-    squares = w2[:, None] + w2[None, :]
-    return F, (d[:, None] + d[None, :] - squares * F) / 2.0
+    squares = w2[rows] + w2[columns]
+    return F, (d[rows] + d[columns] - squares * F) / 2.0

@@ -1,0 +1,159 @@
+"""Sensitivities of small models, all design points of a task at once: rows as one Arrow table.
+
+No cache knows their structures (`Plan.stacked`). A design point that arrays cannot serve is solved
+by itself.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from squealstudy.engine.batches import LEAST
+from squealstudy.engine.design_points import DesignPoints
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.rows import WORKING_POINT_FIELDS, failed_row
+from squealstudy.engine.workers import Solved
+from squealstudy.kinds.complex_modes.prepared_point import prepared_of
+from squealstudy.kinds.sensitivity.points import SensitivityRequest, point_row
+from squealstudy.kinds.sensitivity.tables import MODE_FIELDS, SCHEMA, SENSITIVITY_FIELDS
+from squealstudy.mechanics.failures import FAILURES, reason
+from squealstudy.mechanics.sensitivity_batch import batch_sensitivities
+from squealstudy.stacked.sensitivities import StackedSensitivities
+from squealstudy.study.design import DesignPoint
+
+
+@dataclass(frozen=True, eq=False)
+class BatchTask:
+    """Design points for a worker to solve at once, and what is asked of each."""
+
+    points: DesignPoints
+    request: SensitivityRequest
+
+
+def solve_batch(task: BatchTask) -> Solved:
+    """Rows of the points of a task, in their order.
+
+    What fails as a whole raises, so that each point is solved by itself; one that does so is its
+    row.
+    """
+    started, points = time.perf_counter(), task.points
+    tables, numbers = [], []
+    try:
+        parts = batch_sensitivities(
+            points.model, points.options, points.columns, len(points), task.request.of_batch
+        )
+        for rows, found in parts:
+            tables.append(_table(points.at(rows), found, len(rows), len(points), started))
+            numbers.append(rows)
+            left = rows[found.left]
+            if len(left):
+                own = [_alone(points[int(i)], task.request) for i in left]
+                whole = tables[-1].filter(pa.array(~found.left))
+                tables[-1] = pa.concat_tables([whole, pa.Table.from_pylist(own, schema=SCHEMA)])
+                numbers[-1] = np.concatenate([rows[~found.left], left])
+    except FAILURES as error:
+        if len(points) > 1:
+            raise
+        row = failed_row(SCHEMA, points[0].point_id, *reason(error))
+        return Solved([], table=pa.Table.from_pylist([row], schema=SCHEMA))
+    order = np.argsort(np.concatenate(numbers), kind="stable")
+    return Solved([], table=pa.concat_tables(tables).take(order))
+
+
+def _alone(point: DesignPoint, request: SensitivityRequest) -> dict[str, Any]:
+    return point_row(point, request, partial(prepared_of, point))
+
+
+def seconds_a_point(plan: Plan, request: SensitivityRequest) -> float | None:
+    """Of a batch of design points, as they are timed for a forecast; None where none is solved."""
+    points = plan.tasks.at(slice(0, LEAST))
+    started, failed = time.perf_counter(), 0
+    try:
+        parts = batch_sensitivities(
+            points.model, points.options, points.columns, len(points), request.of_batch
+        )
+        for _, found in parts:
+            failed += len(found.system.failures)
+    except FAILURES:
+        return None
+    seconds = (time.perf_counter() - started) / len(points)
+    return seconds if failed < len(points) else None
+
+
+def _table(
+    points: DesignPoints, found: StackedSensitivities, count: int, all_points: int, started: float
+) -> pa.Table:
+    """Rows of `count` design points; those that are left have no modes."""
+    system, sliding = found.system, found.system.sliding
+    solved = np.ones(count, dtype=bool)
+    solved[list(system.failures)] = False
+    told = [system.failures.get(i, ("ok", "")) for i in range(count)]
+    figures = (
+        sliding.residual,
+        sliding.open_share,
+        sliding.pressure.min(axis=1),
+        sliding.pressure.max(axis=1),
+    )
+    named = zip((name for name, _ in WORKING_POINT_FIELDS), figures, strict=True)
+    columns = {
+        "point_id": pa.array(points.ids.astype(str)),
+        "status": pa.array([status for status, _ in told]),
+        "message": pa.array([message for _, message in told]),
+        "wall_s": pa.array(np.full(count, (time.perf_counter() - started) / all_points)),
+        **{name: pa.array(np.where(solved, values, np.nan)) for name, values in named},
+        "modes": _lists(_modes(found), np.bincount(found.owner, minlength=count)),
+    }
+    return pa.Table.from_arrays([columns[name] for name in SCHEMA.names], schema=SCHEMA)
+
+
+def _modes(found: StackedSensitivities) -> pa.StructArray:
+    """Modes one after the other, with the fields of MODE_FIELDS."""
+    n, parts = found.energies.shape
+    own = {
+        "re": pa.array(found.lam.real),
+        "im": pa.array(found.lam.imag),
+        "condition": pa.array(found.condition),
+        "residual": pa.array(found.residual),
+        "biorthogonality": pa.array(found.biorthogonality),
+        "energies": _lists(pa.array(found.energies.ravel()), np.full(n, parts)),
+        "sensitivities": _lists(_sensitivities(found), np.full(n, len(found.names))),
+    }
+    return _structs(own, MODE_FIELDS)
+
+
+def _sensitivities(found: StackedSensitivities) -> pa.StructArray:
+    """Sensitivities one after the other, with the fields of SENSITIVITY_FIELDS."""
+    names = pa.array(found.names, pa.string())
+    values = {
+        "value": found.value,
+        "reference": found.reference,
+        "change": found.change,
+        "component_frequency_hz": found.component_hz,
+        "slope_re": found.derivative.real,
+        "slope_im": found.derivative.imag,
+        "finite_re": found.finite.real,
+        "finite_im": found.finite.imag,
+        "match": found.match,
+        "validity_range": found.validity,
+        "near_coalescence": found.near_coalescence,
+    }
+    own = {name: pa.array(np.ravel(column)) for name, column in values.items()}
+    own["parameter"] = names.take(np.tile(np.arange(len(names)), len(found.lam)))
+    own["reason"] = pa.array(found.reason.ravel(), pa.string())
+    return _structs(own, SENSITIVITY_FIELDS)
+
+
+def _structs(columns: dict[str, pa.Array], fields: Any) -> pa.StructArray:
+    arrays = [columns[name].cast(kind) for name, kind in fields]
+    return pa.StructArray.from_arrays(arrays, fields=[pa.field(n, t) for n, t in fields])
+
+
+def _lists(values: pa.Array, count: np.ndarray) -> pa.ListArray:
+    """Lists of so many of the values each."""
+    return pa.ListArray.from_arrays(pa.array(np.append(0, np.cumsum(count)), pa.int32()), values)

@@ -1,0 +1,118 @@
+"""Derivatives of contact laws and friction curves at the contact points of a batch.
+
+The twins of `ContactLaw.slopes` and `OperatingPoint.friction_slopes`: exact where a law gives them,
+by central differences, to some 1e-9 of their size, where it does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from squealstudy.laws.registry import STEP, at_points
+from squealstudy.models.operating import FRICTION, SLIDING_SPEED
+from squealstudy.stacked.operating import StackedOperating
+
+Slope = tuple[np.ndarray, np.ndarray]
+
+
+def contact_slopes(operating: StackedOperating, gap: np.ndarray) -> list[Slope]:
+    """Derivatives (m, c) of pressure and tangent at gaps (m, c): by the gap, by each parameter."""
+    law, values = operating.law, operating.law_values
+    if law.slopes is None:
+        size = np.abs(gap).max(axis=1, keepdims=True)
+        found = [_central(lambda h: np.array(operating.contact(gap + h)), 0.0 * size, size)]
+        for parameter, value in zip(law.parameters, values, strict=True):
+
+            def moved(x: np.ndarray, name: str = parameter.name) -> np.ndarray:
+                return np.array(operating.with_value(name, x[:, 0]).contact(gap))
+
+            found.append(_central(moved, value))
+        return [(dp, dkappa) for dp, dkappa in found]
+    if law.in_package:
+        slopes = law.slopes(gap, *values)
+        return [(np.broadcast_to(a, gap.shape), np.broadcast_to(b, gap.shape)) for a, b in slopes]
+    rows = [law.slopes(g, *(float(x[i, 0]) for x in values)) for i, g in enumerate(gap)]
+    return [
+        (np.array([row[k][0] for row in rows]), np.array([row[k][1] for row in rows]))
+        for k in range(len(rows[0]))
+    ]
+
+
+def friction_slope(
+    operating: StackedOperating, name: str, p: np.ndarray, speed_factor: np.ndarray
+) -> np.ndarray:
+    """Derivatives (3, m, c) of mu, dmu/ds and dmu/dp by the sliding speed, `friction` or a curve's.
+
+    At fixed pressures p (m, c) [Pa] of points with these factors (m or 1, c) of the speed.
+    """
+    curve = operating.curve
+    number = {SLIDING_SPEED.name: 0, FRICTION.name: 2}.get(name)
+    if number is None:
+        number = 3 + [parameter.name for parameter in curve.parameters].index(name)
+    constant = curve.constant is not None and np.all(curve.constant(*operating.curve_values))
+    if constant and number in (0, 2):
+        found = np.zeros((3, *p.shape))
+        found[0] = 1.0 if number == 2 else 0.0
+    else:
+        found = _curve_slope(operating, number, p, speed_factor)
+    return _signed(operating, found, number, p, speed_factor)
+
+
+def friction_by_pressure(
+    operating: StackedOperating, p: np.ndarray, speed_factor: np.ndarray
+) -> np.ndarray:
+    """The same by the pressure of each point itself."""
+    found = _curve_slope(operating, 1, p, speed_factor)
+    return _signed(operating, found, 1, p, speed_factor)
+
+
+def _curve_slope(
+    operating: StackedOperating, number: int, p: np.ndarray, speed_factor: np.ndarray
+) -> np.ndarray:
+    """By one argument of the curve: speed, pressure, friction, its parameters."""
+    curve = operating.curve
+    speeds = np.abs(operating.sliding_speed)[:, None] * speed_factor
+    at = p if curve.pressure_dependent else np.zeros((len(p), 1))
+    arguments = [speeds, at, operating.friction[:, None], *operating.curve_values]
+    if (slopes := curve.slopes) is not None:
+        found = at_points(lambda *x: slopes(*x)[number], 3, *arguments)
+    else:
+        own = arguments[number]
+        size = np.abs(own).max(axis=1, keepdims=True)
+        before, behind = arguments[:number], arguments[number + 1 :]
+
+        def moved(h: np.ndarray) -> np.ndarray:
+            return at_points(curve.mu, 3, *before, own + h, *behind)
+
+        found = _central(moved, 0.0 * size, size)
+    return np.broadcast_to(found, (3, *p.shape)).copy()
+
+
+def _signed(
+    operating: StackedOperating,
+    found: np.ndarray,
+    number: int,
+    p: np.ndarray,
+    speed_factor: np.ndarray,
+) -> np.ndarray:
+    """As `OperatingPoint.friction_slopes`: by the imposed speed, none where contact pulls."""
+    if number == 0:
+        found = found * speed_factor
+    found = np.where(p < 0.0, 0.0, found)
+    backwards = (operating.sliding_speed < 0)[:, None]
+    turned = [1] if number == 0 else [0, 2]
+    found[turned] = np.where(backwards, -found[turned], found[turned])
+    return found
+
+
+def _central(
+    function: Callable[[np.ndarray], np.ndarray], value: np.ndarray, size: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """Derivative of arrays (k, m, c) by numbers (m, 1), as `central_slope` of each."""
+    h = np.abs(value)
+    h = np.where(h > 0, h, size)
+    h = STEP * np.where(h > 0, h, 1.0)
+    slope: np.ndarray = (function(value + h) - function(value - h)) / (2.0 * h)
+    return slope

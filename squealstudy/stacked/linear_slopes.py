@@ -1,0 +1,195 @@
+"""Derivatives of the linearised matrices of a batch, steady sliding moving with the parameter.
+
+The twins of `StateDerivatives` and `WorkingPointDerivatives`, which take one design point: exact,
+by implicit differentiation of the gap equations, as far as the laws give their slopes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from squealstudy.modes.sensitivity.mode_gradient import damping_factors
+from squealstudy.stacked.law_slopes import contact_slopes, friction_by_pressure
+from squealstudy.stacked.linear import quadratic
+from squealstudy.stacked.modes import StackedSystem
+from squealstudy.stacked.sliding import PointRows, gap_equations
+from squealstudy.system.contact_weights import ContactChange, ContactWeights, changed_weights
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixSlope:
+    """Derivatives by one parameter of matrices of m design points, in their own coordinates.
+
+    Attributes
+    ----------
+    K, C : ndarray (m, n, n)
+        Modal damping as the stiffness moves it is left out, as `modal` has it.
+    K_sym : ndarray (m, n, n) or None
+        Of the symmetric stiffness; None where it stays.
+    M : ndarray (m, n, n) or None
+    """
+
+    K: np.ndarray
+    C: np.ndarray
+    K_sym: np.ndarray | None = None
+    M: np.ndarray | None = None
+
+
+class SlidingSlopes:
+    """How the gaps and the contact of m design points follow their parameters.
+
+    Parameters
+    ----------
+    system : StackedSystem
+        What stands in rows that failed means nothing.
+    """
+
+    def __init__(self, system: StackedSystem) -> None:
+        s, sliding, operating = system.structures, system.sliding, system.operating
+        self._system = system
+        shape = sliding.gap.shape
+        elastic = np.broadcast_to(system.linear.elastic, (len(sliding.gap), s.n))
+        self._equations, _ = gap_equations(s, elastic, operating)
+        gap0 = np.broadcast_to(s.gap0, shape)
+        self._rows = PointRows(self._equations, gap0, np.arange(shape[0]))
+        self.area, self.frictional = self._equations.area, np.broadcast_to(s.frictional, shape)
+        self.speed_factor = np.broadcast_to(s.speed_factor, shape)
+        self.friction = operating.rubbing(sliding.pressure, self.speed_factor)
+        self._normal = self._equations.moved[:, :, : shape[1]]  # by normal forces
+
+    @cached_property
+    def by_law(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """As `contact_slopes` at the gaps."""
+        return contact_slopes(self._system.operating, self._system.sliding.gap)
+
+    @cached_property
+    def displacement(self) -> np.ndarray:
+        """Static displacement (m, n) of steady sliding, m sqrt(kg)."""
+        e, p, gap = self._equations, self._system.sliding.pressure, self._system.sliding.gap
+        gap0 = self._system.structures.gap0
+        normal = self.area * (p + e.k_c * (gap - gap0))
+        drag = self.area * self.friction.mu * self.frictional * p
+        forces = np.concatenate([normal, -drag, np.ones((len(p), 1))], axis=1)
+        moved: np.ndarray = np.einsum("mij,mj->mi", e.moved, forces)
+        return moved
+
+    def gaps(self, imbalance: np.ndarray) -> np.ndarray:
+        """Motion of the gaps (m, c) from derivatives of their equations at fixed gaps."""
+        sliding = self._system.sliding
+        return -self._rows.newton(imbalance, sliding.pressure, sliding.tangent)
+
+    def gaps_by_forces(self, unbalanced: np.ndarray) -> np.ndarray:
+        """Motion of the gaps (m, c) by generalised forces (m, n) out of balance at fixed gaps."""
+        return self.gaps(np.einsum("mic,mi->mc", self._normal, unbalanced))
+
+    def gaps_by_friction(self, mu: np.ndarray) -> np.ndarray:
+        """By a change (m, c) of the coefficients."""
+        drag = self.area * self.frictional * self._system.sliding.pressure * mu
+        return self.gaps(np.einsum("mij,mj->mi", self._equations.by_sliding, drag))
+
+    def gaps_by_law(self, dp: np.ndarray) -> np.ndarray:
+        """By a change (m, c) of the pressures at fixed gaps."""
+        e, p = self._equations, self._system.sliding.pressure
+        force = self.area * dp
+        grip = self.friction.following(p) * self.frictional
+        opened = np.einsum("mij,mj->mi", e.by_normal, force)
+        return self.gaps(np.einsum("mij,mj->mi", e.by_sliding, grip * force) - opened)
+
+    def contact(self, gap: np.ndarray, by: ContactChange) -> ContactWeights:
+        """Derivatives (m, c) of the contact weights with the motion `gap` (m, c) of the gaps."""
+        system, p = self._system, self._system.sliding.pressure
+        dp, dkappa = self.by_law[0]
+        total = by._replace(pressure=by.pressure + dp * gap, tangent=by.tangent + dkappa * gap)
+        operating, curve = system.operating, system.operating.curve
+        if curve.pressure_dependent and not self._constant:
+            rows = friction_by_pressure(operating, p, self.speed_factor) * total.pressure
+            total = total._replace(
+                mu=by.mu + rows[0],
+                by_speed=by.by_speed + rows[1],
+                by_pressure=by.by_pressure + rows[2],
+            )
+        speed = operating.sliding_speed[:, None] * self.speed_factor
+        tangent = system.sliding.tangent
+        return changed_weights(self.area, self.frictional, p, tangent, self.friction, speed, total)
+
+    @property
+    def _constant(self) -> bool:
+        operating = self._system.operating
+        constant = operating.curve.constant
+        return constant is not None and bool(np.all(constant(*operating.curve_values)))
+
+
+def matrix_slope(
+    system: StackedSystem,
+    contact: ContactWeights | None,
+    stiffness: np.ndarray | None = None,
+    damping: np.ndarray | None = None,
+    mass: np.ndarray | None = None,
+) -> MatrixSlope:
+    """Derivatives of the matrices from those of their parts.
+
+    Parameters
+    ----------
+    system : StackedSystem
+    contact : ContactWeights or None
+        (m, c), with the moving working point; None where it stays.
+    stiffness, damping, mass : ndarray (m, n, n) or None
+        Of the components and springs; damping without that proportional to stiffness.
+    """
+    s = system.structures
+    nothing = np.zeros(system.linear.K.shape)
+    symmetric = nothing if stiffness is None else stiffness
+    C = nothing if damping is None else damping
+    K = symmetric
+    if contact is not None:
+        symmetric = symmetric + quadratic(s.N, contact.normal, s.N)
+        K = symmetric + quadratic(s.T, contact.coupling, s.N)
+        C = C + quadratic(s.T_perp, contact.across, s.T_perp)
+        if np.any(contact.along):
+            C = C + quadratic(s.T, contact.along, s.T)
+    C = C + system.damping.stiffness_damping[:, None, None] * symmetric
+    moves = stiffness is not None or contact is not None
+    return MatrixSlope(K, C, symmetric if moves else None, mass)
+
+
+class ModalSlopes:
+    """Modal damping of m design points: by the ratios, and as stiffness and mass move it.
+
+    Real modes are those of the symmetric stiffness; see `mode_gradient` for F and H.
+    """
+
+    def __init__(self, system: StackedSystem) -> None:
+        self._system = system
+        self._damped = bool(system.damping.damping_ratio.any())
+
+    @cached_property
+    def _real(self) -> tuple[np.ndarray, np.ndarray]:
+        w2, phi = np.linalg.eigh(self._system.linear.K_sym)
+        return w2, phi
+
+    @cached_property
+    def _factors(self) -> tuple[np.ndarray, np.ndarray]:
+        return damping_factors(self._real[0], self._system.damping.damping_ratio)
+
+    def by_ratios(self, ratios: np.ndarray) -> MatrixSlope:
+        """By damping ratios of real modes, with weights (n,)."""
+        w2, phi = self._real
+        weighted = phi * (2.0 * np.sqrt(np.maximum(w2, 0.0)) * ratios)[:, None, :]
+        C = weighted @ phi.swapaxes(1, 2)
+        return MatrixSlope(np.zeros(C.shape), C)
+
+    def following(self, by: MatrixSlope) -> np.ndarray | None:
+        """Derivative (m, n, n) of the modal damping with stiffness and mass; None for none."""
+        if not self._damped or (by.K_sym is None and by.M is None):
+            return None
+        phi = self._real[1]
+        back = phi.swapaxes(1, 2)
+        moved = np.zeros(phi.shape)
+        for factor, matrix in zip(self._factors, (by.K_sym, by.M), strict=True):
+            if matrix is not None:
+                moved = moved + factor * (back @ matrix @ phi)
+        damping: np.ndarray = phi @ moved @ back
+        return damping

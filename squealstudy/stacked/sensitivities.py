@@ -1,0 +1,326 @@
+"""Sensitivities of complex modes of a batch of small models: all design points at once.
+
+What `modes.sensitivity` finds of one design point stands here in arrays with a row a mode: closed
+forms, ranges of validity, and finite changes solved again. Design points that ask for more than
+arrays can do are left to the way point by point (`StackedSensitivities.left`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.errors import SquealstudyError
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.modes.point import angular_band
+from squealstudy.modes.sensitivity.mode_sensitivities import CONDITION_LIMIT, QUARTER, UNSEEN
+from squealstudy.modes.sensitivity.reduced import ModeChoice
+from squealstudy.modes.sensitivity.state_derivatives import StateParameter
+from squealstudy.stacked.linear_slopes import MatrixSlope
+from squealstudy.stacked.modes import Columns, StackedSystem, stacked_system
+from squealstudy.stacked.state_slopes import StackedStep, StateSlopes
+from squealstudy.stacked.structure_slopes import StructureSlopes
+from squealstudy.stacked.two_sided import (
+    StackedFamilies,
+    biorthogonality,
+    chosen_modes,
+    drowned_rows,
+    families,
+    followed,
+    right_pairs,
+)
+
+Changed = Callable[[], tuple[StackedSystem, np.ndarray | None]]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of every design point of a batch.
+
+    Attributes
+    ----------
+    state : sequence of StateParameter
+        Parameters of the design state, in their order.
+    structural : sequence of str
+        And of the structure.
+    choice : ModeChoice
+    change : float
+        Relative finite change.
+    band_hz : (low, high)
+    """
+
+    state: Sequence[StateParameter]
+    structural: Sequence[str]
+    choice: ModeChoice
+    change: float
+    band_hz: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class StackedSensitivities:
+    """N modes of m design points and their sensitivities to P parameters.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the parameters.
+    system : StackedSystem
+        Of all design points.
+    left : ndarray (m,) of bool
+        Design points that are for the way point by point; they have no modes here.
+    owner : ndarray (N,) of int
+        Design point of each mode, ascending; its modes by falling growth.
+    lam : ndarray (N,) complex
+        rad/s.
+    condition, residual, biorthogonality : ndarray (N,)
+    energies : ndarray (N, components + 1)
+    value, reference, change, component_hz : ndarray (N, P)
+        As in `Step`.
+    derivative, finite : ndarray (N, P) complex
+        1/s per unit; finite change of the root, NaN where there is none.
+    match, validity : ndarray (N, P)
+    near_coalescence : ndarray (N, P) of bool
+    reason : ndarray (N, P) of str
+    """
+
+    names: tuple[str, ...]
+    system: StackedSystem
+    left: np.ndarray
+    owner: np.ndarray
+    lam: np.ndarray
+    condition: np.ndarray
+    residual: np.ndarray
+    biorthogonality: np.ndarray
+    energies: np.ndarray
+    value: np.ndarray
+    reference: np.ndarray
+    change: np.ndarray
+    component_hz: np.ndarray
+    derivative: np.ndarray
+    finite: np.ndarray
+    match: np.ndarray
+    validity: np.ndarray
+    near_coalescence: np.ndarray
+    reason: np.ndarray
+
+
+def stacked_sensitivities(
+    model: ModelDefinition,
+    options: Mapping[str, str | int],
+    columns: Columns,
+    count: int,
+    asked: Asked,
+) -> StackedSensitivities:
+    """Sensitivities of `count` design points; arguments and errors as of `stacked_system`."""
+    whole = stacked_system(model, options, columns, count)
+    solved = np.ones(count, dtype=bool)
+    solved[list(whole.failures)] = False
+    band = angular_band(asked.band_hz)
+    pairs = right_pairs(*_matrices(whole))
+    left = solved & drowned_rows(pairs[0], band[1])
+    owner, place = chosen_modes(pairs[0], band, asked.choice)
+    kept = (solved & ~left)[owner]
+    owner, place = owner[kept], place[kept]
+    rows = np.unique(owner)  # of the others no changed design is solved
+    part, own = whole, columns
+    if len(rows) < count:
+        own = {k: np.asarray(x)[rows] if np.ndim(x) else x for k, x in columns.items()}
+        pairs = (pairs[0][rows], pairs[1][rows])
+        owner = np.searchsorted(rows, owner)
+        if len(rows):
+            part = stacked_system(model, options, own, len(rows))
+    batch = _Batch(part, families(*_matrices(part), pairs, owner, place), len(rows))
+    slopes = StateSlopes(part)
+    for parameter in asked.state if len(rows) else ():
+        batch.by_state(slopes, parameter, asked)
+    structure = StructureSlopes(model, options, own, slopes)
+    for name in asked.structural if len(rows) else ():
+        batch.by_structure(structure, name, asked.change)
+    names = (*(p.name for p in asked.state), *asked.structural)
+    return batch.told(whole, names, rows, left)
+
+
+def _matrices(system: StackedSystem) -> tuple[np.ndarray, np.ndarray]:
+    """C and K (m, n, n); of design points that failed 0 and the identity."""
+    linear, solved = system.linear, np.ones(len(system.linear.K), dtype=bool)
+    solved[list(system.failures)] = False
+    held = solved[:, None, None]
+    return np.where(held, linear.C, 0.0), np.where(held, linear.K, np.eye(linear.K.shape[1]))
+
+
+class _Batch:
+    """Chosen modes of design points, and what is found of them parameter by parameter."""
+
+    def __init__(self, system: StackedSystem, found: StackedFamilies, count: int) -> None:
+        self._system, self._modes = system, found
+        self._C = _matrices(system)[0]
+        self._left = np.zeros(count, dtype=bool)
+        self._left[found.owner[~found.told]] = True
+        self._columns: dict[str, list[np.ndarray]] = {name: [] for name in PER_PARAMETER}
+
+    def by_state(self, slopes: StateSlopes, parameter: StateParameter, asked: Asked) -> None:
+        """Add a parameter of the design state."""
+        step = slopes.step(parameter, asked.change, asked.band_hz[1])
+        self._left |= ~slopes.value(parameter)[1]
+
+        def changed() -> tuple[StackedSystem, None]:
+            return slopes.moved(parameter, step.value + step.size), None
+
+        self._add(step, slopes, slopes.by(parameter), changed)
+
+    def by_structure(self, structure: StructureSlopes, name: str, change: float) -> None:
+        """Add a parameter of the structure."""
+        step = structure.step(name, change)
+        by, good = structure.by(name)
+        self._left |= ~good
+
+        def changed() -> tuple[StackedSystem, np.ndarray]:
+            return structure.moved(name, step.value + step.size)
+
+        self._add(step, structure.slopes, by, changed)
+
+    def _add(
+        self, step: StackedStep, slopes: StateSlopes, by: MatrixSlope | None, changed: Changed
+    ) -> None:
+        own = self._modes.owner
+        size = step.size[own]
+        nothing = np.full(len(own), np.nan)
+        derivative, validity = nothing.astype(complex), nothing
+        if by is not None:
+            products = self._products(slopes, by)
+            derivative, validity = _slope_and_validity(self._modes, *products, size)
+        finite, match, reason = self._finite(changed)
+        condition = self._modes.condition
+        found = {
+            "value": step.value[own],
+            "reference": step.reference[own],
+            "change": size,
+            "component_hz": step.component_hz[own],
+            "derivative": derivative,
+            "finite": finite,
+            "match": match,
+            "validity": validity,
+            "near_coalescence": (validity < np.abs(size)) | ~(condition < CONDITION_LIMIT),
+            "reason": reason,
+        }
+        for name, values in found.items():
+            self._columns[name].append(values)
+
+    def _products(
+        self, slopes: StateSlopes, by: MatrixSlope
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """First column and first row (N, q) of `change_products`, and y^H M_theta x (N,)."""
+        modes, own = self._modes, self._modes.owner
+        x, y, lam = modes.X[:, :, :1], modes.Y[:, :, :1].conj().swapaxes(1, 2), modes.lam
+        first = lam[:, :1, None]
+        K, C = by.K[own], by.C[own]
+        right = K @ x + first * (C @ x)
+        left, by_damping = y @ K, y @ C
+        mass = np.zeros(len(own), dtype=complex)
+        row = (left @ modes.X)[:, 0] + lam * (by_damping @ modes.X)[:, 0]
+        if by.M is not None:
+            M = by.M[own]
+            right = right + first**2 * (M @ x)
+            by_mass = (y @ M @ modes.X)[:, 0]
+            row = row + lam[:, :1] * lam * by_mass
+            mass = by_mass[:, 0]
+        column = np.einsum("Nij,Ni->Nj", modes.Y.conj(), right[:, :, 0])
+        modal = slopes.modal.following(by)
+        if modal is not None:
+            column[:, 0] += lam[:, 0] * (y @ modal[own] @ x)[:, 0, 0]
+        return column, row, mass
+
+    def _finite(self, changed: Changed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Finite change (N,), its match (N,), and why there is none (N,)."""
+        own = self._modes.owner
+        finite, match = np.full(len(own), complex(np.nan, np.nan)), np.full(len(own), np.nan)
+        try:
+            system, turned = changed()
+        except SquealstudyError as error:
+            return finite, match, np.full(len(own), str(error), dtype=object)
+        roots, X = right_pairs(*_matrices(system))
+        if turned is not None:
+            X = turned @ X
+        moved, matched = followed(self._C, self._modes, (roots, X))
+        texts = np.full(len(self._left), "", dtype=object)
+        for i, (_, message) in system.failures.items():
+            texts[i] = message
+        lost = texts[own] != ""
+        return np.where(lost, finite, moved), np.where(lost, match, matched), texts[own]
+
+    def told(
+        self,
+        whole: StackedSystem,
+        names: tuple[str, ...],
+        rows: np.ndarray,
+        left: np.ndarray,
+    ) -> StackedSensitivities:
+        """What was found, of those that are not left; `rows` are its design points in `whole`."""
+        modes, shape = self._modes, (len(self._modes.owner), len(names))
+        kept = ~self._left[modes.owner]
+        left = left.copy()
+        left[rows[self._left]] = True
+
+        def table(name: str) -> np.ndarray:
+            columns = self._columns[name]
+            if columns:
+                return np.stack(columns, axis=1)[kept]
+            return np.zeros((int(kept.sum()), len(names)), dtype=PER_PARAMETER[name])
+
+        energies = np.zeros((shape[0], 0))
+        if shape[0]:
+            energies = self._energies()
+        owner = rows[modes.owner[kept]] if len(rows) else modes.owner[kept]
+        return StackedSensitivities(
+            names=names,
+            system=whole,
+            left=left,
+            owner=owner,
+            lam=modes.lam[kept, 0] if shape[0] else np.zeros(0, dtype=complex),
+            condition=modes.condition[kept] if shape[0] else np.zeros(0),
+            residual=modes.residual[kept],
+            biorthogonality=biorthogonality(self._C, modes)[kept],
+            energies=energies[kept],
+            **{name: table(name) for name in PER_PARAMETER},
+        )
+
+    def _energies(self) -> np.ndarray:
+        """Energy shares (N, components + 1)."""
+        modes, own = self._modes, self._modes.owner
+        rank = np.arange(len(own)) - np.searchsorted(own, own)
+        psi = np.zeros((len(self._left), modes.X.shape[1], int(rank.max()) + 1), dtype=complex)
+        psi[own, :, rank] = modes.X[:, :, 0]
+        found: np.ndarray = self._system.energies(psi).swapaxes(1, 2)[own, rank]
+        return found
+
+
+PER_PARAMETER: Mapping[str, type] = {
+    "value": float,
+    "reference": float,
+    "change": float,
+    "component_hz": float,
+    "derivative": complex,
+    "finite": complex,
+    "match": float,
+    "validity": float,
+    "near_coalescence": bool,
+    "reason": object,
+}
+
+
+def _slope_and_validity(
+    modes: StackedFamilies, column: np.ndarray, row: np.ndarray, mass: np.ndarray, size: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `slope_and_validity` (THEORY.md eq. (59)), of each mode (N,)."""
+    norm, lam = modes.norm, modes.lam
+    first = norm[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        slope = np.where(first != 0, -column[:, 0] / first, complex(np.nan, np.nan))
+        coupling = row[:, 1:] * column[:, 1:] / (first[:, None] * norm[:, 1:])
+        curved = np.where(modes.there[:, 1:], coupling / (lam[:, :1] - lam[:, 1:]), 0.0)
+        half = curved.sum(axis=1) - slope * lam[:, 0] * mass / first
+        unseen = np.abs(half) * size**2 <= UNSEEN * np.abs(lam[:, 0])
+        validity = np.where(np.isfinite(half), QUARTER * np.abs(slope) / np.abs(half), 0.0)
+    return slope, np.where(unseen, np.inf, validity)

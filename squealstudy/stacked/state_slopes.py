@@ -1,0 +1,198 @@
+"""Parameters of design states in a batch: their values, what they move, derivatives by them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from squealstudy.models.operating import DAMPING, PRESSURE, SLIDING_SPEED, STIFFNESS_DAMPING
+from squealstudy.modes.sensitivity.state_derivatives import FREQUENCY, StateParameter
+from squealstudy.stacked.law_slopes import friction_slope
+from squealstudy.stacked.linear_slopes import (
+    MatrixSlope,
+    ModalSlopes,
+    SlidingSlopes,
+    matrix_slope,
+)
+from squealstudy.stacked.modes import StackedSystem, system_about_sliding
+from squealstudy.system.contact_weights import ContactChange
+
+
+@dataclass(frozen=True, eq=False)
+class StackedStep:
+    """A parameter of m design points with the finite change of each; as `Step`.
+
+    Attributes
+    ----------
+    name : str
+    value, reference, size, component_hz : ndarray (m,)
+    """
+
+    name: str
+    value: np.ndarray
+    reference: np.ndarray
+    size: np.ndarray
+    component_hz: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class StateSlopes:
+    """m design points, and derivatives by the parameters of their states."""
+
+    system: StackedSystem
+
+    @cached_property
+    def sliding(self) -> SlidingSlopes:
+        """How their contact follows."""
+        return SlidingSlopes(self.system)
+
+    @cached_property
+    def modal(self) -> ModalSlopes:
+        """How their modal damping follows."""
+        return ModalSlopes(self.system)
+
+    def places(self, parameter: StateParameter) -> list[int]:
+        """Coordinates of its component modes, or its real modes from 0; KeyError for none."""
+        if not parameter.component:
+            return [mode - 1 for mode in parameter.modes]
+        structures = self.system.structures
+        return [structures.coordinate(parameter.component, mode) for mode in parameter.modes]
+
+    def value(self, parameter: StateParameter) -> tuple[np.ndarray, np.ndarray]:
+        """Values (m,) of a parameter, and at which points (m,) its modes have one in common."""
+        damping, count = self.system.damping, len(self.system.linear.K)
+        if not parameter.modes:
+            own = np.ones(count, dtype=bool)
+            if parameter.name == DAMPING.name:
+                return damping.uniform_ratio, own
+            if parameter.name == STIFFNESS_DAMPING.name:
+                return damping.stiffness_damping, own
+            return self.system.operating.value(parameter.name), own
+        values = self._of_modes(parameter)[:, self.places(parameter)]
+        values = np.broadcast_to(values, (count, values.shape[1]))
+        return values[:, 0], (values == values[:, :1]).all(axis=1)
+
+    def _of_modes(self, parameter: StateParameter) -> np.ndarray:
+        damping = self.system.damping
+        if not parameter.component:
+            return damping.damping_ratio
+        return damping.scale if parameter.quantity == FREQUENCY else damping.component_ratio
+
+    def step(self, parameter: StateParameter, change: float, top_hz: float) -> StackedStep:
+        """The finite change: upwards, or downwards where that leaves the parameter's range."""
+        value, _ = self.value(parameter)
+        size = np.abs(value)
+        reference = np.where(size > 0, size, 1.0)
+        if DAMPING.name in (parameter.name, parameter.quantity):
+            reference = np.ones(len(value))
+        elif parameter.name == STIFFNESS_DAMPING.name:
+            reference = np.where(size > 0, size, 1.0 / (math.pi * top_hz))
+        change_by = change * reference
+        hz = np.full(len(value), np.nan)
+        if parameter.component and len(parameter.modes) == 1:
+            place = self.places(parameter)[0]
+            hz = np.broadcast_to(self._scaled[:, place], len(value)) / (2 * math.pi)
+        return StackedStep(
+            name=parameter.name,
+            value=value,
+            reference=reference,
+            size=np.where(value + change_by <= parameter.maximum, change_by, -change_by),
+            component_hz=hz,
+        )
+
+    @property
+    def _omega(self) -> np.ndarray:
+        """Free frequencies (m or 1, n) of the component modes, rad/s."""
+        omega: np.ndarray = np.sqrt(np.maximum(self.system.structures.k_el, 0.0))
+        return omega
+
+    @property
+    def _scaled(self) -> np.ndarray:
+        scaled: np.ndarray = self.system.damping.scale * self._omega
+        return scaled
+
+    def moved(self, parameter: StateParameter, value: np.ndarray) -> StackedSystem:
+        """The design points with other values (m,) of a parameter, about their own sliding."""
+        damping, operating = self.system.damping, self.system.operating
+        if parameter.modes:
+            before = self._of_modes(parameter)
+            after = np.broadcast_to(before, (len(value), before.shape[1])).copy()
+            after[:, self.places(parameter)] = value[:, None]
+            field = "damping_ratio"
+            if parameter.component:
+                field = "scale" if parameter.quantity == FREQUENCY else "component_ratio"
+            changed = {field: after}
+            damping = replace(damping, **changed)  # type: ignore[arg-type]
+        elif parameter.name == DAMPING.name:
+            ratio = np.repeat(value[:, None], damping.damping_ratio.shape[1], axis=1)
+            kept = list(damping.named_modes)
+            ratio[:, kept] = damping.damping_ratio[:, kept]
+            damping = replace(damping, damping_ratio=ratio, uniform_ratio=value)
+        elif parameter.name == STIFFNESS_DAMPING.name:
+            damping = replace(damping, stiffness_damping=value)
+        else:
+            operating = operating.with_value(parameter.name, value)
+        return system_about_sliding(self.system.structures, operating, damping, {})
+
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
+    def by(self, parameter: StateParameter) -> MatrixSlope:
+        """Derivatives of the matrices by one parameter, at steady sliding."""
+        if parameter.modes:
+            return self._by_modes(parameter)
+        system, name = self.system, parameter.name
+        if name == DAMPING.name:
+            ratios = np.ones(system.structures.n)
+            ratios[list(system.damping.named_modes)] = 0.0
+            return self.modal.by_ratios(ratios)
+        if name == STIFFNESS_DAMPING.name:
+            return MatrixSlope(np.zeros(system.linear.K.shape), system.linear.K_sym)
+        sliding = self.sliding
+        if name == PRESSURE.name:
+            unit = np.broadcast_to(system.structures.load[..., 0], system.linear.K.shape[:2])
+            gap = sliding.gaps_by_forces(-unit)
+            return matrix_slope(system, sliding.contact(gap, ContactChange()))
+        operating, by = system.operating, ContactChange()
+        gap = np.zeros(system.sliding.gap.shape)
+        of_law = [p.name for p in operating.law.parameters]
+        of_curve = [p.name for p in operating.curve.parameters]
+        if name in of_law:
+            dp, dkappa = sliding.by_law[1 + of_law.index(name)]
+            by, gap = ContactChange(pressure=dp, tangent=dkappa), sliding.gaps_by_law(dp)
+        if name not in of_law or name in of_curve:
+            p, factor = system.sliding.pressure, sliding.speed_factor
+            mu, by_speed, by_pressure = friction_slope(operating, name, p, factor)
+            by = by._replace(
+                mu=mu,
+                by_speed=by_speed,
+                by_pressure=by_pressure,
+                speed=factor if name == SLIDING_SPEED.name else 0.0,
+            )
+            gap = gap + sliding.gaps_by_friction(mu)
+        return matrix_slope(system, sliding.contact(gap, by))
+
+    def _by_modes(self, parameter: StateParameter) -> MatrixSlope:
+        system, n = self.system, self.system.structures.n
+        places = self.places(parameter)
+        if not parameter.component:
+            ratios = np.zeros(n)
+            ratios[places] = 1.0
+            return self.modal.by_ratios(ratios)
+        count, chosen = len(system.linear.K), np.zeros(n)
+        chosen[places] = 1.0
+        if parameter.quantity != FREQUENCY:
+            dampers = _diagonal(np.broadcast_to(2.0 * self._scaled * chosen, (count, n)))
+            return matrix_slope(system, None, damping=dampers)
+        by_scale = np.broadcast_to(2.0 * self._scaled * self._omega * chosen, (count, n))
+        ratio = system.damping.component_ratio
+        dampers = np.broadcast_to(2.0 * ratio * self._omega * chosen, (count, n))
+        gap = self.sliding.gaps_by_forces(by_scale * self.sliding.displacement)
+        contact = self.sliding.contact(gap, ContactChange())
+        return matrix_slope(system, contact, _diagonal(by_scale), _diagonal(dampers))
+
+
+def _diagonal(values: np.ndarray) -> np.ndarray:
+    found: np.ndarray = values[:, :, None] * np.eye(values.shape[1])
+    return found

@@ -1,0 +1,179 @@
+"""Structural parameters in a batch: derivatives by differences of the assembled matrices.
+
+The twin of `modes.sensitivity.structural`, with the same differences at the same ends: exact but
+for round-off where matrices are linear in a parameter, with an error of the step squared otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.errors import SquealstudyError
+from squealstudy.linalg.overflow import OVERFLOW
+from squealstudy.models.parameter import ModelDefinition
+from squealstudy.models.stacked_assembly import StackedAssembly
+from squealstudy.modes.sensitivity.structural import RELATIVE_STEP, SAME_MODE
+from squealstudy.stacked.linear_slopes import MatrixSlope, matrix_slope
+from squealstudy.stacked.modes import (
+    Columns,
+    StackedSystem,
+    stacked_assembly,
+    structures_of,
+    system_about_sliding,
+)
+from squealstudy.stacked.state_slopes import StackedStep, StateSlopes
+from squealstudy.system.contact_weights import ContactChange
+
+GEOMETRY = ("N", "T", "T_perp", "speed_factor")  # which no derivative is by
+
+
+@dataclass(frozen=True, eq=False)
+class StructureSlopes:
+    """m design points, and how their structures are built.
+
+    Attributes
+    ----------
+    model : ModelDefinition
+    options : mapping of str -> str or int
+    columns : mapping of parameter -> number or ndarray (m,)
+    slopes : StateSlopes
+        Of these design points.
+    """
+
+    model: ModelDefinition
+    options: Mapping[str, str | int]
+    columns: Columns
+    slopes: StateSlopes
+
+    @property
+    def _count(self) -> int:
+        return len(self.slopes.system.linear.K)
+
+    def value(self, name: str) -> np.ndarray:
+        """Values (m,) of a parameter."""
+        return np.broadcast_to(np.asarray(self.columns[name], dtype=float), self._count)
+
+    def step(self, name: str, change: float) -> StackedStep:
+        """The finite change, relative; absolute where the value is zero."""
+        value = self.value(name)
+        reference = np.where(value != 0, np.abs(value), 1.0)
+        nothing = np.full(len(value), np.nan)
+        return StackedStep(name, value, reference, change * reference, nothing)
+
+    def _assembly(self, name: str, value: np.ndarray) -> tuple[StackedAssembly, Mapping[int, str]]:
+        """With another value of a parameter, and why some design points have none."""
+        columns = {**self.columns, name: value}
+        found, failures = stacked_assembly(self.model, self.options, columns, self._count)
+        return found, {i: message for i, (_, message) in failures.items()}
+
+    def moved(self, name: str, value: np.ndarray) -> tuple[StackedSystem, np.ndarray]:
+        """The changed design points, and their coordinates (m, n, n) in those of the unchanged.
+
+        Raises
+        ------
+        SquealstudyError
+            Where no design point has a structure then.
+        """
+        assembly, failures = self._assembly(name, value)
+        own, system = structures_of(assembly), self.slopes.system
+        told = {i: (OVERFLOW, text) for i, text in failures.items()}
+        found = system_about_sliding(own, system.operating, system.damping, told)
+        return found, np.linalg.solve(system.structures.phi, own.phi)
+
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
+    def by(self, name: str) -> tuple[MatrixSlope | None, np.ndarray]:
+        """Derivatives of the matrices by a parameter, and at which points (m,) there are such.
+
+        There are none where an end has no structure, where geometry moves, or where a changed
+        component mode turns: the way point by point says why.
+        """
+        system, value = self.slopes.system, self.value(name)
+        step = RELATIVE_STEP * np.where(value != 0, np.abs(value), 1.0)
+        parameter = next(p for p in self.model.parameters if p.name == name)
+        least = 0.0 if parameter.positive else parameter.minimum
+        low, high = np.where(value - step >= least, value - step, value), value + step
+        try:
+            (first, lost), (second, other) = (self._assembly(name, x) for x in (high, low))
+        except SquealstudyError:
+            return None, np.zeros(self._count, dtype=bool)
+        good = np.ones(self._count, dtype=bool)
+        good[[*lost, *other]] = False
+        for rows in GEOMETRY:
+            same = getattr(first, rows) == getattr(second, rows)
+            good &= same.reshape(len(same), -1).all(axis=1)
+        width = high - low
+
+        def slope(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+            quotient: np.ndarray = (one - two) / width.reshape(-1, *[1] * (one.ndim - 1))
+            return quotient
+
+        phi = system.structures.phi
+        back = phi.swapaxes(1, 2)
+
+        def of(rows: str) -> np.ndarray:
+            return slope(getattr(first, rows), getattr(second, rows))
+
+        def projected(rows: str) -> np.ndarray:
+            matrix: np.ndarray = back @ of(rows) @ phi
+            return matrix
+
+        elastic, springs, static = (projected(x) for x in ("K", "springs", "static_springs"))
+        damping = None if first.C is None or second.C is None else projected("C")
+        if named := list(system.damping.named_coordinates):
+            changed = [_changed_modes(a, system) for a in (first, second)]
+            good &= _same_modes(first, changed[0].phi, changed[1].phi, named)
+            elastic = elastic + slope(changed[0].stiffness, changed[1].stiffness)
+            dampers = slope(changed[0].dampers, changed[1].dampers)
+            damping = dampers if damping is None else damping + dampers
+        sliding, p = self.slopes.sliding, system.sliding.pressure
+        area = np.broadcast_to(of("area"), p.shape)
+        loads = np.einsum("mij,mi->mj", phi, of("load")) * system.operating.pressure[:, None]
+        loads = loads + np.einsum("mij,mi->mj", phi, of("constant_load"))
+        force, s = area * p, system.structures
+        drag = sliding.friction.mu * sliding.frictional * force
+        unbalanced = np.einsum("mij,mj->mi", elastic + static, sliding.displacement) - loads
+        unbalanced = unbalanced - _along(s.N, force) + _along(s.T, drag)
+        contact = sliding.contact(sliding.gaps_by_forces(unbalanced), ContactChange(area=area))
+        shape = system.linear.K.shape
+        mass = np.broadcast_to(projected("M"), shape)
+        stiffness = np.broadcast_to(elastic + springs, shape)
+        return matrix_slope(system, contact, stiffness, damping, mass), good
+
+
+def _along(rows: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """rows^T forces (m, n) of observations (m or 1, c, n)."""
+    found: np.ndarray = (rows.swapaxes(1, 2) @ forces[:, :, None])[:, :, 0]
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _ChangedModes:
+    """Changes of component modes' stiffness, and their dampers, in unchanged coordinates."""
+
+    phi: np.ndarray
+    stiffness: np.ndarray
+    dampers: np.ndarray
+
+
+def _changed_modes(assembly: StackedAssembly, system: StackedSystem) -> _ChangedModes:
+    own, damping = structures_of(assembly), system.damping
+    rows = own.phi.swapaxes(1, 2) @ assembly.M @ system.structures.phi
+    omega = np.sqrt(np.maximum(own.k_el, 0.0))
+    stiffness = (damping.scale**2 - 1.0) * own.k_el
+    dampers = 2.0 * damping.component_ratio * damping.scale * omega
+    back = rows.swapaxes(1, 2)
+    return _ChangedModes(
+        own.phi, back @ (stiffness[:, :, None] * rows), back @ (dampers[:, :, None] * rows)
+    )
+
+
+def _same_modes(
+    assembly: StackedAssembly, one: np.ndarray, other: np.ndarray, named: list[int]
+) -> np.ndarray:
+    """Where (m or 1,) the changed component modes are themselves on both ends of a step."""
+    products = np.einsum("mik,mij,mjk->mk", one, assembly.M, other)
+    same: np.ndarray = (np.abs(products[:, named]) >= SAME_MODE).all(axis=1)
+    return same

@@ -1,0 +1,200 @@
+"""Roots of a batch of small pencils with both vectors, and modes with their nearest neighbours.
+
+The twins of `mode_family.mode_family` and `mode_sensitivities.followed_root`. Left vectors are the
+right ones of the transposed pencils, told apart by their roots: as exact next to a coalescence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.linalg.companion import TOLD
+from squealstudy.linalg.quadratic_pencil import SAME
+from squealstudy.modes.sensitivity.mode_family import NEIGHBOURS, OFFSET
+from squealstudy.modes.sensitivity.mode_sensitivities import CANDIDATES
+from squealstudy.modes.sensitivity.reduced import ModeChoice
+from squealstudy.stacked.roots import companion_pairs
+
+
+@dataclass(frozen=True, eq=False)
+class StackedFamilies:
+    """N modes of a batch, each with its neighbours; the mass is the identity.
+
+    Attributes
+    ----------
+    owner : ndarray (N,) of int
+        The design point of each.
+    lam : ndarray (N, q) complex
+        Roots [rad/s], that of the mode first.
+    X, Y : ndarray (N, n, q) complex
+        Right and left vectors of unit norm.
+    norm : ndarray (N, q) complex
+        y^H (2 lambda + C) x.
+    there : ndarray (N, q) of bool
+        Neighbours whose left vector is known; the others count as none.
+    told : ndarray (N,) of bool
+        Whether roots and left vectors could be told apart: what is not is for LAPACK alone.
+    residual : ndarray (N,)
+        As of `ModeNeighbourhood`.
+    """
+
+    owner: np.ndarray
+    lam: np.ndarray
+    X: np.ndarray
+    Y: np.ndarray
+    norm: np.ndarray
+    there: np.ndarray
+    told: np.ndarray
+    residual: np.ndarray
+
+    @property
+    def condition(self) -> np.ndarray:
+        """Eigenvalue conditions (N,), as of `ModeNeighbourhood`."""
+        size = np.abs(self.norm[:, 0])
+        with np.errstate(divide="ignore"):
+            found = 2.0 * np.abs(self.lam[:, 0]) / size
+        return np.where(size > 0, found, np.inf)
+
+
+def right_pairs(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All roots (m, 2n) [rad/s] and right vectors (m, n, 2n) of unit norm; C, K (m, n, n)."""
+    lam, X = companion_pairs(C, K)
+    return lam, X / np.maximum(np.linalg.norm(X, axis=1), 1e-300)[:, None, :]
+
+
+def drowned_rows(lam: np.ndarray, limit: float) -> np.ndarray:
+    """Where (m,) round-off of the largest root may drown those of a limit [rad/s]."""
+    lost = lam.shape[1] / 2 * np.finfo(float).eps / TOLD
+    rows: np.ndarray = np.abs(lam).max(axis=1, initial=0.0) * lost >= limit
+    return rows
+
+
+def chosen_modes(
+    lam: np.ndarray, band: tuple[float, float], choice: ModeChoice
+) -> tuple[np.ndarray, np.ndarray]:
+    """Design points (N,) and places (N,) among roots (m, 2n) of the chosen modes in a band [rad/s].
+
+    As `chosen_roots`: of each point largest growth first.
+    """
+    size = np.abs(lam)
+    modes = (lam.imag > 0) & (size >= band[0]) & (size <= band[1])
+    by_size = np.argsort(size, axis=1, kind="stable")
+    if choice.frequencies_hz:
+        distance = np.abs(size[:, :, None] / (2 * np.pi) - np.array(choice.frequencies_hz))
+        distance = np.where(modes[:, :, None], distance, np.inf)
+        ordered = np.take_along_axis(distance, by_size[:, :, None], 1)
+        nearest = np.take_along_axis(by_size, ordered.argmin(axis=1), 1)
+        chosen = np.zeros(modes.shape, dtype=bool)
+        np.put_along_axis(chosen, nearest, True, 1)
+        modes &= chosen
+    elif choice.count is None:
+        modes &= lam.real / np.where(size > 0, size, 1.0) > choice.stability_tolerance
+    growth = np.take_along_axis(np.where(modes, -lam.real, np.inf), by_size, 1)
+    order = np.take_along_axis(by_size, np.argsort(growth, axis=1, kind="stable"), 1)
+    count = modes.sum(axis=1)
+    if choice.count is not None:
+        count = np.minimum(count, choice.count)
+    owner, rank = np.nonzero(np.arange(lam.shape[1]) < count[:, None])
+    return owner, order[owner, rank]
+
+
+def families(
+    C: np.ndarray,
+    K: np.ndarray,
+    pairs: tuple[np.ndarray, np.ndarray],
+    owner: np.ndarray,
+    place: np.ndarray,
+) -> StackedFamilies:
+    """Modes at places of `right_pairs`, with left vectors and neighbours."""
+    lam, X = pairs
+    mu, Y = right_pairs(C.swapaxes(1, 2), K.swapaxes(1, 2))
+    mu = mu.conj()  # Q(conj mu)^T y = 0 is y^H Q(mu) = 0
+    own = lam[owner, place]
+    order = _nearest_first(lam[owner], own, place)[:, :NEIGHBOURS]
+    near = np.take_along_axis(lam[owner], order, 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.abs(near[:, :, None] - mu[owner][:, None, :]) / np.abs(near)[:, :, None]
+    distance = np.where(np.isnan(distance), np.inf, distance)
+    partner = distance.argmin(axis=2)
+    there = np.take_along_axis(distance, partner[:, :, None], 2)[:, :, 0] < SAME
+    both = there[:, :, None] & there[:, None, :] & ~np.eye(order.shape[1], dtype=bool)
+    twice = (both & (partner[:, :, None] == partner[:, None, :])).any(axis=(1, 2))
+    rows = owner[:, None]
+    # (N, q, n): one advanced index before and after the slice puts it last
+    right, left = X[rows, :, order].swapaxes(1, 2), Y[rows, :, partner].swapaxes(1, 2)
+    damping = C[owner]
+    slope = 2.0 * near[:, None, :] * right + damping @ right
+    norm = np.einsum("Nij,Nij->Nj", left.conj(), slope)
+    residual = np.maximum(
+        _residual(C[owner], K[owner], own, right[:, :, 0]),
+        _residual(C[owner].swapaxes(1, 2), K[owner].swapaxes(1, 2), own.conj(), left[:, :, 0]),
+    )
+    told = there[:, 0] & ~twice
+    return StackedFamilies(owner, near, right, left, norm, there, told, residual)
+
+
+def _nearest_first(lam: np.ndarray, own: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Order (N, 2n) of roots by their distance to a shift beside each mode, which comes first."""
+    distance = np.abs(lam - (own * (1.0 + OFFSET))[:, None])
+    distance[np.arange(len(own)), place] = -1.0
+    return np.argsort(distance, axis=1, kind="stable")
+
+
+def _residual(C: np.ndarray, K: np.ndarray, lam: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """|Q(lambda) x| (N,) beside the sizes of its three parts."""
+    lam = lam[:, None]
+    parts = (lam**2 * x, lam * (C @ x[:, :, None])[:, :, 0], (K @ x[:, :, None])[:, :, 0])
+    size = sum(np.linalg.norm(part, axis=1) for part in parts)
+    found: np.ndarray = np.linalg.norm(sum(parts), axis=1) / np.maximum(size, 1e-300)
+    return found
+
+
+def biorthogonality(C: np.ndarray, found: StackedFamilies) -> np.ndarray:
+    """Largest product (N,) of each mode's left vector with another mode of its design point."""
+    largest = np.zeros(len(found.owner))
+    first = np.searchsorted(found.owner, found.owner)
+    count = np.bincount(found.owner, minlength=1)
+    lam, norm, x, y = found.lam[:, 0], found.norm[:, 0], found.X[:, :, 0], found.Y[:, :, 0]
+    for shift in range(int(count.max(initial=0))):  # the other modes of its point, one by one
+        rows = np.flatnonzero(shift < count[found.owner])
+        other = first[rows] + shift
+        rows, other = rows[other != rows], other[other != rows]
+        damping = np.einsum("Ni,Nij,Nj->N", y[rows].conj(), C[found.owner[rows]], x[other])
+        mass = np.einsum("Ni,Ni->N", y[rows].conj(), x[other])
+        products = np.abs((lam[rows] + lam[other]) * mass + damping)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            products = products / np.sqrt(np.abs(norm[rows] * norm[other]))
+        largest[rows] = np.maximum(largest[rows], products)
+    return largest
+
+
+def followed(
+    C: np.ndarray,
+    found: StackedFamilies,
+    changed: tuple[np.ndarray, np.ndarray],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Change (N,) [rad/s] of each mode's root in a changed batch, and its match (N,).
+
+    Parameters
+    ----------
+    C : ndarray (m, n, n)
+        Of the unchanged design points.
+    found : StackedFamilies
+    changed : (roots (m, 2n), right vectors (m, n, 2n))
+        The vectors in coordinates of the unchanged design points.
+    """
+    lam, y = found.lam[:, 0], found.Y[:, :, 0].conj()
+    roots, X = changed[0][found.owner], changed[1][found.owner]
+    X = X / np.maximum(np.linalg.norm(X, axis=1), 1e-300)[:, None, :]
+    by_damping = np.einsum("Ni,Nij->Nj", y, C[found.owner])
+    seen = (lam[:, None] + roots) * np.einsum("Ni,Nij->Nj", y, X)
+    seen += np.einsum("Ni,Nij->Nj", by_damping, X)
+    match = np.abs(seen) / np.maximum(np.abs(found.norm[:, 0]), 1e-300)[:, None]
+    distance = np.abs(roots - (lam * (1.0 + OFFSET))[:, None])
+    order = np.argsort(distance, axis=1)[:, :CANDIDATES]
+    best = np.take_along_axis(match, order, 1).argmax(axis=1)
+    place = order[np.arange(len(lam)), best]
+    at = np.arange(len(lam)), place
+    return roots[at] - lam, match[at]
