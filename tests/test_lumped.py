@@ -10,6 +10,7 @@ from groan_reference import Groan
 from lumped_files import BELT, HOFFMANN, write_minimal
 
 import squealstudy as sq
+from squealstudy.cli import model_commands
 from squealstudy.errors import ModelError, StudyFileError
 from squealstudy.study.lumped import read_lumped
 
@@ -341,3 +342,84 @@ def test_values_that_cannot_be_fail_alone(tmp_path):
     assert "expected a value above 0 kg" in batch.message[1]
     with pytest.raises(ModelError, match=r"mass\[1\].mass"):
         model.at(caliper=3.5).assembly  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "complex_modes",
+        "robust",
+        "sensitivity",
+        "transient",
+        pytest.param("limit_cycles", marks=pytest.mark.full_size),
+        pytest.param("design", marks=pytest.mark.full_size),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:the margin, 0.1 %")  # of falling friction, as it should
+def test_every_kind_begins_with_a_lumped_model(kind, tmp_path):
+    """The study that is written runs, and its results are those of a lumped model."""
+    path = sq.new_study(tmp_path / "start.toml", kind, "lumped")
+    assert (tmp_path / "start_model.toml").is_file()
+    if kind == "transient":
+        path.write_text(path.read_text().replace("num = 4", "num = 2"))
+    results = sq.run(path, tmp_path / "results", jobs=1)
+    assert (results.points["status"] == "ok").all()
+    assert sq.open_results(tmp_path / "results").manifest["model"] == "lumped"
+    if kind == "complex_modes":
+        assert set(results.points["n_unstable"] > 0) == {True, False}
+        assert results.onsets["onset"].min() > 0.2
+    if kind == "transient":
+        assert results.points["class"].to_list() == ["limit_cycle", "stable"]
+
+
+def test_results_follow_the_file(tmp_path):
+    """Rows are found again while the file is as it was, and are others once it is not."""
+    path = sq.new_study(tmp_path / "start.toml", "complex_modes", "lumped")
+    first = sq.run(path, tmp_path / "results", jobs=1)
+    again = sq.run(path, tmp_path / "results", jobs=1)
+    assert again.points["point_id"].to_list() == first.points["point_id"].to_list()
+    file = tmp_path / "start_model.toml"
+    file.write_text(changed(file.read_text(), "stiffness = 1e8", "stiffness = 2e8"))
+    with pytest.warns(UserWarning, match="0 of 7 design points solved before"):
+        other = sq.run(path, tmp_path / "results", jobs=1)
+    assert not set(other.points["point_id"]) & set(first.points["point_id"])
+    file.unlink()
+    assert len(sq.open_results(tmp_path / "results").modes) == len(other.modes)
+
+
+def test_derivatives_by_parameters_of_the_file(tmp_path):
+    """Masses, springs and dampers between masses: those of finite changes."""
+    model = model_of(tmp_path, ROCKER, friction=0.4)
+    for name, value in (("total", 3.0), ("k", 3e6), ("c", 30.0), ("slant", 0.5), ("arm", 0.03)):
+        h = 1e-5 * value
+        found = model.at().sensitivities(name, modes=5, band=(1.0, 5000.0))
+        order = np.argsort(found.lam.imag)
+        low, high = (
+            by_frequency(model.at(**{name: value + s * h}).modes((1.0, 5000.0)).lam)
+            for s in (-1, 1)
+        )
+        finite = (high - low) / (2 * h)
+        own = found.derivative[order, 0]
+        assert own == pytest.approx(finite, rel=1e-5, abs=1e-6 * np.abs(finite).max()), name
+
+
+def test_a_study_is_told_what_its_model_is(tmp_path):
+    """A lumped model without its file, or with a file of another sort."""
+    study = tmp_path / "study.toml"
+    head = '[study]\nname = "s"\nkind = "complex_modes"\n[model]\nname = "lumped"\n'
+    study.write_text(head)
+    with pytest.raises(StudyFileError, match=r"what a file with \[\[mass\]\] describes"):
+        sq.read_study(study)
+    study.write_text(head + 'file = "study.toml"\n')
+    with pytest.raises(StudyFileError, match=r"expected a file with \[\[mass\]\]"):
+        sq.read_study(study)
+
+
+def test_screens_of_a_lumped_model(tmp_path, capsys):
+    """`models lumped` explains the file; `inspect` tells masses, springs and frequencies."""
+    model_commands.models("lumped")
+    assert "[[contact]]  between" in capsys.readouterr().out
+    model_commands.inspect(STUDIES / "groan.toml")
+    shown = capsys.readouterr().out
+    assert "caliper  x      6 kg" in shown
+    assert "1 free, 73.5 Hz, 455.8 Hz" in shown

@@ -60,6 +60,15 @@ def inspect(
             raise typer.Exit(FAULT)
         return
     from squealstudy import screen
+    from squealstudy.study.lumped import is_lumped
+
+    if is_lumped(model):
+        from squealstudy.cli.inspect_lumped import lumped_facts
+
+        if picture is not None:
+            raise typer.BadParameter("a lumped model has no mesh to draw: no --picture")
+        screen.show(*lumped_facts(model))
+        return
     from squealstudy.cli.inspect import shown
     from squealstudy.study.components import inspected, inspected_part, read_model
 
@@ -99,6 +108,9 @@ def models(
     """List models, or one model's parameters with units and defaults, components and modes."""
     from squealstudy import face_model, screen
     from squealstudy.cli.models import CONTRACT, described
+    from squealstudy.cli.models import LUMPED as LUMPED_KEYS
+    from squealstudy.models.lumped.definition import DESCRIPTION as OF_LUMPED
+    from squealstudy.models.lumped.definition import NAME as LUMPED
     from squealstudy.models.matrices.family import NAME as MATRICES
 
     listed = face_model.list_models()
@@ -108,6 +120,8 @@ def models(
             raise typer.BadParameter("--mesh is of a model: name one")
         screen.show(screen.facts(listed.items()))
         screen.show("\nsquealstudy models NAME lists parameters, components and modes.")
+    elif name == LUMPED and mesh is None:
+        screen.show(f"{LUMPED}: {OF_LUMPED}\n\n{LUMPED_KEYS}")
     elif name == MATRICES and mesh is None:
         screen.show(f"{MATRICES}: {listed[MATRICES]}\n\n{CONTRACT}")
     else:

@@ -39,6 +39,25 @@ Expressions: + - * / ** and brackets; {", ".join(CONSTANTS)}; {", ".join(FUNCTIO
 Such a model has no contact, components or energies: it is solved at full order, tracked, ranked and
 drawn, but not integrated in time."""
 
+LUMPED = """\
+masses, springs, dampers, contact points and loads of a file, which a study names:
+
+[model]
+file = "groan.toml"            # a file with [[mass]] is a lumped model
+
+[[mass]]     name, mass [kg] or inertia [kg m2], directions (of x, y, z, rx, ry, rz), place
+[[spring]]   between (two masses, or one and "ground"), direction, stiffness, at
+[[damper]]   between, direction, damping, at
+[[contact]]  between (a mass and "belt", "disc" or a mass), normal, sliding, stiffness or area,
+             gap, friction (false: "ground" too), speed_factor, radius, at
+[[load]]     on, direction, force [N] or area [m2], on which the parameter pressure acts
+[parameters] NAME = {default, unit, description, minimum, maximum}, or friction = 0.4 and others
+             of the operating point with other defaults
+
+A direction is x, -x, ..., or components. Numbers are in SI units, or expressions of [parameters].
+squealstudy new FILE --model lumped writes a study and such a file, squealstudy inspect MODEL tells
+masses, springs and free frequencies, squealstudy models MODEL its parameters."""
+
 
 def described(model: Model, modes: bool) -> Iterator[RenderableType]:
     """A model's options and parameters; with `modes` its components' free-free modes."""

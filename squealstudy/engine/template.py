@@ -18,12 +18,16 @@ from typing import Any, get_args
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from squealstudy.engine.lumped_template import TEXT as LUMPED_TEXT
+from squealstudy.engine.lumped_template import file_beside, lumped_start
 from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.schema import methods_schema, study_schema
 from squealstudy.errors import SquealstudyError
 from squealstudy.files import write_text
 from squealstudy.models.catalogue import MODELS, model_names
 from squealstudy.models.components.definition import NAME as OF_FILE
+from squealstudy.models.components.definition import FileDefinition
+from squealstudy.models.lumped.definition import NAME as LUMPED
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
@@ -96,7 +100,8 @@ def new_study(
     kind : str
         A kind of study, or ``robust``: complex modes of parameters that scatter.
     model : str or None
-        Of the catalogue; of a ``method_stability`` study none. Of a ``work_precision`` study the
+        Of the catalogue, or ``lumped``, whose file is written beside the study; of a
+        ``method_stability`` study none. Of a ``work_precision`` study the
         one of a second file, that of the study which methods are measured on.
     whole : bool
         With every key, its default and meaning; otherwise with those that matter most.
@@ -111,9 +116,12 @@ def new_study(
     path = Path(path)
     text = study_text(path.stem, kind, model, whole)
     written = {path: text}
+    last = path  # the study of the model
     if kind == OF_METHODS[0]:
-        base = path.with_name(f"{path.stem}{BASE}.toml")
-        written[base] = study_text(base.stem, "transient", model, whole)
+        last = path.with_name(f"{path.stem}{BASE}.toml")
+        written[last] = study_text(last.stem, "transient", model, whole)
+    if model == LUMPED and kind != OF_METHODS[1]:
+        written[file_beside(last)] = LUMPED_TEXT
     for file in written:
         if file.exists():
             raise SquealstudyError(f"{file}: there is such a file already, it is not overwritten")
@@ -140,7 +148,7 @@ def study_text(name: str, kind: str, model: str | None, whole: bool = False) -> 
         if model is not None:
             raise SquealstudyError(f"a {kind} study has a minimal model of its own: no model")
         return METHOD_STABILITY.format(name=_name(name))
-    asked = _known_model(model)
+    asked = lumped_start(Path(f"{name}.toml")) if model == LUMPED else _known_model(model)
     if kind == OF_METHODS[0]:
         return WORK_PRECISION.format(name=_name(name), base=f"{name}{BASE}.toml", model=asked.name)
     begun = _begun(_name(name), kind, asked, whole)
@@ -288,7 +296,10 @@ def _study(begun: Begun) -> Iterator[str]:
 def _model(begun: Begun) -> Iterator[str]:
     given = begun.tables["model"]
     yield "[model]"
-    yield f"name = {toml_value(begun.model.name)}"
+    if isinstance(begun.model, FileDefinition):
+        yield f"file = {toml_value(Path(begun.model.path).name)}"
+    else:
+        yield f"name = {toml_value(begun.model.name)}"
     for option in begun.model.options:
         default, *others = option.choices
         choices = f" ({' | '.join(map(str, option.choices))})" if others else ""

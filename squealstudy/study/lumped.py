@@ -55,7 +55,11 @@ def is_lumped(path: Path) -> bool:
 
 def read_lumped(path: Path) -> LumpedDefinition:
     """The model of a file with [[mass]]; StudyFileError about what is wrong."""
-    source = SourceText.read(path)
+    return lumped_of(SourceText.read(path))
+
+
+def lumped_of(source: SourceText) -> LumpedDefinition:
+    """As `read_lumped`, of a text that has been read."""
     file = validate(LumpedFile, source, source.tables)
     with _told(source):
         check_tables(file)
@@ -64,7 +68,7 @@ def read_lumped(path: Path) -> LumpedDefinition:
     with _told(source):
         check_used(file, own)
     declared = _declared(file, source, operating, own)
-    build = LumpedBuild(str(path), file, own)
+    build = LumpedBuild(str(source.path), file, own)
     defaults = {p.name: p.default for p in declared if isinstance(p, Parameter)}
     with _told(source):
         check_held(file, parts_of(file, {name: defaults[name] for name in own}))
@@ -81,7 +85,7 @@ def read_lumped(path: Path) -> LumpedDefinition:
         stack=build.stack,
         assumptions=ASSUMPTIONS,
         torque_unit="N" if all(t.radius is None for t in file.contact) else "N m",
-        path=str(path.resolve()),
+        path=str(source.path.resolve()),
         files=(hashlib.sha256(source.text.encode()).hexdigest(),),
     )
 

@@ -1,0 +1,106 @@
+"""What `squealstudy inspect` prints of a lumped model: masses, springs, contact, frequencies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from rich.console import RenderableType
+
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.linear_interfaces import SpringInterface
+from squealstudy.models.lumped.build import LumpedBuild
+from squealstudy.models.lumped.parts import PER_AREA, Coordinates
+from squealstudy.models.lumped.tables import TRANSLATIONS, TURNS, Direction
+from squealstudy.models.model_point import ModelPoint
+from squealstudy.screen import Rows, facts, grid
+from squealstudy.study.lumped import read_lumped
+from squealstudy.wording import in_digits
+
+NOUGHT = 1e-6  # of the highest frequency: a motion that springs do not hold
+
+
+def lumped_facts(path: Path) -> Iterator[RenderableType]:
+    """Tables of masses, of what is between them, of frequencies and parameters, at the defaults.
+
+    Raises
+    ------
+    StudyFileError
+        About what is wrong in the file.
+    """
+    model = read_lumped(path)
+    build = model.build
+    assert isinstance(build, LumpedBuild)
+    options = {option.name: option.choices[0] for option in model.options}
+    assembly = ModelPoint(model, options, model.defaults()).assembly()
+    yield facts([("model", model.description)])
+    yield ""
+    space = Coordinates(build.file)
+    sizes = zip(space.names, assembly.M.diagonal(), strict=True)
+    masses = ([mass, axis, f"{size:g} {_unit(axis)}"] for (mass, axis), size in sizes)
+    yield grid("text:mass", "text:along", "text:size", rows=masses)
+    yield ""
+    titles = ("text:what", "text:between", "text:along", "text:size")
+    yield grid(*titles, rows=_between(build, assembly))
+    yield ""
+    yield facts(_frequencies(assembly))
+    rows = [
+        (p.name, f"{p.default:g} {p.unit}".rstrip() + f"  {p.description}")
+        for p in model.parameters
+        if p.structural
+    ]
+    if rows:
+        yield "\nparameters"
+        yield facts(rows)
+
+
+def _unit(axis: str) -> str:
+    return "kg" if axis in TRANSLATIONS else "kg m2"
+
+
+def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
+    """Springs, dampers, contacts and loads, a row each."""
+    file, contact = build.file, assembly.contact
+    for table, spring in zip(file.spring, assembly.springs, strict=True):
+        assert isinstance(spring, SpringInterface)
+        size = f"{spring.stiffness[0]:g} {'N m/rad' if _turns(table.direction) else 'N/m'}"
+        yield [f"spring {spring.name}", " - ".join(table.between), _told(table.direction), size]
+    for damper_table, damper in zip(file.damper, assembly.dampers, strict=True):
+        unit = "N m s/rad" if _turns(damper_table.direction) else "N s/m"
+        ends = " - ".join(damper_table.between)
+        size = f"{damper.damping[0]:g} {unit}"
+        yield [f"damper {damper.name}", ends, _told(damper_table.direction), size]
+    for i, point in enumerate(file.contact):
+        stiffness = contact.area[i] * PER_AREA
+        size = f"{stiffness:g} N/m" if point.area is None else f"{contact.area[i]:g} m2"
+        slides = f", slides {_told(point.sliding)}" if point.sliding else ", no friction"
+        name = f"contact {file.name_of('contact', i)}"
+        yield [name, " - ".join(point.between), _told(point.normal) + slides, size]
+    for i, load in enumerate(file.load):
+        size = f"{load.force} N" if load.area is None else f"pressure on {load.area} m2"
+        yield [f"load {file.name_of('load', i)}", load.on, _told(load.direction), size]
+
+
+def _told(direction: Direction) -> str:
+    return direction if isinstance(direction, str) else f"[{', '.join(map(str, direction))}]"
+
+
+def _turns(direction: Direction) -> bool:
+    return isinstance(direction, str) and direction.removeprefix("-") in TURNS
+
+
+def _frequencies(assembly: Assembly) -> Rows:
+    """Of springs alone, and with linear contact that is closed and has no friction."""
+    root = 1.0 / np.sqrt(assembly.M.diagonal())
+    springs = assembly.K_springs().toarray()
+    closed = springs + assembly.K_contact(PER_AREA).toarray()
+    found: Rows = []
+    for name, K in (("springs alone", springs), ("contact closed", closed)):
+        squares = np.linalg.eigvalsh(root[:, None] * K * root)
+        hz = np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
+        free = int((hz <= NOUGHT * hz.max()).sum())
+        told = [f"{free} free"] if free else []
+        told += [f"{in_digits(f, 1)} Hz" for f in hz[free:]]
+        found.append((name, ", ".join(told)))
+    return found
