@@ -378,11 +378,14 @@ def _parameter_rows(parameters: Any) -> list[str]:
 
 def _models() -> str:
     import squealstudy as sq
+    from squealstudy.cli.models import LUMPED
 
     lines: list[str] = []
     for name, description in sq.list_models().items():
         lines += [f"## `{name}`", "", _sentence(description), ""]
-        if name in ("matrices", "components"):  # of files
+        if name == "lumped":
+            lines += ["```text", *LUMPED.splitlines(), "```", ""]
+        if name in ("matrices", "components", "lumped"):  # of files
             continue
         model = sq.model(name)
         if len(model.options):
