@@ -41,12 +41,15 @@ def picture(pattern: str, width: int | None = None) -> Any:
     return Image(str(path), width=width)
 
 
-def command(line: str, code: int = 0) -> str:
-    """Print what `squealstudy LINE` prints, and return it; AssertionError for another exit code."""
+def command(line: str, code: int = 0, only: str = "") -> str:
+    """Print what `squealstudy LINE` prints, and return it; AssertionError for another exit code.
+
+    With `only` the lines alone that hold it, of standard error too.
+    """
     plain = {k: v for k, v in os.environ.items() if "COLOR" not in k}  # which a notebook forces
     asked = [sys.executable, "-m", "squealstudy", *line.split()]
     done = subprocess.run(asked, capture_output=True, text=True, env=plain)
     assert done.returncode == code, done.stderr
-    shown = "\n".join(line.rstrip() for line in done.stdout.splitlines())
-    sys.stdout.write(shown + "\n")
-    return shown + done.stderr
+    lines = [line.rstrip() for line in (done.stdout + (done.stderr if only else "")).splitlines()]
+    sys.stdout.writelines(f"{line}\n" for line in lines if only in line)
+    return "\n".join([*lines, done.stderr])
