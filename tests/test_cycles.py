@@ -92,6 +92,10 @@ def test_jacobian_is_that_of_differences(osc, size, error, few):
     whole = Balance(osc, 3).imbalance(balance.lifted(z).ravel(), omega, xi).reshape(7, -1)
     np.testing.assert_allclose(found.R, balance.lowered(whole), atol=1e-11 * np.abs(whole).max())
     np.testing.assert_allclose(balance.lowered(balance.lifted(z)), z, atol=1e-12 * size)
+    if not few:  # summed over samples; by harmonics of the forces' derivatives
+        other = Balance(osc, 3, 4 * [np.eye(osc.n)]).balanced(z, omega, xi)
+        np.testing.assert_allclose(found.J, other.J, atol=1e-12 * scale)
+        np.testing.assert_allclose(found.by_omega, other.by_omega, atol=1e-12 * scale)
     for k, h in enumerate(1e-6 * size * np.eye(len(z))):
         ends = [balance.imbalance(z + s * h, omega, xi) for s in (1, -1)]
         exact = (ends[0] - ends[1]) / (2e-6 * size)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,8 @@ import numpy as np
 from squealstudy.cycles.harmonics import Sampling
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.kernels.couplings import couple
+
+FEW = 6  # coordinates up to which Jacobians are summed over samples
 
 
 class Balanced(NamedTuple):
@@ -72,6 +75,10 @@ class Balance:
         self.parts = [places[:1], *zip(places[1:count], places[count:], strict=True)]
         self.size = int(starts[-1])
         self._orders = np.repeat(self.rule.order, [p.stop - p.start for p in places])
+        everything = np.arange(self.size)
+        mean, cosines, sines = (everything[: sizes[0]], *np.split(everything[sizes[0] :], 2))
+        self._turned_from = np.concatenate([mean, sines, cosines])
+        self._turns = self._orders * np.repeat([0.0, 1.0, -1.0], [len(mean), *[len(sines)] * 2])
 
     # -- coordinates -----------------------------------------------------------------------------
     def lowered(self, Q: np.ndarray) -> np.ndarray:
@@ -125,9 +132,7 @@ class Balance:
     # -- equations -------------------------------------------------------------------------------
     def turned(self, z: np.ndarray) -> np.ndarray:
         """Coordinates of d/dtheta: sines in place of cosines, minus cosines in place of sines."""
-        found = np.zeros_like(z)
-        for h, (cosines, sines) in enumerate(self.parts[1:], start=1):
-            found[cosines], found[sines] = h * z[sines], -h * z[cosines]
+        found: np.ndarray = self._turns * z[self._turned_from]
         return found
 
     def imbalance(
@@ -165,15 +170,20 @@ class Balance:
         rates = (self.rule.slope @ self._seen(z)).reshape(local.f.shape)
         by_omega = -self._spread(np.einsum("sgbc,sgc->sgb", local.by_w, rates))
         turned = self.turned(z)
-        for C, parts in zip(self.C, self.parts, strict=True):
-            for part in parts:
-                by_omega[part] += C @ turned[part]
+        if self.vectors is None:
+            by_omega += (turned.reshape(len(self.rule.order), -1) @ self.osc.C.T).ravel()
+        else:
+            for C, parts in zip(self.C, self.parts, strict=True):
+                for part in parts:
+                    by_omega[part] += C @ turned[part]
         by_omega += xi * turned - 2.0 * omega * self._orders**2 * z
         J = self._jacobian(local, omega, xi, precision)
         return Balanced(self.imbalance(z, omega, xi, local), J, by_omega, omega * turned)
 
     def _jacobian(self, local: LocalForces, omega: float, xi: float, precision: type) -> np.ndarray:
         """Derivatives of the imbalance by the coordinates, (m, m)."""
+        if self.vectors is None and self.osc.n <= FEW:
+            return self._small_jacobian(local, omega, xi).astype(precision, copy=False)
         rule, (g, b) = self.rule, self.osc.B.shape[:2]
         of_harmonics = [
             -(weights @ D.reshape(len(D), -1)).reshape(-1, g, b, b)
@@ -201,6 +211,34 @@ class Balance:
                 if j:
                     J[part, other] += sign * j * omega * (self.C[j] + xi * one)
         return J
+
+    def _small_jacobian(self, local: LocalForces, omega: float, xi: float) -> np.ndarray:
+        """The same, sample by sample: of a few coordinates that is less work."""
+        rule, n, count = self.rule, self.osc.n, len(self.rule.order)
+        rows, S = self._rows[0].reshape(*self.osc.B.shape[:2], n), len(rule.synthesis)
+
+        def seen(D: np.ndarray) -> np.ndarray:
+            """Derivatives (S, 1, n n) of the forces on the coordinates at every sample."""
+            forces = (D @ rows).reshape(S, -1, n)
+            return (self._rows[0].T @ forces).reshape(S, 1, n * n)
+
+        pushed = rule.synthesis[:, :, None] * seen(local.by_y)
+        pushed = pushed + (omega * rule.slope)[:, :, None] * seen(local.by_w)
+        of_forces = (rule.analysis @ pushed.reshape(S, -1)).reshape(count, count, n, n)
+        J: np.ndarray = -of_forces.swapaxes(1, 2).reshape(self.size, self.size)
+        K, C, turn = self._linear
+        J += K + omega * (C + xi * turn)
+        J[np.diag_indices(self.size)] -= (omega * self._orders) ** 2
+        return J
+
+    @cached_property
+    def _linear(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Stiffness, damping and the identity (m, m) of all harmonics, the latter two turned."""
+        count, H = len(self.rule.order), self.harmonics
+        turn, h = np.zeros((count, count)), np.arange(1, H + 1)
+        turn[h, H + h], turn[H + h, h] = h, -h
+        one = np.eye(self.osc.n)
+        return np.kron(np.eye(count), self.osc.K), np.kron(turn, self.osc.C), np.kron(turn, one)
 
 
 def imbalance(

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -48,7 +49,7 @@ class PeriodicMotion:
         """Number of harmonics."""
         return (len(self.Q) - 1) // 2
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Norm of the first harmonic."""
         return float(np.linalg.norm(self.Q[[1, self.harmonics + 1]]))
@@ -103,6 +104,9 @@ class CycleEquations:
         for K, parts in zip(self._start.K, self._parts, strict=True):
             for part in parts:
                 self.scale[part] = np.sqrt(np.abs(np.diag(K)) + omega**2)
+        self._in_first = np.zeros(size)  # 1 of the first harmonic
+        for part in self._parts[1]:
+            self._in_first[part] = 1.0
         self._phase, self._reference = np.zeros(size), np.zeros(size)
         self._at_u = np.zeros(0)
         self._local: LocalForces
@@ -154,11 +158,9 @@ class CycleEquations:
     # -- equations -------------------------------------------------------------------------------
     def _closing(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Norm and phase (2,) of coordinates (m,) and their derivatives (2, m)."""
-        first = np.zeros_like(Z)
-        for part in self._parts[1]:
-            first[part] = Z[part]
-        values = [0.5 * (first @ first - 1.0), self._phase @ (Z - self._reference)]
-        return np.array(values), np.vstack([first, self._phase])
+        by: np.ndarray = np.empty((2, len(Z)))
+        by[0], by[1] = self._in_first * Z, self._phase
+        return np.array([0.5 * (by[0] @ by[0] - 1.0), by[1] @ (Z - self._reference)]), by
 
     def forces(self, u: np.ndarray) -> LocalForces:
         """Samples of forces at u; kept, for a line search ends where the next Jacobian begins."""

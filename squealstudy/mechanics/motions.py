@@ -58,6 +58,7 @@ def motion_at(
     band_hz: tuple[float, float] | None,
     tolerance: float,
     known: np.ndarray | None = None,
+    near: np.ndarray | None = None,
 ) -> tuple[WorkingPoint, MotionPoint]:
     """Steady sliding of a design point, and the design about it on shared modes.
 
@@ -71,6 +72,8 @@ def motion_at(
         Damping ratio below minus which a mode is unstable.
     known : ndarray (nc,) or None
         Gaps of the working point, where they are known.
+    near : ndarray (nc,) or None
+        Those of a design nearby, to start from.
 
     Raises
     ------
@@ -80,7 +83,7 @@ def motion_at(
         No steady sliding.
     """
     state, values = point.state(), point.values  # noqa: PD011 - no frame
-    steady = state_working_point(prepared, state, known)
+    steady = state_working_point(prepared, state, known, near)
     slope, saturation = values[SLOPE.name], values[REGULARISATION_SPEED.name]
     friction = friction_law(reference.system, state, steady, slope, saturation, regularisation)
     return steady, motion_point(reference, steady, state, friction, band_hz, tolerance)

@@ -93,14 +93,18 @@ def working_point_error(point: WorkingPoint | None, lam: np.ndarray) -> np.ndarr
 
 
 def state_working_point(
-    prepared: PreparedModel, state: DesignState, known: np.ndarray | None = None
+    prepared: PreparedModel,
+    state: DesignState,
+    known: np.ndarray | None = None,
+    near: np.ndarray | None = None,
 ) -> WorkingPoint:
     """Working point of a design, component changes taken exactly (Woodbury).
 
     `known` gaps are taken as they are where they balance. Otherwise Newton starts from the
-    nominal gaps, never from a neighbour: results do not depend on the order of points. A uniform
-    start is the fallback. Raises ConvergenceError where that fails too, or where a law from outside
-    contradicts itself there.
+    nominal gaps, never from a neighbour: results do not depend on the order of points. A curve of
+    designs, which has an order of its own, gives the gaps `near`. A uniform start is the fallback.
+    Raises ConvergenceError where that fails too, or where a law from outside contradicts itself
+    there.
     """
     omega = reduced_structure(prepared.model).frequencies
     changes = {
@@ -110,7 +114,9 @@ def state_working_point(
     found = None if known is None else known_working_point(space, state.operating, known)
     if found is None:
         try:
-            found = working_point(space, state.operating, prepared.nominal_gap)
+            found = working_point(
+                space, state.operating, prepared.nominal_gap if near is None else near
+            )
         except ConvergenceError:
             found = working_point(space, state.operating)
     expect_consistent_laws(space, state.operating, found)

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.oscillator import Oscillator
-from squealstudy.engine.cache import NewGaps
+from squealstudy.engine.cache import NewGaps, prepared_model
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.limit_cycles.section import AUTO, LimitCyclesSection
 from squealstudy.kinds.transient.batch import ALL_MODES, mode_keys, shared_reference
 from squealstudy.kinds.transient.worker import steady_motion
+from squealstudy.mechanics.motions import motion_at
 from squealstudy.models.operating import ModeKey, OperatingPoint
 from squealstudy.modes.point import angular_band
 from squealstudy.motion.shared_modes import SharedModes
@@ -66,14 +69,22 @@ class CyclesRequest:
             raise ConvergenceError("too_large", too_large(found.system.n))
         return found
 
-    def contact(
-        self, point: DesignPoint, gaps: NewGaps, forecast: bool = True
-    ) -> tuple[WorkingPoint, ContactOscillator]:
-        """Working point and oscillator of a design point; its unstable modes where `forecast`."""
+    def contact(self, point: DesignPoint, gaps: NewGaps) -> tuple[WorkingPoint, ContactOscillator]:
+        """Working point and oscillator of a design point, with its unstable modes."""
         reference = self.reference(point.structure)
-        band = self.band_hz if forecast else None
         steady, made = steady_motion(
-            reference, point, self.section.friction, band, self.tolerance, gaps
+            reference, point, self.section.friction, self.band_hz, self.tolerance, gaps
+        )
+        return steady, ContactOscillator(reference.system, made)
+
+    def contact_near(
+        self, point: DesignPoint, near: np.ndarray | None
+    ) -> tuple[WorkingPoint, ContactOscillator]:
+        """The same of one on a curve of designs, from gaps (nc,) of another; nothing is kept."""
+        reference, prepared = self.reference(point.structure), prepared_model(point.structure)
+        friction = self.section.friction
+        steady, made = motion_at(
+            reference, prepared, point, friction, None, self.tolerance, near=near
         )
         return steady, ContactOscillator(reference.system, made)
 
@@ -111,6 +122,7 @@ class Way:
     last: DesignPoint
     bounds: tuple[float, float] = (0.0, 1.0)
     _known: dict[float, ContactOscillator] = field(default_factory=dict, init=False)
+    _last: list[np.ndarray] = field(default_factory=list, init=False)  # gaps of the latest design
 
     def design(self, value: float) -> DesignPoint:
         """The design at a value; a little beyond the ends too."""
@@ -125,7 +137,9 @@ class Way:
         if value not in self._known:
             while len(self._known) >= KEPT:
                 del self._known[next(iter(self._known))]
-            found = self.asked.contact(self.design(value), NewGaps(), forecast=False)[1]
+            near = self._last[0] if self._last else None
+            steady, found = self.asked.contact_near(self.design(value), near)
+            self._last[:] = [steady.gap]
             self._known[value] = found
         return self._known[value]
 
