@@ -51,6 +51,17 @@ def test_a_part_without_density_is_told_as_far_as_it_goes(tmp_path, capsys):
     assert "has no *DENSITY: state it in [components.plate.materials.STEEL]" in messages
 
 
+def test_a_density_in_other_units_is_told_at_once(tmp_path, capsys):
+    """All modes lie below 2 kHz then: rigid ones are still six, and not all of them are looked for."""
+    write_inp(mesh("plate"), tmp_path / "plate.inp")
+    text = (tmp_path / "plate.inp").read_text()
+    (tmp_path / "plate.inp").write_text(text.replace("7.8e-09", "7.8e+03"))
+    code, facts, messages = said(capsys, tmp_path / "plate.inp")
+    assert code == 1
+    assert "6 rigid modes, first free modes 0.0" in facts
+    assert "waves would run in STEEL at" in messages
+
+
 def test_a_part_of_nastran_with_cards_that_may_matter(tmp_path, capsys):
     (tmp_path / "2 plate.bdf").write_text(deck(mesh("plate"), more=["CBAR,900,3,11,12"]))
     code, _, messages = said(capsys, tmp_path / "2 plate.bdf")

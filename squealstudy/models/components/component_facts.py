@@ -16,6 +16,7 @@ from squealstudy.models.components.dimensions import INERTIA, LENGTH, MASS
 from squealstudy.models.components.free_modes import (
     FIRST_CUTOFF,
     LAST_CUTOFF,
+    first_cutoff,
     read_mode_table,
     rigid_count,
     tabled_modes,
@@ -241,12 +242,12 @@ def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) ->
     R = body.expansion.freedoms(R / size, _rigid_turns(len(body.nodes)) / size)
     forces = np.linalg.norm(K @ R, axis=0) / max(abs(K).max(), 1e-300)
     costly = [m for m, f in zip(MOTIONS, forces, strict=True) if f > RIGID]
-    cutoff, elastic, rigid = FIRST_CUTOFF, np.zeros(0), 0
+    cutoff, elastic, rigid = first_cutoff(K, M), np.zeros(0), 0
     while cutoff <= LAST_CUTOFF and len(elastic) < LISTED:
         omega, _ = real_modes(M, K, cutoff)
         rigid = rigid_count(K, M, omega)
         elastic, cutoff = omega[rigid:] / (2 * np.pi), 2 * cutoff
-    hz = ", ".join(f"{f:.1f}" for f in elastic[:LISTED])
+    hz = ", ".join(f"{f:.1f}" if f >= 1.0 else f"{f:.2g}" for f in elastic[:LISTED])
     first = f"first free modes {hz} Hz" if hz else f"no other mode up to {cutoff / 2:g} Hz"
     found.tell("", f"{plural(rigid, 'rigid mode')}, {first}")
     if costly:

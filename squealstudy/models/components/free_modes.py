@@ -118,7 +118,7 @@ def first_elastic(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[np.nd
 
     Fewer than `count` where there are no more up to LAST_CUTOFF.
     """
-    cutoff = FIRST_CUTOFF
+    cutoff = first_cutoff(K, M)
     while True:
         omega, phi = real_modes(M, K, cutoff)
         rigid = rigid_count(K, M, omega)
@@ -127,9 +127,25 @@ def first_elastic(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[np.nd
         cutoff *= 2
 
 
+def first_cutoff(K: sp.csr_matrix, M: sp.csr_matrix) -> float:
+    """Frequency [Hz] up to which free modes are looked for first: FIRST_CUTOFF, of most parts.
+
+    Less where most of all modes would lie below, as of a density in other units: a fifth of what
+    the stiffest coordinate is by itself, over the coordinates along a side.
+    """
+    diagonal = np.abs(M.diagonal())
+    ratios = np.abs(K.diagonal()) / np.where(diagonal > 0, diagonal, np.inf)
+    side = (M.shape[0] / 3) ** (1 / 3)
+    return float(min(FIRST_CUTOFF, np.sqrt(ratios.max(initial=0.0)) / (2 * np.pi) / side / 5))
+
+
 def rigid_count(K: sp.csr_matrix, M: sp.csr_matrix, omega: np.ndarray) -> int:
-    """Modes [rad/s] below 1 Hz, or that are zero to the ten digits of matrices in files."""
-    return int((omega < max(2 * np.pi, least_frequency(K, M))).sum())
+    """Modes [rad/s] below 1 Hz, or that are zero to the ten digits of matrices in files.
+
+    Of a part whose modes are all slow, below a 2,000th of its `first_cutoff`.
+    """
+    slow = 2 * np.pi * first_cutoff(K, M) / FIRST_CUTOFF
+    return int((omega < max(slow, least_frequency(K, M))).sum())
 
 
 @dataclass(frozen=True)
