@@ -52,7 +52,7 @@ def test_a_part_without_density_is_told_as_far_as_it_goes(tmp_path, capsys):
 
 
 def test_a_density_in_other_units_is_told_at_once(tmp_path, capsys):
-    """All modes lie below 2 kHz then: rigid ones are still six, and not all of them are looked for."""
+    """All modes lie below 2 kHz then; rigid ones are still six, and few others are looked for."""
     write_inp(mesh("plate"), tmp_path / "plate.inp")
     text = (tmp_path / "plate.inp").read_text()
     (tmp_path / "plate.inp").write_text(text.replace("7.8e-09", "7.8e+03"))
