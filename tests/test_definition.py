@@ -698,7 +698,7 @@ def test_schema_names_every_table_and_model():
     tables |= {"goal", "variable", "uncertain", "variant"}
     assert schema["properties"].keys() == tables
     model = schema["$defs"]["ModelSection"]["properties"]
-    known = ["belt", "disc_brake", "hoffmann", "hulten", "matrices", "components"]
+    known = ["belt", "disc_brake", "hoffmann", "hulten", "matrices", "components", "lumped"]
     assert model["name"]["enum"] == known
     assert model["mesh"]["enum"] == ["medium", "coarse", "fine"]
     text = json.dumps(schema)
