@@ -56,11 +56,11 @@ sides = {cylinder = {axis = [0, 1, 0], point = [2.5, 0, 1], radius = [2.4, 2.8]}
         ("a = {normal = [0, 0, 0]}", "expected a direction, got zeros"),
         (
             "a = {plane = {point = [0, 0, 1], normal = [0, 0, 1]}}",
-            "outer faces of slider.inp is in",
+            "slider.inp is in the plane, the nearest is 1 mm off; .* from .* mm",
         ),
         (
             "a = {normal = [0, 0, 1], box = [[0, 0, 0], [9, 9, 0]]}",
-            "none of 3 outer .* is turned",
+            "none of 3 outer .* is turned there, the nearest is 180 deg off",
         ),
         ("a = {tolerance = 1.0}", "expected box, plane, cylinder, normal or elements"),
         ("a = {box = [[0, 0, 0]]}", "expected 2 values"),

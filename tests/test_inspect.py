@@ -52,6 +52,8 @@ def test_what_was_read(tmp_path, capsys):
     assert "plate.inp: 89 nodes, 8 C3D20; materials STEEL" in facts
     assert "80 x 30 x 20 mm, 0.0003744 t (0.3744 kg), inertia 0.0406, 0.212, 0.228 t mm2" in facts
     assert facts.count("6 rigid modes, first free modes") == 2
+    assert "from [0, 0, 0] to [50, 20, 20] mm; moved from [15, 5, 20] to [65, 25, 40] mm" in facts
+    assert "every component, by contact, springs, layers " in facts
     assert "sliding: slider.BOTTOM on plate.TOP, 27 points, 1000 mm2, 100.0 % of the slave" in facts
     assert "normal of the slave [0, 0, -1]; gap" in facts
     assert "plate turns about [0, 0, 1] through [40, -100, 0]" in facts
@@ -59,6 +61,13 @@ def test_what_was_read(tmp_path, capsys):
     assert "lining.E3 2e+09 Pa slider.materials.LINING.E[3]" in facts
     assert "477 degrees of freedom, 27 contact points; a reduction needs about 0.4 GB" in facts
     assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_what_is_fixed_is_told(tmp_path, capsys):
+    path = model(tmp_path)
+    path.write_text(path.read_text() + '[[fixed]]\nset = "slider.ENDS"\ndofs = [1, 2]\n')
+    _, facts, _ = said(capsys, path)
+    assert "every component, by contact, springs, layers, fixed slider.ENDS (1, 2) " in facts
 
 
 def test_the_first_free_modes_are_those_of_the_component(tmp_path, capsys):

@@ -28,7 +28,8 @@ def test_a_part_alone(tmp_path, capsys):
     assert "6 rigid modes, first free modes" in facts
     assert "TOP (8 facets, 2400 mm2)" in facts
     assert "node sets: CORNER (1)" in facts
-    assert "not read: *BOUNDARY (line" in facts
+    assert "of the file: *BOUNDARY (line" in facts
+    assert "from [0, 0, 0] to [80, 30, 20] mm" in facts
     assert "not yet contact, load, rotation" in facts
     assert picture.is_file()
     assert f"free modes: {tmp_path / 'plate_modes.png'}" in " ".join(facts.split())
@@ -47,6 +48,7 @@ def test_a_part_without_density_is_told_as_far_as_it_goes(tmp_path, capsys):
     code, facts, messages = said(capsys, tmp_path / "plate.inp")
     assert code == 1
     assert "89 nodes, 8 C3D20" in facts
+    assert "from [0, 0, 0] to [80, 30, 20] mm" in facts
     assert "TOP (8 facets, 2400 mm2)" in facts
     assert "has no *DENSITY: state it in [components.plate.materials.STEEL]" in messages
 

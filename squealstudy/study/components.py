@@ -19,6 +19,7 @@ from squealstudy.models.components.bodies import (
     read_files,
 )
 from squealstudy.models.components.definition import DESCRIPTION, NAME, FileDefinition
+from squealstudy.models.components.dimensions import UNITS
 from squealstudy.models.components.file_names import check_names
 from squealstudy.models.components.model_file import (
     ModelFile,
@@ -51,9 +52,6 @@ if TYPE_CHECKING:
     from squealstudy.models.components.component_facts import Inspection
     from squealstudy.models.components.geometry import Geometry
     from squealstudy.parameter import Parameter
-
-
-UNITS = ("SI", "t-mm-s", "mm-kg-ms")  # of model files
 
 
 def read_model(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -10,9 +11,9 @@ import scipy.sparse as sp
 
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.components.attached import component_matrices
-from squealstudy.models.components.bodies import Body, Brake
+from squealstudy.models.components.bodies import Body, Brake, placement
 from squealstudy.models.components.constraints import Relation, Tie
-from squealstudy.models.components.dimensions import INERTIA, LENGTH, MASS
+from squealstudy.models.components.dimensions import INERTIA, LENGTH, MASS, UNITS, between_corners
 from squealstudy.models.components.free_modes import (
     FIRST_CUTOFF,
     LAST_CUTOFF,
@@ -27,13 +28,12 @@ from squealstudy.models.components.model_file import BY_MATERIAL, DAMPING, Numbe
 from squealstudy.models.file_table import KeyPath
 from squealstudy.wording import listed, plural
 
-MASSES = (0.02, 100.0)  # kg of a part of a brake
+MASSES = (1e-3, 100.0)  # kg of a part of a brake, down to the pin of a rig
 SIZES = (0.01, 1.0)  # m, the longest side of a part of a brake
 SPEEDS = (20.0, 20_000.0)  # m/s of waves in solids, from soft rubber to beyond beryllium
 RIGID = 1e-7  # K R over K and R: rigid motions that cost no energy
 LISTED = 3  # elastic frequencies
 DOUBTFUL = 0.2  # of a frequency: measured and computed ones of another mode
-NAMES = {"t-mm-s": ("mm", "t", "t mm2"), "mm-kg-ms": ("mm", "kg", "kg mm2")}
 MOTIONS = ("along x", "along y", "along z", "about x", "about y", "about z")
 
 
@@ -114,7 +114,7 @@ def component_facts(
     for i, point_mass in enumerate(geometry.file.point_mass):
         if point_mass.on.partition(".")[0] == name:
             where = "spread over" if point_mass.at is None else f"at {list(point_mass.at)} by"
-            weight = NAMES.get(geometry.file.units, ("m", "kg", "kg m2"))[1]
+            weight = UNITS[geometry.file.units][1]
             mass = numbers.at("point_mass", i, "mass") / MASS.factor(geometry.file.units)
             text = f"mass {point_mass.name}: {mass:g} {weight}, {where} {point_mass.on}"
             found.tell("", text)
@@ -128,6 +128,7 @@ def component_facts(
         found.tell("", text)
     K, M = component_matrices(geometry, name, given)
     _weight(found, geometry.brake, body, M)
+    _place(found, geometry.brake, body)
     if body.matrices is None:
         _waves(found, mesh, name, geometry.file.units)
     _rigid(found, body, K, M)
@@ -135,12 +136,12 @@ def component_facts(
 
 
 def _passed_over(mesh: SolidMesh) -> list[str]:
-    """All that is passed over, by reason: "not read: *PLASTIC (line 3), *CREEP (line 8): ..."."""
+    """What is passed over or read otherwise, by reason: "of the file: *PLASTIC (line 3): ..."."""
     reasons: dict[str, dict[str, int]] = {}
     for note in mesh.passed_over:
         reasons.setdefault(note.why, {}).setdefault(note.keyword, note.line)
     return [
-        "not read: "
+        "of the file: "
         + ", ".join(f"{k} (line {line})" if line else k for k, line in keywords.items())
         + f": {why}"
         for why, keywords in reasons.items()
@@ -204,7 +205,7 @@ def _weight(found: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> No
     inertia = about[3:, 3:] - mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
     principal = np.linalg.eigvalsh(inertia)
     sides = np.ptp(body.nodes, axis=0)
-    length, weight, moment = NAMES.get(brake.file.units, ("m", "kg", "kg m2"))
+    length, weight, moment = UNITS[brake.file.units]
     in_units = (d.factor(brake.file.units) for d in (LENGTH, MASS, INERTIA))
     one, two, three = in_units
     extent = " x ".join(f"{s / one:.4g}" for s in sides)
@@ -218,6 +219,16 @@ def _weight(found: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> No
             f"{body.name} weighs {mass:.3g} kg and is {1e3 * sides.max():.3g} mm long, which no "
             f"part of a brake is: are its numbers in {brake.file.units}?"
         )
+
+
+def _place(found: Inspection, brake: Brake, body: Body) -> None:
+    """Where a part is: in its file, as `sets` need it, and where it was moved to."""
+    units = brake.file.units
+    turn, shift = placement(body.name, brake.file.components[body.name], units)
+    size, unit = LENGTH.factor(units), UNITS[units][0]
+    text = between_corners((body.nodes - shift) @ turn / size, unit)
+    moved = shift.any() or (turn != np.eye(3)).any()
+    found.tell("", f"{text}; moved {between_corners(body.nodes / size, unit)}" if moved else text)
 
 
 def _waves(found: Inspection, mesh: SolidMesh, name: str, units: str) -> None:
@@ -257,7 +268,9 @@ def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) ->
             "are its rows those of other nodes?"
         )
     elif rigid > 6:
-        found.doubts.append(
-            f"{body.name}: {rigid} rigid modes of six: parts of it are not connected, or hang on a "
-            "line or a point"
-        )
+        bodies = [s for s in body.mesh.element_sets if re.fullmatch(r"BODY\d+", s)]
+        text = f"{body.name}: {rigid} rigid modes of six: parts of it are not connected, or hang on"
+        text += " a line or a point"
+        if bodies:
+            text += f'; its bodies are {listed(bodies)}: part = "{bodies[0]}" reads one'
+        found.doubts.append(text)

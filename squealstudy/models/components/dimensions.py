@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 # length, mass and time of each system in m, kg, s
 SYSTEMS = {"SI": (1.0, 1.0, 1.0), "t-mm-s": (1e-3, 1e3, 1.0), "mm-kg-ms": (1e-3, 1.0, 1e-3)}
+# of lengths, masses and moments of inertia
+UNITS = {
+    "SI": ("m", "kg", "kg m2"),
+    "t-mm-s": ("mm", "t", "t mm2"),
+    "mm-kg-ms": ("mm", "kg", "kg mm2"),
+}
 
 
 @dataclass(frozen=True)
@@ -37,3 +45,11 @@ BEDDING = Dimension((-2, 1, -2), "N/m3")
 DAMPER = Dimension((0, 1, -1), "N s/m")
 TIME = Dimension((0, 0, 1), "s")
 RATE = Dimension((0, 0, -1), "1/s")
+
+
+def between_corners(nodes: np.ndarray, unit: str) -> str:
+    """The box of nodes (n, 3) in words."""
+    corners = np.array([nodes.min(axis=0), nodes.max(axis=0)])
+    corners[np.abs(corners) < 1e-6 * np.ptp(nodes, axis=0).max()] = 0.0
+    low, high = ("[" + ", ".join(f"{c:.6g}" for c in corner) + "]" for corner in corners)
+    return f"from {low} to {high} {unit}"

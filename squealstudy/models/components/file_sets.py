@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from squealstudy.models.components.dimensions import LENGTH
+from squealstudy.models.components.dimensions import LENGTH, UNITS, between_corners
 from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.file_tables import ComponentTable, SetTable
 from squealstudy.models.components.mesh import SolidMesh
@@ -34,13 +34,15 @@ def with_sets(mesh: SolidMesh, name: str, table: ComponentTable, units: str) -> 
         if has_name(mesh.surfaces, label) or has_name(mesh.node_sets, label):
             raise PlacedError(keys, f"{mesh.origin.name} has a set '{label}' already")
         chosen = np.ones(len(faces), dtype=bool)
-        for what, found in _conditions(own, mesh, nodes, normal, LENGTH.factor(units), keys):
+        size = LENGTH.factor(units)
+        for what, found, off, unit in _conditions(own, mesh, nodes, normal, size, keys):
             if not (chosen & found).any():
-                left = int(chosen.sum())
+                unit = unit or UNITS[units][0]
                 raise PlacedError(
                     keys,
-                    f"none of {left} outer faces of {mesh.origin.name} is {what}; lengths are in "
-                    f"{units}, places those of the mesh's file",
+                    f"none of {chosen.sum()} outer faces of {mesh.origin.name} is {what}, the "
+                    f"nearest is {off[chosen].min():.3g} {unit} off; in the mesh's file it lies "
+                    f"{between_corners(mesh.nodes / size, UNITS[units][0])}",
                 )
             chosen &= found
         if own.elements is not None:
@@ -81,8 +83,11 @@ def _conditions(
     normal: np.ndarray,
     size: float,
     keys: KeyPath,
-) -> list[tuple[str, np.ndarray]]:
-    """What each key of a set asks for, and which faces (p,) fulfil it."""
+) -> list[tuple[str, np.ndarray, np.ndarray, str]]:
+    """What each key asks for, which faces (p,) fulfil it, how far they are off, and the unit.
+
+    No unit: that of lengths of the model file.
+    """
     x = mesh.nodes[nodes]
     near = NEAR * float(np.ptp(mesh.nodes, axis=0).max())
     if own.tolerance is not None:
@@ -90,23 +95,24 @@ def _conditions(
     found = []
     if own.box is not None:
         low, high = np.sort(size * np.array(own.box), axis=0)
-        inside = ((x >= low - near) & (x <= high + near)).all(axis=(1, 2))
-        found.append(("in the box", inside))
+        off = np.maximum(low - x, x - high).max(axis=(1, 2))
+        found.append(("in the box", off <= near, off / size, ""))
     if own.plane is not None:
         n = _unit(own.plane.normal, (*keys, "plane", "normal"))
         off = np.abs((x - size * np.array(own.plane.point)) @ n).max(axis=1)
-        found.append(("in the plane", off <= near))
+        found.append(("in the plane", off <= near, off / size, ""))
     if own.cylinder is not None:
         axis = _unit(own.cylinder.axis, (*keys, "cylinder", "axis"))
         from_axis = x - size * np.array(own.cylinder.point)
         r = np.linalg.norm(from_axis - (from_axis @ axis)[..., None] * axis, axis=-1)
         radius = own.cylinder.radius
         low_r, high_r = radius if isinstance(radius, tuple) else (radius, radius)
-        on = ((r >= size * low_r - near) & (r <= size * high_r + near)).all(axis=1)
-        found.append(("at that radius", on))
+        off = np.maximum(size * low_r - r, r - size * high_r).max(axis=1)
+        found.append(("at that radius", off <= near, off / size, ""))
     if own.normal is not None:
         cosine = normal @ _unit(own.normal, (*keys, "normal"))
-        found.append(("turned there", cosine >= np.cos(np.deg2rad(own.angle))))
+        turned = np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        found.append(("turned there", cosine >= np.cos(np.deg2rad(own.angle)), turned, "deg"))
     return found
 
 

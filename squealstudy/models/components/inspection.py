@@ -12,13 +12,13 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import Brake
 from squealstudy.models.components.component_facts import (
     MOTIONS,
-    NAMES,
     Inspection,
     component_facts,
     rigid_shapes,
 )
-from squealstudy.models.components.dimensions import LENGTH, STRESS
+from squealstudy.models.components.dimensions import LENGTH, STRESS, UNITS
 from squealstudy.models.components.geometry import Geometry, geometry_of
+from squealstudy.models.components.model_file import ModelFile
 from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.wording import duration, listed, plural
@@ -91,7 +91,7 @@ def _held(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
     w2, shapes = la.eigh(stiffness, mass)
     free = shapes[:, w2 < FREE * max(float(w2[-1]), 1e-300)]
     if not free.shape[1]:
-        found.tell("held", "every component, by springs and contact")
+        found.tell("held", f"every component, by {listed(_holders(geometry.file))}")
         return
     size = np.sqrt(np.einsum("ij,ij->i", free, free) * np.diag(mass))
     loose = [f"{n} {m}" for (n, m), s in zip(names, size, strict=True) if s > 0.1 * size.max()]
@@ -99,6 +99,17 @@ def _held(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
         f"{plural(free.shape[1], 'motion')} of components that nothing holds, of {listed(loose)}: "
         "a spring, a layer or a held set is missing (there is no working point without)"
     )
+
+
+def _holders(file: ModelFile) -> list[str]:
+    """What holds components at rest."""
+    held = ["contact"]
+    held += ["springs"] * any(spring.in_static for spring in file.spring)
+    held += [f"{table}s" for table in ("layer", "tie", "coupling") if file.at((table,))]
+    for fixed in file.fixed:
+        some = f" ({', '.join(map(str, fixed.dofs))})" if set(fixed.dofs) != {1, 2, 3} else ""
+        held.append(f"fixed {fixed.set}{some}")
+    return held
 
 
 def _contact(
@@ -113,7 +124,7 @@ def _contact(
     mean = max(force / assembly.contact.area.sum(), 1.0)
     length = law.gap_scale(mean)
     size = LENGTH.factor(geometry.file.units)
-    unit = NAMES.get(geometry.file.units, ("m",))[0]
+    unit = UNITS[geometry.file.units][0]
     for i, (table, pair) in enumerate(zip(geometry.file.contact, geometry.contacts, strict=True)):
         low, high = (float(f(pair.geometric_gap)) / size for f in (np.min, np.max))
         normal = np.average(pair.slave.normal, axis=0, weights=pair.slave.area)
@@ -130,7 +141,7 @@ def _contact(
         )
         found.tell(
             "",
-            f"normal of the slave {_vector(normal)}; gap {low:.3g} to {high:.3g} {unit} in the "
+            f"{_normals(normal)}; gap {low:.3g} to {high:.3g} {unit} in the "
             f"files, scatter {spread:.2g} of the law's length ({1e6 * length:.2g} um at {mean:.2g} "
             f"Pa); taken as {taken}",
         )
@@ -176,7 +187,7 @@ def _pull(geometry: Geometry, number: int) -> float:
 
 def _ties(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
     size = LENGTH.factor(geometry.file.units)
-    unit = NAMES.get(geometry.file.units, ("m",))[0]
+    unit = UNITS[geometry.file.units][0]
     for table, pair in zip(geometry.file.tie, geometry.ties, strict=True):
         spring = next(s for s in assembly.springs if s.name == table.name)
         assert isinstance(spring, SpringInterface)
@@ -198,13 +209,25 @@ def _vector(v: np.ndarray) -> str:
     return "[" + ", ".join(f"{c + 0.0:.3g}" for c in np.round(v, 6)) + "]"
 
 
+def _normals(mean: np.ndarray) -> str:
+    """The mean normal of a slave in words."""
+    if np.linalg.norm(mean) < BALANCE:
+        return "the slave looks all round, its normals cancel"
+    return f"normal of the slave {_vector(mean)}"
+
+
+def _along(force: np.ndarray) -> str:
+    """The direction of a force in words, where there is one."""
+    return f"along {_vector(force)}" if np.linalg.norm(force) >= BALANCE else "from all round"
+
+
 def _rotation(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
     rotation, contact = geometry.rotation, assembly.contact
     if rotation is None or geometry.file.rotation is None:
         found.tell("rotation", "none: nothing slides")
         return
     size = LENGTH.factor(geometry.file.units)
-    unit = NAMES.get(geometry.file.units, ("m",))[0]
+    unit = UNITS[geometry.file.units][0]
     rubbing = contact.frictional > 0
     radius = contact.radius[rubbing] / size
     rotor = ", ".join(geometry.rotors.names if geometry.rotors else ()) or "nothing"
@@ -246,16 +269,16 @@ def _load(found: Inspection, geometry: Geometry) -> None:
                 f"{name}: the forces of the pressure on {table.pressure_on} cancel: is this the "
                 "face that is pressed?"
             )
-        text = f"pressure pushes {table.pressure_on} along {_vector(sums[0])}"
+        text = f"pressure pushes {table.pressure_on} {_along(sums[0])}"
         if table.area is None:
             size = LENGTH.factor(geometry.file.units) ** 2
-            unit = NAMES.get(geometry.file.units, ("m",))[0]
+            unit = UNITS[geometry.file.units][0]
             text += f", over its own {geometry.loads[i][0].area.sum() / size:.4g} {unit}2"
         if len(sums) == 1:
             found.tell(name, f"{text}; no reaction")
             continue
         left = float(np.linalg.norm(sums[0] + sums[1]))
-        found.tell(name, f"{text}, {table.reaction_on} along {_vector(sums[1])}")
+        found.tell(name, f"{text}, {table.reaction_on} {_along(sums[1])}")
         if left > BALANCE:
             found.doubts.append(
                 f"{name}: pressure and reaction leave {100 * left:.2g} % of the force: their faces "

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.bodies import Brake, body_of
-from squealstudy.models.components.component_facts import NAMES, Inspection, component_facts
-from squealstudy.models.components.dimensions import LENGTH
+from squealstudy.models.components.component_facts import Inspection, component_facts
+from squealstudy.models.components.dimensions import LENGTH, UNITS, between_corners
 from squealstudy.models.components.faces import facet_groups
 from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.geometry import Geometry, geometry_of
@@ -78,13 +78,15 @@ def inspect_parts(
                 continue  # the doubt says why
             kinds = ", ".join(f"{len(b.labels):,} {b.formulation}" for b in mesh.blocks)
             found.tell(name, f"{mesh.origin.name}: {len(mesh.nodes):,} nodes, {kinds}")
-            _sets(found, mesh, NAMES.get(brake.file.units, ("m",))[0], 1.0)
+            unit = UNITS[brake.file.units][0]
+            found.tell("", between_corners(mesh.nodes, unit))
+            _sets(found, mesh, unit, 1.0)
     geometry = _geometry(brake, usable)
     if geometry is not None:
         size = LENGTH.factor(brake.file.units)
         for body in geometry.bodies.values():
             component_facts(found, geometry, body, given)
-            _sets(found, body.mesh, NAMES.get(brake.file.units, ("m",))[0], size)
+            _sets(found, body.mesh, UNITS[brake.file.units][0], size)
         for number, pair in enumerate(geometry.contacts):
             table_of = brake.file.contact[number]
             found.tell(
@@ -128,4 +130,4 @@ def _sets(found: Inspection, mesh: SolidMesh, unit: str, size: float) -> None:
         if names:
             found.tell("", f"{what}: {', '.join([*names[:MOST], *more])}")
     if not mesh.surfaces and not mesh.node_sets:
-        found.tell("", "no surfaces and no node sets: faces need one")
+        found.tell("", "no surfaces and no node sets: [components.NAME.sets] names faces by place")
