@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import struct
 import subprocess
 import sys
 import warnings
@@ -173,6 +174,57 @@ def test_output4_of_nastran(tmp_path, storage, binary):
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(ModelError, match=r"ab\.op4"):
         read_matrix(path, "MAA")
+
+
+def output2(matrices):
+    """An OUTPUT2 file of dense matrices in double precision: records, with keys before them."""
+
+    def record(body):
+        size = struct.pack("<i", len(body))
+        return size + body + size
+
+    def keys(*numbers):
+        return b"".join(record(struct.pack("<i", number)) for number in numbers)
+
+    found = b""
+    for number, (name, A) in enumerate(matrices, start=101):
+        rows, columns = A.shape
+        title = name.ljust(8).encode()
+        trailer = (number, columns, rows, 1, 2, 2 * rows, 10000)
+        found += keys(2) + record(title) + keys(-1, 7) + record(struct.pack("<7i", *trailer))
+        found += keys(-2, 1, 0, 4) + record(title + bytes(8))
+        for j in range(columns):
+            found += keys(-3 - j, 1, 1, 1 + 2 * rows)
+            found += record(struct.pack("<i", 1) + A[:, j].astype("<f8").tobytes())
+        found += keys(-3 - columns, 1, 0, 0)
+    return found
+
+
+def test_output2_of_nastran(tmp_path):
+    pytest.importorskip("pyyeti")
+    A, B, path = (
+        random_matrix(seed=1).toarray(),
+        random_matrix(seed=2).toarray(),
+        tmp_path / "a.op2",
+    )
+    path.write_bytes(output2([("KAA", A), ("MAA", B)]))
+    np.testing.assert_array_equal(read_matrix(path, "maa").toarray(), B)
+    with pytest.raises(ModelError, match=r"a.op2 holds 2 variables \(KAA, MAA\): expected"):
+        read_matrix(path)
+    path.write_bytes(output2([("KAA", A), ("KAA", B)]))
+    with pytest.raises(ModelError, match="has two matrices of one name"):
+        read_matrix(path, "KAA")
+    path.write_bytes(output2([("KAA", A[:, :-1])]))
+    with pytest.raises(ModelError, match="expected a square matrix"):
+        read_matrix(path, "KAA")
+    whole = output2([("KAA", A)])
+    for cut in (10, 60, len(whole) // 2, len(whole) - 30):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(ModelError, match=r"a\.op2"):
+            read_matrix(path, "KAA")
+    path.write_bytes(whole.replace(struct.pack("<2i", *A.shape), struct.pack("<2i", 10**9, 10**9)))
+    with pytest.raises(ModelError, match=r"a\.op2"):
+        read_matrix(path, "KAA")
 
 
 def test_reading_output4_leaves_how_numpy_prints(tmp_path):

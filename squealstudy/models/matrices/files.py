@@ -27,6 +27,7 @@ Found = TypeVar("Found")
 ABAQUS, NASTRAN = ".mtx", (".pch", ".bdf", ".dat", ".nas", ".blk")
 PLACES = ("indices", "indptr", "row", "col", "offsets")  # arrays of SciPy's archives
 RECTANGULAR = (".npz", ".mat")
+MOST_ROWS_OP2 = 20_000  # 3.2 GB with all zeros, as its reader keeps them
 LISTED = 12  # variables of a file that a message names
 
 
@@ -35,7 +36,8 @@ def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
 
     ``.mtx`` (also ``.mtx.gz``, ``.mtx.bz2``) Matrix Market, ``.mat`` MATLAB up to version 7,
     ``.rb .hb .rsa .rua .psa .matrix`` and the like Harwell-Boeing, ``.sti .mas`` CalculiX,
-    ``.op4`` Nastran (the extra ``op4``), ``.npz`` SciPy's `save_npz` or arrays by NumPy's `savez`.
+    ``.op4`` and ``.op2`` Nastran (the extra ``op4``), ``.npz`` SciPy's `save_npz` or arrays by
+    NumPy's `savez`.
     Symmetric storage is expanded, entries of one place are added up.
 
     Parameters
@@ -189,6 +191,28 @@ def _op4(path: Path, variable: str | None) -> Any:
     return _chosen(dict(zip(names, matrices, strict=True)), path, wanted)
 
 
+def _op2(path: Path, variable: str | None) -> Any:
+    try:
+        with np.printoptions():  # which importing it changes for the whole program
+            from pyyeti.nastran import op2
+    except ImportError:
+        raise ModelError(f"{path}: OP2 needs pyyeti: pip install 'squealstudy[op4]'") from None
+    file = op2.OP2(str(path))
+    blocks = [block for block in file.dblist if block.dbtype == 1]
+    found = {block.name: block for block in blocks}
+    if len(found) < len(blocks):
+        raise ModelError(f"{path} has two matrices of one name")
+    wanted = None if variable is None else variable.upper()
+    block = _chosen(found, path, wanted)
+    check_size(*block.size)  # its reader makes room for all entries, zeros among them
+    if (rows := block.size[0]) > MOST_ROWS_OP2:
+        raise ModelError(
+            f"{path}: '{block.name}' has {rows:,} rows, expected at most {MOST_ROWS_OP2:,} in an "
+            "OP2 file: write OP4"
+        )
+    return file.rdop2mats([block.name])[block.name]
+
+
 READERS: dict[tuple[str, ...], Reader] = {
     (".mtx", ".mtx.gz", ".mtx.bz2"): _matrix_market,
     (".mat",): _matlab,
@@ -196,6 +220,7 @@ READERS: dict[tuple[str, ...], Reader] = {
     (".rb", ".hb", ".rsa", ".rua", ".rza", ".psa", ".pua", ".matrix"): _harwell_boeing,
     (".sti", ".mas"): _calculix,
     (".op4",): _op4,
+    (".op2",): _op2,
 }
 
 
