@@ -256,7 +256,8 @@ def test_what_is_wrong_is_said_with_its_line(tmp_path, old, new, message):
 
 def test_settings_of_cdwrite_and_lumped_masses(tmp_path):
     text = archive(box("C3D8I"), 185, {2: 2}, range(8))
-    more = "LUMPM,OFF\nSTEF,5.67E-08\nDMPOPT,ESAV,NO\nTIMINT,ON,STRU\nCSCIR,0,0\nEMUNIT,MKS\n/GO"
+    more = "LUMPM,OFF\nSTEF,5.67E-08\nDMPOPT,ESAV,NO\nTIMINT,ON,STRU\nCSCIR,0,0\nEMUNIT,MKS\n"
+    more += "SOLVE\n/GO"
     assert not read(tmp_path, text.replace("/GO", more, 1)).lumped
     assert read(tmp_path, text.replace("/GO", more.replace("OFF", "ON"), 1)).lumped
     with pytest.raises(ModelError, match=r'depend on them: pass_over = \["TB", "CP"\]$'):

@@ -232,3 +232,34 @@ def test_a_support_left_in_the_matrix(tmp_path, capsys):
     assert code == 1
     assert "slider: 5 rigid modes of six" in messages
     assert "is a support still in the matrix" in messages
+
+
+STUDY = """[study]
+name = "blocks"
+kind = "complex_modes"
+[model]
+file = "blocks.toml"
+[[sweep]]
+parameter = "friction"
+values = [0.2, 0.4]
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "told"),
+    [
+        (("stiffness = [2e4,", "stiffness = [0,"), 0, "nothing holds, of slider along x"),
+        (("slider.BOTTOM", "slider.BELOW"), 2, "key 'contact[1].slave': slider (slider.inp) has"),
+    ],
+)
+def test_check_looks_at_the_model_file_before_a_reduction(
+    change, code, told, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "empty"))
+    path = model(tmp_path, change)
+    study = path.with_name("study.toml")
+    study.write_text(STUDY)
+    assert command("check", str(study)) == code
+    out, err = capsys.readouterr()
+    assert told in " ".join(err.split())
+    assert ("pressure = 1.2 MPa, sliding_speed = 0.5 m/s" in " ".join(out.split())) == (code == 0)

@@ -19,6 +19,7 @@ from squealstudy.engine.structures import (
     build_structure,
     build_task,
     check_component_modes,
+    check_model_file,
     check_shapes,
 )
 from squealstudy.engine.validity import parameter_reasons, points_by_rule
@@ -28,6 +29,14 @@ from squealstudy.face import Study
 from squealstudy.kinds.complex_modes.boundary import most_points
 from squealstudy.machine import available_memory_mb
 from squealstudy.models.matrices.family import FamilyDefinition
+from squealstudy.models.operating import (
+    CONTACT_OPTION,
+    DAMPING,
+    FRICTION,
+    FRICTION_OPTION,
+    PRESSURE,
+    SLIDING_SPEED,
+)
 from squealstudy.progress import progress
 from squealstudy.screen import Rows, warning
 from squealstudy.study.definition import ResolvedStudy
@@ -35,7 +44,7 @@ from squealstudy.study.kinds import definition_of, kind_names
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.sweeps import RANDOM_DESIGNS, Sweep
 from squealstudy.tables.validity import broken_rules
-from squealstudy.wording import amount, duration, plural
+from squealstudy.wording import amount, duration, plural, setting
 
 if TYPE_CHECKING:
     from squealstudy.engine.cluster import Worker
@@ -77,6 +86,8 @@ def check(
     if found and found.get("basis_enriched"):  # as it was solved
         plan = Plan(plan.study, plan.swept, True)
     if text := check_shapes(plan):
+        warning(text)
+    for text in check_model_file(plan):
         warning(text)
     if build or not has_mesh(plan.study):
         _, reason = build_structure(build_task(plan, plan.tasks[0], 1 if members else jobs))
@@ -125,6 +136,7 @@ def _facts(
         ("study", f"{study.name}: {kind} on {study.model.name}, valid"),
         ("design", _design(plan, missing, directory)),
         *_ranges(study),
+        *_constant(study),
         _structures(plan, cost),
         *plan.kind.settings(plan),
         *_validity(plan),
@@ -244,6 +256,19 @@ def _refused(study: ResolvedStudy) -> str:
 def _ranges(study: ResolvedStudy) -> Rows:
     """What is swept over, a row a sweep."""
     return [(f"  {sweep.name}", _range(study, sweep)) for sweep in study.sweeps]
+
+
+def _constant(study: ResolvedStudy) -> Rows:
+    """The operating point as far as it is not swept, defaults too, and the laws."""
+    swept = {sweep.name for sweep in study.sweeps}
+    told = [
+        setting(p.name, study.values[p.name], p.unit)
+        for p in (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING)
+        if p.name in study.values and p.name not in swept
+    ]
+    laws = (CONTACT_OPTION.name, FRICTION_OPTION.name)
+    told += [f"{name} = {study.options[name]}" for name in laws if name in study.options]
+    return [("  constant", ", ".join(told))] if told else []
 
 
 def _range(study: ResolvedStudy, sweep: Sweep) -> str:

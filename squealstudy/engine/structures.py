@@ -29,6 +29,7 @@ from squealstudy.reduction.prepared import (
     PreparedFamily,
     prepare_family,
 )
+from squealstudy.study.components import free_motions
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.family import read_family
 from squealstudy.study.source import SourceText
@@ -97,6 +98,17 @@ def check_component_modes(plan: Plan) -> None:
         first = plan.tasks[0].structure
         ready = is_prepared(first)
         plan.check_modes(load_prepared(first).model.mode_counts if ready else mode_counts(plan))
+
+
+def check_model_file(plan: Plan) -> list[str]:
+    """Doubts about a model file of meshes; none where its first structure is in the cache.
+
+    Raises StudyFileError where the file cannot be used.
+    """
+    model = plan.study.model
+    if not isinstance(model, FileDefinition) or is_prepared(plan.tasks[0].structure):
+        return []
+    return free_motions(model)
 
 
 def check_shapes(plan: Plan) -> str:

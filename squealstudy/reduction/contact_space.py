@@ -29,6 +29,10 @@ WIDE = 512  # right-hand sides held at once, fewer where they would have more nu
 MOST_HELD = 64_000_000  # these: half a gigabyte, twice
 MOST_DENSE = 16  # contact points whose maps are dense: a sparse product takes 10 us to call
 HELD = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without any
+FREE_MOTION = (
+    "the static stiffness is singular: some motion is free; `squealstudy inspect` of a model file "
+    "names it"
+)
 
 
 @dataclass(frozen=True)
@@ -298,4 +302,4 @@ def _check_held(factor: RefinedFactor) -> None:
     """Solve once for a known load: a matrix that is singular to round-off does not give it back."""
     b = np.random.default_rng(0).standard_normal(factor.A.shape[0])
     if not np.linalg.norm(factor.A @ factor.solve(b) - b) < HELD * np.linalg.norm(b):
-        raise ConvergenceError(SINGULAR, "the static stiffness is singular: some motion is free")
+        raise ConvergenceError(SINGULAR, FREE_MOTION)

@@ -131,9 +131,15 @@ def working_point(
         if damping < 1.0 or not np.abs(F).max() < NEARER * before:
             jacobian = None
     raise ConvergenceError(
-        "working_point",
-        f"no steady sliding equilibrium found in {MAX_ITERATIONS} Newton iterations at friction "
-        f"{point.friction:g}, pressure {point.brake_pressure:g} Pa",
+        "working_point", no_sliding_text(float(point.friction), float(point.brake_pressure))
+    )
+
+
+def no_sliding_text(friction: float, pressure: float) -> str:
+    """The failure of Newton at a friction and a brake pressure [Pa]."""
+    return (
+        f"no steady sliding equilibrium found at friction {friction:g}, pressure {pressure:g} Pa: "
+        "does friction tip, lift or jam a part there, held too softly or too far from its contact?"
     )
 
 

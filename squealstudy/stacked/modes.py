@@ -16,9 +16,10 @@ from squealstudy.models.parameter import ModelDefinition
 from squealstudy.models.parameter_names import FREQUENCY_SCALE
 from squealstudy.models.stacked_assembly import StackedAssembly
 from squealstudy.modes.point import angular_band
+from squealstudy.reduction.contact_space import FREE_MOTION
 from squealstudy.reduction.working_point import (
-    MAX_ITERATIONS,
     expect_consistent_laws,
+    no_sliding_text,
     working_point_result,
 )
 from squealstudy.stacked.linear import StackedDamping, StackedLinear, computable, linearised
@@ -289,12 +290,8 @@ def _damping(
 def _reason(state: int, operating: StackedOperating, row: int) -> tuple[str, str]:
     """Status and message of a point without steady sliding."""
     if state == SINGULAR:
-        return "singular", "the static stiffness is singular: some motion is free"
-    return (
-        "working_point",
-        f"no steady sliding equilibrium found in {MAX_ITERATIONS} Newton iterations at friction "
-        f"{operating.friction[row]:g}, pressure {operating.pressure[row]:g} Pa",
-    )
+        return "singular", FREE_MOTION
+    return "working_point", no_sliding_text(operating.friction[row], operating.pressure[row])
 
 
 def _contradictions(

@@ -56,7 +56,7 @@ def inspect(
     found, geometry = Inspection(), geometry_of(brake)
     for body in geometry.bodies.values():
         component_facts(found, geometry, body, given)
-    _held(found, geometry, assembly)
+    unheld(found, geometry, assembly)
     _contact(found, geometry, assembly, pressure, given)
     _ties(found, geometry, assembly)
     _rotation(found, geometry, assembly)
@@ -73,8 +73,8 @@ def inspect(
 
 
 # -- what is between -----------------------------------------------------------------------------
-def _held(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
-    """Rigid motions of components that neither springs nor contact hold."""
+def unheld(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
+    """Tell what holds components, or doubt where rigid motions are left."""
     columns, names = [], []
     for component in assembly.components:
         body = geometry.bodies[component.name]
