@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from squealstudy.engine.key_tables import cell, key_tables, sentence
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
@@ -174,147 +176,9 @@ def _theory() -> Iterator[tuple[str, str]]:
 
 # -- keys ------------------------------------------------------------------------------------------
 def _keys(of: str) -> str:
-    from squealstudy.engine.schema import MODEL_FILE, methods_schema, model_schema, study_schema
+    from squealstudy.engine.schema import schema_of
 
-    if not of:
-        schema = study_schema()
-    else:
-        schema = model_schema() if of == MODEL_FILE else methods_schema(of)
-    lines: list[str] = []
-    plain: dict[str, Any] = {}
-    for name, table in schema["properties"].items():
-        inner = list(_inner(table, schema))
-        if not inner:
-            plain[name] = table
-            continue
-        lines += _table(_heading(name, table), table, inner, schema)
-    if plain:
-        head = ["## Top of the file", "", *_rows(plain, (), schema)]
-        lines = [*head, *lines]
-    return "\n".join(lines) + "\n"
-
-
-def _inner(node: Mapping[str, Any], schema: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    from squealstudy.engine.schema import table_names
-
-    for name in dict.fromkeys(table_names(node)):
-        yield schema["$defs"][name]
-
-
-def _heading(name: str, table: Mapping[str, Any]) -> str:
-    if table.get("type") == "array":
-        return f"[[{name}]]"
-    return f"[{name}.NAME]" if "additionalProperties" in table else f"[{name}]"
-
-
-def _table(
-    heading: str,
-    table: Mapping[str, Any],
-    inner: Iterable[Mapping[str, Any]],
-    schema: Mapping[str, Any],
-) -> list[str]:
-    """A section of the page: a table of the file, and tables in it."""
-    lines = [f"## `{heading}`", "", _sentence(table.get("description", ""))]
-    if kinds := table.get("kinds"):
-        lines += ["", f"Kinds: {', '.join(f'`{k}`' for k in kinds)}."]
-    deeper: list[str] = []
-    for one in inner:
-        lines += ["", *_rows(one["properties"], one.get("required", ()), schema)]
-        for key, found in one["properties"].items():
-            for nested in _inner(found, schema):
-                plain = heading.strip("[]")
-                deeper += [f"### `{plain}.{key}`", "", _sentence(found.get("description", "")), ""]
-                deeper += _rows(nested["properties"], nested.get("required", ()), schema)
-                for key2, found2 in nested["properties"].items():
-                    for third in _inner(found2, schema):
-                        deeper += [f"### `{plain}.{key}.{key2}`", ""]
-                        deeper += _rows(third["properties"], third.get("required", ()), schema)
-    return [*lines, *deeper]
-
-
-def _rows(
-    properties: Mapping[str, Any], required: Iterable[str], schema: Mapping[str, Any]
-) -> list[str]:
-    lines = ["| key | type | unit | default | meaning |", "|---|---|---|---|---|"]
-    examples: list[str] = []
-    for key, found in properties.items():
-        default = "*required*" if key in required else _default(found)
-        meaning = _sentence(found.get("description", ""))
-        cells = (f"`{key}`", _type(found, schema), found.get("unit", ""), default, meaning)
-        lines.append("| " + " | ".join(_cell(c) for c in cells) + " |")
-        examples += [f"{_bare(key)} = {toml_value(e)}" for e in found.get("examples", ())]
-    if examples:
-        lines += ["", "```toml", *examples, "```"]
-    return [*lines, ""]
-
-
-def _type(node: Mapping[str, Any], schema: Mapping[str, Any]) -> str:
-    """Type, choices and range of a key, in words."""
-    if "enum" in node:
-        return " or ".join(f"`{toml_value(v)}`" for v in node["enum"])
-    if "const" in node:
-        return f"`{toml_value(node['const'])}`"
-    if "anyOf" in node:
-        return ", or ".join(_type(part, schema) for part in node["anyOf"])
-    if "$ref" in node:
-        return "table"
-    kind = node.get("type", "any")
-    names = {"integer": "whole number", "boolean": "true or false", "string": "text"}
-    if isinstance(kind, list):
-        return " or ".join(names.get(k, k) for k in kind)
-    if kind == "array":
-        parts = node.get("prefixItems")
-        if parts:
-            return f"list of {len(parts)}, {_type(parts[0], schema)}"
-        return "list" if "items" not in node else f"list of: {_type(node['items'], schema)}"
-    words = "table" if kind == "object" else names.get(kind, kind)
-    return words + _range(node)
-
-
-def _range(node: Mapping[str, Any]) -> str:
-    bounds = (
-        ("exclusiveMinimum", "above"),
-        ("minimum", "at least"),
-        ("exclusiveMaximum", "below"),
-        ("maximum", "at most"),
-    )
-    said = [f"{word} {node[key]:,}" for key, word in bounds if key in node]
-    return ", " + ", ".join(said) if said else ""
-
-
-def _default(node: Mapping[str, Any]) -> str:
-    if "default" not in node or node["default"] in ([], {}, ""):
-        return ""
-    return f"`{toml_value(node['default'])}`"
-
-
-def toml_value(value: Any) -> str:
-    """A value as TOML has it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(toml_value(v) for v in value) + "]"
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{_bare(k)} = {toml_value(v)}" for k, v in value.items()) + "}"
-    return f"{value:g}" if isinstance(value, float) and value != int(value) else str(value)
-
-
-def _bare(key: str) -> str:
-    return key if re.fullmatch(r"[\w-]+", key) else toml_value(key)
-
-
-def _sentence(text: str) -> str:
-    """The text as a sentence, names in angle brackets as they stand."""
-    plain = " ".join(text.split()).replace("<", "&lt;").replace("*", "\\*")
-    if not plain:
-        return ""
-    return plain[0].upper() + plain[1:] + ("" if plain.endswith((".", "!", "?")) else ".")
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")
+    return key_tables(schema_of(of or None))
 
 
 # -- commands, tables, models, laws ----------------------------------------------------------------
@@ -347,10 +211,10 @@ def _columns() -> str:
             for column in columns:
                 names = column_names(column.name)
                 unit = unit_of(names[0].replace("*", "1")) or ""
-                error = ", ".join(f"`{e}`" for e in column.errors) or _sentence(column.leaves_out)
+                error = ", ".join(f"`{e}`" for e in column.errors) or sentence(column.leaves_out)
                 shown = ", ".join(f"`{name}`" for name in names)
-                cells = (shown, unit, _sentence(column.definition), error)
-                lines.append("| " + " | ".join(_cell(c) for c in cells) + " |")
+                cells = (shown, unit, sentence(column.definition), error)
+                lines.append("| " + " | ".join(cell(c) for c in cells) + " |")
             lines.append("")
     return "\n".join(lines)
 
@@ -368,11 +232,11 @@ def column_names(pattern: str) -> list[str]:
 def _parameter_rows(parameters: Any) -> list[str]:
     lines = ["| parameter | default | unit | meaning |", "|---|---|---|---|"]
     for name, row in parameters.iterrows():
-        meaning = _sentence(row["description"])
+        meaning = sentence(row["description"])
         meaning += " Each value costs a reduction." if row["structural"] else ""
         meaning += f" With {row['laws']}." if row["laws"] else ""
         cells = (f"`{name}`", f"{row['default']:g}", row["unit"], meaning)
-        lines.append("| " + " | ".join(_cell(c) for c in cells) + " |")
+        lines.append("| " + " | ".join(cell(c) for c in cells) + " |")
     return lines
 
 
@@ -382,7 +246,7 @@ def _models() -> str:
 
     lines: list[str] = []
     for name, description in sq.list_models().items():
-        lines += [f"## `{name}`", "", _sentence(description), ""]
+        lines += [f"## `{name}`", "", sentence(description), ""]
         if name == "lumped":
             lines += ["```text", *LUMPED.splitlines(), "```", ""]
         if name in ("matrices", "components", "lumped"):  # of files
@@ -392,8 +256,8 @@ def _models() -> str:
             lines += ["| option of `[model]` | default | others | meaning |", "|---|---|---|---|"]
             for option, row in model.options.iterrows():
                 first, *others = map(str, row["choices"])
-                cells = (f"`{option}`", first, ", ".join(others), _sentence(row["description"]))
-                lines.append("| " + " | ".join(_cell(c) for c in cells) + " |")
+                cells = (f"`{option}`", first, ", ".join(others), sentence(row["description"]))
+                lines.append("| " + " | ".join(cell(c) for c in cells) + " |")
             lines.append("")
         lines += [*_parameter_rows(model.parameters), ""]
     return "\n".join(lines)
@@ -414,8 +278,8 @@ def _laws() -> str:
             own = "; ".join(
                 f"`{p.name}` [{p.unit or '1'}], {p.default:g}" for p in definition.parameters
             )
-            cells = (f"`{definition.name}`", _sentence(definition.description), own)
-            lines.append("| " + " | ".join(_cell(c) for c in cells) + " |")
+            cells = (f"`{definition.name}`", sentence(definition.description), own)
+            lines.append("| " + " | ".join(cell(c) for c in cells) + " |")
         lines.append("")
     return "\n".join(lines)
 

@@ -350,6 +350,13 @@ def test_fast_growing_modes_are_checked_too(study, capsys):
     assert open_results("results/lockin").points["reference_frequency_error"].max() < 1e-9
 
 
+def test_schema_as_tables_to_read(capsys):
+    assert command("schema", "--kind", "model_file", "--tables") == 0
+    text = capsys.readouterr().out
+    assert "| `slave` | text |  | *required* | COMPONENT.SET that has the contact points. |" in text
+    assert text.startswith("## Top of the file")
+
+
 def test_schema_is_json_schema(capsys):
     assert command("schema") == 0
     schema = json.loads(capsys.readouterr().out)

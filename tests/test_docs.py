@@ -78,6 +78,9 @@ def test_kinds_and_units_are_told(parts):
     assert "Kinds: `design`, `limit_cycles`." in text
     assert re.search(r"\| `step` \| number, above 0 \| s \| `1e-06` \|", text)
     assert re.search(r"\| `rho` \| number, above 0 \| kg/m3 \|", parts["model-keys"])
+    assert "| `normal` | list of 3, number |  |  | Direction in which" in parts["model-keys"]
+    assert '| `mass` | `"full"` or `"as_stiffness"` or `"lumped"` |  |' in parts["model-keys"]
+    assert "## `[components.NAME]`" in parts["model-keys"]
 
 
 def test_examples_of_keys_are_what_files_may_say():

@@ -11,9 +11,10 @@ import numpy as np
 
 from squealstudy.cli.run import fidelity
 from squealstudy.engine.forecast import Estimate, estimate, run_seconds
+from squealstudy.engine.key_tables import key_tables
 from squealstudy.engine.manifest import check_owner, outdated
 from squealstudy.engine.plan import Plan, has_mesh
-from squealstudy.engine.schema import MODEL_FILE, methods_schema, model_schema, study_schema
+from squealstudy.engine.schema import schema_of
 from squealstudy.engine.store import Store
 from squealstudy.engine.structures import (
     build_structure,
@@ -40,8 +41,6 @@ from squealstudy.models.operating import (
 from squealstudy.progress import progress
 from squealstudy.screen import Rows, warning
 from squealstudy.study.definition import ResolvedStudy
-from squealstudy.study.kinds import definition_of, kind_names
-from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.sweeps import RANDOM_DESIGNS, Sweep
 from squealstudy.tables.validity import broken_rules
 from squealstudy.wording import amount, duration, plural, setting
@@ -302,11 +301,7 @@ def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:
     return "reductions", text
 
 
-def schema(kind: str | None) -> str:
-    """The JSON Schema of study files, of those of a kind that measures methods, of model files."""
-    of_methods = [n for n in kind_names() if not issubclass(definition_of(n), StudyDefinition)]
-    if kind == MODEL_FILE:
-        return json.dumps(model_schema(), indent=2)
-    if kind is not None and kind not in of_methods:
-        raise SquealstudyError(f"kind '{kind}': expected {', '.join(of_methods)} or {MODEL_FILE}")
-    return json.dumps(study_schema() if kind is None else methods_schema(kind), indent=2)
+def schema(kind: str | None, tables: bool) -> str:
+    """The JSON Schema of study files, of a kind that measures methods or of model files."""
+    found = schema_of(kind)
+    return key_tables(found) if tables else json.dumps(found, indent=2) + "\n"

@@ -207,9 +207,12 @@ def schema(
         str | None,
         typer.Option(help="model_file, work_precision or method_stability; else study files."),
     ] = None,
+    tables: Annotated[
+        bool, typer.Option("--tables", help="Tables of all keys to read, in Markdown.")
+    ] = False,
 ) -> None:
-    """Print the JSON Schema of study or model files, for editors."""
+    """Print the JSON Schema of study or model files, for editors, or its keys as tables."""
     from squealstudy import screen
     from squealstudy.cli.check import schema as found
 
-    screen.write(found(kind) + "\n")
+    screen.write(found(kind, tables))

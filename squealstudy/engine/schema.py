@@ -13,11 +13,17 @@ from typing import Any
 
 from pydantic import create_model
 
+from squealstudy.errors import SquealstudyError
 from squealstudy.study.kinds import definition_of, kind_names
 from squealstudy.study.sections import StudyDefinition
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 EXAMPLES = Path(__file__).with_name("key_examples")
+OF_NO_UNIT = (  # a word and directions, named as numbers with a unit are elsewhere
+    "components.mass",
+    "components.sets.normal",
+    "components.sets.plane.normal",
+)
 MODEL_FILE = "model_file"  # what is no kind, but has a schema too
 UNITS = {  # of keys of study files that have one
     **dict.fromkeys(("modes.band", "transient.sensors", "transient.modes_below"), "Hz"),
@@ -36,6 +42,24 @@ OF_PARAMETER = "of the parameter"
 for _key in ("values", "start", "stop", "mean", "std", "median"):
     UNITS |= {f"{table}.{_key}": OF_PARAMETER for table in ("sweep", "uncertain")}
 UNITS["variable.bounds"] = OF_PARAMETER
+
+
+def schema_of(kind: str | None) -> dict[str, Any]:
+    """The schema of study files, of those of a kind that measures methods, of MODEL_FILE.
+
+    Raises
+    ------
+    SquealstudyError
+        There is no such kind.
+    """
+    of_methods = [n for n in kind_names() if not issubclass(definition_of(n), StudyDefinition)]
+    if kind is None:
+        return study_schema()
+    if kind == MODEL_FILE:
+        return model_schema()
+    if kind not in of_methods:
+        raise SquealstudyError(f"kind '{kind}': expected {', '.join(of_methods)} or {MODEL_FILE}")
+    return methods_schema(kind)
 
 
 def study_schema() -> dict[str, Any]:
@@ -80,6 +104,7 @@ def model_schema() -> dict[str, Any]:
     schema: dict[str, Any] = _without_null(ModelFile.model_json_schema())
     units = {key: dimension.unit for key, dimension in DIMENSIONS.items() if dimension.unit}
     units["angle"] = "deg"
+    units |= dict.fromkeys(OF_NO_UNIT, "")
     return _finished(schema, MODEL_FILE, "squealstudy model file", units)
 
 
@@ -104,7 +129,7 @@ def _annotate(
     """Give the keys of a table, and of tables in it, their units and examples."""
     for key, found in node.get("properties", {}).items():
         path = (*keys, key)
-        if unit := units.get(".".join(path)) or units.get(key if keys else ""):
+        if unit := units.get(".".join(path), units.get(key if keys else "")):
             found["unit"] = unit
         if key not in example:
             continue

@@ -1,0 +1,153 @@
+"""The keys of study and model files in words: tables of Markdown, made from the JSON Schema."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from squealstudy.engine.schema import table_names
+
+
+def key_tables(schema: Mapping[str, Any]) -> str:
+    """Every key of a schema: type, unit, default and meaning, a table each of the file's."""
+    lines: list[str] = []
+    plain: dict[str, Any] = {}
+    for name, table in schema["properties"].items():
+        inner = list(_inner(table, schema))
+        if not inner:
+            plain[name] = table
+            continue
+        lines += _table(_heading(name, table), table, inner, schema)
+    if plain:
+        head = ["## Top of the file", "", *_rows(plain, (), schema)]
+        lines = [*head, *lines]
+    return "\n".join(lines) + "\n"
+
+
+def _inner(node: Mapping[str, Any], schema: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    for name in dict.fromkeys(table_names(node)):
+        yield schema["$defs"][name]
+
+
+def _heading(name: str, table: Mapping[str, Any]) -> str:
+    if table.get("type") == "array":
+        return f"[[{name}]]"
+    return f"[{name}{_named(table)}]"
+
+
+def _named(table: Mapping[str, Any]) -> str:
+    """What follows the name of a table of tables by name."""
+    return ".NAME" if {"additionalProperties", "patternProperties"} & table.keys() else ""
+
+
+def _table(
+    heading: str,
+    table: Mapping[str, Any],
+    inner: Iterable[Mapping[str, Any]],
+    schema: Mapping[str, Any],
+) -> list[str]:
+    """A section of the page: a table of the file, and tables in it."""
+    lines = [f"## `{heading}`", "", sentence(table.get("description", ""))]
+    if kinds := table.get("kinds"):
+        lines += ["", f"Kinds: {', '.join(f'`{k}`' for k in kinds)}."]
+    deeper: list[str] = []
+    for one in inner:
+        lines += ["", *_rows(one["properties"], one.get("required", ()), schema)]
+        for key, found in one["properties"].items():
+            for nested in _inner(found, schema):
+                plain = heading.strip("[]")
+                inside = f"{plain}.{key}{_named(found)}"
+                deeper += [f"### `{inside}`", "", sentence(found.get("description", "")), ""]
+                deeper += _rows(nested["properties"], nested.get("required", ()), schema)
+                for key2, found2 in nested["properties"].items():
+                    for third in _inner(found2, schema):
+                        deeper += [f"### `{inside}.{key2}`", ""]
+                        deeper += _rows(third["properties"], third.get("required", ()), schema)
+    return [*lines, *deeper]
+
+
+def _rows(
+    properties: Mapping[str, Any], required: Iterable[str], schema: Mapping[str, Any]
+) -> list[str]:
+    lines = ["| key | type | unit | default | meaning |", "|---|---|---|---|---|"]
+    examples: list[str] = []
+    for key, found in properties.items():
+        default = "*required*" if key in required else _default(found)
+        meaning = sentence(found.get("description", ""))
+        cells = (f"`{key}`", _type(found, schema), found.get("unit", ""), default, meaning)
+        lines.append("| " + " | ".join(cell(c) for c in cells) + " |")
+        examples += [f"{_bare(key)} = {toml_value(e)}" for e in found.get("examples", ())]
+    if examples:
+        lines += ["", "```toml", *examples, "```"]
+    return [*lines, ""]
+
+
+def _type(node: Mapping[str, Any], schema: Mapping[str, Any]) -> str:
+    """Type, choices and range of a key, in words."""
+    if "enum" in node:
+        return " or ".join(f"`{toml_value(v)}`" for v in node["enum"])
+    if "const" in node:
+        return f"`{toml_value(node['const'])}`"
+    if "anyOf" in node:
+        return ", or ".join(_type(part, schema) for part in node["anyOf"])
+    if "$ref" in node:
+        return "table"
+    kind = node.get("type", "any")
+    names = {"integer": "whole number", "boolean": "true or false", "string": "text"}
+    if isinstance(kind, list):
+        return " or ".join(str(names.get(k, k)) for k in kind)
+    if kind == "array":
+        parts = node.get("prefixItems")
+        if parts:
+            return f"list of {len(parts)}, {_type(parts[0], schema)}"
+        return "list" if "items" not in node else f"list of: {_type(node['items'], schema)}"
+    words = "table" if kind == "object" else names.get(kind, kind)
+    return words + _range(node)
+
+
+def _range(node: Mapping[str, Any]) -> str:
+    bounds = (
+        ("exclusiveMinimum", "above"),
+        ("minimum", "at least"),
+        ("exclusiveMaximum", "below"),
+        ("maximum", "at most"),
+    )
+    said = [f"{word} {node[key]:,}" for key, word in bounds if key in node]
+    return ", " + ", ".join(said) if said else ""
+
+
+def _default(node: Mapping[str, Any]) -> str:
+    if "default" not in node or node["default"] in ([], {}, ""):
+        return ""
+    return f"`{toml_value(node['default'])}`"
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML has it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_bare(k)} = {toml_value(v)}" for k, v in value.items()) + "}"
+    return f"{value:g}" if isinstance(value, float) and value != int(value) else str(value)
+
+
+def _bare(key: str) -> str:
+    return key if re.fullmatch(r"[\w-]+", key) else toml_value(key)
+
+
+def sentence(text: str) -> str:
+    """The text as a sentence, names in angle brackets as they stand."""
+    plain = " ".join(text.split()).replace("<", "&lt;").replace("*", "\\*")
+    if not plain:
+        return ""
+    return plain[0].upper() + plain[1:] + ("" if plain.endswith((".", "!", "?")) else ".")
+
+
+def cell(text: str) -> str:
+    """The text as it stands in a cell."""
+    return text.replace("|", "\\|")
