@@ -378,6 +378,18 @@ def test_what_is_said_of_onsets_is_of_the_query_and_of_the_design(capsys):
     assert "where it was found" not in text  # a track is found at smaller values, too
 
 
+def test_modes_that_are_not_listed_are_counted(capsys):
+    points, modes = linear_study(STUDY, MU, P)
+    results = made(points=points, modes=modes, onsets=NO_ONSETS, facts={"sweeps": ["friction"]})
+    unstable = len(results.rank())
+    assert unstable > 1
+    screen.show(*results.screen.ranking(results, top=1))
+    text = " ".join(capsys.readouterr().out.split())
+    assert f"{unstable - 1} more in squealstudy rank {results.directory}" in text
+    screen.show(*results.screen.ranking(results, top=unstable))
+    assert "more in squealstudy rank" not in capsys.readouterr().out
+
+
 def test_damping_of_an_unstable_mode_is_never_shown_as_none(capsys):
     points, modes = linear_study({1: lambda m, q: -8e-7}, MU, P)
     assert " -8e-05 " in screen_of(capsys, points, modes)

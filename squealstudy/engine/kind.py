@@ -290,8 +290,14 @@ class KindScreen:
         top: int | None = LISTED,
         where: str | None = None,
     ) -> list[RenderableType]:
-        """The ranking with its legend; ResultsError as `rank`."""
-        return self.listed(results, self.rank(results, by, top, where), where)
+        """The ranking with its legend, and how many rows are left out; ResultsError as `rank`."""
+        from squealstudy.screen import notes
+
+        table = self.rank(results, by, None, where)
+        shown = self.listed(results, table.head(top or len(table)), where)
+        if top is not None and len(table) > top:
+            shown.append(notes(f"{len(table) - top} more in squealstudy rank {results.directory}"))
+        return shown
 
     def listed(
         self, results: Results, table: pd.DataFrame, where: str | None
