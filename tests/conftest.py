@@ -319,7 +319,8 @@ def tiny_brake():
 @pytest.fixture
 def one_by_one(monkeypatch):
     """Small models, too, are prepared, kept in the cache and solved point by point, as others."""
-    monkeypatch.setattr("squealstudy.kinds.complex_modes.kind.stacks", lambda plan: False)
+    for kind in ("complex_modes", "sensitivity"):
+        monkeypatch.setattr(f"squealstudy.kinds.{kind}.kind.stacks", lambda plan: False)
 
 
 TINY = [  # first_brake.toml in seconds

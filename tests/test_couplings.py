@@ -188,7 +188,6 @@ def test_partial_kinematic_couplings(tmp_path):
         (("*TIE, NAME=T", "UPPER"), "expected a slave and a master surface"),
         (("*TIE, NAME=T", "UPPER, LOW"), "there is no surface 'LOW'; there is"),
         (("*TIE, NAME=T", "LOWER, UPPERS"), "the master 'UPPERS' has no faces"),
-        (("*TIE, NAME=T, CYCLIC SYMMETRY", "UPPER, LOWER"), "CYCLICSYMMETRY is not supported"),
         (("*TIE, NAME=T, TYPE=X", "UPPER, LOWER"), "TYPE=X is not supported"),
         (("*TIE, ADJUST=0.1", "UPPER, LOWER"), "ADJUST=0.1 is not supported"),
         (("*TIE, POSITION TOLERANCE=x", "UPPER, LOWER"), "expected a distance, found 'x'"),

@@ -241,7 +241,7 @@ def test_matrices_put_together_by_hand(tmp_path):
 
 
 def test_a_published_stick_slip_oscillator(tmp_path):
-    """The boundary of Veraszto and Stepan (2017), eq. (11): 0.1906 m/s; frequency 18.1 Hz."""
+    """The boundary by the formula of Veraszto and Stepan (2017): 0.1906 m/s; frequency 18.1 Hz."""
     model = model_of(tmp_path, VERASZTO)
     speeds = np.linspace(0.15, 0.25, 101)
     growth = model.at(sliding_speed=speeds).modes((1.0, 100.0)).growth_rate[:, 0]

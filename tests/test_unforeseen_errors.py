@@ -49,7 +49,7 @@ OF_POINTS = [  # stages without which a point has no row that is ok
     ("transient", f"{KINDS}.transient.worker", "_row"),
     ("transient", f"{KINDS}.transient.worker", "_files"),
     ("limit_cycles", f"{KINDS}.limit_cycles.kind", "cycles_row"),
-    ("sensitivity", f"{KINDS}.sensitivity.kind", "design_sensitivities"),
+    ("sensitivity", f"{KINDS}.sensitivity.points", "design_sensitivities"),
 ]
 AFTER_POINTS = [  # stages of tables and checks: tracking, onsets, full order, errors, branches
     ("complex_modes", f"{KINDS}.complex_modes.neighbourhood", "problem_of"),
