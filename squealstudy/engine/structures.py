@@ -29,7 +29,6 @@ from squealstudy.reduction.prepared import (
     PreparedFamily,
     prepare_family,
 )
-from squealstudy.study.components import free_motions
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.family import read_family
 from squealstudy.study.source import SourceText
@@ -108,6 +107,8 @@ def check_model_file(plan: Plan) -> list[str]:
     model = plan.study.model
     if not isinstance(model, FileDefinition) or is_prepared(plan.tasks[0].structure):
         return []
+    from squealstudy.study.components import free_motions  # of meshes: not for minimal models
+
     return free_motions(model)
 
 
