@@ -173,9 +173,13 @@ def runs_on(nodeid: str, day: int) -> bool:
     return number % TENTHS == day % TENTHS
 
 
-def order(path: Path) -> tuple[bool, int]:
-    """Place of a file among all: those without kernels first, and of each sort the longest."""
-    return needs_kernels(path), LONGEST.index(path.stem) if path.stem in LONGEST else len(LONGEST)
+def order(path: Path) -> tuple[bool, bool, int]:
+    """Place of a file among all: those without kernels first, and of each sort the longest.
+
+    Extensions last: laws and plots that they register stay known in their process.
+    """
+    place = LONGEST.index(path.stem) if path.stem in LONGEST else len(LONGEST)
+    return path.parent.name == "extension", needs_kernels(path), place
 
 
 def pytest_collection_modifyitems(config, items):
