@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from component_meshes import STEEL, box
 from test_component_nastran import deck
 from test_inspect import mesh, model, said
 from test_turning_superelements import write_frame
 
 from squealstudy.errors import StudyFileError
-from squealstudy.models.components.free_modes import first_elastic
+from squealstudy.models.components.free_modes import FIRST_CUTOFF, first_cutoff, first_elastic
 from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
 from squealstudy.study.components import read_model
@@ -62,6 +63,13 @@ def test_a_density_in_other_units_is_told_at_once(tmp_path, capsys):
     assert code == 1
     assert "6 rigid modes, first free modes 0.0" in facts
     assert "waves would run in STEEL at" in messages
+
+
+def test_free_modes_of_nothing_are_looked_for_from_somewhere():
+    """From zero the search for elastic modes would never end."""
+    nothing = sp.csr_matrix((9, 9))
+    assert first_cutoff(nothing, sp.eye(9, format="csr")) == FIRST_CUTOFF
+    assert first_cutoff(sp.eye(9, format="csr"), nothing) == FIRST_CUTOFF
 
 
 def test_a_part_of_nastran_with_cards_that_may_matter(tmp_path, capsys):

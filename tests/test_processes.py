@@ -16,7 +16,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from squealstudy.engine.workers import AHEAD, Workers
+from squealstudy.engine import workers as module
+from squealstudy.engine.workers import AHEAD, Workers, one_thread
 from squealstudy.errors import MachineError
 from squealstudy.machine import starting_processes
 
@@ -251,3 +252,16 @@ def test_an_interrupt_during_the_imports_leaves_no_traceback() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (-signal.SIGINT, "")
+
+
+def test_thread_pools_are_looked_for_again_where_modules_changed(monkeypatch):
+    """One module gone and another one there: as many as before, and perhaps another BLAS."""
+    monkeypatch.setitem(sys.modules, "squealstudy_first", module)
+    with one_thread():
+        looked = module._thread_pools.cache_info().misses
+    with one_thread():
+        assert module._thread_pools.cache_info().misses == looked
+    monkeypatch.delitem(sys.modules, "squealstudy_first")
+    monkeypatch.setitem(sys.modules, "squealstudy_second", module)
+    with one_thread():
+        assert module._thread_pools.cache_info().misses == looked + 1

@@ -266,14 +266,14 @@ atexit.register(_executor.cache_clear)  # while modules are there, which it look
 
 
 @lru_cache(maxsize=1)
-def _thread_pools(_modules: int) -> ThreadpoolController:
-    """Those of this process; they are looked for in all that is loaded, so only where it grew."""
+def _thread_pools(_modules: frozenset[str]) -> ThreadpoolController:
+    """Those of this process; looked for in all that is loaded, so only where that changed."""
     return ThreadpoolController()
 
 
 def one_thread() -> AbstractContextManager[object]:
     """With one thread of BLAS."""
-    return _thread_pools(len(sys.modules)).limit(limits=1)
+    return _thread_pools(frozenset(sys.modules)).limit(limits=1)
 
 
 def on_one_thread(function: Callable[Given, Found]) -> Callable[Given, Found]:

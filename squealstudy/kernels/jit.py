@@ -68,8 +68,8 @@ def fast_kernel(function: F) -> F:
     """For functions that only other kernels call and whose sums may be reordered.
 
     The fast-math flags that assume finite values are left out: a NaN still arrives as NaN.
-    References to arrays are not counted: each view of one would cost two atomic additions, which
-    were three quarters of a step of one degree of freedom. Arrays cannot be made (`room_kernel`).
+    References to arrays are not counted: each view of one would cost two atomic additions, most of
+    a step of few degrees of freedom. Arrays cannot be made (`room_kernel`).
     """
     return _compiled(function, REORDER, no_cpython_wrapper=True, _nrt=False)
 

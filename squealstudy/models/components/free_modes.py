@@ -136,7 +136,8 @@ def first_cutoff(K: sp.csr_matrix, M: sp.csr_matrix) -> float:
     diagonal = np.abs(M.diagonal())
     ratios = np.abs(K.diagonal()) / np.where(diagonal > 0, diagonal, np.inf)
     side = (M.shape[0] / 3) ** (1 / 3)
-    return float(min(FIRST_CUTOFF, np.sqrt(ratios.max(initial=0.0)) / (2 * np.pi) / side / 5))
+    own = np.sqrt(ratios.max(initial=0.0)) / (2 * np.pi) / max(side, 1.0) / 5
+    return float(min(FIRST_CUTOFF, own)) if own > 0.0 else FIRST_CUTOFF
 
 
 def rigid_count(K: sp.csr_matrix, M: sp.csr_matrix, omega: np.ndarray) -> int:
