@@ -20,6 +20,8 @@ if sys.argv[:1] == ["-m"] and not sys.flags.safe_path:
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from squealstudy.version import __version__
+
 if TYPE_CHECKING:
     from squealstudy.engine.pictures import register_plot
     from squealstudy.engine.results import Results
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
     from squealstudy.study.examples import list_examples, write_example
     from squealstudy.tables.other_codes import other_codes
 
-__version__ = "0.2.0"
 __all__ = [
     "Model",
     "Results",

@@ -582,7 +582,7 @@ def test_contents_of_a_cache_are_held_against_their_hashes(here):
 
 # -- what goes wrong -------------------------------------------------------------------------------
 def test_a_worker_of_another_version_is_refused_before_any_task(own, here):
-    own.add("old", before="import squealstudy; squealstudy.__version__ = '0.0.1'")
+    own.add("old", before="import squealstudy.version; squealstudy.version.__version__ = '0.0.1'")
     path = study(here, HULTEN)
     done = started("run", path, "--scheduler", own.address, folder=here)
     _, errors = done.communicate(timeout=LONGEST)

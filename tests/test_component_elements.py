@@ -15,7 +15,6 @@ from squealstudy.models.catalogue import MODELS
 from squealstudy.models.catalogue.disc_brake.as_files import mesh_of_grid
 from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
 from squealstudy.models.components.checks import check_mesh
-from squealstudy.models.components.element_shapes import SHAPES
 from squealstudy.models.components.faces import boundary, facets
 from squealstudy.models.components.formulations import FORMULATIONS, integration
 from squealstudy.models.components.materials import Orientation, Orthotropic, moduli
@@ -26,6 +25,7 @@ from squealstudy.models.components.mesh_matrices import (
     stiffness_matrix,
     stiffness_terms,
 )
+from squealstudy.models.element_shapes import SHAPES
 from squealstudy.models.fem.solid import FULL, Isotropic
 
 ALL = sorted(FORMULATIONS)

@@ -10,13 +10,13 @@ from calculix import CCX, apart, judged
 from component_meshes import LINING, STEEL, box
 
 from squealstudy.models.components.checks import check_mesh
-from squealstudy.models.components.element_shapes import SHAPES
 from squealstudy.models.components.formulations import FORMULATIONS, integration
 from squealstudy.models.components.gmsh import read_gmsh
 from squealstudy.models.components.inp import read_inp
 from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.models.components.mesh import ElementBlock, SolidMesh
 from squealstudy.models.components.mesh_matrices import stiffness_matrix
+from squealstudy.models.element_shapes import SHAPES
 
 INSIDE = np.array([[a * (1 - c), b * (1 - c), c] for a, b, c in product((0.1, 0.5, 0.8), repeat=3)])
 ORIGIN = box("C3D8").origin

@@ -13,7 +13,7 @@ from squealstudy.errors import ModelError
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Rotors
 from squealstudy.models.cells import NONE, CellBlock, ComponentCells
-from squealstudy.models.components.element_shapes import SHAPES
+from squealstudy.models.element_shapes import SHAPES
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import band_modes, linearised_point
 from squealstudy.reduction.cmt import Expansion

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -27,9 +27,7 @@ from squealstudy.cycles.projection import SIZE, TARGET
 from squealstudy.errors import ConvergenceError
 
 if TYPE_CHECKING:
-    from squealstudy.cycles.branch import Moving
     from squealstudy.cycles.oscillator import LocalForces
-    from squealstudy.cycles.projection import Projection
 
 BASIS = "basis"  # the basis errs by too much, or is too large
 LOST = "not_converged"
@@ -66,14 +64,62 @@ class CurveMotion:
     event: str = ""
 
 
+class CurveBasis(Protocol):
+    """The basis that the motions of a curve are balanced in.
+
+    A `Projection` at one design, a `branch.Moving` along a parameter.
+    """
+
+    @property
+    def complete(self) -> bool:
+        """Whether the basis is that of all coordinates."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Number of vectors."""
+        ...
+
+    def equations(self, harmonics: int) -> CycleEquations:
+        """Equations of motions in the basis."""
+        ...
+
+    def correction(
+        self, motion: PeriodicMotion, fresh: bool = ..., local: LocalForces | None = ...
+    ) -> PeriodicMotion:
+        """By what a motion that is balanced in the basis is corrected."""
+        ...
+
+    def error(self, motion: PeriodicMotion, correction: PeriodicMotion) -> float:
+        """Norm of a correction over that of the motion."""
+        ...
+
+    def improve(
+        self, motion: PeriodicMotion, target: float, held: int
+    ) -> tuple[PeriodicMotion, float, float]:
+        """The motion in a basis in which it errs by less than `target`, its error and residual."""
+        ...
+
+    def remember(self, motion: PeriodicMotion) -> None:
+        """A basis that begins anew will hold this motion."""
+        ...
+
+    def compact(self, motion: PeriodicMotion) -> None:
+        """A large basis begins anew."""
+        ...
+
+    def grow(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
+        """A correction joins the basis."""
+        ...
+
+
 @dataclass
 class Path:
     """What is followed, and which way.
 
     Attributes
     ----------
-    projection : Projection or Moving
-        At one design, or along a parameter.
+    projection : CurveBasis
     harmonics : int
     first : (int, float)
         Place among the unknowns, and sign, of what changes first.
@@ -86,7 +132,7 @@ class Path:
         As of `continuation.follow`.
     """
 
-    projection: Projection | Moving
+    projection: CurveBasis
     harmonics: int
     first: tuple[int, float]
     ended: Ended

@@ -21,7 +21,6 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-import squealstudy
 from squealstudy.engine.cache import contents, keep_contents, prepared_path, touched
 from squealstudy.engine.keys import source_hash
 from squealstudy.errors import MachineError, SquealstudyError
@@ -29,6 +28,7 @@ from squealstudy.extensions import THREADS, load_extension
 from squealstudy.files import write_bytes
 from squealstudy.machine import peak_memory_mb
 from squealstudy.paths import cache_directory
+from squealstudy.version import __version__
 
 PACKAGES = ("numpy", "scipy", "numba", "pyarrow")  # that numbers, and how they travel, rest on
 SAME = "install the same versions there as here"
@@ -63,7 +63,7 @@ class Answer:
 def versions() -> dict[str, str]:
     """Versions on which numbers rest; of squealstudy the hash of its source as well."""
     python = ".".join(platform.python_version_tuple()[:2])
-    own = f"{squealstudy.__version__} (source {source_hash(('.',))})"
+    own = f"{__version__} (source {source_hash(('.',))})"
     return {"squealstudy": own, "python": python} | {name: version(name) for name in PACKAGES}
 
 

@@ -6,13 +6,12 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-import squealstudy
+from squealstudy.version import PACKAGE_FOLDER
 
 # the code whose change changes a reduction or a result
 NUMERIC_PACKAGES = (
@@ -50,7 +49,7 @@ def source_hash(packages: tuple[str, ...] = NUMERIC_PACKAGES) -> str:
 
     FileNotFoundError for what is not there: a folder that was renamed must not hash to nothing.
     """
-    root = Path(squealstudy.__file__).parent
+    root = PACKAGE_FOLDER
     digest = hashlib.sha256()
     for package in packages:
         place = root / package

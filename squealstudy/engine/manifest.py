@@ -9,7 +9,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import squealstudy
 from squealstudy.engine.journal import JOURNAL, Journal
 from squealstudy.engine.kind import Planned
 from squealstudy.engine.plan import Plan
@@ -37,6 +36,7 @@ from squealstudy.models.lumped.definition import LumpedDefinition
 from squealstudy.models.operating import SLIDING_SPEED
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
+from squealstudy.version import __version__
 
 BESIDE = "beside"  # key: folders of studies run with it, and why one could not be
 PACKAGES = (
@@ -78,7 +78,7 @@ def identity_facts(plan: Planned) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Versions of squealstudy and of what its numbers rest on."""
-    return {"squealstudy": squealstudy.__version__} | {name: version(name) for name in PACKAGES}
+    return {"squealstudy": __version__} | {name: version(name) for name in PACKAGES}
 
 
 def model_facts(plan: Plan) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.element_shapes import SHAPES
+from squealstudy.models.element_shapes import SHAPES
 
 NONE = -1  # in place of a node that a facet does not have
 

@@ -2,34 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from itertools import product
-from typing import TYPE_CHECKING
 
-from squealstudy.errors import ModelError
+from squealstudy.errors import ModelError, StudyFileError
 from squealstudy.laws.consistency import NotComputedError
 from squealstudy.laws.friction_law import PRESSURES, SPEEDS
 from squealstudy.models.operating import CONTACT_OPTION, FRICTION_OPTION, OperatingPoint
 from squealstudy.study.design import DesignPoint
+from squealstudy.study.sweeps import Sweep
 from squealstudy.study.toml_text import KeyPath
 
-if TYPE_CHECKING:
-    from squealstudy.study.definition import ResolvedStudy
 
-
-def check_outside_laws(study: ResolvedStudy) -> None:
+def check_outside_laws(
+    design: DesignPoint,
+    sweeps: Iterable[Sweep],
+    error_at: Callable[[KeyPath, str], StudyFileError],
+) -> None:
     """Try laws from outside the package at the study's nominal values and the ends of its sweeps.
+
+    Parameters
+    ----------
+    design : DesignPoint
+        The nominal values.
+    sweeps : iterable of Sweep
+    error_at : callable
+        The error about a place of the study file, with a message.
 
     Raises
     ------
     StudyFileError
         About the law, or the sweep at whose end functions of the law contradict each other.
     """
-    design = DesignPoint(study.model, study.options, study.values)
     if not design.has_working_point:
         return
-    nominal = design.operating_point()
+    nominal, numbered = design.operating_point(), list(enumerate(sweeps))
     for option, law, tried in (
         (CONTACT_OPTION.name, nominal.law, _try_contact),
         (FRICTION_OPTION.name, nominal.curve, _try_friction),
@@ -37,14 +45,14 @@ def check_outside_laws(study: ResolvedStudy) -> None:
         if law.definition.in_package:
             continue
         places: list[tuple[KeyPath, Mapping[str, float]]] = [(("model", option), {})]
-        for number, sweep in enumerate(study.sweeps):
+        for number, sweep in numbered:
             places += [(("sweep", number), {sweep.name: end}) for end in (sweep.low, sweep.high)]
         for keys, moved in places:
             try:
-                tried(design.with_values({**study.values, **moved}).operating_point())
+                tried(design.with_values({**design.values, **moved}).operating_point())
             except ModelError as error:
                 where = "".join(f", with {name} = {value:g}" for name, value in moved.items())
-                raise study.error(keys, f"{error}{where}") from None
+                raise error_at(keys, f"{error}{where}") from None
 
 
 # What cannot be computed at these pressures is left to the working points, which may have others.

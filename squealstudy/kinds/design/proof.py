@@ -6,19 +6,17 @@ What a check refutes joins what the next search is asked for.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from squealstudy.cycles.trials import DECAYS, LASTS
+from squealstudy.kinds.design.evaluations import Evaluations
 from squealstudy.kinds.design.in_time import TODAY
 from squealstudy.kinds.design.plan import CYCLES, FULL, IN_TIME, ROOTS, Ask, ask
 from squealstudy.kinds.design.state import Check, Extra
 from squealstudy.tables.robustness import probability_interval
 from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, plural
-
-if TYPE_CHECKING:
-    from squealstudy.kinds.design.loop import Loop
 
 REFINED = 6  # points of least margin whose neighbourhood is looked at, again and again
 PARTS, NARROW = 8, 1.001  # of a gap of the matrix, in which middles end; round-off
@@ -33,15 +31,15 @@ AMPLITUDES = (LIMIT_CYCLES, IN_TIME)  # checks of large motions
 
 
 class Proof:
-    """The checks of designs of a loop, to whose state they add.
+    """The checks of designs, to the state of whose evaluations they add.
 
     Parameters
     ----------
-    loop : Loop
+    designs : Evaluations
     """
 
-    def __init__(self, loop: Loop) -> None:
-        self.loop = loop
+    def __init__(self, designs: Evaluations) -> None:
+        self.designs = designs
 
     def passed(self, design: np.ndarray) -> bool:
         """Whether a design passes all checks; else what it has shown joins what is asked."""
@@ -64,26 +62,28 @@ class Proof:
         value: float,
         text: str,
     ) -> None:
-        self.loop.state.checks.append(
-            Check(self.loop.state.round, kind, design, tuple(asks), passed, value, text)
+        self.designs.state.checks.append(
+            Check(self.designs.state.round, kind, design, tuple(asks), passed, value, text)
         )
 
     def _over(self, kind: str, design: np.ndarray, points: Sequence[int]) -> bool:
         """Whether a design meets the margin at some points; those where not join the view."""
-        asks = [self.loop.judging(p, design) for p in points]
-        rows = self.loop.rows_of(asks)
-        found = [self.loop.judged(design, [p], a.stage) for p, a in zip(points, asks, strict=True)]
+        asks = [self.designs.judging(p, design) for p in points]
+        rows = self.designs.rows_of(asks)
+        found = [
+            self.designs.judged(design, [p], a.stage) for p, a in zip(points, asks, strict=True)
+        ]
         excess = np.array([-1.0 if j is None else j.worst for j in found])
         least = np.array([r["min_damping_ratio"] for r in rows if r["status"] == "ok"])
         bad = [points[i] for i in np.argsort(excess, kind="stable") if excess[i] < 0]
         text = f"{len(points) - len(bad)} of {len(points)} operating points have what is asked"
         value = float(np.nanmin(least)) if np.isfinite(least).any() else np.nan
         self._told(kind, design, asks, not bad, value, text)
-        self.loop.state.view = sorted({*self.loop.state.view, *bad[:MORE]})
+        self.designs.state.view = sorted({*self.designs.state.view, *bad[:MORE]})
         return not bad
 
     def _matrix(self, design: np.ndarray) -> bool:
-        return self._over("matrix", design, range(self.loop.state.n_matrix))
+        return self._over("matrix", design, range(self.designs.state.n_matrix))
 
     def _refined(self, design: np.ndarray) -> bool:
         """Middles towards the neighbours of the points of least margin, until none is wide.
@@ -91,7 +91,7 @@ class Proof:
         A mode may grow between two operating points at which it does not: of what is found there
         the points of least margin have middles again.
         """
-        state = self.loop.state
+        state = self.designs.state
         matrix = np.array(state.points[: state.n_matrix]).reshape(state.n_matrix, -1)
         while True:
             refined = range(state.n_matrix, len(state.points))
@@ -109,14 +109,14 @@ class Proof:
             state.points += new.values()
 
     def _worst(self, design: np.ndarray, count: int) -> list[int]:
-        return self.loop.by_margin(design, range(len(self.loop.state.points)))[:count]
+        return self.designs.by_margin(design, range(len(self.designs.state.points)))[:count]
 
     def _full_order(self, design: np.ndarray) -> bool:
-        if not self.loop.reduced or not self.loop.goal.full_order:
+        if not self.designs.reduced or not self.designs.goal.full_order:
             return True
-        points = self._worst(design, self.loop.goal.full_order)
-        asks = [self.loop.ask(p, design, FULL) for p in points]
-        rows = self.loop.rows_of(asks)
+        points = self._worst(design, self.designs.goal.full_order)
+        asks = [self.designs.ask(p, design, FULL) for p in points]
+        rows = self.designs.rows_of(asks)
         good: bool | None = True
         value, lost = np.inf, ""
         for p, row in zip(points, rows, strict=True):
@@ -124,14 +124,16 @@ class Proof:
                 good, lost = None if good else good, f"; {row['message']}"
                 continue
             own, full = (
-                self.loop.rows[self.loop.judging(p, design)]["min_damping_ratio"],
+                self.designs.rows[self.designs.judging(p, design)]["min_damping_ratio"],
                 row["min_damping_ratio"],
             )
             value = min(value, full)
-            if full < self.loop.margin:
+            if full < self.designs.margin:
                 good = False
-                self.loop.state.extras.append(Extra(p, self.loop.margin + LACKING * (own - full)))
-                self.loop.state.view = sorted({*self.loop.state.view, p})
+                self.designs.state.extras.append(
+                    Extra(p, self.designs.margin + LACKING * (own - full))
+                )
+                self.designs.state.view = sorted({*self.designs.state.view, p})
         least = f"{value:.4g}" if np.isfinite(value) else "not known"
         text = f"least damping ratio {least} at {plural(len(points), 'operating point')}{lost}"
         self._told("full_order", design, asks, good, value, text)
@@ -139,13 +141,13 @@ class Proof:
 
     def _cycles(self, design: np.ndarray) -> bool:
         """No mode may lack damping at any amplitude."""
-        by_default = 0 if self.loop.reduced else CYCLE_POINTS
-        count = by_default if self.loop.goal.cycles is None else self.loop.goal.cycles
-        if not self.loop.cyclic or not count:
+        by_default = 0 if self.designs.reduced else CYCLE_POINTS
+        count = by_default if self.designs.goal.cycles is None else self.designs.goal.cycles
+        if not self.designs.cyclic or not count:
             return True
         points = self._worst(design, count)
-        asks = [self.loop.ask(p, design, CYCLES) for p in points]
-        rows = self.loop.rows_of(asks)
+        asks = [self.designs.ask(p, design, CYCLES) for p in points]
+        rows = self.designs.rows_of(asks)
         verdicts: dict[str, int] = {}
         value, good = -np.inf, True
         for p, row in zip(points, rows, strict=True):
@@ -158,12 +160,12 @@ class Proof:
             if missing > 0 or name in (SQUEALS, IF_KICKED):
                 good = False
                 hz = float(row["frequency_hz"])
-                own = self._damping_near(self.loop.rows[self.loop.judging(p, design)], hz)
+                own = self._damping_near(self.designs.rows[self.designs.judging(p, design)], hz)
                 lack = max(missing, LEAST_LACK)
                 beyond = max(lack + min(own, 0.0), LEAST_LACK)  # what small motions lack is known
                 more = own + lack + (LACKING - 1.0) * beyond
-                self.loop.state.extras.append(Extra(p, more, hz))
-                self.loop.state.view = sorted({*self.loop.state.view, p})
+                self.designs.state.extras.append(Extra(p, more, hz))
+                self.designs.state.view = sorted({*self.designs.state.view, p})
         known = good and set(verdicts) <= {NO_CYCLE}
         text = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in verdicts.items())
         if NO_CYCLE in verdicts:
@@ -175,26 +177,26 @@ class Proof:
 
     def _in_time(self, design: np.ndarray) -> bool:
         """All runs decay: from today's vibration, and from kicks."""
-        loop = self.loop
-        if not loop.cyclic or not loop.goal.in_time:
+        designs = self.designs
+        if not designs.cyclic or not designs.goal.in_time:
             return True
-        own = self._worst(design, loop.goal.in_time)
-        was = loop.by_margin(loop.study.nominal, range(loop.state.n_matrix))
+        own = self._worst(design, designs.goal.in_time)
+        was = designs.by_margin(designs.study.nominal, range(designs.state.n_matrix))
         both = dict.fromkeys(p for pair in zip(own, was, strict=False) for p in pair)
-        points = list(both)[: loop.goal.in_time]
-        asks = [loop.ask(p, design, IN_TIME) for p in points]
-        rows = loop.rows_of(asks)
+        points = list(both)[: designs.goal.in_time]
+        asks = [designs.ask(p, design, IN_TIME) for p in points]
+        rows = designs.rows_of(asks)
         good, ok = True, [r for r in rows if r["status"] == "ok"]
         for p, row in zip(points, rows, strict=True):
             if row["status"] != "ok" or row["verdict"] != LASTS:
                 continue
             good, hz = False, float(np.nan_to_num(row["frequency_hz"]))
-            near = self._damping_near(loop.rows[loop.judging(p, design)], hz)
-            of_runs = [e for e in loop.state.extras if e.point == p and np.isfinite(e.lasts)]
+            near = self._damping_near(designs.rows[designs.judging(p, design)], hz)
+            of_runs = [e for e in designs.state.extras if e.point == p and np.isfinite(e.lasts)]
             before = next((e for e in of_runs if e.near(hz)), Extra(p, 0.0, hz))
-            loop.state.extras = [e for e in loop.state.extras if e is not before]
-            loop.state.extras.append(before.raised(near))
-            loop.state.view = sorted({*loop.state.view, p})
+            designs.state.extras = [e for e in designs.state.extras if e is not before]
+            designs.state.extras.append(before.raised(near))
+            designs.state.view = sorted({*designs.state.view, p})
         known = len(ok) == len(rows) and all(r["verdict"] == DECAYS for r in rows)
         runs = sum(r["n_modes"] for r in ok)
         decayed = runs - sum(r["n_unstable"] for r in ok)
@@ -221,19 +223,24 @@ class Proof:
 
     def _scatter(self, design: np.ndarray) -> bool:
         """The share of samples that meet the margin at the points of least margin."""
-        asked = self.loop.goal.margin.probability
+        asked = self.designs.goal.margin.probability
         if asked is None:
             return True
-        points, scatter = self._worst(design, self.loop.goal.sampled), self._samples(asked)
+        points, scatter = self._worst(design, self.designs.goal.sampled), self._samples(asked)
         asks = [
-            [ask(self.loop.study, self.loop.state.points[p], design, ROOTS, u) for p in points]
+            [
+                ask(self.designs.study, self.designs.state.points[p], design, ROOTS, u)
+                for p in points
+            ]
             for u in scatter
         ]
-        rows = self.loop.rows_of(a for own in asks for a in own)
+        rows = self.designs.rows_of(a for own in asks for a in own)
         least = np.array([r["min_damping_ratio"] for r in rows])
-        left = [self.loop.moved_out(p, r) for p, r in zip(points * len(scatter), rows, strict=True)]
+        left = [
+            self.designs.moved_out(p, r) for p, r in zip(points * len(scatter), rows, strict=True)
+        ]
         ok = np.array([r["status"] == "ok" and not m for r, m in zip(rows, left, strict=True)])
-        met = ok & ~(least < self.loop.margin)  # without a mode in the band none misses it
+        met = ok & ~(least < self.designs.margin)  # without a mode in the band none misses it
         good = int(met.reshape(len(scatter), -1).all(axis=1).sum())
         low, high = probability_interval(good, len(scatter), CONFIDENCE)
         text = (
@@ -244,7 +251,7 @@ class Proof:
         passed = low >= asked
         self._told("scatter", design, flat, passed, good / len(scatter), text)
         if not passed:
-            self.loop.state.safety = max(self.loop.state.safety, 1.0) * SAFER
+            self.designs.state.safety = max(self.designs.state.safety, 1.0) * SAFER
         return passed
 
     def _samples(self, asked: float) -> np.ndarray:
@@ -252,13 +259,13 @@ class Proof:
         from scipy.stats import qmc
 
         enough = int(np.ceil(np.log((1 - CONFIDENCE) / 2) / np.log(asked)))
-        count = self.loop.goal.samples or enough
-        rng = np.random.default_rng(self.loop.goal.seed + 1)
-        unit = qmc.Sobol(len(self.loop.study.uncertain), scramble=True, seed=rng)
+        count = self.designs.goal.samples or enough
+        rng = np.random.default_rng(self.designs.goal.seed + 1)
+        unit = qmc.Sobol(len(self.designs.study.uncertain), scramble=True, seed=rng)
         u = unit.random_base2((count - 1).bit_length())[:count]
         columns = [
             s.distribution.quantiles(own)
-            for s, own in zip(self.loop.study.uncertain, u.T, strict=True)
+            for s, own in zip(self.designs.study.uncertain, u.T, strict=True)
             if s.distribution is not None
         ]
         return np.column_stack(columns)

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from squealstudy.models.components.element_shapes import SHAPES, Shape
+from squealstudy.models.element_shapes import SHAPES, Shape
 
 MassRule = Literal["full", "as_stiffness", "lumped"]
 Strains = Literal["plain", "mean_dilatation", "incompatible"]

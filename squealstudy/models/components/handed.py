@@ -7,10 +7,10 @@ from functools import cache
 
 import numpy as np
 
-from squealstudy.models.components.element_shapes import SHAPES
 from squealstudy.models.components.formulations import integration
 from squealstudy.models.components.jacobians import CHUNK
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
+from squealstudy.models.element_shapes import SHAPES
 
 
 def righted(mesh: SolidMesh) -> SolidMesh:

@@ -12,13 +12,14 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Card, read_cards
-from squealstudy.models.components.inp_component import READ, Component, Text, passed, unused
+from squealstudy.models.components.inp_component import READ, Component
 from squealstudy.models.components.inp_couplings import KEYWORDS
 from squealstudy.models.components.inp_equations import KEYWORDS as EQUATIONS
 from squealstudy.models.components.inp_keywords import ELEMENTS, OTHER_LAWS, PASSED_OVER, REFUSED
 from squealstudy.models.components.inp_materials import MaterialText
 from squealstudy.models.components.inp_refused import Refused, refuse, sift_elements
 from squealstudy.models.components.inp_sectors import whole_body
+from squealstudy.models.components.inp_text import Text, passed, unused
 from squealstudy.models.components.marked_faces import FACES, NODES
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 

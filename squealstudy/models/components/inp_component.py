@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,84 +20,22 @@ from squealstudy.models.components.inp_elements import Elements
 from squealstudy.models.components.inp_equations import KEYWORDS as EQUATIONS
 from squealstudy.models.components.inp_equations import Equations
 from squealstudy.models.components.inp_lines import WHOLE, Line
-from squealstudy.models.components.inp_materials import MaterialText, with_sections
+from squealstudy.models.components.inp_materials import with_sections
 from squealstudy.models.components.inp_nodes import KEYWORDS as NODES
 from squealstudy.models.components.inp_nodes import Nodes
 from squealstudy.models.components.inp_places import Places
 from squealstudy.models.components.inp_sectors import KEYWORD as SECTORS
 from squealstudy.models.components.inp_sectors import SectorCard, read_sectors
 from squealstudy.models.components.inp_sets import NOTHING, Sets
+from squealstudy.models.components.inp_text import Text, unused
 from squealstudy.models.components.marked_faces import MarkedFaces
-from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
+from squealstudy.models.components.mesh import ElementBlock, SolidMesh
 
 SET = ("NSET", "ELSET", "GENERATE", "INSTANCE", "UNSORTED", "INTERNAL")
 SURFACE = ("NAME", "TYPE", "INTERNAL")
 SECTIONS = ("SOLIDSECTION", "ORIENTATION")
 OF_MESH = (*NODES, *ELEMENTS, "NSET", "ELSET", "SURFACE")
 READ = (*OF_MESH, *SECTIONS, *KEYWORDS, *EQUATIONS, *DISCRETE, SECTORS, ADDED)
-
-
-@dataclass
-class Text:
-    """What one component is made of.
-
-    Attributes
-    ----------
-    path : Path
-        The file asked for.
-    part : list of Card
-        Of the part and its instance, or of a file without parts.
-    assembly : list of Card
-        Sets and surfaces of the assembly.
-    instance : str
-        In capitals; empty without parts.
-    materials : dict of str -> MaterialText
-        By their names in capitals.
-    turn, shift : ndarray
-        Placement of the instance: x goes to turn x + shift.
-    elements : dict of str -> str
-        Types of elements of the file, in capitals, and their formulation here.
-    temperature : float or None
-        At which materials are taken.
-    abaqus : bool
-        Whether Abaqus is meant, and not CalculiX.
-    others : list of (Card, list of int)
-        Elements that are no solids, and their numbers.
-    points : list of Card
-        Springs, masses and older couplings among them, whose keywords are read.
-    points_alone : bool
-        Elements need not be there, and all nodes are kept.
-    """
-
-    path: Path
-    part: Sequence[Card]
-    assembly: Sequence[Card]
-    instance: str
-    materials: Mapping[str, MaterialText]
-    turn: np.ndarray
-    shift: np.ndarray
-    elements: Mapping[str, str]
-    temperature: float | None = None
-    abaqus: bool = False
-    others: list[tuple[Card, list[int]]] = field(default_factory=list)
-    points: list[Card] = field(default_factory=list)
-    points_alone: bool = False
-    passed_over: list[PassedOver] = field(default_factory=list)
-
-    def note(self, card: Card, why: str) -> None:
-        """Report a card that is passed over, or of which something is."""
-        self.passed_over.append(passed(card, why))
-
-
-def unused(card: Card) -> PassedOver:
-    """What a card has of parameters that are passed over."""
-    many = "s" if len(card.unused) > 1 else ""
-    return passed(card, f"the parameter{many} {', '.join(card.unused)}, not used here")
-
-
-def passed(card: Card, why: str) -> PassedOver:
-    """A card for the report of what is passed over."""
-    return PassedOver(card.shown, card.line.file.path, card.line.place + 1, why)
 
 
 class Component:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,10 +13,8 @@ from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.inp_places import Places
 from squealstudy.models.components.inp_sets import Sets
+from squealstudy.models.components.inp_text import Text
 from squealstudy.models.components.mesh import SolidMesh
-
-if TYPE_CHECKING:
-    from squealstudy.models.components.inp_component import Text
 
 POINTS = {  # elements and their numbers of nodes
     **dict.fromkeys(("MASS", "ROTARYI", "SPRING1", "DASHPOT1", "DCOUP3D"), 1),

@@ -6,10 +6,10 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from squealstudy.models.components.inp_cards import Card
-from squealstudy.models.components.inp_component import Text
 from squealstudy.models.components.inp_discrete import POINTS
 from squealstudy.models.components.inp_keywords import BESIDE, ELEMENTS
 from squealstudy.models.components.inp_lines import WHOLE
+from squealstudy.models.components.inp_text import Text
 from squealstudy.models.components.marked_faces import FACES, NODES
 
 

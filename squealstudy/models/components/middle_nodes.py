@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from squealstudy.models.components.constraints import Relation, relation
-from squealstudy.models.components.element_shapes import Shape
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
+from squealstudy.models.element_shapes import Shape
 
 LACKING = -1  # the place of a middle node that is not there
 

@@ -17,7 +17,7 @@ from skfem import CellBasis, ElementHexS2
 
 from squealstudy.errors import ModelError
 from squealstudy.models.cells import CellBlock, ComponentCells
-from squealstudy.models.components.element_shapes import SHAPES
+from squealstudy.models.element_shapes import SHAPES
 from squealstudy.models.fem.grid import CylindricalMesh
 
 
