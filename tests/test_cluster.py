@@ -24,6 +24,7 @@ from study_texts import study_text, sweep_text
 
 import squealstudy as sq
 from squealstudy import extensions
+from squealstudy.columns import COLUMNS
 from squealstudy.engine.cache import (
     contents,
     is_whole,
@@ -37,6 +38,7 @@ from squealstudy.engine.workers import AHEAD, Workers
 from squealstudy.errors import MachineError
 from squealstudy.machine import InterruptedRun, interruptible
 from squealstudy.modes.reanalysis.polynomials import ExpandedWeights
+from squealstudy.study import kinds
 
 pytest.importorskip("distributed", reason="NOT TRIED: distributed is not installed")
 
@@ -235,11 +237,18 @@ def here(tmp_path, monkeypatch):
 
 @pytest.fixture(autouse=True)
 def _as_a_new_process(monkeypatch):
-    """Other tests' extensions are none of ours; a shell in the background ignores interrupts."""
+    """Other tests' extensions are none of ours, nor ours theirs; interrupts arrive.
+
+    A shell in the background ignores them.
+    """
     monkeypatch.setattr(extensions, "_read", {})
+    monkeypatch.setattr(kinds, "_registered", dict(kinds._registered))
+    columns = dict(COLUMNS)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+    for name in COLUMNS.keys() - columns:
+        del COLUMNS[name]
 
 
 @pytest.fixture(autouse=True)
