@@ -73,6 +73,7 @@ LONGEST = (  # files that begin first, so that none of them ends a run alone
     *("test_cluster", "test_design", "test_plots", "test_fidelity", "test_shipped_studies"),
     *("test_shipped_transients", "test_boundary", "test_sweep_basis", "test_fixed_jacobian"),
 )
+EXTENDING = ("test_stacked_sensitivity",)  # files that read extensions, in another folder
 CACHE = "SQUEALSTUDY_CACHE"
 COMPILED = "NUMBA_CACHE_DIR"
 SHARED = "SQUEALSTUDY_TESTS_SHARED"
@@ -179,7 +180,8 @@ def order(path: Path) -> tuple[bool, bool, int]:
     Extensions last: laws and plots that they register stay known in their process.
     """
     place = LONGEST.index(path.stem) if path.stem in LONGEST else len(LONGEST)
-    return path.parent.name == "extension", needs_kernels(path), place
+    extends = path.parent.name == "extension" or path.stem in EXTENDING
+    return extends, needs_kernels(path), place
 
 
 def pytest_collection_modifyitems(config, items):

@@ -204,8 +204,7 @@ NO_ERRORS = {
 def test_errors_of_a_reduction_that_are_none_are_made_again(monkeypatch, tmp_path, case):
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path))
     path = cache.prepared_path("k") / "reduction_errors" / "a"
-    monkeypatch.setattr(reduction_errors.ReductionErrorTask, "path", path)
-    task = reduction_errors.ReductionErrorTask(mock.MagicMock(), (1.0, 2.0))
+    task = reduction_errors.ReductionErrorTask(mock.MagicMock(), (1.0, 2.0), path)
     assert task.read() is None
     cache.save_value(path, reduction_errors.ReductionErrors(*NO_ERRORS[case]))
     assert cache.is_whole(path)

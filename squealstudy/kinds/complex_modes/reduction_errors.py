@@ -68,18 +68,21 @@ class ReductionErrors:
 
 @dataclass(frozen=True)
 class ReductionErrorTask:
-    """A design point to be solved in both models, and where the errors are kept."""
+    """A design point to be solved in both models, and where the errors are kept.
+
+    The path is that of the process that asks: another one may know other laws, and so other names.
+    """
 
     point: DesignPoint
     band_hz: tuple[float, float]
+    path: Path
 
-    @property
-    def path(self) -> Path:
+    @classmethod
+    def of(cls, point: DesignPoint, band_hz: tuple[float, float]) -> ReductionErrorTask:
         """Beside the prepared model; other studies with the same point find it."""
-        values = sorted((k, float(v).hex()) for k, v in self.point.own_values.items())
-        laws = self.point.law_identity
-        name = content_hash([source_hash(), laws, self.band_hz, values])
-        return prepared_path(self.point.structure) / "reduction_errors" / name
+        values = sorted((k, float(v).hex()) for k, v in point.own_values.items())
+        name = content_hash([source_hash(), point.law_identity, band_hz, values])
+        return cls(point, band_hz, prepared_path(point.structure) / "reduction_errors" / name)
 
     def read(self) -> ReductionErrors | str | None:
         """The errors that are kept, or why there are none; None where nothing is kept."""
@@ -124,7 +127,7 @@ def make_samples(
     if not is_reduced(plan):
         return []
     chosen = [i for i in sample_points(plan) if plan.tasks[i].structure not in failures]
-    tasks = {i: ReductionErrorTask(plan.tasks[i], plan.band_hz) for i in chosen}
+    tasks = {i: ReductionErrorTask.of(plan.tasks[i], plan.band_hz) for i in chosen}
     missing = [task for task in tasks.values() if task.read() is None]
     for _ in workers.each(solve_sample, missing, "errors of the reduction"):
         pass
