@@ -195,7 +195,6 @@ def test_partial_kinematic_couplings(tmp_path):
         (KINEMATIC[1:], "*KINEMATIC belongs after *COUPLING"),
         ((*KINEMATIC[:2], "1, 7"), "expected the first and the last of the directions 1 to 6"),
         ((*KINEMATIC[:2], "4, 6"), "none of the directions 1 to 3 is coupled"),
-        ((KINEMATIC[0] + ", ORIENTATION=O", "*KINEMATIC", "2"), "ORIENTATION is supported only"),
         ((KINEMATIC[0], "*DISTRIBUTING, WEIGHTING METHOD=CUBIC"), "CUBIC is not supported"),
         (("*COUPLING, REF NODE=9999, SURFACE=TOP", "*KINEMATIC"), "there is no node 9999"),
         (("*COUPLING, REF NODE=TOPS, SURFACE=TOP", "*KINEMATIC"), "REF NODE=TOPS is 29 nodes"),
@@ -209,6 +208,7 @@ def test_partial_kinematic_couplings(tmp_path):
         (("*EQUATION", "1", "9999, 1, 1."), "there is no node 9999"),
         (("*EQUATION", "1", "1, 1, 0."), "the factor of the first term is zero"),
         (("*MPC", "ELBOW, 1, 2"), "*MPC of type ELBOW is not supported: supported are TIE, PIN"),
+        (("*MPC", "DIST, 1, 1, 1, 2, 2, 2, 3"), "a distance that holds under some loads alone"),
         (("*MPC", "TIE, 1"), "expected a type and two nodes or sets"),
     ],
 )

@@ -54,7 +54,16 @@ SOLIDS = {
 }
 JUDGED = (  # keywords that the judge sees
     *("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", "MATERIAL", "ELASTIC", "DENSITY", "INCLUDE"),
-    *("SOLIDSECTION", "ORIENTATION", "TRANSFORM", "TIE", "RIGIDBODY", "COUPLING", "KINEMATIC"),
+    *(
+        "SOLIDSECTION",
+        "ORIENTATION",
+        "DISTRIBUTION",
+        "TRANSFORM",
+        "TIE",
+        "RIGIDBODY",
+        "COUPLING",
+        "KINEMATIC",
+    ),
     *("DISTRIBUTING", "DISTRIBUTINGCOUPLING", "EQUATION", "MPC", "SPRING", "DASHPOT", "MASS"),
 )
 BESIDE = re.compile(r"\s*\*\s*(TIE\b.*CYCLIC|ELEMENT\b.*TYPE *= *(D|GAPUNI)\b *(,|$))", re.I)

@@ -14,7 +14,6 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.models.components.body_matrices import freedom_matrices
 from squealstudy.models.components.bulk_cards import included
-from squealstudy.models.components.constraints import Relation
 from squealstudy.models.components.dimensions import (
     DENSITY,
     LENGTH,
@@ -251,9 +250,7 @@ def _moved(mesh: SolidMesh, turn: np.ndarray, shift: np.ndarray) -> SolidMesh:
         orientations=orientations,
         orientation=orientation,
         discrete=tuple(d.moved(turn) for d in mesh.discrete),
-        constraints=tuple(
-            c.moved(turn) if isinstance(c, Relation) else c for c in mesh.constraints
-        ),
+        constraints=tuple(c.moved(turn, shift) for c in mesh.constraints),
     )
 
 

@@ -8,8 +8,10 @@ from typing import Literal
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.models.components.materials import Orientation
 
 NO_FACES = np.zeros((0, 2), dtype=np.int64)
+GLOBAL = Orientation("rectangular", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,10 @@ class Tie:
         """The same in another unit of length."""
         return self if self.tolerance is None else replace(self, tolerance=size * self.tolerance)
 
+    def moved(self, turn: np.ndarray, shift: np.ndarray) -> Tie:
+        """The same of a mesh whose points x go to turn x + shift."""
+        return self
+
     def kept(self, kept: Kept) -> Tie | None:
         """The same in a part of the mesh; None where that has nothing of it."""
         of = [*kept.nodes[self.nodes], *kept.elements[self.faces[:, 0]]]
@@ -93,7 +99,9 @@ class Coupling:
     nodes : ndarray of int
         The others, without the reference node.
     directions : tuple of int
-        Of a rigid coupling, from 1 to 3: those in which the nodes follow.
+        From 1 to 3: those in which the nodes, or the reference node, follow.
+    axes : Orientation or None
+        Those in which the directions are counted, at each node that follows; None: the global ones.
     faces : ndarray (p, 2) of int
         Where the nodes of a distributing one are those of faces: they count by area, else alike.
     turning : bool
@@ -107,6 +115,7 @@ class Coupling:
     directions: tuple[int, ...] = (1, 2, 3)
     faces: np.ndarray = field(default_factory=lambda: NO_FACES)
     turning: bool = True
+    axes: Orientation | None = None
 
     @property
     def joined(self) -> np.ndarray:
@@ -119,9 +128,21 @@ class Coupling:
         how = "moves" if self.kind == "rigid" else "follows the mean motion of"
         return f"{self.name}: a reference node {how} {len(self.nodes)} nodes"
 
+    def along(self, points: np.ndarray) -> np.ndarray:
+        """Unit vectors (..., m, 3) of the m directions at points (..., 3)."""
+        return (self.axes or GLOBAL).axes(points)[..., np.array(self.directions) - 1, :]
+
     def scaled(self, size: float) -> Coupling:
         """The same in another unit of length."""
-        return self
+        if self.axes is None:
+            return self
+        return replace(self, axes=self.axes.moved(size * np.eye(3), np.zeros(3)))
+
+    def moved(self, turn: np.ndarray, shift: np.ndarray) -> Coupling:
+        """The same of a mesh whose points x go to turn x + shift."""
+        if self.directions == (1, 2, 3) or (np.array_equal(turn, np.eye(3)) and self.axes is None):
+            return self
+        return replace(self, axes=(self.axes or GLOBAL).moved(turn, shift))
 
     def kept(self, kept: Kept) -> Coupling | None:
         """The same in a part of the mesh; None where that has nothing of it."""
@@ -168,8 +189,8 @@ class Relation:
         """The same in another unit of length."""
         return self
 
-    def moved(self, turn: np.ndarray) -> Relation:
-        """The same of a turned mesh."""
+    def moved(self, turn: np.ndarray, shift: np.ndarray) -> Relation:
+        """The same of a mesh whose points x go to turn x + shift."""
         return replace(self, vectors=self.vectors @ turn.T)
 
     def kept(self, kept: Kept) -> Relation | None:

@@ -15,19 +15,21 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from squealstudy.errors import ModelError
 from squealstudy.kernels.facets import MOST, feet
 from squealstudy.models.components.constraints import Constraint, Coupling, Relation, Tie
-from squealstudy.models.components.faces import facet_groups
-from squealstudy.models.components.facet_geometry import Facets
-from squealstudy.models.components.mean_motions import ON_A_LINE, mean_motion, mean_turn
+from squealstudy.models.components.coupled_rows import (
+    facets_of,
+    mean,
+    rigid,
+    solved,
+    turn_of_mean,
+)
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
 TOLERANCE = 0.05  # of the master's mean facet: how far a tied node may be off, as in Abaqus
 APART = 1e-6  # of a facet: distance that strains nothing in a rigid turn
 COARSER = 1.3  # times as many nodes of the master as are tied to it: the slave is the coarser one
 DEEPEST = 20  # what follows what follows ...
-GAUSS = 3  # points a side of a facet, by whose areas nodes of faces count
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +159,7 @@ def _turns(
     wanted = {int(node) for d in mesh.discrete if d.turns for node in d.nodes} - set(turning)
     for c in _couplings(mesh):
         if c.kind == "distributing" and c.reference in wanted:
-            T = T + _mean_turn(mesh, c) @ E
+            T = T + turn_of_mean(mesh, c) @ E
     T = T.tocsr()
     T.eliminate_zeros()
     return T
@@ -182,14 +184,14 @@ def _relations(
         elif isinstance(c, Relation):
             continue
         elif c.kind == "rigid":
-            yield (c.name, *_rigid(mesh, c, 3 * n + 3 * turning[c.reference]))
+            yield (c.name, *rigid(mesh, c, 3 * n + 3 * turning[c.reference]))
             own = np.array([turning[k] for k in c.nodes.tolist() if k in turning and c.turning])
             if len(own):  # reference nodes of others turn with this one
                 rows = (3 * n + 3 * own[:, None] + np.arange(3)).ravel()
                 columns = np.tile(3 * n + 3 * turning[c.reference] + np.arange(3), len(own))
                 yield c.name, rows, columns, np.ones(len(rows))
         else:
-            yield (c.name, *_mean(mesh, c))
+            yield (c.name, *mean(mesh, c))
     yield from _equations(mesh)
 
 
@@ -201,122 +203,23 @@ def _equations(mesh: SolidMesh) -> Iterator[tuple[str, np.ndarray, np.ndarray, n
             of.setdefault(int(c.nodes[0]), []).append(c)
     for node, own in of.items():
         A = np.array([c.vectors[0] for c in own])
-        chosen = _pivots(A)
-        if chosen is None:
+        columns = [(3 * c.nodes[1:, None] + np.arange(3)).ravel() for c in own]
+        values = np.zeros((len(own), sum(map(len, columns))))
+        at = 0
+        for row, c in enumerate(own):
+            values[row, at : at + len(columns[row])] = c.vectors[1:].ravel()
+            at += len(columns[row])
+        found = solved(node, A, np.concatenate(columns), values)
+        if found is None:
             names = " and ".join(c.name for c in own)
             raise mesh.error(
                 f"{mesh.nodes_named(np.array([node]))} is to follow by {names}, which do not say "
                 "three displacements or fewer of it: write another of their nodes first"
             )
-        others = np.setdiff1d(np.arange(3), chosen)
-        columns = [3 * np.full(len(others), node) + others]
-        columns += [(3 * c.nodes[1:, None] + np.arange(3)).ravel() for c in own]
-        values = np.zeros((len(own), sum(map(len, columns))))
-        values[:, : len(others)] = A[:, others]
-        at = len(others)
-        for row, c in enumerate(own):
-            values[row, at : at + 3 * (len(c.nodes) - 1)] = c.vectors[1:].ravel()
-            at += 3 * (len(c.nodes) - 1)
-        follows = -np.linalg.solve(A[:, chosen], values)
-        column = np.concatenate(columns)
-        at_row, k = np.nonzero(follows)
-        none = np.zeros(len(own))  # of one that follows nothing: it does not move
-        rows = np.append(3 * node + chosen[at_row], 3 * node + chosen)
-        columns_of = np.append(column[k], 3 * node + chosen)
-        yield own[0].name, rows, columns_of, np.append(follows[at_row, k], none)
-
-
-def _pivots(A: np.ndarray) -> np.ndarray | None:
-    """Columns by which rows (m, 3) can be solved, the largest first; None where there are none."""
-    if len(A) > 3:
-        return None
-    left, found = A.astype(float).copy(), []
-    for row in range(len(A)):
-        k = int(np.abs(left[row]).argmax())
-        if not abs(left[row, k]) > ON_A_LINE * np.abs(A[row]).max():
-            return None
-        found.append(k)
-        left -= np.outer(left[:, k] / left[row, k], left[row]) * (np.arange(len(A)) > row)[:, None]
-    return np.array(found)
-
-
-# -- couplings -----------------------------------------------------------------------------------
-def _rigid(mesh: SolidMesh, c: Coupling, turns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """U = u_reference + turn x (x - x_reference) in the directions of the coupling."""
-    arm = mesh.nodes[c.nodes] - mesh.nodes[c.reference]
-    if _on_a_line(arm):
-        raise mesh.error(
-            f"{c.name}: its nodes lie on a line with the reference node, about which it could turn "
-            "freely: expected nodes of a face"
-        )
-    rows, columns, values = [], [], []
-    for direction in c.directions:
-        axis = direction - 1
-        own = 3 * c.nodes + axis
-        for column, value in (
-            (3 * c.reference + axis, np.ones(len(own))),
-            (turns + (axis + 1) % 3, arm[:, (axis + 2) % 3]),
-            (turns + (axis + 2) % 3, -arm[:, (axis + 1) % 3]),
-        ):
-            rows.append(own)
-            columns.append(np.full(len(own), column))
-            values.append(value)
-    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
-
-
-def _on_a_line(arm: np.ndarray) -> bool:
-    moments = np.linalg.eigvalsh(np.sum(arm**2) * np.eye(3) - arm.T @ arm)
-    return not moments[0] > ON_A_LINE * moments[-1]
-
-
-def _mean(mesh: SolidMesh, c: Coupling) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The reference node by the mean motion of the nodes."""
-    points, weight, shape = _weighted(mesh, c)
-    try:
-        follows = mean_motion(points, weight, mesh.nodes[c.reference])
-    except ModelError as error:
-        raise mesh.error(f"{c.name}: {error}") from error
-    rows, columns, values = [], [], []
-    follows[[axis for axis in range(3) if axis + 1 not in c.directions]] = 0.0
-    for axis in range(3):
-        A = sp.coo_matrix(sp.csr_matrix(follows[:, :, axis]) @ shape)
-        rows.append(3 * c.reference + A.row)
-        columns.append(3 * A.col + axis)
-        values.append(A.data)
-    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
-
-
-def _mean_turn(mesh: SolidMesh, c: Coupling) -> sp.csr_matrix:
-    """Turn of the reference node (3 n, 3 n), in its rows, by the displacements of the nodes."""
-    points, weight, shape = _weighted(mesh, c)
-    n = len(mesh.nodes)
-    total = sp.csr_matrix((3 * n, 3 * n))
-    there = sp.csr_matrix((np.ones(3), (3 * c.reference + np.arange(3), np.arange(3))), (3 * n, 3))
-    follows = mean_turn(points, weight)
-    for axis in range(3):
-        A = sp.coo_matrix(sp.csr_matrix(follows[:, :, axis]) @ shape)
-        own = sp.csr_matrix((A.data, (A.row, 3 * A.col + axis)), (3, 3 * n))
-        total = total + there @ own
-    return total
-
-
-def _weighted(mesh: SolidMesh, c: Coupling) -> tuple[np.ndarray, np.ndarray, sp.csr_matrix]:
-    """Points of a distributing coupling, their weights, their displacements by the nodes'."""
-    if len(c.faces):
-        surface, _ = facets_of(mesh, c.faces, c.name).gauss_points(GAUSS)
-        return surface.points, surface.area, surface.shape
-    weight = np.ones(len(c.nodes))
-    at = (np.arange(len(c.nodes)), c.nodes)
-    shape = sp.csr_matrix((weight, at), (len(c.nodes), len(mesh.nodes)))
-    return mesh.nodes[c.nodes], weight, shape
+        yield (own[0].name, *found)
 
 
 # -- ties ----------------------------------------------------------------------------------------
-def facets_of(mesh: SolidMesh, faces: np.ndarray, name: str) -> Facets:
-    """Facets of faces (p, 2)."""
-    return Facets(mesh.nodes, tuple(g.nodes for g in facet_groups(mesh, faces)), name)
-
-
 def _adjusted(mesh: SolidMesh) -> SolidMesh:
     """Tied nodes on their masters; those that are too far off are reported, and tied no more."""
     constraints: list[Constraint] = []

@@ -15,7 +15,13 @@ from squealstudy.models.components.inp_cards import Card, read_cards
 from squealstudy.models.components.inp_component import READ, Component
 from squealstudy.models.components.inp_couplings import KEYWORDS
 from squealstudy.models.components.inp_equations import KEYWORDS as EQUATIONS
-from squealstudy.models.components.inp_keywords import ELEMENTS, OTHER_LAWS, PASSED_OVER, REFUSED
+from squealstudy.models.components.inp_keywords import (
+    ELEMENTS,
+    IN_ASSEMBLY,
+    OTHER_LAWS,
+    PASSED_OVER,
+    REFUSED,
+)
 from squealstudy.models.components.inp_materials import MaterialText
 from squealstudy.models.components.inp_refused import Refused, refuse, sift_elements
 from squealstudy.models.components.inp_sectors import whole_body
@@ -26,7 +32,7 @@ from squealstudy.models.components.mesh import PassedOver, SolidMesh
 Dialect = Literal["abaqus", "calculix"]
 OWN = ("C3D8_BBAR",)  # formulations that no file can name
 ABAQUS_ONLY = ("PART", "ASSEMBLY", "INSTANCE")
-OF_ASSEMBLY = ("NSET", "ELSET", "SURFACE", *KEYWORDS, *EQUATIONS)
+OF_ASSEMBLY = ("NSET", "ELSET", "SURFACE", "ORIENTATION", *KEYWORDS, *EQUATIONS)
 
 
 @dataclass
@@ -247,7 +253,7 @@ def _place(contents: Contents, card: Card, inside: list[Card], pass_over: Collec
         contents.passed_over.append(passed(card, "as asked for"))
     else:
         name = _plain(card.value("TYPE")) if card.keyword == "ELEMENT" else card.keyword
-        text = f"{card.shown} in the assembly is not supported: {REFUSED['MPC']}"
+        text = f"{card.shown} in the assembly is not supported: {IN_ASSEMBLY}"
         contents.refused.append(Refused(card, name, text))
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from squealstudy.models.components.inp_cards import Card
+from squealstudy.models.components.inp_distributions import ElementsOf
 from squealstudy.models.components.jacobians import volumes
 from squealstudy.models.components.mesh import SolidMesh
 
@@ -17,12 +16,10 @@ TOTAL, PER_VOLUME = "TOTALMASS", "MASSPERVOLUME"
 BY_MASS, BY_VOLUME = "MASSPROPORTIONAL", "VOLUMEPROPORTIONAL"
 
 
-def with_added_mass(
-    mesh: SolidMesh, cards: Sequence[Card], elements_of: Callable[[Card], np.ndarray]
-) -> SolidMesh:
+def with_added_mass(mesh: SolidMesh, cards: Sequence[Card], elements_of: ElementsOf) -> SolidMesh:
     """The mesh with the densities that its cards add; ModelError about the line of what is wrong.
 
-    `elements_of` are places of the elements of a card's set.
+    `elements_of` are places of the elements of a set.
     """
     density = mesh.added_density.copy()
     for card in cards:
@@ -40,7 +37,7 @@ def with_added_mass(
         ((line, value),) = card.numbers("a mass", 1, 1)
         if not value >= 0:
             raise line.error(f"expected a mass of zero or above, got {value:g}")
-        own = elements_of(card)
+        own = elements_of(card.line, card.value("ELSET"))
         if not len(own):
             raise card.error(f"ELSET={card.value('ELSET')} has no solid element")
         if units == TOTAL:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from squealstudy.models.components.constraints import Relation
+from squealstudy.models.components.constraints import Constraint
 from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.inp_added_mass import KEYWORD as ADDED
 from squealstudy.models.components.inp_added_mass import with_added_mass
@@ -15,6 +15,8 @@ from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_couplings import KEYWORDS, Couplings, Where
 from squealstudy.models.components.inp_discrete import KEYWORDS as DISCRETE
 from squealstudy.models.components.inp_discrete import read_discrete
+from squealstudy.models.components.inp_distributions import KEYWORD as DISTRIBUTION
+from squealstudy.models.components.inp_distributions import unused_distributions
 from squealstudy.models.components.inp_elements import KEYWORDS as ELEMENTS
 from squealstudy.models.components.inp_elements import Elements
 from squealstudy.models.components.inp_equations import KEYWORDS as EQUATIONS
@@ -33,7 +35,7 @@ from squealstudy.models.components.mesh import ElementBlock, SolidMesh
 
 SET = ("NSET", "ELSET", "GENERATE", "INSTANCE", "UNSORTED", "INTERNAL")
 SURFACE = ("NAME", "TYPE", "INTERNAL")
-SECTIONS = ("SOLIDSECTION", "ORIENTATION")
+SECTIONS = ("SOLIDSECTION", "ORIENTATION", DISTRIBUTION)
 OF_MESH = (*NODES, *ELEMENTS, "NSET", "ELSET", "SURFACE")
 READ = (*OF_MESH, *SECTIONS, *KEYWORDS, *EQUATIONS, *DISCRETE, SECTORS, ADDED)
 
@@ -81,9 +83,7 @@ class Component:
             nodes=mesh.nodes @ self.text.turn.T + self.text.shift,
             orientations=orientations,
             discrete=tuple(d.moved(self.text.turn) for d in mesh.discrete),
-            constraints=tuple(
-                c.moved(self.text.turn) if isinstance(c, Relation) else c for c in mesh.constraints
-            ),
+            constraints=tuple(c.moved(self.text.turn, self.text.shift) for c in mesh.constraints),
             passed_over=tuple(self.text.passed_over),
         )
 
@@ -244,9 +244,15 @@ class Component:
 
     # -- sections and couplings ------------------------------------------------------------------
     def _with_sections(self, mesh: SolidMesh) -> SolidMesh:
-        def elements_of(card: Card) -> np.ndarray:
-            return self._elements(self.element_sets.labels(card.value("ELSET"), card.line))
+        def elements_of(line: Line, word: str) -> np.ndarray:
+            sets = self.element_sets
+            named = word.upper() in sets.shown
+            return self._elements(
+                sets.labels(word, line) if named else self._named(line, word, sets)
+            )
 
+        for card in unused_distributions(self.text.part):
+            self.text.note(card, "no orientation names it")
         mesh = with_sections(
             mesh, self.text.part, self.text.materials, elements_of, self.text.temperature
         )
@@ -257,18 +263,21 @@ class Component:
         known = {card.value("NAME").upper() for card in cards if card.keyword == "SURFACE"} | {
             name.upper() for sets in (self.node_sets, self.of_assembly[0]) for name in sets.shown
         }
-        read = Couplings(mesh, self._nodes, self._nodes_of, self.text.note).read
         part = Where(self.text.part, self.node_sets, self.element_sets, "", known)
         assembly = Where(self.text.assembly, *self.of_assembly, "ASSEMBLY.", known)
-        found = [*read(part), *read(assembly)]
-        abaqus, bare = self.text.abaqus, mesh.bare
-        for where in (part, assembly):
-            at = Places(where.nodes, self._nodes)
-            relations = Equations(at, mesh.nodes, bare, abaqus, self.text.note)
-            found += relations.read(where.cards)
-        mesh = replace(mesh, constraints=tuple(found))
+        turn, shift = self.text.turn, self.text.shift
+        placed = replace(mesh, nodes=mesh.nodes @ turn.T + shift)
+        found = self._constraints(part, mesh)  # directions of the assembly are not of the part
+        found += [c.moved(turn.T, -turn.T @ shift) for c in self._constraints(assembly, placed)]
+        mesh, abaqus = replace(mesh, constraints=tuple(found)), self.text.abaqus
         at = Places(self.node_sets, self._nodes)
         return read_discrete(mesh, self.text, at, self.element_sets, abaqus)
+
+    def _constraints(self, where: Where, mesh: SolidMesh) -> list[Constraint]:
+        found = Couplings(mesh, self._nodes, self._nodes_of, self.text.note).read(where)
+        at = Places(where.nodes, self._nodes)
+        relations = Equations(at, mesh.nodes, mesh.bare, self.text.abaqus, self.text.note)
+        return [*found, *relations.read(where.cards)]
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
         used = mesh.used_nodes()

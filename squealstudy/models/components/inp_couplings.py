@@ -7,13 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from squealstudy.errors import ModelError
 from squealstudy.models.components.constraints import NO_FACES, Constraint, Coupling, Tie
 from squealstudy.models.components.faces import faces_among, facet_groups
 from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_lines import Line
+from squealstudy.models.components.inp_orientations import read_orientation
 from squealstudy.models.components.inp_places import Places
 from squealstudy.models.components.inp_sectors import KEYWORD as SECTORS
 from squealstudy.models.components.inp_sets import Sets
+from squealstudy.models.components.materials import Orientation
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.set_names import has_name
 
@@ -144,12 +147,14 @@ class Couplings:
         nodes, faces = self._surface(card.line, card.value("SURFACE"), where)
         every = self._directions(how)
         directions = tuple(d for d in every if d <= 3)
+        axes = None
         if "ORIENTATION" in card.parameters and directions not in ((), (1, 2, 3)):
-            raise card.error("ORIENTATION is supported only where directions 1 to 3 are coupled")
+            axes = self._axes(card, where)
         if how.keyword == "KINEMATIC":
             how.check(())
             found = self._coupled(card, name, nodes, where, "rigid", directions, NO_FACES)
-            return found and replace(found, turning={4, 5, 6} <= set(every))
+            found = found and replace(found, axes=axes, turning={4, 5, 6} <= set(every))
+            return self._off_axis(card, found, nodes)
         how.check(DISTRIBUTING)
         method = how.parameters.get("WEIGHTINGMETHOD", "UNIFORM").upper()
         if method != "UNIFORM":
@@ -157,7 +162,29 @@ class Couplings:
         if not directions:
             self._note(card, "turns of the reference node alone, which has none here")
             return None
-        return self._coupled(card, name, nodes, where, "distributing", directions, faces)
+        found = self._coupled(card, name, nodes, where, "distributing", directions, faces)
+        found = found and replace(found, axes=axes)
+        return self._off_axis(card, found, self._reference(card, where))
+
+    def _axes(self, card: Card, where: Where) -> Orientation:
+        """The ``*ORIENTATION`` of a coupling."""
+        name = card.value("ORIENTATION")
+        for other in where.cards:
+            if other.keyword == "ORIENTATION" and other.value("NAME").upper() == name.upper():
+                return read_orientation(other)
+        raise card.error(f"there is no orientation '{name}'")
+
+    def _off_axis(self, card: Card, c: Coupling | None, nodes: np.ndarray) -> Coupling | None:
+        """The coupling; ModelError where a node that follows lies on the axis of its directions."""
+        if c is not None and c.axes is not None:
+            for node in np.setdiff1d(nodes, c.reference if c.kind == "rigid" else []):
+                try:
+                    c.along(self._mesh.nodes[node])
+                except ModelError as error:
+                    who = self._mesh.nodes_named(np.array([node]))
+                    text = f"{who} lies on the axis of the orientation, and has no direction there"
+                    raise card.error(text) from error
+        return c
 
     @staticmethod
     def _directions(card: Card) -> tuple[int, ...]:

@@ -9,13 +9,14 @@ import numpy as np
 from squealstudy.models.components.constraints import Coupling, Relation, relation
 from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_lines import Line
-from squealstudy.models.components.inp_materials import read_orientation
+from squealstudy.models.components.inp_orientations import read_orientation
 from squealstudy.models.components.inp_places import Places
 from squealstudy.models.components.materials import Orientation
 
 SAME = ("TIE", "PIN")  # of *MPC: all displacements are the same
 ALONG = {"STRAIGHT": 2, "PLANE": 3}  # of CalculiX: nodes that say where a line or a plane is
 OFF = 1e-6  # of its size: how far nodes may lie off it
+ROPE = ", a distance that holds under some loads alone (BEAM holds it always)"
 KEYWORDS = ("EQUATION", "MPC", "TRANSFORM")
 PASTE = 'where neither mass nor stiffness depend on it: pass_over = ["MPC"]'
 
@@ -149,9 +150,10 @@ class Equations:
                 continue
             known = (*SAME, "LINK", "BEAM") if self._abaqus else (*SAME, *ALONG, "BEAM")
             if kind not in known:
+                why = ROPE if kind == "DIST" and not self._abaqus else ""
                 raise line.error(
-                    f"*MPC of type {kind} is not supported: supported are {', '.join(known)}; "
-                    f"{PASTE}"
+                    f"*MPC of type {kind} is not supported{why}: supported are "
+                    f"{', '.join(known)}; {PASTE}"
                 )
             if len(words) != 2:
                 raise line.error("expected a type and two nodes or sets")

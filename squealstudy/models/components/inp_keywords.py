@@ -37,6 +37,7 @@ PASSED_OVER: dict[str, str] = {
         "of an optimisation",
     ),
     "PRE-TENSIONSECTION": "both sides of the cut stay together, as of a tightened bolt",
+    "DISTRIBUTIONTABLE": "what a distribution is of is known by who uses it",
     "PHYSICALCONSTANTS": "not used here",
     "ACOUSTICWAVEFORMULATION": "not used here",
     **_each(
@@ -91,6 +92,7 @@ PASSED_OVER: dict[str, str] = {
 
 _MERGE = "merge the nodes of both sides, or make two components of it with a layer or springs"
 _COUPLE = "couple components by layers and springs of the model file"
+IN_ASSEMBLY = "state masses and springs in the model file, or write them into the part"
 _GENERATE = "let the preprocessor write all nodes and elements"
 
 # keywords that may change the component and are not read, and what to do

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.inp_cards import Card
+from squealstudy.models.components.inp_distributions import ElementsOf, orientations_of
 from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.materials import (
     ALL_ENTRIES,
@@ -31,6 +32,7 @@ KINDS = {  # values of TYPE, without blanks
     "ANISO": "anisotropic",
     "ANISOTROPIC": "anisotropic",
 }
+SECTION = ("ELSET", "MATERIAL", "ORIENTATION", "CONTROLS")
 COUNTS = {"isotropic": 2, "orthotropic": 9, "engineering": 9, "anisotropic": 21}
 WHAT = {
     "isotropic": "Young's modulus, Poisson's ratio",
@@ -169,55 +171,17 @@ def _at(
     return [float(np.interp(temperature, T, column)) for column in values.T]
 
 
-def read_orientation(card: Card) -> Orientation:
-    """An ``*ORIENTATION`` by coordinates; ModelError about what is not supported or wrong."""
-    card.check(("NAME", "SYSTEM", "DEFINITION"))
-    system = card.parameters.get("SYSTEM", "RECTANGULAR").upper()
-    if system not in ("RECTANGULAR", "CYLINDRICAL"):
-        raise card.error(f"SYSTEM={system} is not supported; supported: RECTANGULAR, CYLINDRICAL")
-    if card.parameters.get("DEFINITION", "COORDINATES").upper() != "COORDINATES":
-        raise card.error("only DEFINITION=COORDINATES is supported: write the points themselves")
-    if not 1 <= len(card.data) <= 2:
-        raise card.error(f"expected one or two lines of numbers, found {len(card.data)}")
-    words = card.data[0].words()
-    if len(words) not in (6, 9):
-        raise card.data[0].error(f"expected two or three points, found {len(words)} numbers")
-    x = [card.data[0].real(word, "a coordinate") for word in words] + [0.0] * 3
-    turn = (1, 0.0)
-    if len(card.data) == 2:
-        line = card.data[1]
-        axis, *angle = line.words()
-        if len(angle) > 1 or axis not in ("1", "2", "3"):
-            raise line.error(
-                f"expected an axis 1, 2 or 3 and an angle, found '{line.text.strip()}'"
-            )
-        turn = (int(axis), line.real(angle[0], "an angle") if angle else 0.0)
-    try:
-        return Orientation(
-            "rectangular" if system == "RECTANGULAR" else "cylindrical",
-            (x[0], x[1], x[2]),
-            (x[3], x[4], x[5]),
-            (x[6], x[7], x[8]),
-            turn,
-        )
-    except ModelError as error:
-        raise card.error(str(error)) from error
-
-
-SECTION = ("ELSET", "MATERIAL", "ORIENTATION", "CONTROLS")
-
-
 def with_sections(
     mesh: SolidMesh,
     cards: Sequence[Card],
     materials_of_file: Mapping[str, MaterialText],
-    elements_of: Callable[[Card], np.ndarray],
+    elements_of: ElementsOf,
     temperature: float | None = None,
 ) -> SolidMesh:
     """The mesh with materials and axes of the ``*SOLID SECTION`` among cards.
 
-    `elements_of` gives places of the elements of a section's set; ModelError about the line of
-    what is not there, or given twice.
+    `elements_of` gives places of the elements of a set, or of a label; ModelError about the line
+    of what is not there, or given twice.
     """
     material = np.full(mesh.n_elements, "", dtype=object)
     orientation = material.copy()
@@ -228,7 +192,7 @@ def with_sections(
         if card.keyword != "SOLIDSECTION":
             continue
         card.check(SECTION)
-        elements = elements_of(card)
+        elements = elements_of(card.line, card.value("ELSET"))
         name = card.value("MATERIAL")
         text = materials_of_file.get(name.upper())
         if text is not None:
@@ -246,9 +210,13 @@ def with_sections(
         if turned := card.parameters.get("ORIENTATION"):
             if turned.upper() not in axes:
                 raise card.error(f"there is no orientation '{turned}'")
-            key = axes[turned.upper()].parameters["NAME"]
-            orientations[key] = read_orientation(axes[turned.upper()])
-            orientation[elements] = key
+            own = axes[turned.upper()]
+            key = own.value("NAME")
+            for places, found in orientations_of(own, cards, elements, elements_of):
+                name = key
+                while orientations.setdefault(name, found) != found:
+                    name = f"{key}@{len(orientations) + 1}"
+                orientation[places] = name
     return replace(
         mesh,
         materials={k: m for k, m in materials.items() if not isinstance(m, Unfinished)},

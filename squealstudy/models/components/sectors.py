@@ -233,22 +233,18 @@ class _Copies:
         return found
 
     def _constraints(self, k: int) -> Iterator[Constraint]:
-        at, (turn, _) = self._node_at[k], self._turns[k]
+        at = self._node_at[k]
         for c in self._sector.constraints:
             if isinstance(c, Tie):
                 if not c.cyclic:
                     yield replace(c, nodes=at[c.nodes], faces=self._faces(c.faces, k))
             elif isinstance(c, Relation):
-                yield replace(c.moved(turn), nodes=at[c.nodes])
+                yield replace(c.moved(*self._turns[k]), nodes=at[c.nodes])
             else:
                 yield self._coupling(c, k)
 
     def _coupling(self, c: Coupling, k: int) -> Coupling:
-        if c.directions != (1, 2, 3):
-            raise self._sector.error(
-                f"{c.name}: a coupling in some directions alone, which do not turn with a sector"
-            )
-        at = self._node_at[k]
+        at, c = self._node_at[k], c.moved(*self._turns[k])
         return replace(
             c, reference=int(at[c.reference]), nodes=at[c.nodes], faces=self._faces(c.faces, k)
         )

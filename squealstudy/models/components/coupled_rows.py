@@ -1,0 +1,151 @@
+"""How reference nodes and nodes of couplings follow each other, and displacements by equations."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.models.components.constraints import Coupling
+from squealstudy.models.components.faces import facet_groups
+from squealstudy.models.components.facet_geometry import Facets
+from squealstudy.models.components.mean_motions import ON_A_LINE, mean_motion, mean_turn
+from squealstudy.models.components.mesh import SolidMesh
+
+GAUSS = 3  # points a side of a facet, by whose areas nodes of faces count
+Followed = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows, columns, values
+
+
+def facets_of(mesh: SolidMesh, faces: np.ndarray, name: str) -> Facets:
+    """Facets of faces (p, 2)."""
+    return Facets(mesh.nodes, tuple(g.nodes for g in facet_groups(mesh, faces)), name)
+
+
+def solved(node: int, A: np.ndarray, columns: np.ndarray, values: np.ndarray) -> Followed | None:
+    """Displacements of a node by A u + values . q[columns] = 0, of A (m, 3) and values (m, k).
+
+    None where the equations do not say m displacements of it.
+    """
+    chosen = _pivots(A)
+    if chosen is None:
+        return None
+    others = np.setdiff1d(np.arange(3), chosen)
+    column = np.append(3 * node + others, columns)
+    follows = -np.linalg.solve(A[:, chosen], np.hstack([A[:, others], values]))
+    at_row, k = np.nonzero(follows)
+    none = np.zeros(len(A))  # of one that follows nothing: it does not move
+    rows = np.append(3 * node + chosen[at_row], 3 * node + chosen)
+    return rows, np.append(column[k], 3 * node + chosen), np.append(follows[at_row, k], none)
+
+
+def _pivots(A: np.ndarray) -> np.ndarray | None:
+    """Columns by which rows (m, 3) can be solved, the largest first; None where there are none."""
+    if len(A) > 3:
+        return None
+    left, found = A.astype(float).copy(), []
+    for row in range(len(A)):
+        k = int(np.abs(left[row]).argmax())
+        if not abs(left[row, k]) > ON_A_LINE * np.abs(A[row]).max():
+            return None
+        found.append(k)
+        left -= np.outer(left[:, k] / left[row, k], left[row]) * (np.arange(len(A)) > row)[:, None]
+    return np.array(found)
+
+
+def rigid(mesh: SolidMesh, c: Coupling, turns: int) -> Followed:
+    """U = u_reference + turn x (x - x_reference) in the directions of the coupling."""
+    arm = mesh.nodes[c.nodes] - mesh.nodes[c.reference]
+    if _on_a_line(arm):
+        raise mesh.error(
+            f"{c.name}: its nodes lie on a line with the reference node, about which it could turn "
+            "freely: expected nodes of a face"
+        )
+    if c.axes is not None:
+        return _rigid_in_axes(mesh, c, arm, turns)
+    rows, columns, values = [], [], []
+    for direction in c.directions:
+        axis = direction - 1
+        own = 3 * c.nodes + axis
+        for column, value in (
+            (3 * c.reference + axis, np.ones(len(own))),
+            (turns + (axis + 1) % 3, arm[:, (axis + 2) % 3]),
+            (turns + (axis + 2) % 3, -arm[:, (axis + 1) % 3]),
+        ):
+            rows.append(own)
+            columns.append(np.full(len(own), column))
+            values.append(value)
+    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+
+
+def _rigid_in_axes(mesh: SolidMesh, c: Coupling, arm: np.ndarray, turns: int) -> Followed:
+    A = c.along(mesh.nodes[c.nodes])  # (n, m, 3)
+    columns = np.append(3 * c.reference + np.arange(3), turns + np.arange(3))
+    values = -np.concatenate([A, np.cross(arm[:, None], A)], axis=2)
+    of_nodes = zip(c.nodes.tolist(), A, values, strict=True)
+    return _together([_of_axes(node, a, columns, v) for node, a, v in of_nodes])
+
+
+def _on_a_line(arm: np.ndarray) -> bool:
+    moments = np.linalg.eigvalsh(np.sum(arm**2) * np.eye(3) - arm.T @ arm)
+    return not moments[0] > ON_A_LINE * moments[-1]
+
+
+def mean(mesh: SolidMesh, c: Coupling) -> Followed:
+    """The reference node by the mean motion of the nodes."""
+    points, weight, shape = _weighted(mesh, c)
+    try:
+        follows = mean_motion(points, weight, mesh.nodes[c.reference])
+    except ModelError as error:
+        raise mesh.error(f"{c.name}: {error}") from error
+    parts = []
+    along = c.along(mesh.nodes[c.reference])
+    if c.axes is None:
+        follows[[axis for axis in range(3) if axis + 1 not in c.directions]] = 0.0
+    else:
+        follows = np.tensordot(along, follows, 1)
+    for axis in range(3):
+        A = sp.coo_matrix(sp.csr_matrix(follows[:, :, axis]) @ shape)
+        parts.append((A.row, 3 * A.col + axis, A.data))
+    rows, columns, values = _together(parts)
+    if c.axes is None:
+        return 3 * c.reference + rows, columns, values
+    own, at = np.unique(columns, return_inverse=True)
+    by = sp.coo_matrix((-values, (rows, at)), (len(along), len(own))).toarray()
+    return _of_axes(c.reference, along, own, by)
+
+
+def _of_axes(node: int, A: np.ndarray, columns: np.ndarray, values: np.ndarray) -> Followed:
+    """As of `solved`, of A that are at right angles."""
+    found = solved(node, A, columns, values)
+    assert found is not None
+    return found
+
+
+def _together(parts: list[Followed]) -> Followed:
+    rows, columns, values = zip(*parts, strict=True)
+    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+
+
+def turn_of_mean(mesh: SolidMesh, c: Coupling) -> sp.csr_matrix:
+    """Turn of the reference node (3 n, 3 n), in its rows, by the displacements of the nodes."""
+    points, weight, shape = _weighted(mesh, c)
+    n = len(mesh.nodes)
+    total = sp.csr_matrix((3 * n, 3 * n))
+    there = sp.csr_matrix((np.ones(3), (3 * c.reference + np.arange(3), np.arange(3))), (3 * n, 3))
+    follows = mean_turn(points, weight)
+    for axis in range(3):
+        A = sp.coo_matrix(sp.csr_matrix(follows[:, :, axis]) @ shape)
+        own = sp.csr_matrix((A.data, (A.row, 3 * A.col + axis)), (3, 3 * n))
+        total = total + there @ own
+    return total
+
+
+def _weighted(mesh: SolidMesh, c: Coupling) -> tuple[np.ndarray, np.ndarray, sp.csr_matrix]:
+    """Points of a distributing coupling, their weights, their displacements by the nodes'."""
+    if len(c.faces):
+        surface, _ = facets_of(mesh, c.faces, c.name).gauss_points(GAUSS)
+        return surface.points, surface.area, surface.shape
+    weight = np.ones(len(c.nodes))
+    at = (np.arange(len(c.nodes)), c.nodes)
+    shape = sp.csr_matrix((weight, at), (len(c.nodes), len(mesh.nodes)))
+    return mesh.nodes[c.nodes], weight, shape
