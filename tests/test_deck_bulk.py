@@ -255,3 +255,38 @@ def test_plates_that_a_surface_lists(tmp_path):
     assert mesh.surfaces["BSURF2"].tolist() == [[2, 4]]
     mesh = read(tmp_path, "BSURF,2,500")
     assert not mesh.surfaces
+
+
+# -- how lines are read --------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "SET1,4,{0},{1},{2},{3},{4},{5},{6},\n{7},{8}",  # a comma at the end goes on
+        "SET1,4,{0},{1},{2},{3},{4},{5},{6}\n        {7},{8}",
+        "SET1    4,{0},{1},{2},{3},{4},{5},{6}\n,{7},{8}",
+        "SET1,4,{0},{1},{2},{3},{4},{5},{6},+A\n+A,{7},{8}",
+    ],
+)
+def test_lines_in_free_fields_that_go_on(tmp_path, lines):
+    mesh = read(tmp_path, lines.format(*NUMBERS))
+    np.testing.assert_array_equal(mesh.node_sets["SET4"], np.arange(9))
+
+
+def test_p_elements_are_said_to_be_others(tmp_path):
+    text = r"ADAPT \(1, .*PVAL \(1, .*p-elements have orders and curved sides"
+    with pytest.raises(ModelError, match=text):
+        read(tmp_path, "ADAPT,1,,,2", "        errtol=.1,PART=TIP", "PVAL,2,6,6,6,,SET,1")
+
+
+def test_sources_and_edges_of_fluids_are_passed_over(tmp_path):
+    mesh = read(tmp_path, "ACPLNW,101,REAL,1.,101", "AMLREG,2,1,AML source")
+    assert {"ACPLNW", "AMLREG"} <= {note.keyword for note in mesh.passed_over}
+
+
+def test_elements_of_a_fluid_are_no_solids(tmp_path):
+    text = deck(written(BOX))
+    card = next(line for line in text.splitlines() if line.startswith("PSOLID"))
+    label, material = card.replace(",", " ").split()[1:3]
+    (tmp_path / "a.bdf").write_text(text.replace(card, f"PSOLID,{label},{material},,,,,PFLUID"))
+    with pytest.raises(ModelError, match=r"PFLUID: the elements of PID\d+ are a fluid's"):
+        read_bdf(tmp_path / "a.bdf")

@@ -7,6 +7,8 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+import scipy.sparse as sp
+
 from squealstudy.errors import ModelError, StudyFileError
 from squealstudy.models.matrices.expression import (
     RESERVED,
@@ -23,7 +25,8 @@ from squealstudy.models.matrices.family import (
     TermSource,
     family_definition,
 )
-from squealstudy.models.matrices.files import read_matrix
+from squealstudy.models.matrices.files import read_term_matrix
+from squealstudy.models.matrices.labelled import LabelledMatrix, together
 from squealstudy.study.kinds import model_kind
 from squealstudy.study.sections import ModelSection, StudyDefinition, TermSection
 from squealstudy.study.source import SourceText
@@ -103,21 +106,29 @@ def read_family(model: FamilyDefinition, source: SourceText) -> MatrixFamily:
     StudyFileError
         With the line of the term whose file cannot be used, or whose size differs from the first.
     """
-    terms: list[FamilyTerm] = []
+    found: list[sp.csr_matrix | LabelledMatrix] = []
     for i, term in enumerate(model.sources):
         keys: KeyPath = ("model", "term", i, "file" if term.variable is None else "variable")
         if not term.path.is_file():
             raise _absent(term, i, source)
         try:
-            matrix = read_matrix(term.path, term.variable)
+            found.append(read_term_matrix(term.path, term.variable))
         except ModelError as error:
             raise source.error(keys, str(error)) from error
-        if terms and matrix.shape != terms[0].matrix.shape:
-            n, first = matrix.shape[0], terms[0].matrix.shape[0]
+    labelled = [matrix for matrix in found if isinstance(matrix, LabelledMatrix)]
+    placed = iter(together(labelled) if labelled else [])
+    matrices = [next(placed) if isinstance(m, LabelledMatrix) else m for m in found]
+    for i, (term, matrix) in enumerate(zip(model.sources, matrices, strict=True)):
+        if matrix.shape != matrices[0].shape:
+            n, first = matrix.shape[0], matrices[0].shape[0]
             message = f"{term.path} is {n} x {n}, the first term's matrix {first} x {first}"
             raise source.error(("model", "term", i, "file"), message)
-        terms.append(FamilyTerm(ORDERS[term.matrix], matrix, Expression(term.coefficient)))
-    return MatrixFamily(tuple(terms))
+    return MatrixFamily(
+        tuple(
+            FamilyTerm(ORDERS[term.matrix], matrix, Expression(term.coefficient))
+            for term, matrix in zip(model.sources, matrices, strict=True)
+        )
+    )
 
 
 def _check_letters(section: ModelSection, source: SourceText) -> None:

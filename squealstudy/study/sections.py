@@ -90,8 +90,8 @@ class TermSection(Section):
     matrix: Literal["M", "C", "K"] = Field(description="mass, damping or stiffness")
     file: str = Field(
         min_length=1,
-        description="Matrix Market, MATLAB, Harwell-Boeing or SciPy npz file, in the model's "
-        "folder or absolute",
+        description="Matrix Market, MATLAB, Harwell-Boeing, Nastran (DMIG, OP4, OP2) or SciPy npz "
+        "file, in the model's folder or absolute",
     )
     variable: str | None = Field(
         default=None, description="which matrix, where the file holds several"

@@ -94,16 +94,21 @@ def read_bulk(path: Path) -> tuple[list[BulkCard], list[Line]]:
     lines = list(_flattened(_read(path, None), path.parent, 0))
     begun = next((i + 1 for i, line in enumerate(lines) if BEGIN.fullmatch(line.text)), 0)
     cards: list[BulkCard] = []
+    goes_on = False
     for line in lines[begun:]:
         if END.match(line.text):
             break
-        if text := EQUATION.match(line.text):  # a formula has commas of its own
-            cards.append(BulkCard(text[0].upper(), [""], [line]))
+        if formula := EQUATION.match(line.text):  # which has commas of its own
+            cards.append(BulkCard(formula[0].upper(), [""], [line]))
             continue
         if cards and cards[-1].name == "DEQATN" and line.text[:1] in "+* ,":
             continue
-        first, fields = fields_of(line.text)
-        beyond = [w.strip() for w in line.text.split(",")[9:]]
+        text = line.text
+        if goes_on and NUMBER.fullmatch(text.split(",")[0].strip()):
+            text = f",{text}"  # data from the first field on
+        goes_on = text.rstrip().endswith(",")
+        first, fields = fields_of(text)
+        beyond = [w.strip() for w in text.split(",")[9:]]
         if any(beyond[1:]) or (beyond and beyond[0] and beyond[0][0] not in "+*"):
             raise line.error("more than eight fields behind the name of a card")
         if first and first[0] not in "+*":

@@ -21,7 +21,7 @@ from squealstudy.models.components.bulk_discrete import READ as DISCRETE
 from squealstudy.models.components.bulk_discrete import BulkDiscrete
 from squealstudy.models.components.bulk_materials import OVER_TEMPERATURE, BulkMaterials
 from squealstudy.models.components.bulk_materials import READ as MATERIALS
-from squealstudy.models.components.bulk_names import MODEL_FILE, PASSED_OVER
+from squealstudy.models.components.bulk_names import MODEL_FILE, P_ELEMENTS, PASSED_OVER
 from squealstudy.models.components.bulk_surfaces import PLATES, BulkSurfaces
 from squealstudy.models.components.bulk_surfaces import READ as SURFACES
 from squealstudy.models.components.constraints import Coupling
@@ -53,6 +53,7 @@ READ = (*OF_MESH, *MATERIALS, *OVER_TEMPERATURE, *SURFACES, *COUPLINGS, *DISCRET
 # of case control: matrices of DMIG, which Nastran adds to those of the elements
 SELECTED = ("K2GG", "M2GG", "B2GG", "K42GG", "K2PP", "M2PP", "B2PP")
 SELECTS = re.compile(rf"\s*({'|'.join(SELECTED)})\s*=", re.I)
+ORDERS = "; p-elements have orders and curved sides that elements here have not"
 COUPLED = "COUPMASS"  # the parameter of consistent masses
 WEIGHT = "WTMASS"  # the parameter that multiplies the mass of elements
 
@@ -169,6 +170,7 @@ class _Deck:
         raise first.lines[0].error(
             f"cards that are not supported: {listed}"
             + (advice if set(unknown) & set(PLATES) else "")
+            + (ORDERS if set(unknown) & set(P_ELEMENTS) else "")
             + f"; where neither mass nor stiffness depend on them: pass_over = [{names}]"
         )
 
@@ -333,6 +335,8 @@ class _Deck:
         for card in self._all("PSOLID"):
             own = card.whole(0, "a property")
             if (property_of == own).any():
+                if card.at(6).upper() == "PFLUID":
+                    raise card.error(f"PFLUID: the elements of PID{own} are a fluid's", 6)
                 name, elastic = read.read(card)
                 mesh = mesh.with_material(name, elastic, f"PID{own}")
         return mesh

@@ -1,4 +1,4 @@
-"""Symmetric matrices from Nastran's DMIG cards: punched files (``.pch``) and bulk data (``.bdf``).
+"""Matrices from Nastran's DMIG cards: punched files (``.pch``) and bulk data (``.bdf``).
 
 Small, large and free fields (MSC Nastran Quick Reference Guide, DMIG). All other cards are passed
 over: the file may be a whole deck. Its PARAM WTMASS does not multiply them (there: M2GG, remarks).
@@ -58,8 +58,8 @@ class _Matrix:
     lines: list[int] = field(default_factory=list)
 
 
-def read_dmig(path: Path, name: str | None = None) -> LabelledMatrix:
-    """The matrix of a name, or the only one.
+def read_dmig(path: Path, name: str | None = None, square: bool = False) -> LabelledMatrix:
+    """The matrix of a name, or the only one; with `square` it need not be symmetric.
 
     Raises
     ------
@@ -94,7 +94,8 @@ def read_dmig(path: Path, name: str | None = None) -> LabelledMatrix:
         raise ModelError(f"{path}: the matrix {chosen} has no entries")
     places = np.array(matrix.places, dtype=np.int64)
     values = np.array(matrix.values)
-    return labelled_matrix(places, values, refused, whole=not matrix.symmetric, scalars=True)
+    whole = not matrix.symmetric
+    return labelled_matrix(places, values, refused, whole, scalars=True, square=square and whole)
 
 
 def _is_one(factor: str | None) -> bool:
@@ -134,6 +135,11 @@ def fields_of(line: str) -> tuple[str, list[str]]:
     """The first field of a line, and those behind it: 8, or 4 large ones."""
     if "," in line:
         first, *rest = (word.strip() for word in line.split(","))
+        if not line[:FIRST].strip():  # a continuation, whatever it holds
+            first, rest = "", [first, *rest] if first else rest
+        elif " " in first:  # blanks part fields as well
+            first, *more = first.split()
+            rest = [*more, *rest]
     else:
         line = line.expandtabs(WIDTH)
         first = line[:FIRST].strip()

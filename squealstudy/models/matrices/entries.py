@@ -100,14 +100,7 @@ def symmetric_of_pairs(
         lacks it where others have theirs.
     """
     size = np.abs(values).max(initial=0.0)
-    check_size(n, n)
-    order = np.lexsort((columns, rows))
-    same = (np.diff(rows[order]) == 0) & (np.diff(columns[order]) == 0)
-    if same.any():
-        pairs = np.column_stack([order[:-1], order[1:]])[same]
-        k = int(pairs.max(axis=1).min())
-        raise refused(k, "this entry is there twice")
-    A = sp.coo_matrix((values, (rows, columns)), shape=(n, n)).tocsr()
+    A = square_of_entries(rows, columns, values, n, refused)
     there = sp.coo_matrix((np.ones(len(values)), (rows, columns)), shape=(n, n)).tocsr()
     partner = np.asarray(there.T.tocsr()[rows, columns]).ravel() > 0
     other = np.asarray(A.T.tocsr()[rows, columns]).ravel()
@@ -122,3 +115,23 @@ def symmetric_of_pairs(
             raise refused(k, f"{values[k]:g}, in the other triangle {other[k]:g}: not symmetric")
         raise refused(k, "not symmetric: it is not in the other triangle, where others are")
     return ((A + A.T) / 2).tocsr()
+
+
+def square_of_entries(
+    rows: np.ndarray, columns: np.ndarray, values: np.ndarray, n: int, refused: Refusal
+) -> sp.csr_matrix:
+    """The matrix (n, n) of entries whose places count from 0, each of which is there once.
+
+    Raises
+    ------
+    ModelError
+        An entry that is there twice.
+    """
+    check_size(n, n)
+    order = np.lexsort((columns, rows))
+    same = (np.diff(rows[order]) == 0) & (np.diff(columns[order]) == 0)
+    if same.any():
+        pairs = np.column_stack([order[:-1], order[1:]])[same]
+        k = int(pairs.max(axis=1).min())
+        raise refused(k, "this entry is there twice")
+    return sp.coo_matrix((values, (rows, columns)), shape=(n, n)).tocsr()

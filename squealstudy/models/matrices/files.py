@@ -81,6 +81,16 @@ def read_component_matrix(path: Path, name: str | None = None) -> sp.csr_matrix 
     return read_matrix(path, name)
 
 
+def read_term_matrix(path: Path, name: str | None = None) -> sp.csr_matrix | LabelledMatrix:
+    """A square matrix of a whole model: as `read_matrix`, or DMIG cards with nodes named.
+
+    Those of a square form need not be symmetric, such as friction as ``K2PP``.
+    """
+    if path.suffix.lower() in NASTRAN:
+        return _guarded(path, lambda: read_dmig(path, name, square=True))
+    return read_matrix(path, name)
+
+
 def read_recovery(path: Path, name: str | None = None) -> sp.csr_matrix:
     """A real matrix of any shape from a ``.npz`` or ``.mat``; errors as of `read_matrix`."""
     if path.suffix.lower() not in RECTANGULAR:
@@ -119,7 +129,7 @@ def _reader(path: Path) -> Reader:
     for endings, reader in READERS.items():
         if name.endswith(endings):
             return reader
-    known = " ".join(ending for endings in READERS for ending in endings)
+    known = " ".join([*(ending for endings in READERS for ending in endings), *NASTRAN])
     raise ModelError(f"{path}: unknown format '{path.suffix}', expected an ending of {known}")
 
 

@@ -1,7 +1,8 @@
-"""Symmetric matrices whose entries name nodes and directions: of Abaqus and of Nastran (DMIG)."""
+"""Matrices whose entries name nodes and directions: of Abaqus and of Nastran (DMIG)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.models.matrices.entries import Refusal, symmetric_of_pairs
+from squealstudy.models.matrices.entries import Refusal, square_of_entries, symmetric_of_pairs
 from squealstudy.models.matrices.text import TextFile, read_table, shortened
 
 PLACES = ("row node", "row direction", "column node", "column direction")
@@ -20,7 +21,7 @@ SLOTS = 7  # of a node: its scalar, and its directions
 
 @dataclass(frozen=True)
 class LabelledMatrix:
-    """A symmetric matrix with a node and a direction of each row.
+    """A matrix with a node and a direction of each row.
 
     Attributes
     ----------
@@ -41,6 +42,7 @@ def labelled_matrix(
     refused: Refusal,
     whole: bool = False,
     scalars: bool = False,
+    square: bool = False,
 ) -> LabelledMatrix:
     """The matrix of entries, each pair of freedoms in one triangle or alike in both.
 
@@ -55,6 +57,8 @@ def labelled_matrix(
         Whether an entry without a partner in the other triangle is refused.
     scalars : bool
         Whether a direction 0 is one, of a scalar point: a modal coordinate.
+    square : bool
+        Whether all entries are there as they stand: it need not be symmetric.
 
     Raises
     ------
@@ -82,9 +86,25 @@ def labelled_matrix(
     freedom = SLOTS * place.reshape(-1, 2) + places[:, [1, 3]]
     found, number = np.unique(freedom, return_inverse=True)
     row, column = number.reshape(-1, 2).T
-    matrix = symmetric_of_pairs(row, column, values, len(found), refused, whole)
+    if square:
+        matrix = square_of_entries(row, column, values, len(found), refused)
+    else:
+        matrix = symmetric_of_pairs(row, column, values, len(found), refused, whole)
     nodes, directions = np.divmod(found, SLOTS)
     return LabelledMatrix(numbers[nodes], directions, matrix)
+
+
+def together(matrices: Sequence[LabelledMatrix]) -> list[sp.csr_matrix]:
+    """Matrices over the freedoms of all of them, in ascending order of nodes and directions."""
+    freedoms = [SLOTS * m.nodes + m.directions for m in matrices]
+    every = np.unique(np.concatenate(freedoms))
+    found = []
+    for own, labelled in zip(freedoms, matrices, strict=True):
+        A = labelled.matrix.tocoo()
+        at = np.searchsorted(every, own)
+        shape = (len(every), len(every))
+        found.append(sp.csr_matrix((A.data, (at[A.row], at[A.col])), shape=shape))
+    return found
 
 
 def _check(wrong: np.ndarray, refused: Refusal, given: np.ndarray, expected: str) -> None:
