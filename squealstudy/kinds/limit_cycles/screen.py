@@ -74,7 +74,7 @@ class LimitCyclesScreen(KindScreen):
             *(f"{letter}: {reason}" for reason, letter in why.items() if letter != reason),
             f"{more} more in the points table" if more else "",
             "growth: fastest complex mode that was followed; RMS, Hz: of the loudest stable cycle, "
-            "or of a run in time that lasts (x2: the torque is loudest at twice that; ~: its "
+            "or of a run in time that lasts (x2: it is loudest at twice that; ~: its "
             "loudest line, the motion does not repeat); kick: contact velocity of the unstable "
             "cycle that a disturbance must exceed, share of that of the loudest stable one",
             "no cycle found: none on the curves of growth over amplitude of the modes followed"

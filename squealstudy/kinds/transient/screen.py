@@ -138,7 +138,7 @@ def points(
         "growth: fitted in time, ~ within wide bounds, - where fewer than five periods are "
         "exponential; forecast: of the complex mode; "
         f"{what}{'' if what == 'torque' else ' of friction'} and RMS of its fluctuation, its "
-        "frequency (x2: the torque is loudest at twice that; ~: its loudest line, the motion does "
+        "frequency (x2: it is loudest at twice that; ~: its loudest line, the motion does "
         "not repeat), mode and its energy share: over the last window",
     )
     parts: list[RenderableType] = [shown, legend]
