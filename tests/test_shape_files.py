@@ -22,10 +22,11 @@ from study_texts import study_text
 from squealstudy.engine import mode_shapes as engine_shapes
 from squealstudy.engine.cache import is_whole, prepared_path
 from squealstudy.engine.journal import JOURNAL
-from squealstudy.engine.mode_names import FILE, keep_track_names, track_names
+from squealstudy.engine.mode_names import track_names
 from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.results import Results
 from squealstudy.engine.store import read_manifest
+from squealstudy.engine.track_names import FILE, keep_track_names
 from squealstudy.errors import ModelError, ResultsError
 from squealstudy.kernels.raster import corner_normals, draw_triangles
 from squealstudy.shapes.files import write_uff, write_vtu
@@ -517,7 +518,7 @@ def test_names_of_other_tables_are_not_used(results, tmp_path):
     other = tmp_path / "other"
     shutil.copytree(results.directory, other)
     opened = Results.open(other)
-    keep_track_names(opened, track_names(opened.names(most=1), opened.modes))
+    keep_track_names(opened.store, track_names(opened.names(most=1), opened.modes))
     kept = (other / FILE).read_text()
     assert Results.open(other).track_names
     journal = (other / JOURNAL).read_bytes()

@@ -13,6 +13,7 @@ from squealstudy.cli.run import fidelity
 from squealstudy.engine.forecast import Estimate, estimate, run_seconds
 from squealstudy.engine.key_tables import key_tables
 from squealstudy.engine.manifest import check_owner, outdated
+from squealstudy.engine.model_kind import as_model_kind
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.schema import schema_of
 from squealstudy.engine.store import Store
@@ -93,7 +94,7 @@ def check(
         if reason:
             raise SquealstudyError(f"{path}: {reason}")
     check_component_modes(plan)
-    solver = plan.kind
+    solver = as_model_kind(plan.kind)
     solver.check(plan)
     store = Store(directory)
     plan = solver.grown(plan, store)
@@ -128,16 +129,16 @@ def _facts(
     cost: Estimate,
     members: Sequence[Worker],
 ) -> Rows:
-    study = plan.study
+    study, solver = plan.study, as_model_kind(plan.kind)
     kind = study.definition.study.kind
-    bound = "; runs end once their outcome is known" if plan.kind.may_end_early(plan) else ""
+    bound = "; runs end once their outcome is known" if solver.may_end_early(plan) else ""
     rows = [
         ("study", f"{study.name}: {kind} on {study.model.name}, valid"),
         ("design", _design(plan, missing, directory)),
         *_ranges(study),
         *_constant(study),
         _structures(plan, cost),
-        *plan.kind.settings(plan),
+        *solver.settings(plan),
         *_validity(plan),
     ]
     if cost.n_coordinates is not None:
@@ -165,7 +166,7 @@ def _facts(
 
 def _between(plan: Plan, point_s: float, jobs: int) -> Rows:
     """What refinement of tracks and onsets may cost; nothing where there is none."""
-    most = plan.kind.solves(plan).between
+    most = as_model_kind(plan.kind).solves(plan).between
     if not most:
         return []
     time = duration(most * point_s / jobs)

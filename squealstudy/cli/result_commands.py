@@ -50,7 +50,7 @@ def rank(
     if names or why:
         from squealstudy.cli.shape import names as named
         from squealstudy.cli.shape import reasons
-        from squealstudy.engine.kind import LISTED
+        from squealstudy.engine.kind_screen import LISTED
         from squealstudy.paths import usable_cache
 
         with usable_cache(screen.warning):
@@ -80,7 +80,7 @@ def robust(
     """Probability of instability of a random design, and its Sobol indices."""
     from squealstudy import face, screen
     from squealstudy.cli.run import outside
-    from squealstudy.engine.kind import LISTED
+    from squealstudy.engine.kind_screen import LISTED
     from squealstudy.kinds.complex_modes import random_screen
     from squealstudy.study.sweeps import SOBOL_INDICES
 

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from squealstudy.engine.mode_names import keep_track_names, track_names
+from squealstudy.engine.mode_names import track_names
 from squealstudy.engine.mode_shapes import chosen_modes, point_shapes
 from squealstudy.engine.motion_shapes import EndMotion
 from squealstudy.engine.pictures import save_figure
 from squealstudy.engine.results import Results
+from squealstudy.engine.track_names import keep_track_names
 from squealstudy.errors import ResultsError
 from squealstudy.files import write_text
 from squealstudy.screen import Rows
@@ -258,7 +259,7 @@ def names(results: Results, tracks: Iterable[int]) -> Rows:
         rows.append((track_number(track), text))
         own = f"design point {shape.label.row}, {shape.frequency_hz:.0f} Hz"
         rows.append(("", f"{own}: {name_of(shape).text}; {figures_of(shape)}"))
-    keep_track_names(results, table)
+    keep_track_names(results.store, table)
     return rows
 
 

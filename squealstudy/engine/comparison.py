@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import pandas as pd
 
 from squealstudy.engine.manifest import model_of
 from squealstudy.engine.result_names import MANIFEST
+from squealstudy.engine.result_tables import ResultTables
 from squealstudy.engine.store import version_of
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import IN_TIME_ONLY
@@ -18,14 +19,12 @@ from squealstudy.tables.comparison import compare
 from squealstudy.tables.cycle_comparison import compare_cycles
 from squealstudy.wording import units_of
 
-if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
-
+AnyTables = TypeVar("AnyTables", bound=ResultTables)
 LIMIT_CYCLES = "cycles"  # table that results of limit cycles have
 BOUNDS = {"low": "1/s", "high": "1/s"}  # of the fitted growth rate
 
 
-def compare_results(first: Results, second: Results) -> pd.DataFrame:
+def compare_results(first: ResultTables, second: ResultTables) -> pd.DataFrame:
     """The comparison of a study in time with complex modes or limit cycles, in whichever order.
 
     Raises ResultsError where they are not one of each, of one model, with common design points.
@@ -83,7 +82,7 @@ def compare_results(first: Results, second: Results) -> pd.DataFrame:
     return table
 
 
-def in_order(first: Results, second: Results) -> tuple[Results, Results]:
+def in_order(first: AnyTables, second: AnyTables) -> tuple[AnyTables, AnyTables]:
     """Complex modes, which have onsets, or limit cycles; then the study in time."""
     for frequency, transient in ((first, second), (second, first)):
         predicts = {"onsets", LIMIT_CYCLES} & set(frequency.tables)
@@ -95,14 +94,14 @@ def in_order(first: Results, second: Results) -> tuple[Results, Results]:
     )
 
 
-def _followed(results: Results) -> dict[str, Any]:
+def _followed(results: ResultTables) -> dict[str, Any]:
     """The tables in [parameters] of a study, by what follows them."""
     text = str(results.manifest.get("study", "")) if results.manifest.get("tables") else ""
     source = SourceText(results.directory / MANIFEST, text)
     return {name: table for _, name, table in taken(source.tables)[1]}
 
 
-def _elsewhere(results: Results, name: str) -> float:
+def _elsewhere(results: ResultTables, name: str) -> float:
     """The value at which a study ran that neither sweeps nor sets the parameter."""
     model = model_of(results.manifest)
     parameter = parse_parameter(name, model)

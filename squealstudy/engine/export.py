@@ -12,6 +12,7 @@ import numpy as np
 from scipy.io import savemat
 
 from squealstudy.engine.cache import load_prepared
+from squealstudy.engine.model_kind import as_model_kind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.engine.workers import Workers
@@ -74,7 +75,7 @@ def export_reduced(
     """
     if isinstance(plan.study.model, FamilyDefinition):
         raise SquealstudyError(f"{plan.study.source.path}: its matrices are files already")
-    plan, _ = plan.kind.ready(plan, Workers(jobs), warn)
+    plan, _ = as_model_kind(plan.kind).ready(plan, Workers(jobs), warn)
     design = plan.design(plan.nominal_values)
     design = replace(design, structure=plan.structure_key(design))
     key, reason = build_structure(build_task(plan, design, jobs))

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.engine.cache import is_prepared, load_any, load_prepared
-from squealstudy.engine.model_kind import ModelKind
+from squealstudy.engine.model_kind import ModelKind, as_model_kind
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.errors import SquealstudyError, StudyFileError
@@ -78,7 +78,7 @@ def run_seconds(
         The same of a design that grows, at most.
     """
     assert cost.point_s is not None
-    solves = plan.kind.solves(plan)
+    solves = as_model_kind(plan.kind).solves(plan)
     build = cost.n_missing_structures * (cost.structure_s or 0.0)
     build /= 1 if cost.n_missing_structures == 1 else min(jobs, max(cost.n_missing_structures, 1))
     build += solves.checks * cost.point_s / jobs
@@ -112,7 +112,7 @@ def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> list[fl
 
 def estimate(plan: Plan) -> Estimate:
     """Time a few design points, spread over the design, of structures that are in the cache."""
-    kind = plan.kind
+    kind = as_model_kind(plan.kind)
     if plan.stacked:
         seconds = _timed(kind, plan, [plan.tasks[0]])
         return Estimate(

@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 import pyarrow as pa
 from pydantic import BaseModel
 
 from squealstudy.columns import Tables
+from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Solved, Workers
-from squealstudy.errors import ResultsError
+from squealstudy.study.kind_protocols import StudyKind
+from squealstudy.study.kinds import file_of_kind
 from squealstudy.study.source import SourceText
-from squealstudy.wording import by_ranges, plural, with_unit
 
 if TYPE_CHECKING:
     import pandas as pd
-    from rich.console import RenderableType
 
     from squealstudy.engine.measurement import Measuring
-    from squealstudy.engine.results import Results
     from squealstudy.engine.store import Store
-    from squealstudy.screen import Rows
 
 
-LISTED = 12  # rows of the ranking that a run prints
 Warn = Callable[[str], None]
 
 
@@ -63,8 +59,8 @@ class Planned(Protocol):
     """A study resolved into what has to be solved."""
 
     @property
-    def kind(self) -> Kind:
-        """What is computed."""
+    def kind(self) -> StudyKind:
+        """What is computed; `as_kind` has all of it."""
         ...
 
     @property
@@ -238,8 +234,12 @@ class Kind:
         raise NotImplementedError
 
     def measuring(self) -> Measuring | None:
-        """How methods are timed on studies of this kind; None where they cannot be."""
-        return None
+        """How methods are timed on studies of this kind; None where they cannot be.
+
+        By default `MEASURING` of the file ``measuring.py`` in the folder of a kind of the package.
+        """
+        module = file_of_kind(self.name, "measuring")
+        return None if module is None else cast("Measuring", module.MEASURING)
 
     @property
     def screen(self) -> KindScreen:
@@ -256,98 +256,8 @@ class Kind:
         return {}
 
 
-class KindScreen:
-    """The screen of one kind of study: its folder has one in `screen.py`, named SCREEN.
-
-    Attributes
-    ----------
-    tables : tuple of str
-        Tables of finished results, by the names of their files without ending.
-    row_word : str
-        What a row of the first table is, in the singular.
-    unfinished : bool
-        Whether results can be read while a later run of the study is not finished.
-    needs : mapping of str -> sequence of str
-        Columns by table without which nothing can be shown.
-    """
-
-    tables: tuple[str, ...] = ()
-    row_word: str = "design point"
-    unfinished: bool = True
-    needs: Mapping[str, Sequence[str]] = MappingProxyType({})
-
-    def __init__(self, tables: tuple[str, ...] = (), row_word: str = "") -> None:
-        self.tables, self.row_word = tables or self.tables, row_word or self.row_word
-
-    def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
-        """What matters most, first; ResultsError where there is nothing to rank."""
-        raise ResultsError(f"{results.directory}: a {results.kind} study has no ranking of modes")
-
-    def ranking(
-        self,
-        results: Results,
-        by: str = "share",
-        top: int | None = LISTED,
-        where: str | None = None,
-    ) -> list[RenderableType]:
-        """The ranking with its legend, and how many rows are left out; ResultsError as `rank`."""
-        from squealstudy.screen import notes
-
-        table = self.rank(results, by, None, where)
-        shown = self.listed(results, table.head(top or len(table)), where)
-        if top is not None and len(table) > top:
-            shown.append(notes(f"{len(table) - top} more in squealstudy rank {results.directory}"))
-        return shown
-
-    def listed(
-        self, results: Results, table: pd.DataFrame, where: str | None
-    ) -> list[RenderableType]:
-        """A table that `rank` made, with its legend."""
-        return []
-
-    def findings(self, results: Results) -> list[RenderableType]:
-        """What a run prints first, and a notebook shows; without more the first rows."""
-        from squealstudy.screen import grid
-
-        table = results.table(self.tables[0]).head(LISTED)
-        titles = (f"text:{name}" for name in table)
-        return [
-            grid(*titles, rows=([str(v) for v in row] for row in table.itertuples(index=False)))
-        ]
-
-    def verdict(self, results: Results) -> str:
-        """What a study came to, in a sentence: by default the first words of its findings."""
-        told = next((part for part in self.findings(results) if isinstance(part, str)), "")
-        return told or f"{plural(results.n_points, self.row_word)}."
-
-    def counted(self, results: Results, words: Sequence[str]) -> str:
-        """What became of the design points, a word each: by ranges of the parameter that varies.
-
-        Of more parameters, or of many ranges, how often each word stands.
-        """
-        points, words = results.points, [str(word).replace("_", " ") for word in words]
-        varied = [p for p in results.parameters if len(set(points[p].tolist())) > 1]
-        told = ""
-        if len(varied) == 1:
-            (name,) = varied
-            told = by_ranges(name, results.units.get(name, ""), points[name].tolist(), words)
-        return told or ", ".join(f"{n} {word}" for word, n in Counter(words).most_common())
-
-    def mapped(
-        self, results: Results, words: Sequence[str], letters: Mapping[str, str]
-    ) -> list[RenderableType]:
-        """The design points as a map of letters, where exactly two parameters vary on a grid."""
-        from squealstudy.screen import letter_map
-
-        points, units = results.points, results.units
-        varied = [p for p in results.parameters if len(set(points[p].tolist())) > 1]
-        if len(varied) != 2 or points[varied].isna().to_numpy().any():
-            return []
-        first, second = varied
-        names = with_unit(first, units), with_unit(second, units)
-        values = points[first].tolist(), points[second].tolist()
-        return letter_map(names, values, words, letters)
-
-    def facts(self, results: Results) -> Rows:
-        """Lines on methods and errors beneath the findings."""
-        return []
+def as_kind(kind: StudyKind) -> Kind:
+    """A kind with all that a run asks of it; TypeError for one that does not derive from Kind."""
+    if not isinstance(kind, Kind):
+        raise TypeError(f"the kind of study '{kind.name}' does not derive from Kind")
+    return kind

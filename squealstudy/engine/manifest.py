@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from squealstudy.engine.journal import JOURNAL, Journal
-from squealstudy.engine.kind import Planned
+from squealstudy.engine.kind import Planned, as_kind
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.recorded_code import RECORDS, recorded_extensions
 from squealstudy.engine.result_names import (
@@ -62,7 +62,7 @@ def new_manifest(plan: Planned, jobs: int) -> dict[str, Any]:
         "parameters": [],
         "sweeps": [],
         "units": {},
-        **plan.kind.manifest(plan),
+        **as_kind(plan.kind).manifest(plan),
         "versions": versions(),
         "python": platform.python_version(),
         "machine": {"processor": platform.machine(), "cores": cores()},

@@ -3,35 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from pydantic import BaseModel
 
 from squealstudy.engine.mode_shapes import expect_complex_modes, point_shapes
+from squealstudy.engine.result_tables import ResultTables
 from squealstudy.errors import ResultsError
-from squealstudy.files import (
-    OF_JSON,
-    file_hash,
-    is_plain_file,
-    read_whole,
-    sealed,
-    unsealed,
-    write_text,
-)
 from squealstudy.progress import progress
 from squealstudy.shapes.names import AND, name_of
 
-if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
-
-FILE = "names.json"
 NO_DIAMETERS = -1
 
 
 def mode_names(
-    results: Results, tracks: Iterable[int] | None = None, most: int | None = None
+    results: ResultTables, tracks: Iterable[int] | None = None, most: int | None = None
 ) -> pd.DataFrame:
     """Names of modes of results by their shapes.
 
@@ -164,40 +150,3 @@ def _in_one_order(names: pd.Series) -> pd.Series:
     """Names whose words differ in their order alone as the most frequent of them."""
     words = names.map(lambda name: frozenset(name.split(AND)))
     return names.groupby(words).transform(lambda own: own.mode().iloc[0])
-
-
-def keep_track_names(results: Results, table: pd.DataFrame) -> None:
-    """Write the names of tracks beside the tables, for the legends of pictures."""
-    named = {str(track): [str(r["name"]), bool(r["changes"])] for track, r in table.iterrows()}
-    kept = {str(t): list(v) for t, v in read_track_names(results).items()}
-    content = {"modes": _identity(results), "tracks": kept | named}
-    write_text(results.directory / FILE, sealed(content))
-
-
-class KeptNames(BaseModel):
-    """What the file of names holds, whoever wrote it."""
-
-    modes: list[str]
-    tracks: dict[int, tuple[str, bool]]
-
-
-def read_track_names(results: Results) -> dict[int, tuple[str, bool]]:
-    """Name of each track that was named, and whether it changes; none of other tables' tracks."""
-    path = results.directory / FILE
-    if not is_plain_file(path):
-        return {}
-    try:
-        content = KeptNames.model_validate(unsealed(read_whole(path, OF_JSON)))
-    except ValueError:
-        return {}  # damaged, or no such file: it is made again when names are asked for
-    return content.tracks if content.modes == _identity(results) else {}
-
-
-def _identity(results: Results) -> list[str]:
-    """Hashes of the modes table that tracks are numbered in."""
-    entries = results.store.journal.entries
-    names = results.store.parts("modes.parquet")
-    return sorted(  # results of earlier versions have no journal, a damaged one has lost lines
-        entries[name].sha256 if name in entries else file_hash(results.directory / name)
-        for name in names
-    )

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -28,6 +27,7 @@ from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.recorded_code import execute_recorded
 from squealstudy.engine.reduced import BuildTask, reduced_with_basis
 from squealstudy.engine.result_names import MANIFEST
+from squealstudy.engine.result_tables import ResultTables
 from squealstudy.engine.structures import build_task
 from squealstudy.errors import ResultsError, SquealstudyError
 from squealstudy.machine import cores
@@ -43,23 +43,22 @@ from squealstudy.study.source import SourceText, changed
 from squealstudy.system.linearise import linearise
 from squealstudy.tables.other_codes import roots_of
 
-if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
-
 SAME = 1e-6  # relative distance of two solutions of one root, whatever the version of LAPACK
 ERRORS = 3.0  # and in estimated errors of the table's root
 UNREDUCED = 2e-3  # relative distance of a root of full order and its reduced one, at most
 EXPANSION = "expansion"  # folder beside a prepared model
 
 
-def shape(results: Results, point: str | int | None, mode: int | None, track: int | None) -> Shape:
+def shape(
+    results: ResultTables, point: str | int | None, mode: int | None, track: int | None
+) -> Shape:
     """As `Results.shape`."""
     row, numbers = chosen_modes(results, point, mode, track)
     return point_shapes(results, row).shape(numbers[0])
 
 
 def chosen_modes(
-    results: Results,
+    results: ResultTables,
     point: str | int | None = None,
     mode: int | None = None,
     track: int | None = None,
@@ -108,7 +107,7 @@ def chosen_modes(
     return row, own.sort_values("growth_rate", ascending=False)["mode"].tolist()
 
 
-def expect_complex_modes(results: Results) -> None:
+def expect_complex_modes(results: ResultTables) -> None:
     """Raise ResultsError for results that have no modes with a shape."""
     if "modes" not in results.tables or "growth_rate" not in results.modes:
         raise ResultsError(
@@ -129,7 +128,7 @@ def _no_mode(own: pd.DataFrame, row: int, mode: int | None, track: int | None) -
 _last: dict[tuple[str, str, int], PointShapes] = {}
 
 
-def point_shapes(results: Results, row: int) -> PointShapes:
+def point_shapes(results: ResultTables, row: int) -> PointShapes:
     """The shapes of a design point by its row; those of the last call are kept."""
     key = str(results.directory.resolve()), str(results.manifest.get("study_hash", "")), row
     if key not in _last:
@@ -154,7 +153,7 @@ class PointShapes:
         A model without a mesh, or results that this version cannot make again.
     """
 
-    def __init__(self, results: Results, row: int) -> None:
+    def __init__(self, results: ResultTables, row: int) -> None:
         self._results, self._row = results, row
         self._plan = plan_of(results)
         if not has_mesh(self._plan.study):
@@ -268,7 +267,7 @@ def same_coordinates(made: ReducedModel, kept: ReducedModel) -> bool:
     )
 
 
-def plan_of(results: Results) -> Plan:
+def plan_of(results: ResultTables) -> Plan:
     """The design points of results, as their run had them.
 
     Raises

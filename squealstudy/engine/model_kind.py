@@ -20,6 +20,7 @@ from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.study.definition import ResolvedStudy, resolve_study
 from squealstudy.study.design import DesignPoint
+from squealstudy.study.kind_protocols import StudyKind
 from squealstudy.study.sampling import count_points
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText
@@ -231,6 +232,13 @@ class ModelKind(Kind):
             f"structure_{name}": float(np.mean([t[name] for t in found if name in t]))
             for name in {name: None for timings in found for name in timings}
         }
+
+
+def as_model_kind(kind: StudyKind) -> ModelKind:
+    """A kind with all that is asked of one of a model; TypeError for another."""
+    if not isinstance(kind, ModelKind):
+        raise TypeError(f"the kind of study '{kind.name}' does not derive from ModelKind")
+    return kind
 
 
 def _check_limit(study: ResolvedStudy, count: int, yes: bool) -> None:

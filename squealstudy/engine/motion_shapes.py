@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as la
@@ -11,12 +10,10 @@ import scipy.linalg as la
 from squealstudy.engine.final_states import read_state
 from squealstudy.engine.mode_shapes import PointShapes
 from squealstudy.engine.result_names import STATES
+from squealstudy.engine.result_tables import ResultTables
 from squealstudy.errors import ResultsError
 from squealstudy.motion.growing_modes import coordinates, mode_planes
 from squealstudy.shapes.shape import Shape
-
-if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
 
 END = "end of the run"
 MODAL = "modal"  # representation whose states are in component-mode coordinates
@@ -58,7 +55,7 @@ class EndMotion:
     residual: float
 
 
-def loudest(results: Results) -> int:
+def loudest(results: ResultTables) -> int:
     """Row of the run with the largest RMS of the torque; ResultsError where there is none."""
     _expect_runs(results)
     rms = results.points[LEVEL].where(results.points["status"] == "ok")
@@ -67,7 +64,7 @@ def loudest(results: Results) -> int:
     return int(rms.to_numpy(float, na_value=-np.inf).argmax())
 
 
-def _expect_runs(results: Results) -> None:
+def _expect_runs(results: ResultTables) -> None:
     if results.kind != "transient":
         raise ResultsError(
             f"{results.directory}: motion at the end is that of runs in time, these are results of "
@@ -80,7 +77,7 @@ def _expect_runs(results: Results) -> None:
         )
 
 
-def end_motion(results: Results, row: int) -> EndMotion:
+def end_motion(results: ResultTables, row: int) -> EndMotion:
     """The motion at the end of a run, of a design point of a transient study by its row.
 
     Raises
@@ -121,7 +118,9 @@ def end_motion(results: Results, row: int) -> EndMotion:
     )
 
 
-def _state(results: Results, point_id: str, shapes: PointShapes) -> tuple[np.ndarray, np.ndarray]:
+def _state(
+    results: ResultTables, point_id: str, shapes: PointShapes
+) -> tuple[np.ndarray, np.ndarray]:
     """Deviation from steady sliding and velocity in the coordinates of the shapes' model."""
     name = f"{STATES}/{point_id}.npz"
     if name not in results.store.names(STATES):

@@ -20,6 +20,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
+from squealstudy.engine.result_tables import ResultTables
 from squealstudy.engine.store import PICTURES, write_manifest
 from squealstudy.errors import ExtensionError, ResultsError, SquealstudyError
 from squealstudy.extensions import note_registered
@@ -29,8 +30,6 @@ from squealstudy.wording import did_you_mean
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from squealstudy.engine.results import Results
-
 DPI = 130
 AS_PNG = "_repr_png_"  # method by which a notebook shows what a cell ends with
 NOTHING = "nothing to see"  # label of a figure that only says why
@@ -38,10 +37,10 @@ PACKAGE = "squealstudy"
 FOLDER = "squealstudy.plots"
 Draw = Callable[..., "Figure"]
 Choices = Mapping[str, Any]  # arguments of a plot beside the results
-Pictures = Callable[["Results"], Iterable[tuple[str, Choices]]]
+Pictures = Callable[[Any], Iterable[tuple[str, Choices]]]  # of `Results`
 
 
-def once(_: Results) -> Iterable[tuple[str, Choices]]:
+def once(_: ResultTables) -> Iterable[tuple[str, Choices]]:
     """One picture of a study, without choices."""
     return [("", {})]
 
@@ -68,7 +67,7 @@ class Plot:
     needs: Mapping[str, Sequence[str]] = field(default_factory=dict)
     pictures: Pictures = once
 
-    def missing(self, results: Results) -> str:
+    def missing(self, results: ResultTables) -> str:
         """The first table or column of the results that is needed and not there, in words."""
         for table, columns in self.needs.items():
             if table not in results.tables:
@@ -78,7 +77,7 @@ class Plot:
                     return f"a column '{column}' in the table '{table}'"
         return ""
 
-    def __call__(self, results: Results, *arguments: Any, **choices: Any) -> Figure:
+    def __call__(self, results: ResultTables, *arguments: Any, **choices: Any) -> Figure:
         """The figure, which a notebook shows; choices in their order or by name.
 
         ResultsError where the results lack what is drawn; ExtensionError where a plot from outside
@@ -175,7 +174,7 @@ class Plots:
     `dir` has those that the results have the tables for.
     """
 
-    def __init__(self, results: Results) -> None:
+    def __init__(self, results: ResultTables) -> None:
         self._results = results
 
     def __repr__(self) -> str:
@@ -196,7 +195,7 @@ class Plots:
         return sorted({plot.name for _, plot, _ in pictures(self._results)})
 
 
-def _method(plot: Plot, results: Results) -> Draw:
+def _method(plot: Plot, results: ResultTables) -> Draw:
     """A plot of some results, with the signature and the text of its function but for these."""
 
     def method(*arguments: Any, **choices: Any) -> Figure:
@@ -219,7 +218,7 @@ def _without_results(text: str) -> str:
     return f"{head.strip()}\n\nReturns\n-------\nmatplotlib.figure.Figure\n{raises}{tail}"
 
 
-def pictures(results: Results) -> Iterable[tuple[str, Plot, Choices]]:
+def pictures(results: ResultTables) -> Iterable[tuple[str, Plot, Choices]]:
     """Name of the file, plot and choices of every picture that the results allow."""
     for name, plot in sorted(plots().items()):
         if not plot.missing(results):
@@ -229,7 +228,7 @@ def pictures(results: Results) -> Iterable[tuple[str, Plot, Choices]]:
                 yield name + suffix, plot, choices
 
 
-def images(results: Results) -> Iterator[str]:
+def images(results: ResultTables) -> Iterator[str]:
     """Every picture that the results allow, drawn for a page of HTML."""
     for _, plot, choices in pictures(results):
         image = BytesIO()
@@ -239,7 +238,7 @@ def images(results: Results) -> Iterator[str]:
         yield f'<img alt="{plot.name}" src="data:image/png;base64,{encoded}">'
 
 
-def draw_pictures(results: Results, directory: Path | None) -> list[Path]:
+def draw_pictures(results: ResultTables, directory: Path | None) -> list[Path]:
     """Draw every picture that results allow, as `Results.draw`."""
     wanted = list(pictures(results))
     paths = [(directory or results.directory) / f"{name}.png" for name, _, _ in wanted]

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -31,11 +31,9 @@ from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.family import file_digests
+from squealstudy.study.kind_protocols import ModelStudyKind
 from squealstudy.study.sampling import design_points, farthest_points, grid_shape
 from squealstudy.study.toml_text import KeyPath
-
-if TYPE_CHECKING:
-    from squealstudy.engine.model_kind import ModelKind
 
 LAW_OPTIONS = (CONTACT_OPTION.name, FRICTION_OPTION.name)  # they change no structure
 # they decide a reduction
@@ -98,7 +96,7 @@ class Plan:
         return self
 
     @property
-    def kind(self) -> ModelKind:
+    def kind(self) -> ModelStudyKind:
         """What the study computes."""
         return self.study.kind
 

@@ -15,10 +15,14 @@ import pyarrow as pa
 from squealstudy.engine.column_types import misfit
 from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.store import Store, column_units
-from squealstudy.engine.table_rows import Keep, batches, chosen_rows, mode_points
+from squealstudy.engine.table_rows import Keep, batches, chosen_rows, mode_points, ranked_modes
+from squealstudy.engine.track_names import read_track_names
 from squealstudy.errors import ResultsError, printable
+from squealstudy.study.kind_protocols import ScreenFacts
 from squealstudy.study.kinds import screen_of
 from squealstudy.study.parameters import onset_parameter
+from squealstudy.tables.boundary_map import full_points, full_tables
+from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW
 from squealstudy.wording import did_you_mean
 
@@ -26,7 +30,7 @@ POINT_TABLE = "points"
 RENAMED = {"dominant_frequency_hz": "torque_line_hz"}  # columns of results of before
 
 if TYPE_CHECKING:
-    from squealstudy.engine.kind import KindScreen
+    pass
 
 
 @dataclass(frozen=True)
@@ -53,8 +57,8 @@ class ResultTables:
         return changed
 
     @cached_property
-    def screen(self) -> KindScreen:
-        """What is shown of results of this kind; ResultsError of a kind that there is not."""
+    def screen(self) -> ScreenFacts:
+        """What there is of results of this kind; ResultsError of a kind that there is not."""
         try:
             return screen_of(self.kind)
         except KeyError:
@@ -285,6 +289,46 @@ class ResultTables:
     def variants(self) -> pd.DataFrame:
         """One row an alternative of a design study."""
         return self.table("variants")
+
+    def ranked(self, where: str | None = None) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Points, and the modes that count in a ranking within a query.
+
+        Of a boundary design all nodes of its grid.
+        """
+        modes = ranked_modes(self, where)
+        if self.boundary is None:
+            return self.points, modes
+        return full_tables(self.points, modes, self.boundary["axes"], self.boundary["levels"])
+
+    @cached_property
+    def nodes(self) -> tuple[pd.DataFrame, np.ndarray | None]:
+        """`points` on every node of a boundary design's full grid, and which were solved.
+
+        See tables.boundary_map.full_points; `points` and None of other designs.
+        """
+        if self.boundary is None:
+            return self.points, None
+        return full_points(self.points, self.boundary["axes"], self.boundary["levels"])
+
+    @cached_property
+    def track_names(self) -> dict[int, tuple[str, bool]]:
+        """Most frequent name of each track that `squealstudy rank --names` named.
+
+        With it whether the name changes between design points.
+        """
+        return read_track_names(self.store)
+
+    def nominal_others(self, along: str) -> dict[str, float]:
+        """The other varied parameters at their nominal values, where the design has them."""
+        nominal, chosen = self.fact("nominal"), self.points
+        fixed: dict[str, float] = {}
+        for name in parameter_columns(self.points, varied=True):
+            if name == along:
+                continue
+            there = chosen[np.isclose(chosen[name], nominal[name], rtol=1e-6, atol=0.0)]
+            if len(there):
+                fixed[name], chosen = nominal[name], there
+        return fixed
 
     def row_of(self, point: str | int) -> int:
         """Row of `points` of a ``point_id``, or of a number of a row, from the end if negative.

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
-import numpy as np
 import pandas as pd
 
 from squealstudy.engine.journal import MISSING, UNFINISHED
@@ -19,15 +18,13 @@ from squealstudy.engine.store import (
     PICTURES,
     read_manifest,
 )
-from squealstudy.engine.table_rows import ranked_modes
 from squealstudy.errors import ResultsError
 from squealstudy.screen import as_text
 from squealstudy.study.sweeps import BOUNDARY, RANDOM_DESIGNS, SOBOL_INDICES
-from squealstudy.tables.boundary_map import full_points, full_tables
-from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.wording import GROWING, SUSTAINED, UNDECIDED, plural
 
 if TYPE_CHECKING:
+    from squealstudy.engine.kind_screen import KindScreen
     from squealstudy.engine.motion_shapes import EndMotion
     from squealstudy.shapes.shape import Shape
 
@@ -58,6 +55,11 @@ class Results(ResultTables):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "plot", Plots(self))  # no property: editors complete its names
+
+    @cached_property
+    def screen(self) -> KindScreen:
+        """What is shown of results of this kind; ResultsError of a kind that there is not."""
+        return cast("KindScreen", super().screen)
 
     def __dir__(self) -> list[str]:
         """What is for users, and of it what these results have."""
@@ -173,16 +175,6 @@ class Results(ResultTables):
 
         return mode_names(self, tracks, most)
 
-    @cached_property
-    def track_names(self) -> dict[int, tuple[str, bool]]:
-        """Most frequent name of each track that `squealstudy rank --names` named.
-
-        With it whether the name changes between design points.
-        """
-        from squealstudy.engine.mode_names import read_track_names
-
-        return read_track_names(self)
-
     def draw(self, directory: Path | None = None) -> list[Path]:
         """Draw every picture that the tables allow, beside them or elsewhere; their paths.
 
@@ -207,18 +199,6 @@ class Results(ResultTables):
     def file_word(self, parameter: str) -> str:
         """A parameter's name as it stands in names of files."""
         return parameter.translate(NOT_IN_NAMES)
-
-    def nominal_others(self, along: str) -> dict[str, float]:
-        """The other varied parameters at their nominal values, where the design has them."""
-        nominal, chosen = self.fact("nominal"), self.points
-        fixed: dict[str, float] = {}
-        for name in parameter_columns(self.points, varied=True):
-            if name == along:
-                continue
-            there = chosen[np.isclose(chosen[name], nominal[name], rtol=1e-6, atol=0.0)]
-            if len(there):
-                fixed[name], chosen = nominal[name], there
-        return fixed
 
     def rank(
         self, by: str = "share", top: int | None = None, where: str | None = None
@@ -291,26 +271,6 @@ class Results(ResultTables):
         from squealstudy.engine.comparison import compare_results
 
         return compare_results(self, other)
-
-    def ranked(self, where: str | None = None) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Points, and the modes that count in a ranking within a query.
-
-        Of a boundary design all nodes of its grid.
-        """
-        modes = ranked_modes(self, where)
-        if self.boundary is None:
-            return self.points, modes
-        return full_tables(self.points, modes, self.boundary["axes"], self.boundary["levels"])
-
-    @cached_property
-    def nodes(self) -> tuple[pd.DataFrame, np.ndarray | None]:
-        """`points` on every node of a boundary design's full grid, and which were solved.
-
-        See tables.boundary_map.full_points; `points` and None of other designs.
-        """
-        if self.boundary is None:
-            return self.points, None
-        return full_points(self.points, self.boundary["axes"], self.boundary["levels"])
 
     def robust(self, confidence: float = 0.95) -> pd.DataFrame:
         """Probability of instability with its interval, of any mode and of each track.

@@ -17,7 +17,7 @@ from squealstudy.engine.chunk_rows import lost_chunk, solve_chunk
 from squealstudy.engine.chunk_writer import ChunkWriter
 from squealstudy.engine.journal import JOURNAL, Journal
 from squealstudy.engine.keys import ID_TYPE
-from squealstudy.engine.kind import Planned, Warn
+from squealstudy.engine.kind import Planned, Warn, as_kind
 from squealstudy.engine.manifest import (
     BESIDE,
     check_owner,
@@ -103,7 +103,7 @@ def run_study(
     StudyFileError, ResultsError
         Invalid study; directory of another study, or in use; no design point is ok.
     """
-    kind = plan.kind
+    kind = as_kind(plan.kind)
     kind.check_limit(plan, yes)
     check_owner(directory, plan.owner)
     started = time.perf_counter()
@@ -178,7 +178,7 @@ def _run_beside(plan: Planned, directory: Path, options: _Options) -> tuple[dict
     A study file or a machine that is at fault ends the run; else the others go on.
     """
     failures, changed = {}, False
-    for folder, other in plan.kind.beside(plan).items():
+    for folder, other in as_kind(plan.kind).beside(plan).items():
         expect_inside(directory, folder)
         own = replace(options, progress=partial(_told_of, options.progress, folder))
         failures[folder] = ""
@@ -197,7 +197,7 @@ def _run_beside(plan: Planned, directory: Path, options: _Options) -> tuple[dict
 def _left_beside(plan: Planned, directory: Path) -> list[Path]:
     """Results of studies that were run beside one, and are no more: their journals tell whose."""
     name, kind, _ = plan.owner
-    known = {directory / folder for folder in plan.kind.beside(plan)}
+    known = {directory / folder for folder in as_kind(plan.kind).beside(plan)}
     found = {path.parent for path in directory.glob(f"*/*/{JOURNAL}")} - known
     begun = {p for p in found if not leads_out(directory, p.relative_to(directory).as_posix())}
     return [p for p in sorted(begun) if _begun_by(p)[:2] == (f"{name}_{p.name}", kind)]
@@ -269,7 +269,7 @@ def _solve_points(
     manifest: dict[str, Any],
 ) -> int:
     """Solve the design points that are not among those `done_before`; their number."""
-    started, kind = time.perf_counter(), plan.kind
+    started, kind = time.perf_counter(), as_kind(plan.kind)
     workers = kind.place(plan, workers)
     pending = np.flatnonzero(np.isin(plan.tasks.ids, done_before, invert=True))
     why = kind.unsolvable(plan, plan.tasks.at(pending), failures)
@@ -314,7 +314,7 @@ def _finish(
     give_back_memory()  # what came from workers is written
     workers.report("tables", 0, 1)
     tables_started = time.perf_counter()
-    points, facts = plan.kind.build_tables(plan, store, workers)
+    points, facts = as_kind(plan.kind).build_tables(plan, store, workers)
     pa.default_memory_pool().release_unused()  # rankings and pictures need memory next
     apart = facts.pop("seconds", {})  # points solved for the tables alone
     manifest |= facts

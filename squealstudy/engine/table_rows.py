@@ -7,7 +7,7 @@ columns, and for the rows that count in them; of the rest only a batch is there 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import pandas as pd
@@ -19,10 +19,23 @@ from squealstudy.tables.mode_ranking import RANKED, energy_columns, query
 from squealstudy.tables.point_rows import ROW, parts, point_codes
 from squealstudy.tables.stability import is_uncertain
 
-if TYPE_CHECKING:
-    from squealstudy.engine.result_tables import ResultTables
-
 Keep = Callable[[pd.DataFrame], np.ndarray]  # rows of a batch -> which are wanted (n,) of bool
+
+
+class Tables(Protocol):
+    """Tables that are read by columns and rows: `ResultTables`."""
+
+    def columns(self, name: str) -> list[str]:
+        """Names of the columns of a table."""
+        ...
+
+    def batches(self, name: str, columns: Sequence[str]) -> Iterator[pd.DataFrame]:
+        """Columns of a table, some thousand rows at a time."""
+        ...
+
+    def rows(self, name: str, columns: Sequence[str], keep: Keep | None = ...) -> pd.DataFrame:
+        """Some columns of those rows of a table that are wanted."""
+        ...
 
 
 def batches(
@@ -70,7 +83,7 @@ def mode_points(points: pd.DataFrame, modes: Iterable[pd.DataFrame]) -> np.ndarr
     return np.concatenate(found)
 
 
-def ranked_modes(results: ResultTables, where: str | None = None) -> pd.DataFrame:
+def ranked_modes(results: Tables, where: str | None = None) -> pd.DataFrame:
     """The modes that count in a ranking, with the columns that do, and those of a query.
 
     These are unstable ones, those of tracks that are unstable somewhere, and uncertain ones.

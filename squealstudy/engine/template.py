@@ -20,7 +20,6 @@ from pydantic.fields import FieldInfo
 
 from squealstudy.engine.lumped_template import TEXT as LUMPED_TEXT
 from squealstudy.engine.lumped_template import file_beside, lumped_start
-from squealstudy.engine.model_kind import ModelKind
 from squealstudy.engine.schema import methods_schema, study_schema
 from squealstudy.errors import SquealstudyError
 from squealstudy.files import write_text
@@ -32,6 +31,7 @@ from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
 from squealstudy.study.design_sections import SweepSection
+from squealstudy.study.kind_protocols import ModelStudyKind
 from squealstudy.study.kinds import kind_named, kind_names, model_kind
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.toml_text import toml_key, toml_value
@@ -55,7 +55,7 @@ class Begun:
 
     Attributes
     ----------
-    kind : ModelKind
+    kind : ModelStudyKind
     model : ModelDefinition
     tables : mapping of str -> mapping, or list of mappings
         What its file says, by section.
@@ -65,7 +65,7 @@ class Begun:
         Every key is written, not only those that matter most.
     """
 
-    kind: ModelKind
+    kind: ModelStudyKind
     model: ModelDefinition
     tables: Mapping[str, Any]
     definition: StudyDefinition

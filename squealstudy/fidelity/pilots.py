@@ -11,6 +11,7 @@ import numpy as np
 
 from squealstudy.engine.chunk_rows import unforeseen
 from squealstudy.engine.keys import content_hash
+from squealstudy.engine.kind import as_kind
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structures
@@ -87,7 +88,7 @@ class FidelityStudy:
     @property
     def measuring(self) -> Measuring:
         """How settings are timed and compared."""
-        found = self.study.kind.measuring()
+        found = as_kind(self.study.kind).measuring()
         assert found is not None
         return found
 

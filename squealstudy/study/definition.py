@@ -29,8 +29,8 @@ from squealstudy.study.units import TEMPERATURE, with_numbers
 from squealstudy.wording import did_you_mean, shown
 
 if TYPE_CHECKING:  # the catalogue imports scipy and scikit-fem: only where a study is loaded
-    from squealstudy.engine.model_kind import ModelKind
     from squealstudy.models.parameter import ModelDefinition
+    from squealstudy.study.kind_protocols import ModelStudyKind
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class ResolvedStudy:
     ----------
     source : SourceText
         The file as it was read, and its path.
-    kind : ModelKind
+    kind : ModelStudyKind
         What is computed at the design points.
     definition : StudyDefinition
     model : ModelDefinition
@@ -55,7 +55,7 @@ class ResolvedStudy:
     """
 
     source: SourceText
-    kind: ModelKind
+    kind: ModelStudyKind
     definition: StudyDefinition
     model: ModelDefinition
     options: Mapping[str, str | int]
@@ -195,7 +195,7 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStud
     return study
 
 
-def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelKind:
+def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelStudyKind:
     """The kind of a study file; StudyFileError for a table that another kind has."""
     kind = kind_of_file(source, tables)
     if kind is None:  # what is missing or wrong in [study] is said

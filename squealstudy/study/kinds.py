@@ -20,11 +20,10 @@ if TYPE_CHECKING:
 
     from pydantic import BaseModel
 
-    from squealstudy.engine.kind import Kind, KindScreen
-    from squealstudy.engine.model_kind import ModelKind
+    from squealstudy.study.kind_protocols import ModelStudyKind, ScreenFacts, StudyKind
 
 FOLDER = "squealstudy.kinds"  # above this room: read by name, never imported
-_registered: dict[str, Kind] = {}
+_registered: dict[str, StudyKind] = {}
 
 
 @cache
@@ -40,7 +39,7 @@ def kind_names() -> tuple[str, ...]:
     return (*_folders(), *_registered)
 
 
-def register_kind(kind: Kind) -> None:
+def register_kind(kind: StudyKind) -> None:
     """Add a kind from outside the package; ValueError where another one has its name."""
     known = _registered.get(kind.name, kind)
     if kind.name in _folders() or type(known) is not type(kind):
@@ -50,45 +49,44 @@ def register_kind(kind: Kind) -> None:
     note_registered(type(kind).__module__)
 
 
-def kind_named(name: str) -> Kind:
+def kind_named(name: str) -> StudyKind:
     """The kind of that name; KeyError for another."""
     if name in _registered:
         return _registered[name]
     if name not in _folders():
         raise KeyError(name)
-    return cast("Kind", _module(name, "kind").KIND)
+    return cast("StudyKind", import_module(f"{FOLDER}.{name}.kind").KIND)
 
 
 def definition_of(name: str) -> type[BaseModel]:
     """What the files of a kind may say, without what solves its design points; KeyError."""
-    if name in _folders():
-        found = f"{FOLDER}.{name}.section"
-        if find_spec(found):
-            return cast("type[BaseModel]", import_module(found).DEFINITION)
-        return StudyDefinition
-    return kind_named(name).definition
+    if name not in _folders():
+        return kind_named(name).definition
+    section = file_of_kind(name, "section")
+    return StudyDefinition if section is None else section.DEFINITION
 
 
 def facts_of(name: str) -> type[BaseModel] | None:
     """What the facts of a manifest of a kind must be; None of kinds that have not said."""
-    if name not in _folders() or not find_spec(f"{FOLDER}.{name}.facts"):
-        return None
-    return cast("type[BaseModel]", _module(name, "facts").FACTS)
+    facts = file_of_kind(name, "facts")
+    return None if facts is None else facts.FACTS
 
 
-def _module(kind: str, name: str) -> ModuleType:
-    return import_module(f"{FOLDER}.{kind}.{name}")
+def file_of_kind(kind: str, name: str) -> ModuleType | None:
+    """A file in the folder of a kind of the package; None where there is none."""
+    path = f"{FOLDER}.{kind}.{name}"
+    return import_module(path) if kind in _folders() and find_spec(path) else None
 
 
-def model_kind(name: str) -> ModelKind:
+def model_kind(name: str) -> ModelStudyKind:
     """The kind of that name, one that solves design points of a model; KeyError for another."""
     kind = kind_named(name)
     if kind.of_methods:
         raise KeyError(name)
-    return cast("ModelKind", kind)
+    return cast("ModelStudyKind", kind)
 
 
-def kind_of_file(source: SourceText, tables: Mapping[str, Any]) -> Kind | None:
+def kind_of_file(source: SourceText, tables: Mapping[str, Any]) -> StudyKind | None:
     """The kind that the tables of a study file name; None where they name none.
 
     Raises
@@ -111,11 +109,11 @@ def kind_of_file(source: SourceText, tables: Mapping[str, Any]) -> Kind | None:
     return kind_named(name)
 
 
-def screen_of(name: str) -> KindScreen:
+def screen_of(name: str) -> ScreenFacts:
     """What is shown of results of a kind; KeyError for another.
 
     It is imported without what solves the kind's design points.
     """
     if name not in _folders():
         return kind_named(name).screen
-    return cast("KindScreen", _module(name, "screen").SCREEN)
+    return cast("ScreenFacts", import_module(f"{FOLDER}.{name}.screen").SCREEN)

@@ -14,12 +14,17 @@ import pandas as pd
 from rich.console import RenderableType
 
 from squealstudy.screen import grid, notes
-from squealstudy.tables.mode_ranking import frequency_text, group_kind, parameter_columns
+from squealstudy.tables.mode_ranking import (
+    frequency_text,
+    group_kind,
+    parameter_columns,
+    rank_modes,
+)
 from squealstudy.tables.stability import BELOW_RANGE, INEXACT
 from squealstudy.wording import amount, in_digits, plural, track_number
 
 if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
+    from squealstudy.engine.result_tables import ResultTables
 
 GRID = "grid"
 MOST_DESIGNS = 12  # of a table on a screen; each is a ranking of its own
@@ -57,7 +62,7 @@ class DesignLine(NamedTuple):
     fastest: Row | None
 
 
-def design_lines(results: Results) -> list[DesignLine]:
+def design_lines(results: ResultTables) -> list[DesignLine]:
     """A row a design of a grid; none where there is one design alone, or too many for a screen."""
     along = results.along
     if not along or results.design != GRID or results.boundary is not None:
@@ -71,13 +76,13 @@ def design_lines(results: Results) -> list[DesignLine]:
     return [_line(results, {str(n): float(v) for n, v in row.items()}) for row in rows]
 
 
-def _line(results: Results, values: dict[str, float]) -> DesignLine:
+def _line(results: ResultTables, values: dict[str, float]) -> DesignLine:
     where = " and ".join(f"{name} == {float(value)!r}" for name, value in values.items())
     points = results.points
     own = np.logical_and.reduce([points[name].to_numpy() == v for name, v in values.items()])
     solved = points[own & (points["status"] == "ok").to_numpy(bool)]
     most = solved["n_unstable"]
-    table = results.screen.rank(results, "growth", None, where)
+    table = rank_modes(*results.ranked(where), results.along, "growth", None, where, results.onsets)
     first = first_onset(table)
     return DesignLine(
         design=values,
@@ -114,7 +119,7 @@ def first_at(row: Row, along: str, unit: str) -> str:
     return f" first at {along} {about}{amount(value, unit)}"
 
 
-def onsets_in_words(results: Results, table: pd.DataFrame) -> str:
+def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     """The modes of a ranking in the order in which they turn unstable; empty without onsets."""
     along = results.along
     if not along or results.design != GRID or results.boundary is not None:
@@ -134,7 +139,7 @@ def onsets_in_words(results: Results, table: pd.DataFrame) -> str:
     return ", ".join(told) + (f" and {plural(left, 'other')}" if left else "")
 
 
-def design_table(results: Results, lines: list[DesignLine]) -> list[RenderableType]:
+def design_table(results: ResultTables, lines: list[DesignLine]) -> list[RenderableType]:
     """A row a design: its first onset and fastest growth; what `design` stands for."""
     along = results.along or ""
     units, top = results.units, float(results.points[along].max())

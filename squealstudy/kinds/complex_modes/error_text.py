@@ -14,7 +14,7 @@ from squealstudy.screen import Rows
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
+    from squealstudy.engine.result_tables import ResultTables
 
 EXACT = 1e-9  # relative error of a method below which nothing is left to check
 SEEN = 0.1  # of the largest estimate: points that err by less say little about the method
@@ -97,7 +97,7 @@ def full_order_error_text(manifest: Mapping[str, Any]) -> str:
     )
 
 
-def unseen_text(results: Results) -> str:
+def unseen_text(results: ResultTables) -> str:
     """That checked points are such where the method hardly errs, as nodes of an interpolation."""
     checked = [c["point_id"] for c in results.manifest.get("reference", []) if "roots" in c]
     if not checked or "error_rung" not in results.columns("modes"):

@@ -51,8 +51,6 @@ from squealstudy.study.design import DesignPoint
 if TYPE_CHECKING:
     import pandas as pd
 
-    from squealstudy.engine.measurement import Measuring
-
 
 # of the least and the longest time: exact complex modes; reanalysis
 EXACT, REANALYSIS = (0.9, 1.1), (0.5, 1.5)
@@ -238,12 +236,6 @@ class ComplexModes(ModelKind):
         if len(left := points.loc[(points["status"] == "ok") & (points["message"] != "")]):
             method["left_over"] = {"points": len(left), "first": left["message"].iloc[0]}
         return points, {**facts, "method": {**method, "tolerance": plan.method.tolerance}}
-
-    def measuring(self) -> Measuring:
-        """How methods are timed."""
-        from squealstudy.kinds.complex_modes.measuring import MEASURING
-
-        return MEASURING
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
         """The method, and why it."""

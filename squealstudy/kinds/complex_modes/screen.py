@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.engine.kind import KindScreen
+from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.engine.table_rows import ranked_modes
 from squealstudy.kinds.complex_modes.design_lines import (
     DesignLine,
@@ -57,7 +57,7 @@ from squealstudy.wording import (
 )
 
 if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
+    from squealstudy.engine.result_tables import ResultTables
 
 
 ONSETS = {
@@ -81,7 +81,9 @@ class ComplexModesScreen(KindScreen):
 
     tables = ("points", "modes", "onsets")
 
-    def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
+    def rank(
+        self, results: ResultTables, by: str, top: int | None, where: str | None
+    ) -> pd.DataFrame:
         """Unstable tracked modes, `tables.mode_ranking.rank_modes`.
 
         Of a boundary design all nodes of its grid count; only solved points tell the worst design
@@ -113,7 +115,7 @@ class ComplexModesScreen(KindScreen):
         return table
 
     def listed(
-        self, results: Results, table: pd.DataFrame, where: str | None
+        self, results: ResultTables, table: pd.DataFrame, where: str | None
     ) -> list[RenderableType]:
         """The ranking of unstable modes, what its columns mean, and what is uncertain."""
         if not len(table):
@@ -131,7 +133,7 @@ class ComplexModesScreen(KindScreen):
         )
         return [shown, notes(*_legend(table, results, where))]
 
-    def findings(self, results: Results) -> list[RenderableType]:
+    def findings(self, results: ResultTables) -> list[RenderableType]:
         """The ranking, or that there is no mode at all."""
         if any(len(batch) for batch in results.batches("modes", ["mode"])):
             lines = design_lines(results)
@@ -143,7 +145,7 @@ class ComplexModesScreen(KindScreen):
         where = "solved design point" if lost else "design point"
         return [f"No mode lies {band_text(results.fact('band_hz'))} at any {where}.", notes(lost)]
 
-    def verdict(self, results: Results) -> str:
+    def verdict(self, results: ResultTables) -> str:
         """How many modes are unstable, the most widespread, and the one that grows fastest."""
         if not any(len(batch) for batch in results.batches("modes", ["mode"])):
             return super().verdict(results) + grows_outside(results.manifest, results.units)
@@ -165,7 +167,7 @@ class ComplexModesScreen(KindScreen):
         where = ", ".join(map(" ".join, settings_of(fast["at"], results.units).items()))
         return f"{text}{f' at {where}' if where else ''}.{but}"
 
-    def facts(self, results: Results) -> Rows:
+    def facts(self, results: ResultTables) -> Rows:
         """Which rungs served the points, what an audit of them found, estimates and errors."""
         manifest = results.manifest
         error = full_order_error_text(manifest) + unseen_text(results)
@@ -178,7 +180,7 @@ class ComplexModesScreen(KindScreen):
         ]
 
 
-def _how_many(results: Results, table: pd.DataFrame) -> str:
+def _how_many(results: ResultTables, table: pd.DataFrame) -> str:
     """How many modes are unstable, in which band, and from where on each."""
     tracked = table[(table["kind"] == group_kind(1)).to_numpy(bool)]
     named = int(tracked.drop_duplicates("family")["family_modes"].sum())
@@ -193,7 +195,7 @@ def _how_many(results: Results, table: pd.DataFrame) -> str:
 
 
 def _answer(
-    results: Results, screen: ComplexModesScreen, lines: list[DesignLine]
+    results: ResultTables, screen: ComplexModesScreen, lines: list[DesignLine]
 ) -> list[RenderableType]:
     """What was found, in a sentence; nothing where the ranking alone tells it."""
     table = screen.rank(results, "share", None, None)
@@ -241,7 +243,7 @@ def _unrefined(manifest: Mapping[str, Any]) -> Rows:
     return [("not refined", f"{text}: see refine_points of [modes]")] if text else []
 
 
-def _nothing(results: Results, where: str | None) -> str:
+def _nothing(results: ResultTables, where: str | None) -> str:
     """Why a ranking has no row."""
     if not _counted_points(results, where):
         return f"No design point is {'solved and within the query' if where else 'solved'}."
@@ -259,12 +261,12 @@ def _nothing(results: Results, where: str | None) -> str:
     )
 
 
-def _counted_points(results: Results, where: str | None) -> int:
+def _counted_points(results: ResultTables, where: str | None) -> int:
     """Number of design points, or nodes of a boundary map, that a ranking is over."""
     return int(counted_points(results.nodes[0], results.columns("modes"), where).sum())
 
 
-def _counted(results: Results, where: str | None) -> str:
+def _counted(results: ResultTables, where: str | None) -> str:
     """What a ranking is over, in words."""
     count = _counted_points(results, where)
     if results.boundary is not None:
@@ -273,7 +275,7 @@ def _counted(results: Results, where: str | None) -> str:
     return f"the {plural(count, 'solved point')}"
 
 
-def _doubt(results: Results, where: str | None) -> str:
+def _doubt(results: ResultTables, where: str | None) -> str:
     """Where stability is not certain, in words; empty where it is everywhere."""
     known = results.columns("modes")
     asked = set().union(*(c.columns for c in query(where, results.points.columns, known)))
@@ -291,7 +293,7 @@ def _doubt(results: Results, where: str | None) -> str:
     )
 
 
-def _left_out(results: Results) -> str:
+def _left_out(results: ResultTables) -> str:
     """What does not count, in words; empty where every point is ok."""
     lost = int((results.points["status"] != "ok").sum())
     verb = "is not ok and counts" if lost == 1 else "are not ok and count"
@@ -299,7 +301,7 @@ def _left_out(results: Results) -> str:
     return f"{plural(lost, 'design point')} {verb} neither way ({counts})" if lost else ""
 
 
-def _legend(table: pd.DataFrame, results: Results, where: str | None) -> list[str]:
+def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> list[str]:
     """What the columns of the ranking mean."""
     query = " within the query" if where else ""
     counted = _counted(results, where)
@@ -334,7 +336,7 @@ def _legend(table: pd.DataFrame, results: Results, where: str | None) -> list[st
     return [*texts, *named_tracks(table["track"], results.track_names)]
 
 
-def _onset_kinds(kinds: set[str], results: Results, query: str) -> list[str]:
+def _onset_kinds(kinds: set[str], results: ResultTables, query: str) -> list[str]:
     """What is before an onset, or in its place."""
     drawn = results.design in RANDOM_DESIGNS
     known = ONSETS | ({FIRST_SEEN: DRAWN, BRACKETED: DRAWN} if drawn else {})

@@ -8,14 +8,14 @@ import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.engine.kind import LISTED, KindScreen
+from squealstudy.engine.kind_screen import LISTED, KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import DAMPING
 from squealstudy.screen import Rows, grid, notes
 from squealstudy.wording import figure, in_digits, plural
 
 if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
+    from squealstudy.engine.result_tables import ResultTables
 
 MANY, ROUNDED = 2000, 1e-3  # frequencies, beyond which logarithms are rounded: pairs are held
 SAME_MODE = 0.05  # relative: farther apart in frequency, two modes are not the same one
@@ -28,19 +28,21 @@ class DesignScreen(KindScreen):
 
     tables = ("points", "designs", "margins", "slopes", "proof", "variants")
 
-    def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
+    def rank(
+        self, results: ResultTables, by: str, top: int | None, where: str | None
+    ) -> pd.DataFrame:
         """The modes of today's design, most squeal first; there is one order and no choice."""
         if where is not None:
             raise ResultsError(f"{results.directory}: a design study has no part to rank")
         return squealing_modes(results).head(top if top is not None else len(results.points))
 
     def listed(
-        self, results: Results, table: pd.DataFrame, where: str | None
+        self, results: ResultTables, table: pd.DataFrame, where: str | None
     ) -> list[RenderableType]:
         """The modes of today's design."""
         return _modes(table)
 
-    def findings(self, results: Results) -> list[RenderableType]:
+    def findings(self, results: ResultTables) -> list[RenderableType]:
         """Verdict, modes of today's design, designs that meet the margin, checks."""
         facts = results.fact("design_study")
         modes = squealing_modes(results)
@@ -51,7 +53,7 @@ class DesignScreen(KindScreen):
         found += _modes(modes.head(LISTED)) if len(modes) else []
         return [*found, *_checks(results)]
 
-    def facts(self, results: Results) -> Rows:
+    def facts(self, results: ResultTables) -> Rows:
         """How much was evaluated, and how far the modes of the table may be off."""
         facts, margins = results.fact("design_study"), results.table("margins")
         error = margins["damping_error"].max()
@@ -71,7 +73,7 @@ class DesignScreen(KindScreen):
         return rows
 
 
-def _of_reduction(results: Results) -> str:
+def _of_reduction(results: ResultTables) -> str:
     """How far least damping ratios of the reduced model are from those at full order, if it is."""
     if not results.fact("design_study")["n_reductions"]:
         return ""
@@ -89,14 +91,14 @@ def _of_reduction(results: Results) -> str:
     return f"; reduction: least damping ratios within {apart:.1e} of full order at {where}"
 
 
-def today_rows(results: Results) -> pd.DataFrame:
+def today_rows(results: ResultTables) -> pd.DataFrame:
     """Points of today's design over the matrix of operation."""
     facts, points = results.fact("design_study"), results.points
     own = (points["design"] == facts["today"]) & (points["stage"] == "modes")
     return points[own.to_numpy(bool)].iloc[: facts["n_operating_points"]]
 
 
-def squealing_modes(results: Results) -> pd.DataFrame:
+def squealing_modes(results: ResultTables) -> pd.DataFrame:
     """Modes of today's design below the margin, over the matrix of operation.
 
     Modes of one component count as one where no two of them are more than 5 % apart in frequency
@@ -297,7 +299,7 @@ def _span(low: float, high: float) -> str:
     return text if high - low < 0.05 else f"{text} to {in_digits(high, 1)}"
 
 
-def _checks(results: Results) -> list[RenderableType]:
+def _checks(results: ResultTables) -> list[RenderableType]:
     proof = results.table("proof")
     if not len(proof):
         return []

@@ -11,7 +11,7 @@ import pandas as pd
 from rich.console import RenderableType
 
 from squealstudy.cycles.branch import CLOSED
-from squealstudy.engine.kind import KindScreen
+from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, grid, notes
 from squealstudy.wording import (
@@ -28,7 +28,7 @@ from squealstudy.wording import (
 )
 
 if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
+    from squealstudy.engine.result_tables import ResultTables
 
 SHORT = 12  # characters of a reason that is no longer than the note that would stand for it
 FEW = 8  # design points, up to which no map of letters is needed
@@ -43,13 +43,15 @@ class LimitCyclesScreen(KindScreen):
 
     tables = ("points", "verdicts", "cycles", "branches", "borders", "curves", "velocities")
 
-    def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
+    def rank(
+        self, results: ResultTables, by: str, top: int | None, where: str | None
+    ) -> pd.DataFrame:
         """Refused: there are verdicts, no ranking."""
         raise ResultsError(
             f"{results.directory}: a study of limit cycles has verdicts, no ranking of modes"
         )
 
-    def findings(self, results: Results) -> list[RenderableType]:
+    def findings(self, results: ResultTables) -> list[RenderableType]:
         """A line a design point."""
         points, units = results.points, results.units
         varied = [p for p in results.parameters if len(set(points[p])) > 1]
@@ -87,7 +89,7 @@ class LimitCyclesScreen(KindScreen):
             return [self.verdict(results), "", *letters, notes("levels: the points table")]
         return [self.verdict(results), "", *letters, *([""] if letters else []), shown, legend]
 
-    def verdict(self, results: Results) -> str:
+    def verdict(self, results: ResultTables) -> str:
         """How many designs have which verdict."""
         points = results.points
         solved = points["status"] == "ok"
@@ -95,7 +97,7 @@ class LimitCyclesScreen(KindScreen):
         band = band_text(results.fact("band_hz"))
         return f"{plural(len(points), 'design')}, of modes {band}: {told}."
 
-    def facts(self, results: Results) -> Rows:
+    def facts(self, results: ResultTables) -> Rows:
         """Families and cycles; what the levels err by."""
         cycles, verdicts = results.table("cycles"), results.table("verdicts")
         own = cycles[(cycles["same_as"] == "").to_numpy(bool)]
@@ -114,7 +116,7 @@ class LimitCyclesScreen(KindScreen):
         return [*rows, *_borders(results.table("borders"))]
 
 
-def _served(results: Results) -> str:
+def _served(results: ResultTables) -> str:
     """Of how many families the curve is that of a design nearby; empty where of none."""
     named = results.table("verdicts").get("curve_of")  # results of before have none
     served = 0 if named is None else int((named != "").sum())

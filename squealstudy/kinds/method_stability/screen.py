@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from rich.console import RenderableType
 
-from squealstudy.engine.kind import KindScreen
+from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.screen import facts
 
 if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
+    from squealstudy.engine.result_tables import ResultTables
 
 
 class MethodStabilityScreen(KindScreen):
@@ -20,7 +20,7 @@ class MethodStabilityScreen(KindScreen):
     row_word = "cell"
     unfinished = False
 
-    def findings(self, results: Results) -> list[RenderableType]:
+    def findings(self, results: ResultTables) -> list[RenderableType]:
         """Outcomes, how many cells are as predicted, and the cells that nothing warns of."""
         found = results.manifest
         share, silent = found["agreement"], found["unflagged_wrong"]

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.engine.kind import LISTED, KindScreen
+from squealstudy.engine.kind_screen import LISTED, KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.sensitivity.section import UNSTABLE
 from squealstudy.screen import Rows, grid, notes
@@ -22,7 +22,7 @@ from squealstudy.tables.sensitivity_ranking import (
 from squealstudy.wording import any_of, in_digits, plural, setting
 
 if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
+    from squealstudy.engine.result_tables import ResultTables
 
 NUMBERS = ("step", "growth 1/s", "reanalysis", "off", "Hz", "damping %")
 
@@ -32,18 +32,20 @@ class SensitivityScreen(KindScreen):
 
     tables = ("points", "sensitivities")
 
-    def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
+    def rank(
+        self, results: ResultTables, by: str, top: int | None, where: str | None
+    ) -> pd.DataFrame:
         """Refused: there are parameters to rank, not modes."""
         raise ResultsError(
             f"{results.directory}: a sensitivity study has no ranking of modes; 'squealstudy "
             "sensitivity' ranks its parameters"
         )
 
-    def findings(self, results: Results) -> list[RenderableType]:
+    def findings(self, results: ResultTables) -> list[RenderableType]:
         """The sensitivities of the mode of largest growth."""
         return sensitivities(results)
 
-    def facts(self, results: Results) -> Rows:
+    def facts(self, results: ResultTables) -> Rows:
         """How far derivatives and reanalysis agree, where the derivative is said to hold."""
         table = results.sensitivities
         held = table[~table["near_coalescence"].to_numpy(bool)]
@@ -61,7 +63,7 @@ class SensitivityScreen(KindScreen):
 
 
 def sensitivities(
-    results: Results, frequency_hz: float | None = None, top: int | None = LISTED
+    results: ResultTables, frequency_hz: float | None = None, top: int | None = LISTED
 ) -> list[RenderableType]:
     """The sensitivities of one mode, largest first; ResultsError where there is no such mode."""
     every = results.sensitivities
@@ -83,7 +85,7 @@ def sensitivities(
     return [_headline(results, shown.iloc[0]), table, legend]
 
 
-def _nothing(results: Results) -> str:
+def _nothing(results: ResultTables) -> str:
     """Why no mode was chosen anywhere; real roots that grow are no modes."""
     solved = int((results.points["status"] == "ok").sum())
     if not solved:
@@ -95,7 +97,7 @@ def _nothing(results: Results) -> str:
     return f"No mode {which} at {any_of(solved, 'solved point')}"
 
 
-def _headline(results: Results, first: pd.Series) -> str:
+def _headline(results: ResultTables, first: pd.Series) -> str:
     """The mode, and at which design point."""
     points = results.points
     point = points[points["point_id"] == first["point_id"]].iloc[0]

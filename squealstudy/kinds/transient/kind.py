@@ -49,8 +49,6 @@ from squealstudy.study.design import DesignPoint
 if TYPE_CHECKING:
     import pandas as pd
 
-    from squealstudy.engine.measurement import Measuring
-
 
 class Transient(ModelKind):
     """Motion of every design point from its steady sliding state.
@@ -191,12 +189,6 @@ class Transient(ModelKind):
     def may_end_early(self, plan: Plan) -> bool:
         """Runs end once their outcome is known, where the study asks for that."""
         return bool(plan.study.section.stop != "end")
-
-    def measuring(self) -> Measuring:
-        """How methods are timed."""
-        from squealstudy.kinds.transient.measuring import MEASURING
-
-        return MEASURING
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
         """The integrator, and what slopes of friction follow from."""

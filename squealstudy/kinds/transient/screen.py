@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.engine.kind import KindScreen
+from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, facts, grid, notes
 from squealstudy.tables.energy_ranking import rank_energy
@@ -28,7 +28,7 @@ from squealstudy.wording import (
 )
 
 if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
+    from squealstudy.engine.result_tables import ResultTables
 
 MOST_COLUMNS = 2  # parameters with a column of their own
 FEW = 8  # design points, up to which no map of letters is needed
@@ -42,7 +42,9 @@ class TransientScreen(KindScreen):
 
     tables = ("points", "modes", "growth")
 
-    def rank(self, results: Results, by: str, top: int | None, where: str | None) -> pd.DataFrame:
+    def rank(
+        self, results: ResultTables, by: str, top: int | None, where: str | None
+    ) -> pd.DataFrame:
         """The modes that carry the energy, `tables.energy_ranking.rank_energy`."""
         if by != "share":
             raise ResultsError(
@@ -52,7 +54,7 @@ class TransientScreen(KindScreen):
         return rank_energy(results.points, results.modes, top, where)
 
     def listed(
-        self, results: Results, table: pd.DataFrame, where: str | None
+        self, results: ResultTables, table: pd.DataFrame, where: str | None
     ) -> list[RenderableType]:
         """Which assembly modes carry the energy."""
         undecided = table.attrs["undecided"]
@@ -76,7 +78,7 @@ class TransientScreen(KindScreen):
         )
         return [shown, legend]
 
-    def findings(self, results: Results) -> list[RenderableType]:
+    def findings(self, results: ResultTables) -> list[RenderableType]:
         """What became of each design point, then the ranking."""
         unit = results.units.get(TORQUE, "N m")
         parts = points(results.points, results.parameters, results.units, unit)
@@ -86,7 +88,7 @@ class TransientScreen(KindScreen):
             parts = [*letters, "", *parts]
         return [self.verdict(results), "", *parts, "", *self.ranking(results)]
 
-    def verdict(self, results: Results) -> str:
+    def verdict(self, results: ResultTables) -> str:
         """How many runs came to what, and the loudest of those that last."""
         table, unit = results.points, results.units.get(TORQUE, "N m")
         text = f"{plural(len(table), 'run')}: {self.counted(results, table['class'].tolist())}."
@@ -98,7 +100,7 @@ class TransientScreen(KindScreen):
             text += f"{unit}, at {_frequency(row)} Hz."
         return text
 
-    def facts(self, results: Results) -> Rows:
+    def facts(self, results: ResultTables) -> Rows:
         """What ending early has saved, the slope of friction and its error, the energy balance."""
         solved = results.points[(results.points["status"] == "ok").to_numpy()]
         balance = solved["energy_balance"].abs().max()

@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from squealstudy.engine.cache import is_prepared
 from squealstudy.engine.keys import content_hash
-from squealstudy.engine.kind import Kind, Warn
+from squealstudy.engine.kind import Kind, Warn, as_kind
 from squealstudy.engine.measurement import Asked, Measurement, Measuring
 from squealstudy.engine.store import ERRORS, MEASUREMENTS, Store
 from squealstudy.engine.structures import build_structures
@@ -169,7 +169,7 @@ class WorkPrecision(Kind):
 
 
 def _measuring(study: PrecisionFile) -> Measuring:
-    found = study.base.kind.measuring()
+    found = as_kind(study.base.kind).measuring()
     assert found is not None
     return found
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
 
-from squealstudy.engine.kind import KindScreen
+from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.screen import grid, notes
 from squealstudy.tables.method_quality import at_tolerances
 from squealstudy.wording import figure
 
 if TYPE_CHECKING:
-    from squealstudy.engine.results import Results
+    from squealstudy.engine.result_tables import ResultTables
 
 SHORT = {
     "frequency": "df/f",
@@ -37,12 +37,12 @@ class WorkPrecisionScreen(KindScreen):
     row_word = "measurement"
     unfinished = False
 
-    def findings(self, results: Results) -> list[RenderableType]:
+    def findings(self, results: ResultTables) -> list[RenderableType]:
         """Every measurement, then fronts."""
         return [*_measurements(results), "", _fronts(results)]
 
 
-def _measurements(results: Results) -> list[RenderableType]:
+def _measurements(results: ResultTables) -> list[RenderableType]:
     quantities = results.fact("quantities")
     lines = ["onset_seconds"] if "onset" in quantities else []
 
@@ -81,7 +81,7 @@ def _error(value: float, within: bool) -> str:
     return f"{figure(value, '.1e')}{'*' if within and value > 0 else ' '}"
 
 
-def _fronts(results: Results) -> RenderableType:
+def _fronts(results: ResultTables) -> RenderableType:
     """The cheapest measurement within each tolerance, and how far the default is from it."""
     table = at_tolerances(results.measurements, results.fact("quantities"), TOLERANCES)
     table = table[(table["quantity"] == table["quantity"].iloc[-1]) & (table["cheapest"] != "")]

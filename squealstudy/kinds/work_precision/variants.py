@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.engine.keys import content_hash, source_hash
+from squealstudy.engine.kind import as_kind
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.kinds.methods import MethodsFile
@@ -256,9 +257,10 @@ def _mixed(low: float, high: float, u: float, log: bool) -> float:
 def check_file(study_file: PrecisionFile, variants: Sequence[Variant]) -> None:
     """Raise StudyFileError for what the sections alone do not show."""
     definition, base_kind = study_file.definition, study_file.base.kind
-    measuring = base_kind.measuring()
+    measuring = as_kind(base_kind).measuring()
     if measuring is None:
-        kinds = [k.name for k in map(kind_named, kind_names()) if k.measuring() is not None]
+        known = (as_kind(kind_named(name)) for name in kind_names())
+        kinds = [kind.name for kind in known if kind.measuring() is not None]
         raise study_file.error(
             ("work_precision", "base"),
             f"expected a study of kind {' or '.join(kinds)}, got {base_kind.name}",

@@ -1,0 +1,119 @@
+"""What is shown of the results of a kind of study."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from squealstudy.errors import ResultsError
+from squealstudy.wording import by_ranges, plural, with_unit
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from rich.console import RenderableType
+
+    from squealstudy.engine.result_tables import ResultTables
+    from squealstudy.screen import Rows
+
+LISTED = 12  # rows of the ranking that a run prints
+
+
+class KindScreen:
+    """The screen of one kind of study: its folder has one in `screen.py`, named SCREEN.
+
+    Attributes
+    ----------
+    tables : tuple of str
+        Tables of finished results, by the names of their files without ending.
+    row_word : str
+        What a row of the first table is, in the singular.
+    unfinished : bool
+        Whether results can be read while a later run of the study is not finished.
+    needs : mapping of str -> sequence of str
+        Columns by table without which nothing can be shown.
+    """
+
+    tables: tuple[str, ...] = ()
+    row_word: str = "design point"
+    unfinished: bool = True
+    needs: Mapping[str, Sequence[str]] = MappingProxyType({})
+
+    def __init__(self, tables: tuple[str, ...] = (), row_word: str = "") -> None:
+        self.tables, self.row_word = tables or self.tables, row_word or self.row_word
+
+    def rank(
+        self, results: ResultTables, by: str, top: int | None, where: str | None
+    ) -> pd.DataFrame:
+        """What matters most, first; ResultsError where there is nothing to rank."""
+        raise ResultsError(f"{results.directory}: a {results.kind} study has no ranking of modes")
+
+    def ranking(
+        self,
+        results: ResultTables,
+        by: str = "share",
+        top: int | None = LISTED,
+        where: str | None = None,
+    ) -> list[RenderableType]:
+        """The ranking with its legend, and how many rows are left out; ResultsError as `rank`."""
+        from squealstudy.screen import notes
+
+        table = self.rank(results, by, None, where)
+        shown = self.listed(results, table.head(top or len(table)), where)
+        if top is not None and len(table) > top:
+            shown.append(notes(f"{len(table) - top} more in squealstudy rank {results.directory}"))
+        return shown
+
+    def listed(
+        self, results: ResultTables, table: pd.DataFrame, where: str | None
+    ) -> list[RenderableType]:
+        """A table that `rank` made, with its legend."""
+        return []
+
+    def findings(self, results: ResultTables) -> list[RenderableType]:
+        """What a run prints first, and a notebook shows; without more the first rows."""
+        from squealstudy.screen import grid
+
+        table = results.table(self.tables[0]).head(LISTED)
+        titles = (f"text:{name}" for name in table)
+        return [
+            grid(*titles, rows=([str(v) for v in row] for row in table.itertuples(index=False)))
+        ]
+
+    def verdict(self, results: ResultTables) -> str:
+        """What a study came to, in a sentence: by default the first words of its findings."""
+        told = next((part for part in self.findings(results) if isinstance(part, str)), "")
+        return told or f"{plural(results.n_points, self.row_word)}."
+
+    def counted(self, results: ResultTables, words: Sequence[str]) -> str:
+        """What became of the design points, a word each: by ranges of the parameter that varies.
+
+        Of more parameters, or of many ranges, how often each word stands.
+        """
+        points, words = results.points, [str(word).replace("_", " ") for word in words]
+        varied = [p for p in results.parameters if len(set(points[p].tolist())) > 1]
+        told = ""
+        if len(varied) == 1:
+            (name,) = varied
+            told = by_ranges(name, results.units.get(name, ""), points[name].tolist(), words)
+        return told or ", ".join(f"{n} {word}" for word, n in Counter(words).most_common())
+
+    def mapped(
+        self, results: ResultTables, words: Sequence[str], letters: Mapping[str, str]
+    ) -> list[RenderableType]:
+        """The design points as a map of letters, where exactly two parameters vary on a grid."""
+        from squealstudy.screen import letter_map
+
+        points, units = results.points, results.units
+        varied = [p for p in results.parameters if len(set(points[p].tolist())) > 1]
+        if len(varied) != 2 or points[varied].isna().to_numpy().any():
+            return []
+        first, second = varied
+        names = with_unit(first, units), with_unit(second, units)
+        values = points[first].tolist(), points[second].tolist()
+        return letter_map(names, values, words, letters)
+
+    def facts(self, results: ResultTables) -> Rows:
+        """Lines on methods and errors beneath the findings."""
+        return []

@@ -1,0 +1,60 @@
+"""The names of tracks that were asked for, in a file beside the tables."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pydantic import BaseModel
+
+from squealstudy.engine.store import Store
+from squealstudy.files import (
+    OF_JSON,
+    file_hash,
+    is_plain_file,
+    read_whole,
+    sealed,
+    unsealed,
+    write_text,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FILE = "names.json"
+
+
+def keep_track_names(store: Store, table: pd.DataFrame) -> None:
+    """Write the names of tracks beside the tables, for the legends of pictures."""
+    named = {str(track): [str(r["name"]), bool(r["changes"])] for track, r in table.iterrows()}
+    kept = {str(t): list(v) for t, v in read_track_names(store).items()}
+    content = {"modes": _identity(store), "tracks": kept | named}
+    write_text(store.directory / FILE, sealed(content))
+
+
+class KeptNames(BaseModel):
+    """What the file of names holds, whoever wrote it."""
+
+    modes: list[str]
+    tracks: dict[int, tuple[str, bool]]
+
+
+def read_track_names(store: Store) -> dict[int, tuple[str, bool]]:
+    """Name of each track that was named, and whether it changes; none of other tables' tracks."""
+    path = store.directory / FILE
+    if not is_plain_file(path):
+        return {}
+    try:
+        content = KeptNames.model_validate(unsealed(read_whole(path, OF_JSON)))
+    except ValueError:
+        return {}  # damaged, or no such file: it is made again when names are asked for
+    return content.tracks if content.modes == _identity(store) else {}
+
+
+def _identity(store: Store) -> list[str]:
+    """Hashes of the modes table that tracks are numbered in."""
+    entries = store.journal.entries
+    names = store.parts("modes.parquet")
+    return sorted(  # results of earlier versions have no journal, a damaged one has lost lines
+        entries[name].sha256 if name in entries else file_hash(store.directory / name)
+        for name in names
+    )

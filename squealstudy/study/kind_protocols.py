@@ -1,0 +1,169 @@
+"""What study files, plans and tables need to know of a kind of study.
+
+`engine.kind.Kind` and `engine.model_kind.ModelKind`, which kinds derive from, say more: how their
+design points are solved and shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from pydantic import BaseModel
+
+    from squealstudy.columns import Tables
+    from squealstudy.study.sections import StudyDefinition
+    from squealstudy.study.source import SourceText
+
+
+class ScreenFacts(Protocol):
+    """Which tables results of a kind have, and what is needed of them; see `KindScreen`."""
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of the tables."""
+        ...
+
+    @property
+    def row_word(self) -> str:
+        """What a row of the first table is, in the singular."""
+        ...
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether results can be read while a later run of the study is not finished."""
+        ...
+
+    @property
+    def needs(self) -> Mapping[str, Sequence[str]]:
+        """Columns by table without which nothing can be shown."""
+        ...
+
+
+class StudyKind(Protocol):
+    """A kind of study; see `Kind`."""
+
+    @property
+    def name(self) -> str:
+        """As study files and manifests spell it."""
+        ...
+
+    @property
+    def description(self) -> str:
+        """In a sentence."""
+        ...
+
+    @property
+    def section(self) -> str:
+        """Its own table of the study file; empty where it has none."""
+        ...
+
+    @property
+    def definition(self) -> type[BaseModel]:
+        """Model of the whole file."""
+        ...
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Files of a complete results directory."""
+        ...
+
+    @property
+    def schema(self) -> pa.Schema:
+        """Of its chunk files."""
+        ...
+
+    @property
+    def columns(self) -> Tables:
+        """What the numbers of its tables mean."""
+        ...
+
+    @property
+    def row_word(self) -> str:
+        """What a row is, in the singular."""
+        ...
+
+    @property
+    def of_methods(self) -> bool:
+        """Whether it measures methods, and has no design points of a model of its own."""
+        ...
+
+    @property
+    def screen(self) -> ScreenFacts:
+        """What is shown of its results."""
+        ...
+
+    def read(self, source: SourceText, tables: Mapping[str, Any]) -> Any:
+        """The study that the tables of a file describe; StudyFileError where they are wrong."""
+        ...
+
+
+class ModelStudyKind(StudyKind, Protocol):
+    """A kind whose design points are those of a model; see `ModelKind`."""
+
+    @property
+    def definition(self) -> type[StudyDefinition]:
+        """Model of the whole file."""
+        ...
+
+    @property
+    def file_defaults(self) -> Mapping[str, Mapping[str, Any]]:
+        """Keys of tables that are otherwise by default than in a study of complex modes."""
+        ...
+
+    @property
+    def begins_with(self) -> Mapping[str, float]:
+        """Values of parameters in a study to start from."""
+        ...
+
+    @property
+    def start(self) -> Mapping[str, Any]:
+        """What else a study to start from says, by section."""
+        ...
+
+    @property
+    def short(self) -> Mapping[str, Sequence[str]]:
+        """Keys of sections that matter most."""
+        ...
+
+    @property
+    def tells_reduction(self) -> bool:
+        """Whether its tables tell the error of the reduction, against a finer model."""
+        ...
+
+    @property
+    def chooses_rung(self) -> bool:
+        """Whether its design points are solved by a rung of reanalysis."""
+        ...
+
+    @property
+    def has_fidelity(self) -> bool:
+        """Whether its settings can be chosen by `[fidelity]`."""
+        ...
+
+    @property
+    def needs_contact(self) -> bool:
+        """Whether it cannot be made of a family of matrices."""
+        ...
+
+    def resolver(self, study: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
+        """What fills in values of design points that follow from the whole study."""
+        ...
+
+    def identity(self, plan: Any) -> list[Any]:
+        """What a design point's row depends on beside its structure and values."""
+        ...
+
+    def table_identity(self, plan: Any) -> list[Any]:
+        """What the tables depend on beside the rows."""
+        ...
+
+    def stacks(self, plan: Any) -> bool:
+        """Whether it solves the points of a plan as a batch of small models."""
+        ...
+
+    def begin(self, plan: Any) -> None:
+        """Begin, in other processes, what can be made beside the structures."""
+        ...
