@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -24,8 +23,9 @@ import numpy as np
 from squealstudy.cycles.harmonics import Sampling
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.kernels.couplings import couple
+from squealstudy.kernels.few_coordinates import balance_of_few, imbalance_of_few
 
-FEW = 6  # coordinates up to which Jacobians are summed over samples
+FEW = 6  # coordinates up to which one kernel sums over samples and harmonics
 
 
 class Balanced(NamedTuple):
@@ -62,6 +62,10 @@ class Balance:
     ) -> None:
         self.osc, self.harmonics, self.vectors = osc, harmonics, vectors
         self.rule = osc.sampling(harmonics)
+        self._few: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        if vectors is None and osc.n <= FEW:
+            K, C, B = map(np.ascontiguousarray, (osc.K, osc.C, osc.B))
+            self._few = K, C, B
         count = harmonics + 1
         if vectors is None:
             self.K, self.C, self._rows = [osc.K] * count, [osc.C] * count, [osc.rows] * count
@@ -143,6 +147,10 @@ class Balance:
         `local` are the forces `sampled` at this motion, where they are known.
         """
         local = self.sampled(z, omega) if local is None else local
+        if self._few:
+            Q, rule = z.reshape(-1, self.osc.n), self.rule
+            R = imbalance_of_few(Q, omega, xi, *self._few, local.f, rule.cosines, rule.sines)
+            return R.ravel()
         R, turned = np.zeros(self.size), self.turned(z)
         if self.vectors is None:  # all harmonics at once
             Q, T = (x.reshape(2 * self.harmonics + 1, -1) for x in (z, turned))
@@ -167,6 +175,12 @@ class Balance:
         Those by the coordinates are of a `precision`.
         """
         local = self.sampled(z, omega) if local is None else local
+        if self._few:
+            (K, C, B), Q, rule = self._few, z.reshape(-1, self.osc.n), self.rule
+            sums = rule.slope, rule.cosines, rule.sines
+            R, J, by_omega = balance_of_few(Q, omega, xi, K, C, B, (*local,), *sums)
+            J = J.astype(precision, copy=False)
+            return Balanced(R.ravel(), J, by_omega.ravel(), omega * self.turned(z))
         rates = (self.rule.slope @ self._seen(z)).reshape(local.f.shape)
         by_omega = -self._spread(np.einsum("sgbc,sgc->sgb", local.by_w, rates))
         turned = self.turned(z)
@@ -182,8 +196,6 @@ class Balance:
 
     def _jacobian(self, local: LocalForces, omega: float, xi: float, precision: type) -> np.ndarray:
         """Derivatives of the imbalance by the coordinates, (m, m)."""
-        if self.vectors is None and self.osc.n <= FEW:
-            return self._small_jacobian(local, omega, xi).astype(precision, copy=False)
         rule, (g, b) = self.rule, self.osc.B.shape[:2]
         of_harmonics = [
             -(weights @ D.reshape(len(D), -1)).reshape(-1, g, b, b)
@@ -211,34 +223,6 @@ class Balance:
                 if j:
                     J[part, other] += sign * j * omega * (self.C[j] + xi * one)
         return J
-
-    def _small_jacobian(self, local: LocalForces, omega: float, xi: float) -> np.ndarray:
-        """The same, sample by sample: of a few coordinates that is less work."""
-        rule, n, count = self.rule, self.osc.n, len(self.rule.order)
-        rows, S = self._rows[0].reshape(*self.osc.B.shape[:2], n), len(rule.synthesis)
-
-        def seen(D: np.ndarray) -> np.ndarray:
-            """Derivatives (S, 1, n n) of the forces on the coordinates at every sample."""
-            forces = (D @ rows).reshape(S, -1, n)
-            return (self._rows[0].T @ forces).reshape(S, 1, n * n)
-
-        pushed = rule.synthesis[:, :, None] * seen(local.by_y)
-        pushed = pushed + (omega * rule.slope)[:, :, None] * seen(local.by_w)
-        of_forces = (rule.analysis @ pushed.reshape(S, -1)).reshape(count, count, n, n)
-        J: np.ndarray = -of_forces.swapaxes(1, 2).reshape(self.size, self.size)
-        K, C, turn = self._linear
-        J += K + omega * (C + xi * turn)
-        J[np.diag_indices(self.size)] -= (omega * self._orders) ** 2
-        return J
-
-    @cached_property
-    def _linear(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Stiffness, damping and the identity (m, m) of all harmonics, the latter two turned."""
-        count, H = len(self.rule.order), self.harmonics
-        turn, h = np.zeros((count, count)), np.arange(1, H + 1)
-        turn[h, H + h], turn[H + h, h] = h, -h
-        one = np.eye(self.osc.n)
-        return np.kron(np.eye(count), self.osc.K), np.kron(turn, self.osc.C), np.kron(turn, one)
 
 
 def imbalance(

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Protocol
+from functools import cache, cached_property
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
@@ -108,6 +108,13 @@ class Steps:
     count: int = 400
 
 
+@cache
+def _lapack(precision: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Routines that factorise and solve in a precision; looked up once, which costs their time."""
+    factorise, solve = get_lapack_funcs(("getrf", "getrs"), dtype=np.dtype(precision))
+    return factorise, solve
+
+
 class Bordered:
     """A Jacobian J (m, m + 1) with a row below it, factorised once and only if it is needed.
 
@@ -121,7 +128,7 @@ class Bordered:
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
         A = np.empty((len(self._normal),) * 2, self._J.dtype, order="F")
         A[:-1], A[-1] = self._J, self._normal
-        lu, rows, info = get_lapack_funcs("getrf", (A,))(A, overwrite_a=True)
+        lu, rows, info = _lapack(A.dtype.char)[0](A, overwrite_a=True)
         if info:
             raise ConvergenceError("singular_jacobian", "the balance is singular")
         return lu, rows
@@ -130,7 +137,7 @@ class Bordered:
         """Of J x = F and normal . x = plane, x (m + 1,); ConvergenceError where it is singular."""
         lu, rows = self._factors
         b = np.append(F, plane).astype(lu.dtype)
-        x, _ = get_lapack_funcs("getrs", (lu,))(lu, rows, b)
+        x, _ = _lapack(lu.dtype.char)[1](lu, rows, b)
         return np.asarray(x, float)
 
     @cached_property

@@ -20,6 +20,7 @@ from squealstudy.cycles.balance import Balance
 from squealstudy.cycles.continuation import TOLERANCE
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
+from squealstudy.kernels.cycle_scaling import scaled_jacobian, scaled_residual
 
 PARAMETER_STEP = 1e-6  # of central differences, of the range
 KEPT = 4  # oscillators
@@ -108,7 +109,7 @@ class CycleEquations:
         for part in self._parts[1]:
             self._in_first[part] = 1.0
         self._phase, self._reference = np.zeros(size), np.zeros(size)
-        self._at_u = np.zeros(0)
+        self._at_u = b""
         self._local: LocalForces
 
     # -- what mu is ------------------------------------------------------------------------------
@@ -156,41 +157,33 @@ class CycleEquations:
         self._phase, self._reference = turn / np.linalg.norm(turn), u[:-3].copy()
 
     # -- equations -------------------------------------------------------------------------------
-    def _closing(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Norm and phase (2,) of coordinates (m,) and their derivatives (2, m)."""
-        by: np.ndarray = np.empty((2, len(Z)))
-        by[0], by[1] = self._in_first * Z, self._phase
-        return np.array([0.5 * (by[0] @ by[0] - 1.0), by[1] @ (Z - self._reference)]), by
-
     def forces(self, u: np.ndarray) -> LocalForces:
         """Samples of forces at u; kept, for a line search ends where the next Jacobian begins."""
-        if not np.array_equal(u, self._at_u):
+        if (at := u.tobytes()) != self._at_u:
             z, omega, _ = self.unpack(u)
-            self._at_u, self._local = u.copy(), self.balance(u).sampled(z, omega)
+            self._at_u, self._local = at, self.balance(u).sampled(z, omega)
         return self._local
 
     def residual(self, u: np.ndarray) -> np.ndarray:
         """All equations (m + 2,) at u (m + 3,)."""
-        z, omega, a = self.unpack(u)
+        z, omega, _ = self.unpack(u)
         R = self.balance(u).imbalance(z, omega, self.added(u), self.forces(u))
-        return np.append(R / (a * self.scale), self._closing(u[:-3])[0])
+        return scaled_residual(u, R, *self._closing)
 
     @np.errstate(over="ignore", invalid="ignore")  # what is not finite is found by Newton's method
     def jacobian(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same and their derivatives (m + 2, m + 3)."""
-        z, omega, a = self.unpack(u)
+        z, omega, _ = self.unpack(u)
         precision = np.float32 if self.rough else np.float64
         found = self.balance(u).balanced(z, omega, self.added(u), self.forces(u), precision)
-        per = a * self.scale
-        R, size = found.R / per, len(z)
-        s = self.scale.astype(precision)
-        J = np.zeros((size + 2, size + 3), precision)
-        J[:size, :size] = found.J / s[:, None] / s
-        J[:size, size] = found.by_omega * self.omega0 / per
-        J[:size, size + 1] = J[:size, :size] @ u[:-3].astype(precision) - R
-        J[:size, size + 2] = self._by_mu(u, found.by_xi) / per
-        closing, J[size:, :size] = self._closing(u[:-3])
-        return np.append(R, closing), J
+        R, by_z, by_omega, by_xi = found
+        by_mu = self._by_mu(u, by_xi)
+        return scaled_jacobian(u, R, by_z, by_omega, by_mu, self.omega0, *self._closing)
+
+    @property
+    def _closing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """What scales the equations, and what size and phase are told by."""
+        return self.scale, self._in_first, self._phase, self._reference
 
 
 class BranchEquations(CycleEquations):

@@ -6,6 +6,8 @@ motion stays that a run begins with. A run ends early where it comes back, too.
 
 from __future__ import annotations
 
+import numpy as np
+
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import LEAST_DAMPING
 from squealstudy.motion.outcome.energies import moving_energy
@@ -28,12 +30,14 @@ def known_so_far(run: Motion, duration: float, tolerance: float) -> str:
     Its level is known within the tolerance, too.
     """
     known = known_outcome(run, duration, tolerance)
-    if known or len(run.times) < LEAST_ROWS or not comes_back(run):
-        return known
     torque = run.history["torque"]
+    if known or len(run.times) < LEAST_ROWS or not np.isfinite(torque).all():
+        return known
     window = last_window(run.times, torque)
     levels = torque_levels(run.times[window], torque[window])
     if not 0.5 * (levels.rms_high - levels.rms_low) <= tolerance * levels.rms:
+        return ""  # before what costs more
+    if not comes_back(run):
         return ""
     return SETTLED if expected_rise(run, window, duration) <= 2 * tolerance else ""
 
