@@ -11,19 +11,22 @@ from functools import cache
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from squealstudy.engine.cache import known_gap, load_prepared
+from squealstudy.engine.cache import known_gap, load_prepared, prepared_any
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ConvergenceError, ExtensionError, SquealstudyError
 from squealstudy.kinds.complex_modes.batch import modes_at
 from squealstudy.kinds.complex_modes.problems import SweptStructure, problem_of, swept_structures
 from squealstudy.kinds.complex_modes.solve_tasks import boxes, rung_of, whole_box
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.mechanics.failures import FAILURES
-from squealstudy.modes.point import state_working_point
+from squealstudy.modes.point import DENSE, state_working_point
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rungs import rung_named
+from squealstudy.modes.tracking.followed_root import FollowedEnd, PencilLine, followed_onset
 from squealstudy.modes.tracking.interpolated import InterpolatedModes, ModalMatrices
 from squealstudy.modes.tracking.onsets import Onset, SolvedLine, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
+from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import linearise
 
@@ -107,6 +110,24 @@ class PointNeighbourhood:
             raise
         except FAILURES as error:
             raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
+
+    def pencils(self, column: int) -> PencilLine | None:
+        """Matrices along coordinate `column`, where the study solves these of a reduced brake."""
+        prepared = None if self.stacked or self.rung != DENSE else prepared_any(self.structure.key)
+        if not isinstance(prepared, PreparedModel):
+            return None
+        gap: np.ndarray | None = None
+
+        def pencil(value: float) -> QuadraticPencil:
+            nonlocal gap
+            x = self.x.copy()
+            x[column] = value
+            state = self.design_at(x).state()
+            point = state_working_point(prepared, state, near=gap)
+            gap = point.gap
+            return linearise(prepared.model, point, state).pencil
+
+        return PencilLine(pencil, prepared.shape_basis)
 
     def matrices(self) -> ModalMatrices:
         """The design point in the real modes of its structure, of an assembly.
@@ -244,12 +265,26 @@ def refine_onsets(task: OnsetTask) -> list[tuple[int, Onset | str]]:
         at_high=task.high,
         solve=solve,
     )
+    pencils = task.between.pencils(task.column)
     found: list[tuple[int, Onset | str]] = []
     for row, places in zip(task.rows, task.places, strict=True):
         try:
-            onset = refine_onset(samples, *places, task.tolerance, task.precision)
+            onset = None if pencils is None else _followed(task, pencils, places)
+            if onset is None:
+                onset = refine_onset(samples, *places, task.tolerance, task.precision)
         except FAILURES as error:
             found.append((row, getattr(error, "status", FAILED)))
         else:
             found.append((row, onset))
     return found
+
+
+def _followed(task: OnsetTask, pencils: PencilLine, places: tuple[int, int]) -> Onset | None:
+    """The onset by its root alone; None where this is not sure, or fails for whatever reason."""
+    low = float(task.between.x[task.column])
+    ends = FollowedEnd(low, task.low, places[0]), FollowedEnd(task.end, task.high, places[1])
+    with _threads().limit(limits=1):
+        try:
+            return followed_onset(pencils, ends, task.tolerance, task.precision)
+        except FAILURES:
+            return None

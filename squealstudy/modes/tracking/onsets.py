@@ -116,11 +116,6 @@ class FollowedMode:
         """Values in the order in which the mode is best followed: from where it is known."""
         return sorted(values, key=lambda x: min(abs(x - known) for known in self._known))
 
-    def damping_ratio(self, x: float) -> float:
-        """Damping ratio -Re lambda/|lambda| of the mode at a value of the parameter."""
-        lam = self.root(x)
-        return -lam.real / max(abs(lam), 1e-300)
-
     def _follow(self, x: float, halvings: int) -> bool:
         """Whether the mode is found at x, at values on the way where the step there is too long."""
         place = self._found(x)
@@ -189,16 +184,63 @@ def _root(
     mode: FollowedMode, known: list[float], tolerance: float, precision: float
 ) -> tuple[float, bool]:
     """First zero of zeta + tolerance, and whether it is a jump instead."""
+    for x in mode.outwards(known):
+        mode.root(x)
+    crossing = bracketed_crossing(mode.root, known, tolerance, precision)
+    ends = [mode.at(x) for x in crossing.around]
+    other = exchanged(*(lam[None] for lam, _ in ends), *(np.array([p]) for _, p in ends))[0]
+    return crossing.value, bool(crossing.jumps or other)
+
+
+class Crossing(NamedTuple):
+    """Where the damping ratio of a mode passes a value.
+
+    Attributes
+    ----------
+    value : float
+        Of the parameter.
+    around : (float, float)
+        The nearest values on both sides at which the root is known.
+    jumps : bool
+        The damping ratio or the root leaps between these.
+    """
+
+    value: float
+    around: tuple[float, float]
+    jumps: bool
+
+
+def bracketed_crossing(
+    root: Callable[[float], complex], known: list[float], tolerance: float, precision: float
+) -> Crossing:
+    """First zero of the damping ratio of a root plus `tolerance`, by Brent's method.
+
+    Parameters
+    ----------
+    root : callable
+        Root of a mode [rad/s] at a value of the parameter.
+    known : list of float
+        Values, ascending, at which it is known: the first two between which the sign changes are
+        the bracket.
+    precision : float
+        Absolute, of the value.
+
+    Raises
+    ------
+    ConvergenceError
+        Of status NO_CROSSING where there is no bracket; what `root` raises.
+    """
     from scipy.optimize import brentq
 
-    excess = {x: mode.damping_ratio(x) + tolerance for x in mode.outwards(known)}
+    excess: dict[float, float] = {}
 
     def function(x: float) -> float:
         if x not in excess:
-            excess[x] = mode.damping_ratio(x) + tolerance
+            lam = root(x)
+            excess[x] = -lam.real / max(abs(lam), 1e-300) + tolerance
         return excess[x]
 
-    signs = np.sign([excess[x] for x in known])
+    signs = np.sign([function(x) for x in known])
     changes = np.flatnonzero(signs[:-1] * signs[1:] <= 0)
     if not len(changes):
         raise ConvergenceError(
@@ -213,11 +255,9 @@ def _root(
     step = abs(right - left)
     scale = max(abs(zeta) for zeta in excess.values())
     jumps = min(abs(left), abs(right)) > ONE_SIDED * step > ONE_SIDED * JUMP * scale
-    ends = [mode.at(x) for x in places[change : change + 2]]
-    roots = [lam[place] for lam, place in ends]
-    far = abs(roots[1] - roots[0]) > FAR * min(abs(lam) for lam in roots)
-    other = exchanged(*(lam[None] for lam, _ in ends), *(np.array([p]) for _, p in ends))[0]
-    return value, bool(jumps or far or other)
+    before, after = places[change], places[change + 1]
+    far = abs(root(after) - root(before)) > FAR * min(abs(root(x)) for x in (before, after))
+    return Crossing(value, (before, after), bool(jumps or far))
 
 
 def exchanged(

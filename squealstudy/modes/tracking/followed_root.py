@@ -1,0 +1,218 @@
+"""Onset of instability by one root that is followed alone, without the other modes.
+
+At each value of the parameter the root and both its vectors are brought to convergence by residual
+inverse iteration (Neumaier, SIAM J. Numer. Anal. 22, 1985) on both sides: the two-sided Rayleigh
+functional errs by the product of the errors of both vectors, and one factor serves neighbouring
+values. A root found so is exact; that it is the right one is told by its shape. Where that is not
+sure there is no answer, and all modes must be solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil, ShiftedFactor, product
+from squealstudy.modes.tracking.onsets import Onset, bracketed_crossing
+from squealstudy.modes.tracking.pairing import mac
+from squealstudy.modes.tracking.refinement import Modes
+
+SURE = 0.9  # least MAC of a followed mode with that at both ends
+OTHERS = 0.7  # and the largest of any other mode of the ends with it
+CONVERGED = 1e-12  # change of the root, of its modulus
+RESIDUAL = 1e-9  # |Q(lambda) x| / |lambda^2 x| of both vectors
+TURNS = 8  # of the iteration with one factor
+FACTORS = 3  # at one value of the parameter
+WORST = 1e3  # condition of a root: next to an exceptional point there are two to follow
+
+
+class RootState(NamedTuple):
+    """A root with its right and left vectors, of unit norm.
+
+    Attributes
+    ----------
+    lam : complex
+        rad/s.
+    right, left : ndarray (n,) complex
+    """
+
+    lam: complex
+    right: np.ndarray
+    left: np.ndarray
+
+
+class RootFollower:
+    """Brings a root and its vectors from one pencil to the next, with as few factors as will do."""
+
+    def __init__(self) -> None:
+        self._factor: ShiftedFactor | None = None
+
+    def at(self, pencil: QuadraticPencil, near: RootState) -> RootState:
+        """The root of a pencil that lies near one of a neighbouring pencil, guessed by `near`.
+
+        Raises
+        ------
+        ConvergenceError
+            ``lost`` where it does not converge, or next to an exceptional point.
+        """
+        state = near
+        for number in range(FACTORS):
+            if self._factor is None or number:
+                self._factor = pencil.factor(state.lam)
+            state, converged = _converged(pencil, self._factor, state)
+            if converged:
+                return state
+        raise ConvergenceError("lost", "a root that is followed does not converge")
+
+
+def _converged(
+    pencil: QuadraticPencil, factor: ShiftedFactor, state: RootState
+) -> tuple[RootState, bool]:
+    """The root after some turns with one factor, and whether it has converged."""
+    lam, x, y = state
+    left, last = pencil.adjoint(), np.inf
+    for _ in range(TURNS):
+        parts = [product(A, x) for A in (pencil.M, pencil.C, pencil.K)]
+        back = [product(A, y) for A in (left.M, left.C, left.K)]
+        before = lam
+        lam = _nearest_zero([complex(np.vdot(y, part)) for part in parts], before)
+        r = lam**2 * parts[0] + lam * parts[1] + parts[2]
+        s = np.conj(lam) ** 2 * back[0] + np.conj(lam) * back[1] + back[2]
+        size = float(max(np.linalg.norm(r), np.linalg.norm(s))) / abs(lam) ** 2
+        if not size < np.inf:
+            break
+        if abs(lam - before) <= CONVERGED * abs(lam) and size <= RESIDUAL:
+            slope = np.vdot(y, 2 * lam * parts[0] + parts[1])
+            return RootState(lam, x, y), bool(2 * abs(lam) <= WORST * abs(slope))
+        if size > last:
+            break
+        last = size
+        x, y = x - factor.solve(r), y - factor.solve_adjoint(s)
+        x, y = x / np.linalg.norm(x), y / np.linalg.norm(y)
+    return RootState(lam, x, y), False
+
+
+def _nearest_zero(coefficients: list[complex], near: complex) -> complex:
+    """Zero of a quadratic polynomial, of falling powers, nearest a value."""
+    zeros = np.roots(coefficients)
+    if not len(zeros):
+        raise ConvergenceError("lost", "vectors of a root that is followed are orthogonal")
+    return complex(zeros[np.argmin(np.abs(zeros - near))])
+
+
+class FollowedEnd(NamedTuple):
+    """A mode at one end of a bracket.
+
+    Attributes
+    ----------
+    x : float
+        Value of the parameter.
+    modes : Modes
+        All there.
+    place : int
+        Of the mode among them.
+    """
+
+    x: float
+    modes: Modes
+    place: int
+
+    @property
+    def lam(self) -> complex:
+        """Its root, rad/s."""
+        return complex(self.modes.lam[self.place])
+
+    def is_this(self, shape: np.ndarray) -> bool:
+        """Whether a shape (k,) is that of the mode and of no other one here."""
+        likeness = mac(shape[None], self.modes.shapes)[0]
+        own = likeness[self.place]
+        return bool(own >= SURE and np.delete(likeness, self.place).max(initial=0.0) <= OTHERS)
+
+
+class PencilLine(NamedTuple):
+    """Design points along a parameter, of which one root at a time is asked.
+
+    Attributes
+    ----------
+    pencil : callable
+        At a value of the parameter; ConvergenceError where there is none.
+    basis : ndarray (n, k)
+        Orthonormal columns: shapes of `Modes` are coordinates on them.
+    """
+
+    pencil: Callable[[float], QuadraticPencil]
+    basis: np.ndarray
+
+
+def followed_onset(
+    line: PencilLine, ends: tuple[FollowedEnd, FollowedEnd], tolerance: float, precision: float
+) -> Onset | None:
+    """Value at which the damping ratio of a mode passes -tolerance, by its root alone.
+
+    Parameters
+    ----------
+    line : PencilLine
+    ends : (low, high)
+        Of the bracket; the mode is unstable at one of them.
+    tolerance, precision : float
+        As of `onsets.refine_onset`.
+
+    Returns
+    -------
+    Onset or None
+        None where the mode is not clearly one and the same at both ends and at all values between
+        them, or where there is no answer for another reason: then all modes tell.
+    """
+    low, high = ends
+    sure = low.is_this(high.modes.shapes[high.place]) and high.is_this(low.modes.shapes[low.place])
+    if not sure:
+        return None
+    mode = _Followed(line, ends)
+    try:
+        crossing = bracketed_crossing(mode.root, [low.x, high.x], tolerance, precision)
+    except (ConvergenceError, np.linalg.LinAlgError):
+        return None
+    if crossing.jumps:
+        return None
+    value = crossing.value
+    nearest = min(crossing.around, key=lambda x: abs(x - value))
+    return Onset(value, abs(mode.root(nearest)) / (2 * np.pi), len(mode.states))
+
+
+class _Followed:
+    """One mode between two ends, each value of the parameter solved once."""
+
+    def __init__(self, line: PencilLine, ends: tuple[FollowedEnd, FollowedEnd]) -> None:
+        self._line, self._ends, self._follower = line, ends, RootFollower()
+        self.states: dict[float, RootState] = {}
+
+    def root(self, x: float) -> complex:
+        """Root of the mode, rad/s; ConvergenceError where it is lost."""
+        for end in self._ends:
+            if x == end.x:
+                return end.lam
+        if x not in self.states:
+            found = self._follower.at(self._line.pencil(x), self._guess(x))
+            shape = self._line.basis.T @ found.right
+            if not all(end.is_this(shape) for end in self._ends):
+                raise ConvergenceError("lost", f"the mode is not clearly the same at {x:g}")
+            self.states[x] = found
+        return self.states[x].lam
+
+    def _guess(self, x: float) -> RootState:
+        """The root on the straight line between its neighbours, the vectors of the nearest one."""
+        known = {end.x: end.lam for end in self._ends}
+        known |= {at: state.lam for at, state in self.states.items()}
+        places = np.array(sorted(known))
+        roots = np.array([known[at] for at in places])
+        lam = complex(np.interp(x, places, roots.real), np.interp(x, places, roots.imag))
+        if self.states:
+            nearest = min(self.states, key=lambda at: abs(at - x))
+            return self.states[nearest]._replace(lam=lam)
+        end = min(self._ends, key=lambda end: abs(end.x - x))
+        right = self._line.basis @ end.modes.shapes[end.place].astype(complex)
+        right = right / np.linalg.norm(right)
+        return RootState(lam, right, right.conj())  # left vectors of a symmetric pencil
