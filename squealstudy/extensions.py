@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-LENGTH = 16  # of a hash
+HASH_DIGITS = 16  # of a hash
 PACKAGE = Path(__file__).parent
 _read: dict[Path, str] = {}  # files of this process and the hashes of what was executed
 _registered: list[bool] = []  # what was registered outside the package: whether models see it
@@ -127,7 +127,7 @@ def hash_of(path: Path) -> str:
     digest = hashlib.sha256()
     for text in sources_of(path).values():
         digest.update(text)
-    return digest.hexdigest()[:LENGTH]
+    return digest.hexdigest()[:HASH_DIGITS]
 
 
 def sources_of(path: Path) -> dict[str, bytes]:

@@ -27,7 +27,7 @@ from squealstudy.errors import MachineError
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-MB = 2**20
+BYTES_PER_MB = 2**20
 MOST_WORKERS = 61 if sys.platform == "win32" else 2**16  # that Python can wait for there
 STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")  # Linux alone
 GROUPS, OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")  # Linux alone
@@ -41,7 +41,8 @@ class HeldError(Exception):
 
 
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # numbers of these settings in <malloc.h>
-MAPPED, MAPPED_LATER = 2**20, 2**25  # bytes; the latter is where glibc's own setting would end
+# bytes; the latter is where glibc's own setting would end
+MMAP_THRESHOLD_BYTES, MAPPED_LATER = 2**20, 2**25
 KEPT_FREE = 2**28  # bytes
 
 
@@ -142,7 +143,7 @@ def _read(path: Path) -> str:
 # -- memory ---------------------------------------------------------------------------------------
 def available_memory_mb() -> float:
     """Memory that processes may still take without swapping or being killed, MB."""
-    return min([psutil.virtual_memory().available, *_left()]) / MB
+    return min([psutil.virtual_memory().available, *_left()]) / BYTES_PER_MB
 
 
 def _left() -> Iterator[int]:
@@ -166,8 +167,8 @@ def peak_memory_mb() -> float:
     if sys.platform == "darwin":
         import resource
 
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MB
-    return psutil.Process().memory_info().peak_wset / MB  # Windows
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / BYTES_PER_MB
+    return psutil.Process().memory_info().peak_wset / BYTES_PER_MB  # Windows
 
 
 def _status_mb(name: str) -> float:
@@ -190,7 +191,7 @@ def memory_returned() -> Iterator[None]:
     Arrays are mapped one by one meanwhile: the C library would soon take them from one heap, in
     which what stays between them keeps them all.
     """
-    _of_glibc("mallopt", MMAP_THRESHOLD, MAPPED)
+    _of_glibc("mallopt", MMAP_THRESHOLD, MMAP_THRESHOLD_BYTES)
     try:
         yield
     finally:
@@ -245,15 +246,15 @@ SIGNALS = {signal.SIGINT, signal.SIGTERM}  # and of a terminal that closes, wher
 SIGNALS |= {getattr(signal, name) for name in ("SIGHUP",) if hasattr(signal, name)}
 
 
-SIGNALLED = 128  # added to a signal's number by shells, for an exit code
-LATER = 0.01  # s until a signal comes again
+SIGNAL_EXIT_CODE_OFFSET = 128  # added to a signal's number by shells, for an exit code
+SIGNAL_RETRY_S = 0.01  # s until a signal comes again
 
 
 class InterruptedRun(BaseException):
     """What a signal raises in `interruptible`; `exit_code` is that which shells expect."""
 
     def __init__(self, number: int) -> None:
-        self.exit_code = SIGNALLED + number
+        self.exit_code = SIGNAL_EXIT_CODE_OFFSET + number
 
 
 @contextlib.contextmanager
@@ -275,8 +276,8 @@ def interruptible() -> Iterator[None]:
             return
         for each in handled:
             signal.signal(each, interrupt)
-        number = what.exc_value.exit_code - SIGNALLED
-        threading.Timer(LATER, os.kill, (os.getpid(), number)).start()
+        number = what.exc_value.exit_code - SIGNAL_EXIT_CODE_OFFSET
+        threading.Timer(SIGNAL_RETRY_S, os.kill, (os.getpid(), number)).start()
 
     handled = [each for each in SIGNALS if signal.getsignal(each) != signal.SIG_IGN]  # by nohup
     before = {each: signal.signal(each, interrupt) for each in handled}

@@ -35,7 +35,8 @@ from squealstudy.wording import duration, in_digits
 
 LOG = logging.getLogger("squealstudy")
 QUIET, OFTEN = 2.0, 0.5  # s before a bar is shown; between two states of a line that is replaced
-STEP, SHORTEST, LONGEST = 0.05, 30.0, 600.0  # of a stage; s between two lines of it
+# of a stage; s between two lines of it
+PROGRESS_STEP, MIN_PROGRESS_INTERVAL_S, MAX_PROGRESS_INTERVAL_S = 0.05, 30.0, 600.0
 RATES = (("a second", 1.0), ("a minute", 60.0), ("an hour", 3600.0))
 
 
@@ -220,8 +221,8 @@ class Lines:
     @staticmethod
     def _due(known: _Stage, now: float, done: int, total: int) -> bool:
         waited = now - known.told_at
-        far = done - known.told >= STEP * total and waited >= SHORTEST
-        return far or (waited >= LONGEST and done > known.at_first)
+        far = done - known.told >= PROGRESS_STEP * total and waited >= MIN_PROGRESS_INTERVAL_S
+        return far or (waited >= MAX_PROGRESS_INTERVAL_S and done > known.at_first)
 
     @staticmethod
     def _left(known: _Stage, now: float, done: int, total: int) -> float:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 LIGHT_DAMPING = 0.05  # zeta below: the modes that errors are stated for, growing ones among them
-PAIRED = 0.05  # relative distance within which a full-order root has a partner
-RESOLVED = 100.0  # errors of the full-order root above which a distance says something
+MAX_PAIR_REL_DISTANCE = 0.05  # relative distance within which a full-order root has a partner
+MIN_DISTANCE_TO_ERROR = 100.0  # errors of the full-order root above which a distance says something
 
 
 EQUAL = 1e-9  # relative distance of moduli that count as one: roots of two modes that locked in
@@ -136,10 +136,10 @@ def paired_with_full_order(
     judged = (np.abs(full.real) < LIGHT_DAMPING * np.abs(full)) | (full.real > 0)
     full, own = full[judged], np.broadcast_to(error, judged.shape)[judged]
     distance = np.abs(full[:, None] - lam[None, :])
-    partner = partners(distance / np.abs(full)[:, None], PAIRED)
+    partner = partners(distance / np.abs(full)[:, None], MAX_PAIR_REL_DISTANCE)
     kept = partner >= 0
     row, full, own = partner[kept], full[kept], own[kept]
-    resolved = np.abs(full - lam[row]) > RESOLVED * own
+    resolved = np.abs(full - lam[row]) > MIN_DISTANCE_TO_ERROR * own
     return FullOrderPairs(
         row=row, lam=lam[row], full=full, resolved=resolved, missed=int((~kept).sum())
     )

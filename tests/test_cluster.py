@@ -34,7 +34,7 @@ from squealstudy.engine.cache import (
     touched,
 )
 from squealstudy.engine.cluster_worker import Setting, answer, versions
-from squealstudy.engine.workers import AHEAD, Workers
+from squealstudy.engine.workers import TASKS_IN_FLIGHT_PER_WORKER, Workers
 from squealstudy.errors import MachineError
 from squealstudy.machine import InterruptedRun, interruptible
 from squealstudy.modes.reanalysis.polynomials import ExpandedWeights
@@ -491,7 +491,7 @@ def test_tasks_are_drawn_as_workers_need_them(cluster, here):
         found = []
         for value in workers.each(abs, tasks, "values", total=40):
             found.append(value)
-            assert len(drawn) <= len(found) + AHEAD * 2
+            assert len(drawn) <= len(found) + TASKS_IN_FLIGHT_PER_WORKER * 2
     assert sorted(found) == list(range(40))
     assert told[-1] == ("values", 40, 40)
 

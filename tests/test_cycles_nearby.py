@@ -230,7 +230,7 @@ def test_parts_are_even_where_a_least_number_is_asked_for():
 
 
 def test_a_study_says_whose_curve_it_is(tmp_path, monkeypatch):
-    monkeypatch.setattr(kind, "LEAST_TASKS", 1)
+    monkeypatch.setattr(kind, "MIN_TASKS", 1)
     changes = {
         "damped": ("damping_ratio = 0.01\n", "damping_ratio = 0.014\n"),
         "one": ("tolerance = 1e-3", "families = [1]\ntolerance = 1e-3"),

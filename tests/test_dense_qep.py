@@ -10,15 +10,15 @@ from random_quadratics import KINDS, TOP, Problem, brake, difference, random_pro
 from squealstudy.linalg import dense_qep
 from squealstudy.linalg.companion import one_of_each_pair, right_pairs
 from squealstudy.linalg.dense_qep import (
-    LEAST,
-    MOST,
+    KRYLOV_MAX_ROOT_SHARE,
+    KRYLOV_MIN_SIZE,
     backward_error,
     companion_roots,
     dense_roots,
     pairs_inside,
     roots_inside,
 )
-from squealstudy.linalg.root_error import BIN, conditions
+from squealstudy.linalg.root_error import TIME_SCALE_RATIO, conditions
 from squealstudy.modes.reanalysis.problem import in_band
 
 
@@ -26,7 +26,7 @@ from squealstudy.modes.reanalysis.problem import in_band
 def test_none_missed_and_none_doubled(kind):
     certified = 0
     for number in range(kind, 20 * len(KINDS), len(KINDS)):
-        p = random_problem(number, (LEAST, 72)[number // len(KINDS) % 2])
+        p = random_problem(number, (KRYLOV_MIN_SIZE, 72)[number // len(KINDS) % 2])
         lam, psi = dense_roots(*p)
         assert difference(p, lam) == "", number
         assert (np.diff(np.abs(lam)) >= 0).all()
@@ -66,9 +66,9 @@ def test_a_root_that_is_missed_is_noticed(monkeypatch):
 
 
 def test_left_to_lapack_where_that_costs_less():
-    p = brake(np.random.default_rng(1), LEAST - 1)
+    p = brake(np.random.default_rng(1), KRYLOV_MIN_SIZE - 1)
     assert roots_inside(p.C, p.K, TOP) is None
-    w = TOP * np.linspace(0.1, 0.9 / MOST, 100)
+    w = TOP * np.linspace(0.1, 0.9 / KRYLOV_MAX_ROOT_SHARE, 100)
     assert roots_inside(np.zeros((100, 100)), np.diag(w**2), 1.2 * TOP / 0.9) is None
     assert roots_inside(np.zeros((100, 100)), np.diag(w**2), np.inf) is None
     lam, _ = dense_roots(np.zeros((100, 100)), np.diag(w**2), (0.0, np.inf))
@@ -78,7 +78,7 @@ def test_left_to_lapack_where_that_costs_less():
 def test_a_shift_that_is_a_root():
     """Divergence at the first shift, and at both: another shift, then LAPACK."""
     n = 80
-    for shares in (dense_qep.SHIFTS[:1], dense_qep.SHIFTS):
+    for shares in (dense_qep.SHIFTS_OVER_RADIUS[:1], dense_qep.SHIFTS_OVER_RADIUS):
         w2 = (np.linspace(0.3, 8.0, n) * TOP) ** 2
         w2[: len(shares)] = [-((share * TOP) ** 2) for share in shares]
         C, K = np.zeros((n, n)), np.diag(w2)
@@ -90,7 +90,7 @@ def test_a_shift_that_is_a_root():
 @pytest.mark.parametrize("kind", range(len(KINDS)), ids=lambda i: KINDS[i].__name__)
 def test_left_vectors_belong_to_their_roots(kind):
     for number in (kind, kind + len(KINDS)):
-        C, K, band = problem = random_problem(number, LEAST)
+        C, K, band = problem = random_problem(number, KRYLOV_MIN_SIZE)
         found = pairs_inside(C, K, band[1])
         pairs = found.take(in_band(found.lam, band, 1.0))
         assert difference(problem, pairs.lam) == ""
@@ -113,7 +113,7 @@ def test_condition_of_a_root_is_that_of_the_companion_with_left_vectors(seed):
     lam, psi = one_of_each_pair(*right_pairs(C, K), (0.0, np.inf))
     told = conditions(lam, psi, np.ones(n))
     for root, condition in zip(lam, told, strict=True):
-        s = BIN ** np.round(np.log(np.abs(root)) / np.log(BIN))
+        s = TIME_SCALE_RATIO ** np.round(np.log(np.abs(root)) / np.log(TIME_SCALE_RATIO))
         A = np.block([[np.zeros((n, n)), s * np.eye(n)], [-K / s, -C]])
         mu, Y, X = scipy.linalg.eig(A, left=True)  # of unit norm
         j = np.argmin(np.abs(mu - root))

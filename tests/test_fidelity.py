@@ -34,7 +34,7 @@ from squealstudy.fidelity.choice import (
 )
 from squealstudy.fidelity.frequency_search import ModeSearch, search_modes
 from squealstudy.fidelity.ladders import Setting, free_ladders, training_step
-from squealstudy.fidelity.pilots import MISSED, FidelityStudy, largest
+from squealstudy.fidelity.pilots import MISCOUNT_ERROR, FidelityStudy, largest
 from squealstudy.fidelity.run import Audit, _plain, drawn_points, resolve, run_resolved
 from squealstudy.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
 from squealstudy.kinds.complex_modes.measuring import _solved
@@ -435,7 +435,7 @@ def test_a_rung_whose_structure_fails_has_no_finer_model(tmp_path, monkeypatch):
     search.points, search.truth = [4, 0], {"modes.method": "full"}
     monkeypatch.setattr(FidelityStudy, "point_error", POINT_ERROR)
     changes = {**rung.changes, "modes.method": "dense"}
-    assert search._error(Found([4, 0], [4, 0]), changes) == MISSED
+    assert search._error(Found([4, 0], [4, 0]), changes) == MISCOUNT_ERROR
     assert [points for _, points in pilots.of_method("full")] == [(4,)]
 
 

@@ -235,6 +235,6 @@ def test_cycles_of_which_more_harmonics_are_lost_are_inaccurate(tmp_path, monkey
 
 
 def test_a_model_that_is_too_large_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("squealstudy.kinds.limit_cycles.designs.MOST", 1)
+    monkeypatch.setattr("squealstudy.kinds.limit_cycles.designs.MAX_COORDINATES", 1)
     with pytest.raises(ResultsError, match="has 2 coordinates, limit cycles are for 1 at most"):
         solved(plan_of(study([0.6]), STUDY), tmp_path / "large")

@@ -23,7 +23,7 @@ from squealstudy.kinds.limit_cycles.section import NamedPoint
 from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.components.mesh_cells import mesh_cells
 from squealstudy.reduction.cmt import Expansion, ReducedModel
-from squealstudy.shapes.radiation import AIR, mean_square_form
+from squealstudy.shapes.radiation import AIR_IMPEDANCE_PA_S_PER_M, mean_square_form
 
 SIDES = (3.0, 2.0, 2.5)
 POINTS = """points = [
@@ -89,7 +89,7 @@ def test_power_and_velocities_of_a_moving_box():
     seen = Observer.of(assembly, Expansion(model, (block,)), ["box"], [corner])
     Q, omega = np.array([[5.0, 0.0], [2.0, 0.0], [0.0, 1.0]]), 10.0
     a, b, c = SIDES
-    expected = AIR * omega**2 * (4 * b * c + a * c)  # mean squares 2 and 1/2
+    expected = AIR_IMPEDANCE_PA_S_PER_M * omega**2 * (4 * b * c + a * c)  # mean squares 2 and 1/2
     assert seen.power(Q, omega) == pytest.approx(expected)
     ((rms, peak),) = seen.velocities(Q, omega).values()
     assert rms == pytest.approx(omega * np.sqrt(2.5))
@@ -137,7 +137,7 @@ def test_observers_lead_from_a_reduced_model_to_all_nodes(tmp_path):
     x[way.model.offsets[1] :] = way.blocks[1].T @ (slider.M @ up.ravel()[slider.places])
     Q, omega = np.vstack([0 * x, x, 0 * x]), 100.0
     power, rows = Observers(plan).observe(CycleSeries("a-1-1", key, Q, omega))
-    assert power == pytest.approx(AIR * 0.5 * omega**2 * 20e-6, rel=1e-6)
+    assert power == pytest.approx(AIR_IMPEDANCE_PA_S_PER_M * 0.5 * omega**2 * 20e-6, rel=1e-6)
     on, off = rows
     assert on["velocity_peak"] == pytest.approx(omega, rel=1e-6)
     assert on["velocity_rms"] == pytest.approx(omega / np.sqrt(2), rel=1e-6)

@@ -30,9 +30,9 @@ from squealstudy.system.linearise import (
 )
 from squealstudy.system.parametric import (
     DAMPING,
-    MANY,
     MASS,
     STIFFNESS,
+    SUM_FIRST_ABOVE,
     ParametricSystem,
     Term,
 )
@@ -189,7 +189,7 @@ def test_terms_that_do_not_fit():
         system.matrices((1.0,))
 
 
-@pytest.mark.parametrize("count", [2, MANY, MANY + 1, 9])
+@pytest.mark.parametrize("count", [2, SUM_FIRST_ABOVE, SUM_FIRST_ABOVE + 1, 9])
 def test_many_whole_matrices_are_summed_first(count):
     rng = np.random.default_rng(count)
     n, lam = 5, rng.standard_normal(4) + 1j * rng.standard_normal(4)
@@ -209,16 +209,16 @@ def test_only_numbers_times_whole_matrices_are_summed_first():
     """Those of one order, where they are many; rows with weights of their own stay."""
     rng = np.random.default_rng(3)
     n, lam = 4, rng.standard_normal(3) + 1j
-    whole, rowwise = rng.standard_normal((2, MANY + 1, n, n))
+    whole, rowwise = rng.standard_normal((2, SUM_FIRST_ABOVE + 1, n, n))
     X = rng.standard_normal((n, 3)) + 0j
     terms = [Term(MASS), *(Term(STIFFNESS, None, A) for A in (*whole, *rowwise))]
     system = ParametricSystem(n, tuple(terms))
-    w, d = rng.standard_normal(MANY + 1), rng.standard_normal((MANY + 1, n))
+    w, d = rng.standard_normal(SUM_FIRST_ABOVE + 1), rng.standard_normal((SUM_FIRST_ABOVE + 1, n))
     weights = (1.0, *w, *d)
     K = np.tensordot(w, whole, 1) + sum(np.diag(row) @ A for row, A in zip(d, rowwise, strict=True))
     np.testing.assert_allclose(system.apply(weights, lam, X), X * lam**2 + K @ X)
     few, _ = system.gathered(weights)
-    assert len(few.terms) == 1 + (MANY + 1) + 1
+    assert len(few.terms) == 1 + (SUM_FIRST_ABOVE + 1) + 1
     assert [t.dense for t in few.terms].count(True) == 1
     as_they_are, same = system.gathered((1.0, *d, *d))
     assert as_they_are is system

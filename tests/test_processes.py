@@ -17,7 +17,7 @@ import psutil
 import pytest
 
 from squealstudy.engine import workers as module
-from squealstudy.engine.workers import AHEAD, Workers, one_thread
+from squealstudy.engine.workers import TASKS_IN_FLIGHT_PER_WORKER, Workers, one_thread
 from squealstudy.errors import MachineError
 from squealstudy.machine import starting_processes
 
@@ -198,7 +198,7 @@ def test_tasks_are_drawn_as_they_are_needed(jobs, patience):
     found = []
     for value in workers.each(abs, tasks, "values", total=40):
         found.append(value)
-        assert len(drawn) <= len(found) + AHEAD * jobs
+        assert len(drawn) <= len(found) + TASKS_IN_FLIGHT_PER_WORKER * jobs
     assert sorted(found) == list(range(40))
     assert told == [("values", done, 40) for done in range(41)]
 

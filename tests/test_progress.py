@@ -18,7 +18,13 @@ from rich.text import Text
 from study_runs import command
 
 import squealstudy as sq
-from squealstudy.progress import LONGEST, SHORTEST, Lines, OneLine, progress
+from squealstudy.progress import (
+    MAX_PROGRESS_INTERVAL_S,
+    MIN_PROGRESS_INTERVAL_S,
+    Lines,
+    OneLine,
+    progress,
+)
 
 PATIENCE = 30.0  # s
 
@@ -71,14 +77,14 @@ def test_a_run_of_ten_minutes_has_a_line_every_5_percent() -> None:
 def test_lines_are_never_closer_than_the_shortest_time() -> None:
     at = [when for when, _ in told(1000, 200.0)]
     assert 5 <= len(at) <= 8
-    assert min(b - a for a, b in pairwise(at[:-1])) >= SHORTEST
+    assert min(b - a for a, b in pairwise(at[:-1])) >= MIN_PROGRESS_INTERVAL_S
 
 
 def test_a_run_of_ten_hours_is_never_silent_for_long() -> None:
     lines = told(1_000, 36_000.0)
     at = [when for when, _ in lines]
     assert len(lines) < 70
-    assert max(b - a for a, b in pairwise(at)) <= LONGEST + 36.0
+    assert max(b - a for a, b in pairwise(at)) <= MAX_PROGRESS_INTERVAL_S + 36.0
     assert lines[1][1] == "points: 17 of 1,000 done, 1.67 a minute, 9.8 h left"
 
 

@@ -248,7 +248,7 @@ def test_zero_pivot_is_a_named_failure(backend):
 
 def test_large_definite_matrices_alone_go_to_cholmod(monkeypatch):
     pytest.importorskip("cholespy")
-    monkeypatch.setattr("squealstudy.linalg.factor.LARGE", 60)
+    monkeypatch.setattr("squealstudy.linalg.factor.CHOLMOD_MIN_ROWS", 60)
     monkeypatch.setattr(
         "squealstudy.linalg.factor.find_spec", lambda name: None if name == "pypardiso" else name
     )

@@ -187,7 +187,7 @@ def check_what_is_passed_over():
     passed = 0
     for i in range(points):
         fastest = turns._fastest_stick(made.points, made.law, y, i)
-        over = not turned[i] and (1 - turns.TURNED) ** 2 * slowest[i] > fastest**2
+        over = not turned[i] and (1 - turns.TURN_MIN) ** 2 * slowest[i] > fastest**2
         shares = [
             turns._turning(made.points, made.law, y, w, s, (s + 1) % samples, i, fastest)
             for s in range(samples)

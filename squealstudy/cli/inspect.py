@@ -21,7 +21,13 @@ from squealstudy.models.units import in_unit_of
 from squealstudy.plots.style import finish, head, new_figure
 from squealstudy.screen import Rows, facts, grid, show, warning
 from squealstudy.shapes.assembled import Body, draw_assembly, draw_free_modes, eight
-from squealstudy.shapes.measured import LEAST, Correlation, Measured, correlated, read_measured
+from squealstudy.shapes.measured import (
+    MIN_PAIR_MAC,
+    Correlation,
+    Measured,
+    correlated,
+    read_measured,
+)
 from squealstudy.study.components import free_component, read_model
 from squealstudy.wording import figure, listed, plural
 
@@ -96,8 +102,9 @@ def draw_modes(geometry: Geometry, path: Path) -> list[Path]:
 
 SHOWN = 6  # free modes of a part that are drawn
 COLOURED = 8  # surfaces of a part alone that are drawn
-NEAR = 0.02  # of the part's largest side: distance of a measured point and its node
-FREE = 6  # rigid modes of a free part
+# of the part's largest side: distance of a measured point and its node
+MAX_POINT_DISTANCE_RATIO = 0.02
+N_RIGID_MODES = 6  # rigid modes of a free part
 DAMPING = 3  # columns of the table up to the measured damping
 WRITTEN = 12  # modes up to which a picture has room for figures
 
@@ -136,7 +143,7 @@ def compared(
     unit : str
         Of its lengths, where it does not say.
     tolerance : str or None
-        Distance with its unit; by default NEAR of the largest side.
+        Distance with its unit; by default MAX_POINT_DISTANCE_RATIO of the largest side.
 
     Raises
     ------
@@ -145,7 +152,7 @@ def compared(
     """
     body, (K, M), placement = free_component(model, component)
     measured = read_measured(path, _length(f"1 {unit}", "--unit"))
-    near = NEAR * float(np.ptp(body.nodes, axis=0).max())
+    near = MAX_POINT_DISTANCE_RATIO * float(np.ptp(body.nodes, axis=0).max())
     if tolerance is not None:
         near = _length(tolerance, "--tolerance")
     return measured, correlated(measured, K, M, body.nodes, body.expansion.E, placement, near)
@@ -227,12 +234,13 @@ def doubts(measured: Measured, found: Correlation) -> list[str]:
     texts = []
     if lost:
         texts.append(
-            f"no computed mode has a MAC of {LEAST:g} with measured {', '.join(lost)}: another "
+            f"no computed mode has a MAC of {MIN_PAIR_MAC:g} with measured "
+            f"{', '.join(lost)}: another "
             "part or placement, a support in the test, or directions that differ?"
         )
-    if found.n_rigid != FREE:
+    if found.n_rigid != N_RIGID_MODES:
         texts.append(
-            f"the part has {plural(found.n_rigid, 'rigid mode')} of {FREE}: it is not free"
+            f"the part has {plural(found.n_rigid, 'rigid mode')} of {N_RIGID_MODES}: it is not free"
         )
     if found.alike:
         i, j, value = max(found.alike, key=lambda row: row[2])

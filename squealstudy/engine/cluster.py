@@ -27,7 +27,7 @@ from squealstudy.engine import cluster_worker
 from squealstudy.engine.cache import contents, folders_of, keep_contents, prepared_path
 from squealstudy.engine.cluster_scheduler import ALONE, client_of, few_deaths, quiet
 from squealstudy.engine.cluster_worker import (
-    SAME,
+    SAME_VERSIONS_ADVICE,
     Answer,
     Setting,
     answer,
@@ -35,7 +35,7 @@ from squealstudy.engine.cluster_worker import (
     given,
     in_cache,
 )
-from squealstudy.engine.keys import LENGTH
+from squealstudy.engine.keys import HASH_DIGITS
 from squealstudy.errors import MachineError
 from squealstudy.extensions import extension_files, sources_of
 from squealstudy.paths import cache_directory
@@ -44,12 +44,13 @@ from squealstudy.wording import plural
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-AHEAD = 3  # tasks a worker that are drawn: one at work, others there before it is free
+# tasks a worker that are drawn: one at work, others there before it is free
+TASKS_IN_FLIGHT_PER_WORKER = 3
 CLOSE = 2.0  # s, for a scheduler to answer
 LOOK = 2.0  # s between looks at who is there
 ALL_DIED = "every worker that tried it died"
 MOST_MODELS = 8  # whose contents the scheduler keeps; tasks that wait keep theirs besides
-KEY = re.compile(rb"[0-9a-f]{%d,}" % LENGTH)
+KEY = re.compile(rb"[0-9a-f]{%d,}" % HASH_DIGITS)
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")
@@ -145,10 +146,11 @@ class Cluster:
         for address, told in found.items():
             if isinstance(told, Exception):
                 raise MachineError(
-                    f"worker {address} cannot be used ({type(told).__name__}: {told}): {SAME}"
+                    f"worker {address} cannot be used ({type(told).__name__}: {told}): "
+                    f"{SAME_VERSIONS_ADVICE}"
                 )
             if text := difference(cluster_worker.versions(), told["versions"]):
-                raise MachineError(f"worker {address} has {text}: {SAME}")
+                raise MachineError(f"worker {address} has {text}: {SAME_VERSIONS_ADVICE}")
         several = [n for n in threads.values() if n > 1]
         if several:
             self.warn(
@@ -184,10 +186,10 @@ class Cluster:
                 future.add_done_callback(ended.put)
 
         try:
-            begin(tasks, AHEAD * self.size)
+            begin(tasks, TASKS_IN_FLIGHT_PER_WORKER * self.size)
             while begun:
                 if (future := self._next(ended)) is None:
-                    begin(tasks, AHEAD * self.size)  # workers may have come
+                    begin(tasks, TASKS_IN_FLIGHT_PER_WORKER * self.size)  # workers may have come
                     continue
                 try:
                     found = self._result(future)
@@ -195,10 +197,10 @@ class Cluster:
                     suspects.append(begun[future])
                     self._cancel([future])
                     del begun[future]
-                    begin(tasks, AHEAD * self.size)
+                    begin(tasks, TASKS_IN_FLIGHT_PER_WORKER * self.size)
                     continue
                 del begun[future], future
-                begin(tasks, AHEAD * self.size)
+                begin(tasks, TASKS_IN_FLIGHT_PER_WORKER * self.size)
                 yield found
             for task in suspects:  # others ended with a task only because they were beside it
                 begin(iter([task]), 1, ALONE)
@@ -302,7 +304,7 @@ def _keys(call: bytes) -> set[str]:
     """What may be a key among what a pickle holds, in texts or in arrays of them."""
     found: set[str] = set()
     for run in KEY.findall(call.replace(b"\0", b"")):
-        found.update(run[i : i + LENGTH].decode() for i in range(len(run) - LENGTH + 1))
+        found.update(run[i : i + HASH_DIGITS].decode() for i in range(len(run) - HASH_DIGITS + 1))
     return found
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 CONNECT = 10.0  # s, for a scheduler to answer
 NAME = "squealstudy"
-DEATHS = 2  # of workers with a task, until it is kept back to be tried alone
+MAX_WORKER_DEATHS_PER_TASK = 2  # of workers with a task, until it is kept back to be tried alone
 ALONE = "-alone"  # how the keys of such tasks end: the next death is their last
 
 
@@ -54,14 +54,14 @@ def client_of(scheduler: str) -> Client:
 
 @contextlib.contextmanager
 def few_deaths(client: Client, run: str) -> Iterator[None]:
-    """Tasks of a run, whose keys begin with `run`, fail when DEATHS workers died with them.
+    """Tasks of a run, whose keys begin with `run`, fail when so many workers died with them.
 
     Those whose keys end with ALONE fail with the first one.
 
     dask's own number (`allowed-failures`, 3 by default) is the scheduler's and holds for the tasks
     of others as well; it counts what a task has more to begin with.
     """
-    client.register_plugin(_suspicion(run, DEATHS, ALONE), name=run)
+    client.register_plugin(_suspicion(run, MAX_WORKER_DEATHS_PER_TASK, ALONE), name=run)
     try:
         yield
     finally:

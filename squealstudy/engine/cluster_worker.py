@@ -31,7 +31,7 @@ from squealstudy.paths import cache_directory
 from squealstudy.version import __version__
 
 PACKAGES = ("numpy", "scipy", "numba", "pyarrow")  # that numbers, and how they travel, rest on
-SAME = "install the same versions there as here"
+SAME_VERSIONS_ADVICE = "install the same versions there as here"
 Parcel = Mapping[str, Mapping[str, bytes]]  # files by name, of places in the folder of models
 
 
@@ -134,7 +134,7 @@ def _enter(setting: Setting) -> None:
     if setting in _entered:
         return
     if text := difference(setting.versions, versions()):
-        raise MachineError(f"a worker has {text}: {SAME}")
+        raise MachineError(f"a worker has {text}: {SAME_VERSIONS_ADVICE}")
     os.environ.update(dict.fromkeys(THREADS, "1"))
     for files in setting.extensions:
         path = _written(files)

@@ -31,8 +31,8 @@ NUMERIC_PACKAGES = (
     "study/components.py",
     "study/family.py",
 )
-LENGTH = 16
-ID_TYPE = f"S{LENGTH}"  # of arrays of ids
+HASH_DIGITS = 16
+ID_TYPE = f"S{HASH_DIGITS}"  # of arrays of ids
 HOLE = "0xhole"  # no value's text
 BLOCK = 65536  # ids that are made at once
 
@@ -40,7 +40,7 @@ BLOCK = 65536  # ids that are made at once
 def content_hash(content: Any) -> str:
     """Hash of plain data (dicts in any order, floats by their exact value)."""
     text = json.dumps(content, sort_keys=True, default=str, allow_nan=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:LENGTH]
+    return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]
 
 
 @cache
@@ -58,7 +58,7 @@ def source_hash(packages: tuple[str, ...] = NUMERIC_PACKAGES) -> str:
         for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
             digest.update(path.relative_to(root).as_posix().encode())
             digest.update(path.read_bytes())
-    return digest.hexdigest()[:LENGTH]
+    return digest.hexdigest()[:HASH_DIGITS]
 
 
 def point_id(model_hash: str, values: Mapping[str, float]) -> str:
@@ -85,7 +85,7 @@ def point_ids(
     columns = [varied[k] for k, v in pairs if v == HOLE]
     head, tail = hashlib.sha256((first % ()).encode()), "".join(f"%s{text}" for text in others)
     if not columns:
-        return np.full(count, head.hexdigest()[:LENGTH], dtype=ID_TYPE)
+        return np.full(count, head.hexdigest()[:HASH_DIGITS], dtype=ID_TYPE)
     found = np.empty(count, dtype=ID_TYPE)
     for start in range(0, count, BLOCK):
         rows = slice(start, start + BLOCK)
@@ -98,7 +98,7 @@ def _ended(head: hashlib._Hash, text: str) -> str:
     """The hash of a text of which `head` is the beginning and `text` the end."""
     digest = head.copy()
     digest.update(text.encode())
-    return digest.hexdigest()[:LENGTH]
+    return digest.hexdigest()[:HASH_DIGITS]
 
 
 def ids_of(column: pa.ChunkedArray) -> np.ndarray:

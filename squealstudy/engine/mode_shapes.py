@@ -43,9 +43,11 @@ from squealstudy.study.source import SourceText, changed
 from squealstudy.system.linearise import linearise
 from squealstudy.tables.other_codes import roots_of
 
-SAME = 1e-6  # relative distance of two solutions of one root, whatever the version of LAPACK
-ERRORS = 3.0  # and in estimated errors of the table's root
-UNREDUCED = 2e-3  # relative distance of a root of full order and its reduced one, at most
+# relative distance of two solutions of one root, whatever the version of LAPACK
+SAME_ROOT_REL_DISTANCE = 1e-6
+ERROR_ALLOWANCE = 3.0  # and in estimated errors of the table's root
+# relative distance of a root of full order and its reduced one, at most
+FULL_ORDER_REL_DISTANCE = 2e-3
 EXPANSION = "expansion"  # folder beside a prepared model
 
 
@@ -240,8 +242,8 @@ class PointShapes:
         row = table.iloc[i]
         if row["overdamped"]:
             raise _no_mode(table, self._row, mode, None)
-        share = UNREDUCED if row["method"] == FULL else SAME
-        allowed = share * abs(roots[i]) + ERRORS * np.nan_to_num(row["error_rung"])
+        share = FULL_ORDER_REL_DISTANCE if row["method"] == FULL else SAME_ROOT_REL_DISTANCE
+        allowed = share * abs(roots[i]) + ERROR_ALLOWANCE * np.nan_to_num(row["error_rung"])
         distance = np.abs(self.lam - roots[i])
         found = int(distance.argmin()) if len(distance) else -1
         if found < 0 or distance[found] > allowed or self._other(roots, found) != i:
@@ -261,7 +263,9 @@ class PointShapes:
 def same_coordinates(made: ReducedModel, kept: ReducedModel) -> bool:
     """Whether a model that was made again has the coordinates of the one that is kept."""
     return made.n == kept.n and all(
-        np.allclose(getattr(made, name), getattr(kept, name), rtol=0.0, atol=SAME * size)
+        np.allclose(
+            getattr(made, name), getattr(kept, name), rtol=0.0, atol=SAME_ROOT_REL_DISTANCE * size
+        )
         for name in ("N", "T", "T_perp")
         for size in [np.abs(getattr(kept, name)).max()]
     )

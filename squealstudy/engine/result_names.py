@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from squealstudy.engine.keys import LENGTH
+from squealstudy.engine.keys import HASH_DIGITS
 from squealstudy.errors import ResultsError
 
 MOST_CELLS = 4 * 10**9  # of a table; one of a million design points with 40 modes has 2e9
@@ -20,7 +20,7 @@ SET_ASIDE = "damaged"  # folder of files that are not as they were written
 PART = "part-"  # how the names of files begin that hold a table together
 TABLE = r"[a-z][a-z0-9_]{0,80}\.parquet"
 OWN = re.compile(
-    rf"({CHUNKS}|{HISTORIES}|{STATES}|{REFERENCES})/[0-9a-f]{{{LENGTH}}}\.[a-z]{{1,10}}"
+    rf"({CHUNKS}|{HISTORIES}|{STATES}|{REFERENCES})/[0-9a-f]{{{HASH_DIGITS}}}\.[a-z]{{1,10}}"
     rf"|{TABLE}/{PART}\d{{5}}\.parquet"
 )
 FINISHED = re.compile(rf"{OWN.pattern}|{TABLE}")

@@ -11,7 +11,7 @@ import numpy as np
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.sampling import farthest_points
 
-LEVELS = (9, 5, 3)  # of each parameter, at which reductions are made: as many as
+LATTICE_POINTS = (9, 5, 3)  # of each parameter, at which reductions are made: as many as
 MOST_LATTICE = 4096  # places allow; of more parameters as many random ones
 
 
@@ -67,7 +67,7 @@ class SharedRange:
         Positive values are divided by their logarithms.
         """
         d = len(self.names)
-        levels = next((n for n in LEVELS if n**d <= MOST_LATTICE), 0)
+        levels = next((n for n in LATTICE_POINTS if n**d <= MOST_LATTICE), 0)
         if levels:
             X = np.array(list(itertools.product(np.linspace(0.0, 1.0, levels), repeat=d)))
         else:

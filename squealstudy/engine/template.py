@@ -37,11 +37,11 @@ from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.toml_text import toml_key, toml_value
 from squealstudy.wording import did_you_mean
 
-WIDTH = 100
+MAX_LINE_CHARACTERS = 100
 BY_HAND = ("study", "model", "parameters", "sweep", "design")  # sections, written in this order
 SWEPT = "friction"  # of models that say nothing else and have it
-SHARE = 0.2  # below and above its default that the parameter is swept
-LEVELS = 5
+SWEEP_REL_RANGE = 0.2  # below and above its default that the parameter is swept
+SWEEP_POINTS = 5
 ROBUST, OF_ROBUST = "robust", "complex_modes"  # what scatters, and the kind that it is
 SCATTER = 6.0  # standard deviations in the range of what is swept otherwise
 OF_METHODS = ("work_precision", "method_stability")
@@ -210,12 +210,12 @@ def _range(model: ModelDefinition) -> dict[str, Any]:
     named = {p.name: p for p in model.parameters}
     chosen = named.get(SWEPT, model.parameters[0])
     low, high = _about(chosen)
-    return {"parameter": chosen.name, "start": low, "stop": high, "num": LEVELS}
+    return {"parameter": chosen.name, "start": low, "stop": high, "num": SWEEP_POINTS}
 
 
 def _about(parameter: Parameter) -> tuple[float, float]:
     """Values about the default that the parameter may take."""
-    low, high = ((1 + side * SHARE) * parameter.default for side in (-1, 1))
+    low, high = ((1 + side * SWEEP_REL_RANGE) * parameter.default for side in (-1, 1))
     low, high = max(low, parameter.minimum), min(high, parameter.maximum)
     return float(f"{low:.6g}"), float(f"{high:.6g}")
 
@@ -403,7 +403,7 @@ def _comment(text: str) -> Iterator[str]:
 
 
 def _wrapped(text: str, indent: int) -> list[str]:
-    return textwrap.wrap(text, WIDTH - indent, break_on_hyphens=False)
+    return textwrap.wrap(text, MAX_LINE_CHARACTERS - indent, break_on_hyphens=False)
 
 
 WORK_PRECISION = """\

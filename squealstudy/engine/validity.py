@@ -35,7 +35,7 @@ JUDGED = ("status", "class", "open_share", "open_share_max", "perturbation", "in
 SOLVED = ("ok", "inaccurate")  # statuses of points that have results
 MOSTLY_OPEN = 0.5  # share of the contact area
 FAR_KICK = 10.0  # times the sliding speed
-ROUND_OFF = 1e-9  # of the range of a table: points on its ends are in it
+TABLE_END_SLACK = 1e-9  # of the range of a table: points on its ends are in it
 CRITICAL = 1.0  # damping ratio from which on a mode does not oscillate
 CLOSED_RULE = "a bilateral contact presses everywhere, share of it below 1 % of the mean pressure"
 OPEN_RULE = f"the contact is closed over {1 - MOSTLY_OPEN:.0%} of its area or more, open share"
@@ -93,7 +93,7 @@ def parameter_reasons(plan: Plan) -> list[Broken]:
         for name, at in zip(table.over, table.at, strict=True):
             low, high = at[0], at[-1]
             rule = f"the table of {table.name} is over {name} from {low:g} to {high:g}, {name}"
-            values, slack = points.column(name), ROUND_OFF * (high - low)
+            values, slack = points.column(name), TABLE_END_SLACK * (high - low)
             rows = np.flatnonzero(~((values >= low - slack) & (values <= high + slack)))
             found.append(Broken(rule, rows, values[rows]))
     return [broken for broken in found if len(broken.rows)]

@@ -90,7 +90,8 @@ class Pace:
                 start, left = start + size, left - size
 
 
-AHEAD = 3  # tasks a worker that are drawn: one at work, others wait for it to be free
+# tasks a worker that are drawn: one at work, others wait for it to be free
+TASKS_IN_FLIGHT_PER_WORKER = 3
 TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
 
 Item = TypeVar("Item")
@@ -153,7 +154,7 @@ class Workers:
         """Results of a function of each task, as they come; none is kept here.
 
         Tasks are drawn when a worker is about to need them: of a long iterable never more than
-        `AHEAD` a worker are there at once.
+        `TASKS_IN_FLIGHT_PER_WORKER` a worker are there at once.
 
         Parameters
         ----------
@@ -220,7 +221,7 @@ class Workers:
                 begun.update(executor.submit(wrap_non_picklable_objects(call)) for call in calls)
 
         try:
-            begin(AHEAD * self.jobs)
+            begin(TASKS_IN_FLIGHT_PER_WORKER * self.jobs)
             while begun:
                 done = wait(begun, return_when=FIRST_COMPLETED).done
                 begun -= done

@@ -18,8 +18,8 @@ from squealstudy.files import OF_JSON, read_whole, sealed, unsealed, write_text
 from squealstudy.paths import cache_directory
 
 CODE = (*NUMERIC_PACKAGES, "study", "engine", "kinds", "fidelity")
-WORTH = 2.0  # times its own cost that a try must promise to save
-SMALLER = 0.5  # of the cost of the points, that one rung down may save
+MIN_GAIN_OVER_COST = 2.0  # times its own cost that a try must promise to save
+NEXT_RUNG_MAX_SAVING = 0.5  # of the cost of the points, that one rung down may save
 
 
 class TriedSetting(NamedTuple):
@@ -167,7 +167,7 @@ def pays(points: float, trial: float) -> bool:
     trial : float
         Seconds that trying takes.
     """
-    return SMALLER * points > WORTH * trial
+    return NEXT_RUNG_MAX_SAVING * points > MIN_GAIN_OVER_COST * trial
 
 
 def _combinations(

@@ -13,8 +13,8 @@ from squealstudy.engine.measurement import Measurement
 from squealstudy.engine.plan import Plan, has_mesh, reference_choice
 from squealstudy.errors import SquealstudyError
 from squealstudy.fidelity.choice import Choice, TriedSetting, choose, pays
-from squealstudy.fidelity.ladders import FIRST, REDUCTION, Setting, free_ladders
-from squealstudy.fidelity.pilots import MISSED, SPARE, FidelityStudy
+from squealstudy.fidelity.ladders import FIRST_CANDIDATE, REDUCTION, Setting, free_ladders
+from squealstudy.fidelity.pilots import MISCOUNT_ERROR, N_RESERVE_PILOTS, FidelityStudy
 from squealstudy.kinds.complex_modes.kind import point_share
 from squealstudy.kinds.complex_modes.measuring import finer_finding
 from squealstudy.mechanics.failures import FAILURES
@@ -24,7 +24,8 @@ from squealstudy.modes.rung import Scope
 from squealstudy.modes.rungs import all_rungs, exact_rung, full_order_rung, rung_named
 from squealstudy.study.definition import ResolvedStudy, given_keys
 
-METHOD, REDUCED = 0.2, 0.6  # shares of the tolerance: of reanalysis, and of the reduction
+# shares of the tolerance: of reanalysis, and of the reduction
+REANALYSIS_TOLERANCE_SHARE, REDUCTION_TOLERANCE_SHARE = 0.2, 0.6
 SMALL_MODEL_SHARE = 0.5  # of the points that windows need to pay on a meshed model
 
 
@@ -70,7 +71,7 @@ class ModeSearch:
         if not self.method.rung.over_a_basis:
             return 0.0
         explicit = float(self.fidelity.study.definition.modes.tolerance)
-        return METHOD * self.fidelity.tolerance if self.common else explicit
+        return REANALYSIS_TOLERANCE_SHARE * self.fidelity.tolerance if self.common else explicit
 
     def attempt(self, rung: Setting) -> TriedSetting:
         """Solve the pilots without reanalysis; the error is that against full order."""
@@ -80,7 +81,7 @@ class ModeSearch:
             own = self.method.exact
         solved = {**changes, "modes.method": own}
         if not self.points:
-            candidates = reference_choice(fidelity.plan, fidelity.section.pilots + SPARE)
+            candidates = reference_choice(fidelity.plan, fidelity.section.pilots + N_RESERVE_PILOTS)
             self.points = fidelity.pilots(solved, candidates)
             # whose reduction is there: the working points that it gives are those of any other
             self.truth = {**changes, "modes.method": self.exact}
@@ -123,7 +124,7 @@ class ModeSearch:
             except FAILURES:  # no basis over this box, or damping that they do not know
                 continue
             exact = fidelity.measure({**self.common, "modes.method": self.exact}, self.points)
-            error = METHOD * fidelity.tolerance + fidelity.error(made, exact)
+            error = REANALYSIS_TOLERANCE_SHARE * fidelity.tolerance + fidelity.error(made, exact)
             seconds = made.reduction_seconds + made.setup_seconds
             cost = seconds + made.seconds * points / fidelity.jobs
             found.append(TriedSetting(rung.label, rung.changes, error, cost))
@@ -142,7 +143,7 @@ class ModeSearch:
                 failure = truth["message"]
                 self.fidelity.failed.add(point)
                 continue
-            error = min(MISSED, safety * self.fidelity.point_error(finding, truth))
+            error = min(MISCOUNT_ERROR, safety * self.fidelity.point_error(finding, truth))
             worst = max(worst or 0.0, error)
             if worst > self.fidelity.tolerance:
                 break
@@ -166,16 +167,16 @@ class ModeSearch:
     @property
     def share(self) -> float:
         """Of the tolerance, what the reduction may take."""
-        return REDUCED * self.fidelity.tolerance
+        return REDUCTION_TOLERANCE_SHARE * self.fidelity.tolerance
 
     def climb(self, rungs: tuple[Setting, ...]) -> None:
         """From the first rung up until one is good enough, or down while that pays."""
-        number = FIRST
+        number = FIRST_CANDIDATE
         self.tried[number] = self.attempt(rungs[number])
         while self.tried[number].error > self.share and number + 1 < len(rungs):
             number += 1
             self.tried[number] = self.attempt(rungs[number])
-        while number <= FIRST and number > 0 and self._pays(number):
+        while number <= FIRST_CANDIDATE and number > 0 and self._pays(number):
             number -= 1
             self.tried[number] = self.attempt(rungs[number])
             if self.tried[number].error > self.share:
@@ -204,4 +205,4 @@ def _method_changes(fidelity: FidelityStudy) -> Mapping[str, Any]:
     """The tolerance of methods that have one; an explicit one stays."""
     if "modes.tolerance" in given_keys(fidelity.study):
         return {}
-    return {"modes.tolerance": min(METHOD * fidelity.tolerance, 0.1)}
+    return {"modes.tolerance": min(REANALYSIS_TOLERANCE_SHARE * fidelity.tolerance, 0.1)}

@@ -18,18 +18,19 @@ from squealstudy.study.definition import ResolvedStudy, given_keys
 REDUCTION, BASIS, STEP, CONTACT = "reduction", "basis", "step", "contact points"
 SLOPE = "slope of friction"
 # cut-offs over the top of the band, and the singular value below which enrichment is left out
-REDUCTIONS = ((1.1, 1e-3), (1.1, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
-FIRST = 1  # the rung tried first: of the studies in studies/fidelity it serves all
-STEPS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # of a period of the band's top over STEPS_A_PERIOD
+REDUCTION_CANDIDATES = ((1.1, 1e-3), (1.1, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
+FIRST_CANDIDATE = 1  # the rung tried first: of the studies in studies/fidelity it serves all
+# of a period of the band's top over STEPS_A_PERIOD
+STEP_CANDIDATES = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
 STEPS_A_PERIOD = 62.5
 CONTACT_POINTS_OPTION = "contact_points"  # of [model]
 TRIAL_STEP = 2  # of these: at which bases and contact points are compared, and bases trained
 LEAST_STEPS = 100  # of a run
 # modes up to so many tops of the band, POD vectors (studies/reduction.toml charts them)
-BASES = ((1.0, 50), (2.0, 20), (1.0, 80), (2.0, 50), (1.0, 120))
+BASIS_CANDIDATES = ((1.0, 50), (2.0, 20), (1.0, 80), (2.0, 50), (1.0, 120))
 CONTACT_POINTS = (2, 3, 4)
 # regularisation speeds over that of a study without [fidelity]; a softer friction saves nothing
-SATURATIONS = (1.0, 0.5, 0.25, 0.125)
+SATURATION_CANDIDATES = (1.0, 0.5, 0.25, 0.125)
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def _reductions() -> Ladder:
                 "reduction.friction_training": True,
             },
         )
-        for factor, tolerance in REDUCTIONS
+        for factor, tolerance in REDUCTION_CANDIDATES
     )
 
 
@@ -90,7 +91,7 @@ def _usable_steps(study: ResolvedStudy) -> list[float]:
     """Those that the duration has enough of, s."""
     unit = 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
     duration = study.section.duration
-    return [n * unit for n in STEPS if LEAST_STEPS * n * unit <= duration]
+    return [n * unit for n in STEP_CANDIDATES if LEAST_STEPS * n * unit <= duration]
 
 
 def training_step(study: ResolvedStudy) -> dict[str, float]:
@@ -113,7 +114,7 @@ def _bases(study: ResolvedStudy) -> Ladder:
             f"modes to {factor * top:g} Hz and {vectors} POD vectors",
             {"transient.modes_below": factor * top, "transient.pod_vectors": vectors, **training},
         )
-        for factor, vectors in BASES
+        for factor, vectors in BASIS_CANDIDATES
     ]
     return (*small, Setting("all modes", {}))
 
@@ -121,7 +122,7 @@ def _bases(study: ResolvedStudy) -> Ladder:
 def _saturations(study: ResolvedStudy) -> Ladder:
     """Sliding speeds below which points stick, of all design points, softest friction first."""
     own = REGULARISATION_SHARE * slowest_speed(study)
-    speeds = [factor * own for factor in SATURATIONS]
+    speeds = [factor * own for factor in SATURATION_CANDIDATES]
     key = f"parameters.{REGULARISATION_SPEED.name}"
     return tuple(Setting(f"sticking below {s:.3g} m/s", {key: s}) for s in speeds)
 

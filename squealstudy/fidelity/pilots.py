@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 IN_FREQUENCY = ("frequency", "damping_ratio")
 IN_TIME = ("growth_rate", "torque_rms", "torque_mean", "dominant_frequency")
-MISSED = 1.0  # error of a setting that misses an instability, sees one too many, or fails
-SPARE = 4  # design points in reserve for pilots that fail
+MISCOUNT_ERROR = 1.0  # error of a setting that misses an instability, sees one too many, or fails
+N_RESERVE_PILOTS = 4  # design points in reserve for pilots that fail
 
 
 @dataclass(frozen=True)
@@ -170,13 +170,13 @@ class FidelityStudy:
         )
 
     def error(self, found: Measurement, truth: Measurement) -> float:
-        """Largest error of the judged quantities; MISSED where instabilities differ."""
+        """Largest error of the judged quantities; MISCOUNT_ERROR where instabilities differ."""
         return max(self.point_error(f, truth.findings[p]) for p, f in found.findings.items())
 
     def point_error(self, finding: Mapping[str, Any], truth: Mapping[str, Any]) -> float:
-        """The same of one design point; MISSED too where either of them failed."""
+        """The same of one design point; MISCOUNT_ERROR too where either of them failed."""
         if finding["status"] != "ok" or truth["status"] != "ok":
-            return MISSED
+            return MISCOUNT_ERROR
         judged = IN_TIME if self.in_time else IN_FREQUENCY
         errors, count = self.measuring.comparisons[0](finding, truth)
         return largest(errors, count, judged)
@@ -184,5 +184,5 @@ class FidelityStudy:
 
 def largest(errors: Sequence[FoundError], count: Miscount, judged: Sequence[str]) -> float:
     """Largest of some errors, of averages where values have intervals."""
-    worst = MISSED if count.missed or count.spurious else 0.0
+    worst = MISCOUNT_ERROR if count.missed or count.spurious else 0.0
     return max([worst, *(error.error for error in errors if error.quantity in judged)])

@@ -21,11 +21,11 @@ from squealstudy.fidelity.ladders import (
     free_ladders,
     training_step,
 )
-from squealstudy.fidelity.pilots import SPARE, FidelityStudy
+from squealstudy.fidelity.pilots import N_RESERVE_PILOTS, FidelityStudy
 from squealstudy.kinds.transient.slope_pilot import FIRST_ORDER
 from squealstudy.study.definition import given_keys
 
-SHARE = 0.4  # of the tolerance that one ladder may take
+SETTING_TOLERANCE_SHARE = 0.4  # of the tolerance that one ladder may take
 RICHARDSON = 4.0 / 3.0  # error of a step from the difference to half of it, order 2
 SETTLED, SETTLED_SHARE = 0.01, 0.2  # half-width of a level at which runs end; of the tolerance
 ALL_MODES = {
@@ -65,7 +65,7 @@ class RunSearch:
     def __init__(self, fidelity: FidelityStudy) -> None:
         self.fidelity = fidelity
         self.ladders = free_ladders(fidelity.study)
-        self.share = SHARE * fidelity.tolerance
+        self.share = SETTING_TOLERANCE_SHARE * fidelity.tolerance
         self.tried: dict[str, list[TriedSetting]] = {}
         self.kept: dict[str, TriedSetting] = {}
         self.always = _settled(fidelity)
@@ -78,7 +78,7 @@ class RunSearch:
         for name in (CONTACT, SLOPE):
             if name in self.ladders:
                 self.now |= self.ladders[name][0].changes
-        candidates = interior_pilots(fidelity.plan, fidelity.section.pilots + SPARE)
+        candidates = interior_pilots(fidelity.plan, fidelity.section.pilots + N_RESERVE_PILOTS)
         self.points = fidelity.pilots(self.now, candidates)
 
     def measure(self, changes: Mapping[str, Any]) -> Measurement:

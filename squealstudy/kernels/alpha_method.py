@@ -29,7 +29,7 @@ from squealstudy.kernels.newmark_layout import (
     WorkArrays,
 )
 from squealstudy.kernels.newmark_step import (
-    BIG,
+    MAX_FINITE_SQUARE,
     count_pass,
     halved,
     keep_points,
@@ -78,7 +78,9 @@ def solve(
         counts[at.ITERATION] += 1
         e2, scale2 = residual(modal, work, 0)
         change2, bound2 = friction_change(modal, work, 0)
-        if not (e2 < BIG and scale2 < BIG and change2 < BIG):
+        if not (
+            e2 < MAX_FINITE_SQUARE and scale2 < MAX_FINITE_SQUARE and change2 < MAX_FINITE_SQUARE
+        ):
             return at.NOT_FINITE
         balanced = e2 <= limit * scale2 + real[at.FLOOR2]
         balanced = balanced and change2 <= limit_t * bound2

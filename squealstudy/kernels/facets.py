@@ -12,14 +12,14 @@ import numpy as np
 
 from squealstudy.kernels.jit import exact_kernel, kernel
 
-MOST = 9  # nodes of a facet
-STEPS = 30
-SETTLED = 1e-10  # last step in local coordinates, above round-off far from the origin
-FAR = 1e3  # local coordinates that nothing asks for
-PATH = 16  # steps from the centre of a distorted facet
-EDGE = 1e-9  # of local coordinates: round-off on an edge is not outside
-BESIDE = 0.01  # of local coordinates: where a point beside a facet is still on it
-BULGE = 1.2  # a curved facet lies within this times the radius of its nodes
+MAX_FACET_NODES = 9  # nodes of a facet
+MAX_NEWTON_STEPS = 30
+LOCAL_TOLERANCE = 1e-10  # last step in local coordinates, above round-off far from the origin
+LOCAL_DIVERGENCE_LIMIT = 1e3  # local coordinates that nothing asks for
+HOMOTOPY_STEPS = 16  # steps from the centre of a distorted facet
+EDGE_ROUND_OFF = 1e-9  # of local coordinates: round-off on an edge is not outside
+EDGE_OVERHANG = 0.01  # of local coordinates: where a point beside a facet is still on it
+CURVED_RADIUS_FACTOR = 1.2  # a curved facet lies within this times the radius of its nodes
 
 
 @exact_kernel
@@ -75,7 +75,7 @@ def _serendipity(kind: int, a: float, b: float, N: np.ndarray) -> None:
 
 
 # place of each node of a quadrilateral on the lines -1, 0, 1 of a and b
-PLACES = np.array([[0, 2, 2, 0, 1, 2, 1, 0, 1], [0, 0, 2, 2, 0, 1, 2, 1, 1]])
+NODE_LATTICE = np.array([[0, 2, 2, 0, 1, 2, 1, 0, 1], [0, 0, 2, 2, 0, 1, 2, 1, 1]])
 
 
 @exact_kernel
@@ -92,8 +92,8 @@ def _line(i: int, a: float) -> tuple[float, float]:
 def _lagrange(a: float, b: float, N: np.ndarray) -> None:
     """Quadrilateral of 9 nodes."""
     for i in range(9):
-        p, dp = _line(PLACES[0, i], a)
-        q, dq = _line(PLACES[1, i], b)
+        p, dp = _line(NODE_LATTICE[0, i], a)
+        q, dq = _line(NODE_LATTICE[1, i], b)
         N[0, i], N[1, i], N[2, i] = p * q, dp * q, p * dq
 
 
@@ -161,7 +161,7 @@ def _settle(
     the radius of curvature is what is left of the error after each step.
     """
     a, b = start
-    for _ in range(STEPS):
+    for _ in range(MAX_NEWTON_STEPS):
         place(kind, X, a, b, N, x)
         if follow:
             t[0] = x[1]
@@ -180,9 +180,9 @@ def _settle(
         db = (j00 * r1 - j10 * r0) / det
         a += da
         b += db
-        if not abs(a) + abs(b) < FAR:
+        if not abs(a) + abs(b) < LOCAL_DIVERGENCE_LIMIT:
             return a, b, False
-        if abs(da) + abs(db) < SETTLED:
+        if abs(da) + abs(db) < LOCAL_TOLERANCE:
             place(kind, X, a, b, N, x)
             return a, b, True
     return a, b, False
@@ -209,9 +209,9 @@ def _approach(
     place(kind, X, centre, centre, N, x)
     c, q = x[0].copy(), np.zeros(3)
     a = b = centre
-    for k in range(1, PATH + 1):
+    for k in range(1, HOMOTOPY_STEPS + 1):
         for j in range(3):
-            q[j] = c[j] + k / PATH * (p[j] - c[j])
+            q[j] = c[j] + k / HOMOTOPY_STEPS * (p[j] - c[j])
         a_next, b_next, found = _settle(kind, X, q, t, follow, (a, b), N, x)
         if not found:
             break
@@ -284,7 +284,7 @@ def project(
     values : ndarray (n, 9)
         Result: shape functions of the facet at the place.
     """
-    N, x, n, t = np.zeros((3, MOST)), np.zeros((3, 3)), np.zeros(3), np.zeros((2, 3))
+    N, x, n, t = np.zeros((3, MAX_FACET_NODES)), np.zeros((3, 3)), np.zeros(3), np.zeros((2, 3))
     for i in range(len(points)):
         facet[i] = -1
         same_way[i] = False
@@ -296,11 +296,11 @@ def project(
                 d = centres[m, j] - points[i, j]
                 off += d * d
                 height += d * normals[i, j]
-            far = BULGE * radii[m]
+            far = CURVED_RADIUS_FACTOR * radii[m]
             if off - height * height > far * far or abs(height) > search + far:
                 continue
             a, b, found = along_line(kinds[m], nodes[m], points[i], t, N, x)
-            if not found or outside(kinds[m], a, b) > EDGE:
+            if not found or outside(kinds[m], a, b) > EDGE_ROUND_OFF:
                 continue
             g = facing = 0.0
             normal(x, n)
@@ -330,7 +330,7 @@ def feet(
     distance: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """The nearest facet on which each point has a foot, at most BESIDE beyond its edges.
+    """The nearest facet on which each point has a foot, at most EDGE_OVERHANG beyond its edges.
 
     Parameters
     ----------
@@ -349,7 +349,7 @@ def feet(
     values : ndarray (n, 9)
         Result: shape functions of the facet at the foot.
     """
-    N, x = np.zeros((3, MOST)), np.zeros((3, 3))
+    N, x = np.zeros((3, MAX_FACET_NODES)), np.zeros((3, 3))
     for i in range(len(points)):
         facet[i] = -1
         distance[i] = np.inf
@@ -357,7 +357,7 @@ def feet(
         for m in candidates[start[i] : start[i + 1]]:
             a, b, found = foot(kinds[m], nodes[m], points[i], N, x)
             beyond = max(outside(kinds[m], a, b), 0.0)
-            if not found or beyond > BESIDE:
+            if not found or beyond > EDGE_OVERHANG:
                 continue
             off = 0.0
             for j in range(3):

@@ -20,11 +20,11 @@ from squealstudy.kernels.laws import contact_at, friction_at, friction_tangent
 
 FIRST_SHARE = 0.5  # of the tolerance: imbalance below which a point is left alone in a sweep
 NEXT_SHARE = 0.3  # the same after every sweep
-BIG = 1e290  # squares at or beyond it, and NaN, are not finite
+MAX_FINITE_SQUARE = 1e290  # squares at or beyond it, and NaN, are not finite
 LOCAL_ITERATIONS = 20
 LOCAL_TOLERANCE = 1e-4  # of the imbalance before
-ROUND_OFF = 1e-14  # of the forces
-SHORTEST = 1e-3  # damped Newton step
+FORCE_ROUND_OFF = 1e-14  # of the forces
+MIN_NEWTON_FACTOR = 1e-3  # damped Newton step
 
 
 @fast_kernel
@@ -108,7 +108,12 @@ def contact_iteration(
     for iteration in range(limits.max_iterations):
         change2, bounds2 = evaluate(contact, F)
         e2 = quadratic_form(G, F)
-        if not (e2 < BIG and scale2 < BIG and change2 < BIG and bounds2 < BIG):
+        if not (
+            e2 < MAX_FINITE_SQUARE
+            and scale2 < MAX_FINITE_SQUARE
+            and change2 < MAX_FINITE_SQUARE
+            and bounds2 < MAX_FINITE_SQUARE
+        ):
             return its.NOT_FINITE, iteration + 1, contraction
         limit_t = limits.tolerance_t * limits.tolerance_t * bounds2
         if e2 <= limit and change2 <= limit_t:
@@ -194,9 +199,11 @@ def solve_point(contact: Contact, i: int, G: np.ndarray, scratch: np.ndarray) ->
     F2 = imbalance(contact, i, y, r, F)
     step = np.empty(3)
     normal = contact.trial[i, its.OUT_P] * contact.points[i, its.POINT_AREA]
-    enough = LOCAL_TOLERANCE * LOCAL_TOLERANCE * F2 + ROUND_OFF * ROUND_OFF * normal * normal
+    enough = (
+        LOCAL_TOLERANCE * LOCAL_TOLERANCE * F2 + FORCE_ROUND_OFF * FORCE_ROUND_OFF * normal * normal
+    )
     for _ in range(LOCAL_ITERATIONS):
-        if not (enough < F2 < BIG):
+        if not (enough < F2 < MAX_FINITE_SQUARE):
             return
         tangent(contact, i, D)
         for a in range(3):
@@ -214,7 +221,7 @@ def solve_point(contact: Contact, i: int, G: np.ndarray, scratch: np.ndarray) ->
                 for b in range(3):
                     y[a] += G[a, b] * (r[b] - r0[b])
             F2 = imbalance(contact, i, y, r, F)
-            if before > F2 or length < SHORTEST:
+            if before > F2 or length < MIN_NEWTON_FACTOR:
                 break
             length *= 0.5
         for a in range(3):

@@ -6,7 +6,7 @@ import numpy as np
 
 from squealstudy.kernels import hybrid_layout as at
 from squealstudy.kernels import newmark_layout as its
-from squealstudy.kernels.hybrid_contact import BIG, evaluate
+from squealstudy.kernels.hybrid_contact import MAX_FINITE_SQUARE, evaluate
 from squealstudy.kernels.hybrid_layout import Contact, HybridArrays, HybridState, StepSize
 from squealstudy.kernels.hybrid_step import multiply
 from squealstudy.kernels.jit import kernel
@@ -44,7 +44,7 @@ def start(model: HybridArrays, state: HybridState) -> bool:
     total = 0.0
     for i in range(3 * nc):
         total += forces[i] * forces[i]
-    return total < BIG and change2 < BIG and bounds2 < BIG
+    return total < MAX_FINITE_SQUARE and change2 < MAX_FINITE_SQUARE and bounds2 < MAX_FINITE_SQUARE
 
 
 @kernel

@@ -31,7 +31,8 @@ from squealstudy.kernels.hybrid_layout import (
 from squealstudy.kernels.jit import fast_kernel, kernel, room_kernel
 from squealstudy.kernels.newmark_vector import dot, move
 
-TIGHT = 0.02  # of the tolerances in the contact iteration: what it leaves, extrapolation amplifies
+# of the tolerances in the contact iteration: what it leaves, extrapolation amplifies
+INNER_TOLERANCE_FACTOR = 0.02
 # backward differences of one order more each; they vanish for the force that is extrapolated
 DIFFERENCES = np.array([[1.0, -1, 0, 0, 0], [1, -2, 1, 0, 0], [1, -3, 3, -1, 0], [1, -4, 6, -4, 1]])
 
@@ -74,7 +75,11 @@ def balance(
         r=r,
         trial=point,
     )
-    tight = Limits(TIGHT * limits.tolerance, TIGHT * limits.tolerance_t, limits.max_iterations)
+    tight = Limits(
+        INNER_TOLERANCE_FACTOR * limits.tolerance,
+        INNER_TOLERANCE_FACTOR * limits.tolerance_t,
+        limits.max_iterations,
+    )
     outcome, evaluations, contraction = contact_iteration(
         contact, level.G, level.floor2, scale2, tight
     )

@@ -17,7 +17,12 @@ from squealstudy.kernels.newmark_layout import (
     WorkArrays,
 )
 from squealstudy.kernels.newmark_output import modal_energy, save, stored_energy
-from squealstudy.kernels.newmark_step import BIG, ROUND_OFF, close_passes, start
+from squealstudy.kernels.newmark_step import (
+    MAX_FINITE_SQUARE,
+    NEGLIGIBLE_FORCE_RATIO,
+    close_passes,
+    start,
+)
 from squealstudy.kernels.newmark_vector import dot
 
 BLOW_UP = 100.0  # energy (here the kinetic) over all that was put in
@@ -51,13 +56,15 @@ def released(modal: ModalArrays, settings: StepSettings, work: WorkArrays) -> fl
     for i in range(point.shape[1]):
         gap = points[at.POINT_GAP, i] + point[at.OUT_X, i]
         total += points[at.POINT_AREA, i] * potential(law, gap)
-    return total + 0.5 * settings.h * settings.h * real[at.FLOOR2] / (ROUND_OFF * ROUND_OFF)
+    return total + 0.5 * settings.h * settings.h * real[at.FLOOR2] / (
+        NEGLIGIBLE_FORCE_RATIO * NEGLIGIBLE_FORCE_RATIO
+    )
 
 
 @fast_kernel
 def finite(x: np.ndarray) -> bool:
     """False where the squares of x (n,) overflow or are NaN."""
-    return dot(x, x) < BIG
+    return dot(x, x) < MAX_FINITE_SQUARE
 
 
 @fast_kernel
@@ -76,7 +83,7 @@ def close_step(
     counts, real, v = work.counts[0], work.real[0], work.x[0, at.V]
     close_passes(counts)
     kinetic = 0.5 * dot(v, v)
-    if not (kinetic < BIG and finite(work.x[0, at.FORCE])):
+    if not (kinetic < MAX_FINITE_SQUARE and finite(work.x[0, at.FORCE])):
         counts[at.STATUS] = at.NOT_FINITE
     elif kinetic > BLOW_UP * (real[SCALE] + abs(real[at.W_LOAD]) + abs(real[at.W_BELT])):
         counts[at.STATUS] = at.BLOWN_UP

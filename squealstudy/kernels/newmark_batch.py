@@ -17,7 +17,7 @@ from squealstudy.kernels.newmark_step import advance
 from squealstudy.kernels.newmark_vector import copy
 from squealstudy.kernels.tile import LANES, POINTS, ROWS, observe_eight, spread_eight
 
-WORTH = 4  # designs from which a pass for all lanes costs less than one each
+MIN_DESIGNS_FOR_LANES = 4  # designs from which a pass for all lanes costs less than one each
 
 
 @fast_kernel
@@ -130,7 +130,7 @@ def newmark_batch(
             return
         for first in range(0, n, LANES):
             designs = listed[first : min(first + LANES, n)]
-            if designs.size >= WORTH:
+            if designs.size >= MIN_DESIGNS_FOR_LANES:
                 pass_eight(B, modal, work, designs)
             else:
                 for k in designs:

@@ -31,9 +31,10 @@ from squealstudy.kernels.newmark_output import (
 from squealstudy.kernels.newmark_vector import copy, dot, move
 from squealstudy.kernels.regimes import find_regimes, meets_corner
 
-BIG = 1e290  # squares at or beyond it, and NaN, are not finite
+MAX_FINITE_SQUARE = 1e290  # squares at or beyond it, and NaN, are not finite
 EQUAL_STEPS = 4  # sub-steps of one length before they grow again
-ROUND_OFF = 1e-12  # forces below this share of the contact forces at the start mean nothing
+# forces below this share of the contact forces at the start mean nothing
+NEGLIGIBLE_FORCE_RATIO = 1e-12
 # what a design does next
 GO_ON, BEGIN, CLOSE = 0, 1, 2
 
@@ -177,7 +178,7 @@ def force_floor(B: np.ndarray, modal: ModalArrays, work: WorkArrays, k: int) -> 
         point_row(B, i, work.row)
         N, T1, T2 = work.row[0], work.row[1], work.row[2]
         total += dot(N, N) * normal * normal + (dot(T1, T1) + dot(T2, T2)) * drag * drag
-    return ROUND_OFF * ROUND_OFF * total
+    return NEGLIGIBLE_FORCE_RATIO * NEGLIGIBLE_FORCE_RATIO * total
 
 
 @part_kernel
@@ -195,7 +196,7 @@ def start(
     keep_points(work.point[k], modal.fixed.shape[2], 0.0)
     begin_sums(modal, work, k)
     work.counts[k, at.MODE] = at.NEWTON if settings.newton else at.FIXED
-    return e2 < BIG
+    return e2 < MAX_FINITE_SQUARE
 
 
 @fast_kernel
@@ -243,7 +244,7 @@ def iterate(
     count_pass(counts)
     e2, scale2 = residual(modal, work, k)
     change2, bound2 = friction_change(modal, work, k)
-    if not (e2 < BIG and scale2 < BIG and change2 < BIG):
+    if not (e2 < MAX_FINITE_SQUARE and scale2 < MAX_FINITE_SQUARE and change2 < MAX_FINITE_SQUARE):
         return fail(settings, counts, at.NOT_FINITE)
     balanced = e2 <= settings.tolerance * settings.tolerance * scale2 + real[at.FLOOR2]
     if balanced and change2 <= settings.tolerance_t * settings.tolerance_t * bound2:

@@ -23,9 +23,10 @@ from squealstudy.kernels.laws import mu_at, stick_slope
 from squealstudy.kernels.newmark_layout import ModalArrays, WorkArrays
 from squealstudy.kernels.newmark_vector import dot, move
 
-STIFF = 0.05  # contraction that a point alone may cause before it is treated
-FEWEST, SWEEPS = 6, 30
-STILL = 1e-2  # change of the forces in a sweep that ends them, relative to that of all sweeps
+STIFF_POINT_CONTRACTION = 0.05  # contraction that a point alone may cause before it is treated
+MIN_SWEEPS, MAX_SWEEPS = 6, 30
+# change of the forces in a sweep that ends them, relative to that of all sweeps
+SWEEP_REL_TOLERANCE = 1e-2
 
 # columns of Work.stiff: change of the friction force and its bound, N; compliance of the point
 # itself, m/(N s). Work.free holds w1, w2 of each with the forces so far.
@@ -47,7 +48,7 @@ def stiff_points(modal: ModalArrays, work: WorkArrays, k: int, part: float) -> i
             point[at.OUT_T1, i] * point[at.OUT_T1, i] + point[at.OUT_T2, i] * point[at.OUT_T2, i]
         )
         s2 = point[at.OUT_W1, i] * point[at.OUT_W1, i] + point[at.OUT_W2, i] * point[at.OUT_W2, i]
-        if force2 * own * own > STIFF * STIFF * s2:
+        if force2 * own * own > STIFF_POINT_CONTRACTION * STIFF_POINT_CONTRACTION * s2:
             mu, _, _ = mu_at(law, math.sqrt(s2), point[at.OUT_P, i])
             work.listed[m] = i
             work.free[2 * m] = point[at.OUT_W1, i] + dot(T[2 * i], change)
@@ -139,8 +140,8 @@ def mock_up(modal: ModalArrays, work: WorkArrays, k: int, level: int) -> None:
     gather(modal.compliance, work.listed, m, part, work.small)
     # many points at once: about the work of a pass over the observation matrix
     worth = modal.own.size * work.x.shape[2] // (m * m)
-    for _ in range(min(max(worth, FEWEST), SWEEPS)):
-        if sweep(modal, work, k, m) < STILL * STILL:
+    for _ in range(min(max(worth, MIN_SWEEPS), MAX_SWEEPS)):
+        if sweep(modal, work, k, m) < SWEEP_REL_TOLERANCE * SWEEP_REL_TOLERANCE:
             break
     point = work.point[k]
     for a in range(m):

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from squealstudy.kernels.facets import MOST, across, along_line, foot, normal, place
+from squealstudy.kernels.facets import MAX_FACET_NODES, across, along_line, foot, normal, place
 from squealstudy.kernels.jit import exact_kernel, kernel
 
 TERMS = 9  # 1, a, b, ab, a2, b2, a2 b, a b2, a2 b2; the first six span what triangles need
-AROUND = 0.25  # neighbourhood of a slave facet beyond its nodes, as a share of its width
+SEARCH_BOX_MARGIN = 0.25  # neighbourhood of a slave facet beyond its nodes, as a share of its width
 STRAIGHT = 1e-10  # of its length: an edge that bulges less is straight
-LEAST = 1e-15  # of the reference square: smaller triangles of a fan are nothing
+MIN_REL_TRIANGLE_AREA = 1e-15  # of the reference square: smaller triangles of a fan are nothing
 # corners and half planes (u, v, w), u a + v b + w >= 0, of the reference square and triangle
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 TRIANGLE = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -149,7 +149,7 @@ def near(
             h = np.sum(inward * (X[c] - X[i]))
             low, high = min(low, h), max(high, h)
         if not straight:
-            low -= AROUND * (high - low)
+            low -= SEARCH_BOX_MARGIN * (high - low)
         for c in range(n):
             height[c] = np.sum(inward * (corners[c] - X[i])) - low
         n = cut(corners, n, height, other)
@@ -302,7 +302,12 @@ def integrate_segments(
     room = 128 * max(pieces, 4)
     corners, other = np.zeros((room, 3)), np.zeros((room, 3))
     flat, flat_other, height = np.zeros((room, 2)), np.zeros((room, 2)), np.zeros(room)
-    N, N_m, x, x_m = np.zeros((3, MOST)), np.zeros((3, MOST)), np.zeros((3, 3)), np.zeros((3, 3))
+    N, N_m, x, x_m = (
+        np.zeros((3, MAX_FACET_NODES)),
+        np.zeros((3, MAX_FACET_NODES)),
+        np.zeros((3, 3)),
+        np.zeros((3, 3)),
+    )
     n_s, terms = np.zeros(3), np.zeros(TERMS)
     for s in range(len(slave_kinds)):
         kind, X = slave_kinds[s], slave_nodes[s]
@@ -328,7 +333,7 @@ def integrate_segments(
                 u0, u1 = flat[i, 0] - flat[0, 0], flat[i, 1] - flat[0, 1]
                 v0, v1 = flat[i + 1, 0] - flat[0, 0], flat[i + 1, 1] - flat[0, 1]
                 double = sign * (u0 * v1 - u1 * v0)
-                if abs(double) < LEAST:
+                if abs(double) < MIN_REL_TRIANGLE_AREA:
                     continue
                 for q in range(len(weights)):
                     a = flat[0, 0] + places[q, 0] * u0 + places[q, 1] * v0

@@ -22,8 +22,9 @@ from squealstudy.kernels.newmark_forces import point_forces, tangents
 
 GAUSS = np.polynomial.legendre.leggauss(3)
 NODES, WEIGHTS = 0.5 * (GAUSS[0] + 1.0), 0.5 * GAUSS[1]
-TURNED, WHOLLY = 0.06, 0.2  # 1 - cosine of the turn of sliding within a cell: integrated from, to
-FLATTEST = 1e-3  # least eps
+# 1 - cosine of the turn of sliding within a cell: integrated from, to
+TURN_MIN, TURN_FULL = 0.06, 0.2
+MIN_SINH_WIDTH = 1e-3  # least eps
 SEARCH = 3  # Newton steps to the time of least sliding
 
 Sums = tuple[np.ndarray, np.ndarray, np.ndarray]  # forces, their derivatives by y and by w
@@ -44,7 +45,7 @@ def resolve_turns(
     for i in range(nc):
         any_turn, fastest = False, _fastest_stick(points, law, y, i)
         # a cell's chord is no nearer to rest than its slower end times the cosine of its turn
-        if not turned[i] and (1.0 - TURNED) ** 2 * slowest[i] > fastest * fastest:
+        if not turned[i] and (1.0 - TURN_MIN) ** 2 * slowest[i] > fastest * fastest:
             continue
         for s in range(S):
             share[s] = _turning(points, law, y, w, s, (s + 1) % S, i, fastest)
@@ -70,10 +71,10 @@ def resolve_turns(
 
 @room_kernel
 def _turned(points: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether sliding of points turns by more than `TURNED` in a cell; least squares of speeds."""
+    """Whether sliding turns by more than `TURN_MIN` in a cell; least squares of speeds."""
     S, nc = w.shape[:2]
     turned, slowest = np.zeros(nc, np.bool_), np.full(nc, np.inf)
-    least = (1.0 - TURNED) ** 2
+    least = (1.0 - TURN_MIN) ** 2
     for s in range(S):
         for i in range(nc):
             a1, a2 = w[s - 1, i, 1] + points[at.POINT_SPEED, i], w[s - 1, i, 2]
@@ -126,7 +127,7 @@ def _turning(
     b1, b2 = w[t, i, 1] + points[at.POINT_SPEED, i], w[t, i, 2]
     a, b, inner = a1 * a1 + a2 * a2, b1 * b1 + b2 * b2, a1 * b1 + a2 * b2
     turn = 1.0 - inner / math.sqrt(a * b) if a * b > 0.0 else 2.0
-    part = min(max((turn - TURNED) / (WHOLLY - TURNED), 0.0), 1.0)
+    part = min(max((turn - TURN_MIN) / (TURN_FULL - TURN_MIN), 0.0), 1.0)
     if part < 1.0:
         e1, e2 = b1 - a1, b2 - a2
         e = e1 * e1 + e2 * e2
@@ -205,7 +206,7 @@ def _nodes(
     x = _mixed(y, s, i, 0, _cubic(last))
     v = _bound_speed(points, law, x, math.sqrt(a1 * a1 + a2 * a2), i)
     delta = min(math.sqrt(max(v * v - d * d, 0.0)) / rate, 1e3)
-    eps = min(max(max(d, v) / rate, FLATTEST), 1.0)
+    eps = min(max(max(d, v) / rate, MIN_SINH_WIDTH), 1.0)
     tau = centre
     count = 0
     for piece in range(3):

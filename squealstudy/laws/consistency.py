@@ -18,10 +18,10 @@ import numpy as np
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.parameter import Parameter
 
-STEP = 1e-5  # of differences, relative
-AGREED = 1e-3  # relative error of differences at which a slope fits
-EQUAL = 1e-6  # relative difference of two functions that compute the same
-NOISE = 1e-9  # of a function over its argument: smaller slopes are round-off
+DIFFERENCE_REL_STEP = 1e-5  # of differences, relative
+SLOPE_REL_TOLERANCE = 1e-3  # relative error of differences at which a slope fits
+EQUAL_REL_TOLERANCE = 1e-6  # relative difference of two functions that compute the same
+SLOPE_ROUND_OFF = 1e-9  # of a function over its argument: smaller slopes are round-off
 
 
 class NotComputedError(ModelError):
@@ -96,13 +96,16 @@ class Tried:
         """The slope by differences where another one does not fit it; None where it does."""
         x = arguments[k]
         size = abs(x) or size
-        h = STEP * size
+        h = DIFFERENCE_REL_STEP * size
         low, middle, high = (
             self(*arguments[:k], at, *arguments[k + 1 :])[result] for at in (x - h, x, x + h)
         )
         differences = (high - low) / (2 * h), (high - middle) / h, (middle - low) / h  # a kink
-        noise = NOISE * abs(middle) / size
-        if any(abs(slope - d) <= AGREED * max(abs(slope), abs(d)) + noise for d in differences):
+        noise = SLOPE_ROUND_OFF * abs(middle) / size
+        if any(
+            abs(slope - d) <= SLOPE_REL_TOLERANCE * max(abs(slope), abs(d)) + noise
+            for d in differences
+        ):
             return None
         return differences[0]
 
@@ -148,7 +151,7 @@ def flat(function: Callable[..., Any]) -> Callable[..., tuple[float, ...]]:
 
 def _varies(parameter: Parameter, value: float) -> bool:
     """Whether a parameter may be a step less and a step more."""
-    h = STEP * (abs(value) or 1.0)
+    h = DIFFERENCE_REL_STEP * (abs(value) or 1.0)
     try:
         return bool(parameter.check(value - h) < parameter.check(value + h))
     except ParameterError:

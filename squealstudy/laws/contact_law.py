@@ -9,14 +9,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from squealstudy.laws.consistency import AGREED, EQUAL, Tried, flat
+from squealstudy.laws.consistency import EQUAL_REL_TOLERANCE, SLOPE_REL_TOLERANCE, Tried, flat
 from squealstudy.laws.registry import Law, LawDefinition, Registry, at_points, central_slope
 
 MAX_EXPONENT = 200.0  # exp(200) = 7e86 stays finite in every product that follows
 BISECTIONS = 200
-GAPS = (-4.3e-6, -1.1e-6, -2.3e-7, 3.1e-7, 2.2e-6)  # m: where laws are tried
-WIDTH = 7.3e-7  # m: of the interval of a mean pressure that is tried there
-WIDEST = 1e3  # m: a gap beyond which no contact is looked for
+TEST_GAPS_M = (-4.3e-6, -1.1e-6, -2.3e-7, 3.1e-7, 2.2e-6)  # m: where laws are tried
+TEST_INTERVAL_M = 7.3e-7  # m: of the interval of a mean pressure that is tried there
+MAX_GAP_M = 1e3  # m: a gap beyond which no contact is looked for
 
 Scalar = Callable[..., float]
 Pair = Callable[..., tuple[float, float]]
@@ -70,8 +70,8 @@ class ContactLawDefinition(LawDefinition):
     def expect_consistent(self) -> None:
         """`expect_consistent_at` some gaps, with the parameters' defaults."""
         values = [p.default for p in self.parameters]
-        for g in GAPS:
-            self.expect_consistent_at(g, values, WIDTH)
+        for g in TEST_GAPS_M:
+            self.expect_consistent_at(g, values, TEST_INTERVAL_M)
 
     @cached_property
     def _tried(self) -> tuple[Tried, Tried]:
@@ -92,7 +92,7 @@ class ContactLawDefinition(LawDefinition):
         """
         (pressure, potential), at = self._tried, f"at g = {g:g} m"
         p, tangent = pressure(g, *values)
-        scale = abs(p) / tangent if p and tangent > 0 else abs(g) or WIDTH
+        scale = abs(p) / tangent if p and tangent > 0 else abs(g) or TEST_INTERVAL_M
         pressure.expect_slope(f"dp/dg {at}", -tangent, (g, *values), 0, scale)
         potential.expect_slope(f"-p, which is dU/dg, {at}", -p, (g, *values), 0, scale)
         names = tuple(p.name for p in self.parameters)
@@ -103,18 +103,20 @@ class ContactLawDefinition(LawDefinition):
             ends = [potential(g + side * d / 2, *values)[0] for side in (-1, 1)]
             expected = (ends[0] - ends[1]) / d
             text = f"is {found:g} {at}, the potential gives {expected:g} Pa"
-            mean.expect_same(found, expected, AGREED, text)
+            mean.expect_same(found, expected, SLOPE_REL_TOLERANCE, text)
         if self.gap_at is not None and p > 0:
             inverse = Tried(self.name, self.gap_at, ("p", *names), ("g",))
             back = pressure(inverse(p, *values)[0], *values)[0]
             text = f"gives a gap of {back:g} Pa for {p:g} Pa"
-            inverse.expect_same(back, p, AGREED, text)
+            inverse.expect_same(back, p, SLOPE_REL_TOLERANCE, text)
         if self.evaluate is not None:
             array = Tried(self.name, flat(_of_one(self.evaluate)), ("g", *names), ("p", "-dp/dg"))
             found_p, found_tangent = array(g, *values)
-            array.expect_same(found_p, p, EQUAL, f"p is {found_p:g} {at}, pressure gives {p:g}")
+            array.expect_same(
+                found_p, p, EQUAL_REL_TOLERANCE, f"p is {found_p:g} {at}, pressure gives {p:g}"
+            )
             text = f"-dp/dg is {found_tangent:g} {at}, pressure gives {tangent:g}"
-            array.expect_same(found_tangent, tangent, EQUAL, text)
+            array.expect_same(found_tangent, tangent, EQUAL_REL_TOLERANCE, text)
         if self.slopes is not None:
             pressure.expect_slopes(_of_one(self.slopes), (g, *values), self.parameters, scale)
 
@@ -197,9 +199,9 @@ class ContactLaw(Law[ContactLawDefinition]):
             return bool(self.evaluate(np.array([g]))[0][0] >= p)
 
         closed, opened = -1e-12, 1e-12
-        while not presses(closed) and -closed < WIDEST:
+        while not presses(closed) and -closed < MAX_GAP_M:
             closed, opened = 2.0 * closed, closed
-        while presses(opened) and opened < WIDEST:
+        while presses(opened) and opened < MAX_GAP_M:
             closed, opened = opened, 2.0 * abs(opened)
         for _ in range(BISECTIONS):
             middle = 0.5 * (closed + opened)

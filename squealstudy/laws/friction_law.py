@@ -17,7 +17,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.laws.consistency import EQUAL, Tried
+from squealstudy.laws.consistency import EQUAL_REL_TOLERANCE, Tried
 from squealstudy.laws.registry import Law, LawDefinition, Registry, at_points, central_slope
 from squealstudy.parameter import Parameter
 
@@ -99,7 +99,7 @@ class FrictionCurveDefinition(LawDefinition):
             raise mu.error(f"expected mu to be 0 {at} with a friction of 0")
         if self.constant is not None and self.constant(*values):
             text = f"is {coefficient:g} {at}, where it is constant {friction:g} is expected"
-            mu.expect_same(coefficient, friction, EQUAL, text)
+            mu.expect_same(coefficient, friction, EQUAL_REL_TOLERANCE, text)
         if self.slopes is not None:
             known = (OF_FRICTION, *self.parameters)
             mu.expect_slopes(self.slopes, arguments, known, PRESSURES[0])

@@ -18,7 +18,7 @@ from squealstudy.errors import ExtensionError, ModelError, ParameterError
 from squealstudy.extensions import PACKAGE, hash_of, note_registered, remember
 from squealstudy.parameter import Parameter
 
-STEP = 1e-6  # of central differences, relative
+DIFFERENCE_REL_STEP = 1e-6  # of central differences, relative
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,7 +245,7 @@ def at_points(function: Callable[..., Any], n_out: int, *arguments: Any) -> np.n
 def central_slope(
     function: Callable[[float], np.ndarray], value: float, size: float = 0.0
 ) -> np.ndarray:
-    """Derivative of an array by a number, by central differences over STEP of its size."""
-    h = STEP * (abs(value) or size or 1.0)
+    """Derivative of an array by a number: central differences over DIFFERENCE_REL_STEP of it."""
+    h = DIFFERENCE_REL_STEP * (abs(value) or size or 1.0)
     slope: np.ndarray = (function(value + h) - function(value - h)) / (2.0 * h)
     return slope

@@ -19,7 +19,7 @@ from squealstudy.linalg.root_error import Matrix, root_errors
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_roots
 
 FIRST_ROOTS = 60  # asked for where nothing is known
-SHIFT = 0.02  # of the band's top: where K itself is singular
+FALLBACK_SHIFT_RATIO = 0.02  # of the band's top: where K itself is singular
 SINGULAR_PENCIL = (
     "lambda^2 M + lambda C + K is singular for every lambda: some coordinate, or a sum of several, "
     "has no mass, no damping and no stiffness"
@@ -86,7 +86,7 @@ def roots_in_band(
     failure = ConvergenceError("not_converged", "no roots were found")
     best: BandRoots | None = None
     least = np.inf
-    other = shift or SHIFT * band[1]
+    other = shift or FALLBACK_SHIFT_RATIO * band[1]
     for sigma, pivoting in ((shift, False), (other, False), (other, True)):
         try:
             mu, psi = _roots_about(M, C, K, band[1], first, sigma, pivoting)

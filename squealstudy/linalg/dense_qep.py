@@ -26,18 +26,23 @@ from squealstudy.linalg.companion import (
     pairs_up_to,
 )
 
-LEAST = 60  # coordinates from which on a space is less work than LAPACK's QR
-MOST = 0.25  # of the 2n roots: where more are inside, the space costs as much as LAPACK's QR
-SHIFTS = (0.05, 0.083)  # of the circle's radius; the second where a root is next to the first
-REACH = 1.1  # roots up to this times the radius are found too: the next ones are that far away
-A_ROOT, MORE = 1.8, 30  # vectors of the first space: for each root expected, and beside them
-GROWTH = 1.25  # of a space that is too small
+KRYLOV_MIN_SIZE = 60  # coordinates from which on a space is less work than LAPACK's QR
+# of the 2n roots: where more are inside, the space costs as much as LAPACK's QR
+KRYLOV_MAX_ROOT_SHARE = 0.25
+# of the circle's radius; the second where a root is next to the first
+SHIFTS_OVER_RADIUS = (0.05, 0.083)
+# roots up to this times the radius are found too: the next ones are that far away
+SEARCH_RADIUS_FACTOR = 1.1
+# vectors of the first space: for each root expected, and beside them
+VECTORS_PER_ROOT, EXTRA_VECTORS = 1.8, 30
+SPACE_GROWTH = 1.25  # of a space that is too small
 CONVERGED = 1e-14  # residual of a root inside, of its theta
-SEEN = 1e-3  # and of one in reach: enough to tell it from one that was missed
-LARGEST = 1e4  # theta of a root beside the shift, from which on its round-off is felt by others
-RESIDUAL = 1e-10  # |Q(lambda) x| / |lambda^2 x| up to which a pair is taken
-PROBE = 36  # steps of the search for missed roots: enough to amplify one by 1e7
-INVARIANT = 1e-14  # of theta: a vector that leaves the space by less is round-off
+OUTER_RESIDUAL_TOLERANCE = 1e-3  # and of one in reach: enough to tell it from one that was missed
+# theta of a root beside the shift, from which on its round-off is felt by others
+MAX_SHIFTED_EIGENVALUE = 1e4
+RESIDUAL_TOLERANCE = 1e-10  # |Q(lambda) x| / |lambda^2 x| up to which a pair is taken
+PROBE_STEPS = 36  # steps of the search for missed roots: enough to amplify one by 1e7
+INVARIANCE_TOLERANCE = 1e-14  # of theta: a vector that leaves the space by less is round-off
 
 Inside = tuple[np.ndarray, np.ndarray]
 WORST_PRODUCTS = 1e9  # condition of them: beyond, next to an exceptional point, LAPACK's are taken
@@ -64,12 +69,12 @@ def roots_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Inside | None:
         Or None in place of both where the roots could not be certified, or are so many that
         LAPACK's QR costs less.
     """
-    if len(K) < LEAST or not 0 < radius < np.inf:
+    if len(K) < KRYLOV_MIN_SIZE or not 0 < radius < np.inf:
         return None
-    for share in SHIFTS:
+    for share in SHIFTS_OVER_RADIUS:
         try:
-            expected = 2 * _real_modes_below(K, REACH * radius)
-            if expected > 2 * MOST * len(K):
+            expected = 2 * _real_modes_below(K, SEARCH_RADIUS_FACTOR * radius)
+            if expected > 2 * KRYLOV_MAX_ROOT_SHARE * len(K):
                 return None
             form = _InverseCompanion(C, K, share * radius, radius)
             found = _roots_in_reach(form, radius, expected)
@@ -184,7 +189,7 @@ class _Krylov:
             along = self._put(image)
             self._H[: j + 1, j] = along[self._held : -1]
             self._H[j + 1, j] = along[-1]
-            if not along[-1] > INVARIANT * length:  # another start serves on
+            if not along[-1] > INVARIANCE_TOLERANCE * length:  # another start serves on
                 self._H[j + 1, j] = 0.0
                 self._put(self._random.standard_normal(len(image)))
 
@@ -218,24 +223,27 @@ def _roots_in_reach(form: _InverseCompanion, radius: float, expected: int) -> _F
         spoils the others.
     """
     N = 2 * form.n
-    most, size = int(A_ROOT * MOST * N) + MORE, int(A_ROOT * expected) + MORE
-    space = _Krylov(form.apply, np.zeros((N, 0)), int(GROWTH * max(most, size)), seed=0)
+    most, size = (
+        int(VECTORS_PER_ROOT * KRYLOV_MAX_ROOT_SHARE * N) + EXTRA_VECTORS,
+        int(VECTORS_PER_ROOT * expected) + EXTRA_VECTORS,
+    )
+    space = _Krylov(form.apply, np.zeros((N, 0)), int(SPACE_GROWTH * max(most, size)), seed=0)
 
     def in_reach(real: float, imag: float = 0.0) -> bool:
-        return bool(form.holds(complex(real, imag), REACH * radius))
+        return bool(form.holds(complex(real, imag), SEARCH_RADIUS_FACTOR * radius))
 
     while size <= most:
         space.grow(size)
         T, Q, k = la.schur(space.hessenberg, "real", sort=in_reach, check_finite=False)
         theta, S = la.eig(T[:k, :k], check_finite=False)
-        if np.abs(theta).max(initial=0.0) > LARGEST:
+        if np.abs(theta).max(initial=0.0) > MAX_SHIFTED_EIGENVALUE:
             raise la.LinAlgError("a root lies next to the shift")
         leaves = space.leaves * Q[-1, :k]
         missing = np.abs(leaves @ S) / np.abs(theta)
         inside = form.holds(theta, radius)
-        if k < size and (missing <= np.where(inside, CONVERGED, SEEN)).all():
+        if k < size and (missing <= np.where(inside, CONVERGED, OUTER_RESIDUAL_TOLERANCE)).all():
             return _Found(theta, space.vectors @ (Q[:, :k] @ S), space.vectors @ Q[:, :k])
-        size = int(GROWTH * size)
+        size = int(SPACE_GROWTH * size)
     raise la.LinAlgError("the roots did not converge")
 
 
@@ -245,7 +253,7 @@ def _nothing_left(form: _InverseCompanion, Z: np.ndarray, radius: float) -> bool
     The rest of the spectrum is that of the form with Z projected out; its largest theta belongs to
     a root beyond the reach unless one was missed.
     """
-    steps = min(PROBE, len(Z) - Z.shape[1] - 1)
+    steps = min(PROBE_STEPS, len(Z) - Z.shape[1] - 1)
     if steps < 1:
         return True
     space = _Krylov(form.apply, Z, steps, seed=1)
@@ -261,7 +269,10 @@ def _accurate(
     kept = np.abs(lam) <= radius
     lam, X = lam[kept], X[:, kept] / np.linalg.norm(X[:, kept], axis=0)
     R = X * lam**2 + (C @ X.real + 1j * (C @ X.imag)) * lam + K @ X.real + 1j * (K @ X.imag)
-    small = np.linalg.norm(R, axis=0) <= RESIDUAL * np.maximum(np.abs(lam), SHIFTS[0] * radius) ** 2
+    small = (
+        np.linalg.norm(R, axis=0)
+        <= RESIDUAL_TOLERANCE * np.maximum(np.abs(lam), SHIFTS_OVER_RADIUS[0] * radius) ** 2
+    )
     return (lam, X) if small.all() else None
 
 

@@ -30,10 +30,10 @@ SINGULAR = "singular"  # status of the failure
 PLAIN_ERROR = 1e-14
 # rows from which CHOLMOD is taken; of a brake's 48,588 it takes 6.3 s of a core for the factor and
 # 0.9 s for 64 right-hand sides, SuperLU 5.1 and 1.2 s: a reduction has about a thousand
-LARGE = 50_000
-BLOCK = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
+CHOLMOD_MIN_ROWS = 50_000
+RHS_PER_SOLVE = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
 CHOLMOD_BLOCK = 8  # of 115,959 rows 4 to 8 at once take 0.039 s of a core each, 64 0.044, 1 0.113
-FULL = 0.2  # of all entries: a projected assembly is block by block full
+DENSE_FILL_RATIO = 0.2  # of all entries: a projected assembly is block by block full
 LEAST_FULL = 1000  # rows: below it time is no matter, and SuperLU has the same bits in any process
 LEAST_PIVOT = 1e-12  # of the diagonal entry it came from: the round-off of a singular one
 
@@ -100,7 +100,8 @@ def factorise(
         is LAPACK's, whatever the backend.
     backend : str
         ``pardiso``, ``cholmod`` (a definite A alone) or ``superlu``; ``auto``: PARDISO where it is
-        installed, CHOLMOD where it is, the matrix is `definite` and has LARGE rows, else SuperLU.
+        installed, CHOLMOD where it is, the matrix is `definite` and has CHOLMOD_MIN_ROWS rows,
+        else SuperLU.
     definite : bool
         Whether A is symmetric and positive definite.
 
@@ -120,7 +121,7 @@ def factorise(
 
 def automatic_backend(n: int, definite: bool) -> str:
     """What ``auto`` is for a sparse matrix of n rows."""
-    wanted = {"pardiso": True, "cholmod": definite and n >= LARGE}
+    wanted = {"pardiso": True, "cholmod": definite and n >= CHOLMOD_MIN_ROWS}
     found = (name for name, use in wanted.items() if use and find_spec(MODULES[name]))
     return next(found, "superlu")
 
@@ -128,7 +129,7 @@ def automatic_backend(n: int, definite: bool) -> str:
 def is_definite(A: sp.spmatrix) -> bool:
     """Whether a symmetric sparse A (n, n) is positive definite, beyond round-off."""
     try:
-        if A.shape[0] >= LARGE and find_spec(MODULES["cholmod"]):
+        if A.shape[0] >= CHOLMOD_MIN_ROWS and find_spec(MODULES["cholmod"]):
             CholmodFactor(A)
         else:
             SparseCholesky(A)
@@ -203,7 +204,7 @@ class RefinedFactor(ABC):
 def is_full(A: sp.spmatrix) -> bool:
     """Whether a sparse matrix (k, n) has so many entries that LAPACK is faster."""
     k, n = A.shape
-    return n >= LEAST_FULL and bool(A.nnz > FULL * k * n)
+    return n >= LEAST_FULL and bool(A.nnz > DENSE_FILL_RATIO * k * n)
 
 
 class FullLU:
@@ -240,9 +241,9 @@ class SuperLUFactor(RefinedFactor):
 
     def solve_once(self, b: np.ndarray) -> np.ndarray:
         """See `RefinedFactor.solve_once`; in parts."""
-        if b.ndim == 1 or b.shape[1] <= BLOCK:
+        if b.ndim == 1 or b.shape[1] <= RHS_PER_SOLVE:
             return self._lu.solve(np.ascontiguousarray(b))
-        parts = [b[:, i : i + BLOCK] for i in range(0, b.shape[1], BLOCK)]
+        parts = [b[:, i : i + RHS_PER_SOLVE] for i in range(0, b.shape[1], RHS_PER_SOLVE)]
         with side_by_side(len(b)) as pool:  # SuperLU lets go of the interpreter
             return np.hstack(list(pool.map(self._lu.solve, parts)))
 

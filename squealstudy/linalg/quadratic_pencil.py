@@ -20,12 +20,16 @@ from squealstudy.linalg.sparse_qep import LowRankSum
 from squealstudy.root_pairs import partners
 
 Matrix = Any  # ndarray, scipy sparse matrix or LowRankSum
-PIVOTS = 0.1  # least size of a diagonal pivot beside its column: Q is indefinite near a root
+# least size of a diagonal pivot beside its column: Q is indefinite near a root
+LU_PIVOT_THRESHOLD = 0.1
 DENSE_LIMIT = 40  # coordinates of models too small for Arnoldi
 LEAST_SPACE = 20  # vectors of an Arnoldi space
-TOLERANCE = 1e-12  # of 1 / (lambda - sigma): of a change of lambda, as sigma is beside the old root
-SAME = 1e-4  # relative distance within which a right and a left root are one
-TURNS = 8  # of inverse iteration for the one nearest root; Arnoldi where they do not suffice
+# of 1 / (lambda - sigma): of a change of lambda, as sigma is beside the old root
+ARNOLDI_TOLERANCE = 1e-12
+# relative distance within which a right and a left root are one
+LEFT_RIGHT_ROOT_REL_DISTANCE = 1e-4
+# of inverse iteration for the one nearest root; Arnoldi where they do not suffice
+MAX_INVERSE_ITERATIONS = 8
 Solve = Callable[[np.ndarray], np.ndarray]
 
 
@@ -129,7 +133,9 @@ class SparseShiftedFactor:
                 self._lu, d = FullLU(Q.toarray() + (self._U * d) @ self._U.T), d[:0]
             else:
                 A = Q.tocsc()
-                self._lu = spla.splu(A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=PIVOTS)
+                self._lu = spla.splu(
+                    A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=LU_PIVOT_THRESHOLD
+                )
         except RuntimeError as error:  # "Factor is exactly singular"
             raise_if_memory(error)
             raise ConvergenceError(SINGULAR, f"a shifted matrix is singular ({error})") from error
@@ -212,7 +218,7 @@ def nearest_two_sided(
     mu, Y = nearest_left(pencil, factor, sigma, None, count)
     # equal multisets up to round-off; the last ones may differ where the count cuts a pair
     distance = np.abs(lam[:, None] - mu) / np.abs(lam)[:, None]
-    order = partners(distance, SAME)
+    order = partners(distance, LEFT_RIGHT_ROOT_REL_DISTANCE)
     kept = np.flatnonzero(order >= 0)
     return Eigenpairs(lam[kept], X[:, kept], Y[:, order[kept]])
 
@@ -250,7 +256,7 @@ def _nearest(
         return _sorted(sigma + 1 / found[0], found[1][:n], sigma, count)
     ncv = min(2 * n, max(2 * count + 4, LEAST_SPACE))
     try:
-        theta, z = spla.eigs(operator, k=count, which="LM", v0=v0, ncv=ncv, tol=TOLERANCE)
+        theta, z = spla.eigs(operator, k=count, which="LM", v0=v0, ncv=ncv, tol=ARNOLDI_TOLERANCE)
     except spla.ArpackNoConvergence as error:
         raise ConvergenceError("not_converged", f"roots near a shift: {error}") from error
     return _sorted(sigma + 1 / theta, z[:n], sigma, count)
@@ -259,10 +265,10 @@ def _nearest(
 def _iterated(invert: Solve, start: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """Value (1,) and vector (m, 1) of largest value by iteration; None where it does not settle."""
     z = start / np.linalg.norm(start)
-    for _ in range(TURNS):
+    for _ in range(MAX_INVERSE_ITERATIONS):
         image = invert(z)
         theta = np.vdot(z, image)
-        if np.linalg.norm(image - theta * z) <= TOLERANCE * np.abs(theta):
+        if np.linalg.norm(image - theta * z) <= ARNOLDI_TOLERANCE * np.abs(theta):
             return np.array([theta]), z[:, None]
         z = image / np.linalg.norm(image)
     return None

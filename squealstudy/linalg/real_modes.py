@@ -20,15 +20,19 @@ from squealstudy.linalg.factor import RefinedFactor, factorise
 # times larger (1e-10 against 3e-14 on the coarse pad), at the same time.
 SHIFT_SHARE = 1 / 6  # of the cutoff
 DENSE_LIMIT = 400
-FIRST, STEP = 48, 12  # states before the first test of convergence, and 1 in so many between two
-LARGEST = 0.4  # of the degrees of freedom: a Krylov space that is larger costs more than LAPACK
+# states before the first test of convergence, and 1 in so many between two
+FIRST_TEST_SIZE, TEST_GROWTH_DIVISOR = 48, 12
+# of the degrees of freedom: a Krylov space that is larger costs more than LAPACK
+MAX_KRYLOV_SHARE = 0.4
 CONVERGED = 1e-10  # residual of a mode, of its theta = 1 / (omega^2 - shift); squared by refining
-ROUND_OFF = 1e-14  # and of the largest theta: without a shift no residual gets below
-DROWNED = 1e-6  # of theta: where that is more than this of it, another shift is needed
-RIGID = 1e-6  # of the highest frequency of a single degree of freedom: far above round-off
-BLOCK = 4  # states at a time: more make a larger space, fewer use a factor worse
-DEPENDENT = 1e-28  # of an image's squared size: what is outside the space by less is round-off
-PASSES = 2  # of Gram and Schmidt
+REL_RESIDUAL_FLOOR = 1e-14  # and of the largest theta: without a shift no residual gets below
+MAX_REL_ROUND_OFF = 1e-6  # of theta: where that is more than this of it, another shift is needed
+# of the highest frequency of a single degree of freedom: far above round-off
+RIGID_FREQUENCY_RATIO = 1e-6
+LANCZOS_BLOCK_SIZE = 4  # states at a time: more make a larger space, fewer use a factor worse
+# of an image's squared size: what is outside the space by less is round-off
+DEPENDENCE_TOLERANCE_SQUARED = 1e-28
+GRAM_SCHMIDT_PASSES = 2  # of Gram and Schmidt
 
 
 def real_modes(
@@ -82,20 +86,20 @@ def _space_below(
     And where they drown in round-off of the softest one.
     """
     space = BlockKrylov(factor.solve_once, M.shape[0], M)
-    size = FIRST
-    while size <= LARGEST * M.shape[0]:
+    size = FIRST_TEST_SIZE
+    while size <= MAX_KRYLOV_SHARE * M.shape[0]:
         space.grow(size)
         theta, y = la.eigh((space.projected + space.projected.T) / 2)
         theta, y = theta[::-1], y[:, ::-1]
-        if ROUND_OFF * theta[0] > DROWNED / (limit + shift):
+        if REL_RESIDUAL_FLOOR * theta[0] > MAX_REL_ROUND_OFF / (limit + shift):
             return None
         inside = int((theta >= 1.0 / (limit + shift)).sum())
         if inside < space.size:
             y = y[:, : inside + 1]
-            allowed = np.maximum(CONVERGED * theta[: inside + 1], ROUND_OFF * theta[0])
+            allowed = np.maximum(CONVERGED * theta[: inside + 1], REL_RESIDUAL_FLOOR * theta[0])
             if (space.left_out(y) <= allowed).all():
                 return space.vectors @ y
-        size = space.size + max(2 * BLOCK, space.size // STEP)
+        size = space.size + max(2 * LANCZOS_BLOCK_SIZE, space.size // TEST_GROWTH_DIVISOR)
     return None
 
 
@@ -112,7 +116,7 @@ def shifted(M: sp.spmatrix, K: sp.spmatrix, cutoff_hz: float) -> sp.csr_matrix:
 def rigid_modes(M: sp.spmatrix, K: sp.spmatrix, omega: np.ndarray) -> int:
     """How many of the real modes omega [rad/s] of a free body are rigid: zero but for round-off."""
     highest = np.sqrt(np.abs(K.diagonal()) / M.diagonal()).max()
-    return int((omega <= RIGID * highest).sum())
+    return int((omega <= RIGID_FREQUENCY_RATIO * highest).sum())
 
 
 def _refine(M: sp.spmatrix, K: sp.spmatrix, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -152,11 +156,11 @@ class BlockKrylov:
         mass: sp.spmatrix | None,
     ) -> None:
         self._apply, self._mass, self.size = apply, mass, 0
-        self._V = np.empty((n, 16 * BLOCK), order="F")
+        self._V = np.empty((n, 16 * LANCZOS_BLOCK_SIZE), order="F")
         self._MV = self._V if mass is None else np.empty_like(self._V)
-        self._H = np.zeros((16 * BLOCK, 16 * BLOCK))
+        self._H = np.zeros((16 * LANCZOS_BLOCK_SIZE, 16 * LANCZOS_BLOCK_SIZE))
         self._random = np.random.default_rng(0)  # the same operator has the same space
-        self._append(*self._orthonormal(self._random.standard_normal((n, BLOCK)))[:2])
+        self._append(*self._orthonormal(self._random.standard_normal((n, LANCZOS_BLOCK_SIZE)))[:2])
 
     @property
     def vectors(self) -> np.ndarray:
@@ -170,24 +174,26 @@ class BlockKrylov:
 
     def left_out(self, y: np.ndarray) -> np.ndarray:
         """Sizes (k,) of what the images of V y, y (size, k), have outside of the space."""
-        leaves = self._H[self.size : self.size + BLOCK, self.size - BLOCK : self.size]
-        size: np.ndarray = la.norm(leaves @ y[-BLOCK:], axis=0)
+        leaves = self._H[
+            self.size : self.size + LANCZOS_BLOCK_SIZE, self.size - LANCZOS_BLOCK_SIZE : self.size
+        ]
+        size: np.ndarray = la.norm(leaves @ y[-LANCZOS_BLOCK_SIZE:], axis=0)
         return size
 
     def grow(self, size: int) -> None:
         """Grow to at least `size` states."""
         while self.size < size:
-            held = self.size + BLOCK
+            held = self.size + LANCZOS_BLOCK_SIZE
             image = self._apply(np.ascontiguousarray(self._MV[:, self.size : held]))
             self.size = held
             Q, MQ, along, R = self._orthonormal(image)
             self._append(Q, MQ)
-            self._H[:held, held - BLOCK : held] = along
-            self._H[held : held + BLOCK, held - BLOCK : held] = R
+            self._H[:held, held - LANCZOS_BLOCK_SIZE : held] = along
+            self._H[held : held + LANCZOS_BLOCK_SIZE, held - LANCZOS_BLOCK_SIZE : held] = R
 
     def _append(self, Q: np.ndarray, MQ: np.ndarray) -> None:
         """Make states the block that is mapped next."""
-        held = self.size + BLOCK
+        held = self.size + LANCZOS_BLOCK_SIZE
         if held > self._V.shape[1]:
             self._V = _wider(self._V)
             self._MV = self._V if self._mass is None else _wider(self._MV)
@@ -201,9 +207,9 @@ class BlockKrylov:
         Where W has nothing more outside of V, random states take its place.
         """
         V, MV = self._V[:, : self.size], self._MV[:, : self.size]
-        along, R = np.zeros((self.size, BLOCK)), np.eye(BLOCK)
-        least = DEPENDENT * max(float(np.trace(W.T @ self._weigh(W))), 0.0)
-        for _ in range(PASSES):
+        along, R = np.zeros((self.size, LANCZOS_BLOCK_SIZE)), np.eye(LANCZOS_BLOCK_SIZE)
+        least = DEPENDENCE_TOLERANCE_SQUARED * max(float(np.trace(W.T @ self._weigh(W))), 0.0)
+        for _ in range(GRAM_SCHMIDT_PASSES):
             h = MV.T @ W
             W = W - V @ h
             d, y = la.eigh(W.T @ self._weigh(W))
@@ -226,7 +232,7 @@ class BlockKrylov:
     def _outside(self, X: np.ndarray, others: np.ndarray) -> np.ndarray:
         """Unit states of the span of X outside of V and of other unit states."""
         V, MV = self._V[:, : self.size], self._MV[:, : self.size]
-        for _ in range(PASSES):
+        for _ in range(GRAM_SCHMIDT_PASSES):
             X = X - V @ (MV.T @ X) - others @ (others.T @ self._weigh(X))
             d, y = la.eigh(X.T @ self._weigh(X))
             X = X @ (y / np.sqrt(d))

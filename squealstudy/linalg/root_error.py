@@ -18,10 +18,10 @@ from squealstudy.linalg.sparse_qep import LowRankSum
 
 Matrix = Any  # ndarray, scipy sparse matrix or LowRankSum
 EPS = float(np.finfo(float).eps)
-BIN = 4.0  # ratio of moduli that share a scale of time
-ACCURATE = 1e-8  # relative error of a root below which no other attempt is made
+TIME_SCALE_RATIO = 4.0  # ratio of moduli that share a scale of time
+ACCEPTED_REL_ERROR = 1e-8  # relative error of a root below which no other attempt is made
 AT_ROUND_OFF = 10.0  # errors within this times that of round-off: no attempt would do better
-RESOLVED = 10.0  # errors of round-off that a root must be away from zero
+MIN_SIGNAL_TO_ROUND_OFF = 10.0  # errors of round-off that a root must be away from zero
 RIGID_BELOW = 1e-3  # of the band's top: a root that is wrong altogether is none of a free body
 TINY = float(np.finfo(float).tiny)
 
@@ -42,7 +42,7 @@ class RootErrors(NamedTuple):
 
     def doubt(self, lam: np.ndarray) -> float:
         """Largest error over the one at which no other attempt is made; above 1 one is."""
-        allowed = np.maximum(ACCURATE * np.abs(lam), AT_ROUND_OFF * self.round_off)
+        allowed = np.maximum(ACCEPTED_REL_ERROR * np.abs(lam), AT_ROUND_OFF * self.round_off)
         with np.errstate(invalid="ignore"):  # infinite over infinite
             doubt = self.error / np.where(allowed > 0, allowed, 1.0)
         return float(np.nan_to_num(doubt, nan=np.inf).max(initial=0.0))
@@ -53,7 +53,9 @@ class RootErrors(NamedTuple):
         The others are far below the band and cannot be told from zero.
         """
         size = np.abs(lam)
-        told: np.ndarray = (size > RESOLVED * self.round_off) | (size > RIGID_BELOW * top)
+        told: np.ndarray = (size > MIN_SIGNAL_TO_ROUND_OFF * self.round_off) | (
+            size > RIGID_BELOW * top
+        )
         return told
 
 
@@ -102,10 +104,10 @@ def conditions(lam: np.ndarray, psi: np.ndarray, D: np.ndarray) -> np.ndarray:
     H, S = H * np.outer(unit, unit), S * np.outer(unit, unit)
     found = np.ones(len(lam))
     paired = lam.imag != 0
-    level = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(BIN))
+    level = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(TIME_SCALE_RATIO))
     for number in np.unique(level):
         members = np.flatnonzero(level == number)
-        scaled = lam / BIN**number
+        scaled = lam / TIME_SCALE_RATIO**number
         G = _gram(H, S, scaled, paired)
         G[np.diag_indices_from(G)] += EPS * len(G)  # two states may be parallel to round-off
         found[members] = np.sqrt(np.maximum(inverse_diagonal(G, members), 1.0))

@@ -16,11 +16,16 @@ import scipy.sparse.linalg as spla
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import one_of_each_pair, pairs_up_to
 from squealstudy.linalg.factor import Factor, RefinedFactor, factorise
-from squealstudy.linalg.real_modes import BLOCK, FIRST, ROUND_OFF, BlockKrylov
+from squealstudy.linalg.real_modes import (
+    FIRST_TEST_SIZE,
+    LANCZOS_BLOCK_SIZE,
+    REL_RESIDUAL_FLOOR,
+    BlockKrylov,
+)
 
 DENSE_LIMIT = 100  # degrees of freedom solved by LAPACK
-STEP = 10  # 1 in so many states between two tests of convergence
-LARGEST = 0.4  # of the states: a Krylov space that is larger costs more than LAPACK
+TEST_GROWTH_DIVISOR = 10  # 1 in so many states between two tests of convergence
+MAX_KRYLOV_SHARE = 0.4  # of the states: a Krylov space that is larger costs more than LAPACK
 CONVERGED = 1e-11  # residual of a root, of its theta
 
 
@@ -98,24 +103,24 @@ def roots_below(
         Right eigenvectors of unit 2-norm.
     """
     n, scale = M.shape[0], limit / 2
-    size = FIRST if n > DENSE_LIMIT else 2 * n
-    if size <= LARGEST * 2 * n:
+    size = FIRST_TEST_SIZE if n > DENSE_LIMIT else 2 * n
+    if size <= MAX_KRYLOV_SHARE * 2 * n:
         solver: Factor = WoodburyFactor(K, refined=False) if factor is None else factor
         space = BlockKrylov(_companion_inverse(M, C, solver, scale), 2 * n, None)
-    while size <= LARGEST * 2 * n:
+    while size <= MAX_KRYLOV_SHARE * 2 * n:
         space.grow(size)
         theta, y = la.eig(space.projected)
         order = np.argsort(-np.abs(theta))
         inside = int((np.abs(theta) >= scale / limit).sum())
         if inside < space.size:
             theta, y = theta[order[: inside + 1]], y[:, order[: inside + 1]]
-            allowed = np.maximum(CONVERGED * np.abs(theta), ROUND_OFF * np.abs(theta[0]))
+            allowed = np.maximum(CONVERGED * np.abs(theta), REL_RESIDUAL_FLOOR * np.abs(theta[0]))
             if (space.left_out(y) <= allowed).all():
                 lam, y = scale / theta[:inside], y[:, :inside]
                 kept, lower = lam.imag >= 0, space.vectors[n:]
                 y = y[:, kept]
                 return one_of_each_pair(lam[kept], lower @ y.real + 1j * (lower @ y.imag))
-        size = space.size + max(2 * BLOCK, space.size // STEP)
+        size = space.size + max(2 * LANCZOS_BLOCK_SIZE, space.size // TEST_GROWTH_DIVISOR)
     return _dense_roots(M, C, K, 2 * n, limit)
 
 

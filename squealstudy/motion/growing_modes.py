@@ -20,7 +20,7 @@ from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.root_error import RIGID_BELOW
 from squealstudy.modes.point import angular_band
 
-MOST = 6  # complex modes followed in a run, fastest growth first
+MAX_FOLLOWED_MODES = 6  # complex modes followed in a run, fastest growth first
 INVERSE_ITERATIONS = 3
 DEGENERATE = 1e-9  # second axis over the first, below which a plane is a line
 
@@ -37,7 +37,7 @@ class GrowingModes:
     right, left : ndarray (n, m) complex
         Q(lam) right = 0 and left^H Q(lam) = 0, unit norms.
     n_unstable : int
-        Unstable modes in the band, those beyond `MOST` counted too.
+        Unstable modes in the band, those beyond `MAX_FOLLOWED_MODES` counted too.
     n_above, n_below : int
         Unstable modes above and below the band.
     growth_outside, frequency_outside : float
@@ -104,7 +104,7 @@ def growing_modes(
     inside = (np.abs(lam) >= low) & (np.abs(lam) <= high)
     neutral = np.abs(lam.real) <= tolerance * np.abs(lam)  # which is first, round-off would decide
     order = np.argsort(np.where(neutral, 0.0, -lam.real), kind="stable")
-    chosen = order[inside[order]][:MOST]
+    chosen = order[inside[order]][:MAX_FOLLOWED_MODES]
     n_unstable = int((unstable & inside).sum())
     chosen = chosen[: max(n_unstable, 1)]
     outside = lam[unstable & ~inside]

@@ -18,8 +18,9 @@ from squealstudy.linalg.factor import symmetric_lu
 from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.hybrid import HybridModel
 
-BLOCK = 64  # right-hand sides a call of SuperLU
-ROUND_OFF = 1e-12  # forces below this share of the contact forces at the start mean nothing
+RHS_PER_SOLVE = 64  # right-hand sides a call of SuperLU
+# forces below this share of the contact forces at the start mean nothing
+NEGLIGIBLE_FORCE_RATIO = 1e-12
 
 
 def hybrid_arrays(model: HybridModel, design: MotionPoint) -> layout.HybridArrays:
@@ -158,8 +159,8 @@ class StepSolver:
         B = sp.csr_matrix((model.B.data, model.B.indices, model.B.indptr), shape=(n_rows, n))
         S = np.empty((n_rows, n_rows))
         X = np.empty((n_rows, n))
-        for i in range(0, n_rows, BLOCK):
-            rows = slice(i, min(i + BLOCK, n_rows))
+        for i in range(0, n_rows, RHS_PER_SOLVE):
+            rows = slice(i, min(i + RHS_PER_SOLVE, n_rows))
             solved = self._lu.solve(B[rows].T.toarray())
             S[:, rows] = B @ solved
             X[rows] = solved.T
@@ -170,7 +171,7 @@ class StepSolver:
         C, C_k = G[:nb, nb:], G[nb:, nb:]
         inverse = la.inv(np.diag(1 / model.d) + C_k) if len(model.d) else np.zeros((0, 0))
         condensed = G[:nb, :nb] - C @ inverse @ C.T
-        floor2 = ROUND_OFF**2 * float(np.diag(condensed) @ forces**2)
+        floor2 = NEGLIGIBLE_FORCE_RATIO**2 * float(np.diag(condensed) @ forces**2)
         ordered = np.ascontiguousarray
         shapes = ordered(G[:, nb:])
         return layout.StepSize(

@@ -29,7 +29,8 @@ from squealstudy.wording import expectation
 if TYPE_CHECKING:
     import numpy as np  # commands that compute nothing start without it
 
-TOLERANCE = 1e-2  # imbalance at which a step's contact iteration ends: far below the step's error
+# imbalance at which a step's contact iteration ends: far below the step's error
+CONTACT_ITERATION_TOLERANCE = 1e-2
 SLOW_TOLERANCE = 1e-3  # the same of the slow references
 DRIFT_LIMIT = 1e-3  # the level of a coarse brake is 3 % low at 1.6e-3, right to 0.1 % at 4e-4
 
@@ -77,7 +78,7 @@ class KernelIntegrator(Integrator):
         average acceleration; 1 is the trapezoidal rule of force times velocity.
     """
 
-    tolerance: ClassVar[float] = TOLERANCE
+    tolerance: ClassVar[float] = CONTACT_ITERATION_TOLERANCE
     work_of_changes: ClassVar[float] = 0.0
 
     extrapolate: bool = Field(

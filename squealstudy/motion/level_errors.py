@@ -14,16 +14,18 @@ from squealstudy.motion.outcome.growth import LEFT_VECTOR
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint, stick_number
 
-BLOCKS = 10  # parts of a run; inside an impact the balance is off and comes back
-EXPLODED = 0.5  # of the energy of the vibration, from nowhere in the last row: no impact does so
-ROUND_OFF = 1e-9  # of the work of friction and of the energy that is stored
+N_BALANCE_BLOCKS = 10  # parts of a run; inside an impact the balance is off and comes back
+# of the energy of the vibration, from nowhere in the last row: no impact does so
+MAX_LAST_ROW_ENERGY_JUMP = 0.5
+ENERGY_BALANCE_ROUND_OFF = 1e-9  # of the work of friction and of the energy that is stored
 # stick number beyond which a stuck contact rings at the step: levels of a belt (.3 to
 # 1.1 m/s, kicked by 4, steps of 5e-5 to 4e-4 s) err by .8 % at 26, 3 % at 52 and 12 % at 210
-RINGS = 30.0
-STUCK = 0.5  # share of the contact area that sticks at a time
+MAX_STICK_NUMBER = 30.0
+MIN_STICK_SHARE = 0.5  # share of the contact area that sticks at a time
 # Hoffmann's oscillator, friction 0.78 and 1 % damping, grows by 83, 11, 2.6 and 0.03 %
 # too slowly at 9, 22, 45 and 450 steps a period
-COARSE, FINE = 12.0, 60.0  # steps a period of the fastest mode: never enough, always
+# steps a period of the fastest mode: never enough, always
+TOO_FEW_STEPS_PER_PERIOD, ENOUGH_STEPS_PER_PERIOD = 12.0, 60.0
 GROWTH_APART = 0.05  # of fitted and predicted growth of small motions
 DAMPING_APART = 5e-4  # and as damping ratios
 STORAGE_LIMIT = 1e-3  # relative change of contact forces: what a step's imbalance may be
@@ -58,12 +60,12 @@ def doubts(
 
 def _ringing(number: float, sticks: float, step: float) -> str:
     """The trapezoidal rule does not damp the friction of stuck points at a long step."""
-    if number <= RINGS or not sticks >= STUCK:
+    if number <= MAX_STICK_NUMBER or not sticks >= MIN_STICK_SHARE:
         return ""
     return (
         f"{100 * sticks:.0f} % of the contact sticks while h k_t |T|^2 / 2 is {number:.3g}: "
         "friction rings and levels may err by more than 1 %, which a step of "
-        f"{step * RINGS / number:.2g} s avoids"
+        f"{step * MAX_STICK_NUMBER / number:.2g} s avoids"
     )
 
 
@@ -71,7 +73,7 @@ def _coarse(found: Mapping[str, Any], step: float) -> str:
     """A step that is long beside a period shifts what couples modes, and so their growth."""
     hz, predicted = found["predicted_frequency_hz"], found["predicted_growth_rate"]
     steps = 1.0 / (step * hz) if hz > 0 else np.inf
-    if not steps < FINE:
+    if not steps < ENOUGH_STEPS_PER_PERIOD:
         return ""
     apart, fitted = "", found.get("growth_rate", np.nan)
     if found.get("growth_method") == LEFT_VECTOR:
@@ -81,11 +83,11 @@ def _coarse(found: Mapping[str, Any], step: float) -> str:
         allowed = max(GROWTH_APART * abs(predicted), DAMPING_APART * 2 * np.pi * hz) + unsure
         if abs(fitted - predicted) > allowed:
             apart = f" and small motions grow by {fitted:.4g} instead of {predicted:.4g} 1/s"
-    if steps >= COARSE and not apart:
+    if steps >= TOO_FEW_STEPS_PER_PERIOD and not apart:
         return ""
     return (
         f"a period of the mode at {hz:.4g} Hz has {steps:.2g} steps{apart}: growth and levels may "
-        f"be wrong, which a step of {1 / (FINE * hz):.2g} s would show"
+        f"be wrong, which a step of {1 / (ENOUGH_STEPS_PER_PERIOD * hz):.2g} s would show"
     )
 
 
@@ -125,18 +127,20 @@ def energy_drift(motion: Motion) -> float:
     took from it. NaN for a history shorter than ten rows.
     """
     h = motion.history
-    if len(h["time"]) < BLOCKS:
+    if len(h["time"]) < N_BALANCE_BLOCKS:
         return float("nan")
     work = h["work_load"] + h["work_belt"] - h["dissipated_friction"] - h["dissipated_damping"]
     imbalance = work - (h["stored"] - h["stored"][0])
-    medians = [float(np.median(part)) for part in np.array_split(imbalance, BLOCKS)]
+    medians = [float(np.median(part)) for part in np.array_split(imbalance, N_BALANCE_BLOCKS)]
     size = h["modal_energy"].max() + h["dissipated_damping"][-1]
-    size += ROUND_OFF * (abs(h["dissipated_friction"][-1]) + float(np.abs(h["stored"]).max()))
+    size += ENERGY_BALANCE_ROUND_OFF * (
+        abs(h["dissipated_friction"][-1]) + float(np.abs(h["stored"]).max())
+    )
     if not size > 0.0 or motion.modal_energy.max() <= round_off(motion):
         return 0.0
     last = abs(float(imbalance[-1])) / float(size)
     drift = max(abs(m) for m in medians) / float(size)
-    return max(drift, last) if last > EXPLODED else drift
+    return max(drift, last) if last > MAX_LAST_ROW_ENERGY_JUMP else drift
 
 
 def storage_number(system: ModalSystem, design: MotionPoint, energy: float) -> float:

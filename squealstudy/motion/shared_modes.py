@@ -20,7 +20,8 @@ from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.linearise import component_frequencies, linearise, reduced_energy_shares
 
-LEAST = 1e-3  # energy norm of what modes of unit energy have beyond the kept ones: less is left out
+# energy norm of what modes of unit energy have beyond the kept ones: less is left out
+MIN_NEW_DIRECTION = 1e-3
 
 
 @dataclass(frozen=True)
@@ -200,7 +201,7 @@ def _growing(reference: SharedModes, modes: np.ndarray, k: int) -> np.ndarray:
     weighted = weighted / np.linalg.norm(weighted, axis=0)
     beyond = np.hstack([weighted[k:].real, weighted[k:].imag])
     vectors, values, _ = np.linalg.svd(beyond, full_matrices=False)  # of no modes too
-    found: np.ndarray = vectors[:, values > LEAST]
+    found: np.ndarray = vectors[:, values > MIN_NEW_DIRECTION]
     return found
 
 

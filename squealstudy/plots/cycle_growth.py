@@ -28,7 +28,7 @@ from squealstudy.tables.mode_ranking import parameter_columns
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MOST = 8  # families with a colour and a name: those that grow fastest somewhere
+MAX_COLOURED_FAMILIES = 8  # families with a colour and a name: those that grow fastest somewhere
 
 
 def _most_telling(results: Results) -> Iterator[tuple[str, Choices]]:
@@ -76,7 +76,7 @@ def cycle_growth(results: Results, point: str, ax: Axes | None = None) -> Figure
         own = (curves["mode"] == mode).to_numpy(bool)
         x, y = curves["contact_velocity"].to_numpy(float)[own], rate[own]
         hz = float(curves["frequency_hz"].to_numpy(float)[own][0])
-        named = place < MOST
+        named = place < MAX_COLOURED_FAMILIES
         style: dict[str, Any] = {"color": GREY}
         if named:
             style = {"color": COLOURS[place], "label": f"mode {mode}, {hz:.0f} Hz"}
@@ -87,7 +87,7 @@ def cycle_growth(results: Results, point: str, ax: Axes | None = None) -> Figure
     axes.set_ylim(*growth_limits(rate))
     axes.set_xlim(left=0.0)
     finish(axes, "Contact velocity [m/s]", "Growth at this amplitude [1/s]")
-    others = len(fastest) - MOST
+    others = len(fastest) - MAX_COLOURED_FAMILIES
     legend_of(figure, ax, labelled(axes))
     verdict = str(design["verdict"]).replace("_", " ")
     names = parameter_columns(points, varied=True)

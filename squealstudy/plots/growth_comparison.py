@@ -27,9 +27,9 @@ from squealstudy.wording import plural
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-SMALL = 0.05  # of the fastest growth: below, a relative deviation says nothing
+MIN_REL_GROWTH = 0.05  # of the fastest growth: below, a relative deviation says nothing
 ENERGY = "energy"  # how growth is told where no complex mode is followed
-BOUNDS = 5.0  # largest deviations that the scale shows of wider bounds
+AXIS_LIMIT_FACTOR = 5.0  # largest deviations that the scale shows of wider bounds
 EXPRESSED, NOT_EXPRESSED = "expressed in the vibration", "not expressed"
 UNKNOWN, STABLE, FAILED = "not told yet", "stable mode", "point failed later"
 KINDS: dict[str, dict[str, Any]] = {  # of a fitted growth rate, and how it is drawn
@@ -109,7 +109,7 @@ def sizeable(table: pd.DataFrame) -> np.ndarray:
     """Rows (n,) whose predicted rate is large enough for a deviation in per cent to mean much."""
     size = table["predicted"].abs().to_numpy()
     largest = float(table[["predicted", "fitted"]].abs().to_numpy().max(initial=0.0))
-    large: np.ndarray = (size >= SMALL * largest) & (size > 0)
+    large: np.ndarray = (size >= MIN_REL_GROWTH * largest) & (size > 0)
     return large
 
 
@@ -155,7 +155,7 @@ def _deviations(axes: Axes, table: pd.DataFrame) -> None:
     largest = float(large["deviation"].abs().max()) if len(large) else 0.0
     bounds = large[["deviation_low", "deviation_high"]].abs().to_numpy()
     bounds = bounds[np.isfinite(bounds)]
-    limit = max(largest, min(float(bounds.max(initial=0.0)), BOUNDS * largest))
+    limit = max(largest, min(float(bounds.max(initial=0.0)), AXIS_LIMIT_FACTOR * largest))
     limit = max(1.15 * limit, 0.5)
     for kind, style in KINDS.items():
         own = table[(table["kind"] == kind).to_numpy() & (table["deviation"].abs() <= limit)]

@@ -37,9 +37,9 @@ from squealstudy.wording import LASTING, UNDECIDED, in_digits, plural, real_mode
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-NAMED = 36  # design points that have room for their names
+MAX_LABELLED_POINTS = 36  # design points that have room for their names
 STACKED = 6  # modes with a colour of their own
-LEAST = 0.02  # energy share somewhere of a mode that has one
+MIN_SHOWN_ENERGY_SHARE = 0.02  # energy share somewhere of a mode that has one
 FILL = 0.8  # of the least distance between design points that a bar takes
 OTHERS, OUTSIDE = "other sensed modes", "outside the sensed modes"
 PALE = {OTHERS: "#C8C8C8", OUTSIDE: "white"}
@@ -167,7 +167,7 @@ def _abscissa(axes: Axes, row: _Row) -> None:
     x, over = row.x, row.over
     if over is None:
         style: dict[str, Any] = {"rotation": 90, "fontsize": 7.5}
-        every = -(-len(x) // NAMED)
+        every = -(-len(x) // MAX_LABELLED_POINTS)
         axes.set_xticks(x[::every], design_names(row.line, row.units)[::every], **style)
     else:
         set_ticks(axes.xaxis, over, row.line[over.name])
@@ -289,7 +289,11 @@ def stacked_shares(line: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     wide = own.pivot_table("energy_share", "point_id", "mode", aggfunc="first")
     wide = wide.reindex(line["point_id"]).fillna(0.0)
     mean, peak = wide.mean(), wide.max()
-    main = list(peak[peak >= LEAST].sort_values(ascending=False, kind="stable").index[:STACKED])
+    main = list(
+        peak[peak >= MIN_SHOWN_ENERGY_SHARE]
+        .sort_values(ascending=False, kind="stable")
+        .index[:STACKED]
+    )
     main = sorted(main, key=lambda mode: -mean[mode])
     most = own.sort_values("energy_share", kind="stable", na_position="first")
     frequency = most.drop_duplicates("mode", keep="last").set_index("mode")["frequency_hz"]

@@ -46,9 +46,9 @@ CLASSES = {
     "failed": (DARK, "failed, said so"),
 }
 ALARM = "#CC0066"
-FAR = 6.0  # decades of the prediction that the contour tells apart
-WIDE = 48  # characters of a line in the legend
-FINER = 8
+SHOWN_DECADES = 6.0  # decades of the prediction that the contour tells apart
+LEGEND_LINE_CHARACTERS = 48  # characters of a line in the legend
+POINTS_PER_INTERVAL = 8
 
 
 @register_plot(cells=("outcome", "flagged", "predicted"))
@@ -162,8 +162,10 @@ def _draw_boundary(
     value = predicted.to_numpy(dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y, decades = plane.cells(np.log10(value))
-        table = np.ma.masked_invalid(np.clip(decades, -FAR, FAR))
-    name = fill(f"predicted: {boundary}", WIDE) if boundary else "predicted boundary"
+        table = np.ma.masked_invalid(np.clip(decades, -SHOWN_DECADES, SHOWN_DECADES))
+    name = (
+        fill(f"predicted: {boundary}", LEGEND_LINE_CHARACTERS) if boundary else "predicted boundary"
+    )
     crossed = min(table.shape) > 1 and table.count() and table.min() < 0.0 < table.max()
     if not crossed:
         side = "beyond it throughout" if table.count() and table.min() >= 0.0 else "not crossed"
@@ -180,7 +182,11 @@ def _draw_boundary(
 def _between(
     shown: Quantity, values: np.ndarray, table: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ascending values (n,) and columns of a table (m, n) with FINER parts in each interval."""
+    """Ascending values (n,) and columns of a table (m, n), POINTS_PER_INTERVAL in each interval."""
     place = shown.even(values)
-    parts = np.interp(np.arange((len(place) - 1) * FINER + 1) / FINER, range(len(place)), place)
+    parts = np.interp(
+        np.arange((len(place) - 1) * POINTS_PER_INTERVAL + 1) / POINTS_PER_INTERVAL,
+        range(len(place)),
+        place,
+    )
     return shown.uneven(parts), np.array([np.interp(parts, place, row) for row in table])

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 MODE_COLUMN = re.compile(r"energy_mode_(\d+)")
-NAMED = 6  # modes in colour
+MAX_COLOURED_MODES = 6  # modes in colour
 BINS = 250  # means over time: an oscillating energy is a line with a band of its extremes
 DECADES = 8  # below the largest energy that are shown
 
@@ -90,7 +90,7 @@ def leading_modes(run: Run, known: list[int]) -> list[int]:
     transfer = [run.number(name) for name in ("transfer_from", "transfer_to")]
     involved = {int(mode) for mode in transfer if mode > 0}
     order = sorted(known, key=lambda m: (m not in involved, -score[m], m))
-    return sorted(order[:NAMED], key=lambda m: (-score[m], m))
+    return sorted(order[:MAX_COLOURED_MODES], key=lambda m: (-score[m], m))
 
 
 def _draw(

@@ -29,7 +29,7 @@ from squealstudy.tables.method_quality import cost_of, on_front, usable
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-LEAST = 1e-16  # errors below are drawn there: a logarithm needs one
+LOG_AXIS_FLOOR = 1e-16  # errors below are drawn there: a logarithm needs one
 NAMES = {
     "frequency": "frequency, light modes [relative]",
     "damping_ratio": "damping ratio, light modes [absolute]",
@@ -124,7 +124,7 @@ def _panel(
     axes: Axes, methods: pd.DataFrame, quantity: str, styles: Mapping[str, Mapping[str, Any]]
 ) -> None:
     good = usable(methods)
-    error = np.maximum(methods[f"error_{quantity}"].to_numpy(float), LEAST)
+    error = np.maximum(methods[f"error_{quantity}"].to_numpy(float), LOG_AXIS_FLOOR)
     cost = cost_of(methods, quantity)
     axes.set_xscale("log")
     axes.set_yscale("log")

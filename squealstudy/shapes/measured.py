@@ -17,7 +17,7 @@ from squealstudy.faults import named
 from squealstudy.files import OF_LINES, UnusableFileError, read_whole
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.components.free_modes import rigid_count
-from squealstudy.shapes.names import ALIKE
+from squealstudy.shapes.names import SAME_NAME_REL_DISTANCE
 
 NODES = (15, 2411)  # datasets of coordinates
 UNITS, SHAPE, FUNCTION = 164, 55, 58
@@ -152,11 +152,12 @@ def _root(mode: Mapping[str, Any]) -> tuple[float, float, float]:
     return size / (2 * np.pi), -lam.real / size if size > 0 else np.nan, np.nan
 
 
-BEYOND = 1.3  # of the highest measured frequency: up to there modes are computed
-LEAST = 0.5  # MAC of a pair
-FEWEST = 6  # measured freedoms
-WIDE = 10  # tolerances that points span at least: else a unit is wrong
-BLIND = 0.5  # MAC of two computed modes at the measured places, above which these are too few
+BAND_FACTOR = 1.3  # of the highest measured frequency: up to there modes are computed
+MIN_PAIR_MAC = 0.5  # MAC of a pair
+MIN_MEASURED_DOF = 6  # measured freedoms
+MIN_EXTENT_OVER_TOLERANCE = 10  # tolerances that points span at least: else a unit is wrong
+# MAC of two computed modes at the measured places, above which these are too few
+MAX_INDISTINCT_MAC = 0.5
 
 
 @dataclass(frozen=True)
@@ -210,7 +211,8 @@ def correlated(
 
     Points are paired with the nearest node, where the part is in the assembly or where its mesh's
     file has it, wherever more of them have one. Directions in which no mode moves are left out as
-    not measured. Modes are paired so that the sum of MAC is largest; a pair below LEAST is none.
+    not measured. Modes are paired so that the sum of MAC is largest; a pair
+    below MIN_PAIR_MAC is none.
 
     Parameters
     ----------
@@ -230,8 +232,8 @@ def correlated(
     Raises
     ------
     ModelError
-        Fewer than FEWEST measured freedoms have a place, or they are close together; no elastic
-        mode in reach.
+        Fewer than MIN_MEASURED_DOF measured freedoms have a place, or they are close together;
+        no elastic mode in reach.
     """
     turn, shift = placement
     moved = np.flatnonzero((np.diff(E.indptr) > 0).reshape(-1, 3).all(axis=1))
@@ -244,21 +246,25 @@ def correlated(
     used = distance <= tolerance
     axes = np.eye(3) if placed else turn
     rows = _rows(measured, used, moved[nearest], axes, 3 * len(nodes)) @ E
-    if rows.shape[0] < FEWEST or np.ptp(measured.points[used], axis=0).max() < WIDE * tolerance:
+    if (
+        rows.shape[0] < MIN_MEASURED_DOF
+        or np.ptp(measured.points[used], axis=0).max() < MIN_EXTENT_OVER_TOLERANCE * tolerance
+    ):
         extent, own = (np.ptp(x, axis=0).max() for x in (measured.points, nodes))
         raise ModelError(
             f"{used.sum()} of {len(used)} measured points lie within {1e3 * tolerance:.3g} mm of a "
-            f"node, {rows.shape[0]} measured freedoms: expected at least {FEWEST}, over at least "
-            f"{WIDE} times that distance. The points span {1e3 * extent:.4g} mm, the part "
-            f"{1e3 * own:.4g} mm; the nearest is {1e3 * distance.min():.3g} mm away"
+            f"node, {rows.shape[0]} measured freedoms: expected at least {MIN_MEASURED_DOF}, over "
+            f"at least {MIN_EXTENT_OVER_TOLERANCE} times that distance. The points span "
+            f"{1e3 * extent:.4g} mm, the part {1e3 * own:.4g} mm; the nearest is "
+            f"{1e3 * distance.min():.3g} mm away"
         )
-    omega, phi = real_modes(M, K, BEYOND * float(measured.frequency_hz.max()))
+    omega, phi = real_modes(M, K, BAND_FACTOR * float(measured.frequency_hz.max()))
     first = rigid_count(K, M, omega)
     hz = omega[first:] / (2 * np.pi)
     if not len(hz):
         raise ModelError(
-            f"the part has no elastic mode up to {BEYOND:g} times the highest measured frequency, "
-            f"{measured.frequency_hz.max():.4g} Hz"
+            f"the part has no elastic mode up to {BAND_FACTOR:g} times the highest measured "
+            f"frequency, {measured.frequency_hz.max():.4g} Hz"
         )
     places_of = _groups(hz)
     seen = rows @ phi[:, first:]
@@ -270,7 +276,7 @@ def correlated(
         (i, j, float(value))
         for i in range(len(spans))
         for j in range(i)
-        if (value := np.linalg.norm(spans[i].T @ spans[j], 2) ** 2) > BLIND
+        if (value := np.linalg.norm(spans[i].T @ spans[j], 2) ** 2) > MAX_INDISTINCT_MAC
     ]
     return Correlation(
         n_rigid=first,
@@ -301,7 +307,7 @@ def _groups(hz: np.ndarray) -> list[list[int]]:
     """Modes whose frequencies are one but for round-off, ascending."""
     found: list[list[int]] = []
     for k, f in enumerate(hz):
-        if found and f - hz[found[-1][-1]] < ALIKE * f:
+        if found and f - hz[found[-1][-1]] < SAME_NAME_REL_DISTANCE * f:
             found[-1].append(k)
         else:
             found.append([k])
@@ -313,4 +319,4 @@ def _pairs(mac: np.ndarray, sizes: Sequence[int]) -> tuple[tuple[int, int], ...]
     columns = np.repeat(np.arange(len(sizes)), sizes)
     rows, places = linear_sum_assignment(mac[:, columns], maximize=True)
     pairs = zip(rows.tolist(), columns[places].tolist(), strict=True)
-    return tuple((i, j) for i, j in pairs if mac[i, j] >= LEAST)
+    return tuple((i, j) for i, j in pairs if mac[i, j] >= MIN_PAIR_MAC)

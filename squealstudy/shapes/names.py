@@ -12,16 +12,16 @@ from squealstudy.shapes.shape import Shape
 
 AND = " + "  # between the components of a name
 MIXED = "mixed"  # where no word fits
-TOLD = 0.2  # least share of kinetic energy of a component that is named
-PURE = 0.5  # least share of a harmonic, or of one component mode, that is named
-RIGID = 0.8  # least share of rigid modes of what is called rigid
-ALIKE = 1e-3  # relative: free-free modes nearer in frequency are named together
+MIN_NAMED_ENERGY_SHARE = 0.2  # least share of kinetic energy of a component that is named
+MIN_NAMED_SHARE = 0.5  # least share of a harmonic, or of one component mode, that is named
+MIN_RIGID_SHARE = 0.8  # least share of rigid modes of what is called rigid
+SAME_NAME_REL_DISTANCE = 1e-3  # relative: free-free modes nearer in frequency are named together
 MOST_DIAMETERS = 16
-RADIAL = 3  # functions of the radius for each harmonic
-THIN = 0.03  # of the radius: rings of less breadth have none but a constant
-EDGE = 0.02  # of the ring's width: nodes so near to it count as in it
-CLOSED = np.pi / 6  # widest gap [rad] around the axis between nodes of a ring that is one
-SMALL = 0.05  # of the largest motion over the radius: below it a sign tells nothing
+N_RADIAL_FUNCTIONS = 3  # functions of the radius for each harmonic
+THIN_RING_RATIO = 0.03  # of the radius: rings of less breadth have none but a constant
+RIM_TOLERANCE = 0.02  # of the ring's width: nodes so near to it count as in it
+MAX_RING_GAP_RAD = np.pi / 6  # widest gap [rad] around the axis between nodes of a ring that is one
+MIN_SIGNED_MOTION = 0.05  # of the largest motion over the radius: below it a sign tells nothing
 
 
 @dataclass(frozen=True)
@@ -66,21 +66,21 @@ class Name:
 def name_of(shape: Shape) -> Name:
     """The name of a mode.
 
-    Components with at least TOLD of the kinetic energy are named, the largest first: rotors by
-    their nodal diameters, any other, or one that is no ring or moves as a rigid body, as rigid
-    where its rigid modes have at least RIGID of its kinetic energy, or by the free-free mode that
-    has half of it. Free-free modes of one frequency, as symmetric parts have them, are named
-    together: which is which is round-off.
+    Components with at least MIN_NAMED_ENERGY_SHARE of the kinetic energy are named, the largest
+    first: rotors by their nodal diameters, any other, or one that is no ring or moves as a rigid
+    body, as rigid where its rigid modes have at least MIN_RIGID_SHARE of its kinetic energy, or by
+    the free-free mode that has half of it. Free-free modes of one frequency, as symmetric parts
+    have them, are named together: which is which is round-off.
     """
     names = shape.rotors.names if shape.rotors else ()
     rotors = sorted(names, key=lambda name: -shape.kinetic.get(name, 0.0))
     waves = {name: _waves(shape, name) for name in rotors}
     words = []
     for component, share in sorted(shape.kinetic.items(), key=lambda item: -item[1]):
-        if share < TOLD:
+        if share < MIN_NAMED_ENERGY_SHARE:
             break
         found = waves.get(component)
-        if found and _rigid(shape, component) < RIGID * share:
+        if found and _rigid(shape, component) < MIN_RIGID_SHARE * share:
             words.append(_rotor(component, found, len(rotors) > 1))
         else:
             words.append(_component(shape, component, share))
@@ -95,7 +95,7 @@ def figures_of(shape: Shape) -> str:
     waves = name_of(shape).waves
     if waves is None:
         return f"kinetic energy: {energy}"
-    axial = waves.out_of_plane >= PURE
+    axial = waves.out_of_plane >= MIN_NAMED_SHARE
     return (
         f"kinetic energy: {energy}; ring: {100 * waves.out_of_plane:.0f} % out of "
         f"plane, {waves.diameters} ND has {100 * waves.share:.0f} % of its motion "
@@ -106,8 +106,8 @@ def figures_of(shape: Shape) -> str:
 def _rotor(component: str, waves: Waves, several: bool) -> str:
     """The waves of a rotor; with its name where there are several."""
     word = component.replace("_", " ")
-    plane = "out of plane" if waves.out_of_plane >= PURE else "in plane"
-    if waves.share < PURE:
+    plane = "out of plane" if waves.out_of_plane >= MIN_NAMED_SHARE else "in plane"
+    if waves.share < MIN_NAMED_SHARE:
         return f"{word} {plane}"
     circles = f" {waves.circles} NC" if waves.circles else ""
     return f"{word} " * several + f"{waves.diameters} ND{circles} {plane}"
@@ -117,14 +117,17 @@ def _component(shape: Shape, component: str, share: float) -> str:
     word = component.replace("_", " ")
     own = {mode: part for (name, mode), part in shape.participation.items() if name == component}
     omega = {mode: shape.frequencies.get((component, mode), np.nan) for mode in own}
-    if _rigid(shape, component) >= RIGID * share:
+    if _rigid(shape, component) >= MIN_RIGID_SHARE * share:
         return f"rigid {word}"
     groups: list[list[int]] = []
     for mode in sorted(mode for mode in own if omega[mode] != 0):
-        near = bool(groups) and omega[mode] - omega[groups[-1][-1]] < ALIKE * omega[mode]
+        near = (
+            bool(groups)
+            and omega[mode] - omega[groups[-1][-1]] < SAME_NAME_REL_DISTANCE * omega[mode]
+        )
         groups = [*groups[:-1], [*groups[-1], mode]] if near else [*groups, [mode]]
     parts = [sum(own[mode] for mode in group) for group in groups]
-    if not parts or max(parts) < PURE * share:
+    if not parts or max(parts) < MIN_NAMED_SHARE * share:
         return word
     first, *more = groups[int(np.argmax(parts))]
     return f"{word} {first}-{more[-1]}" if more else f"{word} {first}"
@@ -159,14 +162,14 @@ def _waves(shape: Shape, rotor: str) -> Waves | None:
     directions = (u[:, 2], radial, around)
     axial, *plane = (float(weight @ squared(v)) for v in directions)
     out = axial / max(axial + sum(plane), 1e-300)
-    used = directions[:1] if out >= PURE else directions[1:]
+    used = directions[:1] if out >= MIN_NAMED_SHARE else directions[1:]
     over_radius = _over_radius(r)
     orders = np.arange(-most, most + 1)
     base = np.exp(1j * theta[:, None] * orders)[:, :, None] * over_radius[:, None, :]
     base = base.reshape(len(r), -1)
     root = np.sqrt(weight)[:, None]
     fitted = [
-        np.linalg.lstsq(root * base, root[:, 0] * v, rcond=None)[0].reshape(-1, RADIAL)
+        np.linalg.lstsq(root * base, root[:, 0] * v, rcond=None)[0].reshape(-1, N_RADIAL_FUNCTIONS)
         for v in used
     ]
     size = np.zeros(most + 1)
@@ -176,30 +179,30 @@ def _waves(shape: Shape, rotor: str) -> Waves | None:
             size[n] += weight @ squared(base @ kept)
     n = int(size.argmax())
     total = sum(float(weight @ squared(v)) for v in used)
-    circles = _circles(fitted[0][most + n], fitted[0][most - n]) if out >= PURE else 0
+    circles = _circles(fitted[0][most + n], fitted[0][most - n]) if out >= MIN_NAMED_SHARE else 0
     return Waves(out, n, float(size[n] / max(total, 1e-300)), circles)
 
 
 def _over_radius(r: np.ndarray) -> np.ndarray:
-    """Functions (n, RADIAL) of radii (n,): Legendre's; one that is constant where the ring is thin.
+    """Legendre's functions (n, N_RADIAL_FUNCTIONS) of radii (n,); constant where the ring is thin.
 
     The nodes of a drum's face differ in radius by chords alone: what varies over that is noise.
     """
     span = float(np.ptp(r))
     values: np.ndarray = np.polynomial.legendre.legvander(
-        2 * (r - r.min()) / max(span, 1e-12) - 1, RADIAL - 1
+        2 * (r - r.min()) / max(span, 1e-12) - 1, N_RADIAL_FUNCTIONS - 1
     )
-    if span < THIN * r.mean():
+    if span < THIN_RING_RATIO * r.mean():
         values[:, 1:] = 0.0
     return values
 
 
 def _circles(one: np.ndarray, other: np.ndarray) -> int:
-    """Sign changes over the radius of the larger of two waves, by their coefficients (RADIAL,)."""
+    """Sign changes over the radius of the larger of two waves, by their coefficients."""
     larger = one if np.linalg.norm(one) >= np.linalg.norm(other) else other
     values = np.polynomial.legendre.legval(np.linspace(-1.0, 1.0, 41), larger)
     real = (values * np.exp(-0.5j * np.angle((values**2).sum()))).real
-    told = real[np.abs(real) > SMALL * np.abs(real).max(initial=0.0)]
+    told = real[np.abs(real) > MIN_SIGNED_MOTION * np.abs(real).max(initial=0.0)]
     return int((np.diff(np.sign(told)) != 0).sum())
 
 
@@ -220,9 +223,11 @@ def _most_diameters(theta: np.ndarray) -> int | None:
     Least squares have at least twice as many nodes as unknowns, and a wave four nodes.
     """
     around = np.unique(np.round(theta, 6))
-    if not len(around) or np.diff(around, append=around[0] + 2 * np.pi).max() > CLOSED:
+    if not len(around) or np.diff(around, append=around[0] + 2 * np.pi).max() > MAX_RING_GAP_RAD:
         return None
-    most = min(MOST_DIAMETERS, (len(around) - 1) // 4, (len(theta) // (2 * RADIAL) - 1) // 2)
+    most = min(
+        MOST_DIAMETERS, (len(around) - 1) // 4, (len(theta) // (2 * N_RADIAL_FUNCTIONS) - 1) // 2
+    )
     return most if most >= 1 else None
 
 
@@ -240,9 +245,9 @@ def _ring(at: np.ndarray, points: np.ndarray, part: Part) -> tuple[np.ndarray, n
         first += len(cells)
     x, y, z = points.T
     r = np.hypot(x, y)
-    edge = EDGE * np.ptp(r)
+    edge = RIM_TOLERANCE * np.ptp(r)
     radius, height = np.hypot(at[:, 0], at[:, 1]), at[:, 2]
-    flat = np.ptp(r) > THIN * r.mean()  # a drum's ring is what is rubbed alone
+    flat = np.ptp(r) > THIN_RING_RATIO * r.mean()  # a drum's ring is what is rubbed alone
     rim = np.inf if flat else r.max() + edge
     inside = (volume > 0) & (radius >= r.min() - edge) & (radius <= rim)
     inside &= (height >= z.min() - edge) & (height <= z.max() + edge)

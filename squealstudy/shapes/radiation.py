@@ -16,7 +16,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.assembly import Component
 from squealstudy.shapes.surface import triangles, with_middles
 
-AIR = 413.3  # rho c at 20 C and 1013 hPa, Pa s/m
+AIR_IMPEDANCE_PA_S_PER_M = 413.3  # rho c at 20 C and 1013 hPa, Pa s/m
 CHUNK = 20_000  # triangles at once
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from squealstudy.laws.registry import STEP, at_points
+from squealstudy.laws.registry import DIFFERENCE_REL_STEP, at_points
 from squealstudy.models.operating import FRICTION, SLIDING_SPEED
 from squealstudy.stacked.operating import StackedOperating
 
@@ -113,6 +113,6 @@ def _central(
     """Derivative of arrays (k, m, c) by numbers (m, 1), as `central_slope` of each."""
     h = np.abs(value)
     h = np.where(h > 0, h, size)
-    h = STEP * np.where(h > 0, h, 1.0)
+    h = DIFFERENCE_REL_STEP * np.where(h > 0, h, 1.0)
     slope: np.ndarray = (function(value + h) - function(value - h)) / (2.0 * h)
     return slope

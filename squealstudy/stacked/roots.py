@@ -11,7 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.linalg.root_error import BIN, EPS, RESOLVED, RIGID_BELOW, TINY
+from squealstudy.linalg.root_error import (
+    EPS,
+    MIN_SIGNAL_TO_ROUND_OFF,
+    RIGID_BELOW,
+    TIME_SCALE_RATIO,
+    TINY,
+)
 from squealstudy.root_pairs import by_modulus
 
 ROUND_OFF = 1e-13  # of a dense eigenvalue, relative to its modulus; as in modes.point
@@ -62,7 +68,7 @@ def stacked_roots(C: np.ndarray, K: np.ndarray, band: tuple[float, float]) -> St
     held = np.arange(lam.shape[1]) < count[:, None]
     error, round_off = _errors(C, K, lam, psi, held)
     size = np.abs(lam)
-    told = held & ((size > RESOLVED * round_off) | (size > RIGID_BELOW * band[1]))
+    told = held & ((size > MIN_SIGNAL_TO_ROUND_OFF * round_off) | (size > RIGID_BELOW * band[1]))
     late = np.where(told, (lam.imag == 0).astype(int), 2)  # oscillating, overdamped, none
     order = by_modulus(lam, late)
     count = told.sum(axis=1)
@@ -138,11 +144,13 @@ def conditions(lam: np.ndarray, psi: np.ndarray, held: np.ndarray) -> np.ndarray
     unit = 1.0 / np.sqrt(np.where(own > 0, own, 1.0))
     both = unit[:, :, None] * unit[:, None, :]
     H, S = H * both, S * both
-    level = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(BIN))
+    level = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(TIME_SCALE_RATIO))
     for number in np.unique(level[held]):
         members = held & (level == number)
         rows = np.flatnonzero(members.any(axis=1))
-        G = _gram(H[rows], S[rows], lam[rows] / BIN**number, held[rows], lam[rows].imag != 0)
+        G = _gram(
+            H[rows], S[rows], lam[rows] / TIME_SCALE_RATIO**number, held[rows], lam[rows].imag != 0
+        )
         count = held[rows].sum(axis=1) + (held[rows] & (lam[rows].imag != 0)).sum(axis=1)
         diagonal = np.arange(G.shape[1])
         G[:, diagonal, diagonal] += EPS * count[:, None]  # two states may be parallel

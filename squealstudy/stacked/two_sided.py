@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.linalg.companion import TOLD
-from squealstudy.linalg.quadratic_pencil import SAME
+from squealstudy.linalg.quadratic_pencil import LEFT_RIGHT_ROOT_REL_DISTANCE
 from squealstudy.modes.sensitivity.mode_family import NEIGHBOURS, OFFSET
 from squealstudy.modes.sensitivity.mode_sensitivities import CANDIDATES
 from squealstudy.modes.sensitivity.reduced import ModeChoice
@@ -118,7 +118,9 @@ def families(
         distance = np.abs(near[:, :, None] - mu[owner][:, None, :]) / np.abs(near)[:, :, None]
     distance = np.where(np.isnan(distance), np.inf, distance)
     partner = distance.argmin(axis=2)
-    there = np.take_along_axis(distance, partner[:, :, None], 2)[:, :, 0] < SAME
+    there = (
+        np.take_along_axis(distance, partner[:, :, None], 2)[:, :, 0] < LEFT_RIGHT_ROOT_REL_DISTANCE
+    )
     both = there[:, :, None] & there[:, None, :] & ~np.eye(order.shape[1], dtype=bool)
     twice = (both & (partner[:, :, None] == partner[:, None, :])).any(axis=(1, 2))
     rows = owner[:, None]

@@ -19,9 +19,10 @@ KEYS: dict[str, tuple[str, ...]] = {  # of a [[sweep]], all of them needed
     "truncated_normal": ("mean", "std", "start", "stop"),
     "lognormal": ("median", "sigma"),
 }
-TAIL = 1e-4  # probability beyond what is shown as the range of an unbounded distribution
+# probability beyond what is shown as the range of an unbounded distribution
+DISPLAY_TAIL_PROBABILITY = 1e-4
 FLAT = 1e-7  # relative change of a density over its range: its differences are rounded away
-EDGE = 2.0**-31  # half a step of a Sobol sequence: keeps unbounded quantiles finite
+SOBOL_CLIP = 2.0**-31  # half a step of a Sobol sequence: keeps unbounded quantiles finite
 
 
 @dataclass(frozen=True)
@@ -60,19 +61,21 @@ class Distribution:
         """Values (n,) below which a share u (n,), from 0 to 1, of the distribution lies."""
         import numpy as np
 
-        inside = u if self.bounded else np.clip(u, EDGE, 1.0 - EDGE)
+        inside = u if self.bounded else np.clip(u, SOBOL_CLIP, 1.0 - SOBOL_CLIP)
         with np.errstate(over="ignore", invalid="ignore"):
             values = np.asarray(self._scipy.ppf(inside), dtype=float)
         return np.clip(values, self.start, self.stop)
 
     @cached_property
     def range(self) -> tuple[float, float]:
-        """Start and stop, or the quantiles of TAIL and 1 - TAIL where there are no ends."""
+        """Start and stop; without ends the quantiles at DISPLAY_TAIL_PROBABILITY from 0 and 1."""
         if self.bounded:
             return self.start, self.stop
         import numpy as np
 
-        low, high = self.quantiles(np.array([TAIL, 1.0 - TAIL])).tolist()
+        low, high = self.quantiles(
+            np.array([DISPLAY_TAIL_PROBABILITY, 1.0 - DISPLAY_TAIL_PROBABILITY])
+        ).tolist()
         return low, high
 
     @property

@@ -25,8 +25,10 @@ from squealstudy.models.operating import (
 from squealstudy.models.parameter import Assumption, Declared
 from squealstudy.parameter import Parameter
 
-KEPT = 4  # assemblies whose stresses a process keeps: their working point takes longest
-NEAR = 0.2  # pressures (relative) and frictions up to which stresses are told of
+# assemblies whose stresses a process keeps: their working point takes longest
+ASSEMBLY_CACHE_SIZE = 4
+# pressures (relative) and frictions up to which stresses are told of
+MAX_OPERATING_DIFFERENCE = 0.2
 
 
 def stressed_point(file: ModelFile) -> OperatingPoint | None:
@@ -75,7 +77,7 @@ def with_stresses(
             for name in brake.file.components
             if (body := body_of(brake, name)).matrices is None
         }
-        if len(_kept) >= KEPT:
+        if len(_kept) >= ASSEMBLY_CACHE_SIZE:
             _kept.pop(next(iter(_kept)))
         _kept[key] = stress_stiffness_of(assembly, operating, meshes)
     return replace(assembly, springs=(*assembly.springs, _kept[key]))
@@ -101,8 +103,15 @@ def stress_assumptions(at: OperatingPoint | None) -> tuple[Assumption, ...]:
     if at is None:
         return ()
     pressure = f"stresses are those of {at.brake_pressure:g} Pa: pressures differ by at most 20 %"
-    friction = f"stresses are those of friction {at.friction:g}: it differs by at most {NEAR:g}"
+    friction = (
+        f"stresses are those of friction {at.friction:g}: it differs by at most "
+        f"{MAX_OPERATING_DIFFERENCE:g}"
+    )
     return (
-        Assumption(pressure, _Off(at, of_pressure=True), NEAR),
-        Assumption(f"{friction} (reverse: -friction)", _Off(at, of_pressure=False), NEAR),
+        Assumption(pressure, _Off(at, of_pressure=True), MAX_OPERATING_DIFFERENCE),
+        Assumption(
+            f"{friction} (reverse: -friction)",
+            _Off(at, of_pressure=False),
+            MAX_OPERATING_DIFFERENCE,
+        ),
     )

@@ -12,7 +12,7 @@ from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.models.parameter_names import StudyParameter, parse_parameter
 from squealstudy.models.units import CELSIUS, ZERO_CELSIUS
 from squealstudy.study.design_sections import MOST_POINTS, DesignSection, Scale, SweepSection
-from squealstudy.study.distributions import KEYS, TAIL, UNIFORM, Distribution
+from squealstudy.study.distributions import DISPLAY_TAIL_PROBABILITY, KEYS, UNIFORM, Distribution
 from squealstudy.study.kinds import model_kind
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText
@@ -247,7 +247,9 @@ class _SweepReader:
 def beyond(distribution: Distribution, message: str) -> str:
     """What to say where a distribution has values that the parameter cannot take."""
     cure = "" if distribution.bounded else "; distribution = 'truncated_normal' has start and stop"
-    tails = "" if distribution.bounded else f" in its tails of probability {TAIL:g}"
+    tails = (
+        "" if distribution.bounded else f" in its tails of probability {DISPLAY_TAIL_PROBABILITY:g}"
+    )
     return f"the {distribution.name} distribution has such values{tails}: {message}{cure}"
 
 

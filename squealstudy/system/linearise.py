@@ -82,7 +82,9 @@ class StructureWeights(NamedTuple):
         return cls(*weights[: len(cls._fields)])
 
 
-SYMMETRIC = tuple(map(StructureWeights._fields.index, ("springs", "normal", "elastic", "shapes")))
+SYMMETRIC_STIFFNESS_FIELDS = tuple(
+    map(StructureWeights._fields.index, ("springs", "normal", "elastic", "shapes"))
+)
 
 
 def structure_weights(
@@ -326,7 +328,7 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> L
 
 def symmetric_stiffness(structure: ContactStructure, weights: Weights) -> np.ndarray:
     """Elastic, spring and contact stiffness (n, n), without friction, of dense terms."""
-    return structure.system.summed(weights, SYMMETRIC)
+    return structure.system.summed(weights, SYMMETRIC_STIFFNESS_FIELDS)
 
 
 def assembly_damping(

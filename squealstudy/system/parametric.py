@@ -24,7 +24,8 @@ from squealstudy.linalg.quadratic_pencil import product
 from squealstudy.linalg.sparse_qep import LowRankSum
 
 STIFFNESS, DAMPING, MASS = 0, 1, 2
-MANY = 3  # whole matrices of one order, beyond which their sum is less work than their products
+# whole matrices of one order, beyond which their sum is less work than their products
+SUM_FIRST_ABOVE = 3
 Matrix = Any  # ndarray or scipy sparse matrix
 Weights = tuple[Any, ...]  # of float, ndarray (k,), or ndarray (n, n) for dense terms
 
@@ -203,7 +204,7 @@ class ParametricSystem:
         for i, (term, w) in enumerate(zip(self.terms, weights, strict=True)):
             if term.left is None and isinstance(term.right, np.ndarray) and not np.ndim(w):
                 whole[term.order].append(i)
-        many = {order: found for order, found in whole.items() if len(found) > MANY}
+        many = {order: found for order, found in whole.items() if len(found) > SUM_FIRST_ABOVE}
         if not many:
             return self, weights
         summed = {i for found in many.values() for i in found}

@@ -13,7 +13,7 @@ from squealstudy.tables.mode_ranking import DIVERGENCE, unstable_groups
 from squealstudy.wording import SUSTAINED
 
 FREQUENCY_TOLERANCE = 0.01  # relative, between one complex mode of the two studies
-SAME = 1e-6  # relative, between values of a parameter
+SAME_VALUE_REL_TOLERANCE = 1e-6  # relative, between values of a parameter
 STABLE = "stable"
 OPEN = ("growing", "undecided")  # classes that do not tell yet what remains
 NAMED = 8  # values of a parameter that a message lists
@@ -158,7 +158,9 @@ def join_points(
 def _rows_at(points: pd.DataFrame, values: Mapping[str, float]) -> np.ndarray:
     """Rows of a points table (n,) at which parameters have these values; all without any."""
     table = points[list(values)].to_numpy(dtype=float)
-    same = np.isclose(table, np.array(list(values.values()), dtype=float), rtol=SAME, atol=0.0)
+    same = np.isclose(
+        table, np.array(list(values.values()), dtype=float), rtol=SAME_VALUE_REL_TOLERANCE, atol=0.0
+    )
     return np.flatnonzero(same.all(axis=1))
 
 

@@ -19,12 +19,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-PAIRED = 0.05  # relative distance within which two roots are one mode
-CLEARLY = 1e-4  # damping ratio beyond which a mode is unstable, or stable, for certain
-QUIET = 1e-3  # of the static torque: levels below are compared on this scale
-SLOW = 1.0  # 1/s: growth rates below are compared on this scale
-EARLY = 1e-2  # of the searched range: onsets below are compared on this scale
-FAINT = 1e-3  # of the mode's frequency, rad/s: the same of runs, whose growth is fitted
+MAX_PAIR_REL_DISTANCE = 0.05  # relative distance within which two roots are one mode
+# damping ratio beyond which a mode is unstable, or stable, for certain
+CERTAIN_DAMPING_RATIO = 1e-4
+LEVEL_SCALE_OVER_STATIC = 1e-3  # of the static torque: levels below are compared on this scale
+GROWTH_SCALE_PER_S = 1.0  # 1/s: growth rates below are compared on this scale
+ONSET_SCALE_OVER_RANGE = 1e-2  # of the searched range: onsets below are compared on this scale
+# of the mode's frequency, rad/s: the same of runs, whose growth is fitted
+GROWTH_SCALE_OVER_OMEGA = 1e-3
 COMPARED = (*SUSTAINED, UNDECIDED)  # classes whose levels over the same time say something
 
 
@@ -77,17 +79,17 @@ def root_errors(
     lam, ref = _roots(found), _roots(truth)
     # the unstable ones too, however fast they grow
     light = ref[ref.real > -LIGHT_DAMPING * np.abs(ref)]
-    partner = partners(np.abs(light[:, None] - lam) / np.abs(light)[:, None], PAIRED)
+    partner = partners(np.abs(light[:, None] - lam) / np.abs(light)[:, None], MAX_PAIR_REL_DISTANCE)
     errors: list[FoundError] = []
     missed = 0
     for k, root in enumerate(light):
         zeta = -root.real / abs(root)
         own = partner[k]
-        if own < 0 or (zeta < -CLEARLY and lam[own].real <= 0):
-            missed += zeta < -CLEARLY
+        if own < 0 or (zeta < -CERTAIN_DAMPING_RATIO and lam[own].real <= 0):
+            missed += zeta < -CERTAIN_DAMPING_RATIO
         errors += _mode_errors(k + 1, lam[own], root) if own >= 0 else _lost(k + 1, root)
     taken = set(partner.tolist())
-    clearly = lam.real > CLEARLY * np.abs(lam)
+    clearly = lam.real > CERTAIN_DAMPING_RATIO * np.abs(lam)
     spurious = sum(j not in taken for j in np.flatnonzero(clearly))
     stable = [k for k, r in enumerate(light) if r.real <= 0 and partner[k] >= 0]
     spurious += sum(bool(clearly[partner[k]]) for k in stable)
@@ -105,7 +107,7 @@ def _lost(mode: int, root: complex) -> Iterator[FoundError]:
     """A mode that has no partner is wrong by what pairs may differ, at least."""
     values = {"frequency": abs(root) / (2 * np.pi), "damping_ratio": -root.real / abs(root)}
     for name, truth in values.items():
-        yield _plain(name, mode, np.nan, truth, PAIRED)
+        yield _plain(name, mode, np.nan, truth, MAX_PAIR_REL_DISTANCE)
 
 
 def _mode_errors(mode: int, lam: complex, root: complex) -> Iterator[FoundError]:
@@ -115,9 +117,9 @@ def _mode_errors(mode: int, lam: complex, root: complex) -> Iterator[FoundError]
         ("frequency", f, f_ref, abs(f / f_ref - 1)),
         ("damping_ratio", zeta, zeta_ref, abs(zeta - zeta_ref)),
     ]
-    if zeta_ref < -CLEARLY:
+    if zeta_ref < -CERTAIN_DAMPING_RATIO:
         pairs += [(f"unstable_{name}", x, ref, error) for name, x, ref, error in pairs]
-        scale = max(abs(root.real), SLOW)
+        scale = max(abs(root.real), GROWTH_SCALE_PER_S)
         pairs += [("growth_rate", lam.real, root.real, abs(lam.real - root.real) / scale)]
     for name, value, truth, error in pairs:
         yield _plain(name, mode, value, truth, error)
@@ -135,7 +137,7 @@ def onset_errors(
     own, ref = found["onset"], truth["onset"]
     if own[0] is None or ref[0] is None:
         return [], Miscount(int(ref[0] is not None), int(own[0] is not None))
-    error = _interval_error("onset", own, ref, EARLY * truth["onset_range"])
+    error = _interval_error("onset", own, ref, ONSET_SCALE_OVER_RANGE * truth["onset_range"])
     return [error] if error is not None else [], Miscount(0, 0)
 
 
@@ -147,8 +149,10 @@ def run_errors(
     Lines in the spectrum are compared where both vibrate, levels where the reference has one: a
     run that still grows has none.
     """
-    level = QUIET * abs(truth["torque_static"])
-    slow = max(SLOW, FAINT * 2 * np.pi * truth["predicted_frequency_hz"])
+    level = LEVEL_SCALE_OVER_STATIC * abs(truth["torque_static"])
+    slow = max(
+        GROWTH_SCALE_PER_S, GROWTH_SCALE_OVER_OMEGA * 2 * np.pi * truth["predicted_frequency_hz"]
+    )
     scales = {"growth_rate": slow, "torque_rms": level, "torque_mean": level}
     loud, loud_ref = (_upper(f, "torque_rms") > level for f in (found, truth))
     left_out: tuple[str, ...] = () if loud and loud_ref else ("dominant_frequency",)
@@ -300,7 +304,7 @@ def _cheapest(
 
 
 WORKS = ("converged", "slow", "recovered")
-MARGIN = 0.02  # of the prediction: cells nearer to the boundary are not judged
+BOUNDARY_REL_MARGIN = 0.02  # of the prediction: cells nearer to the boundary are not judged
 
 
 def agreement(cells: pd.DataFrame) -> dict[str, Any]:
@@ -320,7 +324,7 @@ def agreement(cells: pd.DataFrame) -> dict[str, Any]:
     """
     works = cells["outcome"].isin(WORKS).to_numpy()
     predicted = cells["predicted"].to_numpy(float)
-    judged = np.isfinite(predicted) & (np.abs(predicted - 1.0) > MARGIN)
+    judged = np.isfinite(predicted) & (np.abs(predicted - 1.0) > BOUNDARY_REL_MARGIN)
     judged |= np.isinf(predicted)
     recovered = (cells["outcome"] == "recovered").to_numpy()  # the plain method failed, as it may
     same = recovered | (works == (predicted < 1.0))

@@ -32,7 +32,7 @@ AT_DIGITS = 6  # of the values in `at`
 # in place of a track number: overdamped roots together; modes without a track in groups of near
 # frequency, numbered downwards in ascending frequency
 DIVERGENCE, UNTRACKED = -1, -2
-APART = 0.05  # relative: a wider gap in frequency parts modes without a track
+GROUP_REL_GAP = 0.05  # relative: a wider gap in frequency parts modes without a track
 ORDER = {  # by: column, ascending
     "share": ("unstable_share", False),
     "growth": ("max_growth_rate", False),
@@ -100,8 +100,8 @@ def rank_modes(
         that are means over the unstable points. Overdamped unstable roots are together in a row
         of track -1, "static divergence", without a frequency. Unstable modes without a track
         stand in rows of track -2 and below, "untracked": each holds all modes, maybe different
-        ones, in a range of frequency without a gap of more than APART, whose ends the row has;
-        frequency, growth, damping and energies are those of its fastest one.
+        ones, in a range of frequency without a gap of more than GROUP_REL_GAP, whose ends the row
+        has; frequency, growth, damping and energies are those of its fastest one.
         `unstable_points` of all `points` that count are unstable, a share of `unstable_share`;
         points that failed do not count. At `unstable_points_low` it is so whatever its error, at
         `unstable_points_high` it may be.
@@ -191,7 +191,7 @@ def unstable_groups(modes: pd.DataFrame) -> np.ndarray:
     loose = np.flatnonzero(unstable & ~overdamped & (track <= 0))
     hz = modes["frequency_hz"].to_numpy(float)[loose]
     order = np.argsort(hz, kind="stable")
-    apart = np.diff(hz[order]) > APART * hz[order][:-1]
+    apart = np.diff(hz[order]) > GROUP_REL_GAP * hz[order][:-1]
     group[loose[order]] = UNTRACKED - np.cumsum(np.append(False, apart)[: len(order)])
     return np.where(unstable, group, 0)
 

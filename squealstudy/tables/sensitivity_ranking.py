@@ -11,7 +11,8 @@ import pandas as pd
 from squealstudy.errors import ResultsError
 from squealstudy.wording import in_digits
 
-FAR = 0.1  # relative distance of a mode from the frequency asked for that is no match
+# relative distance of a mode from the frequency asked for that is no match
+MAX_MATCH_REL_DISTANCE = 0.1
 
 
 def mode_sensitivities(
@@ -43,7 +44,7 @@ def mode_sensitivities(
     if frequency_hz is not None:
         distance = (modes["frequency_hz"] - frequency_hz).abs()
         nearest = distance.groupby(modes["point_id"]).transform("min")
-        modes = modes[(distance == nearest) & (distance <= FAR * frequency_hz)]
+        modes = modes[(distance == nearest) & (distance <= MAX_MATCH_REL_DISTANCE * frequency_hz)]
         if not len(modes):
             known = sorted({in_digits(f) for f in rows["frequency_hz"]}, key=float)
             raise ResultsError(f"no mode near {frequency_hz:g} Hz, there are {', '.join(known)} Hz")

@@ -17,7 +17,7 @@ from squealstudy.laboratory.method_stability.impact_energy import (
 )
 from squealstudy.motion.integrator import DRIFT_LIMIT
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
-from squealstudy.motion.level_errors import BLOCKS, _drifting, energy_drift
+from squealstudy.motion.level_errors import N_BALANCE_BLOCKS, _drifting, energy_drift
 
 
 def at(number, shift=1.0):
@@ -95,7 +95,7 @@ def test_a_run_that_explodes_in_its_last_rows_is_caught(flight):
 
 
 def test_drift_of_short_and_resting_runs(flight):
-    short = {name: rows[: BLOCKS - 1] for name, rows in flight.history.items()}
+    short = {name: rows[: N_BALANCE_BLOCKS - 1] for name, rows in flight.history.items()}
     assert np.isnan(energy_drift(replace(flight, history=short)))
     rest = {name: 0.0 * rows for name, rows in flight.history.items()}
     assert energy_drift(replace(flight, history=rest)) == 0.0

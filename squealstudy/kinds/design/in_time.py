@@ -26,10 +26,10 @@ from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
 
-LEAD = 0.02  # of the sliding speed: where the run of today's design begins
-SIZES = (1.0, 0.25)  # of kicks, of the reach of [limit_cycles]
-KICKED = 4  # modes
-KNOWN = 64  # vibrations of today that are kept
+START_VELOCITY_RATIO = 0.02  # of the sliding speed: where the run of today's design begins
+KICK_SCALES = (1.0, 0.25)  # of kicks, of the reach of [limit_cycles]
+MAX_KICKED_MODES = 4  # modes
+RUN_CACHE_SIZE = 64  # vibrations of today that are kept
 TODAY = "today's vibration"
 ELSEWHERE = f"{TODAY} of [parameters]"
 TURN = 2 * np.pi
@@ -137,7 +137,7 @@ class _Vibrations(NamedTuple):
     lasting: list[tuple[str, np.ndarray, np.ndarray]]  # how they began, q, q'
 
 
-@lru_cache(maxsize=KNOWN)  # many candidates begin with them
+@lru_cache(maxsize=RUN_CACHE_SIZE)  # many candidates begin with them
 def vibrations(today: _Today, asked: CyclesRequest) -> _Vibrations:
     """Where a small start, or kicks where it decays from that, have led today's design.
 
@@ -149,7 +149,9 @@ def vibrations(today: _Today, asked: CyclesRequest) -> _Vibrations:
     near = (np.abs(growing.lam[: growing.n_unstable]) / TURN).tolist()
     starts = [(f" after a {name}", start) for name, start in _kicks(was, (), asked)]
     if growing.n_unstable:
-        starts = [("", perturbed(was.system, was.point, LEAD * abs(was.point.speed)))]
+        starts = [
+            ("", perturbed(was.system, was.point, START_VELOCITY_RATIO * abs(was.point.speed)))
+        ]
     found = [own for own in _runs(was, starts, asked) if own[0].goes_on]
     by_mode = {f"{told.mode_hz:.3g}": (told, motion) for told, motion in reversed(found)}
     near += [told.mode_hz for told, _ in by_mode.values() if np.isfinite(told.mode_hz)]
@@ -168,11 +170,11 @@ def _kicks(
     wanted = [int(inside[np.argmin(np.abs(hz[inside] - f))]) for f in near]
     wanted += [int(k) for k in inside[np.argsort(zeta[inside], kind="stable")]]
     largest = asked.section.reach * abs(contact.point.speed)
-    for k in list(dict.fromkeys(wanted))[:KICKED]:
+    for k in list(dict.fromkeys(wanted))[:MAX_KICKED_MODES]:
         # the phase at which the velocity is largest: the displacement is then small
         x = psi[:, k] * np.exp(-0.5j * np.angle(np.sum((lam[k] * psi[:, k]) ** 2)))
         q, v = x.real, (lam[k] * x).real
-        for share in SIZES:
+        for share in KICK_SCALES:
             factor = share * largest / contact_speed(contact.system, v)
             name = f"kick of {share * largest:.3g} m/s along the mode at {hz[k]:.4g} Hz"
             yield name, replace(contact.point, q0=factor * q, v0=factor * v)

@@ -48,7 +48,7 @@ from squealstudy.kinds.design.section import DesignStudyDefinition
 from squealstudy.kinds.design.state import Memory
 from squealstudy.kinds.design.study import DesignStudy, of_variant, read_study
 from squealstudy.kinds.design.variants import plans
-from squealstudy.kinds.limit_cycles.designs import MOST, CyclesRequest
+from squealstudy.kinds.limit_cycles.designs import MAX_COORDINATES, CyclesRequest
 from squealstudy.kinds.transient.batch import mode_keys
 from squealstudy.kinds.transient.plan_facts import slowest_speed
 from squealstudy.mechanics.failures import FAILURES
@@ -79,7 +79,7 @@ SOURCES = (
     "kinds/transient",
     "cycles",
 )
-NAMED = 3  # modes named in a warning
+MAX_MODES_IN_WARNING = 3  # modes named in a warning
 
 
 class Design(ModelKind):
@@ -181,8 +181,14 @@ class Design(ModelKind):
         low = np.flatnonzero(zeta < margin)
         if not len(low):
             return []
-        named = ", ".join(f"{hz[k]:.5g} Hz ({100 * zeta[k]:.3g} %)" for k in low[:NAMED])
-        more = f" and {len(low) - NAMED} more" if len(low) > NAMED else ""
+        named = ", ".join(
+            f"{hz[k]:.5g} Hz ({100 * zeta[k]:.3g} %)" for k in low[:MAX_MODES_IN_WARNING]
+        )
+        more = (
+            f" and {len(low) - MAX_MODES_IN_WARNING} more"
+            if len(low) > MAX_MODES_IN_WARNING
+            else ""
+        )
         return [
             f"the margin, {100 * margin:.3g} % of critical damping, is above what modes of today's "
             f"design have in steady sliding without any coupling by friction: {named}{more}; what "
@@ -330,7 +336,7 @@ def todays_structures(plan: DesignPlan) -> dict[tuple[float, ...], str]:
 def cyclic(plan: Plan) -> bool:
     """Whether limit cycles and runs can be looked for: of models that are small enough."""
     first = plan.tasks[0].structure
-    return is_prepared(first) and prepared_model(first).model.n <= MOST
+    return is_prepared(first) and prepared_model(first).model.n <= MAX_COORDINATES
 
 
 KIND = Design()

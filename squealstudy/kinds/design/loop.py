@@ -30,14 +30,16 @@ from squealstudy.kinds.design.state import (
 from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.kinds.design.targets import Realisation, is_target, nearest, part_of
 
-SCANNED = 16  # designs a variable, where a variable costs no reduction
+SCAN_DESIGNS_PER_VARIABLE = 16  # designs a variable, where a variable costs no reduction
 MOST_CORNERS = 6  # variables of a box whose corners are in the scan
 SCAN_POINTS = 6  # operating points at which the scan looks
-FEW, WORKING = 16, 12  # operating points that the search has all in view; else the worst so many
-APART = 0.15  # least distance between starts, in units of the ranges
-ROUNDS = 10  # of search and proof
-EASED = 4  # of them after one that succeeds, in which less is asked of what runs had refused
-SAVED = 0.01  # of the cost: what these must save
+# operating points that the search has all in view; else the worst so many
+MAX_POINTS_ALL_SEARCHED, N_WORST_POINTS_SEARCHED = 16, 12
+MIN_START_DISTANCE = 0.15  # least distance between starts, in units of the ranges
+MAX_ROUNDS = 10  # of search and proof
+# of them after one that succeeds, in which less is asked of what runs had refused
+RELAXATION_ROUNDS = 4
+MIN_REL_COST_SAVING = 0.01  # of the cost: what these must save
 
 
 class Loop(Evaluations):
@@ -73,15 +75,15 @@ class Loop(Evaluations):
         if self.wanted:
             raise Wanted
         worst = self.by_margin(today, range(state.n_matrix))
-        if state.n_matrix > FEW:
-            state.view = sorted(worst[:WORKING])
+        if state.n_matrix > MAX_POINTS_ALL_SEARCHED:
+            state.view = sorted(worst[:N_WORST_POINTS_SEARCHED])
         good, fixed = judged is not None and judged.worst >= 0.0, not self.study.variables
         if good or fixed:  # nothing costs less than no change
             state.chosen, state.outcome = today, self._proven(today) if good else NOTHING
             if fixed or state.outcome != UNPROVEN:
                 return
         starts = self._realised(worst) if self.both else self._starts(worst)
-        last = ROUNDS
+        last = MAX_ROUNDS
         best: tuple[np.ndarray, str] | None = None
         while state.round < last:
             state.round += 1
@@ -96,13 +98,13 @@ class Loop(Evaluations):
             state.chosen = chosen
             state.outcome = self._proven(chosen)
             if state.outcome != UNPROVEN:
-                last = last if best is not None else state.round + EASED
+                last = last if best is not None else state.round + RELAXATION_ROUNDS
                 best = chosen, state.outcome
                 state.extras = [e.eased() for e in state.extras]
                 if state.outcome not in PROVEN or all(e.known for e in state.extras):
                     break
             elif best is not None and not self._holds(best[0]):
-                best, last = None, ROUNDS
+                best, last = None, MAX_ROUNDS
             if len(state.designs) > self._limit():
                 state.outcome = STOPPED
                 break
@@ -121,7 +123,7 @@ class Loop(Evaluations):
     def _saves(self, design: np.ndarray, proven: np.ndarray) -> bool:
         """Whether a design costs less than one that is proven."""
         own, before = (self.box.price(self.change(x)) for x in (design, proven))
-        return own < (1.0 - SAVED) * before
+        return own < (1.0 - MIN_REL_COST_SAVING) * before
 
     def _proven(self, design: np.ndarray) -> str:
         """What the proof of a design comes to."""
@@ -161,7 +163,7 @@ class Loop(Evaluations):
             return self.goal.scan
         moved = [v for v, kept in zip(self.study.variables, self.kept, strict=True) if kept]
         costly = self.reduced and any(v.parameter.structural for v in moved)
-        return 0 if costly else SCANNED * len(moved)
+        return 0 if costly else SCAN_DESIGNS_PER_VARIABLE * len(moved)
 
     def _starts(self, worst: Sequence[int]) -> list[np.ndarray]:
         """Today's design, and the best of a scan that lie apart."""
@@ -206,7 +208,7 @@ class Loop(Evaluations):
         """The first so many that lie apart."""
         kept: list[np.ndarray] = []
         for z in designs:
-            if all(np.abs(z - other).max() >= APART for other in kept):
+            if all(np.abs(z - other).max() >= MIN_START_DISTANCE for other in kept):
                 kept.append(z)
         return kept[: self.goal.starts]
 

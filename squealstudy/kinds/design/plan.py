@@ -19,7 +19,7 @@ from squealstudy.study.sampling import design_points
 
 # stages: with sensitivities, without, limit cycles, unreduced, runs
 MODES, ROOTS, CYCLES, FULL, IN_TIME = "modes", "roots", "cycles", "full_order", "in_time"
-MANY = 1_000_000  # structures: a search may ask for as many
+MAX_STRUCTURES = 1_000_000  # structures: a search may ask for as many
 
 
 class Ask(NamedTuple):
@@ -133,7 +133,7 @@ class DesignPlan(Plan):
         study = self.design_study
         swept = [*study.sweeps[study.n_operating :]]
         if any(s.parameter.structural for s in swept):
-            return shared_range(study, MANY)
+            return shared_range(study, MAX_STRUCTURES)
         matrix = operating_points(study)
         own = [k for k, s in enumerate(study.operation.sweeps) if s.parameter.structural]
         return shared_range(study, len(np.unique(matrix[:, own], axis=0)) if own else 1)

@@ -18,13 +18,15 @@ from squealstudy.kinds.design.state import Check, Extra
 from squealstudy.tables.robustness import probability_interval
 from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, plural
 
-REFINED = 6  # points of least margin whose neighbourhood is looked at, again and again
-PARTS, NARROW = 8, 1.001  # of a gap of the matrix, in which middles end; round-off
+N_POINTS_REFINED = 6  # points of least margin whose neighbourhood is looked at, again and again
+# of a gap of the matrix, in which middles end; round-off
+GRID_STEP_SUBDIVISIONS, ROUND_OFF_FACTOR = 8, 1.001
 CYCLE_POINTS = 4  # at which limit cycles are looked for, of models that are no brake
-MORE = 6  # points that join the view of the search at once
-LACKING = 1.1  # of what a check finds missing: what the next search is asked for beside it
+MAX_POINTS_ADDED = 6  # points that join the view of the search at once
+SHORTFALL_FACTOR = 1.1  # of what a check finds missing: what the next search is asked for beside it
 LEAST_LACK = 1e-4  # damping ratio
-SAFER = 1.25  # factor on the scatter that the search allows for where the proof was missed
+# factor on the scatter that the search allows for where the proof was missed
+SCATTER_INCREASE = 1.25
 CONFIDENCE = 0.95
 LIMIT_CYCLES = "limit_cycles"  # the check
 AMPLITUDES = (LIMIT_CYCLES, IN_TIME)  # checks of large motions
@@ -79,7 +81,7 @@ class Proof:
         text = f"{len(points) - len(bad)} of {len(points)} operating points have what is asked"
         value = float(np.nanmin(least)) if np.isfinite(least).any() else np.nan
         self._told(kind, design, asks, not bad, value, text)
-        self.designs.state.view = sorted({*self.designs.state.view, *bad[:MORE]})
+        self.designs.state.view = sorted({*self.designs.state.view, *bad[:MAX_POINTS_ADDED]})
         return not bad
 
     def _matrix(self, design: np.ndarray) -> bool:
@@ -99,7 +101,7 @@ class Proof:
                 return False
             known = np.array(state.points).reshape(len(state.points), -1)
             new: dict[bytes, np.ndarray] = {}
-            for p in self._worst(design, REFINED):
+            for p in self._worst(design, N_POINTS_REFINED):
                 new |= {m.tobytes(): m for m in middles(known, p, matrix)}
             new = {key: m for key, m in new.items() if not (known == m).all(axis=1).any()}
             if not new:
@@ -131,7 +133,7 @@ class Proof:
             if full < self.designs.margin:
                 good = False
                 self.designs.state.extras.append(
-                    Extra(p, self.designs.margin + LACKING * (own - full))
+                    Extra(p, self.designs.margin + SHORTFALL_FACTOR * (own - full))
                 )
                 self.designs.state.view = sorted({*self.designs.state.view, p})
         least = f"{value:.4g}" if np.isfinite(value) else "not known"
@@ -163,7 +165,7 @@ class Proof:
                 own = self._damping_near(self.designs.rows[self.designs.judging(p, design)], hz)
                 lack = max(missing, LEAST_LACK)
                 beyond = max(lack + min(own, 0.0), LEAST_LACK)  # what small motions lack is known
-                more = own + lack + (LACKING - 1.0) * beyond
+                more = own + lack + (SHORTFALL_FACTOR - 1.0) * beyond
                 self.designs.state.extras.append(Extra(p, more, hz))
                 self.designs.state.view = sorted({*self.designs.state.view, p})
         known = good and set(verdicts) <= {NO_CYCLE}
@@ -251,7 +253,7 @@ class Proof:
         passed = low >= asked
         self._told("scatter", design, flat, passed, good / len(scatter), text)
         if not passed:
-            self.designs.state.safety = max(self.designs.state.safety, 1.0) * SAFER
+            self.designs.state.safety = max(self.designs.state.safety, 1.0) * SCATTER_INCREASE
         return passed
 
     def _samples(self, asked: float) -> np.ndarray:
@@ -274,7 +276,8 @@ class Proof:
 def middles(points: np.ndarray, number: int, matrix: np.ndarray) -> list[np.ndarray]:
     """Points (k,) halfway from one of some points (m, k) to the next value of each parameter.
 
-    None in what is 1 / PARTS or less of the gap between values of the matrix (n, k) that it is in.
+    None in what is 1 / GRID_STEP_SUBDIVISIONS or less of the gap between values of the matrix
+    (n, k) that it is in.
     """
     found = []
     here = points[number]
@@ -285,6 +288,9 @@ def middles(points: np.ndarray, number: int, matrix: np.ndarray) -> list[np.ndar
                 middle = here.copy()
                 middle[k] = float(f"{(here[k] + value) / 2:.9g}")
                 after = int(np.searchsorted(ends, middle[k]))
-                if abs(value - here[k]) > (ends[after] - ends[after - 1]) * NARROW / PARTS:
+                if (
+                    abs(value - here[k])
+                    > (ends[after] - ends[after - 1]) * ROUND_OFF_FACTOR / GRID_STEP_SUBDIVISIONS
+                ):
                     found.append(middle)
     return found

@@ -102,10 +102,13 @@ SCHEMA = pa.schema(
         pa.field("beside", structs(BESIDE_FIELDS)),
     ]
 )
-CLOSE = 0.02  # damping ratio above the margin up to which modes have sensitivities
+# damping ratio above the margin up to which modes have sensitivities
+SENSITIVITY_DAMPING_WINDOW = 0.02
 LEAST_MODES, MOST_MODES = 2, 8  # that have them
-BESIDE = 1.25  # factor on the ends of the band: modes up to there may have been moved out of it
-DIVERGES = -1.0  # "damping ratio" of steady sliding that diverges without oscillation
+# factor on the ends of the band: modes up to there may have been moved out of it
+BAND_WIDENING = 1.25
+# "damping ratio" of steady sliding that diverges without oscillation
+DIVERGENCE_DAMPING_RATIO = -1.0
 
 
 @dataclass(frozen=True)
@@ -207,7 +210,7 @@ def _modes(point: DesignPoint, stage: str, request: DesignRequest, gaps: NewGaps
     if known is None:
         gaps.add(point.structure, point, steady.gap)
     low, high = angular_band(request.band_hz)
-    wider = low / (BESIDE if request.band_hz[0] else 1.0), high * BESIDE
+    wider = low / (BAND_WIDENING if request.band_hz[0] else 1.0), high * BAND_WIDENING
     lam, psi, error = band_modes(system, steady, (wider[0] / TURN, wider[1] / TURN))
     inside = (np.abs(lam) >= low) & (np.abs(lam) <= high)
     limit = min(request.margin, -request.tolerance)
@@ -227,7 +230,7 @@ def _modes(point: DesignPoint, stage: str, request: DesignRequest, gaps: NewGaps
     near = [
         k
         for place, k in enumerate(oscillating[:MOST_MODES])
-        if place < LEAST_MODES or zeta[k] < request.margin + CLOSE
+        if place < LEAST_MODES or zeta[k] < request.margin + SENSITIVITY_DAMPING_WINDOW
     ]
     real = _RealModes.of(system)
     for k in near:

@@ -20,11 +20,12 @@ import numpy as np
 
 FIRST_RADIUS, LARGEST_RADIUS, LEAST_RADIUS = 0.2, 0.5, 1e-3  # of each variable's range
 MOST_STEPS = 60
-ACCEPTED, GOOD, POOR = 0.1, 0.75, 0.25  # real over predicted decrease
-SAME = 1e-4  # of the total cost: no step predicts more, the search has ended
-WEIGHTS = (2e2, 2e3, 2e4)  # nu in costs per damping ratio, in turn where the margin is missed
-INSIDE = 1e-6  # damping ratio by which steps aim beyond the margin, and
-BEYOND = 1e-3  # of the margin
+RATIO_ACCEPT, RATIO_EXPAND, RATIO_SHRINK = 0.1, 0.75, 0.25  # real over predicted decrease
+MIN_REL_PREDICTED_DECREASE = 1e-4  # of the total cost: no step predicts more, the search has ended
+# nu in costs per damping ratio, in turn where the margin is missed
+PENALTY_WEIGHTS = (2e2, 2e3, 2e4)
+MARGIN_OVERSHOOT = 1e-6  # damping ratio by which steps aim beyond the margin, and
+REL_MARGIN_OVERSHOOT = 1e-3  # of the margin
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +85,9 @@ def descend(
     here = yield z
     if here is None:
         return z
-    aim = INSIDE + BEYOND * abs(margin)
+    aim = MARGIN_OVERSHOOT + REL_MARGIN_OVERSHOOT * abs(margin)
     radius, taken = FIRST_RADIUS, 0
-    for nu in WEIGHTS:
+    for nu in PENALTY_WEIGHTS:
         weight = nu * float(box.cost.sum())
         radius = max(radius, 10 * LEAST_RADIUS)
         while taken < MOST_STEPS and radius >= LEAST_RADIUS:
@@ -96,17 +97,17 @@ def descend(
                 steps[key] = _step(box, z, here, radius, weight, aim)
             trial, predicted = steps[key]
             before = _merit(box, z, here, weight, aim)
-            if before - predicted <= SAME * float(box.cost.sum()):
+            if before - predicted <= MIN_REL_PREDICTED_DECREASE * float(box.cost.sum()):
                 break
             taken += 1
             there = yield trial
             gain = -np.inf if there is None else before - _merit(box, trial, there, weight, aim)
             ratio = gain / (before - predicted)
-            if there is not None and ratio >= ACCEPTED:
+            if there is not None and ratio >= RATIO_ACCEPT:
                 z, here = trial, there
-            if ratio > GOOD:
+            if ratio > RATIO_EXPAND:
                 radius = min(2.0 * radius, LARGEST_RADIUS)
-            elif ratio < POOR:
+            elif ratio < RATIO_SHRINK:
                 radius *= 0.4
         if here.worst >= 0.0:
             break

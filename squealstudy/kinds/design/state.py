@@ -23,7 +23,7 @@ PROVEN = (MET, MET_LINEAR)
 KICK_WINDOW = 0.2  # of its frequency: modes that take on what a kicked one lacks
 MORE_DAMPING = (2.0, 1e-3)  # of modes that a run shows to last: a factor, at least so much
 NEAR_ENOUGH = 0.05  # between damping ratios with which a run lasts, and decays
-ABOVE = 1 + 1e-6
+JUST_ABOVE_FACTOR = 1 + 1e-6
 
 
 class Wanted(Exception):  # noqa: N818 - no error
@@ -81,7 +81,7 @@ class Extra:
         if not np.isfinite(self.lasts):
             return self
         known = np.isfinite(self.decays)
-        return replace(self, damping_ratio=self.decays if known else self.lasts * ABOVE)
+        return replace(self, damping_ratio=self.decays if known else self.lasts * JUST_ABOVE_FACTOR)
 
 
 @dataclass(frozen=True)

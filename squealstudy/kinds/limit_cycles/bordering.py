@@ -25,7 +25,7 @@ from squealstudy.kinds.limit_cycles.onset import onset_near
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.design import DesignPoint
 
-HALF = 1e-3  # of the range: bracket of an onset at least
+BRACKET_HALF_WIDTH = 1e-3  # of the range: bracket of an onset at least
 BORDER_FIELDS = (
     ("border_id", TEXT),
     ("event", TEXT),
@@ -151,7 +151,7 @@ class Plane:
 
     def onset(self, over: float, guess: PeriodicMotion) -> BorderPoint:
         """The Hopf point there."""
-        value, hz, how = onset_near(self.way(over), guess, HALF * self.width)
+        value, hz, how = onset_near(self.way(over), guess, BRACKET_HALF_WIDTH * self.width)
         self._inside(value)
         motion = replace(guess, omega=2.0 * np.pi * hz, mu=value)
         return BorderPoint(over, motion, criticality=how)

@@ -40,7 +40,7 @@ from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.design import DesignPoint
 
 TURNED = "turned"  # why a step to a neighbour ends: the cycle folds before it
-BACK = 0.2  # share of the way back after which it is given up
+MAX_RETRACED_SHARE = 0.2  # share of the way back after which it is given up
 NEAR_HZ, NEAR_LEVEL = 1e-3, 0.05  # relative: a branch may pass a cycle where it is as near as that
 SAME_FOLD = 1e-4  # of the range: two branches with a fold within it are one
 
@@ -172,7 +172,7 @@ def step_to_neighbour(task: StepTask) -> Found:
     def stop(motion: PeriodicMotion) -> str:
         nonlocal furthest
         furthest = max(furthest, motion.mu)
-        return TURNED if motion.mu < furthest - BACK else ended(way, motion)
+        return TURNED if motion.mu < furthest - MAX_RETRACED_SHARE else ended(way, motion)
 
     try:
         _, curve, end = cycles_along(way.oscillator, task.start.motion, way.bounds, 1.0, stop)

@@ -58,7 +58,7 @@ from squealstudy.modes.tracking.tree import grid_places
 from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
 
 THRESHOLD = tuple(f"threshold_{name}" for name in ("velocity", "error", "energy", "share"))
-NEAREST = 3  # neighbours of a design that is on no grid
+N_NEAREST_DESIGNS = 3  # neighbours of a design that is on no grid
 BRANCH_FIELDS = (
     ("cycle_id", TEXT),
     ("mode", WHOLE),
@@ -262,7 +262,7 @@ class Continuation:
         away = (((x - x[k]) / np.where(width > 0, width, 1.0)) ** 2).sum(axis=1)
         away[~same] = np.inf
         away[k] = np.inf
-        nearest = np.argsort(away, kind="stable")[:NEAREST]
+        nearest = np.argsort(away, kind="stable")[:N_NEAREST_DESIGNS]
         return [int(i) for i in nearest if np.isfinite(away[i]) and away[i] > 0]
 
     # -- what is found --------------------------------------------------------------------------

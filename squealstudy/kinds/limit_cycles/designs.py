@@ -22,8 +22,8 @@ from squealstudy.motion.shared_modes import SharedModes
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
 
-MOST = 2000  # coordinates: matrices of this size are factorised for every harmonic
-KEPT = 8  # designs on a way
+MAX_COORDINATES = 2000  # coordinates: matrices of this size are factorised for every harmonic
+DESIGN_CACHE_SIZE = 8  # designs on a way
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class CyclesRequest:
     def reference(self, structure: str) -> SharedModes:
         """Modes that all design points of a structure share; ConvergenceError for too many."""
         found = shared_reference(structure, self.operating, self.component_modes, ALL_MODES)
-        if found.system.n > MOST:
+        if found.system.n > MAX_COORDINATES:
             raise ConvergenceError("too_large", too_large(found.system.n))
         return found
 
@@ -102,7 +102,7 @@ def request(plan: Plan) -> CyclesRequest:
 
 def too_large(n: int) -> str:
     """What is said of a model of n coordinates."""
-    return f"the model has {n} coordinates, limit cycles are for {MOST} at most"
+    return f"the model has {n} coordinates, limit cycles are for {MAX_COORDINATES} at most"
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ class Way:
     def contact(self, value: float) -> ContactOscillator:
         """The oscillator at a value."""
         if value not in self._known:
-            while len(self._known) >= KEPT:
+            while len(self._known) >= DESIGN_CACHE_SIZE:
                 del self._known[next(iter(self._known))]
             near = self._last[0] if self._last else None
             steady, found = self.asked.contact_near(self.design(value), near)

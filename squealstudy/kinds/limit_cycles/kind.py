@@ -36,7 +36,12 @@ from squealstudy.engine.store import (
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.limit_cycles.continuing import build_tables
-from squealstudy.kinds.limit_cycles.designs import MOST, CyclesRequest, request, too_large
+from squealstudy.kinds.limit_cycles.designs import (
+    MAX_COORDINATES,
+    CyclesRequest,
+    request,
+    too_large,
+)
 from squealstudy.kinds.limit_cycles.observed import not_observed
 from squealstudy.kinds.limit_cycles.section import (
     ALL,
@@ -57,14 +62,15 @@ from squealstudy.study.source import SourceText
 if TYPE_CHECKING:
     import pandas as pd
 
+# keys that change no design point's own row
 CONTINUED = (
     "borders_over",
     "follow",
     "neighbours",
     "points",
     "radiating",
-)  # keys that change no design point's own row
-TOGETHER, LEAST_TASKS = 8, 6  # design points of a task, if there are so many tasks
+)
+POINTS_PER_TASK, MIN_TASKS = 8, 6  # design points of a task, if there are so many tasks
 MOST_ORDERED = 5000  # design points that are put in an order: it takes the square of that
 SOURCES = ("kinds/limit_cycles", "kinds/transient", "cycles")  # the code that decides rows
 
@@ -128,12 +134,12 @@ class LimitCycles(ModelKind):
     def warnings(self, plan: Plan) -> list[str]:
         """Models that are too large for a dense balance."""
         sizes = [load_prepared(key).model.n for key in plan.structures if is_prepared(key)]
-        return [too_large(n) for n in sorted(set(sizes)) if n > MOST]
+        return [too_large(n) for n in sorted(set(sizes)) if n > MAX_COORDINATES]
 
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[CyclesTask]:
         """Tasks of design points next to each other, which serve each other."""
         asked, points = request(plan), points.at(by_nearness(points))
-        together = min(TOGETHER, math.ceil(len(points) / LEAST_TASKS))
+        together = min(POINTS_PER_TASK, math.ceil(len(points) / MIN_TASKS))
         parts = workers.pace.parts(points, workers.jobs, max(together, 1))
         return (CyclesTask(asked, part) for part in parts)
 

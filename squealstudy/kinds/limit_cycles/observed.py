@@ -20,7 +20,7 @@ from squealstudy.engine.rows import REAL, TEXT, WHOLE
 from squealstudy.kinds.limit_cycles.section import NamedPoint
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import Expansion
-from squealstudy.shapes.radiation import AIR, Place, mean_square_form, place
+from squealstudy.shapes.radiation import AIR_IMPEDANCE_PA_S_PER_M, Place, mean_square_form, place
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 
@@ -80,7 +80,7 @@ class Observer:
         if self.form is None:
             return np.nan
         v = orders((len(Q) - 1) // 2)[:, None] * omega * Q
-        return float(AIR * 0.5 * np.einsum("hi,ij,hj->", v, self.form, v))
+        return float(AIR_IMPEDANCE_PA_S_PER_M * 0.5 * np.einsum("hi,ij,hj->", v, self.form, v))
 
     def velocities(self, Q: np.ndarray, omega: float) -> dict[str, tuple[float, float]]:
         """RMS and largest speed [m/s] of each named point over the period."""

@@ -11,9 +11,9 @@ from squealstudy.kinds.limit_cycles.designs import Way
 from squealstudy.modes.tracking.onsets import SolvedLine, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
 
-PRECISION = 1e-9  # of the range
-NARROWEST = 1e-6  # of the range: half of a bracket, at first
-WIDER = 8  # times that it doubles
+ONSET_REL_TOLERANCE = 1e-9  # of the range
+MIN_BRACKET_HALF_WIDTH = 1e-6  # of the range: half of a bracket, at first
+MAX_BRACKET_DOUBLINGS = 8  # times that it doubles
 
 
 def onset_near(way: Way, motion: PeriodicMotion, half: float) -> tuple[float, float, str]:
@@ -45,8 +45,8 @@ def onset_near(way: Way, motion: PeriodicMotion, half: float) -> tuple[float, fl
         return int(np.argmin(np.abs(np.abs(found.lam) - motion.omega)))
 
     width = abs(way.bounds[1] - way.bounds[0])
-    half = max(half, NARROWEST * width)
-    for _ in range(WIDER):
+    half = max(half, MIN_BRACKET_HALF_WIDTH * width)
+    for _ in range(MAX_BRACKET_DOUBLINGS):
         low, high = motion.mu - half, motion.mu + half
         ends = [modes(value) for value in (low, high)]
         zeta = [-m.lam[place(m)].real / abs(m.lam[place(m)]) for m in ends]
@@ -57,7 +57,9 @@ def onset_near(way: Way, motion: PeriodicMotion, half: float) -> tuple[float, fl
         raise ConvergenceError("no_onset", "no change of stability beside the end of a branch")
     line = SolvedLine(low, ends[0], high, ends[1], modes)
     places = [place(m) for m in ends]
-    found = refine_onset(line, places[0], places[1], way.asked.tolerance, PRECISION * width)
+    found = refine_onset(
+        line, places[0], places[1], way.asked.tolerance, ONSET_REL_TOLERANCE * width
+    )
     neutral, omega = modes(found.value), 2.0 * np.pi * found.frequency_hz
     k = int(np.argmin(np.abs(neutral.lam - omega * (way.asked.tolerance + 1j))))  # two may be near
     how = criticality(way.contact(found.value), complex(neutral.lam[k]), neutral.shapes[k])

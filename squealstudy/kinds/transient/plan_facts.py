@@ -39,7 +39,7 @@ NO_MOTION = {"batch", "start", "start_point", "slope_pilot"}  # keys that change
 MOST_TRAINING = 4  # design points of a training run
 # they decide what is sampled, trained and run
 TRANSIENT_SOURCES = ("kinds/transient",)
-KEPT = 4  # plans
+PLAN_CACHE_SIZE = 4  # plans
 KEY = ("transient", "start")
 POINT_KEY = ("transient", "start_point")
 
@@ -80,7 +80,7 @@ def regularised(design: DesignPoint) -> bool:
     return design.values[SLOPE.name] == 0
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=PLAN_CACHE_SIZE)
 def regularisation_of(plan: Plan) -> dict[str, Any] | None:
     """What the slopes of friction follow from, for manifest and screens; None where all are given.
 
@@ -136,7 +136,7 @@ def state_file(
     return {f"{STATES}/{point_id}.npz": content}
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=PLAN_CACHE_SIZE)
 def start_of(plan: Plan) -> StartState | None:
     """The state that a study continues; None where it starts from steady sliding.
 

@@ -57,7 +57,8 @@ MOST_ENDS = 6  # design points looked at for warnings
 # less at 1/50, and .74 N or none at 2
 MOST_OF_DECAY = 0.2
 SNAPSHOTS = 1500  # of each design point
-START = 0.1  # of a training run, of the sliding speed: the limit cycle is soon reached
+# of a training run, of the sliding speed: the limit cycle is soon reached
+TRAINING_VELOCITY_RATIO = 0.1
 
 
 def warm(section: TransientSection) -> float:
@@ -240,7 +241,7 @@ def training_run(plan: Plan, prepared_key: str) -> Training:
     system = task.reference.system
     found = [(p, set_up(task, p, NewGaps())) for p in points]
     designs = [
-        perturbed(system, made, START * abs(p.values["sliding_speed"]))
+        perturbed(system, made, TRAINING_VELOCITY_RATIO * abs(p.values["sliding_speed"]))
         for p, made in found
         if isinstance(made, MotionPoint)
     ]

@@ -34,7 +34,7 @@ MOST_COLUMNS = 2  # parameters with a column of their own
 FEW = 8  # design points, up to which no map of letters is needed
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
-FINDINGS = 9  # columns of `_findings`
+N_FINDING_COLUMNS = 9  # columns of `_findings`
 
 
 class TransientScreen(KindScreen):
@@ -125,7 +125,7 @@ def points(
 
     def cells(number: int, row: dict[Hashable, Any]) -> list[str]:
         place = [f"{row[p]:.6g}" for p in own] or ([str(number)] if varied else [])
-        return [*place, *_findings(row)[: FINDINGS - (not moved)]]
+        return [*place, *_findings(row)[: N_FINDING_COLUMNS - (not moved)]]
 
     shown = grid(
         *places,
@@ -182,7 +182,7 @@ def _changes(table: pd.DataFrame, varied: Sequence[str]) -> RenderableType:
 def _findings(row: dict[Hashable, Any]) -> list[str]:
     if row["class"] == FAILED:
         why = row["status"] if row["status"] != "ok" else "its energy is not finite"
-        return [f"failed: {why}", *[""] * (FINDINGS - 1)]
+        return [f"failed: {why}", *[""] * (N_FINDING_COLUMNS - 1)]
     transfer = ""
     if row["transfer_to"]:
         transfer = (

@@ -16,8 +16,8 @@ from pydantic_core import PydanticCustomError
 from squealstudy.errors import ParameterError
 from squealstudy.mechanics.defaults import TRANSIENT_BASIS
 from squealstudy.motion.integrator import (
+    CONTACT_ITERATION_TOLERANCE,
     SLOW_TOLERANCE,
-    TOLERANCE,
     KernelIntegrator,
     integrator,
     integrators,
@@ -134,8 +134,9 @@ class TransientSection(Section):
         gt=0,
         le=0.1,
         description="force imbalance at which a step is corrected a last time, relative; friction "
-        f"forces may change by ten times this. By default {TOLERANCE:g}, at which it is far below "
-        f"the error of the step, and {SLOW_TOLERANCE:g} for the slow references",
+        f"forces may change by ten times this. By default {CONTACT_ITERATION_TOLERANCE:g}, at "
+        f"which it is far below the error of the step, and {SLOW_TOLERANCE:g} for the slow "
+        "references",
     )
     contact_factor: float = Field(
         default=1.0,

@@ -62,8 +62,9 @@ from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
 from squealstudy.tables.validity import BETWEEN
 
-SAME_MODE = 0.99  # correlation of the contact observation of one mode in both representations
-LOOKS = 20  # at a run, evenly over its duration
+# correlation of the contact observation of one mode in both representations
+MIN_MODE_CORRELATION = 0.99
+N_STOP_TESTS = 20  # at a run, evenly over its duration
 Failure = tuple[str, str]  # status and message
 
 
@@ -272,7 +273,7 @@ def _watch(task: BatchTask, settings: MotionSettings, count: int) -> Watch | Non
     def judge(_: int, motion: Motion) -> str:
         return known_outcome(motion, section.duration, section.settle_tolerance)
 
-    return Watch([max(1, settings.n_steps // LOOKS)] * count, judge)
+    return Watch([max(1, settings.n_steps // N_STOP_TESTS)] * count, judge)
 
 
 def hybrid_motions(
@@ -338,8 +339,8 @@ def common_modes(reference: SharedModes, model: HybridModel) -> np.ndarray:
     own, other = (np.vstack(part) for part in zip(*seen, strict=True))
     sizes = np.linalg.norm(own, axis=0) * np.linalg.norm(other, axis=0)
     correlation = np.einsum("ij,ij->j", own, other) / np.maximum(sizes, 1e-300)
-    first_odd = int(np.argmax(np.abs(correlation) < SAME_MODE))
-    m = first_odd if np.abs(correlation[first_odd]) < SAME_MODE else m
+    first_odd = int(np.argmax(np.abs(correlation) < MIN_MODE_CORRELATION))
+    m = first_odd if np.abs(correlation[first_odd]) < MIN_MODE_CORRELATION else m
     if m == 0:
         raise ModelError("the hybrid model does not have the modes of the modal representation")
     return np.sign(correlation[:m])

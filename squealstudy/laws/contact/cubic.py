@@ -22,7 +22,8 @@ CUBIC = Parameter(
     "Pa/m3",
     "cubic law: factor of the third power; negative: it softens",
 )
-LEAST = 1e-3  # of the linear stiffness: tangent of a spring that gives way, where one is divided by
+# of the linear stiffness: tangent of a spring that gives way, where one is divided by
+MIN_TANGENT_RATIO = 1e-3
 
 
 def pressure(g: float, stiffness: float, cubic: float) -> tuple[float, float]:
@@ -53,7 +54,7 @@ def gap_at(p: float, stiffness: float, cubic: float) -> float:
 def gap_scale(p: float, stiffness: float, cubic: float) -> float:
     """Pressure over tangent, of which a spring that gives way has none."""
     d = gap_at(p, stiffness, cubic)
-    return p / max(stiffness + 3.0 * cubic * d * d, LEAST * stiffness)
+    return p / max(stiffness + 3.0 * cubic * d * d, MIN_TANGENT_RATIO * stiffness)
 
 
 def evaluate(g: np.ndarray, stiffness: float, cubic: float) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,8 @@ from squealstudy.laws.registry import register
 from squealstudy.parameter import Parameter
 
 EXPONENT = Parameter("contact.exponent", 1.5, "", "power law: exponent", minimum=1.0, maximum=10.0)
-NEAR = 1e-3  # change of gap over gap below which the mean pressure is expanded: no cancellation
+# change of gap over gap below which the mean pressure is expanded: no cancellation
+SERIES_REL_GAP = 1e-3
 
 
 def pressure(g: float, stiffness: float, exponent: float) -> tuple[float, float]:
@@ -31,7 +32,7 @@ def mean_pressure(g: float, d: float, stiffness: float, exponent: float) -> floa
     m0, m1 = min(g - 0.5 * d, 0.0), min(g + 0.5 * d, 0.0)
     if m0 == 0.0 and m1 == 0.0:
         return 0.0
-    if abs(d) < NEAR * abs(g):
+    if abs(d) < SERIES_REL_GAP * abs(g):
         p, _ = pressure(g, stiffness, exponent)
         return p * (1.0 + exponent * (exponent - 1.0) * d * d / (24.0 * g * g))
     return (potential(m0, stiffness, exponent) - potential(m1, stiffness, exponent)) / d

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from squealstudy.kernels.facets import MOST, feet
+from squealstudy.kernels.facets import MAX_FACET_NODES, feet
 from squealstudy.models.components.constraints import Constraint, Coupling, Relation, Tie
 from squealstudy.models.components.coupled_rows import (
     facets_of,
@@ -265,7 +265,7 @@ def _feet(mesh: SolidMesh, tie: Tie) -> tuple[np.ndarray, np.ndarray, np.ndarray
     start = np.cumsum([0, *map(len, lists)])
     candidates = np.concatenate([np.zeros(0, dtype=np.int64), *map(np.sort, lists)])
     facet = np.zeros(len(nodes), dtype=np.int64)
-    distance, values = np.zeros(len(nodes)), np.zeros((len(nodes), MOST))
+    distance, values = np.zeros(len(nodes)), np.zeros((len(nodes), MAX_FACET_NODES))
     feet(
         np.ascontiguousarray(mesh.nodes[nodes]),
         start,

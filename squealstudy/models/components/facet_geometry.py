@@ -16,7 +16,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
 from squealstudy.errors import ModelError
-from squealstudy.kernels.facets import MOST, shapes
+from squealstudy.kernels.facets import MAX_FACET_NODES, shapes
 from squealstudy.models.fem.sampling import Surface
 
 TRIANGLES = (3, 6)
@@ -73,7 +73,10 @@ class Facets:
     @cached_property
     def table(self) -> np.ndarray:
         """Nodes of all facets (m, 9), filled up with the first one."""
-        rows = [np.hstack([b, np.repeat(b[:, :1], MOST - b.shape[1], axis=1)]) for b in self.blocks]
+        rows = [
+            np.hstack([b, np.repeat(b[:, :1], MAX_FACET_NODES - b.shape[1], axis=1)])
+            for b in self.blocks
+        ]
         return np.ascontiguousarray(np.vstack(rows), dtype=np.int64)
 
     @cached_property
@@ -127,7 +130,7 @@ class Facets:
 
     def rows(self, facet: np.ndarray, values: np.ndarray) -> sp.csr_matrix:
         """Rows (n, n_nodes) from `values` (n, 9) at the nodes of the facets `facet` (n,)."""
-        row = np.repeat(np.arange(len(facet)), MOST)
+        row = np.repeat(np.arange(len(facet)), MAX_FACET_NODES)
         entries = values.ravel(), (row, self.table[facet].ravel())
         rows = sp.csr_matrix(entries, shape=(len(facet), len(self.coordinates)))
         rows.eliminate_zeros()
@@ -156,7 +159,7 @@ def rule(kind: int, points_per_side: int) -> tuple[np.ndarray, np.ndarray]:
 
 def shape_values(kind: int, places: np.ndarray) -> np.ndarray:
     """Shape functions and slopes (n, 3, 9) at local coordinates `places` (n, 2)."""
-    N = np.zeros((len(places), 3, MOST))
+    N = np.zeros((len(places), 3, MAX_FACET_NODES))
     shapes(kind, np.ascontiguousarray(places, dtype=float), N)
     return N
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
-from squealstudy.kernels.facets import BULGE, MOST, project
+from squealstudy.kernels.facets import CURVED_RADIUS_FACTOR, MAX_FACET_NODES, project
 from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.fem.sampling import Surface
 
@@ -67,7 +67,7 @@ def near_facets(slave: Facets, master: Facets, search: float) -> Neighbours:
     for size in np.unique(sizes):
         some = np.flatnonzero(sizes == size)
         tree = cKDTree(master.centres[some])
-        reach = BULGE * (slave.radii + master.radii[some].max()) + search
+        reach = CURVED_RADIUS_FACTOR * (slave.radii + master.radii[some].max()) + search
         counts = tree.query_ball_point(slave.centres, reach, return_length=True)
         held = np.cumsum(counts) // AT_ONCE
         for part in np.split(np.arange(len(counts)), np.flatnonzero(np.diff(held)) + 1):
@@ -77,7 +77,7 @@ def near_facets(slave: Facets, master: Facets, search: float) -> Neighbours:
             away = master.centres[m] - slave.centres[i]
             height = np.sum(away * normal[i], axis=1)
             off = np.linalg.norm(away - height[:, None] * normal[i], axis=1)
-            extent = BULGE * (slave.radii[i] + master.radii[m])
+            extent = CURVED_RADIUS_FACTOR * (slave.radii[i] + master.radii[m])
             kept = (abs(height) <= extent + search) & (off <= extent + spread[i] * abs(height))
             owner.append(i[kept])
             found.append(m[kept])
@@ -127,7 +127,7 @@ def _projected(
     """Facet (n,), whether one of the same way is met (n,), gap (n,), values (n, 9): `project`."""
     n = len(surface.points)
     facet, same_way = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=bool)
-    gap, values = np.zeros(n), np.zeros((n, MOST))
+    gap, values = np.zeros(n), np.zeros((n, MAX_FACET_NODES))
     project(
         surface.points,
         surface.normal,

@@ -17,7 +17,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
 from squealstudy.errors import ModelError
-from squealstudy.kernels.facets import MOST
+from squealstudy.kernels.facets import MAX_FACET_NODES
 from squealstudy.kernels.segments import TERMS, integrate_segments
 from squealstudy.models.components.facet_geometry import TRIANGLES, Facets, rule
 from squealstudy.models.components.opposite import Neighbours, Opposite
@@ -132,7 +132,7 @@ def _means(
         values = functions[of] @ M
         row = number[of][:, None] * len(share) + np.arange(len(share))
         columns = np.broadcast_to(facets.table[which][:, None], values.shape)
-        entries = values.ravel(), (np.repeat(row.ravel(), MOST), columns.ravel())
+        entries = values.ravel(), (np.repeat(row.ravel(), MAX_FACET_NODES), columns.ravel())
         made = sp.csr_matrix(entries, shape=(n, len(facets.coordinates)))
         made.eliminate_zeros()
         return made
@@ -183,8 +183,8 @@ def _integrals(
     n = len(some)
     terms = _Integrals(
         np.zeros((n, TERMS)),
-        np.zeros((n, TERMS, MOST)),
-        np.zeros((len(near.candidates), TERMS, MOST)),
+        np.zeros((n, TERMS, MAX_FACET_NODES)),
+        np.zeros((len(near.candidates), TERMS, MAX_FACET_NODES)),
         np.zeros((n, TERMS)),
         np.zeros((n, TERMS, 3)),
         np.zeros((n, 2)),

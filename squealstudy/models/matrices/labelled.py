@@ -14,7 +14,8 @@ from squealstudy.models.matrices.entries import Refusal, square_of_entries, symm
 from squealstudy.models.matrices.text import TextFile, read_table, shortened
 
 PLACES = ("row node", "row direction", "column node", "column direction")
-HELD = 1e30  # Abaqus writes 1e36 on the diagonal where a boundary condition holds
+# Abaqus writes 1e36 on the diagonal where a boundary condition holds
+ABAQUS_CONSTRAINT_DIAGONAL = 1e30
 DIRECTIONS = (1, 2, 3, 4, 5, 6)  # displacements and turns
 SLOTS = 7  # of a node: its scalar, and its directions
 
@@ -72,7 +73,7 @@ def labelled_matrix(
                "of a connector, contact or rigid body cannot be taken over)")  # fmt: skip
         _check(~np.isin(places[:, direction], known), refused, places[:, direction],
                "a direction 1 to 6 (no modal coordinates)")  # fmt: skip
-    held = np.abs(values) >= HELD
+    held = np.abs(values) >= ABAQUS_CONSTRAINT_DIAGONAL
     if held.any():
         k = int(held.argmax())
         raise refused(

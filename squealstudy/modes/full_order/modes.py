@@ -41,7 +41,7 @@ from squealstudy.reduction.prepared import (
 )
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.linearise import (
-    SYMMETRIC,
+    SYMMETRIC_STIFFNESS_FIELDS,
     ContactStructure,
     StructureWeights,
     energy_shares,
@@ -94,7 +94,7 @@ class FullOrderSystem:
     @property
     def w2(self) -> np.ndarray:
         """Squares (m,) of omega [(rad/s)^2]; below zero where contact has given way."""
-        K_sym = self.structure.system.sparse_sum(self.weights, SYMMETRIC)
+        K_sym = self.structure.system.sparse_sum(self.weights, SYMMETRIC_STIFFNESS_FIELDS)
         own = np.einsum("im,im->m", self.phi, K_sym @ self.phi)
         return np.where(self.omega > 0.0, self.omega**2, np.minimum(own, 0.0))
 
@@ -131,7 +131,7 @@ def full_order_system(
     terms, M = structure.system.terms, assembly.M
     omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
     if state.damping_ratio or any(state.assembly_damping.values()):
-        K_sym = structure.system.sparse_sum(named, SYMMETRIC)
+        K_sym = structure.system.sparse_sum(named, SYMMETRIC_STIFFNESS_FIELDS)
         omega, phi = _real_modes(M, K_sym, damped_to_hz, _factor(held, K_sym, named, 0.0))
         dampers, beyond = 2.0 * state.assembly_damping_ratios(len(omega)) * omega, 0.0
         if len(omega) < assembly.n_dof:  # the others have one coefficient

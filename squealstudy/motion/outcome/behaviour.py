@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.motion.outcome.envelope import (
-    WINDOWS,
+    WINDOW_COUNT_RANGE,
     LevelTrend,
     LevelWindows,
     last_part,
@@ -19,7 +19,7 @@ from squealstudy.motion.outcome.envelope import (
     trend,
     windows,
 )
-from squealstudy.motion.outcome.levels import LAST
+from squealstudy.motion.outcome.levels import JUDGED_SHARE
 from squealstudy.wording import (
     GROWING,
     IRREGULAR,
@@ -28,34 +28,40 @@ from squealstudy.wording import (
     UNDECIDED,
 )
 
-TREND = 0.05  # rise of the RMS over the judged part; less is none
-DRIFT = 0.15  # of a limit cycle that drifts slowly: not settled, not irregular either
-CHANCE = 3.0  # standard errors that a trend must exceed
-SCATTER = 0.10  # of the RMS of windows about their trend; more is irregular
-REST = 1e-2  # of the largest RMS: what is smaller and falls is at rest
-GONE = 1e-5  # of the largest RMS: what is smaller is at rest, round-off of contact forces too
-STEADY = 0.25  # of the pace over the whole record, at which a fall must end
-SHORT = 0.2  # of the record: the latest plateau
-FALL = 0.01  # of the logarithm, over a stretch: the least whose pace says something
-LOWEST = 0.1  # of the largest RMS: where a cycle below a steady fall would be, at most
-QUICKENS = 0.5  # relative change of pace per e-fold of level, of a fall that is still steady
-RISEN = float(np.log(2.0))  # of the logarithm, over the start: a level that was reached by growth
-GREW = 3.0  # the same: growth that no beat of coupled modes makes, but an instability
-FALLEN = float(np.log(1.5))  # under what was put in: it lost energy faster than it does now
-OUTGROWN = 0.5  # of the logarithm: predicted growth that a level which stays has stopped
-SATURATED = 0.02  # of the logarithm: drift of such a level, at most
-SEEN = 2e-3  # of the logarithm: the least transient that shows how a level was reached
-CLEAR = 5.0  # times the drift that is left
+MAX_LN_TREND = 0.05  # rise of the RMS over the judged part; less is none
+MAX_LN_DRIFT = 0.15  # of a limit cycle that drifts slowly: not settled, not irregular either
+TREND_SIGMAS = 3.0  # standard errors that a trend must exceed
+MAX_REL_SCATTER = 0.10  # of the RMS of windows about their trend; more is irregular
+REST_RATIO_FALLING = 1e-2  # of the largest RMS: what is smaller and falls is at rest
+REST_RATIO = 1e-5  # of the largest RMS: what is smaller is at rest, round-off of contact forces too
+MAX_END_PACE_RATIO = 0.25  # of the pace over the whole record, at which a fall must end
+LATE_SHARE = 0.2  # of the record: the latest plateau
+MIN_LN_FALL = 0.01  # of the logarithm, over a stretch: the least whose pace says something
+LOWER_CYCLE_RATIO = 0.1  # of the largest RMS: where a cycle below a steady fall would be, at most
+# relative change of pace per e-fold of level, of a fall that is still steady
+MAX_PACE_CHANGE_PER_EFOLD = 0.5
+# of the logarithm, over the start: a level that was reached by growth
+MIN_LN_GROWTH_PREDICTED = float(np.log(2.0))
+MIN_LN_GROWTH = 3.0  # the same: growth that no beat of coupled modes makes, but an instability
+# under what was put in: it lost energy faster than it does now
+LN_FALL_FROM_START = float(np.log(1.5))
+LN_GROWTH_EXPECTED = 0.5  # of the logarithm: predicted growth that a level which stays has stopped
+MAX_LN_DRIFT_SATURATED = 0.02  # of the logarithm: drift of such a level, at most
+MIN_LN_TRANSIENT = 2e-3  # of the logarithm: the least transient that shows how a level was reached
+TRANSIENT_OVER_DRIFT = 5.0  # times the drift that is left
 LEAST_DAMPING = 2e-6  # of a vibration: a slower decay cannot be told from a limit cycle
-CONTINUED = 5e-3  # of the logarithm over the judged part: no drift of a motion that goes on
-STILL = 1e-4  # of the logarithm over a stretch: less is no drift where no period is known
-SLOWED = 0.5  # of its pace before, for what is left of the way from growth to a cycle
-VANISHED = 1e-3  # of the transient before: the same
-NEARLY = 0.05  # of the logarithm: what may be missing of a plateau that is approached
-LATE = 6  # windows of a plateau in the last fifth
-BURSTS = 6  # windows of ten periods in which irregular motion must show
-DYING = 0.7  # times: less scatter in the second half of a level than in the first dies away
-LONGER = 1.25  # times: the least duration that is asked for
+# of the logarithm over the judged part: no drift of a motion that goes on
+MAX_LN_DRIFT_CONTINUED = 5e-3
+# of the logarithm over a stretch: less is no drift where no period is known
+MAX_LN_DRIFT_NO_PERIOD = 1e-4
+MAX_PACE_RATIO = 0.5  # of its pace before, for what is left of the way from growth to a cycle
+MAX_DRIFT_OVER_TRANSIENT = 1e-3  # of the transient before: the same
+MAX_LN_TO_PLATEAU = 0.05  # of the logarithm: what may be missing of a plateau that is approached
+MIN_LATE_WINDOWS = 6  # windows of a plateau in the last fifth
+MIN_BURST_WINDOWS = 6  # windows of ten periods in which irregular motion must show
+# times: less scatter in the second half of a level than in the first dies away
+DECAYING_SCATTER_RATIO = 0.7
+DURATION_FACTOR = 1.25  # times: the least duration that is asked for
 
 
 @dataclass(frozen=True)
@@ -110,10 +116,10 @@ def classify(
         began; where growth would have raised it twentyfold, as one that did grow.
     """
     span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
-    if len(time) < WINDOWS[0] or not np.isfinite(energy).all():
+    if len(time) < WINDOW_COUNT_RANGE[0] or not np.isfinite(energy).all():
         return too_short(span, len(time))
-    found = Envelope.of(windows(time, energy), initial, growth * LAST * span)
-    course = found.windows.course(LAST)
+    found = Envelope.of(windows(time, energy), initial, growth * JUDGED_SHARE * span)
+    course = found.windows.course(JUDGED_SHARE)
     if found.gone(noise) and not _rises(course):
         return RunClass(STABLE)
     if _levels_off(found, course):
@@ -124,12 +130,14 @@ def classify(
         return RunClass(GROWING)
     if _falls(found, course):
         return RunClass(STABLE)
-    return RunClass(UNDECIDED, max(LONGER, _times_longer(found, course)) * span)
+    return RunClass(UNDECIDED, max(DURATION_FACTOR, _times_longer(found, course)) * span)
 
 
 def too_short(duration: float, rows: int) -> RunClass:
     """Of a run whose record has too few rows to be judged: until it has enough."""
-    return RunClass(UNDECIDED, LONGER * duration * WINDOWS[0] / max(rows - 1, 1))
+    return RunClass(
+        UNDECIDED, DURATION_FACTOR * duration * WINDOW_COUNT_RANGE[0] / max(rows - 1, 1)
+    )
 
 
 @dataclass(frozen=True)
@@ -166,12 +174,12 @@ class Envelope:
     @property
     def grew(self) -> bool:
         """Whether an instability made the level, not a beat of stable modes."""
-        return self.growth >= (RISEN if self.predicted > 0 else GREW)
+        return self.growth >= (MIN_LN_GROWTH_PREDICTED if self.predicted > 0 else MIN_LN_GROWTH)
 
     @property
     def saturated(self) -> bool:
         """Whether it grew, or growth that would have raised it twentyfold meanwhile was stopped."""
-        return self.grew or self.predicted >= GREW
+        return self.grew or self.predicted >= MIN_LN_GROWTH
 
     @staticmethod
     def of(found: LevelWindows, initial: float, predicted: float) -> Envelope:
@@ -179,11 +187,13 @@ class Envelope:
         fine, level = logarithm(found.fine), logarithm(found.level)
         now = float(level[found.judged :].mean())
         put = 0.5 * float(np.log(initial)) if initial > 0 else now
-        early = fine[: len(fine) - len(last_part(fine, LAST))]
+        early = fine[: len(fine) - len(last_part(fine, JUDGED_SHARE))]
         growth = now - min(put, float(early.min()))
         transient = max(_beyond(level), _beyond(fine))
         ratio = float(np.exp(level[-1] - level.max()))
-        reached = initial <= 0 or growth >= RISEN or now <= put - FALLEN
+        reached = (
+            initial <= 0 or growth >= MIN_LN_GROWTH_PREDICTED or now <= put - LN_FALL_FROM_START
+        )
         return Envelope(
             windows=found,
             ratio=ratio,
@@ -197,23 +207,26 @@ class Envelope:
     def gone(self, noise: float) -> bool:
         """Whether the last level is round-off, of the largest or of the system."""
         level = self.windows.level
-        return bool(level[-1] <= max(GONE * level.max(), np.sqrt(noise)))
+        return bool(level[-1] <= max(REST_RATIO * level.max(), np.sqrt(noise)))
 
     def scatter(self) -> tuple[float, float, int]:
         """Scatter of windows of ten periods in the judged part, its error, and their number."""
-        judged = last_part(self.windows.burst, LAST)
+        judged = last_part(self.windows.burst, JUDGED_SHARE)
         scatter = trend(judged)[2]
         return scatter, scatter / float(np.sqrt(2 * (len(judged) - 2))), len(judged)
 
     def lasting_scatter(self) -> bool:
         """Whether that of the level, once it is reached, has no trend and does not die away."""
         burst = self.windows.burst
-        judged = last_part(burst, LAST)
+        judged = last_part(burst, JUDGED_SHARE)
         rise, error, _ = trend(judged)
         reached = int(np.argmax(burst >= 0.5 * judged.mean()))
         level = burst[min(reached, len(burst) - len(judged)) :]
         first, second = (trend(half)[2] for half in np.array_split(level, 2))
-        return abs(rise) <= max(DRIFT, CHANCE * error) and second >= DYING * first
+        return (
+            abs(rise) <= max(MAX_LN_DRIFT, TREND_SIGMAS * error)
+            and second >= DECAYING_SCATTER_RATIO * first
+        )
 
     def lightest_fall(self, share: float) -> float:
         """Fall of the logarithm over a share of the record at `LEAST_DAMPING`; NaN if unknown."""
@@ -221,7 +234,7 @@ class Envelope:
 
 
 def _beyond(y: np.ndarray) -> float:
-    judged = last_part(y, LAST)
+    judged = last_part(y, JUDGED_SHARE)
     before = y[: len(y) - len(judged)]
     far = max(float(before.max() - judged.max()), float(judged.min() - before.min()))
     return far if far >= float(np.ptp(judged)) else 0.0
@@ -234,27 +247,29 @@ def _rises(course: LevelTrend) -> bool:
 def _levels_off(found: Envelope, course: LevelTrend) -> bool:
     """Whether the level of the last 40 %, or of the last fifth after growth, will stay."""
     scatter, error, _ = found.scatter()
-    if max(course.scatter, scatter + error) <= SCATTER:
+    if max(course.scatter, scatter + error) <= MAX_REL_SCATTER:
         drift = abs(course.rise) + course.error
-        if _flat(found, course, LAST) and _shown(found, drift):
+        if _flat(found, course, JUDGED_SHARE) and _shown(found, drift):
             return True
-        if found.predicted >= OUTGROWN and max(drift, abs(course.begin), abs(course.end)) <= (
-            SATURATED
-        ):
+        if found.predicted >= LN_GROWTH_EXPECTED and max(
+            drift, abs(course.begin), abs(course.end)
+        ) <= (MAX_LN_DRIFT_SATURATED):
             return True
         if _vanishes(course) and _shown(found, abs(course.thirds[2])):
             return True
-    late = logarithm(last_part(found.windows.fine, SHORT))
-    if not found.saturated or len(late) < LATE:
+    late = logarithm(last_part(found.windows.fine, LATE_SHARE))
+    if not found.saturated or len(late) < MIN_LATE_WINDOWS:
         return False
     course = LevelTrend.of(late)
-    even = max(course.scatter, trend(last_part(found.windows.burst, SHORT))[2]) <= SCATTER
-    return even and _quiet(course) and course.error <= TREND
+    even = (
+        max(course.scatter, trend(last_part(found.windows.burst, LATE_SHARE))[2]) <= MAX_REL_SCATTER
+    )
+    return even and _quiet(course) and course.error <= MAX_LN_TREND
 
 
 def _shown(found: Envelope, drift: float) -> bool:
     """Whether the start shows how the level was reached, or it stays where decay is predicted."""
-    least = max(SEEN, CLEAR * drift)
+    least = max(MIN_LN_TRANSIENT, TRANSIENT_OVER_DRIFT * drift)
     return found.reached or found.transient >= least or -found.predicted >= least
 
 
@@ -267,17 +282,17 @@ def _flat(found: Envelope, course: LevelTrend, share: float) -> bool:
     """Whether the level drifts less than the lightest decay, or after growth by chance at most."""
     drift, light = abs(course.rise) + course.error, found.lightest_fall(share)
     if np.isnan(light):
-        light = STILL
+        light = MAX_LN_DRIFT_NO_PERIOD
     if found.continued:
-        light = max(light, CONTINUED)
-    if found.saturated and _quiet(course) and abs(course.rise) <= DRIFT:
+        light = max(light, MAX_LN_DRIFT_CONTINUED)
+    if found.saturated and _quiet(course) and abs(course.rise) <= MAX_LN_DRIFT:
         return True
-    if drift <= min(DRIFT, light if course.rise > 0 or _quiet(course) else 0.5 * light):
+    if drift <= min(MAX_LN_DRIFT, light if course.rise > 0 or _quiet(course) else 0.5 * light):
         return True
-    if drift <= min(STILL, VANISHED * found.transient):
+    if drift <= min(MAX_LN_DRIFT_NO_PERIOD, MAX_DRIFT_OVER_TRANSIENT * found.transient):
         return True
-    slows = abs(course.end) <= SLOWED * abs(course.begin)
-    return found.grew and found.predicted > 0 and slows and drift <= TREND
+    slows = abs(course.end) <= MAX_PACE_RATIO * abs(course.begin)
+    return found.grew and found.predicted > 0 and slows and drift <= MAX_LN_TREND
 
 
 def _vanishes(course: LevelTrend) -> bool:
@@ -294,9 +309,9 @@ def _vanishes(course: LevelTrend) -> bool:
         return False
     left = abs(third) * two / (1 - two)
     quick = max(one, two) < 0.6 and two <= one + 0.05 and third / first <= 0.35
-    if quick and left <= NEARLY and (one - two <= 0.12 or abs(third) <= 3e-3):
+    if quick and left <= MAX_LN_TO_PLATEAU and (one - two <= 0.12 or abs(third) <= 3e-3):
         return True
-    return max(one, two) <= 0.75 and two <= one <= two + 0.12 and left <= 0.2 * NEARLY
+    return max(one, two) <= 0.75 and two <= one <= two + 0.12 and left <= 0.2 * MAX_LN_TO_PLATEAU
 
 
 def _grows(found: Envelope, course: LevelTrend) -> bool:
@@ -304,23 +319,23 @@ def _grows(found: Envelope, course: LevelTrend) -> bool:
     if not _rises(course):
         return False
     slows = course.begin - course.end + course.bend_error
-    if course.rise >= FALL and slows <= 0.25 * course.rise:
+    if course.rise >= MIN_LN_FALL and slows <= 0.25 * course.rise:
         return True
-    return found.grew and course.rise >= TREND and course.thirds[2] >= 0.1 * course.rise
+    return found.grew and course.rise >= MAX_LN_TREND and course.thirds[2] >= 0.1 * course.rise
 
 
 def _falls(found: Envelope, course: LevelTrend) -> bool:
     """Whether the level falls to rest."""
     if course.rise >= 0:
         return False
-    for share in (LAST, 0.7, 1.0):
+    for share in (JUDGED_SHARE, 0.7, 1.0):
         stretch = found.windows.course(share)
-        if stretch.rise <= -FALL and _steady(stretch, found.ratio):
+        if stretch.rise <= -MIN_LN_FALL and _steady(stretch, found.ratio):
             return True
     level = logarithm(found.windows.level)
     whole = float(level[-1] - level[0]) / (len(level) - 1) * (len(level) - found.windows.judged)
-    falls = course.rise < -course.error and course.end < STEADY * whole
-    return found.ratio <= REST and falls
+    falls = course.rise < -course.error and course.end < MAX_END_PACE_RATIO * whole
+    return found.ratio <= REST_RATIO_FALLING and falls
 
 
 def slowing(course: LevelTrend) -> float:
@@ -330,7 +345,7 @@ def slowing(course: LevelTrend) -> float:
 
 
 def _steady(course: LevelTrend, ratio: float) -> bool:
-    """Whether a cycle that the fall approaches would lie below `LOWEST` of the largest level.
+    """Whether a cycle that the fall approaches is below LOWER_CYCLE_RATIO of the largest level.
 
     The pace of an approach from above to a level c is s (1 - (c / a)^m) at the level a: its loss of
     pace per e-fold h gives (c / a)^m = h / (m + h). The larger of m = 1 and 2 is taken. A fall by
@@ -340,37 +355,43 @@ def _steady(course: LevelTrend, ratio: float) -> bool:
     below = max(h / (1 + h), float(np.sqrt(h / (2 + h))))
     gain = abs(course.end) - abs(course.begin) + course.bend_error
     middle = ratio * float(np.exp(0.5 * abs(course.rise)))  # where that loss is
-    return below * middle <= LOWEST and (gain <= QUICKENS * course.rise**2 or ratio <= LOWEST)
+    return below * middle <= LOWER_CYCLE_RATIO and (
+        gain <= MAX_PACE_CHANGE_PER_EFOLD * course.rise**2 or ratio <= LOWER_CYCLE_RATIO
+    )
 
 
 def _irregular(found: Envelope, course: LevelTrend) -> bool:
     scatter, error, count = found.scatter()
-    if count < BURSTS or scatter - 1.645 * error <= SCATTER or not found.lasting_scatter():
+    if (
+        count < MIN_BURST_WINDOWS
+        or scatter - 1.645 * error <= MAX_REL_SCATTER
+        or not found.lasting_scatter()
+    ):
         return False
-    if max(found.growth, found.predicted) >= GREW:
-        return abs(course.rise) <= max(course.error, DRIFT)
-    return abs(course.rise) + course.error <= found.lightest_fall(LAST)
+    if max(found.growth, found.predicted) >= MIN_LN_GROWTH:
+        return abs(course.rise) <= max(course.error, MAX_LN_DRIFT)
+    return abs(course.rise) + course.error <= found.lightest_fall(JUDGED_SHARE)
 
 
 def _times_longer(found: Envelope, course: LevelTrend) -> float:
     """The duration that would decide over that of the record, 0 where no better is known."""
-    light = found.lightest_fall(LAST)
+    light = found.lightest_fall(JUDGED_SHARE)
     if course.rise < -course.error:
         return _fall_longer(found, course)
     if course.rise > course.error:
-        return max(FALL / course.rise, 2.0)
+        return max(MIN_LN_FALL / course.rise, 2.0)
     if not _shown(found, abs(course.rise) + course.error) and course.error <= light:
         return np.inf
     scatter, _, count = found.scatter()
-    if scatter > SCATTER and count < BURSTS:
-        return BURSTS / count
+    if scatter > MAX_REL_SCATTER and count < MIN_BURST_WINDOWS:
+        return MIN_BURST_WINDOWS / count
     return 2.0 if np.isnan(light) or found.grew else max(2.0, course.error / light)
 
 
 def _fall_longer(found: Envelope, course: LevelTrend) -> float:
     """The same of a fall that goes on: until it is deep, or its pace known to be constant."""
-    pace = abs(min(course.rise, course.end)) / LAST
-    deep = 1 + float(np.log(max(found.ratio / LOWEST, 1.0))) / pace
-    h = 2 * LOWEST**2  # of m = 2, where nothing has fallen yet
-    known = max(FALL / abs(course.rise), float(np.sqrt(slowing(course) / h)))
-    return LONGER * min(deep, known)
+    pace = abs(min(course.rise, course.end)) / JUDGED_SHARE
+    deep = 1 + float(np.log(max(found.ratio / LOWER_CYCLE_RATIO, 1.0))) / pace
+    h = 2 * LOWER_CYCLE_RATIO**2  # of m = 2, where nothing has fallen yet
+    known = max(MIN_LN_FALL / abs(course.rise), float(np.sqrt(slowing(course) / h)))
+    return DURATION_FACTOR * min(deep, known)

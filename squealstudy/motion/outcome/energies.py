@@ -12,16 +12,19 @@ import numpy as np
 
 from squealstudy.motion.growing_modes import DEGENERATE
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.levels import LAST, mean_interval
+from squealstudy.motion.outcome.levels import JUDGED_SHARE, mean_interval
 
-NOISE = 3e-21  # of the work of friction: energy of round-off
-SLIPPERY = 0.1  # of a friction coefficient below this, as of none, that of so much
-FIRST = 0.1  # of a record: its first window
-RANK = 1e-10  # eigenvalues of the overlap below this are axes that others span
-WINDOWS = 50  # of a record in which leaders are told
-GROWN = 0.01  # of the final energy: what lies below, at the beginning, is the growth phase
-LEADS = 0.8  # of the largest energy: a mode that has as much still leads
-HOLDS = 0.7  # of the energy: one complex mode with as much at first and at the end leads throughout
+ENERGY_ROUND_OFF = 3e-21  # of the work of friction: energy of round-off
+# of a friction coefficient below this, as of none, that of so much
+MIN_FRICTION_FOR_ROUND_OFF = 0.1
+FIRST_WINDOW_SHARE = 0.1  # of a record: its first window
+OVERLAP_EIGENVALUE_CUTOFF = 1e-10  # eigenvalues of the overlap below this are axes that others span
+N_WINDOWS = 50  # of a record in which leaders are told
+# of the final energy: what lies below, at the beginning, is the growth phase
+GROWTH_PHASE_ENERGY_RATIO = 0.01
+LEADING_ENERGY_RATIO = 0.8  # of the largest energy: a mode that has as much still leads
+# of the energy: one complex mode with as much at first and at the end leads throughout
+LEADING_THROUGHOUT_SHARE = 0.7
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,7 @@ def energy_outside(energies: np.ndarray, total: np.ndarray) -> np.ndarray:
 
 def first_window(rows: int) -> slice:
     """The first tenth of a record, one row at least."""
-    return slice(0, max(1, round(FIRST * rows)))
+    return slice(0, max(1, round(FIRST_WINDOW_SHARE * rows)))
 
 
 def modal_shares(energies: np.ndarray, total: np.ndarray) -> ModalShares:
@@ -172,7 +175,7 @@ def _projected(product: np.ndarray, overlap: np.ndarray, modes: list[int]) -> fl
     """Mean energy of the projection on the planes of some modes together, J."""
     axes = [2 * k + i for k in modes for i in (0, 1)]
     part = np.ix_(axes, axes)
-    inverse = np.linalg.pinv(overlap[part], rcond=RANK, hermitian=True)
+    inverse = np.linalg.pinv(overlap[part], rcond=OVERLAP_EIGENVALUE_CUTOFF, hermitian=True)
     return 0.5 * float(np.sum(inverse * product[part]))
 
 
@@ -209,7 +212,7 @@ def slowest_period(run: Motion) -> float:
     energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
     total = energies.sum(axis=1, keepdims=True)
     shares = energies / np.where(total > 0, total, 1.0)
-    omega = np.sort(run.omega[(shares >= GROWN).any(axis=0)])
+    omega = np.sort(run.omega[(shares >= GROWTH_PHASE_ENERGY_RATIO).any(axis=0)])
     slowest = min(np.append(omega, np.diff(omega)), default=0.0)
     return float(2 * np.pi / slowest) if slowest > 0 else np.inf
 
@@ -224,7 +227,9 @@ def round_off(run: Motion) -> float:
         return 0.0
     force = run.history["normal_force"]
     pressed = float(np.abs(force).mean()) if len(force) else 0.0
-    return NOISE * max(work, SLIPPERY * pressed * abs(run.point.speed) * run.time)
+    return ENERGY_ROUND_OFF * max(
+        work, MIN_FRICTION_FOR_ROUND_OFF * pressed * abs(run.point.speed) * run.time
+    )
 
 
 def transfer(
@@ -265,14 +270,14 @@ def transfer(
     """
     if not energies.size or not energies.any():
         return 0, 0, np.nan
-    count = min(WINDOWS, len(time))
+    count = min(N_WINDOWS, len(time))
     edges = np.arange(count) * len(time) // count
     rows = np.diff(np.append(edges, len(time)))
     level = np.add.reduceat(energies, edges, axis=0) / rows[:, None]
     total = level.sum(axis=1)
-    end = slice(-max(1, round(LAST * count)), None)
+    end = slice(-max(1, round(JUDGED_SHARE * count)), None)
     final = level[end].mean(axis=0)
-    grown = np.flatnonzero(total >= GROWN * final.sum())
+    grown = np.flatnonzero(total >= GROWTH_PHASE_ENERGY_RATIO * final.sum())
     early = max(1, int(grown[0])) if len(grown) else count
     whole = np.where(total > 0, total, 1.0)[:, None]
     first, last = int(np.argmax((level / whole)[:early].mean(axis=0))), int(np.argmax(final))
@@ -282,9 +287,9 @@ def transfer(
         within = np.add.reduceat(held, edges, axis=0) / rows[:, None]
         at_first = (within / whole)[:early].mean(axis=0)
         at_last = within[end].mean(axis=0) / (final.sum() or 1.0)
-        if (np.minimum(at_first, at_last) >= HOLDS).any():
+        if (np.minimum(at_first, at_last) >= LEADING_THROUGHOUT_SHARE).any():
             return 0, 0, np.nan
-    leads = level[:, last] >= LEADS * level.max(axis=1)
+    leads = level[:, last] >= LEADING_ENERGY_RATIO * level.max(axis=1)
     holds = np.flatnonzero(leads)
     not_yet = np.flatnonzero(~leads[: holds[-1]])
     if not len(not_yet):

@@ -7,21 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from squealstudy.motion.outcome.levels import LAST, spectrum
+from squealstudy.motion.outcome.levels import JUDGED_SHARE, spectrum
 
-WINDOWS = (15, 25)  # of a record, fewest and most
+WINDOW_COUNT_RANGE = (15, 25)  # of a record, fewest and most
 WINDOW_PERIODS = 5.0  # of the slowest line of the energy in one, where the record has them
-FEWEST = 7  # windows of a record of so few periods that 15 would hold parts of them
+# windows of a record of so few periods that 15 would hold parts of them
+MIN_WINDOWS_SHORT_RECORD = 7
 FINE_PERIODS = 3.0  # in one of the shorter windows
 BURST_PERIODS = 10.0  # of the vibration in windows whose scatter tells irregular motion
-SLOWEST = 1e-3  # of the power of what the energy does within windows: what is slower is no line
-END = 0.2  # of a record: where its lines are looked at
+# of the power of what the energy does within windows: what is slower is no line
+SLOW_POWER_SHARE = 1e-3
+LINE_RECORD_SHARE = 0.2  # of a record: where its lines are looked at
 LEAST_ROWS = 8  # of a window that is weighted
 LEAST_WINDOWS = 5  # of a course
 CONFIDENCE = 0.995  # one-sided, of bounds
 CORRELATED = 0.9  # most that neighbouring windows are taken for
-ROUND_OFF = 1e-9  # of a level, between neighbouring windows
-SILENT = 1e-12  # of the largest level: what is smaller has no lines
+MIN_REL_SCATTER = 1e-9  # of a level, between neighbouring windows
+SILENT_LEVEL_RATIO = 1e-12  # of the largest level: what is smaller has no lines
 SMALLEST = 1e-300
 
 
@@ -91,27 +93,27 @@ def windows(time: np.ndarray, energy: np.ndarray) -> LevelWindows:
     Parameters
     ----------
     time : ndarray (rows,)
-        Equally spaced, s; `WINDOWS[0]` rows or more.
+        Equally spaced, s; `WINDOW_COUNT_RANGE[0]` rows or more.
     energy : ndarray (rows,)
         Of the vibration (`energies.vibration_energy`), or a squared torque fluctuation.
     """
-    few, most = WINDOWS
+    few, most = WINDOW_COUNT_RANGE
     rows = len(energy)
     width = rows // few
     middle = rows % few + width * (np.arange(few) + 0.5)
     level = _levels(energy, few)
-    level = np.maximum(level, SILENT * (level.max() or 1.0))
+    level = np.maximum(level, SILENT_LEVEL_RATIO * (level.max() or 1.0))
     trend = np.interp(np.arange(rows), middle, np.log(level / level.max()))
     slow, line = _periods(energy / level.max() ** 2 * np.exp(-2 * trend))
     count = int(np.clip(slow / WINDOW_PERIODS, few, min(most, rows)))
     if line < FINE_PERIODS * count:  # a record of few periods
-        count = max(FEWEST, int(line / FINE_PERIODS))
+        count = max(MIN_WINDOWS_SHORT_RECORD, int(line / FINE_PERIODS))
     fine = max(LEAST_ROWS, int(FINE_PERIODS * rows / slow))
     burst = count if np.isnan(line) else max(count, int(0.5 * line / BURST_PERIODS))
     return LevelWindows(
         start=time[rows % count :: rows // count][:count],
         level=_levels(energy, count),
-        judged=count - max(LEAST_WINDOWS, round(LAST * count)),
+        judged=count - max(LEAST_WINDOWS, round(JUDGED_SHARE * count)),
         fine=_levels(energy, max(count, rows // fine)),
         burst=_levels(energy, max(count, min(burst, rows // LEAST_ROWS))),
         periods=0.5 * line,
@@ -136,12 +138,12 @@ def window_means(values: np.ndarray, count: int) -> np.ndarray:
 
 def _periods(ripple: np.ndarray) -> tuple[float, float]:
     """Periods in the whole record of the slowest line of its last fifth, and of the main one."""
-    rows = max(LEAST_ROWS, round(END * len(ripple)))
+    rows = max(LEAST_ROWS, round(LINE_RECORD_SHARE * len(ripple)))
     power = spectrum(1.0, ripple[-rows:]).power[3:]
     if not power.any():
         return np.inf, np.nan
     total = np.cumsum(power)
-    slow = np.searchsorted(total, SLOWEST * total[-1]) + 3
+    slow = np.searchsorted(total, SLOW_POWER_SHARE * total[-1]) + 3
     line = np.argmax(power * np.arange(3, len(power) + 3)) + 3  # bursts are loud below it
     return float(slow * len(ripple) / rows), float(line * len(ripple) / rows)
 
@@ -183,8 +185,8 @@ class LevelTrend:
         slope, bend = float(x @ y / (x @ x)), float(square @ y / (square @ square))
         rest = y - y.mean() - slope * x - bend * square
         size = float(rest @ rest)
-        scatter = float(np.sqrt(size / (m - 3))) + ROUND_OFF
-        rho = float(rest[1:] @ rest[:-1]) / size + 2.0 / m if size > m * ROUND_OFF**2 else 0.0
+        scatter = float(np.sqrt(size / (m - 3))) + MIN_REL_SCATTER
+        rho = float(rest[1:] @ rest[:-1]) / size + 2.0 / m if size > m * MIN_REL_SCATTER**2 else 0.0
         rho = min(max(rho, 0.0), CORRELATED)
         reach = float(special.stdtrit(m - 3, CONFIDENCE)) * float(np.sqrt((1 + rho) / (1 - rho)))
         error = 2 * reach * scatter / float(np.sqrt(x @ x))

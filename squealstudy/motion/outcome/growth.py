@@ -13,22 +13,23 @@ from scipy import special
 
 # how a rate was found: along the fastest complex mode; from the energy where none is followed
 LEFT_VECTOR, ENERGY = "left_vector", "energy"
-ONSET = 0.1  # of the final amplitude
+ONSET_LEVEL_RATIO = 0.1  # of the final amplitude
 LEAST_ROWS = 24  # of a fit
 LEAST_PERIODS = 5.0  # of a fit, of the slowest motion in it: a flank of its ripple has any slope
-LAST = 0.2  # of the record: where the final level is read
-SHARE = 0.05  # of the final amplitude: the phase ends there
+FINAL_LEVEL_SHARE = 0.2  # of the record: where the final level is read
+WINDOW_END_LEVEL_RATIO = 0.05  # of the final amplitude: the phase ends there
 SHARE_SHORT = 0.075  # where the former leaves less than one e-folding
 SEARCH_BLOCKS = 64  # resolution of the window's ends
-NOISY = 0.5  # change of ln|xi| between rows, in a block of a complex amplitude that is mostly noise
+# change of ln|xi| between rows, in a block of a complex amplitude that is mostly noise
+NOISE_LN_CHANGE = 0.5
 LEAST_RISE = 0.05  # of ln|xi| over a record that never bends; less is a stationary signal
-TOLERANCE = 0.01  # of the slope, by which the slopes of the halves may differ
-CHANCE = 4.0  # standard errors that their difference, and a bend, may take
+MAX_REL_SLOPE_DIFFERENCE = 0.01  # of the slope, by which the slopes of the halves may differ
+SLOPE_SIGMAS = 4.0  # standard errors that their difference, and a bend, may take
 LEAST_SCATTER = 1e-3  # below this a longer stretch is the better one
 FIT_BLOCKS = (48, 24, 12)  # block means of a line; fewer while neighbours are correlated
 CORRELATED = 0.3
 ROUND_OFF = 1e-20  # of a square: an amplitude that hardly changes bends nothing
-WORST = 0.2  # of the slope: what is bent more is no straight line at all
+MAX_REL_CURVATURE = 0.2  # of the slope: what is bent more is no straight line at all
 
 
 @dataclass(frozen=True)
@@ -68,14 +69,14 @@ def fit_growth(
 ) -> GrowthFit:
     """Fit |amplitude| = c exp(rate t) where the signal itself is exponential.
 
-    The window ends before the logarithm first comes within `SHARE` of its final level: a
-    Stuart-Landau amplitude, d ln|xi|/dt = a (1 - r^2) with r the share of the final amplitude, is
-    then read with a relative bias below r^2 = 0.25 % (`SHARE_SHORT`: 0.6 %). Decay is the mirror
-    image, with the floor as the final level. Within that, a complex amplitude is fitted from its
-    start (a projection on a left vector has no start-up; rows that are mostly noise are skipped)
-    until its logarithm bends or scatters; a real one over the straight stretch whose slope has the
-    least relative error. The bounds use block means, merged while they are correlated, with a
-    heteroscedasticity-consistent variance (HC3) and Student's t.
+    The window ends before the logarithm first comes within `WINDOW_END_LEVEL_RATIO` of its final
+    level: a Stuart-Landau amplitude, d ln|xi|/dt = a (1 - r^2) with r the share of the final
+    amplitude, is then read with a relative bias below r^2 = 0.25 % (`SHARE_SHORT`: 0.6 %). Decay is
+    the mirror image, with the floor as the final level. Within that, a complex amplitude is fitted
+    from its start (a projection on a left vector has no start-up; rows that are mostly noise are
+    skipped) until its logarithm bends or scatters; a real one over the straight stretch whose slope
+    has the least relative error. The bounds use block means, merged while they are correlated, with
+    a heteroscedasticity-consistent variance (HC3) and Student's t.
 
     Parameters
     ----------
@@ -110,7 +111,7 @@ def fit_growth(
     time, log, part = (x[slice(*found)] for x in (time, log, amplitude))
     begin, end = float(time[0]), float(time[-1])
     rate, half, middle, level = slope_interval(log, (end - begin) / (len(time) - 1), real)
-    reach = (float(np.log(ONSET)) + end_level - level) / rate if rate > half else np.nan
+    reach = (float(np.log(ONSET_LEVEL_RATIO)) + end_level - level) / rate if rate > half else np.nan
     return GrowthFit(
         growth_rate=rate,
         low=rate - half,
@@ -130,7 +131,7 @@ def whole_periods(first: int, end: int, period: float) -> int:
 
 def final_level(log: np.ndarray) -> float:
     """Median over the last fifth of a record."""
-    return float(np.median(log[-max(1, int(LAST * len(log))) :]))
+    return float(np.median(log[-max(1, int(FINAL_LEVEL_SHARE * len(log))) :]))
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,7 @@ def growth_window(rising: RisingLogarithm, least: int) -> tuple[int, int] | str:
     end = len(rising.log)
     if not _rises_throughout(rising, least):
         level = _ceiling(rising)
-        end = rising.first_above(level + float(np.log(SHARE)))
+        end = rising.first_above(level + float(np.log(WINDOW_END_LEVEL_RATIO)))
         if end < least or abs(rising.log[end - 1] - rising.log[0]) < 1.0:
             end = rising.first_above(level + float(np.log(SHARE_SHORT)))
     width = max(3, -(-end // SEARCH_BLOCKS))
@@ -219,7 +220,7 @@ def turn(amplitude: np.ndarray) -> float:
 def _noisy_blocks(log: np.ndarray, width: int) -> int:
     """Leading blocks up to the last one that is mostly noise."""
     cut = log[: len(log) // width * width].reshape(-1, width)
-    noisy = np.flatnonzero(np.abs(np.diff(cut, axis=1)).mean(axis=1) > NOISY)
+    noisy = np.flatnonzero(np.abs(np.diff(cut, axis=1)).mean(axis=1) > NOISE_LN_CHANGE)
     return int(noisy[-1]) + 1 if len(noisy) else 0
 
 
@@ -246,8 +247,10 @@ class FittedLines:
     error: np.ndarray
 
     def accepted(self) -> np.ndarray:
-        """Whether the halves agree, within `TOLERANCE` or by chance."""
-        bound = np.maximum(TOLERANCE * np.abs(self.slope), CHANCE * self.deviation)
+        """Whether the halves agree, within `MAX_REL_SLOPE_DIFFERENCE` or by chance."""
+        bound = np.maximum(
+            MAX_REL_SLOPE_DIFFERENCE * np.abs(self.slope), SLOPE_SIGMAS * self.deviation
+        )
         return np.asarray(np.abs(self.difference) <= bound)
 
 
@@ -303,7 +306,7 @@ def best_stretch(y: np.ndarray, count: int, begin: int | None) -> tuple[int, int
         return int(first[best]), int(last[best])
     bend = np.abs(found.difference) / np.maximum(found.slope, 1e-300)
     best = int(np.argmin(bend))
-    return (int(first[best]), int(last[best])) if bend[best] <= WORST else None
+    return (int(first[best]), int(last[best])) if bend[best] <= MAX_REL_CURVATURE else None
 
 
 def block_means(log: np.ndarray, width: int, real: bool) -> np.ndarray:

@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 from scipy import special
 
-LAST = 0.4  # of a record: the part that is judged
+JUDGED_SHARE = 0.4  # of a record: the part that is judged
 LEAST_PERIODS = 20.0  # of the dominant line in it, where the record has them
-FLAT = 1e-10  # fluctuation below this share of the largest value is round-off
-BLOCKS = (20, 10, 5)  # sub-windows of an interval; fewer while neighbours are correlated
+FLUCTUATION_ROUND_OFF = 1e-10  # fluctuation below this share of the largest value is round-off
+SUBWINDOW_COUNTS = (20, 10, 5)  # sub-windows of an interval; fewer while neighbours are correlated
 CORRELATED = 0.1
 QUARTERS = 4  # of a window, by whose peaks it is seen whether these still change
 LEAST_ROWS = 8  # of a period whose peaks are told
@@ -23,7 +23,7 @@ DRIFTS = 0.05  # of the mean: a drift beyond it is of motion that passes
 HARMONICS = 6  # periods of the second or third harmonic that are whole ones of the first
 LINE_PERIODS = 3.0  # of a line in the window; slower ones are drift
 LINE_WIDTH = 0.015  # of its frequency, either side; what counts as one line
-SAME = 1e-9  # relative: runs that agree so well are one run
+IDENTICAL_RUNS_REL_SPREAD = 1e-9  # relative: runs that agree so well are one run
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def last_window(time: np.ndarray, signal: np.ndarray) -> slice:
         Equally spaced, s.
     """
     rows = len(time)
-    count = max(1, round(LAST * rows))
+    count = max(1, round(JUDGED_SHARE * rows))
     if rows > 1:
         step = (time[-1] - time[0]) / (rows - 1)
         frequency = spectrum(step, signal[rows - count :]).peak()
@@ -136,7 +136,7 @@ def torque_levels(
         exact = True
     mean, swing = float(sums.mean.mean()), float(sums.most.max() - sums.least.min())
     rest = np.abs([sums.most.max() - mean, sums.least.min() - mean]).max()
-    if rest <= FLAT * np.abs(torque).max() or len(torque) < 2:
+    if rest <= FLUCTUATION_ROUND_OFF * np.abs(torque).max() or len(torque) < 2:
         return TorqueLevels(mean=mean, mean_low=mean, mean_high=mean)
     step = (time[-1] - time[0]) / (len(time) - 1)
     found = spectrum(step, torque)
@@ -167,7 +167,7 @@ def plain_levels(time: np.ndarray, torque: np.ndarray, sums: TorqueSums | None) 
     sums = sums or TorqueSums.of_rows(torque)
     mean, swing = float(sums.mean.mean()), float(sums.most.max() - sums.least.min())
     rest = np.abs([sums.most.max() - mean, sums.least.min() - mean]).max()
-    if rest <= FLAT * np.abs(torque).max() or len(torque) < 2:
+    if rest <= FLUCTUATION_ROUND_OFF * np.abs(torque).max() or len(torque) < 2:
         return np.array([0.0, mean, 0.0])
     step = (time[-1] - time[0]) / (len(time) - 1)
     frequency = spectrum(step, torque).peak() if whole else np.nan
@@ -214,7 +214,7 @@ def period_swings(sums: TorqueSums, width: float) -> np.ndarray:
 def swing_spread(sums: TorqueSums, width: float) -> float:
     """Range of the `period_swings` over their mean; NaN of none, and without a swing."""
     swings = period_swings(sums, width)
-    if not len(swings) or not swings.mean() > FLAT * np.abs(sums.mean).max():
+    if not len(swings) or not swings.mean() > FLUCTUATION_ROUND_OFF * np.abs(sums.mean).max():
         return np.nan
     return float(np.ptp(swings) / swings.mean())
 
@@ -264,7 +264,7 @@ def spectrum(step: float, signal: np.ndarray) -> Spectrum:
     x = np.arange(rows) - 0.5 * (rows - 1)
     rest = signal - signal.mean()
     rest = rest - x * (x @ rest) / max(float(x @ x), 1.0)
-    if np.abs(rest).max() <= FLAT * np.abs(signal).max():
+    if np.abs(rest).max() <= FLUCTUATION_ROUND_OFF * np.abs(signal).max():
         return Spectrum(np.zeros(rows // 2 + 1), 1.0 / (rows * step))
     window = hann(rows)
     power = 2 * np.abs(np.fft.rfft(window * rest)) ** 2 / (rows * float(window @ window))
@@ -311,7 +311,9 @@ def periods_interval(values: np.ndarray, width: float) -> tuple[float, float, fl
         mean, low, high = mean_interval(values)
         return float(mean), float(low), float(high)
     own = float(means(np.array([count, 0.0]))[0])
-    blocks = [means(_whole_periods(count, number)) for number in BLOCKS if count >= number]
+    blocks = [
+        means(_whole_periods(count, number)) for number in SUBWINDOW_COUNTS if count >= number
+    ]
     half = float(_half_width(np.array(own), blocks))
     half = max(half, _still_to_come(own, blocks[-2:][0], means(_whole_periods(count, 3))))
     return own, own - half, own + half
@@ -336,7 +338,7 @@ def _periods(values: np.ndarray, width: float) -> tuple[int, Callable[[np.ndarra
         return blocks
 
     count = int(len(values) / width * (1 + 1e-12)) if width > 0 else 0
-    if count < BLOCKS[-1] or width < 1:
+    if count < SUBWINDOW_COUNTS[-1] or width < 1:
         return 0, means
     return count - (count % HARMONICS if count >= 2 * HARMONICS else 0), means
 
@@ -366,7 +368,7 @@ def _still_to_come(mean: float, blocks: np.ndarray, thirds: np.ndarray) -> float
 
 def _row_blocks(values: np.ndarray) -> Iterator[np.ndarray]:
     """Means of 20, 10 and 5 equal blocks of rows, where there are so many."""
-    for count in BLOCKS:
+    for count in SUBWINDOW_COUNTS:
         width = len(values) // count
         if width:
             cut = values[len(values) - count * width :]
@@ -415,7 +417,7 @@ def pooled_interval(
     if k == 1:
         return float(values[0]), float(low[0]), float(high[0])
     mean = float(values.mean())
-    if np.ptp(values) <= SAME * abs(mean):
+    if np.ptp(values) <= IDENTICAL_RUNS_REL_SPREAD * abs(mean):
         return mean, float(low.min()), float(high.max())
     inside = np.linalg.norm(0.5 * (high - low)) / k
     between = special.stdtrit(k - 1, 0.975) * values.std(ddof=1) / np.sqrt(k)

@@ -15,7 +15,7 @@ import numpy as np
 
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.fundamental import EXACT, fundamental, fundamental_hz
-from squealstudy.motion.outcome.levels import LAST, last_window
+from squealstudy.motion.outcome.levels import JUDGED_SHARE, last_window
 
 MOSTLY = 0.5  # share of the time and area that sticks
 ALL = 0.99  # share of the area, once in each period at least
@@ -59,12 +59,12 @@ def decided_by(run: Motion) -> float:
     Infinite where the run has periods enough, which are not alike, or none that is told.
     """
     hz, end = _hz(run), float(run.times[-1])
-    until = LONGER * (PERIODS + 1) / (LAST * hz) if hz > 0 else np.inf
+    until = LONGER * (PERIODS + 1) / (JUDGED_SHARE * hz) if hz > 0 else np.inf
     return until if until > end else np.inf
 
 
 def _last(run: Motion) -> slice:
-    return slice(round((1 - LAST) * len(run.times)), None)
+    return slice(round((1 - JUDGED_SHARE) * len(run.times)), None)
 
 
 def _step(run: Motion) -> float:

@@ -10,13 +10,23 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.behaviour import CHANCE, REST, SCATTER, TREND
+from squealstudy.motion.outcome.behaviour import (
+    MAX_LN_TREND,
+    MAX_REL_SCATTER,
+    REST_RATIO_FALLING,
+    TREND_SIGMAS,
+)
 from squealstudy.motion.outcome.energies import moving_energy, round_off
-from squealstudy.motion.outcome.envelope import WINDOWS, LevelWindows, window_means, windows
+from squealstudy.motion.outcome.envelope import (
+    WINDOW_COUNT_RANGE,
+    LevelWindows,
+    window_means,
+    windows,
+)
 from squealstudy.motion.outcome.growth import fit_growth
 from squealstudy.motion.outcome.levels import (
-    FLAT,
-    LAST,
+    FLUCTUATION_ROUND_OFF,
+    JUDGED_SHARE,
     LEAST_PERIODS,
     hann,
     last_window,
@@ -25,13 +35,13 @@ from squealstudy.motion.outcome.levels import (
 from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
 from squealstudy.wording import STABLE, SUSTAINED
 
-BAND = 0.05  # least half-width of the band within which levels agree
+MIN_AGREEMENT_HALF_WIDTH = 0.05  # least half-width of the band within which levels agree
 SETTLED, DECAYED = "settled", "decayed"
 LEAST_ROWS = 200  # of a record that is judged
-PARTS = 3  # windows in the last one whose levels must agree
-GONE = 1e-6  # of the first energy
-FALLEN = 0.25  # of the first energy, for a decay that agrees with the prediction
-AGREES = 0.05  # of the predicted rate
+N_AGREEING_WINDOWS = 3  # windows in the last one whose levels must agree
+VANISHED_ENERGY_RATIO = 1e-6  # of the first energy
+DECAYED_ENERGY_RATIO = 0.25  # of the first energy, for a decay that agrees with the prediction
+MAX_REL_RATE_DIFFERENCE = 0.05  # of the predicted rate
 
 
 def settled(
@@ -61,11 +71,11 @@ def settled(
         Start of the first window, s, from which energy, mean and RMS of the torque in each stay
         near those judged and no peak exceeds theirs; NaN where the run has not settled.
     """
-    if len(time) < WINDOWS[0] or name not in (*SUSTAINED, STABLE):
+    if len(time) < WINDOW_COUNT_RANGE[0] or name not in (*SUSTAINED, STABLE):
         return False, np.nan
-    mean = float(torque[-round(LAST * len(torque)) :].mean())
+    mean = float(torque[-round(JUDGED_SHARE * len(torque)) :].mean())
     swing = torque - mean
-    least = FLAT * float(np.abs(torque).max())
+    least = FLUCTUATION_ROUND_OFF * float(np.abs(torque).max())
     motion, force = windows(time, energy), windows(time, swing**2)
     moves = _start(motion, _away(motion, name, 0.0))
     quiet = float(force.level[force.judged :].max()) <= least
@@ -93,18 +103,20 @@ def _away(found: LevelWindows, name: str, least: float) -> np.ndarray | None:
     """
     level, judged = found.level, found.level[found.judged :]
     if name == STABLE:
-        rest = max(REST * float(level.max()), least)
+        rest = max(REST_RATIO_FALLING * float(level.max()), least)
         return level > rest if judged.max() <= rest else None
     rise, error, scatter = found.trend()
-    if scatter > SCATTER or abs(rise) > max(TREND, CHANCE * error):
+    if scatter > MAX_REL_SCATTER or abs(rise) > max(MAX_LN_TREND, TREND_SIGMAS * error):
         return None
     return _outside(level, found.judged, float(judged.mean()), 0.0)
 
 
 def _outside(values: np.ndarray, judged: int, mean: float, least: float) -> np.ndarray:
-    """Which values are off the mean by more than `BAND`, `least`, or any of those judged is."""
+    """Which values are off the mean by more than the band, `least`, or any of those judged is."""
     off = np.abs(values - mean)
-    found: np.ndarray = off > max(BAND * abs(mean), least, 1.01 * float(off[judged:].max()))
+    found: np.ndarray = off > max(
+        MIN_AGREEMENT_HALF_WIDTH * abs(mean), least, 1.01 * float(off[judged:].max())
+    )
     return found
 
 
@@ -119,7 +131,9 @@ def _exceeds(swing: np.ndarray, found: LevelWindows, least: float) -> np.ndarray
     cut = np.abs(swing[len(swing) % count :]).reshape(count, -1)
     peak = cut.max(axis=1)
     top = float(peak[found.judged :].max())
-    wider: np.ndarray = peak > max((1 + BAND) * top, REST * float(peak.max()), least)
+    wider: np.ndarray = peak > max(
+        (1 + MIN_AGREEMENT_HALF_WIDTH) * top, REST_RATIO_FALLING * float(peak.max()), least
+    )
     return wider
 
 
@@ -162,15 +176,15 @@ def _has_decayed(run: Motion, energy: np.ndarray) -> bool:
     """Whether the vibration of a stable run is gone, or goes as predicted."""
     part = max(1, len(energy) // 25)
     first, last = float(energy[:part].mean()), float(energy[-part:].mean())
-    if last <= max(GONE * first, round_off(run)):
+    if last <= max(VANISHED_ENERGY_RATIO * first, round_off(run)):
         return True
     lam = run.point.growing.lam[0] if len(run.point.growing.lam) else complex(np.nan, np.nan)
     short = run.times[-1] * abs(lam) / (2 * np.pi) < LEAST_PERIODS
-    if short or last > FALLEN * first:
+    if short or last > DECAYED_ENERGY_RATIO * first:
         return False
     fit = fit_growth(run.times, run.xi(0))
     error = max(abs(fit.growth_rate - lam.real), 0.5 * (fit.high - fit.low))
-    return fit.status == "ok" and error <= AGREES * abs(lam.real)
+    return fit.status == "ok" and error <= MAX_REL_RATE_DIFFERENCE * abs(lam.real)
 
 
 def _has_settled(
@@ -197,8 +211,11 @@ def level_drift(torque: np.ndarray) -> float:
 
     Hann-weighted, or thirds of a few periods each would differ by what they cut off.
     """
-    rows = len(torque) // PARTS
-    cut, weight = torque[len(torque) - PARTS * rows :].reshape(PARTS, rows), hann(rows)
+    rows = len(torque) // N_AGREEING_WINDOWS
+    cut, weight = (
+        torque[len(torque) - N_AGREEING_WINDOWS * rows :].reshape(N_AGREEING_WINDOWS, rows),
+        hann(rows),
+    )
     mean = cut @ weight / weight.sum()
     rms = np.sqrt((cut - mean[:, None]) ** 2 @ weight / weight.sum())
     spread = [float(np.ptp(x) / max(abs(float(x.mean())), 1e-300)) for x in (mean, rms)]

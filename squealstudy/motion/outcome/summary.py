@@ -34,7 +34,7 @@ from squealstudy.motion.outcome.levels import (
     torque_levels,
 )
 from squealstudy.motion.outcome.settling import settled
-from squealstudy.motion.outcome.verdict import EXPRESSED, run_verdict
+from squealstudy.motion.outcome.verdict import MIN_ENERGY_SHARE, run_verdict
 from squealstudy.wording import FAILED, GROWING, STABLE, SUSTAINED
 
 LEAST_ROWS = 10  # of a history that says anything
@@ -183,7 +183,7 @@ def _expressed(share: float, kind: str, moving: bool) -> bool | None:
     """
     if not moving or kind not in (*SUSTAINED, STABLE):
         return None
-    return kind in SUSTAINED and share >= EXPRESSED
+    return kind in SUSTAINED and share >= MIN_ENERGY_SHARE
 
 
 def _growth(run: Motion, fits: list[GrowthFit]) -> dict[str, Any]:

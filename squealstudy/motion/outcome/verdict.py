@@ -7,7 +7,7 @@ import numpy as np
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import RunClass, classify
 from squealstudy.motion.outcome.energies import level_shares, round_off
-from squealstudy.motion.outcome.levels import LAST, hann
+from squealstudy.motion.outcome.levels import JUDGED_SHARE, hann
 from squealstudy.motion.outcome.repeating import (
     comes_back,
     decided_by,
@@ -18,17 +18,18 @@ from squealstudy.wording import LIMIT_CYCLE, STABLE, UNDECIDED
 
 NEARLY_ALL = 0.8  # share of the energy of a mode that is the whole motion, but for harmonics
 JUDGED_ROWS = 40  # of a history whose modes are watched
-EXPRESSED = 0.05  # share of the energy from which on a mode is in the motion
-SILENT = 1e-10  # of the energy: what is smaller may be round-off of contact forces
+MIN_ENERGY_SHARE = 0.05  # share of the energy from which on a mode is in the motion
+ENERGY_SHARE_ROUND_OFF = 1e-10  # of the energy: what is smaller may be round-off of contact forces
 RISE_LINES = 8  # the same, where a rise behind another motion is looked for
 RISE_PERIODS = 4.0  # of the mode in each of them, at least
-CHANCE = 5.0  # standard errors that such a rise must exceed: many modes are looked at
-RISE = 0.1  # of its logarithm over the window, at least
-LASTS = 0.6  # of the rise in the first half, that in the second must be
+GROWTH_SIGMAS = 5.0  # standard errors that such a rise must exceed: many modes are looked at
+MIN_LN_GROWTH = 0.1  # of its logarithm over the window, at least
+MIN_GROWTH_HALF_RATIO = 0.6  # of the rise in the first half, that in the second must be
 SMALLEST = 1e-300
-HORIZON = 1e3  # times a duration: what is later is not foreseen
-LINES = 4  # stretches of a window in which the line of a mode is measured
-WIDTH = 0.1  # of its frequency either side: limit cycles are a few per cent off the complex mode
+MAX_FORECAST_DURATIONS = 1e3  # times a duration: what is later is not foreseen
+N_LINE_STRETCHES = 4  # stretches of a window in which the line of a mode is measured
+# of its frequency either side: limit cycles are a few per cent off the complex mode
+LINE_REL_HALF_WIDTH = 0.1
 
 
 def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
@@ -74,7 +75,7 @@ def _predicted_pace(run: Motion) -> float:
     rates = np.asarray(modes.lam).real
     if modes.n_unstable or modes.n_outside:
         unstable = np.arange(len(rates)) < modes.n_followed
-        return float((shares * rates)[unstable & (shares >= EXPRESSED)].sum())
+        return float((shares * rates)[unstable & (shares >= MIN_ENERGY_SHARE)].sum())
     return min(float(rates[0]), 0.0) if shares[0] >= NEARLY_ALL else 0.0
 
 
@@ -112,7 +113,7 @@ def rises_until(run: Motion) -> float:
         until = min(until, _rises(run, window, run.xi(k), float(abs(modes.lam[k])), scale))
     for v, omega in zip(run.sensed_v.T, run.omega, strict=True):
         until = min(until, _rises(run, window, v, float(omega), 1 / energy))
-    return until / (1 - LAST)
+    return until / (1 - JUDGED_SHARE)
 
 
 def _rises(run: Motion, window: slice, amplitude: np.ndarray, omega: float, scale: float) -> float:
@@ -126,14 +127,16 @@ def _rises(run: Motion, window: slice, amplitude: np.ndarray, omega: float, scal
         return np.inf
     size = line_sizes(time, amplitude[window], frequency, RISE_LINES)
     share = scale * float(size[-1]) ** 2
-    if not SILENT < share < EXPRESSED:
+    if not ENERGY_SHARE_ROUND_OFF < share < MIN_ENERGY_SHARE:
         return np.inf
     rate, error = _growth(length / RISE_LINES, size)
-    if rate <= CHANCE * error or rate * length < RISE:
+    if rate <= GROWTH_SIGMAS * error or rate * length < MIN_LN_GROWTH:
         return np.inf
     y = np.log(np.maximum(size, SMALLEST))
     half = RISE_LINES // 2
-    if y[-1] - y[half] < LASTS * (y[half - 1] - y[0]):  # a forced line on its way to a level
+    if y[-1] - y[half] < MIN_GROWTH_HALF_RATIO * (
+        y[half - 1] - y[0]
+    ):  # a forced line on its way to a level
         return np.inf
     return _foreseen(run, share, rate)
 
@@ -142,7 +145,7 @@ def _foreseen(run: Motion, share: float, rate: float) -> float:
     """When a share of the energy would be all of it, s; infinite beyond the horizon."""
     end = float(run.times[-1])
     until = end + max(0.0, -0.5 * float(np.log(share)) / rate)
-    return until if until <= HORIZON * end else np.inf
+    return until if until <= MAX_FORECAST_DURATIONS * end else np.inf
 
 
 def mode_course(run: Motion, k: int, window: slice) -> tuple[float, float, float]:
@@ -160,7 +163,7 @@ def mode_course(run: Motion, k: int, window: slice) -> tuple[float, float, float
     """
     time, lam = run.times[window], run.point.growing.lam[k]
     size = line_sizes(time, run.xi(k)[window], float(abs(lam)) / (2 * np.pi))
-    rate, error = _growth(float(time[-1] - time[0]) / LINES, size)
+    rate, error = _growth(float(time[-1] - time[0]) / N_LINE_STRETCHES, size)
     energy = float(run.point.growing.energy[k] * size[-1] ** 2)
     return energy / max(float(run.modal_energy[window].mean()), SMALLEST), rate, error
 
@@ -188,11 +191,11 @@ def expected_rise(run: Motion, window: slice, duration: float) -> float:
 
 
 def line_sizes(
-    time: np.ndarray, amplitude: np.ndarray, frequency_hz: float, lines: int = LINES
+    time: np.ndarray, amplitude: np.ndarray, frequency_hz: float, lines: int = N_LINE_STRETCHES
 ) -> np.ndarray:
     """RMS of an amplitude (rows,) near a frequency, in successive stretches (lines,).
 
-    Hann-windowed, within `WIDTH` of the frequency on either side of zero.
+    Hann-windowed, within `LINE_REL_HALF_WIDTH` of the frequency on either side of zero.
     """
     step = float(time[-1] - time[0]) / (len(time) - 1)
     rows = len(time) // lines
@@ -200,7 +203,7 @@ def line_sizes(
     weight = hann(rows)
     power = np.abs(np.fft.fft(weight * cut, axis=1)) ** 2 / (rows * float(weight @ weight))
     distance = np.abs(np.abs(np.fft.fftfreq(rows, step)) - frequency_hz)
-    near = distance <= max(WIDTH * frequency_hz, 2.0 / (rows * step))
+    near = distance <= max(LINE_REL_HALF_WIDTH * frequency_hz, 2.0 / (rows * step))
     sizes: np.ndarray = np.sqrt(power[:, near].sum(axis=1))
     return sizes
 

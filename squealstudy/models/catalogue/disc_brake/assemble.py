@@ -185,7 +185,7 @@ class BrakeInterfaces:
         return np.asarray(rows.T @ per_area)
 
 
-EDGE = 1e-6  # m or rad: a facet centre on a plane is found within this
+ON_PLANE_TOLERANCE_M_OR_RAD = 1e-6  # m or rad: a facet centre on a plane is found within this
 
 
 def brake_faces(mesher: BrakeMesher) -> dict[str, dict[str, FacetFilter]]:
@@ -226,13 +226,15 @@ def brake_faces(mesher: BrakeMesher) -> dict[str, dict[str, FacetFilter]]:
         "GUIDES": lambda r, t, z: _on(abs(t), bridge) & (r > bridge_r) & between(z),
         "BODY": lambda r, t, z: _on(z, z_in),
         # its outer face, between its ends
-        "BRIDGE": lambda r, t, z: (r > top_r) & (abs(t) < bridge - EDGE) & between(z),
+        "BRIDGE": lambda r, t, z: (
+            (r > top_r) & (abs(t) < bridge - ON_PLANE_TOLERANCE_M_OR_RAD) & between(z)
+        ),
     }
     return {"disc": disc, **pads, "caliper": caliper}
 
 
 def _on(x: np.ndarray, plane: float) -> np.ndarray:
-    on: np.ndarray = abs(x - plane) < EDGE
+    on: np.ndarray = abs(x - plane) < ON_PLANE_TOLERANCE_M_OR_RAD
     return on
 
 

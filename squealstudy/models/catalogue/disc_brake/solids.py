@@ -27,10 +27,10 @@ from squealstudy.models.fem.solid import (
 
 # Thin parts, which bend, have two cells through their thickness; graded layers lie on the longer
 # side of a re-entrant corner. With cells of one part alone refined, errors cancel and mislead.
-ONE = (0.15,)
-TWO = (0.04, 0.15)
-WIDE = (0.06, 0.25)
-THREE = (0.02, 0.07, 0.25)
+GRADING_1 = (0.15,)
+GRADING_2 = (0.04, 0.15)
+GRADING_2_WIDE = (0.06, 0.25)
+GRADING_3 = (0.02, 0.07, 0.25)
 
 
 @dataclass(frozen=True)
@@ -65,38 +65,42 @@ class Density:
 MEDIUM = Density(
     around=36,
     # bore, hub, bell, band
-    disc_r=(Interval(), Interval(high=ONE), Interval(), Interval(3, low=ONE)),
-    disc_z=(Interval(2), Interval(1, ONE, ONE), Interval(2)),  # top, bell, band
+    disc_r=(Interval(), Interval(high=GRADING_1), Interval(), Interval(3, low=GRADING_1)),
+    disc_z=(Interval(2), Interval(1, GRADING_1, GRADING_1), Interval(2)),  # top, bell, band
     pad_r=(Interval(3),),
     pad_theta=(Interval(1), Interval(4), Interval(4), Interval(4), Interval(1)),
     pad_z=(Interval(2), Interval(1)),  # lining, plate
-    caliper_r=(Interval(2), Interval(1, high=ONE), Interval(2)),  # pads, clearance, bridge
-    caliper_z=(Interval(2, high=WIDE), Interval(2, WIDE, WIDE), Interval(2)),
-    caliper_middle=Interval(1, high=ONE),
-    caliper_angles=Interval(1, ONE, ONE),
+    caliper_r=(Interval(2), Interval(1, high=GRADING_1), Interval(2)),  # pads, clearance, bridge
+    caliper_z=(
+        Interval(2, high=GRADING_2_WIDE),
+        Interval(2, GRADING_2_WIDE, GRADING_2_WIDE),
+        Interval(2),
+    ),
+    caliper_middle=Interval(1, high=GRADING_1),
+    caliper_angles=Interval(1, GRADING_1, GRADING_1),
 )
 COARSE = replace(
     MEDIUM,
     around=24,
     pad_r=(Interval(2),),
     pad_theta=(Interval(1), Interval(3), Interval(3), Interval(3), Interval(1)),
-    caliper_r=(Interval(1), Interval(1, high=ONE), Interval(2)),
-    caliper_z=(Interval(1, high=ONE), Interval(1, ONE, ONE), Interval(2)),
+    caliper_r=(Interval(1), Interval(1, high=GRADING_1), Interval(2)),
+    caliper_z=(Interval(1, high=GRADING_1), Interval(1, GRADING_1, GRADING_1), Interval(2)),
     caliper_middle=Interval(1),
     caliper_angles=Interval(1),
 )
 FINE = replace(
     MEDIUM,
     around=48,
-    disc_r=(Interval(), Interval(high=TWO), Interval(2), Interval(5, low=TWO)),
-    disc_z=(Interval(3), Interval(2, TWO, TWO), Interval(3)),
+    disc_r=(Interval(), Interval(high=GRADING_2), Interval(2), Interval(5, low=GRADING_2)),
+    disc_z=(Interval(3), Interval(2, GRADING_2, GRADING_2), Interval(3)),
     pad_r=(Interval(5),),
     pad_theta=(Interval(2), Interval(6), Interval(6), Interval(6), Interval(2)),
     pad_z=(Interval(3), Interval(2)),
-    caliper_r=(Interval(3), Interval(1, high=THREE), Interval(3)),
-    caliper_z=(Interval(3, high=THREE), Interval(3, THREE, THREE), Interval(3)),
-    caliper_middle=Interval(1, high=WIDE),
-    caliper_angles=Interval(2, ONE, ONE),
+    caliper_r=(Interval(3), Interval(1, high=GRADING_3), Interval(3)),
+    caliper_z=(Interval(3, high=GRADING_3), Interval(3, GRADING_3, GRADING_3), Interval(3)),
+    caliper_middle=Interval(1, high=GRADING_2_WIDE),
+    caliper_angles=Interval(2, GRADING_1, GRADING_1),
 )
 DENSITIES = {"coarse": COARSE, "medium": MEDIUM, "fine": FINE}
 
