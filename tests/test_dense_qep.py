@@ -36,6 +36,15 @@ def test_none_missed_and_none_doubled(kind):
     assert certified >= 8  # `geev` was not its own twin
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 1.5, 10.0])
+def test_a_wrong_guess_of_the_number_of_real_modes_misses_no_root(share):
+    p = brake(np.random.default_rng(5), 80)
+    top = dense_qep.real_modes_to_know(p.band[1])
+    count = int((scipy.linalg.eigvalsh((p.K + p.K.T) / 2) <= top**2).sum())
+    lam, _ = dense_roots(*p, real_modes=round(share * count))
+    assert difference(p, lam) == ""
+
+
 def test_the_judge_sees_what_is_missed_and_what_is_doubled():
     p = brake(np.random.default_rng(5), 80)
     lam, _ = companion_roots(*p)

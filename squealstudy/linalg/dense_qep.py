@@ -11,6 +11,7 @@ them all; LAPACK's QR would find all 2n and their vectors first.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ from squealstudy.linalg.companion import (
     one_of_each_pair,
     pairs_up_to,
 )
+from squealstudy.linalg.quadratic_pencil import product
 
 KRYLOV_MIN_SIZE = 60  # coordinates from which on a space is less work than LAPACK's QR
 # of the 2n roots: where more are inside, the space costs as much as LAPACK's QR
@@ -48,7 +50,14 @@ Inside = tuple[np.ndarray, np.ndarray]
 WORST_PRODUCTS = 1e9  # condition of them: beyond, next to an exceptional point, LAPACK's are taken
 
 
-def roots_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Inside | None:
+def real_modes_to_know(radius: float) -> float:
+    """Frequency [rad/s] up to which real modes are counted to find all roots in a circle."""
+    return SEARCH_RADIUS_FACTOR * radius
+
+
+def roots_inside(
+    C: np.ndarray, K: np.ndarray, radius: float, real_modes: int | None = None
+) -> Inside | None:
     """All roots of lambda^2 I + lambda C + K with |lambda| <= radius and their right vectors.
 
     That none is missing, no copy of a multiple one either, is tested: from another random start,
@@ -60,6 +69,9 @@ def roots_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Inside | None:
         Real, of any symmetry; K may be singular.
     radius : float
         rad/s.
+    real_modes : int or None
+        How many of them lie up to `real_modes_to_know`, about, where that is known: a guess of the
+        number of roots.
 
     Returns
     -------
@@ -73,7 +85,9 @@ def roots_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Inside | None:
         return None
     for share in SHIFTS_OVER_RADIUS:
         try:
-            expected = 2 * _real_modes_below(K, SEARCH_RADIUS_FACTOR * radius)
+            if real_modes is None:
+                real_modes = _real_modes_below(K, real_modes_to_know(radius))
+            expected = 2 * real_modes
             if expected > 2 * KRYLOV_MAX_ROOT_SHARE * len(K):
                 return None
             form = _InverseCompanion(C, K, share * radius, radius)
@@ -185,7 +199,7 @@ class _Krylov:
             j = self.size
             self.size += 1
             image = self._apply(self._V[:, self._held + j])
-            length = float(np.linalg.norm(image))
+            length = math.sqrt(image @ image)
             along = self._put(image)
             self._H[: j + 1, j] = along[self._held : -1]
             self._H[j + 1, j] = along[-1]
@@ -200,7 +214,7 @@ class _Krylov:
         w = w - known @ first
         again = known.T @ w
         w = w - known @ again
-        length = float(np.linalg.norm(w))
+        length = math.sqrt(w @ w)
         self._V[:, self._held + self.size] = w / (length or 1.0)
         return np.concatenate([first + again, [length]])
 
@@ -242,7 +256,8 @@ def _roots_in_reach(form: _InverseCompanion, radius: float, expected: int) -> _F
         missing = np.abs(leaves @ S) / np.abs(theta)
         inside = form.holds(theta, radius)
         if k < size and (missing <= np.where(inside, CONVERGED, OUTER_RESIDUAL_TOLERANCE)).all():
-            return _Found(theta, space.vectors @ (Q[:, :k] @ S), space.vectors @ Q[:, :k])
+            Z = space.vectors @ Q[:, :k]
+            return _Found(theta, product(Z, S), Z)
         size = int(SPACE_GROWTH * size)
     raise la.LinAlgError("the roots did not converge")
 
@@ -265,19 +280,24 @@ def _nothing_left(form: _InverseCompanion, Z: np.ndarray, radius: float) -> bool
 def _accurate(
     C: np.ndarray, K: np.ndarray, lam: np.ndarray, X: np.ndarray, radius: float
 ) -> Inside | None:
-    """The roots in the circle, where all their residuals are small."""
+    """The roots in the circle, where all their residuals are small.
+
+    Those of conjugates are conjugate to each other.
+    """
     kept = np.abs(lam) <= radius
     lam, X = lam[kept], X[:, kept] / np.linalg.norm(X[:, kept], axis=0)
-    R = X * lam**2 + (C @ X.real + 1j * (C @ X.imag)) * lam + K @ X.real + 1j * (K @ X.imag)
+    upper = lam.imag >= 0
+    mu, Y = lam[upper], X[:, upper]
+    R = Y * mu**2 + product(C, Y) * mu + product(K, Y)
     small = (
         np.linalg.norm(R, axis=0)
-        <= RESIDUAL_TOLERANCE * np.maximum(np.abs(lam), SHIFTS_OVER_RADIUS[0] * radius) ** 2
+        <= RESIDUAL_TOLERANCE * np.maximum(np.abs(mu), SHIFTS_OVER_RADIUS[0] * radius) ** 2
     )
     return (lam, X) if small.all() else None
 
 
 def dense_roots(
-    C: np.ndarray, K: np.ndarray, band: tuple[float, float]
+    C: np.ndarray, K: np.ndarray, band: tuple[float, float], real_modes: int | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """All roots in a band: by `roots_inside`, or by `companion_roots` where that cannot be certain.
 
@@ -287,6 +307,8 @@ def dense_roots(
         Damping and stiffness; the mass is the identity.
     band : (low, high)
         Bounds of |lambda|, rad/s.
+    real_modes : int or None
+        As of `roots_inside`, for the band's top.
 
     Returns
     -------
@@ -296,7 +318,7 @@ def dense_roots(
     psi : ndarray (n, m) complex
         Right vectors of unit 2-norm.
     """
-    found = roots_inside(C, K, band[1])
+    found = roots_inside(C, K, band[1], real_modes)
     return companion_roots(C, K, band) if found is None else one_of_each_pair(*found, band)
 
 
@@ -334,7 +356,7 @@ def _told_pairs(C: np.ndarray, K: np.ndarray, radius: float) -> Eigenpairs:
 
 def backward_error(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:
     """Normwise backward error of each pair: |Q(lambda) psi| / (|lambda|^2 + |lambda||C| + |K|)."""
-    R = psi * lam**2 + (C @ psi) * lam + K @ psi
+    R = psi * lam**2 + product(C, psi) * lam + product(K, psi)
     size = np.abs(lam)
     norm = size**2 + size * np.linalg.norm(C) + np.linalg.norm(K)
     error: np.ndarray = np.linalg.norm(R, axis=0) / (norm * np.linalg.norm(psi, axis=0))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.dense_qep import backward_error, dense_roots
+from squealstudy.linalg.dense_qep import backward_error, dense_roots, real_modes_to_know
 from squealstudy.linalg.root_error import root_errors
 from squealstudy.models.operating import DesignState
 from squealstudy.reduction.prepared import PreparedModel, shape_column, unit_shapes
@@ -136,13 +136,23 @@ def band_modes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Roots (m,) in a band in the order of tables, right vectors (n, m), errors (m,) [rad/s]."""
     band = angular_band(band_hz)
-    lam, psi = dense_roots(system.C, system.K, band)
+    lam, psi = dense_roots(system.C, system.K, band, _known_count(system, band[1]))
     errors = root_errors(system.pencil.M, system.C, system.K, lam, psi)
     told = np.flatnonzero(errors.resolved(lam, band[1]))
     order = told[oscillating_first(lam[told])]
     lam, psi, error = lam[order], psi[:, order], errors.error[order]
     error = np.maximum(error, ROUND_OFF * np.abs(lam)) + working_point_error(point, lam)
     return lam, psi, error
+
+
+def _known_count(system: LinearisedModel, top: float) -> int | None:
+    """How many real modes the search for roots up to `top` [rad/s] has to know of, if it is known.
+
+    Friction's part of the symmetric stiffness is left out.
+    """
+    if system.known_modes is None:
+        return None
+    return int((system.known_modes[0] <= real_modes_to_know(top) ** 2).sum())
 
 
 def solve_point(

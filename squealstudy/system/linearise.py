@@ -355,7 +355,11 @@ def modal_damping(modes: Modes, zeta: np.ndarray, damped_to: float = np.inf) -> 
     beyond `damped_to` [rad/s] have the coefficient of a mode there.
     """
     omega, phi = np.sqrt(np.maximum(modes[0], 0.0)), modes[1]
-    return (phi * (2.0 * zeta * np.minimum(omega, damped_to))) @ phi.T
+    rates = 2.0 * zeta * np.minimum(omega, damped_to)
+    if (rates < 0).any():
+        return (phi * rates) @ phi.T
+    half = phi * np.sqrt(rates)
+    return half @ half.T  # half the work: BLAS sees that this is symmetric
 
 
 def energy_shares(

@@ -20,13 +20,13 @@ from squealstudy.modes.tracking.onsets import Onset, bracketed_crossing
 from squealstudy.modes.tracking.pairing import mac
 from squealstudy.modes.tracking.refinement import Modes
 
-SURE = 0.9  # least MAC of a followed mode with that at both ends
-OTHERS = 0.7  # and the largest of any other mode of the ends with it
-CONVERGED = 1e-12  # change of the root, of its modulus
-RESIDUAL = 1e-9  # |Q(lambda) x| / |lambda^2 x| of both vectors
-TURNS = 8  # of the iteration with one factor
-FACTORS = 3  # at one value of the parameter
-WORST = 1e3  # condition of a root: next to an exceptional point there are two to follow
+MIN_MAC = 0.9  # least MAC of a followed mode with that at both ends
+MAX_OTHER_MAC = 0.7  # and the largest of any other mode of the ends with it
+ROOT_TOLERANCE = 1e-12  # change of the root, of its modulus
+RESIDUAL_TOLERANCE = 1e-9  # |Q(lambda) x| / |lambda^2 x| of both vectors
+MAX_TURNS = 8  # of the iteration with one factor
+MAX_FACTORS = 3  # at one value of the parameter
+MAX_CONDITION = 1e3  # condition of a root: next to an exceptional point there are two to follow
 
 
 class RootState(NamedTuple):
@@ -59,7 +59,7 @@ class RootFollower:
             ``lost`` where it does not converge, or next to an exceptional point.
         """
         state = near
-        for number in range(FACTORS):
+        for number in range(MAX_FACTORS):
             if self._factor is None or number:
                 self._factor = pencil.factor(state.lam)
             state, converged = _converged(pencil, self._factor, state)
@@ -74,7 +74,7 @@ def _converged(
     """The root after some turns with one factor, and whether it has converged."""
     lam, x, y = state
     left, last = pencil.adjoint(), np.inf
-    for _ in range(TURNS):
+    for _ in range(MAX_TURNS):
         parts = [product(A, x) for A in (pencil.M, pencil.C, pencil.K)]
         back = [product(A, y) for A in (left.M, left.C, left.K)]
         before = lam
@@ -84,9 +84,9 @@ def _converged(
         size = float(max(np.linalg.norm(r), np.linalg.norm(s))) / abs(lam) ** 2
         if not size < np.inf:
             break
-        if abs(lam - before) <= CONVERGED * abs(lam) and size <= RESIDUAL:
+        if abs(lam - before) <= ROOT_TOLERANCE * abs(lam) and size <= RESIDUAL_TOLERANCE:
             slope = np.vdot(y, 2 * lam * parts[0] + parts[1])
-            return RootState(lam, x, y), bool(2 * abs(lam) <= WORST * abs(slope))
+            return RootState(lam, x, y), bool(2 * abs(lam) <= MAX_CONDITION * abs(slope))
         if size > last:
             break
         last = size
@@ -129,7 +129,9 @@ class FollowedEnd(NamedTuple):
         """Whether a shape (k,) is that of the mode and of no other one here."""
         likeness = mac(shape[None], self.modes.shapes)[0]
         own = likeness[self.place]
-        return bool(own >= SURE and np.delete(likeness, self.place).max(initial=0.0) <= OTHERS)
+        return bool(
+            own >= MIN_MAC and np.delete(likeness, self.place).max(initial=0.0) <= MAX_OTHER_MAC
+        )
 
 
 class PencilLine(NamedTuple):
