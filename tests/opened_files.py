@@ -25,6 +25,7 @@ rank results/blocks --names --why
 plot results/blocks
 shape results/blocks --no-picture --page --vtu --uff
 report results/blocks --output page.html --no-shapes
+explore results/blocks --output explore.html
 inspect blocks.toml
 export study.toml --output exported
 run scatter.toml --jobs 1 --no-pictures

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from squealstudy.plots.verdict_map import FILLS
+from squealstudy.colours import FILLS
 from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, VERDICTS
 
 SEEN = {  # linear RGB as it is seen: all cones, without those of long, middle, short waves

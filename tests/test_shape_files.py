@@ -345,12 +345,13 @@ def test_page_holds_one_design_point_and_no_markup_of_names(results, shape):
 def test_page_draws_in_a_browser(shape, tmp_path):
     path = tmp_path / "page.html"
     path.write_text(page([shape]), encoding="utf-8")
+    profile = f"--user-data-dir={tmp_path / 'profile'}"
     options = (
         "--headless --no-sandbox --use-gl=angle --use-angle=swiftshader "
         "--enable-unsafe-swiftshader --window-size=900,700 --virtual-time-budget=2000 --dump-dom"
     )
     done = subprocess.run(
-        [CHROMIUM, *options.split(), f"--user-data-dir={tmp_path / 'profile'}", path.as_uri()],
+        [CHROMIUM, *options.split(), profile, f"{path.as_uri()}#count"],
         capture_output=True,
         text=True,
         timeout=300,

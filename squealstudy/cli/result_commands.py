@@ -138,6 +138,21 @@ def report(
 
 
 @on_results
+def explore(
+    results: ResultsPath,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The page; it is written over.")
+    ] = Path("explore.html"),
+    where: Where = None,
+) -> None:
+    """One page of HTML to click through: map, modes, tracks, cycles or runs; needs no network."""
+    from squealstudy import face, screen
+
+    found = face.open_results(results).explore(where)
+    screen.show(str(found.save(output)))
+
+
+@on_results
 def shape(
     results: ResultsPath,
     point: Annotated[

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -24,6 +25,7 @@ from squealstudy.study.sweeps import BOUNDARY, RANDOM_DESIGNS, SOBOL_INDICES
 from squealstudy.wording import GROWING, SUSTAINED, UNDECIDED, plural
 
 if TYPE_CHECKING:
+    from squealstudy.engine.exploration import Exploration
     from squealstudy.engine.kind_screen import KindScreen
     from squealstudy.engine.motion_shapes import EndMotion
     from squealstudy.shapes.shape import Shape
@@ -34,6 +36,8 @@ PUBLIC = (  # of results of every kind
     *("along", "columns", "design", "directory", "draw", "kind", "manifest", "n_points"),
     *("parameters", "plot", "rank", "swept", "table", "tables", "units"),
 )
+EXPLORE = "squealstudy.explore.page"
+EXPLORED = ("complex_modes", "limit_cycles", "transient")  # kinds that have such a page
 MOST_NAMED = 12  # design points of a track at which it is named, unless more are asked for
 
 
@@ -73,6 +77,7 @@ class Results(ResultTables):
             or ("onsets" in self.tables and self.boundary is None),
             ("robust",): random,
             ("sobol_indices",): random and self.design == SOBOL_INDICES,
+            ("explore",): self.kind in EXPLORED,
             ("boundary",): self.design == BOUNDARY,
         }
         own = (name for names, there in of_some.items() if there for name in names)
@@ -174,6 +179,25 @@ class Results(ResultTables):
         from squealstudy.engine.mode_names import mode_names
 
         return mode_names(self, tracks, most)
+
+    def explore(self, where: str | None = None) -> Exploration:
+        """A page in which the results are explored; a notebook shows it.
+
+        ``results.explore().save("page.html")`` writes it. Of complex modes, limit cycles and runs
+        in time; needs the extra ``explore``.
+
+        Parameters
+        ----------
+        where : str or None
+            A pandas query over `points`: those that the page has; by default all.
+
+        Raises
+        ------
+        ResultsError
+            Another kind, no Bokeh, too many design points or none, a query that cannot be used.
+        """
+        found: Exploration = import_module(EXPLORE).explore(self, where)  # a layer above this one
+        return found
 
     def draw(self, directory: Path | None = None) -> list[Path]:
         """Draw every picture that the tables allow, beside them or elsewhere; their paths.

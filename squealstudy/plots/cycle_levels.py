@@ -10,13 +10,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.colours import COLOURS, DARK, GREY
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.over_time import friction_label
 from squealstudy.plots.style import (
-    COLOURS,
-    DARK,
-    GREY,
     Quantity,
     cross_out,
     empty_figure,

@@ -10,15 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from squealstudy.colours import COLOURS, GREY
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.over_time import friction_label
-from squealstudy.plots.style import (
-    COLOURS,
-    GREY,
-    finish,
-    one_panel,
-)
+from squealstudy.plots.style import finish, one_panel
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
 

@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from squealstudy.colours import COLOURS, DARK, GREY
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.operating_matrix import chosen_word
-from squealstudy.plots.style import COLOURS, DARK, GREY, finish, labelled, legend_below, new_figure
+from squealstudy.plots.style import finish, labelled, legend_below, new_figure
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:

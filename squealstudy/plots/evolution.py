@@ -13,12 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from squealstudy.colours import COLOURS, DARK, GREY
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import (
-    COLOURS,
-    DARK,
-    GREY,
     MARKERS,
     UNSTABLE,
     Quantity,

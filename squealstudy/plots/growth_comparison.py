@@ -10,18 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from squealstudy.colours import COLOURS, DARK, GREY
 from squealstudy.engine.pictures import register_plot
-from squealstudy.plots.style import (
-    COLOURS,
-    DARK,
-    GREY,
-    empty_figure,
-    finish,
-    labelled,
-    legend_below,
-    new_figure,
-    reach,
-)
+from squealstudy.plots.style import empty_figure, finish, labelled, legend_below, new_figure, reach
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:

@@ -11,12 +11,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.colours import COLOURS, DARK, GREY
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.plots.over_time import PALETTE, friction_label
 from squealstudy.plots.style import (
-    COLOURS,
-    DARK,
-    GREY,
     Quantity,
     cross_out,
     empty_figure,

@@ -15,13 +15,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke, withTickedStroke
 
+from squealstudy.colours import COLOURS, DARK
 from squealstudy.engine.pictures import register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.plane import Plane
 from squealstudy.plots.stability_map import STABLE
 from squealstudy.plots.style import (
-    COLOURS,
-    DARK,
     UNSTABLE,
     Quantity,
     finish,

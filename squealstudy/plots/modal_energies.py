@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.colours import DARK, GREY
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
     MS,
@@ -22,7 +23,7 @@ from squealstudy.plots.over_time import (
     outline,
     run_of,
 )
-from squealstudy.plots.style import DARK, GREY, empty_figure, finish, joined, new_figure
+from squealstudy.plots.style import empty_figure, finish, joined, new_figure
 from squealstudy.tables.energy_ranking import component_columns
 from squealstudy.wording import in_digits, plural, real_mode_number
 

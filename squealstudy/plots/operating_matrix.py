@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from squealstudy.colours import COLOURS, DARK
 from squealstudy.engine.pictures import register_plot
-from squealstudy.plots.style import COLOURS, DARK, finish, labelled, legend_below, new_figure
+from squealstudy.plots.style import finish, labelled, legend_below, new_figure
 from squealstudy.wording import plural, setting
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.colours import COLOURS
 from squealstudy.engine.pictures import Choices
-from squealstudy.plots.style import COLOURS
 from squealstudy.plots.tables import describe
 from squealstudy.tables.energy_ranking import transient_parameters
 from squealstudy.wording import TORQUE

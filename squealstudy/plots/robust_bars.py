@@ -11,11 +11,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.colours import COLOURS, DARK
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import (
-    COLOURS,
-    DARK,
     UNSTABLE,
     finish,
     head,

@@ -11,9 +11,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from squealstudy.colours import COLOURS
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.plots.style import (
-    COLOURS,
     UNSTABLE,
     empty_figure,
     finish,

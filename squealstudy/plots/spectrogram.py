@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.colours import COLOURS, DARK
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
     MS,
@@ -18,7 +19,7 @@ from squealstudy.plots.over_time import (
     histories,
     run_of,
 )
-from squealstudy.plots.style import COLOURS, DARK, empty_figure, finish, head, joined, new_figure
+from squealstudy.plots.style import empty_figure, finish, head, joined, new_figure
 from squealstudy.wording import in_digits
 
 if TYPE_CHECKING:

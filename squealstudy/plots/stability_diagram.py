@@ -15,11 +15,10 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from squealstudy.colours import COLOURS, GREY
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import (
-    COLOURS,
-    GREY,
     UNSTABLE,
     damping_limits,
     finish,

@@ -15,17 +15,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import TickedStroke
 
+from squealstudy.colours import COLOURS
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.boundary_lines import Boundary, stability_boundary
 from squealstudy.plots.plane import MEASURES, MOST_DOTS, StudyPlane, study_plane
-from squealstudy.plots.style import (
-    COLOURS,
-    finish,
-    joined,
-    legend_below,
-    one_panel,
-)
+from squealstudy.plots.style import finish, joined, legend_below, one_panel
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.wording import plural
 

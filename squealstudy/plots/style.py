@@ -16,15 +16,12 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
+from squealstudy.colours import COLOURS
 from squealstudy.engine.pictures import NOTHING
 from squealstudy.wording import in_digits, name_where_fastest, prefixed, track_number
 
-# Okabe and Ito: told apart by colour-blind readers
-COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F5F2A")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 UNSTABLE = COLOURS[0]
-GREY = "#9A9A9A"
-DARK = "#505050"
 TWO_DECADES = 100.0  # below that powers of ten alone are too few labels
 GEOMETRIC = 0.6  # spread of log steps over spread of steps below which an axis is logarithmic
 

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from squealstudy.colours import COLOURS, DARK
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
     MS,
@@ -20,8 +21,6 @@ from squealstudy.plots.over_time import (
     run_of,
 )
 from squealstudy.plots.style import (
-    COLOURS,
-    DARK,
     empty_figure,
     finish,
     head,

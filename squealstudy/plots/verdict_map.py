@@ -13,26 +13,18 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from squealstudy.colours import FILLS, GREY
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.plane import Plane
-from squealstudy.plots.style import GREY, finish, joined, legend_below, new_figure, quantity
+from squealstudy.plots.style import finish, joined, legend_below, new_figure, quantity
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.wording import IF_KICKED, NEUTRAL, NO_CYCLE, SQUEALS, UNDECIDED
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 LEVELS = 5  # contours
-# told apart in grey and by readers who lack a cone: CIELAB distances of 20 and more
-FILLS = {
-    SQUEALS: "#C4500A",
-    IF_KICKED: "#E89C1E",
-    UNDECIDED: "#BDBDBD",
-    NEUTRAL: "#8FB9E3",
-    NO_CYCLE: "#F3F8F1",
-}
 BORDERS = {"H": ("^", "Hopf point of a branch"), "F": ("D", "fold of a branch")}
 LINES = {"H": ("-", "border of Hopf points"), "F": ("--", "border of folds")}
 

@@ -12,18 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
+from squealstudy.colours import COLOURS, DARK, GREY
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import friction_label
-from squealstudy.plots.style import (
-    COLOURS,
-    DARK,
-    GREY,
-    MARKERS,
-    finish,
-    labelled,
-    legend_below,
-    new_figure,
-)
+from squealstudy.plots.style import MARKERS, finish, labelled, legend_below, new_figure
 from squealstudy.tables.method_quality import cost_of, on_front, usable
 
 if TYPE_CHECKING:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from base64 import b64encode
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,6 +32,7 @@ from squealstudy.shapes.shape import Shape
 from squealstudy.shapes.surface import Camera, middles, triangles, with_middles
 
 TEMPLATE = Path(__file__).with_name("page.html")
+DATA = re.compile(r'<script id="data" type="application/json">([^<]*)</script>')
 WHOLE = 32767  # of a 16-bit number
 BYTE = 255
 
@@ -86,6 +88,19 @@ def page(shapes: Sequence[Shape]) -> str:
         "parts": parts,
         "modes": [_mode(shape, kept) for shape in shapes],
     }
+    return _filled(data)
+
+
+def made_again(text: str) -> str:
+    """The page with the numbers of another one, which may come from anybody; empty of no page."""
+    held = DATA.search(text)
+    try:
+        return _filled(json.loads(held[1])) if held else ""
+    except (ValueError, RecursionError):
+        return ""
+
+
+def _filled(data: Any) -> str:
     text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     return TEMPLATE.read_text(encoding="utf-8").replace("@DATA@", text)
 

@@ -1,0 +1,101 @@
+"""What a page holds of complex modes: those that grow and the lightest of the others."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.explore.packed import MISSING, packed_numbers, packed_whole
+from squealstudy.explore.points import Content, measure
+from squealstudy.tables.point_rows import ROW
+from squealstudy.tables.stability import is_uncertain
+from squealstudy.wording import name_where_fastest
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+MOST_BYTES = 15_000_000  # of the columns of modes, before base64 makes four of three
+NUMBERS = ("frequency_hz", "growth_rate", "error_estimate")  # 16 bits a mode
+WHOLE = ("mode", "track", "flags")  # another 16
+UNSTABLE, UNCERTAIN, OVERDAMPED, AMBIGUOUS = 1, 2, 4, 8  # bits of flags
+ENERGY = "energy_"
+
+
+def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[Content]]:
+    """Modes of some design points, and what a map can show of them.
+
+    Of more modes than a page holds those of least damping; ``lightest`` is the damping ratio up to
+    which they are there, missing where all are.
+    """
+    known = results.columns("modes")
+    energies = [name for name in known if name.startswith(ENERGY)]
+    width = 2 * (len(NUMBERS) + len(WHOLE) + len(energies))
+    place = np.full(len(results.points), -1)
+    place[points.index] = np.arange(len(points))
+    whole = results.rows("modes", [ROW, "damping_ratio"])
+    wanted = place[whole[ROW].to_numpy()] >= 0
+    own = np.flatnonzero(wanted)
+    most, limit = MOST_BYTES // width, np.inf
+    if len(own) > most:
+        damping = whole["damping_ratio"].to_numpy()[own]
+        lightest = np.argpartition(damping, most - 1)[:most]
+        limit = float(damping[lightest].max())
+        wanted[:] = False
+        wanted[own[lightest]] = True
+
+    def shown(batch: pd.DataFrame) -> np.ndarray:
+        here = place[batch[ROW].to_numpy()] >= 0
+        rows: np.ndarray = wanted[batch.index] | (here & batch["unstable"].to_numpy(bool))
+        return rows
+
+    named = ("mode", "track", "track_ambiguous", "unstable", "stability", "overdamped")
+    columns = [ROW, "damping_ratio", *NUMBERS, *named, *energies]
+    modes = results.rows("modes", columns, shown)
+    modes[ROW] = place[modes[ROW].to_numpy()]
+    modes = modes.sort_values([ROW, "frequency_hz"], kind="stable")
+    content: Content = {
+        "counts": packed_whole(np.bincount(modes[ROW], minlength=len(points))),
+        "n": len(modes),
+        "n_all": len(own),
+        "lightest": None if np.isinf(limit) else limit,
+        "band": [float(f) for f in results.manifest.get("band_hz", ())] or None,
+        "energies": [name.removeprefix(ENERGY).replace("_", " ") for name in energies],
+        "names": {str(t): name_where_fastest(n) for t, n in results.track_names.items()},
+        "mode": packed_whole(modes["mode"].to_numpy()),
+        "track": packed_whole(_tracks(modes)),
+        "flags": packed_whole(_flags(modes)),
+        "shares": [packed_numbers(modes[name].to_numpy()) for name in energies],
+    }
+    content |= {name: packed_numbers(modes[name].to_numpy()) for name in NUMBERS if name in modes}
+    return content, _measures(points, modes)
+
+
+def _tracks(modes: pd.DataFrame) -> np.ndarray:
+    track = modes["track"].to_numpy()
+    tracks: np.ndarray = np.where((track > 0) & (track < MISSING), track, MISSING)
+    return tracks
+
+
+def _flags(modes: pd.DataFrame) -> np.ndarray:
+    told = {UNSTABLE: modes["unstable"], UNCERTAIN: is_uncertain(modes)}
+    told |= {OVERDAMPED: modes["overdamped"], AMBIGUOUS: modes["track_ambiguous"]}
+    flags = np.zeros(len(modes), dtype=int)
+    for bit, flag in told.items():
+        flags += bit * np.asarray(flag, dtype=bool)
+    return flags
+
+
+def _measures(points: pd.DataFrame, modes: pd.DataFrame) -> list[Content]:
+    """Of all modes that the page holds, the fastest ones of each design point among them."""
+    fastest = modes.loc[modes.groupby(ROW)["growth_rate"].idxmax()].set_index(ROW)
+    by_point = fastest.reindex(np.arange(len(points)))
+    least = modes.groupby(ROW)["damping_ratio"].min().reindex(np.arange(len(points)))
+    count = points["n_unstable"].to_numpy(dtype=float, na_value=np.nan)
+    return [
+        measure("fastest growth", "1/s", by_point["growth_rate"].to_numpy(), sign=True),
+        measure("unstable modes", "", count, whole=True),
+        measure("least damping ratio", "", least.to_numpy(), sign=True, turned=True),
+        measure("frequency of the fastest", "Hz", by_point["frequency_hz"].to_numpy()),
+    ]

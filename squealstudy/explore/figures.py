@@ -1,0 +1,146 @@
+"""Empty figures of Bokeh, which the page's script fills: sources and annotations by name."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import bokeh
+from bokeh.embed import json_item
+from bokeh.events import MouseLeave, MouseMove, Reset, SelectionGeometry, Tap
+from bokeh.models import (
+    BoxAnnotation,
+    BoxSelectTool,
+    BoxZoomTool,
+    ColumnDataSource,
+    CustomJS,
+    PanTool,
+    Range1d,
+    ResetTool,
+    Span,
+    WheelZoomTool,
+)
+from bokeh.plotting import figure
+
+from squealstudy.colours import COLOURS, DARK, GREY
+
+LIBRARY = Path(bokeh.__file__).with_name("server") / "static" / "js" / "bokeh.min.js"
+HEIGHT, LOW = 380, 260  # px
+BRUSH = "#0072B2"
+
+
+def library() -> str:
+    """Bokeh's script for browsers, fit to stand in a page."""
+    return LIBRARY.read_text(encoding="utf-8").replace("</script", "<\\/script")
+
+
+def figures(kind: str) -> dict[str, Any]:
+    """Figures by the id of the element they stand in, as `Bokeh.embed.embed_item` takes them."""
+    made = {"map": _map()}
+    if kind == "complex_modes":
+        made |= {"diagram": _diagram(), "line": _line("line")}
+    elif kind == "limit_cycles":
+        made["line"] = _line("line")
+    else:
+        made["history"] = _history()
+    return {name: json.loads(json.dumps(json_item(fig))) for name, fig in made.items()}
+
+
+def _figure(name: str, height: int, brush: str = "") -> Any:
+    """A figure without points; what happens in it is told to the page's script."""
+    fig = figure(
+        name=name,
+        height=height,
+        sizing_mode="stretch_width",
+        tools=[],
+        x_range=Range1d(0, 1),
+        y_range=Range1d(0, 1),
+        output_backend="canvas",
+        toolbar_location="above",
+        min_border_right=12,
+    )
+    fig.toolbar.logo = None
+    zoom = BoxZoomTool(dimensions="width" if brush == "zoom" else "both")
+    fig.add_tools(PanTool(), zoom, WheelZoomTool(), ResetTool())
+    if brush in ("both", "width"):
+        select = BoxSelectTool(dimensions=brush, renderers=[])
+        fig.add_tools(select)
+        fig.toolbar.active_drag = select
+        box = BoxAnnotation(name="brush", fill_color=BRUSH, fill_alpha=0.08, line_color=BRUSH)
+        box.visible = False
+        fig.add_layout(box)
+    else:
+        fig.toolbar.active_drag = zoom
+    fig.toolbar.active_scroll = None
+    told = CustomJS(args={"name": name}, code="window.squealstudy.happened(name, cb_obj)")
+    for event in (Tap, MouseMove, MouseLeave, Reset, SelectionGeometry):
+        fig.js_on_event(event, told)
+    fig.grid.grid_line_color = "#E8E8E8"
+    fig.outline_line_color = None
+    return fig
+
+
+def _points(fig: Any, name: str, **look: Any) -> None:
+    """Points of a source named so: x, y, fill, line, size, marker."""
+    columns: dict[str, list[Any]] = {k: [] for k in ("x", "y", "fill", "line", "size", "marker")}
+    source = ColumnDataSource(columns, name=name)
+    given = {"fill_color": "fill", "line_color": "line", "size": "size", "marker": "marker"} | look
+    fig.scatter("x", "y", source=source, **given)
+
+
+def _ring(fig: Any) -> None:
+    """Where what is chosen stands."""
+    source = ColumnDataSource({"x": [], "y": []}, name="chosen")
+    look: dict[str, Any] = {"fill_color": None, "line_color": "#000000"}
+    fig.scatter("x", "y", source=source, size=17, line_width=2.5, **look)
+
+
+def _map() -> Any:
+    fig = _figure("map", HEIGHT, "both")
+    _points(fig, "points", line_width=0.6)
+    _ring(fig)
+    return fig
+
+
+def _diagram() -> Any:
+    """Frequency against growth of the modes of a design point, over those of a selection."""
+    fig = _figure("diagram", HEIGHT, "width")
+    fig.xaxis.axis_label, fig.yaxis.axis_label = "frequency [Hz]", "growth rate [1/s]"
+    fig.add_layout(_zero())
+    _points(fig, "others", fill_alpha=0.35)
+    _points(fig, "points", line_width=1.4)
+    _ring(fig)
+    return fig
+
+
+def _line(name: str) -> Any:
+    """Lines of tracks, or of branches, over a parameter, with their points."""
+    fig = _figure(name, HEIGHT)
+    fig.add_layout(_zero())
+    here = Span(name="here", dimension="height", location=0, line_color=DARK, line_dash="dashed")
+    fig.add_layout(here)
+    lines: dict[str, list[Any]] = {"xs": [], "ys": [], "colour": [], "width": [], "dash": []}
+    fig.multi_line(
+        "xs",
+        "ys",
+        source=ColumnDataSource(lines, name="lines"),
+        line_color="colour",
+        line_width="width",
+        line_dash="dash",
+    )
+    _points(fig, "points", line_width=1.2)
+    _ring(fig)
+    return fig
+
+
+def _history() -> Any:
+    fig = _figure("history", HEIGHT, "zoom")
+    fig.xaxis.axis_label = "time [s]"
+    source = ColumnDataSource({"x": [], "y": []}, name="points")
+    fig.line("x", "y", source=source, line_color=COLOURS[1], line_width=0.8)
+    return fig
+
+
+def _zero() -> Any:
+    return Span(name="zero", dimension="width", location=0, line_color=GREY, line_width=1)

@@ -1,0 +1,81 @@
+"""What a page holds of limit cycles: a verdict a mode, the cycles, and the branches."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.colours import FILLS
+from squealstudy.explore.packed import packed_exact, packed_numbers, packed_whole
+from squealstudy.explore.points import Content, classes, measure
+from squealstudy.wording import TORQUE
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+MOST_ROWS = 200_000  # of verdicts, cycles and branches that a page holds of each
+OF_CYCLES = ("torque_rms", "frequency_hz", "contact_velocity", "level_error")
+OF_VERDICTS = ("frequency_hz", "growth_rate", "torque_rms", "level_error", "threshold_velocity")
+NUMBERS = {
+    "verdicts": (*OF_VERDICTS, "kick_velocity"),
+    "cycles": OF_CYCLES,
+    "branches": (*OF_CYCLES, "value"),
+}
+WORDS = {"verdicts": ("verdict", "reason"), "cycles": (), "branches": ("along", "cycle_id")}
+NOT_KNOWN = 2  # whether a cycle is stable: 1, unstable: 0
+
+
+def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[Content]]:
+    """Verdicts and cycles of some design points, and what a map can show of them."""
+    unit = results.units.get(TORQUE, "N m")
+    place = pd.Series(np.arange(len(points)), index=points["point_id"])
+    tables = {name: _of_points(results.table(name), place) for name in NUMBERS}
+    content: Content = {"unit": unit}
+    for name, table in tables.items():
+        kept = table.head(MOST_ROWS)
+        part: Content = {"n": len(kept), "n_all": len(table), "row": packed_exact(kept["row"])}
+        part |= {n: packed_numbers(_numbers(kept[n])) for n in NUMBERS[name] if n in kept}
+        part["mode"] = packed_whole(kept["mode"].to_numpy())
+        part |= {n: kept[n].astype(str).tolist() for n in WORDS[name]}
+        if "stable" in kept:
+            part["stable"] = packed_whole(_states(kept["stable"]))
+        content[name] = part
+    words, status = points["verdict"].astype(str).tolist(), points["status"].tolist()
+    measures = [classes("verdict", words, status, FILLS)]
+    named = {
+        "torque_rms": (f"RMS of {of_friction(unit)}", unit),
+        "frequency_hz": ("frequency", "Hz"),
+    }
+    named["max_growth_rate"] = ("fastest growth", "1/s")
+    named["threshold_velocity"] = ("least kick", "m/s")
+    for name, (text, one) in named.items():
+        values = _numbers(points[name])
+        if np.isfinite(values).any():
+            measures.append(measure(text, one, values, sign=name == "max_growth_rate"))
+    return content, measures
+
+
+def of_friction(unit: str) -> str:
+    """What the columns ``torque_*`` are of a model: a torque, or of lumped ones a force."""
+    return "torque" if unit == "N m" else "friction force"
+
+
+def _numbers(column: pd.Series) -> np.ndarray:
+    numbers: np.ndarray = column.to_numpy(dtype=float, na_value=np.nan)
+    return numbers
+
+
+def _of_points(table: pd.DataFrame, place: pd.Series) -> pd.DataFrame:
+    """Rows of a table that belong to design points of the page, with the place of these."""
+    rows = place.reindex(table["point_id"]).to_numpy(dtype=float)
+    there = np.isfinite(rows)
+    return table[there].assign(row=rows[there].astype(int))
+
+
+def _states(stable: pd.Series) -> np.ndarray:
+    known = stable.notna().to_numpy()
+    states: np.ndarray = np.full(len(stable), NOT_KNOWN)
+    states[known] = stable[known].astype(bool).astype(int)
+    return states

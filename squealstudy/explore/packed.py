@@ -1,0 +1,63 @@
+"""Columns of numbers as a page holds them: base64 of 16 or 64 bits, and the error of the former."""
+
+from __future__ import annotations
+
+from base64 import b64decode, b64encode
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+MISSING = 65535  # code of a number that is not known
+WHOLE = MISSING - 1  # steps between the least and the largest number
+
+Packed = dict[str, Any]  # what the page's script reads again
+
+
+def packed_numbers(values: np.ndarray) -> Packed:
+    """Numbers (n,) in 16 bits, evenly between the least and the largest; NaN where one is missing.
+
+    ``error`` is the most by which a number read again differs.
+    """
+    values = np.asarray(values, dtype=float)
+    known = np.isfinite(values)
+    low, high = (values[known].min(), values[known].max()) if known.any() else (0.0, 0.0)
+    step = float(high - low) / WHOLE
+    codes = np.full(len(values), MISSING, dtype="<u2")
+    codes[known] = np.round((values[known] - low) / step) if step > 0 else 0
+    error = step / 2
+    return {"bits": 16, "low": float(low), "step": step, "error": error, "text": _text(codes)}
+
+
+def packed_whole(values: np.ndarray) -> Packed:
+    """Whole numbers (n,) from 0 to 65534, and MISSING in place of one that is not known."""
+    values = np.asarray(values)
+    if len(values) and (values.min() < 0 or values.max() > MISSING):
+        raise ValueError("expected whole numbers of 16 bits")
+    codes = values.astype("<u2")
+    return {"bits": 16, "low": 0.0, "step": 1.0, "error": 0.0, "text": _text(codes)}
+
+
+def packed_exact(values: np.ndarray | pd.Series) -> Packed:
+    """Numbers (n,) in 64 bits, as they are."""
+    return {"bits": 64, "error": 0.0, "text": _text(np.asarray(values, dtype="<f8"))}
+
+
+def packed_words(words: Sequence[str], order: Sequence[str]) -> Packed:
+    """Words (n,) by their place among those of `order`, which must hold them all."""
+    places = {word: place for place, word in enumerate(order)}
+    return packed_whole(np.array([places[word] for word in words], dtype=int))
+
+
+def unpacked(packed: Packed) -> np.ndarray:
+    """The numbers (n,) again, as the page's script has them."""
+    raw = b64decode(packed["text"])
+    if packed["bits"] == 64:
+        return np.frombuffer(raw, dtype="<f8")
+    codes = np.frombuffer(raw, dtype="<u2")
+    return np.where(codes == MISSING, np.nan, packed["low"] + packed["step"] * codes)
+
+
+def _text(array: np.ndarray) -> str:
+    return b64encode(np.ascontiguousarray(array).tobytes()).decode()

@@ -1,0 +1,166 @@
+"""Results as one page in which they are explored: no network, no other file."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from html import escape
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+
+from squealstudy.colours import COLOURS, DARK, GREY
+from squealstudy.engine.exploration import Exploration
+from squealstudy.errors import ResultsError
+from squealstudy.explore.complex_modes import modes_content
+from squealstudy.explore.limit_cycles import cycles_content
+from squealstudy.explore.points import Content, points_content, question, study_head
+from squealstudy.explore.runs import runs_content
+from squealstudy.explore.shapes import shapes_content
+from squealstudy.tables.mode_ranking import query
+from squealstudy.wording import plural
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+FOLDER = Path(__file__).parent
+LIBRARY = "bokeh"
+EXTRA = "explore"
+MOST_POINTS = 50_000
+# maps of Matplotlib for numbers that grow, and for those below zero; dark is far from zero
+ABOVE, BELOW, PLAIN = "YlOrBr", "Blues", "viridis"
+SHADES = 64
+
+Contents = Callable[["Results", pd.DataFrame], tuple[Content, list[Content]]]
+
+
+@dataclass(frozen=True)
+class KindPage:
+    """What a page of a kind has: its content, and the script that shows it."""
+
+    name: str
+    table: str  # whose rows a selection is of
+    content: Contents
+    script: str
+
+
+KINDS = {
+    "complex_modes": KindPage("complex modes", "modes", modes_content, "modes.js"),
+    "limit_cycles": KindPage("limit cycles", "cycles", cycles_content, "cycles.js"),
+    "transient": KindPage("runs in time", "points", runs_content, "runs.js"),
+}
+
+
+def explore(results: Results, where: str | None = None) -> Exploration:
+    """The page of results; `where` is a pandas query over `points`.
+
+    Raises
+    ------
+    ResultsError
+        Without Bokeh, of a kind that has no page, of too many design points or none, a query that
+        cannot be used.
+    """
+    kind = KINDS.get(results.kind)
+    if kind is None:
+        names = ", ".join(known.name for known in KINDS.values())
+        raise ResultsError(
+            f"{results.directory}: results of kind {results.kind} have no page to explore, which "
+            f"is of {names}; squealstudy report shows them"
+        )
+    if find_spec(LIBRARY) is None:
+        raise ResultsError(
+            f"a page to explore needs Bokeh, which is missing: pip install 'squealstudy[{EXTRA}]'"
+        )
+    points = _chosen(results, where)
+    if len(points) > MOST_POINTS:
+        raise ResultsError(
+            f"{results.directory}: a page holds {MOST_POINTS} design points, these are "
+            f"{len(points)}: choose some, such as --where '{points.columns[4]} < 0.5'"
+        )
+    own, measures = kind.content(results, points)
+    shapes, left = shapes_content(results, points)
+    content = {
+        "kind": results.kind,
+        "directory": str(results.directory),
+        "study": study_head(results),
+        "table": {"name": kind.table, "columns": results.columns(kind.table)},
+        "points": points_content(results, points),
+        "measures": measures,
+        "own": own,
+        "shapes": shapes,
+        "notes": [*_notes(results, points, own), *_left(left)],
+        "colours": COLOURS,
+        "grey": GREY,
+        "dark": DARK,
+        "maps": {name: _shades(name) for name in (ABOVE, BELOW, PLAIN)},
+    }
+    figures = importlib.import_module("squealstudy.explore.figures")  # which needs the extra
+    content["figures"] = figures.figures(results.kind)
+    return Exploration(_filled(results, kind, content, figures.library()))
+
+
+def _chosen(results: Results, where: str | None) -> pd.DataFrame:
+    """The design points of a query, indexed by their rows in `points`."""
+    points = results.points.reset_index(drop=True)
+    for condition in query(where, points.columns, ()):
+        points = points[condition.holds(points)]
+    if not len(points):
+        raise ResultsError(f"{results.directory}: no design point fits {where!r}")
+    return points
+
+
+def _shades(name: str) -> list[str]:
+    """Colours of a map of Matplotlib, without its palest."""
+    shades = mpl.colormaps[name](np.linspace(0.0 if name == PLAIN else 0.12, 1.0, SHADES))
+    return [mpl.colors.to_hex(shade) for shade in shades]
+
+
+def _notes(results: Results, points: pd.DataFrame, own: Content) -> Iterator[str]:
+    """What the page leaves out, and how far its numbers are rounded."""
+    if len(points) < len(results.points):
+        yield f"{len(points)} of {plural(len(results.points), 'design point')} are on this page."
+    if "frequency_hz" in own:
+        hertz, growth = (own[name]["error"] for name in ("frequency_hz", "growth_rate"))
+        yield (
+            "Numbers of modes are kept in 16 bits: frequencies are rounded by at most "
+            f"{hertz:.2g} Hz, growth rates by {growth:.2g} 1/s. Whether a mode is unstable is not."
+        )
+    if own.get("lightest") is not None:
+        yield (
+            f"{own['n']} of {own['n_all']} modes are on this page: those that grow, and those of a "
+            f"damping ratio up to {own['lightest']:.3g}."
+        )
+    if own.get("n_left"):
+        yield f"{plural(own['n_left'], 'history', 'histories')} found no room, or cannot be read."
+
+
+def _left(n: int) -> list[str]:
+    return [f"{plural(n, 'file')} of the folder shapes found no room."] if n else []
+
+
+def _filled(results: Results, kind: KindPage, content: Content, library: str) -> str:
+    data = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    shown: dict[str, str] = {
+        "title": escape(str(results.manifest.get("name", ""))),
+        "question": escape(question(results)),
+        "verdict": escape(results.screen.verdict(results)),
+        "kind": escape(f"{kind.name} of {results.manifest.get('model', '')}"),
+        "style": _file("explore.css"),
+        "library": library,
+        "data": data.replace("<", "\\u003c"),
+        "parts": _file(kind.script.replace(".js", ".html")),
+        "script": "\n".join(_file(name) for name in ("page.js", "map.js", kind.script)),
+    }
+    whole: Any = _file("explore.html").split("@@")  # text, name, text, ...: filled in once
+    whole[1::2] = [shown[name] for name in whole[1::2]]
+    return "".join(whole)
+
+
+def _file(name: str) -> str:
+    return (FOLDER / name).read_text(encoding="utf-8")

@@ -1,0 +1,124 @@
+"""What a page holds of the design points: values, status, and what a map can be coloured by."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.explore.packed import packed_exact, packed_numbers, packed_words
+from squealstudy.study.toml_text import toml_text
+from squealstudy.wording import prefixed
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+Content = dict[str, Any]  # what JSON can hold
+NOT_OK = "no result"
+LONG = 1e5  # from here on a prefix does not make a number short
+CLOSER = "_closer"  # ending of the name of a study for a closer look
+# markers beside colours, in the order of what matters most
+MARKERS = ("square", "diamond", "triangle", "circle_cross", "circle", "x")
+
+
+def points_content(results: Results, points: pd.DataFrame) -> Content:
+    """Ids, parameters and statuses of some design points of results."""
+    status = points["status"].astype(str)
+    said = points["message"].astype(str).where(status != "ok", "").tolist()
+    broken = (
+        points["invalid_reason"].fillna("").astype(str)
+        if "invalid_reason" in points
+        else [""] * len(points)
+    )
+    notes = [
+        " ".join(filter(None, (text, why and f"Outside validity: {why}.")))
+        for text, why in zip(said, broken, strict=True)
+    ]
+    return {
+        "n": len(points),
+        "ids": points["point_id"].astype(str).tolist(),
+        "rows": points.index.tolist(),  # of the points table, which Python counts from 0
+        "status": status.tolist() if (status != "ok").any() else [],
+        "notes": {str(row): text for row, text in enumerate(notes) if text},
+        "parameters": [_parameter(results, points, name) for name in _shown(results, points)],
+    }
+
+
+def _shown(results: Results, points: pd.DataFrame) -> list[str]:
+    """Parameters that vary, in the order of the sweeps; the first one where none does."""
+    names = [n for n in dict.fromkeys([*results.swept, *results.parameters]) if n in points]
+    return [n for n in names if len(points[n].unique()) > 1] or names[:1]
+
+
+def _parameter(results: Results, points: pd.DataFrame, name: str) -> Content:
+    values = points[name].to_numpy(dtype=float)
+    known = values[np.isfinite(values)]
+    given, largest = results.units.get(name, ""), float(np.abs(known).max(initial=0.0))
+    unit, factor = prefixed(given, largest)
+    if largest * factor >= LONG:
+        unit, factor = given, 1.0
+    return {
+        "name": name,
+        "unit": unit,
+        "factor": factor,
+        "temperature": results.units.get(name) == "degC",
+        "swept": name in results.swept,
+        "log": _by_factors(np.unique(known)),
+        "nominal": _number(results.manifest.get("nominal", {}).get(name)),
+        "values": packed_exact(values),
+    }
+
+
+def _by_factors(x: np.ndarray) -> bool:
+    """Whether ascending values over a decade or more are spaced evenly by their logarithms."""
+    if len(x) < 3 or x[0] <= 0 or x[-1] < 10 * x[0]:
+        return False
+    steps, factors = np.diff(x), np.diff(np.log(x))
+    return bool(np.std(factors) / np.mean(factors) < 0.5 * np.std(steps) / np.mean(steps))
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
+
+
+def measure(name: str, unit: str, values: np.ndarray, **more: Any) -> Content:
+    """A number of each design point that a map can show."""
+    return {"name": name, "unit": unit, "values": packed_numbers(values), **more}
+
+
+def classes(
+    name: str, words: Sequence[str], status: Sequence[str], fills: Mapping[str, str]
+) -> Content:
+    """A word of each design point, with a colour and a marker; those that failed are one more."""
+    told = [w if s == "ok" and w in fills else NOT_OK for w, s in zip(words, status, strict=True)]
+    order = [*fills, NOT_OK]
+    return {
+        "name": name,
+        "words": [word.replace("_", " ") for word in order],
+        "fills": [*fills.values(), "#000000"],
+        "markers": [*MARKERS[: len(fills)], MARKERS[-1]],
+        "values": packed_words(told, order),
+    }
+
+
+def study_head(results: Results) -> str:
+    """The study file without its sweeps, for a closer look at a part; empty where none is known."""
+    try:
+        tables = tomllib.loads(str(results.manifest.get("study", "")))
+        tables["study"]["name"] += CLOSER
+    except (ValueError, RecursionError, KeyError, TypeError):
+        return ""
+    kept = {name: table for name, table in tables.items() if name not in ("sweep", "design")}
+    return toml_text(kept)
+
+
+def question(results: Results) -> str:
+    """The study's description; empty where it has none."""
+    try:
+        study = tomllib.loads(str(results.manifest.get("study", ""))).get("study")
+    except (ValueError, RecursionError):
+        return ""
+    return str(study.get("description", "")) if isinstance(study, dict) else ""

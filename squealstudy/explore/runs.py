@@ -1,0 +1,80 @@
+"""What a page holds of runs in time: levels, classes, and each history by its extremes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.colours import RUN_FILLS
+from squealstudy.errors import ResultsError
+from squealstudy.explore.limit_cycles import of_friction
+from squealstudy.explore.packed import packed_numbers
+from squealstudy.explore.points import Content, classes, measure
+from squealstudy.wording import TORQUE
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+MOST_ROWS = 3_000_000  # of all histories together: 6 MB
+LEAST_BINS = 500  # of a history that is shown at all
+MOST_BINS = 20_000
+LEVELS = {"torque_rms": "RMS", "torque_peak_to_peak": "peak to peak", "torque_mean": "mean"}
+OTHERS = {
+    "frequency_hz": ("frequency", "Hz"),
+    "growth_rate": ("fitted growth", "1/s"),
+    "predicted_growth_rate": ("predicted growth", "1/s"),
+}
+
+
+def runs_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[Content]]:
+    """Histories of some design points, and what a map can show of them.
+
+    A history of more rows than its share of MOST_ROWS is told by the least and the largest value of
+    each of so many parts, in this order: no peak is lost.
+    """
+    unit = results.units.get(TORQUE, "N m")
+    kept = results.store.kept_histories()
+    rows = [row for row, one in enumerate(points["point_id"]) if one in kept]
+    most = MOST_ROWS // (2 * LEAST_BINS)
+    bins = min(MOST_BINS, MOST_ROWS // (2 * max(min(len(rows), most), 1)))
+    histories = {}
+    for row in rows[:most]:
+        try:
+            history = results.history(str(points["point_id"].iloc[row]))
+        except ResultsError:  # of one that failed or is damaged: the page says that it has none
+            continue
+        histories[str(row)] = _extremes(history, bins)
+    content: Content = {
+        "unit": unit,
+        "what": of_friction(unit),
+        "histories": histories,
+        "n_left": len(rows) - len(histories),
+    }
+    words, status = points["class"].astype(str).tolist(), points["status"].tolist()
+    named = {n: (f"{text} of {of_friction(unit)}", unit) for n, text in LEVELS.items()}
+    measures = [classes("class", words, status, RUN_FILLS)]
+    for name, (text, one) in (named | OTHERS).items():
+        if name in points:
+            values = points[name].to_numpy(dtype=float, na_value=np.nan)
+            if np.isfinite(values).any():
+                measures.append(measure(text, one, values, sign="growth" in text))
+    return content, measures
+
+
+def _extremes(history: pd.DataFrame, bins: int) -> Content:
+    """A history (n,) as it is, or by the least and the largest value of each of `bins` parts."""
+    time, torque = history["time"].to_numpy(float), history["torque"].to_numpy(float)
+    each = 1
+    if len(time) > 2 * bins:
+        starts = np.linspace(0, len(time), bins, endpoint=False).astype(int)
+        each = -(-len(time) // bins)
+        low, high = np.minimum.reduceat(torque, starts), np.maximum.reduceat(torque, starts)
+        time, torque = np.repeat(time[starts], 2), np.column_stack([low, high]).ravel()
+    return {
+        "n": len(history),
+        "rows_a_part": each,
+        "time": packed_numbers(time),
+        "torque": packed_numbers(torque),
+    }

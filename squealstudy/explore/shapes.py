@@ -1,0 +1,64 @@
+"""Pictures and moving pages of modes that `squealstudy shape` has left beside the results.
+
+What lies there may come from anybody: of a page the numbers alone are taken, never its script.
+"""
+
+from __future__ import annotations
+
+import re
+from base64 import b64encode
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from squealstudy.engine.result_names import leads_out
+from squealstudy.explore.points import Content
+from squealstudy.shapes.page import made_again
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from squealstudy.engine.results import Results
+
+FOLDER = "shapes"
+MOST_BYTES = 5_000_000  # of all of them
+MOST_FILES = 1000  # that are looked at
+PNG = b"\x89PNG\r\n\x1a\n"
+OF_A_MODE = re.compile(r"(T|mode_)(\d{1,6})(?:_[\d_e+-]+_hz)?_([0-9a-f]{16})\.(png|html)")
+
+
+def shapes_content(results: Results, points: pd.DataFrame) -> tuple[Content, int]:
+    """Pictures and pages by design point and mode, and how many found no room.
+
+    Keys are ``ROW T23``, of a mode without a track ``ROW 12``, ROW among `points`.
+    """
+    shapes: Content = {}
+    room, left = MOST_BYTES, 0
+    place = {one: row for row, one in enumerate(points["point_id"])}
+    for path in sorted((results.directory / FOLDER).glob("*.*"))[:MOST_FILES]:
+        named = OF_A_MODE.fullmatch(path.name)
+        if named is None or named[3] not in place or leads_out(results.directory, _below(path)):
+            continue
+        size = path.stat().st_size if path.is_file() else 0
+        if size > room:
+            left += 1
+            continue
+        text = _picture(path) if named[4] == "png" else _page(path)
+        if text:
+            room -= len(text)
+            key = f"{place[named[3]]} {'T' if named[1] == 'T' else ''}{named[2]}"
+            shapes.setdefault(key, {})[named[4]] = text
+    return shapes, left
+
+
+def _below(path: Path) -> str:
+    return f"{FOLDER}/{path.name}"
+
+
+def _picture(path: Path) -> str:
+    """A picture in base64; empty of a file that is none."""
+    content = path.read_bytes()
+    return b64encode(content).decode() if content.startswith(PNG) else ""
+
+
+def _page(path: Path) -> str:
+    return made_again(path.read_text(encoding="utf-8", errors="replace"))
