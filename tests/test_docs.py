@@ -277,8 +277,6 @@ def test_python_of_the_page_on_pandas(first_brake, monkeypatch):
     assert names["by_track"]["growth_rate"].max() > 0
     designs = names["designs"]
     assert designs.loc[(1.1, 0.05), "growth_rate"] == designs["growth_rate"].min()
-    assert (names["margin"].loc[0.1] > 0).all()
-    assert (names["margin"].loc[0.4] < 0).any()
 
 
 def test_python_of_the_page_on_elements(monkeypatch, capsys):
