@@ -16,13 +16,13 @@ from functools import cached_property
 
 import numpy as np
 
-from squealstudy.cycles.balance import Balance
+from squealstudy.cycles.balance import Balance, Balanced
 from squealstudy.cycles.continuation import TOLERANCE
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.kernels.cycle_scaling import scaled_jacobian, scaled_residual
 
-PARAMETER_STEP = 1e-6  # of central differences, of the range
+PARAMETER_STEP = 1e-6  # of the range, of a difference: its error turns tangents by as much
 KEPT = 4  # oscillators
 LOG_SIZE, FREQUENCY = 0.05, 1e-3  # by what motions in nearly one place differ at most; relative
 
@@ -129,9 +129,9 @@ class CycleEquations:
         """The other way."""
         return value / self.omega0
 
-    def _by_mu(self, u: np.ndarray, by_xi: np.ndarray) -> np.ndarray:
+    def _by_mu(self, u: np.ndarray, found: Balanced) -> np.ndarray:
         """Derivative of the balance (m,) by mu."""
-        return by_xi * self.omega0
+        return found.by_xi * self.omega0
 
     # -- unknowns --------------------------------------------------------------------------------
     def unpack(self, u: np.ndarray) -> tuple[np.ndarray, float, float]:
@@ -176,9 +176,8 @@ class CycleEquations:
         z, omega, _ = self.unpack(u)
         precision = np.float32 if self.rough else np.float64
         found = self.balance(u).balanced(z, omega, self.added(u), self.forces(u), precision)
-        R, by_z, by_omega, by_xi = found
-        by_mu = self._by_mu(u, by_xi)
-        return scaled_jacobian(u, R, by_z, by_omega, by_mu, self.omega0, *self._closing)
+        slopes = found.J, found.by_omega, self._by_mu(u, found)
+        return scaled_jacobian(u, found.R, *slopes, self.omega0, *self._closing)
 
     @property
     def _closing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -232,11 +231,10 @@ class BranchEquations(CycleEquations):
         low, high = self._bounds
         return (value - low) / (high - low)
 
-    def _by_mu(self, u: np.ndarray, by_xi: np.ndarray) -> np.ndarray:
+    def _by_mu(self, u: np.ndarray, found: Balanced) -> np.ndarray:
         z, omega, _ = self.unpack(u)
-        mu, h = float(u[-1]), PARAMETER_STEP
-        ends = [self._at(mu + side).imbalance(z, omega, 0.0) for side in (h, -h)]
-        slope: np.ndarray = (ends[0] - ends[1]) / (2.0 * h)
+        ahead = self._at(float(u[-1]) + PARAMETER_STEP).imbalance(z, omega, 0.0)
+        slope: np.ndarray = (ahead - found.R) / PARAMETER_STEP
         return slope
 
     def _at(self, mu: float) -> Balance:

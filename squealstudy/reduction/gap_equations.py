@@ -45,7 +45,8 @@ class GapEquations:
         self._size = np.abs(self._movement(still, still)).max(axis=1)
 
     def _core(self, changes: Changes) -> np.ndarray:
-        j = self._columns
+        if not (j := self._columns):
+            return np.zeros((0, 0))
         D = np.diag([changes.get(column, 0.0) for column in j])
         return np.linalg.solve(np.eye(len(j)) + D @ self.space.C_UU[np.ix_(j, j)], D)
 
@@ -103,7 +104,7 @@ class GapJacobian:
         self._sliding = space.area * grip * kappa
         normal, sliding = space.by_point
         forces = self._normal[:, None] * normal - self._sliding[:, None] * sliding
-        core = space.S_N.T @ forces  # of the transposed matrix
+        core = space.pressed(forces.T).T  # of the transposed matrix
         core[np.diag_indices_from(core)] += 1.0
         factorise, self._solve = la.get_lapack_funcs(("getrf", "getrs"), (core,))
         self._lu, self._pivots, info = factorise(core.T, overwrite_a=True)

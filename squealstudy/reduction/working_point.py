@@ -236,7 +236,7 @@ def open_share(area: np.ndarray, p: np.ndarray, loaded: float = 0.0) -> float:
 
 def _mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:
     """Scale of the contact pressure, Pa: the rigid balance of the load over all points."""
-    gap = space.S_N @ (space.C_Nf @ np.array([point.brake_pressure, 1.0]))
+    gap = space.gaps(space.C_Nf @ np.array([point.brake_pressure, 1.0]))
     stiffness = np.abs(space.k_c * gap)
     return float(max(space.area @ stiffness / space.area.sum(), 1e-300))
 
@@ -248,7 +248,7 @@ def _closing_pressure(space: ContactSpace, point: OperatingPoint) -> float:
     whole load has next to no k_c, and `_mean_pressure` is nothing then: a share of what it bears,
     for Newton is to come from where it holds.
     """
-    opened = space.S_N @ (space.C_Nf @ np.array([point.brake_pressure, 1.0]))
+    opened = space.gaps(space.C_Nf @ np.array([point.brake_pressure, 1.0]))
     closing = abs(float(space.area @ opened)) / max(abs(space.opened_by_unit_pressure), 1e-300)
     if not 1e-300 < closing < np.inf:  # of nothing an exponential law has no gap
         return 0.0

@@ -30,5 +30,7 @@ class DesignPoint(ModelPoint):
         """
         values = self.model.followed(values, self.values)
         other = replace(self, values=values, point_id="")
-        same = other.structural_values() == self.structural_values()
+        same = all(
+            values[p.name] == self.values[p.name] for p in self.model.parameters if p.structural
+        )
         return other if same else replace(other, structure="")
