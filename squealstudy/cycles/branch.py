@@ -49,7 +49,8 @@ class BranchPoint:
     event : str
         H, F, NS, PD, BP or nothing.
     apart : float
-        The value of an event is known to so much; 0 where it was located.
+        The value of an event is known to so much: the step in which it is, and beside that what
+        multipliers err by; 0 where it was located.
     """
 
     motion: PeriodicMotion
@@ -356,7 +357,11 @@ def _passing(
     share = ends[0] / (ends[0] - ends[1])
     apart = abs(other.motion.mu - one.motion.mu)
     near = min((one, other), key=lambda p: abs(p.multipliers.multipliers[number]) - 1.0)
-    point = replace(near, motion=between(one.motion, other.motion, share), apart=apart)
+    # sizes near the circle: what they err by moves the passing by so many steps
+    wrong = max(float(p.multipliers.errors[number]) for p in (one, other))
+    beside = wrong / abs(ends[0] - ends[1]) if apart else 0.0
+    motion = between(one.motion, other.motion, share)
+    point = replace(near, motion=motion, apart=apart * (1.0 + beside))
     if moving.complete:  # small: each try costs little
 
         def at(share: float) -> BranchPoint:
