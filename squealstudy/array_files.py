@@ -17,7 +17,7 @@ import numpy as np
 from squealstudy.machine import BYTES_PER_MB, available_memory_mb
 
 LEAST_BYTES = 8  # of a number as it is used, however short it is in the file
-SMALL = 2**28  # bytes that there is room for, without a look at the machine
+MAX_UNCHECKED_BYTES = 2**28  # bytes that there is room for, without a look at the machine
 HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
@@ -58,7 +58,7 @@ def expect_room(source: Path | IO[bytes]) -> None:
 
 def expect_memory(needed: float) -> None:
     """Raise ValueError where so many bytes are not left."""
-    if needed > SMALL and needed > (left := available_memory_mb() * BYTES_PER_MB):
+    if needed > MAX_UNCHECKED_BYTES and needed > (left := available_memory_mb() * BYTES_PER_MB):
         raise ValueError(
             f"it would take {needed / 1e9:,.3g} GB of memory, and {left / 1e9:.3g} GB are left"
         )

@@ -18,7 +18,7 @@ from squealstudy import faults
 
 ENVIRONMENT = "SQUEALSTUDY_CACHE"
 COMPILED, KERNELS = "NUMBA_CACHE_DIR", "kernels"  # numba's own; a directory in the cache
-TRIED = bytes(2**20)  # what a cache must take to be of use
+CACHE_TRIAL_BYTES = bytes(2**20)  # what a cache must take to be of use
 
 
 def cache_directory() -> Path:
@@ -117,7 +117,7 @@ def _try_writing(directory: Path) -> None:
     with faults.named(directory):
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory) as file:
-            file.write(TRIED)
+            file.write(CACHE_TRIAL_BYTES)
 
 
 def _remove_at_exit(path: Path, owner: int) -> None:

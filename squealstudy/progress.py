@@ -1,7 +1,7 @@
 """How far a run is: bars on a terminal, one line in a notebook, else plain lines of the log.
 
-What takes less than QUIET seconds has neither bar nor line. In a notebook it is plain text that is
-kept up to date: bars would need ipywidgets there.
+What takes less than BAR_DELAY_S seconds has neither bar nor line. In a notebook it is plain text
+that is kept up to date: bars would need ipywidgets there.
 
 The log is that of Python's `logging`, by the name squealstudy and at level INFO: the command writes
 it to stderr, a program sees it after ``logging.basicConfig(level="INFO")``.
@@ -34,7 +34,8 @@ from squealstudy.screen import messages
 from squealstudy.wording import duration, in_digits
 
 LOG = logging.getLogger("squealstudy")
-QUIET, OFTEN = 2.0, 0.5  # s before a bar is shown; between two states of a line that is replaced
+# s before a bar is shown; between two states of a line that is replaced
+BAR_DELAY_S, MIN_UPDATE_INTERVAL_S = 2.0, 0.5
 # of a stage; s between two lines of it
 PROGRESS_STEP, MIN_PROGRESS_INTERVAL_S, MAX_PROGRESS_INTERVAL_S = 0.05, 30.0, 600.0
 RATES = (("a second", 1.0), ("a minute", 60.0), ("an hour", 3600.0))
@@ -72,8 +73,8 @@ class _Begun(Protocol):
 
 @contextlib.contextmanager
 def _later(shown: _Begun) -> Iterator[None]:
-    """Start it after QUIET seconds, where what is within is not done by then."""
-    timer = threading.Timer(QUIET, shown.start)
+    """Start it after BAR_DELAY_S seconds, where what is within is not done by then."""
+    timer = threading.Timer(BAR_DELAY_S, shown.start)
     timer.daemon = True
     timer.start()
     try:
@@ -115,7 +116,9 @@ class OneLine:
             left = (now - known.began) / (done - known.at_first) * (total - done)
             text += f", {duration(left)} left"
         self._text = text + (f", {failed:,} failed" if failed else "")
-        if self._display is not None and (now - self._told_at >= OFTEN or done == total):
+        if self._display is not None and (
+            now - self._told_at >= MIN_UPDATE_INTERVAL_S or done == total
+        ):
             self._told_at = now
             self._show()
 

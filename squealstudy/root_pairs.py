@@ -11,21 +11,24 @@ MAX_PAIR_REL_DISTANCE = 0.05  # relative distance within which a full-order root
 MIN_DISTANCE_TO_ERROR = 100.0  # errors of the full-order root above which a distance says something
 
 
-EQUAL = 1e-9  # relative distance of moduli that count as one: roots of two modes that locked in
+# relative distance of moduli that count as one: roots of two modes that locked in
+EQUAL_MODULUS_REL_DISTANCE = 1e-9
 
 
 def by_modulus(lam: np.ndarray, late: np.ndarray) -> np.ndarray:
     """Order (..., m) of roots lam (..., m): ascending in `late`, then in modulus.
 
-    Of neighbours of one modulus (EQUAL) the one that grows fastest comes last: round-off, which
-    another processor has otherwise, must not number modes.
+    Of neighbours of one modulus (EQUAL_MODULUS_REL_DISTANCE) the one that grows fastest comes last:
+    round-off, which another processor has otherwise, must not number modes.
     """
     size = np.abs(lam)
     order = np.lexsort((size, late), axis=-1)
     size, rank, grown = (
         np.take_along_axis(x, order, -1) for x in (size, np.asarray(late, dtype=int), lam.real)
     )
-    apart = (np.diff(size, axis=-1) > EQUAL * size[..., 1:]) | (np.diff(rank, axis=-1) > 0)
+    apart = (np.diff(size, axis=-1) > EQUAL_MODULUS_REL_DISTANCE * size[..., 1:]) | (
+        np.diff(rank, axis=-1) > 0
+    )
     if not apart.all():
         group = np.zeros(size.shape, dtype=int)
         group[..., 1:] = np.cumsum(apart, axis=-1)

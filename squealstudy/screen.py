@@ -26,12 +26,16 @@ Rows = list[tuple[str, str]]
 STDOUT = "standard output"
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # how texts begin that spreadsheets compute
 NUMBERS = re.compile(r"[-+\d.,eE\s]*")
-NARROW = 6  # least width of a column: figures are never cut
+MIN_COLUMN_WIDTH = 6  # least width of a column: figures are never cut
 MOST_ACROSS, MOST_UP = 45, 30  # points of a map of letters
 LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
 COLUMNS: dict[str, dict[str, Any]] = {
-    "number": {"justify": "right", "no_wrap": True, "min_width": NARROW},
-    "value": {"justify": "right", "overflow": "fold", "min_width": NARROW},  # of a parameter
+    "number": {"justify": "right", "no_wrap": True, "min_width": MIN_COLUMN_WIDTH},
+    "value": {
+        "justify": "right",
+        "overflow": "fold",
+        "min_width": MIN_COLUMN_WIDTH,
+    },  # of a parameter
     "word": {"no_wrap": True},
     "text": {"overflow": "fold"},
 }

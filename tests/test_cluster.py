@@ -626,7 +626,7 @@ def test_without_the_library_one_sentence_names_the_extra(here):
 
 @pytest.mark.parametrize("place", ["nowhere.json", "tcp://127.0.0.1:1"])
 def test_no_scheduler(here, place, monkeypatch):
-    monkeypatch.setattr("squealstudy.engine.cluster_scheduler.CONNECT", 0.5)
+    monkeypatch.setattr("squealstudy.engine.cluster_scheduler.CONNECT_TIMEOUT_S", 0.5)
     with pytest.raises(MachineError, match=place):
         sq.run(study(here, HULTEN), here / "out", client=place)
 

@@ -16,7 +16,7 @@ from squealstudy.engine.store import read_manifest, write_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.complex_modes.tables import onsets_arrow
 from squealstudy.tables.comparison import COLUMNS, _partners, compare
-from squealstudy.tables.mode_ranking import DIVERGENCE, UNTRACKED
+from squealstudy.tables.mode_ranking import FIRST_UNTRACKED_GROUP, OVERDAMPED_GROUP
 
 CALIPER = "caliper.modes[8].damping_ratio"
 
@@ -99,7 +99,14 @@ def test_stable_modes_are_no_predictions_divergence_and_untracked_modes_are():
     modes.loc[modes["track"] == 9, "overdamped"] = True
     modes.loc[modes["track"] == 7, "track"] = -1
     table = compared(modes=modes)
-    assert table["track"].tolist() == [UNTRACKED, DIVERGENCE, 0, UNTRACKED, DIVERGENCE, 0]
+    assert table["track"].tolist() == [
+        FIRST_UNTRACKED_GROUP,
+        OVERDAMPED_GROUP,
+        0,
+        FIRST_UNTRACKED_GROUP,
+        OVERDAMPED_GROUP,
+        0,
+    ]
     assert table["kind"].tolist() == ["both", "frequency", "time", "both", "frequency", "time"]
     text = summary(table)
     assert "4 predicted instabilities, 1 expresses itself, 3 cannot be told" in text

@@ -26,7 +26,7 @@ from squealstudy.models.components.mesh_matrices import (
     stiffness_terms,
 )
 from squealstudy.models.element_shapes import SHAPES
-from squealstudy.models.fem.solid import FULL, Isotropic
+from squealstudy.models.fem.solid import FULL_INTEGRATION_ORDER, Isotropic
 
 ALL = sorted(FORMULATIONS)
 VOLUME = {"tet": 1 / 6, "pyramid": 1 / 3, "wedge": 1 / 2, "hex": 1.0}
@@ -362,7 +362,7 @@ BRAKE = MODELS["disc_brake"].defaults()
 
 @pytest.mark.parametrize("name", ["disc", "outer_pad", "caliper"])
 def test_generated_components_have_the_same_matrices(name):
-    mesher = BrakeMesher(BRAKE, COARSE, FULL)
+    mesher = BrakeMesher(BRAKE, COARSE, FULL_INTEGRATION_ORDER)
     solid = mesher.component(name)
     mesh = mesh_of_grid(name, solid.grid, mesher.materials(name))
     check_mesh(mesh)

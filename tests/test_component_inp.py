@@ -21,7 +21,7 @@ from squealstudy.models.components.inp import read_inp
 from squealstudy.models.components.inp_writer import number, write_inp
 from squealstudy.models.components.materials import Orientation, Orthotropic
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
-from squealstudy.models.fem.solid import FULL, Isotropic
+from squealstudy.models.fem.solid import FULL_INTEGRATION_ORDER, Isotropic
 
 # a flat file in the manner of CalculiX: two cubes, odd blanks and capitals, Fortran's exponents
 FLAT = """** a comment
@@ -344,7 +344,7 @@ def test_mean_dilatation_is_written_as_the_c3d8_of_abaqus(tmp_path):
 @pytest.mark.parametrize("component", ["disc", "outer_pad", "caliper"])
 def test_generated_components_are_written_and_read(tmp_path, component):
     """Metres, thin cells, two materials: the same matrices as those of the generated brake."""
-    mesher = BrakeMesher(MODELS["disc_brake"].defaults(), COARSE, FULL)
+    mesher = BrakeMesher(MODELS["disc_brake"].defaults(), COARSE, FULL_INTEGRATION_ORDER)
     solid = mesher.component(component)
     write_inp(mesh_of_grid(component, solid.grid, mesher.materials(component)), tmp_path / "a.inp")
     mesh = read_inp(tmp_path / "a.inp")

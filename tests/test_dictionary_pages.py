@@ -69,7 +69,7 @@ def test_a_page_that_is_changed_is_never_believed(tmp_path):
 
 @pytest.mark.parametrize("texts", [LONG, IDS])
 def test_letters_of_a_table_are_no_fewer_than_it_has(tmp_path, monkeypatch, texts):
-    monkeypatch.setattr(array_files, "SMALL", 0)
+    monkeypatch.setattr(array_files, "MAX_UNCHECKED_BYTES", 0)
     monkeypatch.setattr(array_files, "available_memory_mb", lambda: 0.0)
     path, asked = tmp_path / "a.parquet", []
     pq.write_table(pa.table({"a": texts * 3}), path, compression="zstd")

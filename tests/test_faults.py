@@ -151,7 +151,7 @@ def test_no_memory_that_processes_share(folder: Path) -> None:
         "refused.SEM_VALUE_MAX = 1\n"
         "_multiprocessing.SemLock = refused\n"
         "from squealstudy.engine import model_kind\n"
-        "model_kind.PATIENCE = 0.0\n"
+        "model_kind.WORKER_START_WORTH_S = 0.0\n"
         "import sys; from squealstudy.cli.app import main\n"
         "sys.argv = ['squealstudy', 'run', 'study.toml', '-j', '2', '-o', 'out']; main()\n"
     )

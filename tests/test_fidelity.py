@@ -36,7 +36,7 @@ from squealstudy.fidelity.frequency_search import ModeSearch, search_modes
 from squealstudy.fidelity.ladders import Setting, free_ladders, training_step
 from squealstudy.fidelity.pilots import MISCOUNT_ERROR, FidelityStudy, largest
 from squealstudy.fidelity.run import Audit, _plain, drawn_points, resolve, run_resolved
-from squealstudy.fidelity.time_search import RICHARDSON, RunSearch, interior_pilots
+from squealstudy.fidelity.time_search import RICHARDSON_FACTOR, RunSearch, interior_pilots
 from squealstudy.kinds.complex_modes.measuring import _solved
 from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
 from squealstudy.study.definition import parse_study
@@ -657,7 +657,7 @@ def test_steps_are_judged_by_richardson(tmp_path, monkeypatch):
     monkeypatch.setattr(search, "measure", lambda x: Step(x["transient.step"], 1.0))
     monkeypatch.setattr(FidelityStudy, "error", lambda _, a, b: 1e7 * (a.step**2 - b.step**2))
     ladder = search.ladders["step"]
-    found = search._refined(ladder, RICHARDSON)
+    found = search._refined(ladder, RICHARDSON_FACTOR)
     for tried in found:
         assert tried.error == pytest.approx(1e7 * tried.changes["transient.step"] ** 2, rel=1e-9)
     assert len(found) == 3

@@ -26,7 +26,7 @@ from squealstudy.models.matrices.files import read_matrix
 def little(monkeypatch):
     """A machine with 2 MB left."""
     monkeypatch.setattr(array_files, "available_memory_mb", lambda: 2.0)
-    monkeypatch.setattr(array_files, "SMALL", 0)
+    monkeypatch.setattr(array_files, "MAX_UNCHECKED_BYTES", 0)
 
 
 def archive(path: Path, shape: tuple[int, ...], content: bytes, kind: str = "<f8") -> Path:

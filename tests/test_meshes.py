@@ -25,7 +25,7 @@ from squealstudy.models.catalogue.disc_brake.solids import (
 )
 from squealstudy.models.fem.grid import cylindrical_mesh
 from squealstudy.models.fem.sampling import shape_functions
-from squealstudy.models.fem.solid import FULL
+from squealstudy.models.fem.solid import FULL_INTEGRATION_ORDER
 from squealstudy.modes.point import PointModes
 from squealstudy.study.definition import load_study
 
@@ -87,7 +87,7 @@ def test_free_modes_of_medium_and_fine_meshes(component, geometry):
 def test_no_mode_owes_its_frequency_to_reduced_integration(brake, component):
     """A mechanism has no energy at 8 points and a large one at 27."""
     reduced = next(c for c in brake.assembly.components if c.name == component)
-    full = BrakeMesher(default(), COARSE, FULL).component(component)
+    full = BrakeMesher(default(), COARSE, FULL_INTEGRATION_ORDER).component(component)
     modes = brake.modes[component]
     assert rigid_modes(reduced.M, reduced.K, modes.omega) == 6
     phi = modes.phi[:, 6:]

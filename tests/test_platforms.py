@@ -44,7 +44,7 @@ import signal
 for name in ("pthread_sigmask", "SIGHUP", "SIGKILL"):
     delattr(signal, name)
 from squealstudy.engine import model_kind
-model_kind.PATIENCE = 0.0
+model_kind.WORKER_START_WORTH_S = 0.0
 from squealstudy.cli.app import main
 main()
 """

@@ -611,7 +611,7 @@ def test_map_of_scattered_points():
 @pytest.mark.parametrize("scattered", [False, True])
 def test_of_points_that_cannot_be_told_apart_the_largest_is_seen(monkeypatch, scattered):
     monkeypatch.setattr(plane, "MOST_CELLS", (3, 2))
-    monkeypatch.setattr(plane, "BINS", (3, 2))
+    monkeypatch.setattr(plane, "N_CELLS", (3, 2))
     monkeypatch.setattr(maps, "MOST_DOTS", 20)
     mu, p = (a.ravel() for a in np.meshgrid(np.linspace(0, 0.7, 8), np.linspace(2e5, 30e5, 5)))
     if scattered:  # each in the same cell as on the grid, no two of one value

@@ -135,7 +135,7 @@ def test_bars_show_what_failed(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = StringIO()
     terminal = Console(file=screen, force_terminal=True, width=120)
     monkeypatch.setattr("squealstudy.progress.messages", terminal)
-    monkeypatch.setattr("squealstudy.progress.QUIET", 0.0)
+    monkeypatch.setattr("squealstudy.progress.BAR_DELAY_S", 0.0)
     monkeypatch.setenv("TERM", "xterm")
     with progress() as say:
         say("points", 1, 4)
@@ -185,8 +185,8 @@ def notebook(monkeypatch: pytest.MonkeyPatch) -> Notebook:
 def test_a_notebook_has_one_line_of_text(
     notebook: Notebook, monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
 ) -> None:
-    monkeypatch.setattr("squealstudy.progress.QUIET", 0.0)
-    monkeypatch.setattr("squealstudy.progress.OFTEN", 0.0)
+    monkeypatch.setattr("squealstudy.progress.BAR_DELAY_S", 0.0)
+    monkeypatch.setattr("squealstudy.progress.MIN_UPDATE_INTERVAL_S", 0.0)
     with progress() as say:
         assert isinstance(say, OneLine)
         say("points", 0, 40)

@@ -114,7 +114,7 @@ def test_intervals_do_not_depend_on_how_many_resamples_are_drawn_at_once(monkeyp
     rng = np.random.default_rng(5)
     groups = sobol.Groups(*rng.normal(size=(2, 101)), rng.normal(size=(3, 101)))
     at_once = sobol._indices(groups, 0.95)
-    monkeypatch.setattr(sobol, "DRAWN", 707)
+    monkeypatch.setattr(sobol, "ROWS_PER_DRAW", 707)
     pd.testing.assert_frame_equal(sobol._indices(groups, 0.95), at_once, check_exact=True)
 
 

@@ -16,7 +16,7 @@ import sys
 from squealstudy.cli.app import app
 if {patient}:  # a machine in use is slow, and the study would get workers
     from squealstudy.engine import model_kind as structures
-    structures.PATIENCE = 1e6
+    structures.WORKER_START_WORTH_S = 1e6
 app({arguments!r}, standalone_mode=False)
 sys.stderr.write(" ".join(sys.modules))
 """

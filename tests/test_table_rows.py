@@ -64,7 +64,7 @@ def study(request, tmp_path_factory):
 @pytest.fixture
 def small(monkeypatch):
     """Batches of seven rows."""
-    monkeypatch.setattr(point_rows, "BATCH", 7)
+    monkeypatch.setattr(point_rows, "ROWS_PER_BATCH", 7)
 
 
 @pytest.fixture

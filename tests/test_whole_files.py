@@ -10,7 +10,7 @@ import pytest
 
 from squealstudy import array_files
 from squealstudy.engine.cache import META, is_whole
-from squealstudy.engine.journal import LONGEST, Journal
+from squealstudy.engine.journal import MAX_LINE_BYTES, Journal
 from squealstudy.engine.store import Store, read_manifest
 from squealstudy.errors import SquealstudyError
 from squealstudy.files import UnusableFileError, read_whole
@@ -69,7 +69,7 @@ def test_compressed_text_is_unpacked_as_long_as_there_is_room(tmp_path, monkeypa
     with gzip.open(path, "wt") as handle:
         handle.write("ab\r\nc\n" * 1000)
     assert TextFile.read(path).lines == [*["ab", "c"] * 1000, ""]
-    monkeypatch.setattr(array_files, "SMALL", 1000)
+    monkeypatch.setattr(array_files, "MAX_UNCHECKED_BYTES", 1000)
     monkeypatch.setattr(array_files, "available_memory_mb", lambda: 1e-3)
     with pytest.raises(UnusableFileError, match="GB of memory"):
         TextFile.read(path)
@@ -80,7 +80,7 @@ def test_lines_are_counted_before_they_are_kept(tmp_path, monkeypatch):
     path = tmp_path / "a.inp"
     path.write_text("\r\n\n" * 1000)
     assert len(TextFile.read(path).lines) == 2001
-    monkeypatch.setattr(array_files, "SMALL", 1000)
+    monkeypatch.setattr(array_files, "MAX_UNCHECKED_BYTES", 1000)
     monkeypatch.setattr(array_files, "available_memory_mb", lambda: 0.05)
     with pytest.raises(UnusableFileError, match="GB of memory"):
         TextFile.read(path)
@@ -88,7 +88,9 @@ def test_lines_are_counted_before_they_are_kept(tmp_path, monkeypatch):
 
 def test_a_line_of_a_journal_has_an_end(tmp_path):
     line = b'{"files": {"chunks/0123456789abcdef.parquet": [1, "aa"]}}\n'
-    (tmp_path / "journal.jsonl").write_bytes(line + b"x" * (LONGEST + 9) + b"\n\n" + line[:-1])
+    (tmp_path / "journal.jsonl").write_bytes(
+        line + b"x" * (MAX_LINE_BYTES + 9) + b"\n\n" + line[:-1]
+    )
     found = Journal(tmp_path)
     assert list(found.entries) == ["chunks/0123456789abcdef.parquet"]
     assert found.unreadable == 2

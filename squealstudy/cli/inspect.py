@@ -53,7 +53,10 @@ def draw(geometry: Geometry, path: Path) -> None:
             name, _, label = reference.partition(".")
             faces.setdefault(name, []).append(label)
     if not faces:  # a part alone: its surfaces
-        faces = {name: [*body.mesh.surfaces][:COLOURED] for name, body in geometry.bodies.items()}
+        faces = {
+            name: [*body.mesh.surfaces][:MAX_DRAWN_SURFACES]
+            for name, body in geometry.bodies.items()
+        }
     bodies = {}
     for name, body in geometry.bodies.items():
         drawn_facets = _outer(body.mesh)
@@ -88,7 +91,7 @@ def draw_modes(geometry: Geometry, path: Path) -> list[Path]:
         if not len(outer):
             continue
         K, M = component_matrices(geometry, name, {})
-        hz, vectors = first_elastic(K, M, SHOWN)
+        hz, vectors = first_elastic(K, M, MAX_DRAWN_MODES)
         if not len(hz):
             continue
         moved = [(body.expansion.E @ v).reshape(-1, 3) for v in vectors.T]
@@ -100,13 +103,13 @@ def draw_modes(geometry: Geometry, path: Path) -> list[Path]:
     return written
 
 
-SHOWN = 6  # free modes of a part that are drawn
-COLOURED = 8  # surfaces of a part alone that are drawn
+MAX_DRAWN_MODES = 6  # free modes of a part that are drawn
+MAX_DRAWN_SURFACES = 8  # surfaces of a part alone that are drawn
 # of the part's largest side: distance of a measured point and its node
 MAX_POINT_DISTANCE_RATIO = 0.02
 N_RIGID_MODES = 6  # rigid modes of a free part
-DAMPING = 3  # columns of the table up to the measured damping
-WRITTEN = 12  # modes up to which a picture has room for figures
+N_COLUMNS_TO_DAMPING = 3  # columns of the table up to the measured damping
+MAX_MODES_WITH_FIGURES = 12  # modes up to which a picture has room for figures
 
 
 def inspected(
@@ -175,9 +178,9 @@ def told(measured: Measured, found: Correlation) -> list[RenderableType]:
     rows = [_row(measured, found, k, partner.get(k)) for k in range(len(measured.frequency_hz))]
     titles = ["measured", "Hz", "damping %", "computed", "Hz", "difference %", "MAC"]
     if np.isfinite(measured.hysteretic).any():
-        titles.insert(DAMPING, "hysteretic %")
+        titles.insert(N_COLUMNS_TO_DAMPING, "hysteretic %")
         for row, ratio in zip(rows, measured.hysteretic, strict=True):
-            row.insert(DAMPING, figure(100 * ratio, ".3f"))
+            row.insert(N_COLUMNS_TO_DAMPING, figure(100 * ratio, ".3f"))
     used, seen = found.used, measured.seen[found.used]
     far = np.flatnonzero(~used)
     where = "in the assembly" if found.placed else "in its mesh's file"
@@ -261,7 +264,7 @@ def drawn(measured: Measured, found: Correlation, title: str) -> Figure:
     axes = made.add_subplot()
     image = axes.imshow(found.mac, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
     made.colorbar(image, ax=axes, label="MAC", pad=0.02)
-    if max(m, g) <= WRITTEN:
+    if max(m, g) <= MAX_MODES_WITH_FIGURES:
         for (i, j), value in np.ndenumerate(found.mac):
             ink = "white" if value > 0.6 else "0.3"
             axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=8, color=ink)
@@ -274,7 +277,7 @@ def drawn(measured: Measured, found: Correlation, title: str) -> Figure:
             clip_on=False,
         )
     names = [f"{_name(found, k)}\n{hz:.0f} Hz" for k, hz in enumerate(found.frequency_hz)]
-    axes.set_xticks(range(g), names, fontsize=8, rotation=0 if g <= WRITTEN else 90)
+    axes.set_xticks(range(g), names, fontsize=8, rotation=0 if g <= MAX_MODES_WITH_FIGURES else 90)
     axes.set_yticks(
         range(m),
         [f"{k + 1}: {hz:.0f} Hz" for k, hz in enumerate(measured.frequency_hz)],

@@ -18,7 +18,7 @@ from squealstudy.screen import Rows, facts, grid
 from squealstudy.study.lumped import read_lumped
 from squealstudy.wording import in_digits
 
-NOUGHT = 1e-6  # of the highest frequency: a motion that springs do not hold
+RIGID_FREQUENCY_RATIO = 1e-6  # of the highest frequency: a motion that springs do not hold
 
 
 def lumped_facts(path: Path) -> Iterator[RenderableType]:
@@ -99,7 +99,7 @@ def _frequencies(assembly: Assembly) -> Rows:
     for name, K in (("springs alone", springs), ("contact closed", closed)):
         squares = np.linalg.eigvalsh(root[:, None] * K * root)
         hz = np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
-        free = int((hz <= NOUGHT * hz.max()).sum())
+        free = int((hz <= RIGID_FREQUENCY_RATIO * hz.max()).sum())
         told = [f"{free} free"] if free else []
         told += [f"{in_digits(f, 1)} Hz" for f in hz[free:]]
         found.append((name, ", ".join(told)))

@@ -50,11 +50,11 @@ def rank(
     if names or why:
         from squealstudy.cli.shape import names as named
         from squealstudy.cli.shape import reasons
-        from squealstudy.engine.kind_screen import LISTED
+        from squealstudy.engine.kind_screen import N_RANKING_ROWS
         from squealstudy.paths import usable_cache
 
         with usable_cache(screen.warning):
-            ranking = found.rank(by, top or LISTED, where)
+            ranking = found.rank(by, top or N_RANKING_ROWS, where)
             if "track" not in ranking:
                 text = f"--names and --why are of modes, these are results of kind {found.kind}"
                 raise ResultsError(f"{results}: {text}")
@@ -80,7 +80,7 @@ def robust(
     """Probability of instability of a random design, and its Sobol indices."""
     from squealstudy import face, screen
     from squealstudy.cli.run import outside
-    from squealstudy.engine.kind_screen import LISTED
+    from squealstudy.engine.kind_screen import N_RANKING_ROWS
     from squealstudy.kinds.complex_modes import random_screen
     from squealstudy.study.sweeps import SOBOL_INDICES
 
@@ -88,7 +88,7 @@ def robust(
     if csv:
         screen.show_csv(found.sobol_indices(top) if indices else found.robust())
         return
-    kept, sampled, names = top or LISTED, found.design == SOBOL_INDICES, found.track_names
+    kept, sampled, names = top or N_RANKING_ROWS, found.design == SOBOL_INDICES, found.track_names
     if not indices:
         table = found.robust().iloc[: kept + 1]
         screen.show(

@@ -28,7 +28,7 @@ ALL, UNSTABLE = "all", "unstable"
 FOLDER = "shapes"
 LEAST_SHARE = 0.01  # of kinetic energy: below it a second real mode is not named
 LISTED_MODES = 6  # of a motion
-MICRON = 1e-6  # m
+MICROMETRE_M = 1e-6  # m
 
 
 def shapes(
@@ -192,7 +192,7 @@ def _why(shape: Shape) -> Rows:
     damping = sorted((s for s in shape.sources if not s.of_friction), key=lambda s: s.growth_rate)
     by_kind = ", ".join(f"{s.growth_rate:+.4g} {s.kind} at {words(s.where)}" for s in friction)
     by_place = ", ".join(f"{s.growth_rate:+.4g} in {_place(s.kind, s.where)}" for s in damping)
-    fed, taken = (MICRON**2 * sum(s.power for s in kind) for kind in (friction, damping))
+    fed, taken = (MICROMETRE_M**2 * sum(s.power for s in kind) for kind in (friction, damping))
     return [
         ("friction 1/s", by_kind or "none"),
         ("damping 1/s", by_place or "none"),

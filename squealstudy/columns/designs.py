@@ -6,7 +6,7 @@ from squealstudy.columns.column import Tables, count, flag, number
 from squealstudy.columns.everywhere import MAIN_COMPONENT, MODE, POINT
 
 REDUCED = "The error of the reduced model; the proof checks designs at full order."
-LEAST = (
+LEAST_DAMPING_COLUMNS = (
     number("min_damping_ratio", "Least damping ratio of a mode of the band.", leaves_out=REDUCED),
     number("frequency_hz", "Frequency of that mode.", leaves_out=REDUCED),
     MAIN_COMPONENT,
@@ -22,7 +22,7 @@ POINTS = (
     count("n_modes", "Modes of the band that oscillate; of runs in time, starts that were run."),
     count("n_unstable", "Unstable modes; of runs in time, starts that do not decay."),
     number("max_growth_rate", "Largest growth rate in the band.", leaves_out=REDUCED),
-    *LEAST,
+    *LEAST_DAMPING_COLUMNS,
     number(
         "missing_damping",
         "Damping ratio that would silence what lasts when kicked, beyond what there is.",
@@ -39,7 +39,7 @@ DESIGNS = (
         "Share of the operating points, by how often they occur, with an unstable mode.",
         leaves_out=REDUCED,
     ),
-    *LEAST,
+    *LEAST_DAMPING_COLUMNS,
     number(
         "margin",
         "Least damping ratio less what was asked, over the operating points solved.",
@@ -99,7 +99,7 @@ VARIANTS = (
         "Least damping ratio before the change.",
         leaves_out=REDUCED,
     ),
-    *LEAST[:2],
+    *LEAST_DAMPING_COLUMNS[:2],
     number("change_cost", "Weighted change from the alternative's own start.", leaves_out="Exact."),
     number("cost", "change_cost and that of choosing the alternative.", leaves_out="Exact."),
     count("n_designs", "Designs that were evaluated."),

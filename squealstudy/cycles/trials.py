@@ -24,7 +24,7 @@ from squealstudy.motion.outcome.levels import last_window, mean_interval, spectr
 from squealstudy.motion.outcome.summary import run_levels, summarise, told_frequency
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import Watch, simulate
-from squealstudy.motion.step_errors import LARGEST, has_few_points, settling, step_parts
+from squealstudy.motion.step_errors import MAX_REL_STEP_PART, has_few_points, settling, step_parts
 from squealstudy.motion.system import MotionPoint
 from squealstudy.wording import FAILED, LASTING, STABLE, SUSTAINED, UNDECIDED
 
@@ -239,7 +239,7 @@ def between(coarse: Motion, fine: Motion) -> tuple[StepParts, bool]:
     windows = sum(0.5 * (r["torque_rms_high"] - r["torque_rms_low"]) for r in (one, other)) / rms
     mean = abs(other["torque_mean"] - one["torque_mean"]) / rms
     peaks = abs(other["torque_peak_to_peak"] - one["torque_peak_to_peak"]) / swing
-    if change > LARGEST:
+    if change > MAX_REL_STEP_PART:
         return StepParts.unknown(f"half the step changes its level by {100 * change:.0f} %"), False
     hz = abs(other["frequency_hz"] / one["frequency_hz"] - 1.0)
     parts = np.array([change, mean, peaks, hz]) + settling(fine, window)

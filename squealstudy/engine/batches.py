@@ -10,10 +10,10 @@ from squealstudy.mechanics.failures import FAILURES
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.parameter import nothing_vanishes
 from squealstudy.modes.point import DENSE
-from squealstudy.stacked.modes import BLOCK, MOST_COORDINATES
+from squealstudy.stacked.modes import MOST_COORDINATES, POINTS_PER_BLOCK
 
-TASKS = 4  # of a batch for each worker, at least LEAST points each
-LEAST = BLOCK // TASKS
+BATCH_TASKS_PER_WORKER = 4  # of a batch for each worker, at least MIN_BATCH_POINTS points each
+MIN_BATCH_POINTS = POINTS_PER_BLOCK // BATCH_TASKS_PER_WORKER
 
 
 def stacks(plan: Plan) -> bool:
@@ -33,6 +33,6 @@ def stacks(plan: Plan) -> bool:
 
 def batch_parts(points: DesignPoints, jobs: int) -> Iterator[DesignPoints]:
     """Consecutive points, BLOCK at a time, or fewer where workers would have none."""
-    size = min(BLOCK, max(LEAST, -(-len(points) // max(jobs, 1))))
+    size = min(POINTS_PER_BLOCK, max(MIN_BATCH_POINTS, -(-len(points) // max(jobs, 1))))
     for start in range(0, len(points), size):
         yield points.at(slice(start, start + size))

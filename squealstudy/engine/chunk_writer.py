@@ -18,7 +18,7 @@ from squealstudy.engine.store import Store
 from squealstudy.engine.workers import MOST_POINTS
 from squealstudy.errors import SquealstudyError
 
-OLDEST = 5.0  # s
+MAX_CHUNK_AGE_S = 5.0  # s
 
 
 class ChunkWriter:
@@ -51,7 +51,10 @@ class ChunkWriter:
         self._tables.append(chunk.table)
         self._points += len(chunk.table)
         # the next row may come as late as this one came
-        if self._points >= MOST_POINTS or self._clock() - self._since + chunk.wall_s >= OLDEST:
+        if (
+            self._points >= MOST_POINTS
+            or self._clock() - self._since + chunk.wall_s >= MAX_CHUNK_AGE_S
+        ):
             self.write()
 
     def write(self) -> None:

@@ -46,8 +46,8 @@ if TYPE_CHECKING:
 
 # tasks a worker that are drawn: one at work, others there before it is free
 TASKS_IN_FLIGHT_PER_WORKER = 3
-CLOSE = 2.0  # s, for a scheduler to answer
-LOOK = 2.0  # s between looks at who is there
+CLOSE_TIMEOUT_S = 2.0  # s, for a scheduler to answer
+POLL_INTERVAL_S = 2.0  # s between looks at who is there
 ALL_DIED = "every worker that tried it died"
 MOST_MODELS = 8  # whose contents the scheduler keeps; tasks that wait keep theirs besides
 KEY = re.compile(rb"[0-9a-f]{%d,}" % HASH_DIGITS)
@@ -117,7 +117,7 @@ class Cluster:
     @property
     def size(self) -> int:
         """Workers now; one where there is none yet."""
-        if time.monotonic() - self._looked > LOOK:
+        if time.monotonic() - self._looked > POLL_INTERVAL_S:
             before, self._size = self._size, len(self._threads())
             self._looked = time.monotonic()
             if before and not self._size:
@@ -224,7 +224,7 @@ class Cluster:
     def _next(self, ended: queue.SimpleQueue[Future]) -> Future | None:
         """The next task that has ended; None where none has for so many seconds."""
         try:
-            return ended.get(timeout=LOOK)
+            return ended.get(timeout=POLL_INTERVAL_S)
         except queue.Empty:
             if self.client.status != "running":
                 raise self._lost_scheduler() from None
@@ -353,7 +353,7 @@ def connected(client: Client | str | Path, warn: Callable[[str], None]) -> Itera
                 yield cluster
         finally:
             with contextlib.suppress(Exception):  # of a scheduler that is gone
-                own.close(timeout=CLOSE)
+                own.close(timeout=CLOSE_TIMEOUT_S)
 
 
 @contextlib.contextmanager

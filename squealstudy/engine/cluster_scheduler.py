@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from distributed import Client
     from distributed.diagnostics.plugin import SchedulerPlugin
 
-CONNECT = 10.0  # s, for a scheduler to answer
+CONNECT_TIMEOUT_S = 10.0  # s, for a scheduler to answer
 NAME = "squealstudy"
 MAX_WORKER_DEATHS_PER_TASK = 2  # of workers with a task, until it is kept back to be tried alone
 ALONE = "-alone"  # how the keys of such tasks end: the next death is their last
@@ -46,7 +46,10 @@ def client_of(scheduler: str) -> Client:
     given: dict[str, Any] = {"scheduler_file": scheduler} if place.is_file() else {}
     try:
         return Client(
-            **given or {"address": scheduler}, timeout=CONNECT, set_as_default=False, name=NAME
+            **given or {"address": scheduler},
+            timeout=CONNECT_TIMEOUT_S,
+            set_as_default=False,
+            name=NAME,
         )
     except (OSError, ValueError, KeyError) as error:
         raise MachineError(f"{scheduler}: no scheduler answers there ({error})") from error

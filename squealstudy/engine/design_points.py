@@ -20,7 +20,7 @@ from squealstudy.models.parameter import ModelDefinition
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import distinct_rows
 
-BLOCK = 4096  # points that are made at once while iterating
+POINTS_PER_BLOCK = 4096  # points that are made at once while iterating
 
 
 @dataclass(frozen=True, eq=False)
@@ -362,8 +362,8 @@ class DesignPoints(Sequence[DesignPoint]):
 
     def __iter__(self) -> Iterator[DesignPoint]:
         v, keys = self._values, self.structures
-        for start in range(0, len(self), BLOCK):
-            rows = slice(start, start + BLOCK)
+        for start in range(0, len(self), POINTS_PER_BLOCK):
+            rows = slice(start, start + POINTS_PER_BLOCK)
             names = self.ids[rows].tolist()
             places = self.structure_index[rows].tolist()
             columns = [x[rows].tolist() for x in v.varied.values()]

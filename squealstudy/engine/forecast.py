@@ -26,8 +26,8 @@ from squealstudy.root_pairs import LIGHT_DAMPING
 from squealstudy.study.design import DesignPoint
 
 TIMED_POINTS, MOST_TIMING = 3, 20.0  # s, from which on no other point is timed
-BRIEF = 1.0  # s: the first call of a process may owe that much to imports
-OVERHEAD = (0.5, 5.0)  # s of a run beside its points: workers, tracking, tables
+UNRELIABLE_TIMING_S = 1.0  # s: the first call of a process may owe that much to imports
+RUN_OVERHEAD_S = (0.5, 5.0)  # s of a run beside its points: workers, tracking, tables
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def run_seconds(
     own, first = solves.point * cost.point_s, solves.shared * cost.point_s
     points = [n * own / min(jobs, n) + first for n in (missing, most or missing)]
     least, longest = solves.least * points[0], solves.longest * points[1]
-    return build + least + OVERHEAD[0], build + longest + OVERHEAD[1]
+    return build + least + RUN_OVERHEAD_S[0], build + longest + RUN_OVERHEAD_S[1]
 
 
 def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> list[float]:
@@ -102,7 +102,7 @@ def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> list[fl
 
     for number, task in enumerate(tasks):
         spent = time_point(task)
-        if spent and not number and spent < BRIEF:
+        if spent and not number and spent < UNRELIABLE_TIMING_S:
             spent = min(spent, time_point(task) or spent)
         seconds += [spent] if spent else []
         if sum(seconds) > MOST_TIMING:

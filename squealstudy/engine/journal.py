@@ -32,7 +32,7 @@ from squealstudy.wording import listed
 
 JOURNAL = "journal.jsonl"
 Owner = tuple[str, str, str]  # name, kind and model of the study
-LONGEST = 2**26  # bytes of a line; that of 4,096 points with their files has 2**20
+MAX_LINE_BYTES = 2**26  # bytes of a line; that of 4,096 points with their files has 2**20
 MOST_BYTES = 2**29  # of all; that of a million points with histories and states has 2**28
 ENTRY_ROOM = 12.0  # bytes of memory for each of the file
 MOST_NAMED, MOST_SHOWN = 4, 100  # names in a message, and letters of each
@@ -170,7 +170,9 @@ def refused_names(journal: Journal) -> str:
 
 
 _hashes: dict[Path, tuple[tuple[int, int], str]] = {}  # of files as they were when last read
-STILL = 10**9  # ns: what was changed later than this before now may change again unseen
+MIN_TIMESTAMP_AGE_NS = (
+    10**9
+)  # ns: what was changed later than this before now may change again unseen
 
 
 def _hash_of(path: Path, state: os.stat_result) -> str:
@@ -179,7 +181,7 @@ def _hash_of(path: Path, state: os.stat_result) -> str:
     known, sha256 = _hashes.get(path, ((0, 0), ""))
     if known != seen or not sha256:
         sha256 = file_hash(path)
-        if time.time_ns() - state.st_mtime_ns > STILL:
+        if time.time_ns() - state.st_mtime_ns > MIN_TIMESTAMP_AGE_NS:
             _hashes[path] = seen, sha256
     return sha256
 
@@ -200,8 +202,8 @@ def _read(path: Path) -> Iterator[Line | None]:
     except OSError as error:
         raise ResultsError(f"{path}: too long for a journal: {error}") from None
     with path.open("rb") as handle:
-        while line := handle.readline(LONGEST):
-            if len(line) == LONGEST:  # what is left of it is no line either
+        while line := handle.readline(MAX_LINE_BYTES):
+            if len(line) == MAX_LINE_BYTES:  # what is left of it is no line either
                 yield None
             elif line := line.rstrip(b"\n"):
                 try:

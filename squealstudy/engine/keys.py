@@ -34,7 +34,7 @@ NUMERIC_PACKAGES = (
 HASH_DIGITS = 16
 ID_TYPE = f"S{HASH_DIGITS}"  # of arrays of ids
 HOLE = "0xhole"  # no value's text
-BLOCK = 65536  # ids that are made at once
+IDS_PER_BLOCK = 65536  # ids that are made at once
 
 
 def content_hash(content: Any) -> str:
@@ -87,8 +87,8 @@ def point_ids(
     if not columns:
         return np.full(count, head.hexdigest()[:HASH_DIGITS], dtype=ID_TYPE)
     found = np.empty(count, dtype=ID_TYPE)
-    for start in range(0, count, BLOCK):
-        rows = slice(start, start + BLOCK)
+    for start in range(0, count, IDS_PER_BLOCK):
+        rows = slice(start, start + IDS_PER_BLOCK)
         texts = zip(*(map(float.hex, x[rows].tolist()) for x in columns), strict=True)
         found[rows] = [_ended(head, tail % own) for own in texts]
     return found

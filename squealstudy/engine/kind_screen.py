@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
     from squealstudy.screen import Rows
 
-LISTED = 12  # rows of the ranking that a run prints
+N_RANKING_ROWS = 12  # rows of the ranking that a run prints
 
 
 class KindScreen:
@@ -53,7 +53,7 @@ class KindScreen:
         self,
         results: ResultTables,
         by: str = "share",
-        top: int | None = LISTED,
+        top: int | None = N_RANKING_ROWS,
         where: str | None = None,
     ) -> list[RenderableType]:
         """The ranking with its legend, and how many rows are left out; ResultsError as `rank`."""
@@ -75,7 +75,7 @@ class KindScreen:
         """What a run prints first, and a notebook shows; without more the first rows."""
         from squealstudy.screen import grid
 
-        table = results.table(self.tables[0]).head(LISTED)
+        table = results.table(self.tables[0]).head(N_RANKING_ROWS)
         titles = (f"text:{name}" for name in table)
         return [
             grid(*titles, rows=([str(v) for v in row] for row in table.itertuples(index=False)))

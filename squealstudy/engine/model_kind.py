@@ -27,7 +27,7 @@ from squealstudy.study.source import SourceText
 
 # degrees of freedom of a family of matrices whose points take milliseconds
 MILLISECOND_MAX_DOF = 100
-PATIENCE = 3.0  # s: two workers take 2 s to start
+WORKER_START_WORTH_S = 3.0  # s: two workers take 2 s to start
 Columns = dict[str, float | np.ndarray]  # values of parameters at all design points
 
 
@@ -144,7 +144,11 @@ class ModelKind(Kind):
         key, family = plan.tasks[0].structure, isinstance(plan.study.model, FamilyDefinition)
         if has_mesh(plan.study) or (family and not is_prepared(key)):
             return 0.0
-        return PATIENCE if not family or load_any(key).model.n <= MILLISECOND_MAX_DOF else 0.0
+        return (
+            WORKER_START_WORTH_S
+            if not family or load_any(key).model.n <= MILLISECOND_MAX_DOF
+            else 0.0
+        )
 
     def ready(self, plan: Plan, workers: Workers, warn: Warn) -> tuple[Plan, dict[str, str]]:
         """The reductions; of a basis that is not accurate enough a better one."""

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 TEMPLATE = Path(__file__).with_name("report.html")
 MOST_ROWS = 200  # of a table; the others are in its file
 MOST_BYTES = 9_000_000  # of all pictures of a page
-DIGITS = 6
+TABLE_DIGITS = 6
 SHAPE_DPI = 75
 # endings of files that a study can name
 READ = (".toml", ".py", ".csv", *(ending for endings in READERS for ending in endings))
@@ -249,7 +249,7 @@ def _titled(name: str, units: Mapping[str, str]) -> str:
 
 def _cell(value: Any) -> str:
     if isinstance(value, float | np.floating):
-        return "" if np.isnan(value) else f"{value:.{DIGITS}g}"
+        return "" if np.isnan(value) else f"{value:.{TABLE_DIGITS}g}"
     if isinstance(value, np.ndarray | list):
         return ", ".join(_cell(v) for v in value)
     return "" if pd.isna(value) else str(value)

@@ -171,7 +171,7 @@ def _letters(path: Path, file: pq.ParquetFile, texts: Sequence[Part]) -> float:
         for group, column, values, part in texts:
             size, little = (
                 part.total_uncompressed_size,
-                array_files.SMALL / len(texts) / max(values, 1),
+                array_files.MAX_UNCHECKED_BYTES / len(texts) / max(values, 1),
             )
             longest = size if size <= little else longest_entry(handle, part, little)
             if longest is None:

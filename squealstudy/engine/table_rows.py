@@ -50,7 +50,7 @@ def batches(
         yield from (whole.iloc[rows] for rows in parts(len(whole)))
         return
     first = 0
-    for batch in store.batches(file, columns, point_rows.BATCH):
+    for batch in store.batches(file, columns, point_rows.ROWS_PER_BATCH):
         found = batch.to_pandas()
         found.index = pd.RangeIndex(first, first + len(found))
         first += len(found)
@@ -75,7 +75,9 @@ def mode_points(points: pd.DataFrame, modes: Iterable[pd.DataFrame]) -> np.ndarr
     found = [np.zeros(0, dtype=np.int32)]
     for batch in modes:
         try:  # modes stand in the order of their points
-            rows = first + point_codes(ids.iloc[first : first + 2 * point_rows.BATCH], batch)
+            rows = first + point_codes(
+                ids.iloc[first : first + 2 * point_rows.ROWS_PER_BATCH], batch
+            )
         except ResultsError:  # in tables of other making they need not
             rows = point_codes(ids, batch)
         found.append(rows.astype(np.int32))

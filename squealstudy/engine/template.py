@@ -43,7 +43,7 @@ SWEPT = "friction"  # of models that say nothing else and have it
 SWEEP_REL_RANGE = 0.2  # below and above its default that the parameter is swept
 SWEEP_POINTS = 5
 ROBUST, OF_ROBUST = "robust", "complex_modes"  # what scatters, and the kind that it is
-SCATTER = 6.0  # standard deviations in the range of what is swept otherwise
+SIGMAS_IN_SWEEP = 6.0  # standard deviations in the range of what is swept otherwise
 OF_METHODS = ("work_precision", "method_stability")
 BASE = "_base"  # ends the name of the study that methods are measured on
 SCHEMA_FILE = "squealstudy.schema.json"
@@ -224,7 +224,7 @@ def _scatter(swept: Mapping[str, Any], defaults: Mapping[str, float]) -> dict[st
     """What is swept otherwise, scattered over its range, beside damping where there is some."""
     low, high = swept["start"], swept["stop"]
     ends = {"start": low, "stop": high}
-    mean, std = (float(f"{v:.6g}") for v in ((low + high) / 2, (high - low) / SCATTER))
+    mean, std = (float(f"{v:.6g}") for v in ((low + high) / 2, (high - low) / SIGMAS_IN_SWEEP))
     normal = {"distribution": "truncated_normal", "mean": mean, "std": std}
     drawn = [{"parameter": swept["parameter"], **normal, **ends}]
     if damping := defaults.get("damping_ratio"):

@@ -36,7 +36,7 @@ SOLVED = ("ok", "inaccurate")  # statuses of points that have results
 MOSTLY_OPEN = 0.5  # share of the contact area
 FAR_KICK = 10.0  # times the sliding speed
 TABLE_END_SLACK = 1e-9  # of the range of a table: points on its ends are in it
-CRITICAL = 1.0  # damping ratio from which on a mode does not oscillate
+CRITICAL_DAMPING_RATIO = 1.0  # damping ratio from which on a mode does not oscillate
 CLOSED_RULE = "a bilateral contact presses everywhere, share of it below 1 % of the mean pressure"
 OPEN_RULE = f"the contact is closed over {1 - MOSTLY_OPEN:.0%} of its area or more, open share"
 MODE_RULE = f"modal damping is light, a ratio of at most {LARGEST_MODAL_DAMPING:g}"
@@ -83,7 +83,11 @@ def parameter_reasons(plan: Plan) -> list[Broken]:
     ]
     for rule, most, parameters in (
         (MODE_RULE, LARGEST_MODAL_DAMPING, plan.first.assembly_parameters()),
-        (COMPONENT_RULE, float(np.nextafter(CRITICAL, 0.0)), plan.first.mode_parameters()),
+        (
+            COMPONENT_RULE,
+            float(np.nextafter(CRITICAL_DAMPING_RATIO, 0.0)),
+            plan.first.mode_parameters(),
+        ),
     ):
         damped = [points.column(p.name) for p in parameters if p.quantity == DAMPING_RATIO]
         if damped:
@@ -222,9 +226,12 @@ def _damped_modes(plan: Plan) -> Broken:
     zeta, beta = columns.get("damping_ratio", 0.0), columns.get("stiffness_damping", 0.0)
     most = np.broadcast_to(zeta + np.pi * beta * high, len(points))
     ratio = np.zeros(len(points))
-    if not isinstance(plan.study.model, FamilyDefinition) and (most >= CRITICAL).any():
+    if (
+        not isinstance(plan.study.model, FamilyDefinition)
+        and (most >= CRITICAL_DAMPING_RATIO).any()
+    ):
         if plan.stacked:
-            rows = np.flatnonzero(most >= CRITICAL)
+            rows = np.flatnonzero(most >= CRITICAL_DAMPING_RATIO)
             part = points.at(rows)
             hz = natural_frequencies_of_batch(part.model, part.options, part.columns, len(part))
             inside = np.where((hz >= low) & (hz <= high), hz, 0.0).max(axis=1)
@@ -232,12 +239,12 @@ def _damped_modes(plan: Plan) -> Broken:
             at = np.flatnonzero(inside > 0)
             own = own[at] + np.pi * np.broadcast_to(beta, len(points))[rows[at]] * inside[at]
             ratio[rows[at]] = own
-            return _beyond(OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL, 0.0)))
+            return _beyond(OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL_DAMPING_RATIO, 0.0)))
         for key, rows in points.of_structures():
-            if not (most[rows] >= CRITICAL).any() or not is_prepared(key):
+            if not (most[rows] >= CRITICAL_DAMPING_RATIO).any() or not is_prepared(key):
                 continue
             hz = natural_frequencies(prepared_model(key), plan.nominal)
             highest = float(hz[(hz >= low) & (hz <= high)].max(initial=0.0))
             if highest > 0:
                 ratio[rows] = np.broadcast_to(zeta + np.pi * beta * highest, len(points))[rows]
-    return _beyond(OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL, 0.0)))
+    return _beyond(OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL_DAMPING_RATIO, 0.0)))

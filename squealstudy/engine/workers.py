@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.cluster import Cluster
 FIRST_POINTS = 16  # points of a task while nothing is known of their time
 MOST_POINTS = 4096  # of a chunk file, too
-SECONDS = 2.0  # of a task
+TARGET_TASK_S = 2.0  # of a task
 LEAST_SECONDS = 0.1  # a shorter one is not worth its way
 TASKS_A_WORKER = 8  # of all that is left: workers end together
 
@@ -73,7 +73,7 @@ class Pace:
         fair = math.ceil(left / (TASKS_A_WORKER * jobs))
         if not self.seconds:
             return max(1, min(FIRST_POINTS, fair))
-        least, most = (int(s / self.seconds) for s in (LEAST_SECONDS, SECONDS))
+        least, most = (int(s / self.seconds) for s in (LEAST_SECONDS, TARGET_TASK_S))
         return max(1, min(MOST_POINTS, most, max(fair, least)))
 
     def parts(self, points: DesignPoints, jobs: int, least: int = 1) -> Iterator[DesignPoints]:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.cluster import Cluster
 
 MOST_ROUNDS = 3
-SEED = 5  # of the points that are audited
+AUDIT_SEED = 5  # of the points that are audited
 FOLLOWING = ("transient.settle_tolerance",)
 
 
@@ -185,7 +185,7 @@ class Audit:
 def drawn_points(fidelity: FidelityStudy, round_: int) -> tuple[int, ...]:
     """Random design points, others in each round."""
     count = min(fidelity.section.audit, len(fidelity.plan.tasks))
-    rng = np.random.default_rng([SEED, round_])
+    rng = np.random.default_rng([AUDIT_SEED, round_])
     return tuple(int(i) for i in rng.permutation(len(fidelity.plan.tasks))[:count])
 
 

@@ -26,8 +26,9 @@ from squealstudy.kinds.transient.slope_pilot import FIRST_ORDER
 from squealstudy.study.definition import given_keys
 
 SETTING_TOLERANCE_SHARE = 0.4  # of the tolerance that one ladder may take
-RICHARDSON = 4.0 / 3.0  # error of a step from the difference to half of it, order 2
-SETTLED, SETTLED_SHARE = 0.01, 0.2  # half-width of a level at which runs end; of the tolerance
+RICHARDSON_FACTOR = 4.0 / 3.0  # error of a step from the difference to half of it, order 2
+# half-width of a level at which runs end; of the tolerance
+SETTLED_LEVEL_HALF_WIDTH, SETTLED_SHARE = 0.01, 0.2
 ALL_MODES = {
     "transient.modes_below": None,
     "transient.pod_vectors": 0,
@@ -116,11 +117,11 @@ class RunSearch:
         From twice the step of the trials on; longer ones are tried where that pays.
         """
         at = max(0, min(TRIAL_STEP, len(ladder) - 1) - 1)
-        found = self._refined(ladder[at:], RICHARDSON)
+        found = self._refined(ladder[at:], RICHARDSON_FACTOR)
         while at > 0 and found[0].error <= self.share and self._pays(ladder[at].changes):
             at -= 1
             longer, shorter = (self.measure(ladder[k].changes) for k in (at, at + 1))
-            error = RICHARDSON * self.fidelity.error(longer, shorter)
+            error = RICHARDSON_FACTOR * self.fidelity.error(longer, shorter)
             found.insert(
                 0, TriedSetting(ladder[at].label, ladder[at].changes, error, longer.seconds)
             )
@@ -166,7 +167,7 @@ class RunSearch:
         section, error = self.fidelity.study.section, 0.0
         if STEP not in self.ladders:
             half = self.measure({"transient.step": 0.5 * section.step})
-            error += RICHARDSON * self.fidelity.error(self.measure({}), half)
+            error += RICHARDSON_FACTOR * self.fidelity.error(self.measure({}), half)
         if BASIS not in self.ladders and section.modes_below is not None:
             error += self.fidelity.error(self.measure({}), self.measure(ALL_MODES))
         return error
@@ -206,6 +207,10 @@ def _settled(fidelity: FidelityStudy) -> dict[str, Any]:
     certain = (
         {}
         if "transient.settle_tolerance" in given_keys(fidelity.study)
-        else {"transient.settle_tolerance": min(SETTLED, SETTLED_SHARE * fidelity.tolerance)}
+        else {
+            "transient.settle_tolerance": min(
+                SETTLED_LEVEL_HALF_WIDTH, SETTLED_SHARE * fidelity.tolerance
+            )
+        }
     )
     return {"transient.stop": "settled", **certain}

@@ -26,7 +26,8 @@ from squealstudy.laws.registry import LawDefinition
 ContactLaws = Mapping[int, ContactLawDefinition]  # by their codes
 Curves = Mapping[int, FrictionCurveDefinition | None]  # None for a constant coefficient
 Slopes = Mapping[int, Regularisation]
-HIGHEST, LOWEST = 200.0, -700.0  # exp(200) = 7e86 stays finite in every product that follows
+# exp(200) = 7e86 stays finite in every product that follows
+MAX_EXPONENT, MIN_EXPONENT = 200.0, -700.0
 PER_LN2 = 1.0 / math.log(2.0)
 LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # k LN2_HIGH is exact
 C2, C3, C4, C5, C6, C7 = (1.0 / math.factorial(i) for i in range(2, 8))
@@ -242,12 +243,12 @@ def exponential(x: float) -> float:
 
     exp(x) = 2^k exp(r) with |r| <= ln(2) / 2, where the Taylor series to r^13 is good to 4e-18.
     """
-    z = HIGHEST if x > HIGHEST else x
-    z = LOWEST if z < LOWEST else z
+    z = MAX_EXPONENT if x > MAX_EXPONENT else x
+    z = MIN_EXPONENT if z < MIN_EXPONENT else z
     k = np.rint(z * PER_LN2)
     r = (z - k * LN2_HIGH) - k * LN2_LOW
     y = (((((C13 * r + C12) * r + C11) * r + C10) * r + C9) * r + C8) * r + C7
     y = (((((y * r + C6) * r + C5) * r + C4) * r + C3) * r + C2) * r + 1.0
-    power = k if k > LOWEST * 2.0 else LOWEST * 2.0  # NaN has no integer
+    power = k if k > MIN_EXPONENT * 2.0 else MIN_EXPONENT * 2.0  # NaN has no integer
     y = (y * r + 1.0) * np.int64((np.int64(power) + 1023) << 52).view(np.float64)
-    return 0.0 if x < LOWEST else y
+    return 0.0 if x < MIN_EXPONENT else y

@@ -13,9 +13,9 @@ import numpy as np
 from squealstudy.kernels.facets import MAX_FACET_NODES, across, along_line, foot, normal, place
 from squealstudy.kernels.jit import exact_kernel, kernel
 
-TERMS = 9  # 1, a, b, ab, a2, b2, a2 b, a b2, a2 b2; the first six span what triangles need
+N_SHAPE_TERMS = 9  # 1, a, b, ab, a2, b2, a2 b, a b2, a2 b2; the first six span what triangles need
 SEARCH_BOX_MARGIN = 0.25  # neighbourhood of a slave facet beyond its nodes, as a share of its width
-STRAIGHT = 1e-10  # of its length: an edge that bulges less is straight
+STRAIGHT_EDGE_BULGE_RATIO = 1e-10  # of its length: an edge that bulges less is straight
 MIN_REL_TRIANGLE_AREA = 1e-15  # of the reference square: smaller triangles of a fan are nothing
 # corners and half planes (u, v, w), u a + v b + w >= 0, of the reference square and triangle
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -78,7 +78,7 @@ def outline(
             for j in range(3):
                 bulge += (X[sides + i, j] - 0.5 * (X[i, j] + X[k, j])) ** 2
                 length += (X[k, j] - X[i, j]) ** 2
-            if bulge > STRAIGHT**2 * length:
+            if bulge > STRAIGHT_EDGE_BULGE_RATIO**2 * length:
                 times = int(np.ceil(np.sqrt(length) / size))
                 parts = min(pieces * max(times, 1), len(out) // 8)
         for part in range(parts):
@@ -108,7 +108,7 @@ def has_straight_sides(kind: int, X: np.ndarray, n: np.ndarray) -> bool:
             length += (X[k, j] - X[i, j]) ** 2
             if kind > 4:
                 bulge += (X[sides + i, j] - 0.5 * (X[i, j] + X[k, j])) ** 2
-        if max(height * height, bulge) > STRAIGHT**2 * length:
+        if max(height * height, bulge) > STRAIGHT_EDGE_BULGE_RATIO**2 * length:
             return False
     return True
 
@@ -179,7 +179,7 @@ def is_affine(kind: int, X: np.ndarray) -> bool:
         size = 0.0
         for i in range(sides):
             size = max(size, abs(X[i, j] - X[0, j]))
-        size *= STRAIGHT
+        size *= STRAIGHT_EDGE_BULGE_RATIO
         if not three and abs(X[0, j] - X[1, j] + X[2, j] - X[3, j]) > size:
             return False
         if kind > 4:
@@ -308,7 +308,7 @@ def integrate_segments(
         np.zeros((3, 3)),
         np.zeros((3, 3)),
     )
-    n_s, terms = np.zeros(3), np.zeros(TERMS)
+    n_s, terms = np.zeros(3), np.zeros(N_SHAPE_TERMS)
     for s in range(len(slave_kinds)):
         kind, X = slave_kinds[s], slave_nodes[s]
         three = kind == 3 or kind == 6
@@ -348,7 +348,7 @@ def integrate_segments(
                         left_out[s, 0] += w
                         continue
                     _terms(a, b, terms)
-                    for t in range(TERMS):
+                    for t in range(N_SHAPE_TERMS):
                         f = w * terms[t]
                         area[s, t] += f
                         gap[s, t] += f * g

@@ -20,12 +20,12 @@ from squealstudy.kernels.jit import entry_kernel, fast_kernel, room_kernel
 from squealstudy.kernels.laws import contact_at, mu_at
 from squealstudy.kernels.newmark_forces import point_forces, tangents
 
-GAUSS = np.polynomial.legendre.leggauss(3)
-NODES, WEIGHTS = 0.5 * (GAUSS[0] + 1.0), 0.5 * GAUSS[1]
+GAUSS_POINTS_AND_WEIGHTS = np.polynomial.legendre.leggauss(3)
+NODES, WEIGHTS = 0.5 * (GAUSS_POINTS_AND_WEIGHTS[0] + 1.0), 0.5 * GAUSS_POINTS_AND_WEIGHTS[1]
 # 1 - cosine of the turn of sliding within a cell: integrated from, to
 TURN_MIN, TURN_FULL = 0.06, 0.2
 MIN_SINH_WIDTH = 1e-3  # least eps
-SEARCH = 3  # Newton steps to the time of least sliding
+N_NEWTON_STEPS = 3  # Newton steps to the time of least sliding
 
 Sums = tuple[np.ndarray, np.ndarray, np.ndarray]  # forces, their derivatives by y and by w
 
@@ -192,7 +192,7 @@ def _nodes(
     g1, g2 = w[t, i, 1] - w[s, i, 1], w[t, i, 2] - w[s, i, 2]
     e = g1 * g1 + g2 * g2
     tau = -(a1 * g1 + a2 * g2) / e if e > 0.0 else 0.5
-    for _ in range(SEARCH):
+    for _ in range(N_NEWTON_STEPS):
         tau = min(max(tau, 0.0), 1.0)
         h, dh = _cubic(tau), _slope(tau)
         a1, a2 = _mixed(w, s, i, 1, h) + speed, _mixed(w, s, i, 2, h)

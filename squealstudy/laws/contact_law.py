@@ -13,7 +13,7 @@ from squealstudy.laws.consistency import EQUAL_REL_TOLERANCE, SLOPE_REL_TOLERANC
 from squealstudy.laws.registry import Law, LawDefinition, Registry, at_points, central_slope
 
 MAX_EXPONENT = 200.0  # exp(200) = 7e86 stays finite in every product that follows
-BISECTIONS = 200
+MAX_BISECTIONS = 200
 TEST_GAPS_M = (-4.3e-6, -1.1e-6, -2.3e-7, 3.1e-7, 2.2e-6)  # m: where laws are tried
 TEST_INTERVAL_M = 7.3e-7  # m: of the interval of a mean pressure that is tried there
 MAX_GAP_M = 1e3  # m: a gap beyond which no contact is looked for
@@ -203,7 +203,7 @@ class ContactLaw(Law[ContactLawDefinition]):
             closed, opened = 2.0 * closed, closed
         while presses(opened) and opened < MAX_GAP_M:
             closed, opened = opened, 2.0 * abs(opened)
-        for _ in range(BISECTIONS):
+        for _ in range(MAX_BISECTIONS):
             middle = 0.5 * (closed + opened)
             closed, opened = (middle, opened) if presses(middle) else (closed, middle)
         return 0.5 * (closed + opened)

@@ -24,10 +24,10 @@ from squealstudy.parameter import Parameter
 Number = float | np.ndarray
 
 # where curves are tried: no round numbers, at which kinks lie
-SPEEDS = (0.0437, 0.517, 5.23)  # m/s
-PRESSURES = (1.3e5, 1.1e6, 1.7e7)  # Pa
-FRICTION = 0.43
-OF_FRICTION = Parameter("friction", FRICTION, "", "", minimum=0.0)
+TEST_SPEEDS = (0.0437, 0.517, 5.23)  # m/s
+TEST_PRESSURES = (1.3e5, 1.1e6, 1.7e7)  # Pa
+TEST_FRICTION = 0.43
+OF_FRICTION = Parameter("friction", TEST_FRICTION, "", "", minimum=0.0)
 
 
 class Friction(NamedTuple):
@@ -77,8 +77,8 @@ class FrictionCurveDefinition(LawDefinition):
     def expect_consistent(self) -> None:
         """`expect_consistent_at` some speeds and pressures, with the parameters' defaults."""
         values = [p.default for p in self.parameters]
-        for s, p in product(SPEEDS, PRESSURES):
-            self.expect_consistent_at(s, p, FRICTION, values)
+        for s, p in product(TEST_SPEEDS, TEST_PRESSURES):
+            self.expect_consistent_at(s, p, TEST_FRICTION, values)
 
     def expect_consistent_at(
         self, s: float, p: float, friction: float, values: Sequence[float]
@@ -92,7 +92,7 @@ class FrictionCurveDefinition(LawDefinition):
         coefficient, by_speed, by_pressure = mu(*arguments)
         at = f"at s = {s:g} m/s, p = {p:g} Pa"
         mu.expect_slope(f"dmu/ds {at}", by_speed, arguments, 0)
-        mu.expect_slope(f"dmu/dp {at}", by_pressure, arguments, 1, PRESSURES[0])
+        mu.expect_slope(f"dmu/dp {at}", by_pressure, arguments, 1, TEST_PRESSURES[0])
         if by_pressure and not self.pressure_dependent:
             raise mu.error(f"dmu/dp is {by_pressure:g} {at}, expected pressure_dependent")
         if mu(s, p, 0.0, *values)[0]:
@@ -102,7 +102,7 @@ class FrictionCurveDefinition(LawDefinition):
             mu.expect_same(coefficient, friction, EQUAL_REL_TOLERANCE, text)
         if self.slopes is not None:
             known = (OF_FRICTION, *self.parameters)
-            mu.expect_slopes(self.slopes, arguments, known, PRESSURES[0])
+            mu.expect_slopes(self.slopes, arguments, known, TEST_PRESSURES[0])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,8 +16,9 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.factor import SINGULAR
 from squealstudy.linalg.overflow import OVERFLOW
 
-SHIFT = 0.013  # of a limit: about which roots are taken beside much smaller ones
-TOLD = 1e-6  # of a limit: roots from there on must be told from round-off of the largest
+SHIFT_RATIO = 0.013  # of a limit: about which roots are taken beside much smaller ones
+# of a limit: roots from there on must be told from round-off of the largest
+MIN_RESOLVED_RATIO = 1e-6
 SINGULAR_STIFFNESS = "a stiffness matrix is singular, or nearly so beside its largest entries"
 
 
@@ -96,7 +97,7 @@ def right_pairs(
 
 def drowned(lam: np.ndarray, limit: float) -> bool:
     """Whether round-off of the largest of all 2n roots may drown those of the size of a limit."""
-    lost = len(lam) / 2 * np.finfo(float).eps / TOLD
+    lost = len(lam) / 2 * np.finfo(float).eps / MIN_RESOLVED_RATIO
     return bool(np.abs(lam).max(initial=0.0) * lost >= limit)
 
 
@@ -117,7 +118,7 @@ def pairs_up_to(
         return lam, psi
     with contextlib.suppress(ConvergenceError):
         return inverse_pairs(C, K, limit, M)
-    sigma, mass = SHIFT * limit, np.eye(len(K)) if M is None else M
+    sigma, mass = SHIFT_RATIO * limit, np.eye(len(K)) if M is None else M
     mu, psi = inverse_pairs(C + 2 * sigma * mass, K + sigma * C + sigma**2 * mass, limit, M)
     return sigma + mu, psi
 

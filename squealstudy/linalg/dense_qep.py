@@ -38,7 +38,7 @@ SEARCH_RADIUS_FACTOR = 1.1
 # vectors of the first space: for each root expected, and beside them
 VECTORS_PER_ROOT, EXTRA_VECTORS = 1.8, 30
 SPACE_GROWTH = 1.25  # of a space that is too small
-CONVERGED = 1e-14  # residual of a root inside, of its theta
+CONVERGED_RESIDUAL = 1e-14  # residual of a root inside, of its theta
 OUTER_RESIDUAL_TOLERANCE = 1e-3  # and of one in reach: enough to tell it from one that was missed
 # theta of a root beside the shift, from which on its round-off is felt by others
 MAX_SHIFTED_EIGENVALUE = 1e4
@@ -255,7 +255,10 @@ def _roots_in_reach(form: _InverseCompanion, radius: float, expected: int) -> _F
         leaves = space.leaves * Q[-1, :k]
         missing = np.abs(leaves @ S) / np.abs(theta)
         inside = form.holds(theta, radius)
-        if k < size and (missing <= np.where(inside, CONVERGED, OUTER_RESIDUAL_TOLERANCE)).all():
+        if (
+            k < size
+            and (missing <= np.where(inside, CONVERGED_RESIDUAL, OUTER_RESIDUAL_TOLERANCE)).all()
+        ):
             Z = space.vectors @ Q[:, :k]
             return _Found(theta, product(Z, S), Z)
         size = int(SPACE_GROWTH * size)

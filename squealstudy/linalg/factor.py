@@ -39,7 +39,7 @@ LEAST_PIVOT = 1e-12  # of the diagonal entry it came from: the round-off of a si
 
 FEW_ROWS = 200  # solved faster than a thread starts (0.1 ms)
 
-DEFINITE, UNSYMMETRIC = 2, 11  # PARDISO's types of real matrices
+PARDISO_DEFINITE, PARDISO_UNSYMMETRIC = 2, 11  # PARDISO's types of real matrices
 
 MODULES = {"pardiso": "pypardiso", "cholmod": "cholespy"}
 
@@ -257,7 +257,7 @@ class PardisoFactor(RefinedFactor):
 
         self.A, self._definite = A.tocsr(), definite
         self._held = sp.triu(self.A, format="csr") if definite else self.A
-        self._solver = PyPardisoSolver(DEFINITE if definite else UNSYMMETRIC)
+        self._solver = PyPardisoSolver(PARDISO_DEFINITE if definite else PARDISO_UNSYMMETRIC)
         weakref.finalize(self, self._solver.free_memory, everything=True)  # it does not by itself
         try:
             self._solver.factorize(self._held)

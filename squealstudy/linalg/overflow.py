@@ -10,10 +10,11 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError
 
-LARGEST = 1e150  # of an entry, whatever its unit: squares, and sums of 1e8 of them, are finite
+# of an entry, whatever its unit: squares, and sums of 1e8 of them, are finite
+MAX_SQUARABLE_ENTRY = 1e150
 LEAST_MASS = 1e-150  # kg, kg m2 or 1: what is divided by it is no larger
 OVERFLOW = "overflow"  # status of a design point whose matrices have such entries
-LIMITS = f"expected finite numbers of at most {LARGEST:g}"
+LIMITS = f"expected finite numbers of at most {MAX_SQUARABLE_ENTRY:g}"
 
 
 def largest_entry(A: Any) -> float:
@@ -28,11 +29,11 @@ def largest_entry(A: Any) -> float:
 def expect_computable(parts: Iterable[tuple[str, Any]]) -> None:
     """Raise ConvergenceError ``overflow`` where one of the named arrays has entries too large."""
     for name, A in parts:
-        if not (size := largest_entry(A)) <= LARGEST:
+        if not (size := largest_entry(A)) <= MAX_SQUARABLE_ENTRY:
             raise ConvergenceError(OVERFLOW, too_large(name, size))
 
 
 def too_large(what: str, size: float) -> str:
-    """The sentence about a matrix with an entry beyond LARGEST."""
+    """The sentence about a matrix with an entry beyond MAX_SQUARABLE_ENTRY."""
     told = "that are not finite" if size == np.inf else f"of {size:.0e}"
     return f"{what} has entries {told}: {LIMITS}"

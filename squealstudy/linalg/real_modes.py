@@ -24,7 +24,8 @@ DENSE_LIMIT = 400
 FIRST_TEST_SIZE, TEST_GROWTH_DIVISOR = 48, 12
 # of the degrees of freedom: a Krylov space that is larger costs more than LAPACK
 MAX_KRYLOV_SHARE = 0.4
-CONVERGED = 1e-10  # residual of a mode, of its theta = 1 / (omega^2 - shift); squared by refining
+# residual of a mode, of its theta = 1 / (omega^2 - shift); squared by refining
+CONVERGED_RESIDUAL = 1e-10
 REL_RESIDUAL_FLOOR = 1e-14  # and of the largest theta: without a shift no residual gets below
 MAX_REL_ROUND_OFF = 1e-6  # of theta: where that is more than this of it, another shift is needed
 # of the highest frequency of a single degree of freedom: far above round-off
@@ -96,7 +97,9 @@ def _space_below(
         inside = int((theta >= 1.0 / (limit + shift)).sum())
         if inside < space.size:
             y = y[:, : inside + 1]
-            allowed = np.maximum(CONVERGED * theta[: inside + 1], REL_RESIDUAL_FLOOR * theta[0])
+            allowed = np.maximum(
+                CONVERGED_RESIDUAL * theta[: inside + 1], REL_RESIDUAL_FLOOR * theta[0]
+            )
             if (space.left_out(y) <= allowed).all():
                 return space.vectors @ y
         size = space.size + max(2 * LANCZOS_BLOCK_SIZE, space.size // TEST_GROWTH_DIVISOR)

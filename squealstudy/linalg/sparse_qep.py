@@ -26,7 +26,7 @@ from squealstudy.linalg.real_modes import (
 DENSE_LIMIT = 100  # degrees of freedom solved by LAPACK
 TEST_GROWTH_DIVISOR = 10  # 1 in so many states between two tests of convergence
 MAX_KRYLOV_SHARE = 0.4  # of the states: a Krylov space that is larger costs more than LAPACK
-CONVERGED = 1e-11  # residual of a root, of its theta
+CONVERGED_RESIDUAL = 1e-11  # residual of a root, of its theta
 
 
 class LowRankSum:
@@ -114,7 +114,9 @@ def roots_below(
         inside = int((np.abs(theta) >= scale / limit).sum())
         if inside < space.size:
             theta, y = theta[order[: inside + 1]], y[:, order[: inside + 1]]
-            allowed = np.maximum(CONVERGED * np.abs(theta), REL_RESIDUAL_FLOOR * np.abs(theta[0]))
+            allowed = np.maximum(
+                CONVERGED_RESIDUAL * np.abs(theta), REL_RESIDUAL_FLOOR * np.abs(theta[0])
+            )
             if (space.left_out(y) <= allowed).all():
                 lam, y = scale / theta[:inside], y[:, :inside]
                 kept, lower = lam.imag >= 0, space.vectors[n:]

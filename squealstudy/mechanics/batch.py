@@ -15,7 +15,12 @@ from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.mechanics.stacked_rows import OK
 from squealstudy.mechanics.values import Values
 from squealstudy.models.matrices.family import FamilyDefinition
-from squealstudy.stacked.modes import BLOCK, MOST_COORDINATES, StackedSystem, stacked_system
+from squealstudy.stacked.modes import (
+    MOST_COORDINATES,
+    POINTS_PER_BLOCK,
+    StackedSystem,
+    stacked_system,
+)
 from squealstudy.stacked.roots import StackedRoots
 
 
@@ -65,8 +70,8 @@ def in_batches(values: Values) -> bool:
 def batch_modes(values: Values, band_hz: tuple[float, float]) -> BatchModes:
     """Complex modes of a batch in a band, by blocks of BLOCK design points."""
     parts = [
-        _block(values, slice(start, min(start + BLOCK, values.count)), band_hz)
-        for start in range(0, values.count, BLOCK)
+        _block(values, slice(start, min(start + POINTS_PER_BLOCK, values.count)), band_hz)
+        for start in range(0, values.count, POINTS_PER_BLOCK)
     ]
     width = max(part.lam.shape[1] for part in parts)
     return BatchModes(*(_joined(list(own), width) for own in zip(*parts, strict=True)))

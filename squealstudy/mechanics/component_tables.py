@@ -16,7 +16,7 @@ from squealstudy.models.parameter_names import parse_parameter
 if TYPE_CHECKING:
     import pandas as pd
 
-LINEAR = 1e-9  # relative: what a stiffness may miss to be linear in its moduli
+LINEARITY_REL_TOLERANCE = 1e-9  # relative: what a stiffness may miss to be linear in its moduli
 
 
 def component_modes(point: ModelPoint, cutoff_hz: float) -> pd.DataFrame:
@@ -60,7 +60,7 @@ def loss_damping(
         for k, c in enumerate(parts):
             change = together[k].K - c.K
             apart = sum(found[k].K - c.K for found in own.values())
-            if abs(change - apart).max() > LINEAR * abs(c.K).max():
+            if abs(change - apart).max() > LINEARITY_REL_TOLERANCE * abs(c.K).max():
                 raise ParameterError(told[-1], "expected one loss factor of a material, got two")
     for k, c in enumerate(parts):
         K = {names: found[k].K - c.K for names, found in own.items()}
@@ -101,7 +101,9 @@ def _scale_stiffness(
         if not np.array_equal(a.coordinates, b.coordinates):
             return False
         change = abs(b.K - a.K).max()
-        if abs(c.K - 2 * b.K + a.K).max() > LINEAR * max(change, abs(a.K).max() * LINEAR):
+        if abs(c.K - 2 * b.K + a.K).max() > LINEARITY_REL_TOLERANCE * max(
+            change, abs(a.K).max() * LINEARITY_REL_TOLERANCE
+        ):
             return False
         most = max(most, change)
     return most > 0

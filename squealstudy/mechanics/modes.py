@@ -37,7 +37,7 @@ UNITS = {
     "error_estimate": "1/s",
 }
 OWN = {*UNITS, "unstable", "stability", "overdamped", "method"}  # columns
-BEYOND = 1.01  # of the largest root: the circle in which left vectors are looked for
+LEFT_CIRCLE_FACTOR = 1.01  # of the largest root: the circle in which left vectors are looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +213,7 @@ def left_vectors(system: LinearSystem, lam: np.ndarray, right: np.ndarray) -> np
     unit = np.array_equal(M, np.eye(len(M)))
     if not unit:
         C, K = np.hsplit(np.linalg.solve(M, np.hstack([C, K])), 2)
-    pairs = pairs_inside(C, K, BEYOND * float(np.abs(lam).max()))
+    pairs = pairs_inside(C, K, LEFT_CIRCLE_FACTOR * float(np.abs(lam).max()))
     if len(pairs.lam) < len(lam):
         pairs = all_pairs(C, K)
     near = _partners(lam, pairs.lam)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from squealstudy.errors import ParameterError
-from squealstudy.linalg.overflow import LARGEST
+from squealstudy.linalg.overflow import MAX_SQUARABLE_ENTRY
 from squealstudy.mechanics.basis import Basis
 from squealstudy.mechanics.batch import is_small_batch
 from squealstudy.mechanics.defaults import STABILITY_TOLERANCE
@@ -271,7 +271,9 @@ def _at_once(
     first, none = values.point(0), list[Sensitivities | None]([None]) * values.count
     try:
         asked = [requested(name, first) for name in names or default_names(first)]
-        if any(np.abs(x).max() > LARGEST for k, x in values.varied.items() if k in names):
+        if any(
+            np.abs(x).max() > MAX_SQUARABLE_ENTRY for k, x in values.varied.items() if k in names
+        ):
             return none
         if structural := structural_names(asked):
             settings = ReductionSettings(np.inf, np.inf, 0.0)

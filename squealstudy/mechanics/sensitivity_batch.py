@@ -20,7 +20,7 @@ from squealstudy.stacked.modes import Columns, stacked_assembly, structures_of
 from squealstudy.stacked.sensitivities import Asked, StackedSensitivities, stacked_sensitivities
 from squealstudy.stacked.structures import StackedStructures
 
-ENTRIES = 2_000_000  # of companion matrices that are in memory at once, 16 bytes each
+MAX_COMPANION_ENTRIES = 2_000_000  # of companion matrices that are in memory at once, 16 bytes each
 
 
 class Request(NamedTuple):
@@ -51,7 +51,7 @@ def batch_sensitivities(
     """
     assembly, _ = stacked_assembly(model, options, columns, count)
     structures, structural = structures_of(assembly), structural_names(request.parameters)
-    most = max(1, ENTRIES // (2 * structures.n) ** 2)
+    most = max(1, MAX_COMPANION_ENTRIES // (2 * structures.n) ** 2)
     for parameters, rows in _groups(structures, request.parameters, count):
         asked = Asked(parameters, structural, request.choice, request.change, request.band_hz)
         for start in range(0, len(rows), most):

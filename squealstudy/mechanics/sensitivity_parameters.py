@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from squealstudy.errors import ParameterError
-from squealstudy.linalg.overflow import LARGEST
+from squealstudy.linalg.overflow import MAX_SQUARABLE_ENTRY
 from squealstudy.models.acting_laws import expect_acting
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.models.operating import (
@@ -29,7 +29,8 @@ from squealstudy.reduction.cmt import ReductionSettings
 EVERY, ONE = "[*]", "[1]"
 DEFAULTS = ("friction", "pressure", "contact.lambda", "sliding_speed")
 LARGEST_SCALE = 10.0
-RIGID = 1e-4  # of the highest frequency of a component mode that is held: zero but for round-off
+# of the highest frequency of a component mode that is held: zero but for round-off
+RIGID_FREQUENCY_RATIO = 1e-4
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,10 @@ def requested(name: str, design: ModelPoint) -> RequestedParameter:
     if name in IN_TIME_ONLY:
         raise ParameterError(name, f"'{name}' acts in time only, complex modes do not see it")
     expect_acting(parameter, design)
-    if not every and abs(design.values.get(name, 0.0)) > LARGEST:
-        raise ParameterError(name, f"derivatives by a value beyond {LARGEST:g} overflow")
+    if not every and abs(design.values.get(name, 0.0)) > MAX_SQUARABLE_ENTRY:
+        raise ParameterError(
+            name, f"derivatives by a value beyond {MAX_SQUARABLE_ENTRY:g} overflow"
+        )
     return RequestedParameter(name, parameter, every)
 
 
@@ -110,7 +113,7 @@ def _expanded(item: RequestedParameter, omega: Mapping[ModeKey, float]) -> Itera
     component, quantity = parameter.component, parameter.quantity
     maximum = LARGEST_SCALE if quantity == FREQUENCY else 1.0
     if item.every:
-        least = RIGID * max(omega.values(), default=0.0)
+        least = RIGID_FREQUENCY_RATIO * max(omega.values(), default=0.0)
         for owner, mode in omega:
             if owner == component and omega[owner, mode] > least:
                 name = item.name.replace(EVERY, f"[{mode}]")

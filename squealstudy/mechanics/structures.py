@@ -33,7 +33,7 @@ from squealstudy.modes.judged_roots import light_or_growing
 
 LAW_OPTIONS = (CONTACT_OPTION.name, FRICTION_OPTION.name)  # they change no structure
 MOST_KEPT = 4  # reductions of meshed models in memory: some 100 MB each of a medium brake
-SAMPLES = 8  # design points at which is looked whether a basis is good enough
+N_CHECKED_POINTS = 8  # design points at which is looked whether a basis is good enough
 MOST_SMALL = 64  # and of others: a kilobyte each
 Memory = OrderedDict[Hashable, tuple[ModelDefinition, Reduction]]
 _kept: Memory = OrderedDict()
@@ -102,7 +102,7 @@ class Structures:
         if number not in self._rounds:
             self._rounds[number] = once
             found = self._made(first, once)
-            chosen = own[np.unique(np.linspace(0, len(own) - 1, SAMPLES).astype(int))]
+            chosen = own[np.unique(np.linspace(0, len(own) - 1, N_CHECKED_POINTS).astype(int))]
             looked_at = chosen if self.improved and self.basis.tells_error else ()
             if any(self._error(found, int(i)) > MODE_TOLERANCE for i in looked_at):
                 self._rounds[number] = once + 1

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.linalg.overflow import LARGEST, LEAST_MASS, largest_entry, too_large
+from squealstudy.linalg.overflow import LEAST_MASS, MAX_SQUARABLE_ENTRY, largest_entry, too_large
 
 
 def check_symmetric(what: str, A: sp.spmatrix, n: int) -> None:
@@ -21,7 +21,7 @@ def check_symmetric(what: str, A: sp.spmatrix, n: int) -> None:
 
 def check_size(what: str, A: np.ndarray | sp.spmatrix) -> None:
     """Raise ModelError where an entry is not finite, or so large that squares of it are not."""
-    if not (size := largest_entry(A)) <= LARGEST:
+    if not (size := largest_entry(A)) <= MAX_SQUARABLE_ENTRY:
         raise ModelError(too_large(what, size))
 
 

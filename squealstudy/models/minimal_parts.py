@@ -14,7 +14,7 @@ from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.stacked_assembly import StackedAssembly
 
-ARM = 1.0  # m: the torque of a minimal model is its friction force
+LEVER_ARM_M = 1.0  # m: the torque of a minimal model is its friction force
 ON_BELT = np.array([[0.0, 1.0]]), np.array([[1.0, 0.0]])  # N and T of `mass_on_belt`
 LAW = contact_law("bilateral")  # the areas of the points carry their stiffness
 
@@ -42,7 +42,7 @@ def bilateral_points(N: np.ndarray, T: np.ndarray, stiffness: np.ndarray) -> Con
         T_perp=sp.csr_matrix(N.shape),
         area=stiffness / LAW.value(STIFFNESS.name),
         gap0=np.zeros(n),
-        radius=np.full(n, ARM),
+        radius=np.full(n, LEVER_ARM_M),
         law=LAW,
         frictional=np.ones(n),
     )

@@ -16,8 +16,8 @@ from squealstudy.motion.integrator import FixedJacobian, KernelIntegrator
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
-ALIGNMENT = 64  # bytes: a cache line, and the widest vector register
-ROUND_OFF = 1e-12  # of the largest entry of a matrix that is symmetric but for it
+ALIGNMENT_BYTES = 64  # bytes: a cache line, and the widest vector register
+SYMMETRY_TOLERANCE = 1e-12  # of the largest entry of a matrix that is symmetric but for it
 FEW_POINTS = 8  # contact points up to which steps are cut at corners: minimal models
 PANEL_BYTES = 2**19  # of the tiles that wait in the second cache for their second use
 
@@ -30,8 +30,8 @@ def padded(n: int) -> int:
 def aligned_zeros(*shape: int, dtype: type[np.floating] = np.float64) -> np.ndarray:
     """Zeros whose rows begin at cache lines where the last dimension fills whole ones."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
-    raw = np.zeros(size + ALIGNMENT, dtype=np.uint8)
-    start = -raw.ctypes.data % ALIGNMENT
+    raw = np.zeros(size + ALIGNMENT_BYTES, dtype=np.uint8)
+    start = -raw.ctypes.data % ALIGNMENT_BYTES
     aligned: np.ndarray = raw[start : start + size].view(dtype).reshape(shape)
     return aligned
 
@@ -149,7 +149,7 @@ def _between(
                 raise ModelError(
                     f"design point: 'damping_between' needs {system.n} x {system.n} finite values"
                 )
-            if np.diag(D).any() or np.abs(D - D.T).max() > ROUND_OFF * np.abs(D).max():
+            if np.diag(D).any() or np.abs(D - D.T).max() > SYMMETRY_TOLERANCE * np.abs(D).max():
                 raise ModelError("design point: 'damping_between' is symmetric, its diagonal zero")
             places[id(D)] = len(matrices)
             matrices.append(D)

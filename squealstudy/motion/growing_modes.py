@@ -22,7 +22,7 @@ from squealstudy.modes.point import angular_band
 
 MAX_FOLLOWED_MODES = 6  # complex modes followed in a run, fastest growth first
 INVERSE_ITERATIONS = 3
-DEGENERATE = 1e-9  # second axis over the first, below which a plane is a line
+DEGENERATE_AXIS_RATIO = 1e-9  # second axis over the first, below which a plane is a line
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ def _axes(omega: np.ndarray, lam: complex, x: np.ndarray) -> np.ndarray:
     """Orthonormal axes (2 n, 2) of one plane in the coordinates (Omega q, q')."""
     state = np.concatenate([omega * x, lam * x])
     u, s, _ = np.linalg.svd(np.column_stack([state.real, state.imag]), full_matrices=False)
-    kept: np.ndarray = u * (s > DEGENERATE * s[0])
+    kept: np.ndarray = u * (s > DEGENERATE_AXIS_RATIO * s[0])
     return kept
 
 

@@ -32,19 +32,19 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem
 
-PERIODS = 20.0  # of the torque's line, of many points
-ROWS = 16  # a period
-SAFETY = 2.0  # times a difference of levels
+MEASURED_PERIODS = 20.0  # of the torque's line, of many points
+ROWS_PER_PERIOD = 16  # a period
+LEVEL_SAFETY_FACTOR = 2.0  # times a difference of levels
 # times the change by twice the step, to be set beside that by half of it: of an error of second
 # order a quarter of the first is the second, of one of first order half
-DOUBLED = 0.5
+SECOND_DIFFERENCE_RATIO = 0.5
 # friction that begins to stick settles over cut sub-steps by the trapezoidal rule, whatever the
 # step by the same share of what settles: relative parts of RMS, mean, peak to peak and frequency
 SETTLES = np.array([1e-4, 3e-4, 2e-3, 1e-5])
 # ratio of the differences in the second and the first half up to which the level comes to rest, and
 # what it then still goes beyond the second: of a difference that rises as 1 - exp(-t / tau)
 RESTS = ((1.5, 1.15), (2.08, 1.31), (2.45, 1.91))
-LARGEST = 0.5  # of the level: a step part beyond it says nothing
+MAX_REL_STEP_PART = 0.5  # of the level: a step part beyond it says nothing
 
 
 def has_few_points(system: ModalSystem) -> bool:
@@ -97,10 +97,10 @@ def _again(system: ModalSystem, run: Motion, settings: MotionSettings, lasts: bo
     own = _levels(run, window)
     change = np.abs(own - found[0])
     if len(found) > 1:
-        change = np.fmax(change, DOUBLED * np.abs(own - found[1]))
+        change = np.fmax(change, SECOND_DIFFERENCE_RATIO * np.abs(own - found[1]))
     if not lasts and not (own[0] > 0 and np.isfinite(change[:3]).all()):
         return OF_THE_WINDOW  # at rest
-    return _parts(own, change, settling(run, window), LARGEST if lasts else np.inf)
+    return _parts(own, change, settling(run, window), MAX_REL_STEP_PART if lasts else np.inf)
 
 
 def settling(run: Motion, window: slice) -> np.ndarray:
@@ -118,13 +118,16 @@ def _levels(run: Motion, window: slice) -> np.ndarray:
 
 
 def _parts(
-    level: np.ndarray, change: np.ndarray, more: np.ndarray | float = 0.0, most: float = LARGEST
+    level: np.ndarray,
+    change: np.ndarray,
+    more: np.ndarray | float = 0.0,
+    most: float = MAX_REL_STEP_PART,
 ) -> StepParts:
     """Twice the changes (4,) over the levels, and what is `more`; NaN of no frequency."""
     rms, _, swing, hz = level
     if not (rms > 0 and swing > 0 and np.isfinite(change[:3]).all()):
         return StepParts.unknown("nothing vibrates at its end")
-    change = SAFETY * change / np.array([rms, rms, swing, hz])
+    change = LEVEL_SAFETY_FACTOR * change / np.array([rms, rms, swing, hz])
     if change[0] > most:
         return StepParts.unknown(
             f"another step changes the level by {50 * change[0]:.0f} %: a shorter one is needed"
@@ -139,8 +142,8 @@ def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) ->
     frequency = torque_levels(run.times[window], torque[window]).frequency_hz
     if not np.isfinite(frequency):
         return StepParts.unknown("the torque has no line whose periods could be counted")
-    own = 2 * max(1, round(1.0 / (2 * ROWS * frequency * settings.step)))
-    count = int(np.ceil(PERIODS / (frequency * settings.step * own)))
+    own = 2 * max(1, round(1.0 / (2 * ROWS_PER_PERIOD * frequency * settings.step)))
+    count = int(np.ceil(MEASURED_PERIODS / (frequency * settings.step * own)))
     point = replace(run.point, q0=run.q, v0=run.v, continued=True)
     length = count * own * settings.step
 

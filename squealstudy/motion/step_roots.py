@@ -24,11 +24,12 @@ from squealstudy.kernels import newmark_layout as at
 from squealstudy.motion.integrator import FixedJacobian, KernelIntegrator
 
 Guess = Callable[[complex], tuple[complex, complex]]
-ITERATIONS = 8  # of Newton's method; the start is within the step's error of the root
-CONVERGED = 1e-12  # change of z
-ROUND_OFF = 1e-15  # of the largest entry
-LEAST = 1e-8  # of the largest answer to a pull: coordinates below it begin anywhere
-FAR = 0.1  # of abs(lambda): what is found so far off is another root, or the step is too long
+MAX_NEWTON_ITERATIONS = 8  # of Newton's method; the start is within the step's error of the root
+NEWTON_TOLERANCE = 1e-12  # change of z
+SHIFT_ROUND_OFF_RATIO = 1e-15  # of the largest entry
+MIN_ANSWER_RATIO = 1e-8  # of the largest answer to a pull: coordinates below it begin anywhere
+# of abs(lambda): what is found so far off is another root, or the step is too long
+MAX_REL_ROOT_DISTANCE = 0.1
 
 
 def integrated_roots(
@@ -121,11 +122,13 @@ def _root(
     z = np.exp(lam * step)
     along = made.answers(z)[0][0]
     size = np.abs(along)
-    r = np.divide(x, along, out=np.ones_like(x), where=size > LEAST * size.max())
+    r = np.divide(x, along, out=np.ones_like(x), where=size > MIN_ANSWER_RATIO * size.max())
     r = r / np.linalg.norm(r)
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_NEWTON_ITERATIONS):
         T, slope = made.matrices(K, C, z)
-        shift = ROUND_OFF * np.abs(T).max()  # a root met exactly would be a singular matrix
+        shift = (
+            SHIFT_ROUND_OFF_RATIO * np.abs(T).max()
+        )  # a root met exactly would be a singular matrix
         try:
             u = np.linalg.solve(T + shift * np.eye(len(T)), slope @ r)
         except np.linalg.LinAlgError:
@@ -135,8 +138,8 @@ def _root(
             return complex(np.nan, np.nan)
         change = 1.0 / along_r
         z, r = z - change, u / size
-        if abs(change) <= CONVERGED:
+        if abs(change) <= NEWTON_TOLERANCE:
             break
     mu = complex(np.log(z) / step)
-    near = abs(mu - lam) <= FAR * abs(lam) and np.isfinite(z)
+    near = abs(mu - lam) <= MAX_REL_ROOT_DISTANCE * abs(lam) and np.isfinite(z)
     return mu if near else complex(np.nan, np.nan)

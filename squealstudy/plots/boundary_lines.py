@@ -16,7 +16,8 @@ from squealstudy.tables.mode_ranking import CUBIC, REFINED
 from squealstudy.tables.point_rows import largest
 from squealstudy.tables.stability import INTO
 
-ROUNDING = 1e-9  # of the growing mode's damping ratio: below it a stable point has no damping
+# of the growing mode's damping ratio: below it a stable point has no damping
+DAMPING_ROUND_OFF_RATIO = 1e-9
 Edge = tuple[int, int]  # of the plane's design points: first the stable, then the unstable one
 
 
@@ -176,7 +177,10 @@ class _Crossings:
 
     def _part_by_damping(self, edge: Edge) -> float:
         stable, unstable = (float(self._plane.damping_ratio[i]) for i in edge)
-        if not unstable < 0 or not self._highest_damping(edge) > ROUNDING * -unstable:
+        if (
+            not unstable < 0
+            or not self._highest_damping(edge) > DAMPING_ROUND_OFF_RATIO * -unstable
+        ):
             return 0.5
         if stable != stable:  # none of its modes oscillates in the band
             return 0.5

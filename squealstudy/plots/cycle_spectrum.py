@@ -21,7 +21,7 @@ from squealstudy.tables.mode_ranking import parameter_columns
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-SHOWN = 1e-5  # of the largest harmonic: lower ones are not drawn
+MIN_SHOWN_HARMONIC_RATIO = 1e-5  # of the largest harmonic: lower ones are not drawn
 
 
 def _loudest(results: Results) -> Iterator[tuple[str, Choices]]:
@@ -64,9 +64,9 @@ def cycle_spectrum(results: Results, cycle: str, ax: Axes | None = None) -> Figu
     figure, axes = one_panel(ax, 8.0, 4.4)
     axes.bar(order, level, width=0.7, color=COLOURS[1])
     axes.set_yscale("log")
-    axes.set_ylim(SHOWN * level.max(), 2.0 * level.max())
+    axes.set_ylim(MIN_SHOWN_HARMONIC_RATIO * level.max(), 2.0 * level.max())
     error = float(own["level_error"]) * level.max()
-    if error > SHOWN * level.max():
+    if error > MIN_SHOWN_HARMONIC_RATIO * level.max():
         axes.axhline(error, color=GREY, linestyle="--", linewidth=1.2)
         place: dict[str, Any] = {
             "transform": axes.get_yaxis_transform(),

@@ -51,9 +51,10 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 
-LOCI = 2
-NEAR = 0.03  # relative distance in frequency within which other tracks are shown in a locus
-LEFT = 2.0  # of the fastest growth: how far the stable side of a locus reaches
+MAX_LOCI = 2
+# relative distance in frequency within which other tracks are shown in a locus
+SHOWN_REL_FREQUENCY_DISTANCE = 0.03
+STABLE_SIDE_OVER_GROWTH = 2.0  # of the fastest growth: how far the stable side of a locus reaches
 LONGEST_NAME = 36  # characters that fit the title of a locus
 VERTICAL = {
     "damping_ratio": ("Damping ratio [%]", 100.0),
@@ -123,7 +124,7 @@ def evolution(
     _draw(lower, line, show, VERTICAL[show][1])
     _finish(lower, line, show)
     finish(upper, "", "Frequency [Hz]")
-    rows = min(LOCI, len(tracks))
+    rows = min(MAX_LOCI, len(tracks))
     for place, track in enumerate(tracks[:rows]):
         _locus(right[0].add_subplot(rows, 1, place + 1), line, track)
     figure.suptitle(_title(line), fontsize=10)
@@ -251,13 +252,16 @@ def _handles(line: StudyLine, names: Mapping[int, tuple[str, bool]]) -> list[Lin
 def _locus(axes: Axes, line: StudyLine, track: int) -> None:
     """Growth rate against frequency of one track; arrows point to a rising parameter."""
     frequency, growth = line.frequency_hz[track], line.growth_rate[track]
-    low, high = frequency.min() * (1 - NEAR), frequency.max() * (1 + NEAR)
+    low, high = (
+        frequency.min() * (1 - SHOWN_REL_FREQUENCY_DISTANCE),
+        frequency.max() * (1 + SHOWN_REL_FREQUENCY_DISTANCE),
+    )
     fastest = float(growth.max()) if growth.max() > 0 else float(growth.abs().max()) or 1.0
     within = ((line.frequency_hz > low) & (line.frequency_hz < high)).any()
     for other in [*within.index[within].drop(track), track]:
         x, y = line.growth_rate[other].to_numpy(), line.frequency_hz[other].to_numpy()
         _path(axes, x, y, line.colour(int(other)), 2.0 if other == track else 1.0)
-    axes.set_xlim(-LEFT * fastest, 1.2 * fastest)
+    axes.set_xlim(-STABLE_SIDE_OVER_GROWTH * fastest, 1.2 * fastest)
     axes.set_ylim(low, high)
     axes.xaxis.set_major_locator(MaxNLocator(6))
     axes.axvspan(0.0, 1.2 * fastest, color=UNSTABLE, alpha=0.08, linewidth=0, zorder=0)

@@ -36,9 +36,9 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 MAX_LABELLED_POINTS = 36  # design points that have room for their names
-STACKED = 6  # modes with a colour of their own
+MAX_COLOURED_MODES = 6  # modes with a colour of their own
 MIN_SHOWN_ENERGY_SHARE = 0.02  # energy share somewhere of a mode that has one
-FILL = 0.8  # of the least distance between design points that a bar takes
+BAR_WIDTH_RATIO = 0.8  # of the least distance between design points that a bar takes
 OTHERS, OUTSIDE = "other sensed modes", "outside the sensed modes"
 PALE = {OTHERS: "#C8C8C8", OUTSIDE: "white"}
 CLASSES: dict[str, dict[str, Any]] = {
@@ -274,8 +274,8 @@ def _share_bars(axes: Axes, row: _Row, modes: pd.DataFrame) -> None:
 def bar_places(x: np.ndarray, log: bool) -> tuple[np.ndarray, np.ndarray]:
     """Left edges and widths (n,) of bars about `x`, as wide as each other on the axis."""
     place = np.log(x) if log else x
-    half = 0.5 * FILL * float(np.diff(np.unique(place)).min(initial=np.inf))
-    half = half if np.isfinite(half) else 0.5 * FILL
+    half = 0.5 * BAR_WIDTH_RATIO * float(np.diff(np.unique(place)).min(initial=np.inf))
+    half = half if np.isfinite(half) else 0.5 * BAR_WIDTH_RATIO
     edges = place - half, place + half
     left, right = (np.exp(edge) for edge in edges) if log else edges
     return left, right - left
@@ -290,7 +290,7 @@ def stacked_shares(line: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     main = list(
         peak[peak >= MIN_SHOWN_ENERGY_SHARE]
         .sort_values(ascending=False, kind="stable")
-        .index[:STACKED]
+        .index[:MAX_COLOURED_MODES]
     )
     main = sorted(main, key=lambda mode: -mean[mode])
     most = own.sort_values("energy_share", kind="stable", na_position="first")

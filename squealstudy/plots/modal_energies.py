@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from squealstudy.colours import DARK, GREY
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
-    MS,
+    MS_PER_S,
     PALETTE,
     EndLabel,
     Run,
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 MODE_COLUMN = re.compile(r"energy_mode_(\d+)")
 MAX_COLOURED_MODES = 6  # modes in colour
-BINS = 250  # means over time: an oscillating energy is a line with a band of its extremes
-DECADES = 8  # below the largest energy that are shown
+N_TIME_BINS = 250  # means over time: an oscillating energy is a line with a band of its extremes
+SHOWN_DECADES = 8  # below the largest energy that are shown
 
 
 @register_plot(histories, points=("class",), modes=("energy_share",))
@@ -103,7 +103,7 @@ def _draw(
     if not np.isfinite(positive).any():
         return None
     if style == "-":
-        axes.plot(*outline(time, positive, BINS), color=colour, alpha=0.22, linewidth=0.6)
+        axes.plot(*outline(time, positive, N_TIME_BINS), color=colour, alpha=0.22, linewidth=0.6)
     x, y = _curve(time, energy)
     axes.plot(x, y, color=colour, linewidth=1.6, linestyle=style, zorder=3)
     last = y[np.isfinite(y)]
@@ -112,19 +112,19 @@ def _draw(
 
 def _curve(time: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Means over parts of the time; what is not positive is left out of a logarithmic axis."""
-    x, y = binned(time, energy, BINS)
+    x, y = binned(time, energy, N_TIME_BINS)
     return x, np.where(y > 0, y, np.nan)
 
 
 def _limits(axes: Axes, energy: np.ndarray) -> tuple[float, float]:
-    """From the smallest named energy, within DECADES, to the largest."""
+    """From the smallest named energy, within SHOWN_DECADES, to the largest."""
     curves = [np.asarray(line.get_ydata(), float) for line in axes.get_lines() if line.zorder == 3]
     values = np.concatenate([*curves, energy])
     values = values[np.isfinite(values) & (values > 0)]
     if not len(values):
         return 1e-12, 1.0
     high = float(values.max())
-    return max(float(values.min()) / 2, high * 10.0**-DECADES), 2 * high
+    return max(float(values.min()) / 2, high * 10.0**-SHOWN_DECADES), 2 * high
 
 
 def _name(modes: pd.DataFrame, mode: int) -> str:
@@ -149,7 +149,7 @@ def _note(modes: pd.DataFrame, rest: int) -> str:
 def _mark_transfer(axes: Axes, run: Run) -> None:
     if run.number("transfer_to") > 0 and np.isfinite(at := run.number("transfer_time")):
         style: dict[str, Any] = {"color": "0.3", "linewidth": 1.0, "linestyle": (0, (4, 3))}
-        axes.axvline(MS * at, **style)
+        axes.axvline(MS_PER_S * at, **style)
 
 
 def _transfer_text(run: Run) -> str:
@@ -157,7 +157,7 @@ def _transfer_text(run: Run) -> str:
     if not after > 0:
         return ""
     at = run.number("transfer_time")
-    when = f" at {MS * at:.3g} ms (dashed)" if np.isfinite(at) else ""
+    when = f" at {MS_PER_S * at:.3g} ms (dashed)" if np.isfinite(at) else ""
     new, old = (real_mode_number(int(mode)) for mode in (after, before))
     return f"{new} takes over from {old}{when}"
 

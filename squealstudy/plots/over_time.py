@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 
 PALETTE = [c for c in COLOURS if c != "#000000"]  # of modes; black is all of them together
 MOST_HISTORIES = 16  # design points whose histories are drawn; `results.plot` draws any other
-BINS = 1500  # of a long signal: about the pixels of an axis
-MS = 1e3
+N_TIME_BINS = 1500  # of a long signal: about the pixels of an axis
+MS_PER_S = 1e3
 MOST_NAMED = 2  # varied parameters that are all named in a title
-FONT, GAP = 8.5, 6.0  # size of labels at line ends, and their distance from the axes, points
-LINE = 100  # characters of a line of a title
+# size of labels at line ends, and their distance from the axes, points
+LABEL_FONT_POINTS, LABEL_GAP_POINTS = 8.5, 6.0
+TITLE_LINE_CHARACTERS = 100  # characters of a line of a title
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ class Run:
     @property
     def milliseconds(self) -> np.ndarray:
         """Times of the history (n,), ms."""
-        return MS * self.column("time")
+        return MS_PER_S * self.column("time")
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -130,14 +131,14 @@ def end_labels(figure: Figure, axes: Axes, labels: Sequence[EndLabel]) -> None:
     frame = axes.get_window_extent()
     heights = axes.transData.transform([(axes.get_xlim()[1], label.y) for label in labels])[:, 1]
     wanted = np.clip(heights, frame.y0, frame.y1)
-    placed = spread(wanted, 1.35 * FONT * scale, frame.y0, frame.y1)
+    placed = spread(wanted, 1.35 * LABEL_FONT_POINTS * scale, frame.y0, frame.y1)
     for label, height, place in zip(labels, wanted, placed, strict=True):
         end = (1.0, float((height - frame.y0) / frame.height))
         text = (1.0, float((place - frame.y0) / frame.height))
         axes.annotate(
             "",
             end,
-            (GAP, (place - height) / scale),
+            (LABEL_GAP_POINTS, (place - height) / scale),
             xycoords="axes fraction",
             textcoords="offset points",
             arrowprops={"arrowstyle": "-", "color": label.colour, "linewidth": 0.7}
@@ -147,11 +148,11 @@ def end_labels(figure: Figure, axes: Axes, labels: Sequence[EndLabel]) -> None:
         axes.annotate(
             label.text,
             text,
-            (GAP + 2.0, 0.0),
+            (LABEL_GAP_POINTS + 2.0, 0.0),
             xycoords="axes fraction",
             textcoords="offset points",
             va="center",
-            fontsize=FONT,
+            fontsize=LABEL_FONT_POINTS,
             color=label.colour,
             annotation_clip=False,
         )
@@ -178,7 +179,7 @@ def spread(wanted: np.ndarray, apart: float, low: float, high: float) -> np.ndar
     return placed
 
 
-def outline(x: np.ndarray, y: np.ndarray, bins: int = BINS) -> tuple[np.ndarray, np.ndarray]:
+def outline(x: np.ndarray, y: np.ndarray, bins: int = N_TIME_BINS) -> tuple[np.ndarray, np.ndarray]:
     """A signal (n,) by its smallest and largest value in each of `bins` parts, if it is longer."""
     if len(x) <= 4 * bins:
         return x, y
@@ -206,4 +207,4 @@ def design_text(points: pd.DataFrame, row: pd.Series, units: Mapping[str, str]) 
         if not names:
             return "first design point"
     text = describe(row, points, names or transient_parameters(points), units)
-    return textwrap.fill(text, LINE)
+    return textwrap.fill(text, TITLE_LINE_CHARACTERS)

@@ -26,11 +26,12 @@ if TYPE_CHECKING:
 
 MEASURES = {"count": "Unstable modes", "growth": "Largest growth rate [1/s]"}
 MOST_CELLS = (450, 300)  # of a picture, about 2 pixels each
-BINS = (150, 100)  # cells in which scattered points are gathered that would cover one another
+N_CELLS = (150, 100)  # cells in which scattered points are gathered that would cover one another
 MOST_DOTS = 20_000  # of scattered points: more cover one another
-IN_A_CELL, BESIDE = 8, 2  # points, and cells on each side, that are looked at for another state
-FLAT = 0.01  # radius of the inscribed circle over that of the circumscribed one
-FILLED = 0.5  # share of the cells with a design point from which on a plane is a grid
+# points, and cells on each side, that are looked at for another state
+IN_A_CELL, N_NEIGHBOUR_CELLS = 8, 2
+MIN_INSCRIBED_RATIO = 0.01  # radius of the inscribed circle over that of the circumscribed one
+MIN_GRID_SHARE = 0.5  # share of the cells with a design point from which on a plane is a grid
 
 
 @dataclass(frozen=True)
@@ -90,13 +91,18 @@ class Plane:
         known = np.isfinite(values)
         place = np.zeros(int(known.sum()), dtype=np.int64)
         edges = []
-        for shown, drawn, count in ((self.up, self.y, BINS[1]), (self.across, self.x, BINS[0])):
+        for shown, drawn, count in (
+            (self.up, self.y, N_CELLS[1]),
+            (self.across, self.x, N_CELLS[0]),
+        ):
             even = shown.even(drawn[known])
             ends = np.linspace(even.min(), even.max(), count + 1)
             inside = np.clip(np.searchsorted(ends, even, "right") - 1, 0, count - 1)
             place = place * count + inside
             edges.append(shown.uneven(ends))
-        table = largest(values[known], place, BINS[0] * BINS[1]).reshape(BINS[1], BINS[0])
+        table = largest(values[known], place, N_CELLS[0] * N_CELLS[1]).reshape(
+            N_CELLS[1], N_CELLS[0]
+        )
         return axes.pcolormesh(edges[1], edges[0], np.ma.masked_invalid(table), **style)
 
 
@@ -156,7 +162,7 @@ class StudyPlane(Plane):
         """Solved points (n,); of very many those at the edge, or with both states around, alone.
 
         Triangles over where others were have corners of one state. Around: in cells with equal
-        shares of the values of each axis, the point's own and BESIDE on each side.
+        shares of the values of each axis, the point's own and N_NEIGHBOUR_CELLS on each side.
         """
         known, many = self.known, int(self.known.sum())
         if many <= MOST_DOTS:
@@ -168,8 +174,12 @@ class StudyPlane(Plane):
         for state in (self.unstable, ~self.unstable):
             here = np.zeros_like(around)
             here[tuple(c[known & state] for c in cell)] = True
-            around &= maximum_filter(here, 2 * BESIDE + 1)
-        around = np.pad(around[BESIDE:-BESIDE, BESIDE:-BESIDE], BESIDE, constant_values=True)
+            around &= maximum_filter(here, 2 * N_NEIGHBOUR_CELLS + 1)
+        around = np.pad(
+            around[N_NEIGHBOUR_CELLS:-N_NEIGHBOUR_CELLS, N_NEIGHBOUR_CELLS:-N_NEIGHBOUR_CELLS],
+            N_NEIGHBOUR_CELLS,
+            constant_values=True,
+        )
         near: np.ndarray = known & around[tuple(cell)]
         return near
 
@@ -188,7 +198,7 @@ class StudyPlane(Plane):
         if np.linalg.matrix_rank(np.array([p - p.mean() for p in place]), 1e-6) < 2:
             return None
         even_mesh = Triangulation(*place)
-        flat = TriAnalyzer(even_mesh).get_flat_tri_mask(FLAT, rescale=False)
+        flat = TriAnalyzer(even_mesh).get_flat_tri_mask(MIN_INSCRIBED_RATIO, rescale=False)
         kept = even_mesh.triangles[~flat]
         return Triangulation(self.x[known], self.y[known], kept) if len(kept) else None
 
@@ -217,7 +227,7 @@ def study_plane(
     number, growth, damping = (values[owner] for values in _marks(results))
     plane, why = slice_points(points, number, along, fixed)
     counts = [plane[name].nunique() for name in along]
-    gridded = min(counts) > 1 and len(plane) >= FILLED * counts[0] * counts[1]
+    gridded = min(counts) > 1 and len(plane) >= MIN_GRID_SHARE * counts[0] * counts[1]
     if not gridded:
         every = tuple(parameter_columns(points, varied=True))
         plane, why = slice_points(points, number, every, fixed)

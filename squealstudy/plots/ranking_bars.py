@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 GROUPED = ("track", "unstable", "overdamped", "frequency_hz")  # what groups of modes are made of
 SHADES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
 LIGHT = ("#E69F00", "#56B4E9", "#F0E442")
-LEGIBLE = 8.0  # percent: narrower bars carry no number
+MIN_NUMBERED_BAR_PERCENT = 8.0  # percent: narrower bars carry no number
 LONGEST_NAME = 44  # characters of a line
 HATCHES = ("", "//", "\\\\", "xx")  # where components outnumber shades
 
@@ -126,7 +126,7 @@ def _energies(axes: Axes, energies: pd.DataFrame) -> None:
         share = 100 * energies[component].fillna(0.0).to_numpy()
         shade, hatch = SHADES[k % len(SHADES)], HATCHES[k // len(SHADES) % len(HATCHES)]
         bars = axes.barh(place, share, 0.62, left, color=shade, hatch=hatch, label=component)
-        texts = [f"{width:.0f}" if width >= LEGIBLE else "" for width in share]
+        texts = [f"{width:.0f}" if width >= MIN_NUMBERED_BAR_PERCENT else "" for width in share]
         ink = "black" if shade in LIGHT else "white"
         axes.bar_label(bars, texts, label_type="center", fontsize=8, color=ink)
         left = left + share

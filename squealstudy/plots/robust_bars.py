@@ -31,9 +31,9 @@ from squealstudy.wording import in_digits, plural, track_number
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-QUANTITIES = 3  # growth rates with indices
+MAX_QUANTITIES = 3  # growth rates with indices
 LONGEST_NAME = 44  # characters of a line
-HALF = 0.19  # of the height of one parameter's place, for each of its two bars
+BAR_HEIGHT = 0.19  # of the height of one parameter's place, for each of its two bars
 ERROR_BARS = {"capsize": 2.5, "elinewidth": 1.1, "ecolor": "0.15"}
 
 
@@ -74,7 +74,7 @@ def robust_bars(
     names: Mapping[int, tuple[str, bool]] | None = None,
 ) -> Figure:
     """The figure of rows of both tables; without indices that of the probabilities alone."""
-    quantities = [] if indices is None else list(indices["track"].unique()[:QUANTITIES])
+    quantities = [] if indices is None else list(indices["track"].unique()[:MAX_QUANTITIES])
     parameters = 0 if indices is None else indices["parameter"].nunique()
     height = max(1.7 + 0.36 * len(shown), 1.7 + 0.5 * parameters, 3.0)
     figure = new_figure(5.6 + 3.3 * len(quantities), height)
@@ -126,9 +126,9 @@ def _indices(axes: Axes, own: pd.DataFrame, first: bool) -> None:
     for side, name, colour in ((-1, "first", COLOURS[5]), (1, "total", COLOURS[1])):
         value, low, high = (own[f"{name}{end}"].to_numpy() for end in ("", "_low", "_high"))
         axes.barh(
-            place + side * HALF,
+            place + side * BAR_HEIGHT,
             value,
-            2 * HALF,
+            2 * BAR_HEIGHT,
             color=colour,
             xerr=reach(value, low, high),
             error_kw=ERROR_BARS,

@@ -34,10 +34,10 @@ from squealstudy.wording import in_digits
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-HEIGHT = 0.36
+BAR_HEIGHT = 0.36
 HATCH = "////"
 PREDICTED, FINITE = "predicted_growth_change", "finite_growth_change"
-LINE = 80  # characters of the title
+TITLE_LINE_CHARACTERS = 80  # characters of the title
 MOST_PICTURES = 8  # modes that get a picture, the fastest growing first
 
 
@@ -92,10 +92,10 @@ def sensitivity_bars(mode: pd.DataFrame, title: str = "", top: int = 20) -> Figu
     place = np.arange(len(shown), dtype=float)
     hatches = [HATCH if near else "" for near in shown["near_coalescence"]]
     for offset, column, colour in (
-        (-HEIGHT / 2, PREDICTED, COLOURS[1]),
-        (HEIGHT / 2, FINITE, UNSTABLE),
+        (-BAR_HEIGHT / 2, PREDICTED, COLOURS[1]),
+        (BAR_HEIGHT / 2, FINITE, UNSTABLE),
     ):
-        bars = axes.barh(place + offset, shown[column], height=HEIGHT, color=colour)
+        bars = axes.barh(place + offset, shown[column], height=BAR_HEIGHT, color=colour)
         for bar, hatch in zip(bars, hatches, strict=True):
             if hatch and column == PREDICTED:
                 bar.set_hatch(hatch)
@@ -108,7 +108,7 @@ def sensitivity_bars(mode: pd.DataFrame, title: str = "", top: int = 20) -> Figu
     text += f"{in_digits(first['growth_rate'], 1)} 1/s, condition {first['condition']:.1f}"
     if len(mode) > len(shown):
         text += f"; first {len(shown)} of {len(mode)} parameters"
-    head(axes, text, *wrap(title, LINE))
+    head(axes, text, *wrap(title, TITLE_LINE_CHARACTERS))
     _legend(figure, any(hatches))
     return figure
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from squealstudy.colours import COLOURS, DARK
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
-    MS,
+    MS_PER_S,
     EndLabel,
     end_labels,
     friction_label,
@@ -25,12 +25,13 @@ from squealstudy.wording import in_digits
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-WINDOWS = 12.5  # in a run: lines are told apart from about twice their number a run on (Hann)
+# in a run: lines are told apart from about twice their number a run on (Hann)
+WINDOWS_PER_RUN = 12.5
 FEWEST_SAMPLES = 32  # of a run
-FRAMES = 400  # at most
-PADDING = 4  # zeros: a finer frequency axis, not a finer resolution
-RANGE = 60.0  # dB below the maximum
-UNEVEN = 1e-3  # relative deviation of steps from which on a history is resampled
+MAX_FRAMES = 400  # at most
+ZERO_PADDING_FACTOR = 4  # zeros: a finer frequency axis, not a finer resolution
+SHOWN_RANGE_DB = 60.0  # dB below the maximum
+UNEVEN_STEP_RATIO = 1e-3  # relative deviation of steps from which on a history is resampled
 
 
 @register_plot(histories, points=("class",), growth=("level_share",))
@@ -71,11 +72,11 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     top = min(band_top, nyquist)
     shown = frequency <= top * (1 + 1e-9)
     drawn = axes.pcolormesh(
-        MS * centres,
+        MS_PER_S * centres,
         frequency[shown],
         level[shown],
         cmap="viridis",
-        vmin=-RANGE,
+        vmin=-SHOWN_RANGE_DB,
         vmax=0.0,
         shading="gouraud",
         rasterized=True,
@@ -101,16 +102,16 @@ def short_time_levels(
     """Centres (m,) of Hann windows [s], frequencies (f,) [Hz] and levels (f, m) [dB of the max].
 
     Each window's mean is taken away. A signal of means over its steps (`averaged`) has lost
-    sinc(f step) of its amplitude, which is given back. Levels below -2 RANGE are cut there; all
-    NaN for no signal.
+    sinc(f step) of its amplitude, which is given back. Levels below -2 SHOWN_RANGE_DB are cut
+    there; all NaN for no signal.
     """
     step = (time[-1] - time[0]) / (len(time) - 1)
-    length = max(round(len(time) / WINDOWS), FEWEST_SAMPLES // 4)
-    hop = max(length // 8, (len(time) - length) // FRAMES, 1)
+    length = max(round(len(time) / WINDOWS_PER_RUN), FEWEST_SAMPLES // 4)
+    hop = max(length // 8, (len(time) - length) // MAX_FRAMES, 1)
     frames = np.lib.stride_tricks.sliding_window_view(signal, length)[::hop]
     frames = (frames - frames.mean(axis=1, keepdims=True)) * np.hanning(length)
-    amplitude = np.abs(np.fft.rfft(frames, PADDING * length, axis=1)).T
-    frequencies = np.fft.rfftfreq(PADDING * length, step)
+    amplitude = np.abs(np.fft.rfft(frames, ZERO_PADDING_FACTOR * length, axis=1)).T
+    frequencies = np.fft.rfftfreq(ZERO_PADDING_FACTOR * length, step)
     if averaged:
         amplitude /= np.sinc(frequencies * step)[:, None]
     largest = float(amplitude.max())
@@ -118,7 +119,7 @@ def short_time_levels(
     if not largest > floor:
         level = np.full(amplitude.shape, np.nan)
     else:
-        level = 20 * np.log10(np.maximum(amplitude / largest, 10 ** (-2 * RANGE / 20)))
+        level = 20 * np.log10(np.maximum(amplitude / largest, 10 ** (-2 * SHOWN_RANGE_DB / 20)))
     centres = time[0] + step * (hop * np.arange(len(frames)) + (length - 1) / 2)
     return centres, frequencies, level
 
@@ -128,7 +129,7 @@ def _even(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     known = np.isfinite(time) & np.isfinite(signal)
     time, signal = time[known], signal[known]
     steps = np.diff(time)
-    if np.ptp(steps) <= UNEVEN * np.median(steps):
+    if np.ptp(steps) <= UNEVEN_STEP_RATIO * np.median(steps):
         return time, signal
     even = np.linspace(time[0], time[-1], len(time))
     return even, np.interp(even, time, signal)

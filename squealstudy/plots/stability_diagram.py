@@ -42,12 +42,12 @@ if TYPE_CHECKING:
 DRAWN = (  # columns of modes
     *(ROW, "track", "frequency_hz", "damping_ratio", "growth_rate", "unstable", "overdamped"),
 )
-LABELS = 10  # tracks named in one picture
+MAX_LABELS = 10  # tracks named in one picture
 LONGEST_NAME = 26  # characters of a line
 LEAST_SPAN = 0.02  # of the axis, relative to its frequencies
 STABLE_DOTS = 60_000  # more are thinned out
-RIMMED = 1_500  # unstable dots: rims of more would hide the colours
-CELLS = (450, 300)  # of the axes, about 2 pixels: of more unstable dots one is drawn in each
+MAX_RIMMED_DOTS = 1_500  # unstable dots: rims of more would hide the colours
+N_CELLS = (450, 300)  # of the axes, about 2 pixels: of more unstable dots one is drawn in each
 
 
 def _all_and_worst(results: Results) -> Iterator[tuple[str, Choices]]:
@@ -126,7 +126,7 @@ def stability_diagram(
     if ax is None:
         place_labels(figure, axes, labels, _obstacles(axes, drawn))
     for label in labels if ax is not None else ():  # the figure is not finished yet
-        _write(axes, label, RINGS[0], DIRECTIONS[0])
+        _write(axes, label, LABEL_DISTANCES_POINTS[0], LABEL_DIRECTIONS[0])
     return figure
 
 
@@ -157,7 +157,7 @@ def _all_points(
     size = np.clip(8000 / max(len(modes), 1), 7, 24)
     axes.scatter(x[stable], y[stable], c=colour[stable], s=size, alpha=0.6, linewidth=0, **style)
     last = _last_of_each_cell(x, y, np.flatnonzero(unstable))
-    dense = unstable.sum() > RIMMED
+    dense = unstable.sum() > MAX_RIMMED_DOTS
     style |= {"edgecolor": "0.2", "linewidth": 0.0 if dense else 0.3}
     style["s"] = size if dense else 13 + size
     return axes.scatter(x[last], y[last], c=colour[last], **style)
@@ -165,10 +165,10 @@ def _all_points(
 
 def _last_of_each_cell(x: np.ndarray, y: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """Of dots that would cover one another the one on top, where there are very many."""
-    if len(chosen) <= CELLS[0] * CELLS[1]:
+    if len(chosen) <= N_CELLS[0] * N_CELLS[1]:
         return chosen
     cells = np.zeros(len(chosen), dtype=np.int64)
-    for values, count in zip((x[chosen], y[chosen]), CELLS, strict=True):
+    for values, count in zip((x[chosen], y[chosen]), N_CELLS, strict=True):
         low, span = values.min(), np.ptp(values)
         place = (values - low) / (span if span > 0 else 1.0) * (count - 1)
         cells = cells * count + np.rint(place).astype(np.int64)
@@ -199,10 +199,10 @@ def _held(names: Mapping[int, tuple[str, bool]], single: bool) -> dict[int, tupl
 
 def _labels(modes: pd.DataFrame, names: Mapping[int, tuple[str, bool]]) -> list[Label]:
     if len(modes) and np.ptp(modes[ROW].to_numpy()) > 0:
-        worst = worst_tracks(modes, LABELS)
+        worst = worst_tracks(modes, MAX_LABELS)
     else:
         unstable = modes[modes["unstable"].to_numpy(bool)]
-        worst = unstable.sort_values("growth_rate", ascending=False).iloc[:LABELS]
+        worst = unstable.sort_values("growth_rate", ascending=False).iloc[:MAX_LABELS]
     return [
         Label(f, 100 * z, track_name(t, f, names, LONGEST_NAME))
         for f, z, t in zip(
@@ -237,11 +237,18 @@ def _summary(points: pd.DataFrame, modes: pd.DataFrame) -> str:
     )
 
 
-DIRECTIONS = ((1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (1, 0), (-1, 0))
-RINGS = (7.0, 16.0, 28.0, 42.0, 58.0, 76.0)  # distances from the point, in typographic points
-FLAT = 0.7  # of the distance, upwards and downwards
-FONT = 8.5  # of labels
-MARKER = 4.0  # half size of what a label should not cover, in typographic points
+LABEL_DIRECTIONS = ((1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (1, 0), (-1, 0))
+LABEL_DISTANCES_POINTS = (
+    7.0,
+    16.0,
+    28.0,
+    42.0,
+    58.0,
+    76.0,
+)  # distances from the point, in typographic points
+VERTICAL_DISTANCE_RATIO = 0.7  # of the distance, upwards and downwards
+LABEL_FONT_POINTS = 8.5  # of labels
+MARKER_HALF_SIZE_POINTS = 4.0  # half size of what a label should not cover, in typographic points
 ALIGN = {1: "left", 0: "center", -1: "right"}
 VALIGN = {1: "bottom", 0: "center", -1: "top"}
 
@@ -268,17 +275,17 @@ def place_labels(figure: Figure, axes: Axes, labels: Sequence[Label], avoid: np.
     scale = figure.dpi / 72
     frame = np.ravel(axes.get_window_extent().get_points())
     points = axes.transData.transform([(label.x, label.y) for label in labels])
-    marker = np.full(2, 2 * MARKER * scale)
+    marker = np.full(2, 2 * MARKER_HALF_SIZE_POINTS * scale)
     taken = [_box(point, 0.0, (0, 0), marker) for point in points]
     dots = axes.transData.transform(avoid) if len(avoid) else np.zeros((0, 2))
     for label, point in zip(labels, points, strict=True):
-        text = axes.text(label.x, label.y, label.text, fontsize=FONT)
+        text = axes.text(label.x, label.y, label.text, fontsize=LABEL_FONT_POINTS)
         extent = text.get_window_extent(canvas.get_renderer())
         text.remove()
         places = [
             (ring, direction, _box(point, ring * scale, direction, np.array(extent.size)))
-            for ring in RINGS
-            for direction in DIRECTIONS
+            for ring in LABEL_DISTANCES_POINTS
+            for direction in LABEL_DIRECTIONS
         ]
         costs = [ring + _cost(box, taken, dots, frame) for ring, _, box in places]
         ring, direction, box = places[int(np.argmin(costs))]
@@ -291,16 +298,16 @@ def _write(axes: Axes, label: Label, ring: float, direction: tuple[int, int]) ->
     note = axes.annotate(
         label.text,
         (label.x, label.y),
-        (direction[0] * ring, direction[1] * ring * FLAT),
+        (direction[0] * ring, direction[1] * ring * VERTICAL_DISTANCE_RATIO),
         textcoords="offset points",
         ha=ALIGN[direction[0]],
         va=VALIGN[direction[1]],
-        fontsize=FONT,
+        fontsize=LABEL_FONT_POINTS,
         color=label.colour,
         annotation_clip=False,
         zorder=5,
         arrowprops={"arrowstyle": "-", "color": "0.45", "linewidth": 0.7, "shrinkA": 0}
-        | {"shrinkB": 2, "visible": ring > RINGS[0]},
+        | {"shrinkB": 2, "visible": ring > LABEL_DISTANCES_POINTS[0]},
     )
     note.set_path_effects([withStroke(linewidth=2.5, foreground="white", alpha=0.85)])
     note.set_in_layout(False)
@@ -311,7 +318,7 @@ def _box(
 ) -> np.ndarray:
     """Left, bottom, right, top of a text that extends from beside a point in a direction."""
     step = np.array(direction)
-    corner = point + step * away * [1.0, FLAT] + (step - 1) / 2 * size
+    corner = point + step * away * [1.0, VERTICAL_DISTANCE_RATIO] + (step - 1) / 2 * size
     return np.concatenate([corner, corner + size])
 
 

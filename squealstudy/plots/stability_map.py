@@ -31,10 +31,10 @@ BOUNDARY = COLOURS[1]
 STABLE = "#EFEFEF"
 SEVERITY = "YlOrBr"
 MOST_CLASSES = 12  # counts beyond share colours
-JOINED = (0, (4, 2))  # dashes of what joins onsets
+JOIN_DASHES = (0, (4, 2))  # dashes of what joins onsets
 MOST_ONSETS = 150  # larger dots would hide the line
-TITLE = 90  # characters in a line of the title
-WIDE = 95  # of the legend
+TITLE_LINE_CHARACTERS = 90  # characters in a line of the title
+LEGEND_LINE_CHARACTERS = 95  # of the legend
 
 
 def _measures(results: Results) -> Iterator[tuple[str, Choices]]:
@@ -116,7 +116,7 @@ def stability_map(
         f"{plural(failed, 'point')} failed ({mark})" if failed else "",
         "" if plane.unstable.any() else "no unstable mode",
     )
-    axes.set_title(fill(title, TITLE), fontsize=10, loc="left")
+    axes.set_title(fill(title, TITLE_LINE_CHARACTERS), fontsize=10, loc="left")
     return figure
 
 
@@ -173,7 +173,7 @@ def _boundary(axes: Axes, boundary: Boundary, along: str | None, cells: bool) ->
     for line in boundary.lines:
         (ticks,) = axes.plot(*line.T, color=BOUNDARY, linewidth=1.0)
         ticks.set_path_effects([TickedStroke(angle=-60, spacing=9, length=0.5)])
-        axes.plot(*line.T, color=BOUNDARY, linewidth=1.8, linestyle=JOINED)
+        axes.plot(*line.T, color=BOUNDARY, linewidth=1.8, linestyle=JOIN_DASHES)
     if many := len(boundary.solved):
         size = 4.5 if many <= MOST_ONSETS else 2.5
         axes.plot(*boundary.solved.T, "o", color=BOUNDARY, markersize=size)
@@ -184,8 +184,8 @@ def _boundary(axes: Axes, boundary: Boundary, along: str | None, cells: bool) ->
         how += f" at {refined} of {crossings} crossings" if refined < crossings else ""
     label = "boundary of stability of any mode, ticks to the unstable side: dashed where joined, "
     label += f"not solved; {how}"
-    style: dict[str, Any] = {"color": BOUNDARY, "linewidth": 1.8, "linestyle": JOINED}
-    handles = [Line2D([], [], label=fill(label, WIDE), **style)]
+    style: dict[str, Any] = {"color": BOUNDARY, "linewidth": 1.8, "linestyle": JOIN_DASHES}
+    handles = [Line2D([], [], label=fill(label, LEGEND_LINE_CHARACTERS), **style)]
     if refined:
         dot: dict[str, Any] = {
             "color": BOUNDARY,

@@ -23,7 +23,8 @@ from squealstudy.wording import in_digits, name_where_fastest, prefixed, track_n
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 UNSTABLE = COLOURS[0]
 TWO_DECADES = 100.0  # below that powers of ten alone are too few labels
-GEOMETRIC = 0.6  # spread of log steps over spread of steps below which an axis is logarithmic
+# spread of log steps over spread of steps below which an axis is logarithmic
+MAX_LOG_STEP_SPREAD_RATIO = 0.6
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,10 @@ def is_geometric(x: np.ndarray) -> bool:
     if len(x) < 3 or x[0] <= 0 or x[-1] < 5 * x[0]:
         return False
     steps, factors = np.diff(x), np.diff(np.log(x))
-    return bool(np.std(factors) / np.mean(factors) < GEOMETRIC * np.std(steps) / np.mean(steps))
+    return bool(
+        np.std(factors) / np.mean(factors)
+        < MAX_LOG_STEP_SPREAD_RATIO * np.std(steps) / np.mean(steps)
+    )
 
 
 def set_scales(axes: Axes, across: Quantity, up: Quantity | None = None) -> None:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from squealstudy.colours import COLOURS, DARK
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
-    MS,
+    MS_PER_S,
     Run,
     friction_label,
     histories,
@@ -34,7 +34,7 @@ from squealstudy.wording import GROWING, LIMIT_CYCLE, STABLE, UNDECIDED, in_digi
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-PERIODS = 10  # of the motion that the zoom shows
+ZOOMED_PERIODS = 10  # of the motion that the zoom shows
 FEW_ROWS = 40  # a period of the torque's line: fewer miss its peaks by up to .3 %
 STATES = {"stick": COLOURS[0], "slip": COLOURS[1], "open": COLOURS[2]}
 SHADES = {"growth": COLOURS[4], "saturation": COLOURS[3], "limit cycle": COLOURS[2]}
@@ -101,15 +101,19 @@ def phases(run: Run) -> list[Phase]:
     found = []
     if np.isfinite(start) and stop > start:
         kind = "decay" if run.number("growth_rate") < 0 else "growth"
-        text = f"exponential {kind}, {MS * start:.3g} to {MS * stop:.3g} ms"
+        text = f"exponential {kind}, {MS_PER_S * start:.3g} to {MS_PER_S * stop:.3g} ms"
         found.append(Phase("growth", text, start, stop))
     until = settled if np.isfinite(settled) else end
     if np.isfinite(stop) and until > stop and kept != GROWING:
-        text = f"saturation, to {MS * until:.3g} ms" if np.isfinite(settled) else "not settled"
+        text = (
+            f"saturation, to {MS_PER_S * until:.3g} ms" if np.isfinite(settled) else "not settled"
+        )
         text = UNDECIDED if kept == UNDECIDED else text
         found.append(Phase("saturation", text, stop, until))
     if np.isfinite(settled) and settled < end and kept != STABLE:
-        found.append(Phase("limit cycle", f"settled from {MS * settled:.3g} ms", settled, end))
+        found.append(
+            Phase("limit cycle", f"settled from {MS_PER_S * settled:.3g} ms", settled, end)
+        )
     return found
 
 
@@ -125,7 +129,7 @@ def _fit_window(growth: pd.DataFrame) -> tuple[float, float]:
 def _last_periods(run: Run) -> Run:
     """The run over its last periods; where no frequency is known, over its last twentieth."""
     time, f = run.column("time"), _frequency(run)
-    length = PERIODS / f if f > 0 else (time[-1] - time[0]) / 20
+    length = ZOOMED_PERIODS / f if f > 0 else (time[-1] - time[0]) / 20
     return replace(run, history=run.history[time >= time[-1] - length])
 
 
@@ -180,12 +184,12 @@ def _shade(axes: Axes, found: list[Phase], named: bool) -> None:
     for phase in found:
         style: dict[str, Any] = {"alpha": 0.16, "linewidth": 0, "zorder": 0}
         style |= {"color": SHADES[phase.kind], "label": phase.name if named else None}
-        axes.axvspan(MS * phase.start, MS * phase.stop, **style)
+        axes.axvspan(MS_PER_S * phase.start, MS_PER_S * phase.stop, **style)
 
 
 def _zoom_title(axes: Axes, run: Run) -> None:
     f, rms = _frequency(run), run.number("torque_rms")
-    text = f"last {PERIODS} periods of {in_digits(f)} Hz" if f > 0 else "the end"
+    text = f"last {ZOOMED_PERIODS} periods of {in_digits(f)} Hz" if f > 0 else "the end"
     text += f"; RMS {rms:.3g} {friction_label(run.units)[1]}" if np.isfinite(rms) else ""
     head(axes, text)
 

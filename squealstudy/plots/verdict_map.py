@@ -24,7 +24,7 @@ from squealstudy.tables.mode_ranking import parameter_columns
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-LEVELS = 5  # contours
+N_CONTOURS = 5  # contours
 BORDERS = {"H": ("^", "Hopf point of a branch"), "F": ("D", "fold of a branch")}
 LINES = {"H": ("-", "border of Hopf points"), "F": ("--", "border of folds")}
 
@@ -100,7 +100,7 @@ def verdict_map(
     told = int(np.isfinite(threshold).sum())
     if gridded and told > 3:
         place = plane.cells(threshold)
-        lines = axes.contour(*place[:2], np.ma.masked_invalid(place[2]), LEVELS, colors="0.15")
+        lines = axes.contour(*place[:2], np.ma.masked_invalid(place[2]), N_CONTOURS, colors="0.15")
         axes.clabel(lines, fontsize=8, fmt="%.3g m/s")
     borders = _borders(axes, results, plane, rows, (across, up))
     present = {int(k) for k in verdict[np.isfinite(verdict)]}

@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from squealstudy.models.cells import NONE
-from squealstudy.shapes.picture import COLUMNS, SAMPLES, VIEW
+from squealstudy.shapes.picture import PIXEL_COLUMNS, SAMPLES_PER_PIXEL, VIEW_DEG
 from squealstudy.shapes.surface import Camera, picture, triangles, with_middles
 
 GREYS = ("#cfd6da", "#b9c3c9", "#dcdcd4", "#c3bfb4", "#aab4ba", "#d4cdd6")
-APART = 0.35  # of the assembly's diagonal, between neighbours
+GAP_OVER_DIAGONAL = 0.35  # of the assembly's diagonal, between neighbours
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ def draw_assembly(bodies: Mapping[str, Body], axis: np.ndarray) -> Figure:
     together = np.vstack([b.nodes for b in bodies.values()])
     diagonal = float(np.linalg.norm(np.ptp(together, axis=0)))
     order = sorted(bodies, key=lambda name: float(bodies[name].nodes.mean(axis=0) @ axis))
-    below = (VIEW[0], -VIEW[1])
-    views = ((0.0, VIEW), (APART * diagonal, below))
+    below = (VIEW_DEG[0], -VIEW_DEG[1])
+    views = ((0.0, VIEW_DEG), (GAP_OVER_DIAGONAL * diagonal, below))
     for axes, (apart, view) in zip(figure.subplots(1, 2), views, strict=True):
         points, values, facets = [], [], []
         start = 0
@@ -112,13 +112,13 @@ def _draw(
     low, high = seen.min(axis=0), seen.max(axis=0)
     edge = 0.02 * float((high - low).max())
     window = (low[0] - edge, high[0] + edge, low[1] - edge, high[1] + edge)
-    image = picture(points, surface, values, camera, window, SAMPLES * COLUMNS)
+    image = picture(points, surface, values, camera, window, SAMPLES_PER_PIXEL * PIXEL_COLUMNS)
     axes.imshow(image.colours(colours), extent=window, interpolation="antialiased")
     axes.set_axis_off()
 
 
-LARGEST = 0.06  # of the part's diagonal: the largest displacement that is drawn
-ACROSS = 3  # modes in a row
+DISPLACEMENT_OVER_DIAGONAL = 0.06  # of the part's diagonal: the largest displacement that is drawn
+MODES_PER_ROW = 3  # modes in a row
 
 
 def draw_free_modes(
@@ -134,17 +134,17 @@ def draw_free_modes(
     modes : sequence of (str, ndarray (n, 3))
         Titles, and displacements of any size.
     """
-    rows = -(-len(modes) // ACROSS)
+    rows = -(-len(modes) // MODES_PER_ROW)
     figure: Any = Figure(figsize=(14.0, 4.4 * rows), layout="constrained")
     colours = ScalarMappable(Normalize(0.0, 1.0), mpl.colormaps["viridis"])
     diagonal = float(np.linalg.norm(np.ptp(nodes, axis=0)))
-    panels = figure.subplots(rows, ACROSS, squeeze=False).ravel()
+    panels = figure.subplots(rows, MODES_PER_ROW, squeeze=False).ravel()
     for axes in panels[len(modes) :]:
         axes.set_axis_off()
     for axes, (title, moved) in zip(panels, modes, strict=False):
         far = np.linalg.norm(moved, axis=1)
         share = far / far.max()
-        deformed = nodes + LARGEST * diagonal * moved / far.max()
-        _draw(axes, deformed, share, facets, colours, VIEW, smooth=True)
+        deformed = nodes + DISPLACEMENT_OVER_DIAGONAL * diagonal * moved / far.max()
+        _draw(axes, deformed, share, facets, colours, VIEW_DEG, smooth=True)
         axes.set_title(title)
     return figure

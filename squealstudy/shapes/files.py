@@ -24,14 +24,14 @@ MESHIO = {  # names of cells there, whose nodes have the same order
     "hex8": "hexahedron",
     "hex20": "hexahedron20",
 }
-PHASES = 24  # of a cycle, in a PVD file
+N_PHASES = 24  # of a cycle, in a PVD file
 QUAD, TRIANGLE = 94, 91  # thin shells of dataset 2412, drawn by their corners
 # fields of dataset 55: structural, complex modes, three translations, displacement, complex
 STRUCTURE, COMPLEX_MODES, TRANSLATIONS, DISPLACEMENT, COMPLEX = 1, 3, 2, 8, 5
 RESPONSE = 5  # at a frequency
 # of dataset 58: function over time, real in double precision, even steps, general quantity, time
 IN_TIME, REAL_DOUBLE, EVEN, GENERAL, TIME = 1, 4, 1, 1, 17
-EVENLY = 1e-6  # of a step
+EVEN_STEP_TOLERANCE = 1e-6  # of a step
 
 
 class Signal(NamedTuple):
@@ -79,12 +79,12 @@ def write_vtu(shape: Shape, path: Path) -> list[Path]:
         _written(_contact(shape), written[-1])
     folder = path.with_name(f"{path.stem}_phases")
     steps = []
-    for number in range(PHASES):
-        moved = {"displacement": shape.at(2 * np.pi * number / PHASES)}
+    for number in range(N_PHASES):
+        moved = {"displacement": shape.at(2 * np.pi * number / N_PHASES)}
         file = folder / f"{number:02d}.vtu"
         _written(_mesh(shape, moved), file)
         steps.append(
-            f'<DataSet timestep="{number / PHASES:.6f}" file="{folder.name}/{file.name}"/>'
+            f'<DataSet timestep="{number / N_PHASES:.6f}" file="{folder.name}/{file.name}"/>'
         )
     written.append(path.with_suffix(".pvd"))
     write_text(
@@ -195,7 +195,7 @@ def _function(signal: Signal, where: str) -> dict[Any, Any]:
     import pyuff
 
     steps = np.diff(signal.time)
-    if len(steps) and np.ptp(steps) > EVENLY * steps.mean():
+    if len(steps) and np.ptp(steps) > EVEN_STEP_TOLERANCE * steps.mean():
         raise ModelError(f"{signal.name}: steps in time are not even")
     found: dict[Any, Any] = pyuff.prepare_58(
         binary=0,

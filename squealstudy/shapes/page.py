@@ -33,8 +33,8 @@ from squealstudy.shapes.surface import Camera, middles, triangles, with_middles
 
 TEMPLATE = Path(__file__).with_name("page.html")
 DATA = re.compile(r'<script id="data" type="application/json">([^<]*)</script>')
-WHOLE = 32767  # of a 16-bit number
-BYTE = 255
+MAX_INT16 = 32767  # of a 16-bit number
+MAX_BYTE = 255
 
 
 def page(shapes: Sequence[Shape]) -> str:
@@ -56,7 +56,7 @@ def page(shapes: Sequence[Shape]) -> str:
         raise ModelError("no component of this model has cells: there is no surface to draw")
     places = kept.of(first.coordinates)
     seen = Camera.at(*VIEW).seen(places - _middle(places))[:, :2]
-    grain = float(np.abs(places).max()) / WHOLE
+    grain = float(np.abs(places).max()) / MAX_INT16
     parts: list[dict[str, Any]] = []
     surfaces: list[np.ndarray] = []
     edges: list[np.ndarray] = []
@@ -157,9 +157,9 @@ def _mode(shape: Shape, kept: _Kept) -> dict[str, Any]:
         "facts": "; ".join([name_of(shape).text, *sources(shape)]),
         "low": f"{low:.2g}",
         "high": f"{high:.2g}",
-        "real": _packed(np.round(np.clip(u.real, -1.0, 1.0) * WHOLE).astype("<i2")),
-        "imag": _packed(np.round(np.clip(u.imag, -1.0, 1.0) * WHOLE).astype("<i2")),
-        "energy": _packed(np.round(np.clip(level, 0.0, 1.0) * BYTE).astype(np.uint8)),
+        "real": _packed(np.round(np.clip(u.real, -1.0, 1.0) * MAX_INT16).astype("<i2")),
+        "imag": _packed(np.round(np.clip(u.imag, -1.0, 1.0) * MAX_INT16).astype("<i2")),
+        "energy": _packed(np.round(np.clip(level, 0.0, 1.0) * MAX_BYTE).astype(np.uint8)),
     }
 
 

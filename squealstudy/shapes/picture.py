@@ -19,21 +19,21 @@ from squealstudy.shapes.shape import DAMPING, Shape
 from squealstudy.shapes.surface import Camera, picture, triangles, with_middles
 from squealstudy.wording import setting
 
-VIEW = (-38.0, 24.0)  # azimuth and elevation, deg
-DEFORMED = 0.05  # largest displacement drawn, of the model's diagonal
-SAMPLES = 2  # of a pixel in each direction
-COLUMNS = 900
-DECADES = 3.0  # of strain energy density that have a colour
-PERCENT = 1e-4  # of 1/m3, in % per cm3
+VIEW_DEG = (-38.0, 24.0)  # azimuth and elevation, deg
+DISPLACEMENT_OVER_DIAGONAL = 0.05  # largest displacement drawn, of the model's diagonal
+SAMPLES_PER_PIXEL = 2  # of a pixel in each direction
+PIXEL_COLUMNS = 900
+COLOURED_DECADES = 3.0  # of strain energy density that have a colour
+PERCENT_PER_CM3 = 1e-4  # of 1/m3, in % per cm3
 # from what stands still, grey, to what moves most
 AMPLITUDE_COLOURS = LinearSegmentedColormap.from_list(
     "amplitude", ["#ccd4da", "#ffe28c", "#f9963c", "#d8281f", "#7a0014"]
 )
 DENSITY_COLOURS = mpl.colormaps["viridis"]
-GAP = 0.12  # between parts that are drawn apart, of the model's diagonal
+GAP_OVER_DIAGONAL = 0.12  # between parts that are drawn apart, of the model's diagonal
 
-ASIDE = 0.35  # shift of a part that embraces others
-WIDEST = 130  # line of a title
+EMBRACING_PART_SHIFT = 0.35  # shift of a part that embraces others
+TITLE_LINE_CHARACTERS = 130  # line of a title
 SAME_HZ = 1e-6  # relative: one frequency, found again
 
 
@@ -73,7 +73,7 @@ def title(shape: Shape) -> list[str]:
     first = f"{what}: {figures}; {name_of(shape).text}"
     if label.track is not None:
         values = f"{beside_the_number(shape)}; {values}" if values else beside_the_number(shape)
-    return [first, *textwrap.wrap(values, WIDEST)]
+    return [first, *textwrap.wrap(values, TITLE_LINE_CHARACTERS)]
 
 
 def beside_the_number(shape: Shape) -> str:
@@ -107,7 +107,7 @@ def words(name: str) -> str:
 
 def deformed(shape: Shape) -> np.ndarray:
     """Places of the nodes (n_nodes, 3) at the largest real part, displacements as drawn, m."""
-    size = DEFORMED * float(np.linalg.norm(np.ptp(shape.coordinates, axis=0)))
+    size = DISPLACEMENT_OVER_DIAGONAL * float(np.linalg.norm(np.ptp(shape.coordinates, axis=0)))
     moved: np.ndarray = shape.coordinates + size * shape.at(0.0)
     return moved
 
@@ -119,7 +119,7 @@ def apart(shape: Shape) -> np.ndarray:
     """
     extent = np.ptp(shape.coordinates, axis=0)
     axis = int(np.argmin(extent))
-    step = GAP * float(np.linalg.norm(extent))
+    step = GAP_OVER_DIAGONAL * float(np.linalg.norm(extent))
     shift = np.zeros((len(shape.parts), 3))
     low, high = np.array(
         [[f(shape.coordinates[p.nodes, axis]) for p in shape.parts] for f in (np.min, np.max)]
@@ -133,7 +133,13 @@ def apart(shape: Shape) -> np.ndarray:
     for i in set(range(len(low))) - set(inside):
         side = shape.coordinates[shape.parts[i].nodes].mean(axis=0) - centre
         side[axis] = 0.0
-        shift[i] = ASIDE / GAP * step * side / max(np.linalg.norm(side), 1e-300)
+        shift[i] = (
+            EMBRACING_PART_SHIFT
+            / GAP_OVER_DIAGONAL
+            * step
+            * side
+            / max(np.linalg.norm(side), 1e-300)
+        )
     return shift
 
 
@@ -145,9 +151,9 @@ def _embraces(low: np.ndarray, high: np.ndarray, i: int) -> bool:
 
 def density_range(shape: Shape) -> tuple[float, float]:
     """Least and largest density of strain energy that has a colour of its own, % per cm3."""
-    density = shape.density[shape.density > 0] * PERCENT
+    density = shape.density[shape.density > 0] * PERCENT_PER_CM3
     high = float(np.percentile(density, 99.8)) if len(density) else 1.0
-    return high / 10**DECADES, high
+    return high / 10**COLOURED_DECADES, high
 
 
 def _amplitude(axes: Axes, shape: Shape) -> None:
@@ -163,7 +169,13 @@ def _density(axes: Axes, shape: Shape) -> None:
     points = shape.coordinates.copy()
     for part, shift in zip(shape.parts, apart(shape), strict=True):
         points[part.nodes] += shift
-    _surface(axes, shape, points, np.maximum(np.nan_to_num(shape.density) * PERCENT, low), colours)
+    _surface(
+        axes,
+        shape,
+        points,
+        np.maximum(np.nan_to_num(shape.density) * PERCENT_PER_CM3, low),
+        colours,
+    )
     axes.set_title("parts drawn apart, by density of strain energy", fontsize=11)
     _bar(axes, colours, "% of the elastic energy per cm3", extend="both")
 
@@ -175,21 +187,27 @@ def _surface(
     facets = np.concatenate([part.facets for part in shape.parts])
     surface = triangles(facets, len(points))
     points, values = with_middles(facets, points), with_middles(facets, values, smooth=False)
-    camera = Camera.at(*VIEW)
+    camera = Camera.at(*VIEW_DEG)
     seen = camera.seen(points[np.unique(surface.nodes)])[:, :2]
     low, high = seen.min(axis=0), seen.max(axis=0)
     edge = 0.02 * float((high - low).max())
     window = (low[0] - edge, high[0] + edge, low[1] - edge, high[1] + edge)
-    image = picture(points, surface, values, camera, window, SAMPLES * COLUMNS)
+    image = picture(points, surface, values, camera, window, SAMPLES_PER_PIXEL * PIXEL_COLUMNS)
     rgba = _fewer(image.colours(colours))
     axes.imshow(rgba, extent=window, interpolation="antialiased")
     axes.set_axis_off()
 
 
 def _fewer(rgba: np.ndarray) -> np.ndarray:
-    """The picture with SAMPLES x SAMPLES pixels as one; colours weighted by what is covered."""
-    rows, columns = (n // SAMPLES * SAMPLES for n in rgba.shape[:2])
-    tiles = rgba[:rows, :columns].reshape(rows // SAMPLES, SAMPLES, columns // SAMPLES, SAMPLES, 4)
+    """The picture with so many samples a pixel as one; colours weighted by what is covered."""
+    rows, columns = (n // SAMPLES_PER_PIXEL * SAMPLES_PER_PIXEL for n in rgba.shape[:2])
+    tiles = rgba[:rows, :columns].reshape(
+        rows // SAMPLES_PER_PIXEL,
+        SAMPLES_PER_PIXEL,
+        columns // SAMPLES_PER_PIXEL,
+        SAMPLES_PER_PIXEL,
+        4,
+    )
     covered = tiles[..., 3:].mean(axis=(1, 3))
     colour = (tiles[..., :3] * tiles[..., 3:]).mean(axis=(1, 3)) / np.maximum(covered, 1e-9)
     return np.clip(np.concatenate([colour, covered], axis=2), 0.0, 1.0)

@@ -17,7 +17,7 @@ from squealstudy.models.assembly import Component
 from squealstudy.shapes.surface import triangles, with_middles
 
 AIR_IMPEDANCE_PA_S_PER_M = 413.3  # rho c at 20 C and 1013 hPa, Pa s/m
-CHUNK = 20_000  # triangles at once
+TRIANGLES_PER_CHUNK = 20_000  # triangles at once
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ def mean_square_form(component: Component, block: np.ndarray) -> np.ndarray:
     moved = component.at_nodes(block).reshape(n, 3, -1)
     moved = with_middles(facets, moved)
     G = np.zeros((block.shape[1],) * 2)
-    for first in range(0, len(surface), CHUNK):
-        nodes = surface[first : first + CHUNK]
+    for first in range(0, len(surface), TRIANGLES_PER_CHUNK):
+        nodes = surface[first : first + TRIANGLES_PER_CHUNK]
         a, b, c = (points[nodes[:, i]] for i in range(3))
         twice = np.cross(b - a, c - a)
         area = 0.5 * np.linalg.norm(twice, axis=1)

@@ -9,8 +9,8 @@ import numpy as np
 from squealstudy.kernels.raster import FAR, corner_normals, draw_triangles
 from squealstudy.models.cells import NONE
 
-LINE = 0.8  # half the width of the lines between facets, pixels
-CREASE = np.cos(np.radians(40.0))  # sharper edges are not smoothed
+LINE_HALF_WIDTH_PIXELS = 0.8  # half the width of the lines between facets, pixels
+CREASE_COSINE = np.cos(np.radians(40.0))  # sharper edges are not smoothed
 # triangles of a facet by its places, the last its middle, and which of their edges are edges of the
 # facet: of 8 and of 4 nodes, of 6 and of 3; edges are those opposite to the corners
 MIDDLE = 8
@@ -90,7 +90,7 @@ def smooth_normals(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     a, b, c = (points[nodes[:, k]] for k in range(3))
     users = np.argsort(nodes.ravel(), kind="stable") // 3
     starts = np.append(0, np.cumsum(np.bincount(nodes.ravel(), minlength=len(points))))
-    return corner_normals(nodes, np.cross(b - a, c - a), starts, users, CREASE)
+    return corner_normals(nodes, np.cross(b - a, c - a), starts, users, CREASE_COSINE)
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ def picture(
         values[surface.nodes],
         _lit(normals, camera),
         surface.lines,
-        LINE,
+        LINE_HALF_WIDTH_PIXELS,
         depth,
         value,
         light,

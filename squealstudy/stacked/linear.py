@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.linalg.overflow import LARGEST
+from squealstudy.linalg.overflow import MAX_SQUARABLE_ENTRY
 from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.sliding import StackedSliding
 from squealstudy.stacked.structures import StackedStructures
@@ -106,7 +106,7 @@ def linearised(
 def computable(A: np.ndarray) -> np.ndarray:
     """Which rows (m,) of arrays (m, ...) have squares and sums of them that are finite."""
     rows = np.abs(A).reshape(len(A), -1)
-    held: np.ndarray = (rows <= LARGEST).all(axis=1)  # no NaN is
+    held: np.ndarray = (rows <= MAX_SQUARABLE_ENTRY).all(axis=1)  # no NaN is
     return held
 
 

@@ -29,7 +29,7 @@ from squealstudy.stacked.sliding import SINGULAR, SOLVED, StackedSliding, steady
 from squealstudy.stacked.structures import StackedStructures
 
 MOST_COORDINATES = 40  # of a model: beyond, stacking saves next to nothing
-BLOCK = 4096  # design points that are solved at once
+POINTS_PER_BLOCK = 4096  # design points that are solved at once
 Columns = Mapping[str, np.ndarray | float]
 
 

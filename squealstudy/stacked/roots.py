@@ -20,7 +20,7 @@ from squealstudy.linalg.root_error import (
 )
 from squealstudy.root_pairs import by_modulus
 
-ROUND_OFF = 1e-13  # of a dense eigenvalue, relative to its modulus; as in modes.point
+REL_ROUND_OFF = 1e-13  # of a dense eigenvalue, relative to its modulus; as in modes.point
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ def stacked_roots(C: np.ndarray, K: np.ndarray, band: tuple[float, float]) -> St
     lam = np.where(held, np.take_along_axis(lam, order, 1), 0.0)
     psi = np.where(held[:, None, :], np.take_along_axis(psi, order[:, None, :], 2), 0.0)
     error = np.where(held, np.take_along_axis(error, order, 1), 0.0)
-    error = np.maximum(error, ROUND_OFF * np.abs(lam))
+    error = np.maximum(error, REL_ROUND_OFF * np.abs(lam))
     return StackedRoots(count, lam, psi, error, _backward_errors(C, K, lam, psi))
 
 

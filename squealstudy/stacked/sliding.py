@@ -23,7 +23,7 @@ from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.structures import StackedStructures
 
 SOLVED, SINGULAR, NO_EQUILIBRIUM = 0, 1, 2  # codes of StackedSliding.state
-TINY = 1e-300
+SMALLEST_POSITIVE = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +152,7 @@ def _mean_pressure_of_loads(
     back = np.linalg.inv(structures.phi).swapaxes(1, 2)
     forces = back @ structures.load  # (m, n, 2), N/Pa and N
     force = np.abs(forces[..., 0] * operating.pressure[:, None] + forces[..., 1]).sum(axis=1)
-    mean: np.ndarray = np.maximum(force / area.sum(axis=1), TINY)
+    mean: np.ndarray = np.maximum(force / area.sum(axis=1), SMALLEST_POSITIVE)
     return mean
 
 
@@ -183,7 +183,7 @@ def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
     m, c = area.shape
     gap0 = np.broadcast_to(structures.gap0, (m, c))
     stiffness = np.abs(equations.k_c * equations.by_load)
-    loaded = np.maximum((area * stiffness).sum(axis=1) / area.sum(axis=1), TINY)
+    loaded = np.maximum((area * stiffness).sum(axis=1) / area.sum(axis=1), SMALLEST_POSITIVE)
     estimate = np.maximum(loaded, _closing_pressure(equations))
     size = np.abs(equations.by_load).max(axis=1)
     gap = np.repeat(operating.gap_at(estimate)[:, None], c, axis=1)
@@ -202,7 +202,9 @@ def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
             share = _damping(part.operating, level, g, step)
             g = g + share[:, None] * step
             F, p, kappa = rows.imbalance(g)
-            relative = np.abs(F).max(axis=1) / (size[open_rows] + np.abs(g).max(axis=1) + TINY)
+            relative = np.abs(F).max(axis=1) / (
+                size[open_rows] + np.abs(g).max(axis=1) + SMALLEST_POSITIVE
+            )
             scale = part.operating.gap_scale(level)
             small = np.abs(step).max(axis=1) / scale < TOLERANCE**0.5
             done = (share == 1.0) & small & (relative < TOLERANCE)
@@ -214,7 +216,7 @@ def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
             open_rows = open_rows[~done & ~lost]
         whole = PointRows(equations, gap0, np.arange(m))
         F, p, kappa = whole.imbalance(gap)
-        residual = np.abs(F).max(axis=1) / (size + np.abs(gap).max(axis=1) + TINY)
+        residual = np.abs(F).max(axis=1) / (size + np.abs(gap).max(axis=1) + SMALLEST_POSITIVE)
     return StackedSliding(
         gap=gap,
         pressure=p,
@@ -231,8 +233,12 @@ def _closing_pressure(equations: GapEquations) -> np.ndarray:
     area = equations.area
     unit = np.abs((area * _times(equations.by_normal, area)).sum(axis=1))
     with np.errstate(over="ignore", invalid="ignore"):
-        closing = np.abs((area * equations.by_load).sum(axis=1)) / np.maximum(unit, TINY)
-    known = np.isfinite(closing) & (closing > TINY)  # of nothing an exponential law has no gap
+        closing = np.abs((area * equations.by_load).sum(axis=1)) / np.maximum(
+            unit, SMALLEST_POSITIVE
+        )
+    known = np.isfinite(closing) & (
+        closing > SMALLEST_POSITIVE
+    )  # of nothing an exponential law has no gap
     closing = np.where(known, closing, 1.0)
     operating = equations.operating
     borne = operating.contact(operating.gap_at(closing)[:, None])[0][:, 0]
@@ -323,5 +329,5 @@ def _tangent_error(area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.nda
     with np.errstate(over="ignore", invalid="ignore"):
         moved = AMPLIFIED * np.abs(F) * size / np.where(pressed, np.abs(p), 1.0)
         total = np.where(pressed, weight * moved, 0.0).sum(axis=1)
-    found: np.ndarray = total / np.maximum(weight.sum(axis=1), TINY)
+    found: np.ndarray = total / np.maximum(weight.sum(axis=1), SMALLEST_POSITIVE)
     return found

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.linalg.companion import TOLD
+from squealstudy.linalg.companion import MIN_RESOLVED_RATIO
 from squealstudy.linalg.quadratic_pencil import LEFT_RIGHT_ROOT_REL_DISTANCE
 from squealstudy.modes.sensitivity.mode_family import NEIGHBOURS, OFFSET
 from squealstudy.modes.sensitivity.mode_sensitivities import CANDIDATES
@@ -66,7 +66,7 @@ def right_pairs(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def drowned_rows(lam: np.ndarray, limit: float) -> np.ndarray:
     """Where (m,) round-off of the largest root may drown those of a limit [rad/s]."""
-    lost = lam.shape[1] / 2 * np.finfo(float).eps / TOLD
+    lost = lam.shape[1] / 2 * np.finfo(float).eps / MIN_RESOLVED_RATIO
     rows: np.ndarray = np.abs(lam).max(axis=1, initial=0.0) * lost >= limit
     return rows
 

@@ -21,7 +21,8 @@ KEYS: dict[str, tuple[str, ...]] = {  # of a [[sweep]], all of them needed
 }
 # probability beyond what is shown as the range of an unbounded distribution
 DISPLAY_TAIL_PROBABILITY = 1e-4
-FLAT = 1e-7  # relative change of a density over its range: its differences are rounded away
+# relative change of a density over its range: its differences are rounded away
+DENSITY_REL_ROUND_OFF = 1e-7
 SOBOL_CLIP = 2.0**-31  # half a step of a Sobol sequence: keeps unbounded quantiles finite
 
 
@@ -97,7 +98,7 @@ class Distribution:
             return stats.lognorm(self.std, self.zero, self.mean - self.zero)
         if self.name == "truncated_normal":
             a, b = ((end - self.mean) / self.std for end in (self.start, self.stop))
-            if max(abs(a), abs(b)) * (b - a) < FLAT:
+            if max(abs(a), abs(b)) * (b - a) < DENSITY_REL_ROUND_OFF:
                 return stats.uniform(self.start, self.stop - self.start)
             return stats.truncnorm(a, b, self.mean, self.std)
         if self.scale == "log":

@@ -8,7 +8,7 @@ from itertools import product
 
 from squealstudy.errors import ModelError, StudyFileError
 from squealstudy.laws.consistency import NotComputedError
-from squealstudy.laws.friction_law import PRESSURES, SPEEDS
+from squealstudy.laws.friction_law import TEST_PRESSURES, TEST_SPEEDS
 from squealstudy.models.operating import CONTACT_OPTION, FRICTION_OPTION, OperatingPoint
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sweeps import Sweep
@@ -58,12 +58,12 @@ def check_outside_laws(
 # What cannot be computed at these pressures is left to the working points, which may have others.
 def _try_contact(operating: OperatingPoint) -> None:
     law = operating.law
-    for p in PRESSURES:
+    for p in TEST_PRESSURES:
         with suppress(NotComputedError):
             law.expect_consistent([law.searched_gap(p)])
 
 
 def _try_friction(operating: OperatingPoint) -> None:
-    for s, p in product((*SPEEDS, abs(operating.sliding_speed)), PRESSURES):
+    for s, p in product((*TEST_SPEEDS, abs(operating.sliding_speed)), TEST_PRESSURES):
         with suppress(NotComputedError):
             operating.curve.expect_consistent(operating.friction, s, [p])

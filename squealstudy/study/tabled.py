@@ -21,7 +21,7 @@ from squealstudy.models.parameter_names import PlainParameter, parse_parameter
 from squealstudy.models.units import ZERO_CELSIUS, in_unit_of, with_bare_unit
 from squealstudy.parameter import Parameter
 from squealstudy.study.source import SourceText
-from squealstudy.study.toml_text import DEEPEST, KeyPath
+from squealstudy.study.toml_text import MAX_NESTING, KeyPath
 from squealstudy.study.units import TEMPERATURE
 from squealstudy.wording import shown
 
@@ -52,7 +52,7 @@ def _without(table: Mapping[str, Any], keys: KeyPath, found: list[Found]) -> dic
     left: dict[str, Any] = {}
     for key, value in table.items():
         here = (*keys, key)
-        if not isinstance(value, Mapping) or len(keys) > DEEPEST:
+        if not isinstance(value, Mapping) or len(keys) > MAX_NESTING:
             left[key] = value
         elif set(value) == {TABLE}:
             found.append(((*here, TABLE), ".".join(map(str, here[1:])), value[TABLE]))

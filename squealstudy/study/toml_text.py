@@ -16,7 +16,7 @@ KeyPath = tuple[str | int, ...]  # keys, and 0-based positions in arrays
 BARE = re.compile(r"[A-Za-z0-9_-]+")
 # of a list or text that the first lines of a file leave open
 CLOSINGS = ("", "]", "]]", "]]]", '"""', "'''")
-DEEPEST = 24  # deeper nesting has no meaning in a study file; it is not looked into
+MAX_NESTING = 24  # deeper nesting has no meaning in a study file; it is not looked into
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:
@@ -85,8 +85,8 @@ class KeyLines:
         parts: list[str | int] = []
         for key in keys:
             parts.extend(key.split(".") if isinstance(key, str) else [key])
-        ends = range(min(len(parts), DEEPEST), 0, -1)
-        tried = [(keys[:DEEPEST], 1), *((tuple(parts[:end]), end) for end in ends)]
+        ends = range(min(len(parts), MAX_NESTING), 0, -1)
+        tried = [(keys[:MAX_NESTING], 1), *((tuple(parts[:end]), end) for end in ends)]
         for path, joined in tried:
             if _holds(self._whole, path, joined):
                 count = range(len(self._lines) + 1)

@@ -15,7 +15,7 @@ from squealstudy.models.units import QUANTITY, in_unit_of, with_bare_unit
 from squealstudy.parameter import Parameter
 from squealstudy.study.design_sections import ADDED_MASS
 from squealstudy.study.source import SourceText
-from squealstudy.study.toml_text import DEEPEST, KeyPath
+from squealstudy.study.toml_text import MAX_NESTING, KeyPath
 
 if TYPE_CHECKING:
     from squealstudy.models.parameter import ModelDefinition
@@ -122,7 +122,7 @@ def _texts(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str, object]]:
 
 def _nested(table: Mapping[str, Any], keys: KeyPath) -> Iterator[tuple[KeyPath, str, object]]:
     """Texts in [parameters], whose names may be written with dots, in quotes or as tables."""
-    for key, value in table.items() if len(keys) <= DEEPEST else ():
+    for key, value in table.items() if len(keys) <= MAX_NESTING else ():
         here = (*keys, key)
         if isinstance(value, Mapping):
             yield from _nested(value, here)

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.linalg.factor import is_full
-from squealstudy.linalg.overflow import LARGEST, OVERFLOW, largest_entry, too_large
+from squealstudy.linalg.overflow import MAX_SQUARABLE_ENTRY, OVERFLOW, largest_entry, too_large
 from squealstudy.linalg.quadratic_pencil import product
 from squealstudy.linalg.sparse_qep import LowRankSum
 
@@ -89,7 +89,7 @@ class ParametricSystem:
             Of the terms, for the message.
         """
         for w, size, name in zip(weights, self._sizes, names, strict=True):
-            if not (entry := largest_entry(w) * size) <= LARGEST:
+            if not (entry := largest_entry(w) * size) <= MAX_SQUARABLE_ENTRY:
                 what = f"a matrix of the model ({name.replace('_', ' ')})"
                 raise ConvergenceError(OVERFLOW, too_large(what, entry))
 

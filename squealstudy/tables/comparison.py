@@ -9,14 +9,14 @@ import pandas as pd
 
 from squealstudy.errors import ResultsError
 from squealstudy.root_pairs import partners
-from squealstudy.tables.mode_ranking import DIVERGENCE, unstable_groups
+from squealstudy.tables.mode_ranking import OVERDAMPED_GROUP, unstable_groups
 from squealstudy.wording import SUSTAINED
 
 FREQUENCY_TOLERANCE = 0.01  # relative, between one complex mode of the two studies
 SAME_VALUE_REL_TOLERANCE = 1e-6  # relative, between values of a parameter
 STABLE = "stable"
 OPEN = ("growing", "undecided")  # classes that do not tell yet what remains
-NAMED = 8  # values of a parameter that a message lists
+MAX_VALUES_IN_MESSAGE = 8  # values of a parameter that a message lists
 BOTH, FREQUENCY, TIME = "both", "frequency", "time"  # kinds of rows: who predicts an instability
 VIBRATION, UNFOLLOWED = "vibration", "unfollowed"
 COLUMNS = (
@@ -67,14 +67,14 @@ def compare(
         same, where the time study's model has unstable modes that the run does not follow (above
         the band, or too many), so that they may have the energy.
 
-        `track` is that of the frequency study: DIVERGENCE and UNTRACKED of `mode_ranking` for an
-        overdamped unstable root and a mode without a track, 0 where the frequency study has none.
-        `frequency_hz` [Hz] (|lambda|/2 pi) and `growth_rate` [1/s] are the frequency study's,
-        `predicted_...` those of the time study's own complex mode, beside its fitted growth with
-        95 % bounds; `deviation` = fitted / growth_rate - 1. `level_share` is the share of the
-        sustained vibration's energy (`motion.outcome.complex_shares`), `expressed` whether it is a
-        twentieth or more: missing where the run does not tell. `class`, `torque_line_hz`
-        [Hz] and `torque_rms` are those of the run.
+        `track` is that of the frequency study: OVERDAMPED_GROUP and FIRST_UNTRACKED_GROUP of
+        `mode_ranking` for an overdamped unstable root and a mode without a track, 0 where the
+        frequency study has none. `frequency_hz` [Hz] (|lambda|/2 pi) and `growth_rate` [1/s] are
+        the frequency study's, `predicted_...` those of the time study's own complex mode, beside
+        its fitted growth with 95 % bounds; `deviation` = fitted / growth_rate - 1. `level_share` is
+        the share of the sustained vibration's energy (`motion.outcome.complex_shares`), `expressed`
+        whether it is a twentieth or more: missing where the run does not tell. `class`,
+        `torque_line_hz` [Hz] and `torque_rms` are those of the run.
 
         `attrs` counts what is compared: ``points``, of them ``failed_frequency`` (left out) and
         ``failed_time``.
@@ -169,8 +169,10 @@ def _values(points: pd.DataFrame, names: Sequence[str]) -> str:
     texts = []
     for name in names:
         values = np.unique(points[name].to_numpy(dtype=float))
-        listed = ", ".join(f"{v:g}" for v in values[:NAMED])
-        texts.append(f"{name} = {listed}" + (", ..." if len(values) > NAMED else ""))
+        listed = ", ".join(f"{v:g}" for v in values[:MAX_VALUES_IN_MESSAGE])
+        texts.append(
+            f"{name} = {listed}" + (", ..." if len(values) > MAX_VALUES_IN_MESSAGE else "")
+        )
     return "; ".join(texts) or "no parameters"
 
 
@@ -185,7 +187,9 @@ def _nominal_text(
 def _instabilities(predicted: pd.DataFrame, own: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Rows of one design point: the frequency study's by growth, then those of time alone."""
     predicted = predicted.sort_values("growth_rate", ascending=False, kind="stable")
-    wanted = predicted["frequency_hz"].mask(predicted["track"] == DIVERGENCE).to_numpy(dtype=float)
+    wanted = (
+        predicted["frequency_hz"].mask(predicted["track"] == OVERDAMPED_GROUP).to_numpy(dtype=float)
+    )
     partner = _partners(wanted, own["frequency_hz"].to_numpy(dtype=float))
     for row, match in zip(predicted.to_dict("records"), partner, strict=True):
         columns = {n: row[n] for n in ("track", "frequency_hz", "growth_rate")}

@@ -21,7 +21,8 @@ import pandas as pd
 from squealstudy.errors import ResultsError
 from squealstudy.wording import did_you_mean
 
-LONGEST, SHOWN = 1000, 80  # characters of a condition; of those in messages
+# characters of a condition; of those in messages
+MAX_CONDITION_CHARACTERS, MAX_SHOWN_CHARACTERS = 1000, 80
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     name: getattr(np, name) for name in ("abs", "sqrt", "exp", "log", "log10", "sin", "cos", "tan")
 }
@@ -149,8 +150,10 @@ def conditions(text: str, known: Collection[str]) -> list[Condition]:
     ResultsError
         A text that is none; a column that is not known.
     """
-    if len(text) > LONGEST:
-        raise _unusable(text, f"expected at most {LONGEST} characters, got {len(text)}")
+    if len(text) > MAX_CONDITION_CHARACTERS:
+        raise _unusable(
+            text, f"expected at most {MAX_CONDITION_CHARACTERS} characters, got {len(text)}"
+        )
     if not re.sub(_QUOTED, "", text).isascii():
         raise _unusable(text, "expected plain ASCII outside quotes")
     marked: dict[str, str] = {}
@@ -235,4 +238,4 @@ def _unusable(text: str, reason: str) -> ResultsError:
 
 
 def _shown(text: str) -> str:
-    return text if len(text) <= SHOWN else text[: SHOWN - 3] + "..."
+    return text if len(text) <= MAX_SHOWN_CHARACTERS else text[: MAX_SHOWN_CHARACTERS - 3] + "..."

@@ -20,7 +20,8 @@ from squealstudy.tables.stability import INTO
 RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
 BEGUN = ("first_seen", "broken")  # of a track that begins unstable
 ENDS = ["point_before", "point_after"]
-NEAR = 0.02  # relative: frequencies of two modes that may take each other's place differ by less
+# relative: frequencies of two modes that may take each other's place differ by less
+MAX_REL_FREQUENCY_GAP = 0.02
 MOST_CELLS = 10**8  # points times pairs of tracks that are looked through
 
 
@@ -95,7 +96,7 @@ def exchanged_tracks(
         doubtful[track][code[rows]] = ambiguous[rows]
     a, b = edges.T
     for one, other in combinations(tracks, 2):
-        near = np.abs(hz[one] - hz[other]) < NEAR * hz[one]
+        near = np.abs(hz[one] - hz[other]) < MAX_REL_FREQUENCY_GAP * hz[one]
         first, second = grows[one], grows[other]
         goes = (first[a] & second[b] & ~first[b] & ~second[a]) | (
             second[a] & first[b] & ~second[b] & ~first[a]

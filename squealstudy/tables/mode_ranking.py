@@ -31,7 +31,7 @@ REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their
 AT_DIGITS = 6  # of the values in `at`
 # in place of a track number: overdamped roots together; modes without a track in groups of near
 # frequency, numbered downwards in ascending frequency
-DIVERGENCE, UNTRACKED = -1, -2
+OVERDAMPED_GROUP, FIRST_UNTRACKED_GROUP = -1, -2
 GROUP_REL_GAP = 0.05  # relative: a wider gap in frequency parts modes without a track
 ORDER = {  # by: column, ascending
     "share": ("unstable_share", False),
@@ -184,15 +184,15 @@ def line_codes(points: pd.DataFrame, along: str) -> np.ndarray:
 
 
 def unstable_groups(modes: pd.DataFrame) -> np.ndarray:
-    """Track of each unstable row, DIVERGENCE, or UNTRACKED and below; 0 for stable rows."""
+    """Track or group of each unstable row, FIRST_UNTRACKED_GROUP and below without one; else 0."""
     track = modes["track"].to_numpy()
     unstable, overdamped = (modes[n].to_numpy(bool) for n in ("unstable", "overdamped"))
-    group = np.where(overdamped, DIVERGENCE, track)
+    group = np.where(overdamped, OVERDAMPED_GROUP, track)
     loose = np.flatnonzero(unstable & ~overdamped & (track <= 0))
     hz = modes["frequency_hz"].to_numpy(float)[loose]
     order = np.argsort(hz, kind="stable")
     apart = np.diff(hz[order]) > GROUP_REL_GAP * hz[order][:-1]
-    group[loose[order]] = UNTRACKED - np.cumsum(np.append(False, apart)[: len(order)])
+    group[loose[order]] = FIRST_UNTRACKED_GROUP - np.cumsum(np.append(False, apart)[: len(order)])
     return np.where(unstable, group, 0)
 
 
@@ -200,14 +200,18 @@ def group_kind(group: int) -> str:
     """What a number of `unstable_groups` stands for."""
     if group > 0:
         return "mode"
-    return "static divergence" if group == DIVERGENCE else "untracked"
+    return "static divergence" if group == OVERDAMPED_GROUP else "untracked"
 
 
 def frequency_text(row: Mapping[Hashable, Any]) -> str:
     """Frequency of a row of the ranking in Hz; of modes without a track their range."""
     hz = in_digits(row["frequency_hz"]) if row["frequency_hz"] == row["frequency_hz"] else ""
     low, high = (in_digits(row[f"frequency_{end}_hz"]) for end in ("min", "max"))
-    return f"{low} to {high}" if row["kind"] == group_kind(UNTRACKED) and low != high else hz
+    return (
+        f"{low} to {high}"
+        if row["kind"] == group_kind(FIRST_UNTRACKED_GROUP) and low != high
+        else hz
+    )
 
 
 def settings_text(values: Mapping[Hashable, Any]) -> str:
@@ -272,7 +276,7 @@ def _summary(
     alone = worst[worst["track"].to_numpy() < 0].set_index("track")  # a mean of several is no mode
     table.loc[alone.index, energies] = alone[energies]
     table.loc[alone.index, "min_damping_ratio"] = alone["damping_ratio"]
-    table.loc[table.index == DIVERGENCE, "frequency_hz"] = np.nan  # it does not oscillate
+    table.loc[table.index == OVERDAMPED_GROUP, "frequency_hz"] = np.nan  # it does not oscillate
     names = parameter_columns(points, varied=True) or parameter_columns(points)
     designs = points[names].iloc[worst["point"]].to_dict("records")
     table["at"] = pd.Series(

@@ -15,13 +15,15 @@ import pyarrow.compute as pc
 
 from squealstudy.errors import ResultsError
 
-BATCH = 2**17  # rows of a long table that are looked at together
+ROWS_PER_BATCH = 2**17  # rows of a long table that are looked at together
 ROW = "point_row"  # column: row in the points table of a mode, where that is known already
 
 
 def parts(count: int) -> Iterator[slice]:
-    """So many rows in parts of BATCH; one that is empty of none."""
-    return (slice(start, start + BATCH) for start in range(0, max(count, 1), BATCH))
+    """So many rows in parts of ROWS_PER_BATCH; one that is empty of none."""
+    return (
+        slice(start, start + ROWS_PER_BATCH) for start in range(0, max(count, 1), ROWS_PER_BATCH)
+    )
 
 
 def point_codes(points: pd.DataFrame, modes: pd.DataFrame) -> np.ndarray:

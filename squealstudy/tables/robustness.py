@@ -10,14 +10,14 @@ import pandas as pd
 
 from squealstudy.errors import ResultsError
 from squealstudy.tables.mode_ranking import (
-    DIVERGENCE,
+    OVERDAMPED_GROUP,
     parameter_columns,
     settings_text,
 )
 from squealstudy.tables.point_rows import ROW, point_codes
 from squealstudy.tables.stability import is_uncertain
 
-LARGEST = 0  # in place of a track number
+LARGEST_GROWTH_GROUP = 0  # in place of a track number
 GROWTH = (  # columns of modes that are read
     *(ROW, "track", "frequency_hz", "growth_rate", "unstable", "stability", "overdamped"),
 )
@@ -30,9 +30,10 @@ class GrowthColumn:
     Attributes
     ----------
     track : int
-        LARGEST for the largest of a point, DIVERGENCE for that of its real, growing roots.
+        LARGEST_GROWTH_GROUP for the largest of a point, OVERDAMPED_GROUP for that of its real,
+        growing roots.
     frequency_hz : float
-        Mean over the points where the mode is unstable; NaN for LARGEST and DIVERGENCE.
+        Mean over the points where the mode is unstable; NaN for these two groups.
     growth : ndarray (n_points,)
         1/s; NaN where the point is not ok or the track has no mode.
     unstable : ndarray (n_points,) of bool
@@ -73,7 +74,7 @@ def growth_columns(
     growth = modes["growth_rate"].to_numpy(dtype=float)
     unstable, real = (modes[name].to_numpy(bool) for name in ("unstable", "overdamped"))
     uncertain = is_uncertain(modes)
-    track = np.where(real, DIVERGENCE, modes["track"].to_numpy())
+    track = np.where(real, OVERDAMPED_GROUP, modes["track"].to_numpy())
     hz = modes["frequency_hz"].to_numpy(dtype=float)
     judged, diverging = ~real | unstable, real & unstable
     everywhere = np.ones(n, dtype=bool)  # a solved point without such a root has none
@@ -97,9 +98,9 @@ def growth_columns(
             absent=absent & ~present,
         )
 
-    yield column(LARGEST, judged, np.ones(len(code), dtype=bool), everywhere, np.nan)
+    yield column(LARGEST_GROWTH_GROUP, judged, np.ones(len(code), dtype=bool), everywhere, np.nan)
     if diverging.any():
-        yield column(DIVERGENCE, diverging, real, everywhere, np.nan)
+        yield column(OVERDAMPED_GROUP, diverging, real, everywhere, np.nan)
     seen = unstable & (track > 0)
     listed = pd.Series(growth[seen]).groupby(track[seen]).agg(["count", "max"])
     standing = _Standing(n, code[~real], track[~real])
@@ -139,7 +140,7 @@ COLUMNS = (
     | {"mean_growth_rate": "f8", "growth_mean": "f8", "growth_std": "f8"}
     | {"max_growth_rate": "f8", "at": "str"}
 )
-QUANTITIES = {LARGEST: "any", DIVERGENCE: "divergence"}
+QUANTITIES = {LARGEST_GROWTH_GROUP: "any", OVERDAMPED_GROUP: "divergence"}
 
 
 def robust_table(
@@ -189,7 +190,7 @@ def robust_table(
     names = parameter_columns(points, varied=True)
     rows = []
     for column in growth_columns(points, modes):
-        if column.track == LARGEST or (column.unstable & solved).any():
+        if column.track == LARGEST_GROWTH_GROUP or (column.unstable & solved).any():
             row = _row(column, solved, confidence)
             worst = _worst(column, solved)
             row["at"] = (

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
-from squealstudy.tables.robustness import LARGEST, growth_columns
+from squealstudy.tables.robustness import LARGEST_GROWTH_GROUP, growth_columns
 
 ROW_A, ROW_B, MIXED = 0, 1, 2  # places in a group; the mixed points follow in parameter order
 
@@ -68,8 +68,8 @@ def grouped(values: np.ndarray, d: int) -> tuple[Groups, int]:
 
 LEAST_SHARE = 0.5  # of the groups that must be whole
 LEAST_GROUPS = 8
-RESAMPLES = 999
-DRAWN = 2**20  # rows of groups that are drawn at once
+N_RESAMPLES = 999
+ROWS_PER_DRAW = 2**20  # rows of groups that are drawn at once
 COLUMNS = (
     {"quantity": "str", "track": "int64", "frequency_hz": "f8", "parameter": "str"}
     | {"first": "f8", "first_low": "f8", "first_high": "f8"}
@@ -96,7 +96,7 @@ def sobol_table(
     top : int or None
         Unstable tracks beside the largest growth of all modes, unstable at most points first.
     confidence : float
-        Of the intervals: percentiles of RESAMPLES bootstrap resamples of the base points, always
+        Of the intervals: percentiles of N_RESAMPLES bootstrap resamples of the base points, always
         the same ones. They take these as independent draws: wide for a Sobol sequence.
 
     Returns
@@ -119,11 +119,11 @@ def sobol_table(
         raise ResultsError("Sobol indices need all points of a design of type 'sobol_indices'")
     tables = []
     for quantity in growth_columns(points, modes, top):
-        if quantity.track < LARGEST:  # divergence is part of the largest growth
+        if quantity.track < LARGEST_GROWTH_GROUP:  # divergence is part of the largest growth
             continue
         groups, dropped = grouped(quantity.growth, d)
         enough = _enough(len(groups.a), dropped)
-        if quantity.track == LARGEST and not enough:
+        if quantity.track == LARGEST_GROWTH_GROUP and not enough:
             raise ResultsError(
                 f"Sobol indices need whole groups of design points: {dropped} of "
                 f"{dropped + len(groups.a)} groups have one that failed "
@@ -131,7 +131,7 @@ def sobol_table(
             )
         table = _indices(groups, confidence) if enough else _none(d)
         table.insert(0, "parameter", list(parameters))
-        table["quantity"] = "largest" if quantity.track == LARGEST else "track"
+        table["quantity"] = "largest" if quantity.track == LARGEST_GROWTH_GROUP else "track"
         table["track"], table["frequency_hz"] = quantity.track, quantity.frequency_hz
         table["groups"], table["dropped_groups"] = len(groups.a), dropped
         table["variance"] = np.var([groups.a, groups.b]) if enough else np.nan
@@ -200,8 +200,8 @@ def _indices(groups: Groups, confidence: float) -> pd.DataFrame:
     interval = bootstrap(
         [np.arange(n)],
         resampled,
-        n_resamples=RESAMPLES,
-        batch=max(1, DRAWN // n),
+        n_resamples=N_RESAMPLES,
+        batch=max(1, ROWS_PER_DRAW // n),
         confidence_level=confidence,
         method="percentile",
         vectorized=False,

@@ -69,7 +69,7 @@ def uncertain_points(modes: pd.DataFrame, code: np.ndarray, counted: np.ndarray)
     return len(np.unique(code[is_uncertain(modes) & counted]))
 
 
-ROUNDING = 1e-9
+DAMPING_ROUND_OFF_RATIO = 1e-9
 INTO, OUT_OF = "in", "out"  # of instability
 BELOW_RANGE, FIRST_SEEN, CROSSING = "below range", "first seen", "crossing"
 BRACKETED = "bracketed"
@@ -127,11 +127,13 @@ def line_crossings(
     stable = np.maximum(np.where(out[at], z1, z0), 0.0)
     growing = np.where(out[at], z0, z1)
     part = np.clip(stable / np.maximum(stable - growing, np.finfo(float).tiny), 0.0, 1.0)
-    part[part < ROUNDING] = 0.0  # the damping is zero but for round-off
+    part[part < DAMPING_ROUND_OFF_RATIO] = 0.0  # the damping is zero but for round-off
     run = np.cumsum(first | into | out)  # of points alike, from one change to the next
     highest = np.full(run[-1] + 1 if len(run) else 1, -np.inf)
     np.maximum.at(highest, run, zeta)
-    undamped_before = highest[run[np.where(out[at], at, at - 1)]] <= ROUNDING * np.abs(growing)
+    undamped_before = highest[
+        run[np.where(out[at], at, at - 1)]
+    ] <= DAMPING_ROUND_OFF_RATIO * np.abs(growing)
     undamped = (part == 0) & undamped_before
     part[undamped] = 1.0
     value = np.where(out[at], x1 + part * (x0 - x1), x0 + part * (x1 - x0))

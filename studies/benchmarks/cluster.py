@@ -150,7 +150,9 @@ def main() -> None:
         raise SystemExit(killed_and_resumed(given.killed, given.against))
     points = given.points
     with tempfile.TemporaryDirectory() as cache, ExitStack() as stack:
-        stack.enter_context(patch.object(model_kind, "PATIENCE", 0.0))  # s: all points by workers
+        stack.enter_context(
+            patch.object(model_kind, "WORKER_START_WORTH_S", 0.0)
+        )  # s: all points by workers
         stack.enter_context(patch.dict(os.environ, SQUEALSTUDY_CACHE=cache))
         places = {("processes", workers): None for workers in (1, 2)}
         places |= {("cluster", n): stack.enter_context(cluster_of(n)) for n in (1, 2)}

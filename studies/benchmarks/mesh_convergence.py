@@ -31,7 +31,7 @@ from squealstudy.laws import contact_law
 from squealstudy.linalg.real_modes import real_modes, rigid_modes
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.catalogue.disc_brake.solids import DENSITIES, MEDIUM, BrakeMesher
-from squealstudy.models.fem.solid import FULL, REDUCED
+from squealstudy.models.fem.solid import FULL_INTEGRATION_ORDER, REDUCED_INTEGRATION_ORDER
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.point import solve_point
 from squealstudy.reduction.cmt import ReductionSettings
@@ -167,11 +167,11 @@ def refined(given: argparse.Namespace) -> None:
     for component in given.only:
         exact = reference(component, values, given.order)
         for split in ((1, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 2), (2, 2, 2)):
-            for order in (REDUCED, FULL):
+            for order in (REDUCED_INTEGRATION_ORDER, FULL_INTEGRATION_ORDER):
                 started = time.perf_counter()
                 mesher = BrakeMesher(values, replace(MEDIUM, split=split), order)
                 mesh = "medium " + "x".join(map(str, split))
-                key = ("default", component, mesh, 8 if order == REDUCED else 27)
+                key = ("default", component, mesh, 8 if order == REDUCED_INTEGRATION_ORDER else 27)
                 show(key, *errors(mesher, component, exact), started)
 
 

@@ -12,10 +12,10 @@ import scipy.linalg as la
 from squealstudy.errors import ConvergenceError
 from squealstudy.laboratory.method_stability.contract import CONVERGED, FAILED, SLOW, WRONG
 from squealstudy.laboratory.method_stability.equilibrium import (
-    AREA,
+    AREA_M2,
+    CONDENSED_STIFFNESS,
     CRITICAL,
     P_0,
-    SOFT,
     WORKING_POINT,
     equilibrium_gap,
     one_point,
@@ -50,8 +50,8 @@ def test_closed_form_balances(friction, load):
     if np.isnan(y):
         assert share < 0
         return
-    balance = load + share * AREA * P_0 * np.exp(-5e5 * y)
-    assert SOFT * y == pytest.approx(balance, abs=1e-8 * (abs(load) + 1))
+    balance = load + share * AREA_M2 * P_0 * np.exp(-5e5 * y)
+    assert CONDENSED_STIFFNESS * y == pytest.approx(balance, abs=1e-8 * (abs(load) + 1))
 
 
 def test_any_pressure_law_tension_and_start_converges():

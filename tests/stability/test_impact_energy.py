@@ -11,7 +11,7 @@ import pytest
 from squealstudy.laboratory.method_stability.contract import CONVERGED, FAILED, WRONG, checked
 from squealstudy.laboratory.method_stability.impact_energy import (
     IMPACT_ENERGY,
-    LIMIT,
+    STEP_LIMIT,
     fly,
     peak_number,
 )
@@ -36,7 +36,7 @@ def test_peak_stiffness_is_that_of_the_forecast():
     assert highest == pytest.approx(expected, rel=2e-3)
 
 
-@pytest.mark.parametrize("number", [0.6, 1.0, LIMIT / 1.01])
+@pytest.mark.parametrize("number", [0.6, 1.0, STEP_LIMIT / 1.01])
 def test_nothing_is_gained_below_the_limit(number):
     cells = [IMPACT_ENERGY.evaluate(at(number, s)) for s in PHASES]
     assert all(x.predicted < 1 for x in cells)

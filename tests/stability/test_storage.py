@@ -12,7 +12,13 @@ import squealstudy
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.laboratory.method_stability.contract import CONVERGED, WRONG
-from squealstudy.laboratory.method_stability.storage import OMEGA, ROWS, STORAGE, UNIT, light_touch
+from squealstudy.laboratory.method_stability.storage import (
+    FLOAT32_ROUND_OFF,
+    OMEGA,
+    ROWS,
+    STORAGE,
+    light_touch,
+)
 from squealstudy.motion import level_errors as doubts
 from squealstudy.motion.level_errors import storage_number
 from squealstudy.motion.warmup import warm_kernels
@@ -55,7 +61,7 @@ def test_the_bound_in_closed_form():
     a = 1e-3
     energy = 0.5 * OMEGA**2 * a**2 * float(ROWS @ ROWS)
     assert storage_number(system, design, energy) == pytest.approx(
-        np.expm1(1e6 * 1.8 * UNIT * a), rel=1e-5
+        np.expm1(1e6 * 1.8 * FLOAT32_ROUND_OFF * a), rel=1e-5
     )
     assert storage_number(system, design, 0.0) == 0.0
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.engine.batches import LEAST, batch_parts
+from squealstudy.engine.batches import MIN_BATCH_POINTS, batch_parts
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import failed_row
@@ -88,7 +88,7 @@ def _alone(design: DesignPoint) -> StackedSystem:
 
 def seconds_a_point(plan: Plan) -> float | None:
     """Of a batch of design points, as they are timed for a forecast; None where none is solved."""
-    points = plan.tasks.at(slice(0, LEAST))
+    points = plan.tasks.at(slice(0, MIN_BATCH_POINTS))
     started = time.perf_counter()
     try:
         system = system_of(points)

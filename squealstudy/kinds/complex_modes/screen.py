@@ -25,7 +25,7 @@ from squealstudy.kinds.complex_modes.outside_text import grows_outside, outside_
 from squealstudy.screen import Rows, grid, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.mode_ranking import (
-    UNTRACKED,
+    FIRST_UNTRACKED_GROUP,
     counted_points,
     frequency_text,
     group_kind,
@@ -325,7 +325,7 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
                 "- for an onset: none is known; the mode is untracked, or an unstable mode only "
                 "changed its number there"
             )
-    if (table["kind"] == group_kind(UNTRACKED)).any():
+    if (table["kind"] == group_kind(FIRST_UNTRACKED_GROUP)).any():
         texts.append(
             "untracked: all modes in this range of frequency, maybe different ones; growth and "
             "damping of the fastest"

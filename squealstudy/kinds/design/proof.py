@@ -27,7 +27,7 @@ SHORTFALL_FACTOR = 1.1  # of what a check finds missing: what the next search is
 LEAST_LACK = 1e-4  # damping ratio
 # factor on the scatter that the search allows for where the proof was missed
 SCATTER_INCREASE = 1.25
-CONFIDENCE = 0.95
+PROBABILITY_CONFIDENCE = 0.95
 LIMIT_CYCLES = "limit_cycles"  # the check
 AMPLITUDES = (LIMIT_CYCLES, IN_TIME)  # checks of large motions
 
@@ -244,7 +244,7 @@ class Proof:
         ok = np.array([r["status"] == "ok" and not m for r, m in zip(rows, left, strict=True)])
         met = ok & ~(least < self.designs.margin)  # without a mode in the band none misses it
         good = int(met.reshape(len(scatter), -1).all(axis=1).sum())
-        low, high = probability_interval(good, len(scatter), CONFIDENCE)
+        low, high = probability_interval(good, len(scatter), PROBABILITY_CONFIDENCE)
         text = (
             f"{good} of {len(scatter)} samples meet the margin at {len(points)} operating points: "
             f"probability {low:.4g} to {high:.4g}, {asked:g} asked"
@@ -260,7 +260,7 @@ class Proof:
         """Values (n, k) of what scatters."""
         from scipy.stats import qmc
 
-        enough = int(np.ceil(np.log((1 - CONFIDENCE) / 2) / np.log(asked)))
+        enough = int(np.ceil(np.log((1 - PROBABILITY_CONFIDENCE) / 2) / np.log(asked)))
         count = self.designs.goal.samples or enough
         rng = np.random.default_rng(self.designs.goal.seed + 1)
         unit = qmc.Sobol(len(self.designs.study.uncertain), scramble=True, seed=rng)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.engine.kind_screen import LISTED, KindScreen
+from squealstudy.engine.kind_screen import N_RANKING_ROWS, KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import DAMPING
 from squealstudy.screen import Rows, grid, notes
@@ -17,10 +17,11 @@ from squealstudy.wording import figure, in_digits, plural
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
-MANY, ROUNDED = 2000, 1e-3  # frequencies, beyond which logarithms are rounded: pairs are held
+# frequencies, beyond which logarithms are rounded: pairs are held
+MAX_EXACT_GROUPING, LOG_FREQUENCY_ROUNDING = 2000, 1e-3
 SAME_MODE = 0.05  # relative: farther apart in frequency, two modes are not the same one
 PER_RANGE, APART = 3, "; "  # variables named, between them
-TINY = 1e-300
+SMALLEST_POSITIVE = 1e-300
 
 
 class DesignScreen(KindScreen):
@@ -50,7 +51,7 @@ class DesignScreen(KindScreen):
         if len(variants := results.table("variants")):
             found = [f"{facts['choice']} The file's own design: {facts['verdict']}"]
             found += _variants(variants)
-        found += _modes(modes.head(LISTED)) if len(modes) else []
+        found += _modes(modes.head(N_RANKING_ROWS)) if len(modes) else []
         return [*found, *_checks(results)]
 
     def facts(self, results: ResultTables) -> Rows:
@@ -144,14 +145,14 @@ def same_modes(hz: np.ndarray) -> np.ndarray:
     if len(hz) < 2:
         return np.ones(len(hz), dtype=int)
     values, most = np.log(hz), np.log1p(SAME_MODE)
-    if len(hz) <= MANY:
+    if len(hz) <= MAX_EXACT_GROUPING:
         found: np.ndarray = fcluster(linkage(values[:, None], "complete"), most, "distance")
         return found
-    rounded, place = np.unique(np.round(values / ROUNDED), return_inverse=True)
+    rounded, place = np.unique(np.round(values / LOG_FREQUENCY_ROUNDING), return_inverse=True)
     if len(rounded) < 2:
         return np.ones(len(hz), dtype=int)
-    tree = linkage(ROUNDED * rounded[:, None], "complete")
-    of_rounded: np.ndarray = fcluster(tree, most - ROUNDED, "distance")[place]
+    tree = linkage(LOG_FREQUENCY_ROUNDING * rounded[:, None], "complete")
+    of_rounded: np.ndarray = fcluster(tree, most - LOG_FREQUENCY_ROUNDING, "distance")[place]
     return of_rounded
 
 
@@ -193,7 +194,7 @@ def _mode(
         "frequency_high_hz": high,
         "n_points": group["point_id"].nunique(),
         "n_unstable": len(unstable),
-        "share": float(solved[unstable].sum() / max(solved.sum(), TINY)),
+        "share": float(solved[unstable].sum() / max(solved.sum(), SMALLEST_POSITIVE)),
         "max_growth_rate": group["growth_rate"].max(),
         **{name: worst[name] for name in ("point_id", "mode", "pair_first_hz", "pair_second_hz")},
         "min_damping_ratio": worst["damping_ratio"],

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Solved = tuple[int, Mapping[str, Any]]  # a point of the loop and its row
-ENDS = 1e-6  # of a range: a variable is at its bound
+BOUND_REL_TOLERANCE = 1e-6  # of a range: a variable is at its bound
 
 
 def unstable_share(loop: Loop, ok: Mapping[int, Mapping[str, Any]]) -> float:
@@ -139,14 +139,14 @@ def changed(loop: Loop, design: np.ndarray) -> list[dict[str, Any]]:
             "at_bound": bool(ends[k]),
         }
         for k, (v, value) in enumerate(zip(study.variables, design, strict=True))
-        if abs(z[k]) > ENDS
+        if abs(z[k]) > BOUND_REL_TOLERANCE
     ]
 
 
 def at_bounds(loop: Loop, design: np.ndarray) -> np.ndarray:
     """Which variables (d,) of a design are at a bound, those that are as today too."""
     z = loop.change(design)
-    near: np.ndarray = np.minimum(z - loop.whole.low, loop.whole.high - z) < ENDS
+    near: np.ndarray = np.minimum(z - loop.whole.low, loop.whole.high - z) < BOUND_REL_TOLERANCE
     return near
 
 

@@ -24,7 +24,7 @@ from squealstudy.shapes.radiation import AIR_IMPEDANCE_PA_S_PER_M, Place, mean_s
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 
-SAMPLES = 512  # a period
+SAMPLES_PER_PERIOD = 512  # a period
 VELOCITY_FIELDS = (
     ("cycle_id", TEXT),
     ("mode", WHOLE),
@@ -84,7 +84,7 @@ class Observer:
 
     def velocities(self, Q: np.ndarray, omega: float) -> dict[str, tuple[float, float]]:
         """RMS and largest speed [m/s] of each named point over the period."""
-        theta = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+        theta = 2 * np.pi * np.arange(SAMPLES_PER_PERIOD) / SAMPLES_PER_PERIOD
         slope = series_at(theta, (len(Q) - 1) // 2)[1]
         found = {}
         for name, seen in self.places.items():

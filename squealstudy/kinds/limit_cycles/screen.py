@@ -30,8 +30,9 @@ from squealstudy.wording import (
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
-SHORT = 12  # characters of a reason that is no longer than the note that would stand for it
-FEW = 8  # design points, up to which no map of letters is needed
+# characters of a reason that is no longer than the note that would stand for it
+MAX_SHORT_REASON_CHARACTERS = 12
+MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 MOST_BRANCHES, MOST_EVENTS = 6, 6  # listed
 EVENTS = {"F": "folds", "H": "Hopf points"}
@@ -60,7 +61,11 @@ class LimitCyclesScreen(KindScreen):
         unit = units.get(TORQUE, "N m")
         columns = ("growth 1/s", f"RMS {unit}", "+- %", "Hz", "kick m/s", "kick %")
         words = points["verdict"].where(points["status"] == "ok", FAILED).tolist()
-        letters = self.mapped(results, words, VERDICT_LETTERS) if len(points) > FEW else []
+        letters = (
+            self.mapped(results, words, VERDICT_LETTERS)
+            if len(points) > MAX_POINTS_WITHOUT_MAP
+            else []
+        )
         if letters and len(points) > MOST_POINTS:
             listed = listed[:0]
         why = footnotes(_reasons(listed))
@@ -176,7 +181,7 @@ def footnotes(reasons: list[str]) -> dict[str, str]:
     """What stands in the table for each reason: a letter, where some of them are there twice."""
     told = list(dict.fromkeys(reasons))
     repeated = len(told) < len([r for r in reasons if r]) and len(told) <= len(ascii_lowercase)
-    long = any(len(reason) > SHORT for reason in told)
+    long = any(len(reason) > MAX_SHORT_REASON_CHARACTERS for reason in told)
     return dict(zip(told, ascii_lowercase if repeated and long else told, strict=False))
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.engine.batches import LEAST
+from squealstudy.engine.batches import MIN_BATCH_POINTS
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import WORKING_POINT_FIELDS, failed_row
@@ -72,7 +72,7 @@ def _alone(point: DesignPoint, request: SensitivityRequest) -> dict[str, Any]:
 
 def seconds_a_point(plan: Plan, request: SensitivityRequest) -> float | None:
     """Of a batch of design points, as they are timed for a forecast; None where none is solved."""
-    points = plan.tasks.at(slice(0, LEAST))
+    points = plan.tasks.at(slice(0, MIN_BATCH_POINTS))
     started, failed = time.perf_counter(), 0
     try:
         parts = batch_sensitivities(

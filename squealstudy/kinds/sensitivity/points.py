@@ -32,7 +32,7 @@ from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import component_frequencies
 
-TIMED = 3  # parameters that stand for all in a forecast
+N_TIMED_PARAMETERS = 3  # parameters that stand for all in a forecast
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def point_seconds(point: DesignPoint, request: SensitivityRequest) -> float:
     total = time.perf_counter() - started
     parameters = state_parameters(request.asked, component_frequencies(prepared.model))
     if parameters:
-        started, few = time.perf_counter(), parameters[:TIMED]
+        started, few = time.perf_counter(), parameters[:N_TIMED_PARAMETERS]
         point_sensitivities(solved, few, request.change, request.band_hz[1])
         total += (time.perf_counter() - started) * len(parameters) / len(few)
     names = structural_names(request.asked)

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.engine.kind_screen import LISTED, KindScreen
+from squealstudy.engine.kind_screen import N_RANKING_ROWS, KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.sensitivity.section import UNSTABLE
 from squealstudy.screen import Rows, grid, notes
@@ -63,7 +63,7 @@ class SensitivityScreen(KindScreen):
 
 
 def sensitivities(
-    results: ResultTables, frequency_hz: float | None = None, top: int | None = LISTED
+    results: ResultTables, frequency_hz: float | None = None, top: int | None = N_RANKING_ROWS
 ) -> list[RenderableType]:
     """The sensitivities of one mode, largest first; ResultsError where there is no such mode."""
     every = results.sensitivities

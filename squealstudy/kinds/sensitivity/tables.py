@@ -64,7 +64,8 @@ SCHEMA = pa.schema(
 )
 RAW = pa.schema([*MODE_FIELDS[:5], *MODE_HEAD, *SENSITIVITY_FIELDS])  # a row a sensitivity
 PERCENT = 0.01
-NOISE = 1e-12  # of |lambda|: finite changes below are round-off, nothing is compared with them
+# of |lambda|: finite changes below are round-off, nothing is compared with them
+CHANGE_ROUND_OFF = 1e-12
 MODE_OF = re.compile(r"(?P<component>\w+)\.modes\[(?P<mode>\d+)\]\.\w+")
 SUMMARY_FIELDS = (("n_modes", WHOLE), ("max_growth_rate", REAL))
 TYPES = {
@@ -171,7 +172,7 @@ def _columns(raw: pd.DataFrame, units: Mapping[str, str], tolerance: float) -> p
 def _disagreement(lam: np.ndarray, predicted: np.ndarray, finite: np.ndarray) -> np.ndarray:
     """|predicted - finite| / |finite| of the change of lambda; NaN where nothing changes."""
     size = np.abs(finite)
-    seen = size > NOISE * np.abs(lam)
+    seen = size > CHANGE_ROUND_OFF * np.abs(lam)
     return np.where(seen, np.abs(predicted - finite) / np.where(seen, size, 1.0), np.nan)
 
 

@@ -56,7 +56,7 @@ MOST_ENDS = 6  # design points looked at for warnings
 # regularisation speed over decay speed: slow stick-slip of a mass on a belt (RMS 4.86 N) has 2 %
 # less at 1/50, and .74 N or none at 2
 MOST_OF_DECAY = 0.2
-SNAPSHOTS = 1500  # of each design point
+SNAPSHOTS_PER_POINT = 1500  # of each design point
 # of a training run, of the sliding speed: the limit cycle is soon reached
 TRAINING_VELOCITY_RATIO = 0.1
 
@@ -246,7 +246,9 @@ def training_run(plan: Plan, prepared_key: str) -> Training:
         if isinstance(made, MotionPoint)
     ]
     settings = settings_of(task.section.training, 0)
-    settings = replace(settings, save_every=max(1, settings.n_steps // SNAPSHOTS), save_q=True)
+    settings = replace(
+        settings, save_every=max(1, settings.n_steps // SNAPSHOTS_PER_POINT), save_q=True
+    )
     finished = [m for m in simulate(system, designs, settings) if m.outcome == "ok"]
     if not finished:
         raise SquealstudyError(

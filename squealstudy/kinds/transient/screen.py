@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 MOST_COLUMNS = 2  # parameters with a column of their own
-FEW = 8  # design points, up to which no map of letters is needed
+MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
 N_FINDING_COLUMNS = 9  # columns of `_findings`
@@ -83,7 +83,11 @@ class TransientScreen(KindScreen):
         unit = results.units.get(TORQUE, "N m")
         parts = points(results.points, results.parameters, results.units, unit)
         words = results.points["class"].tolist()
-        letters = self.mapped(results, words, CLASS_LETTERS) if len(words) > FEW else []
+        letters = (
+            self.mapped(results, words, CLASS_LETTERS)
+            if len(words) > MAX_POINTS_WITHOUT_MAP
+            else []
+        )
         if letters:
             parts = [*letters, "", *parts]
         return [self.verdict(results), "", *parts, "", *self.ranking(results)]

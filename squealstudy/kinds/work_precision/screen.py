@@ -27,7 +27,7 @@ SHORT = {
     "dominant_frequency": "line",
     "energy_share": "shares",
 }
-TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+SHOWN_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
 
 class WorkPrecisionScreen(KindScreen):
@@ -83,7 +83,7 @@ def _error(value: float, within: bool) -> str:
 
 def _fronts(results: ResultTables) -> RenderableType:
     """The cheapest measurement within each tolerance, and how far the default is from it."""
-    table = at_tolerances(results.measurements, results.fact("quantities"), TOLERANCES)
+    table = at_tolerances(results.measurements, results.fact("quantities"), SHOWN_TOLERANCES)
     table = table[(table["quantity"] == table["quantity"].iloc[-1]) & (table["cheapest"] != "")]
     return grid(
         *("all within", "word:cheapest", "cost s", "word:default", "cost s", "ratio"),

@@ -23,7 +23,7 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import KernelRun, OneByOne
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
-ATOL = 1e-3  # absolute over relative tolerance, in units of each coordinate's scale
+ATOL_OVER_RTOL = 1e-3  # absolute over relative tolerance, in units of each coordinate's scale
 
 
 class Adaptive(OneByOne):
@@ -53,7 +53,7 @@ class Adaptive(OneByOne):
         plain = Newmark(max_halvings=0, mockup="never")
         case = own_arrays(system, design, replace(settings, integrator=plain))
         equations = Equations(case)
-        atol = (self.atol or ATOL * self.rtol) * scales(case)
+        atol = (self.atol or ATOL_OVER_RTOL * self.rtol) * scales(case)
         y0 = np.concatenate(design.start(system.n))
         end = settings.n_steps * settings.step
         extra = {"jac": equations.jacobian} if self.implicit else {}

@@ -37,7 +37,7 @@ from squealstudy.system.parametric import (
 )
 
 OMEGA_1, OMEGA_2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
-SAFE = 2.0  # times the estimate, THEORY.md eq. (39)
+ESTIMATE_SAFETY_FACTOR = 2.0  # times the estimate, THEORY.md eq. (39)
 REACH = 2.0
 
 KNOBS = (
@@ -56,7 +56,9 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
         anchor = make_anchor(problem, np.array([knobs["anchor"]]), REACH)
         found = perturbed_roots(problem, anchor, to, 2)
         assert isinstance(found, EstimatedRoots)  # every friction has a working point
-        estimate = SAFE * float((found.error / np.abs(found.lam)).max(initial=0.0))
+        estimate = ESTIMATE_SAFETY_FACTOR * float(
+            (found.error / np.abs(found.lam)).max(initial=0.0)
+        )
     exact = exact_roots(to[0], knobs["damping_ratio"])
     error = distance(found.lam, exact)
     tolerance = knobs["tolerance"]

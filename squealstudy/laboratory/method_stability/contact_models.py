@@ -22,10 +22,11 @@ REFERENCE_PRESSURE = 1e6  # Pa
 REFERENCE_LAMBDA = 5e5  # 1/m
 DAMPING_RATIO = 0.01
 SEED = 3
-MODES, POINTS = 6, 8
-NEARLY_OPEN, LEFT = (0, 5), 1e-3  # points that carry next to nothing, and their share of pressure
-DISTURBED = 1e-5  # of the distance over which the contact law changes by its own size
-STUCK = (2, 6)  # points that the kicked state holds
+N_MODES, N_POINTS = 6, 8
+# points that carry next to nothing, and their share of pressure
+NEARLY_OPEN, NEARLY_OPEN_PRESSURE_SHARE = (0, 5), 1e-3
+GAP_DISTURBANCE_RATIO = 1e-5  # of the distance over which the contact law changes by its own size
+STUCK_POINTS = (2, 6)  # points that the kicked state holds
 
 CONTACT_KNOBS = (
     Knob("step", "time step h", 1e-6, low=1e-8, high=1e-2, unit="s"),
@@ -52,11 +53,11 @@ class ContactState:
 def rough_model() -> tuple[ModalSystem, np.ndarray]:
     """Six modes under eight points, drawn from a seed; reference pressures (nc,), Pa."""
     rng = np.random.default_rng(SEED)
-    w2 = (2 * np.pi * np.sort(rng.uniform(800.0, 9e3, MODES))) ** 2
-    area = rng.uniform(0.5, 1.5, POINTS) * 1e-2 / POINTS
-    p = rng.uniform(0.5, 1.5, POINTS) * REFERENCE_PRESSURE
+    w2 = (2 * np.pi * np.sort(rng.uniform(800.0, 9e3, N_MODES))) ** 2
+    area = rng.uniform(0.5, 1.5, N_POINTS) * 1e-2 / N_POINTS
+    p = rng.uniform(0.5, 1.5, N_POINTS) * REFERENCE_PRESSURE
     k = area * p * REFERENCE_LAMBDA
-    rows = rng.normal(size=(3, POINTS, MODES)) * np.sqrt(0.3 * w2.mean() / (k.sum() * MODES))
+    rows = rng.normal(size=(3, N_POINTS, N_MODES)) * np.sqrt(0.3 * w2.mean() / (k.sum() * N_MODES))
     values, phi = la.eigh(np.diag(w2) + rows[0].T @ (k[:, None] * rows[0]))
     return pressed(values, rows @ phi, area, p), p
 
@@ -104,11 +105,11 @@ def pressed(
 def rough_state(values: Mapping[str, float]) -> ContactState:
     """Six modes, eight points: two held, two nearly open, the others slide, all of it moving."""
     system, p_ref = rough_model()
-    share = np.ones(POINTS)
-    share[list(NEARLY_OPEN)] = LEFT
+    share = np.ones(N_POINTS)
+    share[list(NEARLY_OPEN)] = NEARLY_OPEN_PRESSURE_SHARE
     design = _design(system, p_ref * share, values)
-    held = np.vstack([system.T1[list(STUCK)], system.T2[list(STUCK)]])
-    stop = np.repeat([-values["sliding_speed"], 0.0], len(STUCK))
+    held = np.vstack([system.T1[list(STUCK_POINTS)], system.T2[list(STUCK_POINTS)]])
+    stop = np.repeat([-values["sliding_speed"], 0.0], len(STUCK_POINTS))
     v0 = np.linalg.lstsq(held, stop, rcond=None)[0]
     return ContactState(system, replace(design, v0=v0))
 
@@ -116,7 +117,7 @@ def rough_state(values: Mapping[str, float]) -> ContactState:
 def sliding_state(values: Mapping[str, float]) -> ContactState:
     """One point that slides, so little off its equilibrium that its tangents are those there."""
     system, p_ref = single_point()
-    closer = -DISTURBED / (values["lambda"] * system.N[0, 0])
+    closer = -GAP_DISTURBANCE_RATIO / (values["lambda"] * system.N[0, 0])
     design = _design(system, p_ref, values)
     return ContactState(system, replace(design, q0=np.array([closer, 0.0])))
 

@@ -33,10 +33,11 @@ from squealstudy.motion.system import (
     stick_number,
 )
 
-STEPS = 20
+N_STEPS = 20
 SLOW_PASSES = 10.0  # passes a step: five times those of a squealing brake
-FINE = 16  # sub-steps of the reference of a run that halved: as many as its halvings allow
-SAME = 0.05  # relative distance from which on a final state is another one
+# sub-steps of the reference of a run that halved: as many as its halvings allow
+REFERENCE_SUBSTEPS = 16
+MAX_REL_STATE_ERROR = 0.05  # relative distance from which on a final state is another one
 ENERGY = "energy drift"
 
 
@@ -60,7 +61,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
         by = help_needed(state, settings, result)
     outcome = RECOVERED if by else SLOW if cost > SLOW_PASSES else CONVERGED
     flagged = not energy_drift(result) <= ExactFreeMotion.drift_limit
-    if error > SAME:
+    if error > MAX_REL_STATE_ERROR:
         outcome, by = WRONG, ENERGY if flagged else by
     return CaseResult(
         outcome=outcome,
@@ -79,7 +80,7 @@ def chain_settings(step: float, chain: ExactFreeMotion | None = None) -> MotionS
     Such steps are not cut where a point meets a corner of its law.
     """
     method = (chain or ExactFreeMotion()).model_copy(update={"corner_halvings": 0})
-    return MotionSettings(STEPS * step, step, 1, method, tolerance=method.tolerance)
+    return MotionSettings(N_STEPS * step, step, 1, method, tolerance=method.tolerance)
 
 
 def run(state: ContactState, settings: MotionSettings) -> Motion:
@@ -123,7 +124,9 @@ def deviation(state: ContactState, settings: MotionSettings, result: Motion) -> 
     reference = run(state, sharp)
     if not result.halvings and not reference.halvings:
         return distance(state, result, reference)
-    return distance(state, result, run(state, replace(sharp, step=settings.step / FINE)))
+    return distance(
+        state, result, run(state, replace(sharp, step=settings.step / REFERENCE_SUBSTEPS))
+    )
 
 
 def distance(state: ContactState, a: Motion, b: Motion) -> float:

@@ -39,12 +39,12 @@ from squealstudy.reduction.contact_space import ContactSpace, contact_space
 from squealstudy.reduction.working_point import MAX_ITERATIONS, working_point
 
 K_XX, K_XY, K_YY = 1e7, -8e6, 1.64e7  # N/m: mu_c = 1.25, k = 1e7
-SOFT = K_YY - K_XY**2 / K_XX
+CONDENSED_STIFFNESS = K_YY - K_XY**2 / K_XX
 CRITICAL = K_XX / abs(K_XY)
-AREA, P_0 = 1e-3, 1e5  # m2, Pa
+AREA_M2, P_0 = 1e-3, 1e5  # m2, Pa
 SLOW_FROM = 30  # Newton iterations
 DIVERGES = "real positive root"
-SAME = 1e-6  # distance of gaps, in 1/lambda, up to which two are one
+MAX_GAP_ERROR = 1e-6  # distance of gaps, in 1/lambda, up to which two are one
 
 KNOBS = (
     Knob("friction", "friction coefficient", 0.5, low=0.0, high=5.0),
@@ -67,7 +67,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     `error` is the distance to the gap of the closed form, in 1/lambda. Beyond mu_c there is a
     second equilibrium, pressed and unstable: it is flagged by the root of its linearisation.
     """
-    lam, load = knobs["lambda"], knobs["tension"] - knobs["pressure"] * AREA
+    lam, load = knobs["lambda"], knobs["tension"] - knobs["pressure"] * AREA_M2
     predicted = knobs["friction"] / largest_friction(lam, load)
     law = contact_law("exponential", p0=P_0, lam=lam)
     point = OperatingPoint(knobs["friction"], knobs["pressure"], 1.0, law)
@@ -82,7 +82,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     exact = equilibrium_gap(lam, load, knobs["friction"])
     error = lam * abs(float(found.gap[0]) - exact) if np.isfinite(exact) else np.inf
     slow = found.iterations > SLOW_FROM
-    outcome = WRONG if not error < SAME else SLOW if slow else CONVERGED
+    outcome = WRONG if not error < MAX_GAP_ERROR else SLOW if slow else CONVERGED
     diverges = outcome == WRONG and leaves(float(found.tangent[0]), knobs["friction"])
     return CaseResult(
         outcome=outcome,
@@ -104,20 +104,20 @@ def one_point(tension: float) -> ContactSpace:
         N=sp.csr_matrix([[0.0, 1.0]]),
         T=sp.csr_matrix([[1.0, 0.0]]),
         T_perp=sp.csr_matrix((1, 2)),
-        area=np.array([AREA]),
+        area=np.array([AREA_M2]),
         gap0=np.zeros(1),
         radius=np.ones(1),
         law=contact_law(),
         frictional=np.ones(1),
     )
-    loads = np.array([0.0, -AREA]), np.array([0.0, tension])
+    loads = np.array([0.0, -AREA_M2]), np.array([0.0, tension])
     assembly = Assembly((point_mass("mass", 1.0),), contact, (springs,), *loads)
-    return contact_space(assembly, SOFT / AREA, np.zeros((2, 0)))
+    return contact_space(assembly, CONDENSED_STIFFNESS / AREA_M2, np.zeros((2, 0)))
 
 
 def leaves(tangent: float, friction: float) -> bool:
     """Whether complex modes at a contact tangent [Pa/m] have a real positive root: divergence."""
-    k_n = AREA * tangent
+    k_n = AREA_M2 * tangent
     K = np.array([[K_XX, K_XY - friction * k_n], [K_XY, K_YY + k_n]])
     lam, _ = dense_roots(np.zeros((2, 2)), K, (0.0, np.inf))
     return bool(((lam.real > 0) & (lam.imag == 0)).any())
@@ -125,15 +125,15 @@ def leaves(tangent: float, friction: float) -> bool:
 
 def largest_friction(lam: float, load: float) -> float:
     """Friction up to which there is an equilibrium under a load F [N]."""
-    exponent = min(lam * load / SOFT - 1.0, 700.0)
-    return float(CRITICAL * (1.0 + SOFT / (lam * AREA * P_0) * np.exp(exponent)))
+    exponent = min(lam * load / CONDENSED_STIFFNESS - 1.0, 700.0)
+    return float(CRITICAL * (1.0 + CONDENSED_STIFFNESS / (lam * AREA_M2 * P_0) * np.exp(exponent)))
 
 
 def equilibrium_gap(lam: float, load: float, friction: float) -> float:
     """The gap [m] of the stable equilibrium; NaN where there is none."""
     share = 1.0 - friction / CRITICAL
-    free = lam * load / SOFT  # gaps in 1/lambda from here on
-    push = share * lam * AREA * P_0 / SOFT
+    free = lam * load / CONDENSED_STIFFNESS  # gaps in 1/lambda from here on
+    push = share * lam * AREA_M2 * P_0 / CONDENSED_STIFFNESS
     if push == 0.0:
         return free / lam
     if push > 0.0:  # z - free = push exp(-z), in logarithms: no overflow

@@ -33,13 +33,13 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import MotionPoint
 
-STEPS = 4000
-START = 1e-6  # m/s
-BOUND = 1e6  # N, what friction holds
+N_STEPS = 4000
+START_VELOCITY = 1e-6  # m/s
+FRICTION_BOUND_N = 1e6  # N, what friction holds
 LAMBDA = 1e12  # 1/m: the mode does not move the contact
-HUGE = 1e8  # times the energy at the start: it has grown, and may soon slip
-GROWS = 1e-4  # a step: more than a beat of the energy
-PARTS = 4
+GROWN_ENERGY_RATIO = 1e8  # times the energy at the start: it has grown, and may soon slip
+MIN_GROWTH_PER_STEP = 1e-4  # a step: more than a beat of the energy
+N_PARTS = 4
 
 KNOBS = (
     Knob("step", "time step h", 1e-5, low=1e-9, high=1.0, unit="s"),
@@ -63,7 +63,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     }
     if result.outcome != "ok":
         return failed(result.outcome, **numbers)
-    wrong = growth > 1.0 + GROWS
+    wrong = growth > 1.0 + MIN_GROWTH_PER_STEP
     return judged(wrong, alarm("energy drift", drift, DRIFT_LIMIT) if wrong else "", **numbers)
 
 
@@ -78,29 +78,31 @@ def swing(knobs: Mapping[str, float]) -> Motion:
     """The mode from a small velocity on, every step saved."""
     omega = 2 * np.pi * knobs["frequency"]
     along, one = np.array([[[0.0]], [[1.0]], [[0.0]]]), np.ones(1)
-    system = pressed(np.array([omega**2]), along, one, BOUND * one, LAMBDA, p0=BOUND)
-    law = contact_law("exponential", p0=BOUND, lam=LAMBDA)
+    system = pressed(
+        np.array([omega**2]), along, one, FRICTION_BOUND_N * one, LAMBDA, p0=FRICTION_BOUND_N
+    )
+    law = contact_law("exponential", p0=FRICTION_BOUND_N, lam=LAMBDA)
     friction = FrictionLaw(1.0, max(knobs["stick_rate"], np.finfo(float).tiny))
     damping = np.array([2 * knobs["damping_ratio"] * omega])
-    design = MotionPoint(law, friction, 0.0, damping, v0=np.array([START]))
+    design = MotionPoint(law, friction, 0.0, damping, v0=np.array([START_VELOCITY]))
     method = CentralDifference(velocity="lagged" if knobs["lagged"] >= 0.5 else "extrapolated")
-    settings = MotionSettings(STEPS * knobs["step"], knobs["step"], 1, method)
+    settings = MotionSettings(N_STEPS * knobs["step"], knobs["step"], 1, method)
     return simulate(system, [design], settings)[0]
 
 
 def rate(result: Motion) -> float:
     """Growth of the amplitude a step, 1 where it stays bounded."""
     energy = result.history["modal_energy"]
-    beyond = np.flatnonzero(~(energy < HUGE * energy[0]))
-    if len(energy) < PARTS or (len(beyond) and beyond[0] <= 1):
+    beyond = np.flatnonzero(~(energy < GROWN_ENERGY_RATIO * energy[0]))
+    if len(energy) < N_PARTS or (len(beyond) and beyond[0] <= 1):
         return np.inf  # gone within a step or two
     if len(beyond):
         last = beyond[0] - 1  # what is beyond may slip, or be no number
         middle = last // 2
         return float((energy[last] / energy[middle]) ** (0.5 / max(last - middle, 1)))
     # the largest of a part: the energy of the scheme is not this one and beats with it
-    *_, before, end = (part.max() for part in np.array_split(energy, PARTS))
-    return max(1.0, float((end / before) ** (0.5 * PARTS / len(energy))))
+    *_, before, end = (part.max() for part in np.array_split(energy, N_PARTS))
+    return max(1.0, float((end / before) ** (0.5 * N_PARTS / len(energy))))
 
 
 EXPLICIT = StabilityCase(

@@ -34,12 +34,15 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import KernelRun
 
 SLOW_FROM = 40  # iterations: what a run allows before it halves its step
-SAME = 1e-5  # relative distance of accelerations within which two ends of a step are one
-MOST = 4000  # iterations: 2 % below the boundary a step takes 1,000
-SHARP = 1e-9  # tolerance of a step that counts as converged
-ENDLESS = 1e-15  # tolerance of an iteration that is only watched
-NUDGE = 1e-8  # distance from the solution, in `scale`, at which the local iteration starts
-GROWN, SHRUNK = 1e5, 1e-3  # times its first residual: between them rates are read
+# relative distance of accelerations within which two ends of a step are one
+MAX_REL_ACCELERATION_ERROR = 1e-5
+MAX_ITERATIONS = 4000  # iterations: 2 % below the boundary a step takes 1,000
+CONVERGED_TOLERANCE = 1e-9  # tolerance of a step that counts as converged
+WATCHED_TOLERANCE = 1e-15  # tolerance of an iteration that is only watched
+# distance from the solution, in `scale`, at which the local iteration starts
+START_REL_DISTANCE = 1e-8
+# times its first residual: between them rates are read
+GROWN_RESIDUAL_RATIO, SHRUNK_RESIDUAL_RATIO = 1e5, 1e-3
 NOT_CONVERGED = "not_converged"
 NO_REFERENCE = "newton found no end of the step"
 
@@ -61,7 +64,9 @@ def measure(
     if not trace.converged:
         return failed(NOT_CONVERGED, predicted=predicted, measured=measured, cost=cost)
     error = float(np.linalg.norm(trace.pull - end.pull)) / scale(state, end.pull)
-    outcome = WRONG if error > SAME else SLOW if cost > SLOW_FROM else CONVERGED
+    outcome = (
+        WRONG if error > MAX_REL_ACCELERATION_ERROR else SLOW if cost > SLOW_FROM else CONVERGED
+    )
     return CaseResult(
         outcome=outcome, predicted=predicted, measured=measured, error=error, cost=cost
     )
@@ -79,7 +84,9 @@ class Trace:
 def plain_settings(step: float, contact_factor: float) -> MotionSettings:
     """One step with every help switched off."""
     plain = Newmark(max_halvings=0, aitken=False, contact_factor=contact_factor, mockup="never")
-    return MotionSettings(step, step, 0, plain, tolerance=SHARP, max_iterations=MOST)
+    return MotionSettings(
+        step, step, 0, plain, tolerance=CONVERGED_TOLERANCE, max_iterations=MAX_ITERATIONS
+    )
 
 
 @dataclass(frozen=True)
@@ -106,7 +113,9 @@ def iterate(state: ContactState, settings: MotionSettings, first: np.ndarray) ->
 def solved(state: ContactState, step: float) -> Solution | None:
     """The end of the step by Newton's method; None where that finds none."""
     newton = NewmarkNewton(max_halvings=0)
-    settings = MotionSettings(step, step, 0, newton, tolerance=SHARP**0.5, max_iterations=400)
+    settings = MotionSettings(
+        step, step, 0, newton, tolerance=CONVERGED_TOLERANCE**0.5, max_iterations=400
+    )
     run = KernelRun.of(state.system, [state.design], settings)
     newmark_batch(*run.arguments)
     work, n = run.work, state.system.n
@@ -153,8 +162,8 @@ def local_contraction(state: ContactState, settings: MotionSettings, solution: S
     """
     pull = solution.pull
     direction = np.random.default_rng(1).normal(size=len(pull))
-    first = pull + NUDGE * scale(state, pull) * direction / np.linalg.norm(direction)
-    endless = replace(settings, tolerance=ENDLESS)
+    first = pull + START_REL_DISTANCE * scale(state, pull) * direction / np.linalg.norm(direction)
+    endless = replace(settings, tolerance=WATCHED_TOLERANCE)
     trace = iterate(state, endless, first)
     if len(trace.residuals) < 2:
         return 0.0 if trace.converged else np.inf
@@ -171,7 +180,7 @@ def rate(e: np.ndarray) -> float:
 
     They no longer do where they have grown or shrunk too far: round-off, or other branches.
     """
-    left = np.flatnonzero((e >= GROWN * e[0]) | (e <= SHRUNK * e[0]))
+    left = np.flatnonzero((e >= GROWN_RESIDUAL_RATIO * e[0]) | (e <= SHRUNK_RESIDUAL_RATIO * e[0]))
     last = max(int(left[0]) - 1 if len(left) else len(e) - 1, 1)
     middle = last // 2
     return float((e[last] / e[middle]) ** (1.0 / (last - middle)))

@@ -34,9 +34,10 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import MotionPoint
 
-IMPACTS = 30
-LIMIT = 1.26  # h omega_peak below which 1 % of random cells gain more than GAIN, beyond 2 all
-GAIN = 1e-2  # of the energy from which on an answer is wrong
+N_IMPACTS = 30
+# h omega_peak below which 1 % of random cells gain more than MAX_REL_ENERGY_GAIN, beyond 2 all
+STEP_LIMIT = 1.26
+MAX_REL_ENERGY_GAIN = 1e-2  # of the energy from which on an answer is wrong
 P_0 = 1e-2  # Pa: the contact is far away in free flight
 
 KNOBS = (
@@ -59,7 +60,7 @@ KNOBS = (
 def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is the largest energy of a free flight over that at the start."""
     # the contact force of the discrete gradient is its potential's difference: exact
-    predicted = 0.0 if knobs["gradient"] >= 0.5 else peak_number(knobs) / LIMIT
+    predicted = 0.0 if knobs["gradient"] >= 0.5 else peak_number(knobs) / STEP_LIMIT
     with np.errstate(over="ignore", invalid="ignore"):
         result = fly(knobs)
     cost = result.mean_iterations
@@ -71,7 +72,14 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     error = float(np.abs(stored[free] / stored[0] - 1.0).max())
     limit = (ExactFreeMotion if knobs["exact"] >= 0.5 else Newmark).drift_limit
     said = alarm("energy drift", energy_drift(result), limit)
-    return judged(error > GAIN, said, predicted=predicted, measured=ratio, error=error, cost=cost)
+    return judged(
+        error > MAX_REL_ENERGY_GAIN,
+        said,
+        predicted=predicted,
+        measured=ratio,
+        error=error,
+        cost=cost,
+    )
 
 
 def peak_number(knobs: Mapping[str, float]) -> float:
@@ -96,7 +104,7 @@ def fly(knobs: Mapping[str, float]) -> Motion:
     free = replace(system, k_ref=none, force=np.zeros((1, 3)))  # all of the contact is in its law
     v0 = np.array([knobs["velocity"]])
     design = MotionPoint(law, FrictionLaw(0.0, 1.0), 0.0, none, v0=v0)
-    duration = max(IMPACTS * np.pi / omega, 2 * knobs["step"])
+    duration = max(N_IMPACTS * np.pi / omega, 2 * knobs["step"])
     method: Integrator = ExactFreeMotion() if knobs["exact"] >= 0.5 else Newmark()
     if knobs["gradient"] >= 0.5:
         method = DiscreteGradient()

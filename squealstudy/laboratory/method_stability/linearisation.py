@@ -25,10 +25,10 @@ from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.reanalysis.estimate import bounded, residuals
 
-MODES = 8
-LOWEST = 1e3  # rad/s
-ACCURATE = 1e-6  # relative error of a root from which on it is wrong
-SAFE = 10.0  # times the estimate
+N_MODES = 8
+LOWEST_OMEGA = 1e3  # rad/s
+MAX_REL_ERROR = 1e-6  # relative error of a root from which on it is wrong
+ESTIMATE_SAFETY_FACTOR = 10.0  # times the estimate
 
 KNOBS = (
     Knob("stiffness_ratio", "largest over smallest stiffness", 1e3, low=1.0, high=1e20),
@@ -47,12 +47,12 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     error = distance(lam, exact[exact.imag >= 0])
     limit = predicted_error(C, K, exact)
     with np.errstate(over="ignore", invalid="ignore"):
-        estimate = SAFE * estimated(C, K, lam, psi)
+        estimate = ESTIMATE_SAFETY_FACTOR * estimated(C, K, lam, psi)
     return judged(
-        error > ACCURATE,
-        alarm("estimate", estimate, ACCURATE),
-        predicted=limit / ACCURATE,
-        measured=error / ACCURATE,
+        error > MAX_REL_ERROR,
+        alarm("estimate", estimate, MAX_REL_ERROR),
+        predicted=limit / MAX_REL_ERROR,
+        measured=error / MAX_REL_ERROR,
         error=error,
         cost=len(lam),
     )
@@ -60,10 +60,10 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
 
 def turned_modes(ratio: float, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """C, K (n, n) of uncoupled modes in other coordinates, and all of their roots (2n,)."""
-    omega = LOWEST * np.sqrt(np.geomspace(1.0, ratio, MODES))
-    zeta = np.full(MODES, 0.01)
+    omega = LOWEST_OMEGA * np.sqrt(np.geomspace(1.0, ratio, N_MODES))
+    zeta = np.full(N_MODES, 0.01)
     zeta[-1] = damping
-    turn = la.qr(np.random.default_rng(4).normal(size=(MODES, MODES)))[0]
+    turn = la.qr(np.random.default_rng(4).normal(size=(N_MODES, N_MODES)))[0]
     C = (turn * (2 * zeta * omega)) @ turn.T
     K = (turn * omega**2) @ turn.T
     root = np.sqrt((zeta**2 - 1).astype(complex))

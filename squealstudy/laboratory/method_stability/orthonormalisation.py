@@ -21,9 +21,9 @@ from squealstudy.laboratory.method_stability.contract import (
 )
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 
-SIZE, HELD, TRACES = 40, 5, 8
+N_ROWS, N_HELD, N_TRACES = 40, 5, 8
 SEEN = float(np.sqrt(np.finfo(float).eps))  # singular values below it drown in their squares
-ORTHONORMAL = 1e-10  # |M - I| beyond which a basis is wrong
+MAX_ORTHONORMALITY_ERROR = 1e-10  # |M - I| beyond which a basis is wrong
 
 KNOBS = (
     Knob("dependence", "smallest singular value over the largest", 1e-3, low=1e-14, high=1.0),
@@ -51,26 +51,28 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     """
     M, K, phi, rest = chain()
     rng = np.random.default_rng(2)
-    mix = la.qr(rng.normal(size=(TRACES, TRACES)))[0]
-    sizes = np.geomspace(1.0, knobs["dependence"], TRACES)
-    inside = knobs["held"] * phi @ rng.normal(size=(HELD, TRACES))
+    mix = la.qr(rng.normal(size=(N_TRACES, N_TRACES)))[0]
+    sizes = np.geomspace(1.0, knobs["dependence"], N_TRACES)
+    inside = knobs["held"] * phi @ rng.normal(size=(N_HELD, N_TRACES))
     vectors = (rest * sizes) @ mix + inside
     largest = float(np.sqrt(np.linalg.eigvalsh(vectors.T @ (M @ vectors))[-1]))
     predicted = max(knobs["tolerance"], SEEN) * largest / knobs["dependence"]
     try:
         T, _ = complete_basis(M, K, phi, [(vectors, knobs["tolerance"])])
     except la.LinAlgError:
-        return failed("singular", predicted=predicted, cost=TRACES)
-    lost = HELD + TRACES - T.shape[1]
+        return failed("singular", predicted=predicted, cost=N_TRACES)
+    lost = N_HELD + N_TRACES - T.shape[1]
     off = float(np.abs(T.T @ (M @ T) - np.eye(T.shape[1])).max())
     missing = vectors - T @ (T.T @ (M @ vectors))
     error = float(np.sqrt(np.abs(np.einsum("ij,ij->j", missing, M @ missing)).max())) / largest
-    wrong = off > ORTHONORMAL or error > knobs["tolerance"] + np.finfo(float).eps * SIZE
+    wrong = (
+        off > MAX_ORTHONORMALITY_ERROR or error > knobs["tolerance"] + np.finfo(float).eps * N_ROWS
+    )
     outcome = WRONG if wrong else RECOVERED if lost else CONVERGED
     return CaseResult(
         outcome=outcome,
         predicted=predicted,
-        measured=max(float(lost), off / ORTHONORMAL),
+        measured=max(float(lost), off / MAX_ORTHONORMALITY_ERROR),
         error=error,
         cost=T.shape[1],
         by="truncation" if lost else "",
@@ -82,14 +84,14 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
 def chain() -> Component:
     """Forty unequal masses on springs, free at both ends."""
     rng = np.random.default_rng(1)
-    masses = rng.uniform(0.5, 2.0, SIZE)
-    ends = np.zeros(SIZE)
+    masses = rng.uniform(0.5, 2.0, N_ROWS)
+    ends = np.zeros(N_ROWS)
     ends[[0, -1]] = 1.0
     M = sp.diags(masses, format="csr")
-    K = 1e6 * sp.diags([2.0 - ends, -np.ones(SIZE - 1), -np.ones(SIZE - 1)], [0, 1, -1])
+    K = 1e6 * sp.diags([2.0 - ends, -np.ones(N_ROWS - 1), -np.ones(N_ROWS - 1)], [0, 1, -1])
     _, modes = la.eigh(K.toarray(), np.diag(masses))
-    mixed = modes[:, HELD:] @ la.qr(rng.normal(size=(SIZE - HELD, SIZE - HELD)))[0]
-    return Component(M, K.tocsr(), modes[:, :HELD], mixed[:, :TRACES])
+    mixed = modes[:, N_HELD:] @ la.qr(rng.normal(size=(N_ROWS - N_HELD, N_ROWS - N_HELD)))[0]
+    return Component(M, K.tocsr(), modes[:, :N_HELD], mixed[:, :N_TRACES])
 
 
 ORTHONORMALISATION = StabilityCase(

@@ -30,11 +30,11 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
-UNIT = 2.0**-24  # round-off of single precision
-ROWS = 1.0 + UNIT * np.array([0.9, 1.1])  # rounded down to 1 and up to 1 + 2 u
+FLOAT32_ROUND_OFF = 2.0**-24  # round-off of single precision
+ROWS = 1.0 + FLOAT32_ROUND_OFF * np.array([0.9, 1.1])  # rounded down to 1 and up to 1 + 2 u
 OMEGA = 2 * np.pi * 500.0
-PERIODS, STEPS = 1, 100  # and steps in each
-FORCE = 1e-6  # N, on 1 m2
+N_PERIODS, STEPS_PER_PERIOD = 1, 100  # and steps in each
+FORCE_N = 1e-6  # N, on 1 m2
 
 KNOBS = (
     Knob("amplitude", "motion along the surface", 1e-4, low=1e-12, high=1.0, unit="m"),
@@ -47,9 +47,9 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is what `storage_number` says, `error` the largest one of the force."""
     single = knobs["single"] >= 0.5
     system, design = light_touch(knobs["lambda"])
-    step = 2 * np.pi / OMEGA / STEPS
+    step = 2 * np.pi / OMEGA / STEPS_PER_PERIOD
     q0 = knobs["amplitude"] * np.array([ROWS[1], -ROWS[0]])
-    settings = MotionSettings(PERIODS * STEPS * step, step, 1)
+    settings = MotionSettings(N_PERIODS * STEPS_PER_PERIOD * step, step, 1)
     methods = Newmark(single_storage=single), Newmark()
     with np.errstate(over="ignore"):
         stored, exact = (
@@ -78,14 +78,16 @@ def light_touch(lam: float) -> tuple[ModalSystem, MotionPoint]:
     """Two modes of one frequency under a contact point that they slide along."""
     rows = np.zeros((3, 1, 2))
     rows[0] = ROWS
-    system = pressed(np.full(2, OMEGA**2), rows, np.ones(1), np.array([FORCE]), lam)
+    system = pressed(np.full(2, OMEGA**2), rows, np.ones(1), np.array([FORCE_N]), lam)
     law = contact_law("exponential", lam=lam)
     return system, MotionPoint(law, FrictionLaw(0.0, 1.0), 0.0, np.zeros(2))
 
 
 def predict(knobs: Mapping[str, float]) -> float:
     """Bound of the error of the pressure by round-off, over the limit."""
-    return float(knobs["lambda"] * 2 * UNIT * np.prod(ROWS) * knobs["amplitude"] / STORAGE_LIMIT)
+    return float(
+        knobs["lambda"] * 2 * FLOAT32_ROUND_OFF * np.prod(ROWS) * knobs["amplitude"] / STORAGE_LIMIT
+    )
 
 
 STORAGE = StabilityCase(

@@ -2,8 +2,9 @@
 
 Two oscillators with squared frequencies w^2 (1 +- s x) and a coupling c w^2 never cross: the lower
 mode stays the lower. Their shapes turn within a width 2 c / s of x; over a longer step the shapes
-alone would exchange the labels. A veering so narrow that a mode keeps its shape (`KEPT`) when it
-takes the other's place is a crossing to anyone who looks at both ends: either labelling is right.
+alone would exchange the labels. A veering so narrow that a mode keeps its shape
+(`MIN_FOLLOWED_MAC`) when it takes the other's place is a crossing to anyone who looks at both ends:
+either labelling is right.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from squealstudy.modes.tracking.pairing import Pairing, mac, pair_modes
 from squealstudy.modes.tracking.refinement import Modes, StepRefinement
 
 OMEGA = 2 * np.pi * 1000.0
-KEPT = 0.95  # MAC; refinement takes a sub-step above 0.99 for a crossing, its ends may show less
+# MAC; refinement takes a sub-step above 0.99 for a crossing, its ends may show less
+MIN_FOLLOWED_MAC = 0.95
 SLOPE = 0.1  # s, relative change of w^2 over x = 1
 
 KNOBS = (
@@ -76,7 +78,7 @@ def exchanged(pairing: Pairing, a: Modes, b: Modes) -> float:
     """Share of the modes that got another's label, though the shapes do not say so clearly."""
     macs = mac(a.shapes, b.shapes)
     wrong = [
-        partner != i and not (partner >= 0 and macs[i, partner] > KEPT)
+        partner != i and not (partner >= 0 and macs[i, partner] > MIN_FOLLOWED_MAC)
         for i, partner in enumerate(pairing.partner)
     ]
     return float(np.mean(wrong))

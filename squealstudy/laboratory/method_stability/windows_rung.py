@@ -38,12 +38,13 @@ from squealstudy.modes.reanalysis.sweep_basis import SweepBasis, build_sweep_bas
 from squealstudy.modes.rungs.windows import RUNG, Windows
 from squealstudy.system.parametric import Weights
 
-CRITICAL = (OMEGA_1**2 - OMEGA_2**2) / (2 * OMEGA_1 * OMEGA_2)
+CRITICAL_FRICTION = (OMEGA_1**2 - OMEGA_2**2) / (2 * OMEGA_1 * OMEGA_2)
 BAND = (1.0, 1e4)  # rad/s
-SPAN = 0.9  # of the box about mu_c
-NEIGHBOURS = 40  # design points beside the two that are judged: enough to pay for patches
+BOX_SHARE = 0.9  # of the box about mu_c
+N_NEIGHBOUR_POINTS = 40  # design points beside the two that are judged: enough to pay for patches
 ROUND_OFFS = 4.0  # in a root: of the matrices, the basis and the small eigenproblem
-SAFE = 2.0  # times its estimate is what an error may be (THEORY.md eq. (39)), and the tolerance
+# times its estimate is what an error may be (THEORY.md eq. (39)), and the tolerance
+ESTIMATE_SAFETY_FACTOR = 2.0
 BASIS_SHARE = 3.0  # tolerance over that of the basis, as studies have it
 
 KNOBS = (
@@ -60,18 +61,24 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     """
     tolerance, away = knobs["tolerance"], knobs["distance"]
     problem, basis = ready(knobs["damping_ratio"], tolerance)
-    theta = np.concatenate([[-away, away], np.linspace(-SPAN, SPAN, NEIGHBOURS)])[:, None]
-    found = Windows(problem, basis, tolerance).solve(Box(-np.ones(1), np.ones(1)), theta / SPAN)
+    theta = np.concatenate([[-away, away], np.linspace(-BOX_SHARE, BOX_SHARE, N_NEIGHBOUR_POINTS)])[
+        :, None
+    ]
+    found = Windows(problem, basis, tolerance).solve(
+        Box(-np.ones(1), np.ones(1)), theta / BOX_SHARE
+    )
     both = {row: outcome for row, outcome in found if row < 2}
     own = {row: p for row, p in both.items() if not isinstance(p, ConvergenceError)}
-    predicted = predict(away) / (SAFE * tolerance)
+    predicted = predict(away) / (ESTIMATE_SAFETY_FACTOR * tolerance)
     if len(own) < len(both):
         return failed("working point", predicted=predicted, cost=len(theta))
-    error = max(distance(p.lam, problem.exact_roots(theta[i] / SPAN)) for i, p in own.items())
+    error = max(distance(p.lam, problem.exact_roots(theta[i] / BOX_SHARE)) for i, p in own.items())
     estimate = max(float((p.error / np.abs(p.lam)).max(initial=0.0)) for p in own.values())
     rungs = sorted({p.method for p in own.values()} - {RUNG.name})
     flagged = not (estimate <= tolerance and all(p.complete for p in own.values()))
-    outcome = WRONG if error > SAFE * tolerance else RECOVERED if rungs else CONVERGED
+    outcome = (
+        WRONG if error > ESTIMATE_SAFETY_FACTOR * tolerance else RECOVERED if rungs else CONVERGED
+    )
     by = ", ".join(rungs) if rungs else f"estimate {estimate:.1e}" if flagged else ""
     return CaseResult(
         outcome=outcome,
@@ -92,7 +99,7 @@ class FrictionProblem(SmallProblem):
 
     def weights(self, theta: np.ndarray) -> Weights:
         """One of mass, damping and springs, and the friction."""
-        return super().weights(CRITICAL * (1.0 + SPAN * np.asarray(theta)))
+        return super().weights(CRITICAL_FRICTION * (1.0 + BOX_SHARE * np.asarray(theta)))
 
     def exact_roots(self, theta: np.ndarray) -> np.ndarray:
         """The two roots of imaginary part >= 0, rad/s.

@@ -18,7 +18,7 @@ from skfem.refdom import RefTri
 
 from squealstudy.errors import ModelError
 from squealstudy.kernels.facets import MAX_FACET_NODES
-from squealstudy.kernels.segments import TERMS, integrate_segments
+from squealstudy.kernels.segments import N_SHAPE_TERMS, integrate_segments
 from squealstudy.models.components.facet_geometry import TRIANGLES, Facets, rule
 from squealstudy.models.components.opposite import Neighbours, Opposite
 
@@ -93,7 +93,7 @@ def lagrange(three: bool, points_per_side: int) -> tuple[np.ndarray, np.ndarray]
     a, b = places.T
     terms = np.column_stack([a**0, a, b, a * b, a * a, b * b, a * a * b, a * b * b, a * a * b * b])
     n = len(weights)
-    functions = np.zeros((n, TERMS))
+    functions = np.zeros((n, N_SHAPE_TERMS))
     functions[:, :n] = np.linalg.inv(terms[:, :n]).T
     return functions, weights / weights.sum()
 
@@ -182,11 +182,11 @@ def _integrals(
     """Integrals over the segments of the slave facets `some`."""
     n = len(some)
     terms = _Integrals(
-        np.zeros((n, TERMS)),
-        np.zeros((n, TERMS, MAX_FACET_NODES)),
-        np.zeros((len(near.candidates), TERMS, MAX_FACET_NODES)),
-        np.zeros((n, TERMS)),
-        np.zeros((n, TERMS, 3)),
+        np.zeros((n, N_SHAPE_TERMS)),
+        np.zeros((n, N_SHAPE_TERMS, MAX_FACET_NODES)),
+        np.zeros((len(near.candidates), N_SHAPE_TERMS, MAX_FACET_NODES)),
+        np.zeros((n, N_SHAPE_TERMS)),
+        np.zeros((n, N_SHAPE_TERMS, 3)),
         np.zeros((n, 2)),
     )
     places, weights = get_quadrature(RefTri, settings.degree)

@@ -55,9 +55,9 @@ class Surface:
         return sp.coo_matrix((values, (rows, cols)), shape=(len(d), 3 * S.shape[1])).tocsr()
 
 
-INSIDE = 1e-8  # m, from the face into the facing solid
+FACE_OFFSET_M = 1e-8  # m, from the face into the facing solid
 NEWTON_STEPS = 20
-NEARLY = 1e-10  # of the largest coordinate
+SAME_COORDINATE_RATIO = 1e-10  # of the largest coordinate
 # facet centre in (r, theta, z) -> keep it
 FacetFilter = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
@@ -98,7 +98,7 @@ def facing_surface(solid: Solid, surface: Surface) -> Surface:
     Points must lie on `solid`; the normals are reversed. Raises ModelError where they do not.
     The cells are looked up a hair inside `solid`: on the face itself it is round-off that decides.
     """
-    S = shape_functions(solid, surface.points, surface.points + INSIDE * surface.normal)
+    S = shape_functions(solid, surface.points, surface.points + FACE_OFFSET_M * surface.normal)
     return Surface(surface.points, surface.area, -surface.normal, S)
 
 
@@ -144,14 +144,16 @@ def _local_coordinates(basis: CellBasis, points: np.ndarray, cells: np.ndarray) 
         off = points - np.einsum("ikn,knq->inq", nodes, np.stack(phi))
         J = np.einsum("ikn,kjnq->nqij", nodes, np.stack(slopes))
         X = X + np.linalg.solve(J, off.transpose(1, 2, 0)[..., None])[..., 0].transpose(2, 0, 1)
-        if np.abs(off).max() <= NEARLY * np.abs(points).max():  # squared by this last step
+        if (
+            np.abs(off).max() <= SAME_COORDINATE_RATIO * np.abs(points).max()
+        ):  # squared by this last step
             return X
     raise ModelError("points of a surface are not found in the cells of the facing solid")
 
 
-AROUND = 40  # points of a closed ring in theta: more than two for each wave up to 19 of them
-SIDES = (2, 8, 2)  # points of any other block in r, theta, z
-TURN = 2 * np.pi * (1 - 1e-9)
+RING_POINTS = 40  # points of a closed ring in theta: more than two for each wave up to 19 of them
+BLOCK_POINTS = (2, 8, 2)  # points of any other block in r, theta, z
+FULL_CIRCLE_RAD = 2 * np.pi * (1 - 1e-9)
 
 
 def corresponding_rows(solid: Solid) -> sp.csr_matrix:
@@ -182,8 +184,8 @@ def _block_points(solid: Solid, block: GridBlock) -> tuple[np.ndarray, np.ndarra
         block.theta,
         (max(block.z[0], height[0]), min(block.z[1], height[1])),
     ]
-    ring = block.theta[1] - block.theta[0] >= TURN
-    counts = (SIDES[0], AROUND if ring else SIDES[1], SIDES[2])
+    ring = block.theta[1] - block.theta[0] >= FULL_CIRCLE_RAD
+    counts = (BLOCK_POINTS[0], RING_POINTS if ring else BLOCK_POINTS[1], BLOCK_POINTS[2])
     lines = [
         a + (b - a) * (np.arange(n) + 0.5) / n for (a, b), n in zip(spans, counts, strict=True)
     ]

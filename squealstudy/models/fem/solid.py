@@ -83,7 +83,8 @@ class TransverselyIsotropic:
 
 
 Material = Isotropic | TransverselyIsotropic
-SINGULAR = 1e-13  # relative: compliances below this are round-off, as with nu = 0.5
+# relative: compliances below this are round-off, as with nu = 0.5
+SINGULAR_COMPLIANCE_RATIO = 1e-13
 
 
 def orthotropic_stiffness(
@@ -108,7 +109,7 @@ def orthotropic_stiffness(
     if not np.isfinite(S).all():
         raise ModelError(f"moduli are too small to be divided by, got E={E}, G={G}")
     compliances = np.linalg.eigvalsh(S)
-    if compliances[0] <= SINGULAR * compliances[-1]:
+    if compliances[0] <= SINGULAR_COMPLIANCE_RATIO * compliances[-1]:
         told = "; ".join(
             f"{n} {', '.join(f'{v:g}' for v in of)}" for n, of in (("E", E), ("nu", nu))
         )
@@ -119,7 +120,8 @@ def orthotropic_stiffness(
 # Voigt index of the strain component (i, j)
 VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 MASS_ORDER = 4  # 27 points: exact for the mass matrix of an undistorted brick
-FULL, REDUCED = 4, 3  # orders of the stiffness: 27 points, 8 points
+# orders of the stiffness: 27 points, 8 points
+FULL_INTEGRATION_ORDER, REDUCED_INTEGRATION_ORDER = 4, 3
 
 
 @dataclass(frozen=True)
@@ -202,13 +204,14 @@ class CellEnergies:
 def assemble_solid(
     grid: CylindricalMesh,
     materials: Mapping[str, Material],
-    stiffness_order: int = FULL,
+    stiffness_order: int = FULL_INTEGRATION_ORDER,
 ) -> Solid:
     """Assemble mass and stiffness of `grid`; `materials` maps the cells' material names.
 
-    `stiffness_order` is the order of the Gauss quadrature of the stiffness. FULL locks where thin
-    walls have long cells. REDUCED does not, but each cell then has mechanisms without energy: they
-    are suppressed by its neighbours unless a body is one cell thick in two directions.
+    `stiffness_order` is the order of the Gauss quadrature of the stiffness. FULL_INTEGRATION_ORDER
+    locks where thin walls have long cells. REDUCED_INTEGRATION_ORDER does not, but each cell then
+    has mechanisms without energy: they are suppressed by its neighbours unless a body is one cell
+    thick in two directions.
 
     Returns
     -------

@@ -14,7 +14,8 @@ from squealstudy.models.matrices.expression import ExpressionError
 from squealstudy.wording import listed
 
 LISTS = ("mass", "spring", "damper", "contact", "load")
-FREE = 1e-9  # singular value of unit rows below which a motion is held by nothing
+# singular value of unit rows below which a motion is held by nothing
+UNSUPPORTED_SINGULAR_VALUE = 1e-9
 TAKES_PART = 0.05  # of the largest part: a coordinate that is named
 
 
@@ -163,7 +164,7 @@ def check_held(file: LumpedFile, parts: Parts) -> None:
     held = np.vstack([*rows, *parts.contact.N[0]])
     held = held / np.linalg.norm(held, axis=1, keepdims=True)
     _, sizes, motions = np.linalg.svd(held)
-    free = motions[int((sizes > FREE).sum()) :]
+    free = motions[int((sizes > UNSUPPORTED_SINGULAR_VALUE).sum()) :]
     if not len(free):
         return
     space = Coordinates(file)

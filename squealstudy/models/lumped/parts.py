@@ -29,7 +29,7 @@ from squealstudy.models.lumped.tables import (
     LumpedFile,
     SpringTable,
 )
-from squealstudy.models.minimal_parts import ARM
+from squealstudy.models.minimal_parts import LEVER_ARM_M
 
 PER_AREA = contact_law("bilateral").value(STIFFNESS.name)  # Pa/m: a stiffness is this times an area
 RIGHT_ANGLE = 1e-9  # cosine of normal and sliding direction, at most
@@ -176,7 +176,7 @@ def _contact(space: Coordinates, values: Values) -> Points:
             rows[name].append(row)
         columns["area"].append(_area(table, keys, values))
         columns["gap"].append(value_of(table.gap, values, (*keys, "gap")))
-        arm = np.asarray(ARM)
+        arm = np.asarray(LEVER_ARM_M)
         if table.radius is not None:
             arm = bounded(table.radius, values, (*keys, "radius"), "m")
         columns["radius"].append(arm)

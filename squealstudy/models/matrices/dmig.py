@@ -25,7 +25,7 @@ SCALED = re.compile(  # of a deck: a factor of the matrices that case control se
     r"|\s*(?P<command>K42GG|[KMB]2(?:GG|PP))\s*=[^$]*\*",
     re.I,
 )
-GROUP = 4  # fields of an entry: node, direction, real and imaginary part
+FIELDS_PER_ENTRY = 4  # fields of an entry: node, direction, real and imaginary part
 SQUARE, SYMMETRIC = 1, 6  # forms
 REAL_TYPES = (1, 2)
 NUMBER = re.compile(
@@ -167,8 +167,8 @@ def _add(text: TextFile, card: _Card, found: dict[str, _Matrix]) -> None:
         raise text.error(card.line(0), what)
     matrix = found[name]
     column = _whole(text, card, 1, "a node"), _whole(text, card, 2, "a direction")
-    for start in range(GROUP, len(card.fields), GROUP):
-        if not any(card.fields[start : start + GROUP]):
+    for start in range(FIELDS_PER_ENTRY, len(card.fields), FIELDS_PER_ENTRY):
+        if not any(card.fields[start : start + FIELDS_PER_ENTRY]):
             continue
         row = _whole(text, card, start, "a node"), _whole(text, card, start + 1, "a direction")
         if card.at(start + 3) and _real(text, card, start + 3):

@@ -10,7 +10,8 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 
-UNEQUAL = 1e-8  # of the largest entry: two triangles of a file may differ by their digits
+# of the largest entry: two triangles of a file may differ by their digits
+TRIANGLES_REL_TOLERANCE = 1e-8
 MOST_ROWS = 10_000_000  # more are a damaged header, or beyond any solver here
 
 Symmetry = Literal["general", "symmetric", "skew-symmetric"]
@@ -108,7 +109,7 @@ def symmetric_of_pairs(
     if not whole and not (partner & off).any():  # one triangle, or of each pair one
         diagonal = sp.diags(A.diagonal())
         return (A + A.T - diagonal).tocsr()
-    wrong = off & (np.abs(values - other) > UNEQUAL * size)
+    wrong = off & (np.abs(values - other) > TRIANGLES_REL_TOLERANCE * size)
     if wrong.any():
         k = int(wrong.argmax())
         if partner[k]:

@@ -64,7 +64,7 @@ _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 CONSTANTS = {"pi": math.pi, "e": math.e}
 RESERVED = frozenset({*CONSTANTS, *FUNCTIONS})  # no parameter can have these names
 _WORD = re.compile(r"[A-Za-z_]\w*")
-LONGEST, DEEPEST = 1000, 60  # characters; nesting
+MAX_CHARACTERS, MAX_NESTING = 1000, 60  # characters; nesting
 _FOREIGN = {  # nodes of Python that people may try, in plain words
     ast.Attribute: "an attribute (a dot after a name)",
     ast.Subscript: "an index in square brackets",
@@ -181,8 +181,8 @@ class Expression:
 
 
 def _check_text(text: str) -> None:
-    if len(text) > LONGEST:
-        raise ExpressionError(f"expected at most {LONGEST} characters, got {len(text)}")
+    if len(text) > MAX_CHARACTERS:
+        raise ExpressionError(f"expected at most {MAX_CHARACTERS} characters, got {len(text)}")
     if not text.isascii() or not text.isprintable():
         raise ExpressionError(f"{text!r}: expected plain ASCII text in one line")
     for word in _WORD.finditer(text):
@@ -214,8 +214,8 @@ class _Reader:
         self.names: dict[str, None] = {}
 
     def node(self, tree: ast.expr, depth: int) -> Evaluation:
-        if depth > DEEPEST:
-            raise self._error(tree, f"nested more than {DEEPEST} deep")
+        if depth > MAX_NESTING:
+            raise self._error(tree, f"nested more than {MAX_NESTING} deep")
         if isinstance(tree, ast.Constant):
             return _constant(self._number(tree))
         if isinstance(tree, ast.Name):

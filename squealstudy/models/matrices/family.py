@@ -12,8 +12,8 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.linalg.overflow import (
-    LARGEST,
     LEAST_MASS,
+    MAX_SQUARABLE_ENTRY,
     OVERFLOW,
     largest_entry,
     too_large,
@@ -95,7 +95,7 @@ class MatrixFamily:
         """
         weights = tuple(t.coefficient.value(values) for t in self.terms)
         for t, size, weight in zip(self.terms, self._sizes, weights, strict=True):
-            if not (entry := abs(weight) * size) <= LARGEST:
+            if not (entry := abs(weight) * size) <= MAX_SQUARABLE_ENTRY:
                 term = f"the term '{t.coefficient.text}' of {LETTERS[t.order]}"
                 raise ConvergenceError(OVERFLOW, too_large(term, entry))
         return weights

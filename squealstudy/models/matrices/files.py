@@ -28,7 +28,7 @@ ABAQUS, NASTRAN = ".mtx", (".pch", ".bdf", ".dat", ".nas", ".blk")
 PLACES = ("indices", "indptr", "row", "col", "offsets")  # arrays of SciPy's archives
 RECTANGULAR = (".npz", ".mat")
 MOST_ROWS_OP2 = 20_000  # 3.2 GB with all zeros, as its reader keeps them
-LISTED = 12  # variables of a file that a message names
+MAX_LISTED_VARIABLES = 12  # variables of a file that a message names
 
 
 def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
@@ -241,7 +241,9 @@ def _only_one(path: Path, variable: str | None) -> None:
 
 def _chosen(content: Mapping[str, Any], path: Path, variable: str | None) -> Any:
     """The variable asked for, or the only one."""
-    listed = ", ".join(list(content)[:LISTED]) + (", ..." if len(content) > LISTED else "")
+    listed = ", ".join(list(content)[:MAX_LISTED_VARIABLES]) + (
+        ", ..." if len(content) > MAX_LISTED_VARIABLES else ""
+    )
     if variable is None and len(content) != 1:
         what = f"holds {len(content)} variables" + (f" ({listed})" if content else "")
         raise ModelError(f"{path} {what}: expected the name of one")

@@ -17,7 +17,7 @@ PLACES = ("row node", "row direction", "column node", "column direction")
 # Abaqus writes 1e36 on the diagonal where a boundary condition holds
 ABAQUS_CONSTRAINT_DIAGONAL = 1e30
 DIRECTIONS = (1, 2, 3, 4, 5, 6)  # displacements and turns
-SLOTS = 7  # of a node: its scalar, and its directions
+SLOTS_PER_NODE = 7  # of a node: its scalar, and its directions
 
 
 @dataclass(frozen=True)
@@ -84,20 +84,20 @@ def labelled_matrix(
     if not len(values):
         raise ValueError("it has no entries")
     numbers, place = np.unique(places[:, [0, 2]], return_inverse=True)
-    freedom = SLOTS * place.reshape(-1, 2) + places[:, [1, 3]]
+    freedom = SLOTS_PER_NODE * place.reshape(-1, 2) + places[:, [1, 3]]
     found, number = np.unique(freedom, return_inverse=True)
     row, column = number.reshape(-1, 2).T
     if square:
         matrix = square_of_entries(row, column, values, len(found), refused)
     else:
         matrix = symmetric_of_pairs(row, column, values, len(found), refused, whole)
-    nodes, directions = np.divmod(found, SLOTS)
+    nodes, directions = np.divmod(found, SLOTS_PER_NODE)
     return LabelledMatrix(numbers[nodes], directions, matrix)
 
 
 def together(matrices: Sequence[LabelledMatrix]) -> list[sp.csr_matrix]:
     """Matrices over the freedoms of all of them, in ascending order of nodes and directions."""
-    freedoms = [SLOTS * m.nodes + m.directions for m in matrices]
+    freedoms = [SLOTS_PER_NODE * m.nodes + m.directions for m in matrices]
     every = np.unique(np.concatenate(freedoms))
     found = []
     for own, labelled in zip(freedoms, matrices, strict=True):

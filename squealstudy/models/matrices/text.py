@@ -20,9 +20,9 @@ OPENERS: dict[str, Callable[..., Any]] = {".gz": gzip.open, ".bz2": bz2.open}
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?"
 COUNT = re.compile(r"[0-9]{1,18}", re.ASCII)
 LONGEST_SHOWN = 40
-PART = 2**26  # letters that are decompressed at once
+LETTERS_PER_PART = 2**26  # letters that are decompressed at once
 LINE_BYTES = 70  # of memory for a line beside its letters
-LONGEST = 2 * 10**9  # letters of a file, decompressed: a deck of 20 million elements
+MAX_LETTERS = 2 * 10**9  # letters of a file, decompressed: a deck of 20 million elements
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class TextFile:
         else:
             with opener(path, "rt", encoding="utf-8-sig", errors="replace") as handle:
                 text = _unpacked(handle)
-        if len(text) > LONGEST:
-            raise OSError(f"it is longer than {LONGEST:.0e} letters")
+        if len(text) > MAX_LETTERS:
+            raise OSError(f"it is longer than {MAX_LETTERS:.0e} letters")
         text = text.replace("\r\n", "\n").replace("\r", "\n")
         expect_room(len(text) + LINE_BYTES * text.count("\n"))
         return cls(path, text.split("\n"))
@@ -72,7 +72,7 @@ class TextFile:
 def _unpacked(handle: IO[str]) -> str:
     """The text of a compressed file, as long as there is room for it."""
     found, letters = [], 0
-    while letters <= LONGEST and (part := handle.read(PART)):
+    while letters <= MAX_LETTERS and (part := handle.read(LETTERS_PER_PART)):
         found.append(part)
         letters += len(part)
         expect_room(OF_TEXT * letters)

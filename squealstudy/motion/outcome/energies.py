@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.motion.growing_modes import DEGENERATE
+from squealstudy.motion.growing_modes import DEGENERATE_AXIS_RATIO
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.levels import JUDGED_SHARE, mean_interval
 
@@ -311,6 +311,6 @@ def held_energies(run: Motion) -> np.ndarray:
         if np.linalg.norm(x) ** 2 < 0.5 * np.linalg.norm(whole[:, k]) ** 2:
             continue
         axes, size, _ = np.linalg.svd(np.column_stack([x.real, x.imag]), full_matrices=False)
-        axes = axes[:, size > DEGENERATE * size[0]]
+        axes = axes[:, size > DEGENERATE_AXIS_RATIO * size[0]]
         held[:, k] = ((run.sensed_v @ axes) ** 2).sum(axis=1)
     return held

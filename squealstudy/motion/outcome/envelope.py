@@ -20,11 +20,11 @@ SLOW_POWER_SHARE = 1e-3
 LINE_RECORD_SHARE = 0.2  # of a record: where its lines are looked at
 LEAST_ROWS = 8  # of a window that is weighted
 LEAST_WINDOWS = 5  # of a course
-CONFIDENCE = 0.995  # one-sided, of bounds
-CORRELATED = 0.9  # most that neighbouring windows are taken for
+BOUND_CONFIDENCE = 0.995  # one-sided, of bounds
+MAX_CORRELATION = 0.9  # most that neighbouring windows are taken for
 MIN_REL_SCATTER = 1e-9  # of a level, between neighbouring windows
 SILENT_LEVEL_RATIO = 1e-12  # of the largest level: what is smaller has no lines
-SMALLEST = 1e-300
+SMALLEST_POSITIVE = 1e-300
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def last_part(values: np.ndarray, share: float) -> np.ndarray:
 
 def logarithm(level: np.ndarray) -> np.ndarray:
     """Natural logarithm of levels (m,); of zero that of the smallest number."""
-    found: np.ndarray = np.log(np.maximum(level, SMALLEST))
+    found: np.ndarray = np.log(np.maximum(level, SMALLEST_POSITIVE))
     return found
 
 
@@ -187,8 +187,10 @@ class LevelTrend:
         size = float(rest @ rest)
         scatter = float(np.sqrt(size / (m - 3))) + MIN_REL_SCATTER
         rho = float(rest[1:] @ rest[:-1]) / size + 2.0 / m if size > m * MIN_REL_SCATTER**2 else 0.0
-        rho = min(max(rho, 0.0), CORRELATED)
-        reach = float(special.stdtrit(m - 3, CONFIDENCE)) * float(np.sqrt((1 + rho) / (1 - rho)))
+        rho = min(max(rho, 0.0), MAX_CORRELATION)
+        reach = float(special.stdtrit(m - 3, BOUND_CONFIDENCE)) * float(
+            np.sqrt((1 + rho) / (1 - rho))
+        )
         error = 2 * reach * scatter / float(np.sqrt(x @ x))
         bent = 4 * reach * scatter / float(np.sqrt(square @ square))  # of the pace, middle to end
         at = np.interp(np.linspace(0, m - 1, 4), np.arange(m), y)

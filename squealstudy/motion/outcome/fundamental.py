@@ -11,19 +11,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-REPEATS = 0.05  # RMS of what is left after a period, over that of the motion
-EXACT = 0.01  # the same: no longer period is looked for where as little is left
-BETTER = 0.25  # times what is left after a period: where a multiple of it is the period
-MULTIPLES = (2, 3, 4)  # that are tried
-ROUGH = 0.55  # of the way between rows: how far the next one is from where a period ends, at most
-DRIFTS = 1.5  # times what is left after one period, after two: no return, but two motions
-ROUNDED = 1e-3  # of what is left, that cubics between rows make
-APART = 0.7  # left half-way: a motion that never was as far from itself has no period
-LEAST = 3  # periods in a record
-MOST = 400  # places at which a period is looked for
+MAX_PERIODIC_RESIDUAL = 0.05  # RMS of what is left after a period, over that of the motion
+EXACT_PERIOD_RESIDUAL = 0.01  # the same: no longer period is looked for where as little is left
+# times what is left after a period: where a multiple of it is the period
+MULTIPLE_RESIDUAL_RATIO = 0.25
+TRIED_MULTIPLES = (2, 3, 4)  # that are tried
+# of the way between rows: how far the next one is from where a period ends, at most
+MAX_ROW_OFFSET_RATIO = 0.55
+# times what is left after one period, after two: no return, but two motions
+MAX_SECOND_RESIDUAL_RATIO = 1.5
+INTERPOLATION_RESIDUAL = 1e-3  # of what is left, that cubics between rows make
+# left half-way: a motion that never was as far from itself has no period
+MIN_HALF_WAY_RESIDUAL = 0.7
+MIN_PERIODS = 3  # periods in a record
+MAX_TRIED_PERIODS = 400  # places at which a period is looked for
 NEARLY_ALL = 1e-5  # of the variance may be in coordinates that are left out
-COARSE = 0.5  # square of the way between rows over that along slopes: less turns back between
-FLAT = 1e-20  # of the square of the values: a variance that is round-off
+# square of the way between rows over that along slopes: less turns back between
+MIN_CHORD_OVER_SLOPE_SQUARED = 0.5
+VARIANCE_ROUND_OFF = 1e-20  # of the square of the values: a variance that is round-off
 NO_IMAGE = 1e-6  # imaginary part of a place, of the way between rows, that round-off makes
 
 # coefficients of 1, s, s^2, s^3: rows as they were, with opposite sign, and the cubic Hermite
@@ -75,7 +80,7 @@ def fundamental_hz(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray)
 
 def fundamental(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> Fundamental:
     """The same with its error; parameters as of `fundamental_hz`."""
-    if len(q) <= 2 * LEAST:
+    if len(q) <= 2 * MIN_PERIODS:
         return Fundamental()
     return _Record.of(step, q, v, omega).frequency()
 
@@ -92,7 +97,7 @@ class _Record:
         weight = np.where(omega > 0.0, omega, omega[omega > 0.0].min(initial=1.0))
         x, slope = weight * (q - q.mean(axis=0)), step * weight * v
         share = (x**2).sum(axis=0)
-        if not share.sum() > FLAT * ((weight * q) ** 2).sum():
+        if not share.sum() > VARIANCE_ROUND_OFF * ((weight * q) ** 2).sum():
             return cls(step, x[:, :0], slope[:, :0])
         order = np.argsort(-share)
         count = 1 + int(np.argmax(np.cumsum(share[order]) >= (1.0 - NEARLY_ALL) * share.sum()))
@@ -103,25 +108,31 @@ class _Record:
             return Fundamental()
         for place, first in self._places():
             period, left = self._best(place)
-            if left > REPEATS or (not first and self._drifts(period, left)):
+            if left > MAX_PERIODIC_RESIDUAL or (not first and self._drifts(period, left)):
                 continue
-            if left > EXACT:
+            if left > EXACT_PERIOD_RESIDUAL:
                 period, left = self._multiple(period, left)
             refined, count, rest = self._refined(period, left)
-            error = (rest + ROUNDED) / (2 * np.pi * count)
+            error = (rest + INTERPOLATION_RESIDUAL) / (2 * np.pi * count)
             return Fundamental(1.0 / (self.step * refined), left, error)
         return Fundamental()
 
     def _drifts(self, period: float, left: float) -> bool:
-        return self._best(round(2.0 * period))[1] > DRIFTS * left + ROUNDED
+        return (
+            self._best(round(2.0 * period))[1]
+            > MAX_SECOND_RESIDUAL_RATIO * left + INTERPOLATION_RESIDUAL
+        )
 
     def _coarse(self) -> bool:
         """Whether the motion turns back between rows."""
-        return bool((np.diff(self.x, axis=0) ** 2).sum() < COARSE * (self.slope[1:] ** 2).sum())
+        return bool(
+            (np.diff(self.x, axis=0) ** 2).sum()
+            < MIN_CHORD_OVER_SLOPE_SQUARED * (self.slope[1:] ** 2).sum()
+        )
 
     @property
     def _longest(self) -> int:
-        return len(self.x) // LEAST
+        return len(self.x) // MIN_PERIODS
 
     def _places(self) -> Iterator[tuple[int, bool]]:
         """Rows later near which a period may end, and whether it is the first near return.
@@ -135,13 +146,15 @@ class _Record:
         later = np.arange(longest + 2)
         parted = size[rows - later] + size[rows] - size[later] - 2.0 * product
         left = np.sqrt(np.maximum(parted, 0.0) / (rows - later) / (self.variance / rows))
-        if not (left > APART).any():
+        if not (left > MIN_HALF_WAY_RESIDUAL).any():
             return
-        first = int(np.argmax(left > APART))
+        first = int(np.argmax(left > MIN_HALF_WAY_RESIDUAL))
         inner = left[first + 1 : -1]
         places = np.flatnonzero((inner <= left[first:-2]) & (inner <= left[first + 2 :]))
-        row = ROUGH * np.sqrt((self.slope**2).sum() / self.variance)
-        for place in places[inner[places] < REPEATS + row][:MOST].tolist():
+        row = MAX_ROW_OFFSET_RATIO * np.sqrt((self.slope**2).sum() / self.variance)
+        for place in places[inner[places] < MAX_PERIODIC_RESIDUAL + row][
+            :MAX_TRIED_PERIODS
+        ].tolist():
             yield first + 1 + place, place == places[0]
 
     def _best(self, place: int) -> tuple[float, float]:
@@ -172,10 +185,10 @@ class _Record:
 
     def _multiple(self, period: float, left: float) -> tuple[float, float]:
         """The period, or the multiple of it at which far less is left: a doubled one."""
-        for n in MULTIPLES:
+        for n in TRIED_MULTIPLES:
             if n * period < self._longest:
                 longer, rest = self._best(round(n * period))
-                if rest < BETTER * left:
+                if rest < MULTIPLE_RESIDUAL_RATIO * left:
                     return longer, rest
         return period, left
 
@@ -184,7 +197,7 @@ class _Record:
         count = 1
         while 2 * count * period < self._longest:
             longer, rest = self._best(round(2 * count * period))
-            if rest > REPEATS:
+            if rest > MAX_PERIODIC_RESIDUAL:
                 break
             count, left = 2 * count, rest
             period = longer / count

@@ -27,8 +27,8 @@ MAX_REL_SLOPE_DIFFERENCE = 0.01  # of the slope, by which the slopes of the halv
 SLOPE_SIGMAS = 4.0  # standard errors that their difference, and a bend, may take
 LEAST_SCATTER = 1e-3  # below this a longer stretch is the better one
 FIT_BLOCKS = (48, 24, 12)  # block means of a line; fewer while neighbours are correlated
-CORRELATED = 0.3
-ROUND_OFF = 1e-20  # of a square: an amplitude that hardly changes bends nothing
+MAX_CORRELATION = 0.3
+SQUARE_ROUND_OFF = 1e-20  # of a square: an amplitude that hardly changes bends nothing
 MAX_REL_CURVATURE = 0.2  # of the slope: what is bent more is no straight line at all
 
 
@@ -341,7 +341,7 @@ def slope_interval(log: np.ndarray, step: float, real: bool) -> tuple[float, flo
         rest = y - y.mean() - slope * x
         size = float(rest @ rest)
         rho = float(rest[1:] @ rest[:-1]) / size + 2.0 / len(y) if size > 0 else 0.0
-        if rho < CORRELATED:
+        if rho < MAX_CORRELATION:
             break
     leverage = 1.0 / len(y) + x**2 / (x @ x)
     error = float(np.sqrt(np.sum((x * rest / (1 - leverage)) ** 2))) / float(x @ x)
@@ -374,7 +374,7 @@ def _beyond_line(x: np.ndarray, rest: np.ndarray, slope: float, wider: float) ->
     lean = float(x @ bent) / float(x @ x)
     bent -= lean * x
     size = float(bent @ bent)
-    if not size > ROUND_OFF:
+    if not size > SQUARE_ROUND_OFF:
         return 0.0
     share = float(bent @ rest) / size
     left = rest - share * bent

@@ -13,14 +13,17 @@ JUDGED_SHARE = 0.4  # of a record: the part that is judged
 LEAST_PERIODS = 20.0  # of the dominant line in it, where the record has them
 FLUCTUATION_ROUND_OFF = 1e-10  # fluctuation below this share of the largest value is round-off
 SUBWINDOW_COUNTS = (20, 10, 5)  # sub-windows of an interval; fewer while neighbours are correlated
-CORRELATED = 0.1
-QUARTERS = 4  # of a window, by whose peaks it is seen whether these still change
+MAX_CORRELATION = 0.1
+N_QUARTERS = 4  # of a window, by whose peaks it is seen whether these still change
 LEAST_ROWS = 8  # of a period whose peaks are told
-APPROACHES = 0.7  # of the variance of sub-windows, that a straight line holds: a drift, no chance
-SLOWEST = 0.9  # ratio of the drift of successive thirds, up to which what is left is extrapolated
-LONGER = 1.5  # times what is extrapolated: three means of a beat that fades tell it roughly
-DRIFTS = 0.05  # of the mean: a drift beyond it is of motion that passes
-HARMONICS = 6  # periods of the second or third harmonic that are whole ones of the first
+# of the variance of sub-windows, that a straight line holds: a drift, no chance
+MIN_TREND_VARIANCE_SHARE = 0.7
+# ratio of the drift of successive thirds, up to which what is left is extrapolated
+MAX_DRIFT_RATIO = 0.9
+# times what is extrapolated: three means of a beat that fades tell it roughly
+EXTRAPOLATION_SAFETY = 1.5
+MAX_REL_DRIFT = 0.05  # of the mean: a drift beyond it is of motion that passes
+PERIODS_OF_HARMONICS = 6  # periods of the second or third harmonic that are whole ones of the first
 LINE_PERIODS = 3.0  # of a line in the window; slower ones are drift
 LINE_WIDTH = 0.015  # of its frequency, either side; what counts as one line
 IDENTICAL_RUNS_REL_SPREAD = 1e-9  # relative: runs that agree so well are one run
@@ -179,7 +182,7 @@ def plain_levels(time: np.ndarray, torque: np.ndarray, sums: TorqueSums | None) 
 
 def _quarters(sums: TorqueSums) -> Iterator[np.ndarray]:
     """Least and largest torque of each quarter of a window, of halves where rows are few."""
-    count = QUARTERS if len(sums.least) >= LEAST_ROWS * QUARTERS else 2
+    count = N_QUARTERS if len(sums.least) >= LEAST_ROWS * N_QUARTERS else 2
     for least, most in zip(
         *(np.array_split(x, count) for x in (sums.least, sums.most)), strict=True
     ):
@@ -340,7 +343,7 @@ def _periods(values: np.ndarray, width: float) -> tuple[int, Callable[[np.ndarra
     count = int(len(values) / width * (1 + 1e-12)) if width > 0 else 0
     if count < SUBWINDOW_COUNTS[-1] or width < 1:
         return 0, means
-    return count - (count % HARMONICS if count >= 2 * HARMONICS else 0), means
+    return count - (count % PERIODS_OF_HARMONICS if count >= 2 * PERIODS_OF_HARMONICS else 0), means
 
 
 def _whole_periods(count: int, number: int) -> np.ndarray:
@@ -357,13 +360,13 @@ def _still_to_come(mean: float, blocks: np.ndarray, thirds: np.ndarray) -> float
     x = np.arange(len(blocks)) - 0.5 * (len(blocks) - 1)
     rest = blocks - blocks.mean()
     total = float(rest @ rest)
-    if not total > 0 or float(x @ rest) ** 2 < APPROACHES * total * float(x @ x):
+    if not total > 0 or float(x @ rest) ** 2 < MIN_TREND_VARIANCE_SHARE * total * float(x @ x):
         return 0.0
     first, second = np.diff(thirds).tolist()
-    if first * second <= 0 or abs(thirds[2] - thirds[0]) > DRIFTS * abs(mean):
+    if first * second <= 0 or abs(thirds[2] - thirds[0]) > MAX_REL_DRIFT * abs(mean):
         return 0.0
-    ratio = min(second / first, SLOWEST)
-    return abs(float(thirds[2]) + LONGER * second * ratio / (1 - ratio) - mean)
+    ratio = min(second / first, MAX_DRIFT_RATIO)
+    return abs(float(thirds[2]) + EXTRAPOLATION_SAFETY * second * ratio / (1 - ratio) - mean)
 
 
 def _row_blocks(values: np.ndarray) -> Iterator[np.ndarray]:
@@ -388,7 +391,7 @@ def _half_width(mean: np.ndarray, block_means: Iterable[np.ndarray]) -> np.ndarr
         rho_kept = np.clip(rho, 0.0, 0.9)
         error = np.sqrt(size / (count * (count - 1)) * (1 + rho_kept) / (1 - rho_kept))
         half = np.where(open_, special.stdtrit(count - 1, 0.975) * error, half)
-        open_ = open_ & (rho > CORRELATED)
+        open_ = open_ & (rho > MAX_CORRELATION)
     return half
 
 

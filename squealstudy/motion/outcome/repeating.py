@@ -14,43 +14,53 @@ from itertools import pairwise
 import numpy as np
 
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.fundamental import EXACT, fundamental, fundamental_hz
+from squealstudy.motion.outcome.fundamental import (
+    EXACT_PERIOD_RESIDUAL,
+    fundamental,
+    fundamental_hz,
+)
 from squealstudy.motion.outcome.levels import JUDGED_SHARE, last_window
 
-MOSTLY = 0.5  # share of the time and area that sticks
-ALL = 0.99  # share of the area, once in each period at least
-PERIODS = 5  # that must be alike
-ROWS = 40  # of a period, at least: fewer do not tell its level to `SAME`
-SAME = 0.01  # relative: spread of the levels of successive periods, that of a row at its ends too
-LONGER = 1.25  # times: the least duration that is asked for
+MIN_STICK_SHARE = 0.5  # share of the time and area that sticks
+ALL_STUCK_AREA_SHARE = 0.99  # share of the area, once in each period at least
+N_EQUAL_PERIODS = 5  # that must be alike
+# of a period, at least: fewer do not tell its level to `MAX_REL_PERIOD_SPREAD`
+MIN_ROWS_PER_PERIOD = 40
+# relative: spread of the levels of successive periods, that of a row at its ends too
+MAX_REL_PERIOD_SPREAD = 0.01
+DURATION_FACTOR = 1.25  # times: the least duration that is asked for
 # of motion that sticks for less
-MANY = 8.0  # periods in the window that is judged
-EVEN = 5e-3  # of the RMS velocity: difference of the first and the second half of them
-STICKS = 0.05  # of the contact, in the mean: its friction is not that of small motions
+MIN_JUDGED_PERIODS = 8.0  # periods in the window that is judged
+# of the RMS velocity: difference of the first and the second half of them
+MAX_HALVES_DIFFERENCE = 5e-3
+# of the contact, in the mean: its friction is not that of small motions
+MIN_MEAN_STICK_SHARE = 0.05
 WOULD_CHANGE = 0.25  # of the logarithm: what growth or decay of small motions would have made of it
 
 
 def sticks_mostly(run: Motion) -> bool:
     """Whether contact sticks for most of the last part of a run, and all of it at a time."""
     stick = run.history["stick"][_last(run)]
-    return bool(len(stick) and stick.mean() >= MOSTLY and stick.max() >= ALL)
+    return bool(
+        len(stick) and stick.mean() >= MIN_STICK_SHARE and stick.max() >= ALL_STUCK_AREA_SHARE
+    )
 
 
 def repeats_stick_slip(run: Motion) -> bool:
     """Whether the last part of a run is stick-slip that comes back the same, five times or more."""
     last = _last(run)
     period = 1.0 / (_hz(run) * _step(run)) if sticks_mostly(run) else np.nan
-    count = int(len(run.times[last]) / period) if period >= ROWS else 0
-    if count < PERIODS:
+    count = int(len(run.times[last]) / period) if period >= MIN_ROWS_PER_PERIOD else 0
+    if count < N_EQUAL_PERIODS:
         return False
     ends = len(run.times) - np.round(period * np.arange(count, -1, -1)).astype(int)
     parts = [slice(a, b) for a, b in pairwise(ends.tolist())]
-    if min(float(run.history["stick"][part].max()) for part in parts) < ALL:
+    if min(float(run.history["stick"][part].max()) for part in parts) < ALL_STUCK_AREA_SHARE:
         return False
     force = run.history["torque"]
     level = np.array([force[part].std() for part in parts])
     mean = np.array([force[part].mean() for part in parts])  # a peak is one row's alone
-    return all(bool(np.ptp(x) <= SAME * level.mean()) for x in (level, mean))
+    return all(bool(np.ptp(x) <= MAX_REL_PERIOD_SPREAD * level.mean()) for x in (level, mean))
 
 
 def decided_by(run: Motion) -> float:
@@ -59,7 +69,7 @@ def decided_by(run: Motion) -> float:
     Infinite where the run has periods enough, which are not alike, or none that is told.
     """
     hz, end = _hz(run), float(run.times[-1])
-    until = LONGER * (PERIODS + 1) / (JUDGED_SHARE * hz) if hz > 0 else np.inf
+    until = DURATION_FACTOR * (N_EQUAL_PERIODS + 1) / (JUDGED_SHARE * hz) if hz > 0 else np.inf
     return until if until > end else np.inf
 
 
@@ -97,18 +107,18 @@ def comes_back(run: Motion) -> bool:
 def _is_periodic(run: Motion, window: slice) -> bool:
     """The same of a window of the run."""
     time, v = run.times[window], run.sensed_v[window]
-    if len(time) < ROWS:
+    if len(time) < MIN_ROWS_PER_PERIOD:
         return False
     length, lam = float(time[-1] - time[0]), run.point.growing.lam
     pace = float(np.abs(np.real(lam)).min()) if len(lam) else 0.0
     stick = run.history["stick"][window]
-    sticks = np.ptp(stick) > 0.0 and stick.mean() >= STICKS
+    sticks = np.ptp(stick) > 0.0 and stick.mean() >= MIN_MEAN_STICK_SHARE
     if not (sticks or pace * length >= WOULD_CHANGE):
         return False
     step = length / (len(time) - 1)
     hz, left, _ = fundamental(step, run.sensed_q[window], v, run.omega)
-    if not (length * hz >= MANY and left <= EXACT):
+    if not (length * hz >= MIN_JUDGED_PERIODS and left <= EXACT_PERIOD_RESIDUAL):
         return False
     half = round(np.floor(0.5 * length * hz) / (hz * step))  # rows of whole periods
     first, second = (float((x**2).sum()) for x in (v[-2 * half : -half], v[-half:]))
-    return abs(np.sqrt(second / first) - 1.0) <= EVEN
+    return abs(np.sqrt(second / first) - 1.0) <= MAX_HALVES_DIFFERENCE

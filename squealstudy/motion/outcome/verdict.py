@@ -25,7 +25,7 @@ RISE_PERIODS = 4.0  # of the mode in each of them, at least
 GROWTH_SIGMAS = 5.0  # standard errors that such a rise must exceed: many modes are looked at
 MIN_LN_GROWTH = 0.1  # of its logarithm over the window, at least
 MIN_GROWTH_HALF_RATIO = 0.6  # of the rise in the first half, that in the second must be
-SMALLEST = 1e-300
+SMALLEST_POSITIVE = 1e-300
 MAX_FORECAST_DURATIONS = 1e3  # times a duration: what is later is not foreseen
 N_LINE_STRETCHES = 4  # stretches of a window in which the line of a mode is measured
 # of its frequency either side: limit cycles are a few per cent off the complex mode
@@ -105,7 +105,7 @@ def rises_until(run: Motion) -> float:
     if rows < JUDGED_ROWS:
         return np.inf
     window = slice(round(0.6 * rows), None)
-    energy = max(float(run.modal_energy[window].mean()), SMALLEST)
+    energy = max(float(run.modal_energy[window].mean()), SMALLEST_POSITIVE)
     modes = run.point.growing
     until = np.inf
     for k in range(modes.n_followed):
@@ -132,7 +132,7 @@ def _rises(run: Motion, window: slice, amplitude: np.ndarray, omega: float, scal
     rate, error = _growth(length / RISE_LINES, size)
     if rate <= GROWTH_SIGMAS * error or rate * length < MIN_LN_GROWTH:
         return np.inf
-    y = np.log(np.maximum(size, SMALLEST))
+    y = np.log(np.maximum(size, SMALLEST_POSITIVE))
     half = RISE_LINES // 2
     if y[-1] - y[half] < MIN_GROWTH_HALF_RATIO * (
         y[half - 1] - y[0]
@@ -165,7 +165,7 @@ def mode_course(run: Motion, k: int, window: slice) -> tuple[float, float, float
     size = line_sizes(time, run.xi(k)[window], float(abs(lam)) / (2 * np.pi))
     rate, error = _growth(float(time[-1] - time[0]) / N_LINE_STRETCHES, size)
     energy = float(run.point.growing.energy[k] * size[-1] ** 2)
-    return energy / max(float(run.modal_energy[window].mean()), SMALLEST), rate, error
+    return energy / max(float(run.modal_energy[window].mean()), SMALLEST_POSITIVE), rate, error
 
 
 def expected_rise(run: Motion, window: slice, duration: float) -> float:
@@ -210,7 +210,7 @@ def line_sizes(
 
 def _growth(width: float, size: np.ndarray) -> tuple[float, float]:
     """Rate of the logarithm of sizes `width` seconds apart, 1/s, and its standard error."""
-    y = np.log(np.maximum(size, SMALLEST))
+    y = np.log(np.maximum(size, SMALLEST_POSITIVE))
     x = width * (np.arange(len(y)) - 0.5 * (len(y) - 1))
     rate = float(x @ y / (x @ x))
     rest = y - y.mean() - rate * x

@@ -66,7 +66,8 @@ def effective_radius(options: Mapping[str, str | int], values: Mapping[str, floa
     return 2.0 / 3.0 * (outer**3 - inner**3) / (outer**2 - inner**2)
 
 
-MEET = 1e-6  # m or rad: breaks of a mesh nearer than this leave no room for a cell
+# m or rad: breaks of a mesh nearer than this leave no room for a cell
+MIN_BREAK_DISTANCE_M_OR_RAD = 1e-6
 # Each must be smaller than the next, or a part of the brake vanishes.
 ASCENDING = (
     ("disc.inner_radius", "hub.radius", "disc.bell_inner_radius", "disc.bell_outer_radius"),
@@ -88,7 +89,9 @@ def vanishing(values: Mapping[str, float]) -> tuple[str, str] | None:
     for names in ASCENDING:
         for pair in pairwise(names):
             gap = values[pair[1]] - values[pair[0]]
-            if (np.deg2rad(gap) if pair[0].endswith("angle") else gap) <= MEET:
+            if (
+                np.deg2rad(gap) if pair[0].endswith("angle") else gap
+            ) <= MIN_BREAK_DISTANCE_M_OR_RAD:
                 return pair
     return None
 

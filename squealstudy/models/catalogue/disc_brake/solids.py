@@ -14,10 +14,13 @@ from itertools import pairwise
 import numpy as np
 
 from squealstudy.errors import ParameterError
-from squealstudy.models.catalogue.disc_brake.parameters import MEET, vanishing
+from squealstudy.models.catalogue.disc_brake.parameters import (
+    MIN_BREAK_DISTANCE_M_OR_RAD,
+    vanishing,
+)
 from squealstudy.models.fem.grid import GridBlock, Interval, cylindrical_mesh, graded_lines
 from squealstudy.models.fem.solid import (
-    REDUCED,
+    REDUCED_INTEGRATION_ORDER,
     Isotropic,
     Material,
     Solid,
@@ -118,7 +121,7 @@ class BrakeMesher:
 
     values: Mapping[str, float]
     density: Density
-    stiffness_order: int = REDUCED
+    stiffness_order: int = REDUCED_INTEGRATION_ORDER
 
     def __post_init__(self) -> None:
         if pair := vanishing(self.values):
@@ -248,7 +251,7 @@ class BrakeMesher:
         of cells changes where a sweep makes them meet or part, for the shape does.
         """
         beyond = [near, *sorted(angles)]
-        kept = [beyond[0], *(b for a, b in pairwise(beyond) if b - a > MEET)]
+        kept = [beyond[0], *(b for a, b in pairwise(beyond) if b - a > MIN_BREAK_DISTANCE_M_OR_RAD)]
         between = [self.density.caliper_angles] * (len(kept) - 1)
         between[-1] = replace(between[-1], high=())
         half = graded_lines(
