@@ -18,10 +18,10 @@ from squealstudy.shapes.names import name_of
 from squealstudy.shapes.parts import Part
 from squealstudy.shapes.picture import (
     AMPLITUDE_COLOURS,
-    DECADES,
+    COLOURED_DECADES,
     DENSITY_COLOURS,
-    PERCENT,
-    VIEW,
+    PERCENT_PER_CM3,
+    VIEW_DEG,
     apart,
     density_range,
     sources,
@@ -55,7 +55,7 @@ def page(shapes: Sequence[Shape]) -> str:
     if not len(kept.used):
         raise ModelError("no component of this model has cells: there is no surface to draw")
     places = kept.of(first.coordinates)
-    seen = Camera.at(*VIEW).seen(places - _middle(places))[:, :2]
+    seen = Camera.at(*VIEW_DEG).seen(places - _middle(places))[:, :2]
     grain = float(np.abs(places).max()) / MAX_INT16
     parts: list[dict[str, Any]] = []
     surfaces: list[np.ndarray] = []
@@ -76,7 +76,7 @@ def page(shapes: Sequence[Shape]) -> str:
     data = {
         "title": f"{label.study}, design point {label.row}",
         "point": " ".join(title(first)[1:]),
-        "view": VIEW,
+        "view": VIEW_DEG,
         "grain": grain,
         "size": float(np.linalg.norm(np.ptp(places, axis=0))),
         "middle": _middle(places).tolist(),
@@ -149,8 +149,8 @@ def _mode(shape: Shape, kept: _Kept) -> dict[str, Any]:
     """What the page holds of one mode."""
     label, u = shape.label, kept.of(shape.displacement)
     low, high = density_range(shape)
-    density = kept.of(np.nan_to_num(shape.density) * PERCENT, smooth=False)
-    level = np.log10(np.maximum(density, low) / low) / DECADES
+    density = kept.of(np.nan_to_num(shape.density) * PERCENT_PER_CM3, smooth=False)
+    level = np.log10(np.maximum(density, low) / low) / COLOURED_DECADES
     growth = "" if label.motion else f", {shape.growth_rate:+.4g} 1/s"
     return {
         "name": f"{label.number}: {shape.frequency_hz:.1f} Hz{growth}",
