@@ -98,7 +98,7 @@ def export_reduced(
         "pressure": point.contact_pressure,
         "tangent": point.tangent,
         "friction": float(state.operating.friction),
-        "friction_coefficient": np.broadcast_to(np.abs(friction.mu), model.area.shape),
+        "friction_coefficient": model.frictional * np.abs(friction.mu),
         "law": law.kind,
         "law_parameters": np.array(law.parameters),
         "law_parameter_names": [p.name for p in law.definition.parameters],

@@ -149,14 +149,14 @@ def contact_row(
     area = 0.0
     for i in range(nc):
         torque -= points[at.POINT_RADIUS, i] * point[at.OUT_T1, i]
-        own_area = points[at.POINT_AREA, i] * points[at.POINT_FRICTION, i]
-        force += own_area * point[at.OUT_P, i]
-        steady += points[at.POINT_FRICTION, i] * points[at.POINT_NORMAL, i]
-        area += own_area
+        if points[at.POINT_FRICTION, i] > 0.0:
+            force += points[at.POINT_AREA, i] * point[at.OUT_P, i]
+            steady += points[at.POINT_NORMAL, i]
+            area += points[at.POINT_AREA, i]
     stick = 0.0
     opened = 0.0
     creep = 0.0
-    limit = OPEN_SHARE * steady / area
+    limit = OPEN_SHARE * steady / area if area > 0.0 else 0.0
     for i in range(nc):
         if points[at.POINT_FRICTION, i] == 0.0:
             continue

@@ -144,7 +144,7 @@ class ContactPoints(Protocol):
 
     @property
     def frictional(self) -> np.ndarray:
-        """Factor (nc,) on the friction coefficient, 1 or 0."""
+        """Factor (nc,) on the friction coefficient, 0 without friction."""
         ...
 
     @property
@@ -174,8 +174,8 @@ class ContactInterface:
     law : ContactLaw
         Default law.
     frictional : ndarray (n_points,)
-        Factor on the friction coefficient: 1, or 0 for contact without friction, whose rows of T
-        and T_perp may be empty.
+        Factor on the friction coefficient of the operating point, not negative; 0 for contact
+        without friction, whose rows of T and T_perp may be empty.
     speed_factor : ndarray (n_points,)
         Sliding speed of each point over the imposed one, positive: r over the radius that the
         imposed speed is of, where a body turns. One by default; what stands at points without
@@ -217,8 +217,8 @@ class ContactInterface:
                 raise ModelError(f"contact interface: '{name}' has values that are not finite")
         if not (self.area > 0).all():
             raise ModelError("contact interface: every area must be positive")
-        if not np.isin(self.frictional, (0.0, 1.0)).all():
-            raise ModelError("contact interface: 'frictional' is 1, or 0 without friction")
+        if not (self.frictional >= 0.0).all():
+            raise ModelError("contact interface: no 'frictional' may be negative")
         rubbing = self.frictional > 0
         if not (self.speed_factor[rubbing] > 0).all():
             raise ModelError("contact interface: every 'speed_factor' must be positive")

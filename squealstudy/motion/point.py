@@ -90,7 +90,8 @@ def automatic_slope(
     """
     operating, p = state.operating, np.maximum(point.contact_pressure, LEAST_PRESSURE)
     mu = np.maximum(operating.curve.at_rest(operating.friction, p), LEAST_FRICTION)
-    return float((mu * p)[contact.frictional > 0].max(initial=LEAST_PRESSURE) / speed)
+    rubbing = contact.frictional > 0
+    return float((contact.frictional * mu * p)[rubbing].max(initial=LEAST_PRESSURE) / speed)
 
 
 def motion_point(

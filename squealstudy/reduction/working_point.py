@@ -242,14 +242,15 @@ def _mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:
 
 
 def _closing_pressure(space: ContactSpace, point: OperatingPoint) -> float:
-    """Uniform pressure that takes back the mean opening under the load, Pa.
+    """Uniform pressure that takes back the mean opening under the load and closed gaps, Pa.
 
     What stiff contact carries, and more than soft contact does. A spring that gives way under the
     whole load has next to no k_c, and `_mean_pressure` is nothing then: a share of what it bears,
     for Newton is to come from where it holds.
     """
     opened = space.gaps(space.C_Nf @ np.array([point.brake_pressure, 1.0]))
-    closing = abs(float(space.area @ opened)) / max(abs(space.opened_by_unit_pressure), 1e-300)
+    opening = abs(float(space.area @ opened)) + float(space.area @ np.maximum(-space.gap0, 0.0))
+    closing = opening / max(abs(space.opened_by_unit_pressure), 1e-300)
     if not 1e-300 < closing < np.inf:  # of nothing an exponential law has no gap
         return 0.0
     ((borne,), _) = point.law.evaluate(np.array([point.law.gap_at(closing)]))

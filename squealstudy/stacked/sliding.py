@@ -229,16 +229,16 @@ def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
 
 
 def _closing_pressure(equations: GapEquations) -> np.ndarray:
-    """As in `working_point`: (m,) [Pa] that takes back the mean opening under the load."""
+    """As in `working_point`: (m,) [Pa] that takes back mean opening and closed gaps."""
     area = equations.area
     unit = np.abs((area * _times(equations.by_normal, area)).sum(axis=1))
     with np.errstate(over="ignore", invalid="ignore"):
-        closing = np.abs((area * equations.by_load).sum(axis=1)) / np.maximum(
-            unit, SMALLEST_POSITIVE
-        )
-    known = np.isfinite(closing) & (
-        closing > SMALLEST_POSITIVE
-    )  # of nothing an exponential law has no gap
+        opened = np.abs((area * equations.by_load).sum(axis=1))
+        preloaded = np.maximum(-equations.structures.gap0, 0.0)
+        closing = opened + (area * preloaded).sum(axis=1)
+        closing = closing / np.maximum(unit, SMALLEST_POSITIVE)
+    # of nothing an exponential law has no gap
+    known = np.isfinite(closing) & (closing > SMALLEST_POSITIVE)
     closing = np.where(known, closing, 1.0)
     operating = equations.operating
     borne = operating.contact(operating.gap_at(closing)[:, None])[0][:, 0]

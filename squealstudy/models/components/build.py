@@ -194,15 +194,19 @@ class _Interfaces:
                 tie = rows.ties(name, self._numbers.at("contact", i, "tangential"))
                 ties.append(SpringInterface(name, self._kept(tie.B), tie.stiffness))
         whole = contact_interface(parts, law)
-        gap = whole.gap0.copy()
+        gap, frictional = whole.gap0.copy(), whole.frictional.copy()
         begins = np.cumsum([0, *(len(p.area) for p in parts)])
+        for i, table in enumerate(self._g.file.contact):
+            if table.friction_factor is not None:
+                factor = self._numbers.at("contact", i, "friction_factor")
+                frictional[begins[i] : begins[i + 1]] = factor
         for key, value in self._numbers.given.items():
             if key[0] == "contact" and key[2] == "initial_gap":
                 gap[begins[int(key[1])] : begins[int(key[1]) + 1]] = value
         N, T, T_perp = (self._kept(A) for A in (whole.N, whole.T, whole.T_perp))
         speed, middle = whole.speed_factor, self._g.effective_radius
         if middle is not None:
-            speed = np.where(whole.frictional > 0, whole.radius / middle, 1.0)
+            speed = np.where(frictional > 0, whole.radius / middle, 1.0)
         pairs = tuple(
             self._g.file.name_of("contact", i) for i, p in enumerate(parts) for _ in p.area
         )
@@ -212,6 +216,7 @@ class _Interfaces:
             T=T,
             T_perp=T_perp,
             gap0=gap,
+            frictional=frictional,
             speed_factor=speed,
             points=np.vstack([p.points for p in parts]),
             pairs=pairs,

@@ -239,9 +239,16 @@ class ContactTable(Table):
     tangential: float | None = Field(
         default=None, ge=0, description="stiffness per area that holds a stuck contact in plane"
     )
+    friction_factor: float | None = Field(
+        default=None,
+        ge=0,
+        description="friction coefficient of a sliding contact over the parameter friction; else 1",
+    )
 
     @model_validator(mode="after")
     def _held(self) -> ContactTable:
+        if self.kind != "sliding" and self.friction_factor is not None:
+            raise ValueError("friction_factor: expected of a sliding contact alone")
         if (self.kind == "stuck") != (self.tangential is not None):
             raise ValueError("expected tangential = STIFFNESS of a stuck contact, and of no other")
         return self

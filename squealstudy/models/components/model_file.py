@@ -75,6 +75,7 @@ DIMENSIONS = {  # of the keys of the file
     "area": AREA,
     "search": LENGTH,
     "initial_gap": LENGTH,
+    "friction_factor": NUMBER,
     "effective_radius": LENGTH,
     "translate": LENGTH,
     "mass_damping": RATE,
@@ -85,10 +86,10 @@ DIMENSIONS = {  # of the keys of the file
 POSITIVE = ("E", "G", "rho", "area", "bedding")
 NOT_NEGATIVE = (
     *("normal", "tangential", "stiffness", "rotary", "mass", "inertia"),
-    *("mass_damping", "stiffness_damping", "material_damping"),
+    *("mass_damping", "stiffness_damping", "material_damping", "friction_factor"),
 )
 VARIED = {  # keys that parameters may point to
-    "contact": ("tangential", "initial_gap"),
+    "contact": ("tangential", "initial_gap", "friction_factor"),
     "tie": ("bedding",),
     "coupling": ("bedding",),
     "layer": ("normal", "tangential"),

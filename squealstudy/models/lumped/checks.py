@@ -40,6 +40,10 @@ def check_tables(file: LumpedFile) -> None:
             raise PlacedError((*keys, "between"), text)
         if not contact.friction and contact.sliding is not None:
             raise PlacedError((*keys, "sliding"), "a contact without friction has no such key")
+        if not contact.friction and contact.friction_factor != 1.0:
+            raise PlacedError(
+                (*keys, "friction_factor"), "a contact without friction has no such key"
+            )
     for i, load in enumerate(file.load):
         _expect_mass(load.on, masses, ("load", i, "on"))
         if (load.force is None) == (load.area is None):
@@ -141,7 +145,7 @@ def texts_of(file: LumpedFile) -> Iterator[tuple[KeyPath, str]]:
         "mass": ("mass", "inertia"),
         "spring": ("stiffness",),
         "damper": ("damping",),
-        "contact": ("stiffness", "area", "gap", "speed_factor", "radius"),
+        "contact": ("stiffness", "area", "gap", "friction_factor", "speed_factor", "radius"),
         "load": ("force", "area"),
     }
     directions = ("direction", "normal", "sliding")

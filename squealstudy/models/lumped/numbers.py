@@ -51,7 +51,7 @@ def bounded(
             given = ", ".join(f"{n} = {v:g}" for n, v in zip(names, at, strict=True))
             told += f" of '{number}' at {given}"
         expected = "at least 0" if zero else "a value above 0"
-        raise PlacedError(keys, f"expected {expected} {unit}, got {told}")
+        raise PlacedError(keys, f"expected {' '.join(filter(None, (expected, unit)))}, got {told}")
     return found
 
 

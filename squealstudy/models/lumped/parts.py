@@ -180,7 +180,8 @@ def _contact(space: Coordinates, values: Values) -> Points:
         if table.radius is not None:
             arm = bounded(table.radius, values, (*keys, "radius"), "m")
         columns["radius"].append(arm)
-        columns["frictional"].append(np.asarray(float(table.friction)))
+        factor = bounded(table.friction_factor, values, (*keys, "friction_factor"), "", zero=True)
+        columns["frictional"].append(factor if table.friction else np.asarray(0.0))
         columns["speed_factor"].append(
             bounded(table.speed_factor, values, (*keys, "speed_factor"), "")
         )

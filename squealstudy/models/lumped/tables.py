@@ -104,6 +104,9 @@ class ContactTable(Table):
     area: Number | None = Field(default=None, description="m2, instead of a stiffness")
     gap: Number = Field(default=0.0, description="opening without load, m; negative: preloaded")
     friction: bool = Field(default=True, description="false: it has none")
+    friction_factor: Number = Field(
+        default=1.0, description="its friction coefficient over the parameter friction"
+    )
     speed_factor: Number = Field(default=1.0, description="its sliding speed over sliding_speed")
     radius: Number | None = Field(
         default=None, description="arm of its friction in torques, m; without any they are forces"

@@ -83,6 +83,7 @@ def brake_tables(
                 "quadrature": "gauss",
                 "points": int(options["contact_points"]),
                 "search": 1e-4,
+                "friction_factor": v[f"{side}_pad.friction_factor"],
             }
             for side in ("inner", "outer")
         ],

@@ -67,14 +67,20 @@ class BrakeInterfaces:
 
     # -- contact ---------------------------------------------------------------------------------
     def contact(
-        self, law: ContactLaw, points_per_side: int, mean_radius: float | None
+        self,
+        law: ContactLaw,
+        points_per_side: int,
+        mean_radius: float | None,
+        friction_factors: Mapping[str, float],
     ) -> ContactInterface:
         """Both pad faces against the disc; the disc turns about +z.
 
         `mean_radius` is the one that the imposed speed is of; None: all points have that speed.
+        `friction_factors` are those of each pad.
         """
         pads = ("inner_pad", "outer_pad")
         sides = [self._contact_side(pad, points_per_side) for pad in pads]
+        numbers = [len(side.points) for side, _ in sides]
         points = np.vstack([side.points for side, _ in sides])
         N, T, T_perp = (
             sp.vstack(part).tocsr() for part in zip(*(r for _, r in sides), strict=True)
@@ -88,7 +94,7 @@ class BrakeInterfaces:
             gap0=np.zeros(n),
             radius=radius,
             law=law,
-            frictional=np.ones(n),
+            frictional=np.repeat([friction_factors[pad] for pad in pads], numbers),
             speed_factor=np.ones(n) if mean_radius is None else radius / mean_radius,
             points=points,
             pairs=tuple(
@@ -271,9 +277,11 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
     interfaces = BrakeInterfaces(mesher, solids, components)
     law = ContactLaw.from_values(str(options["contact_law"]), values)
     load, turning = interfaces.brake_load(), effective_radius(options, values)
+    points_a_side = int(options["contact_points"])
+    factors = {pad: values[f"{pad}.friction_factor"] for pad in ("inner_pad", "outer_pad")}
     return Assembly(
         components,
-        interfaces.contact(law, int(options["contact_points"]), turning),
+        interfaces.contact(law, points_a_side, turning, factors),
         interfaces.springs(),
         load,
         np.zeros_like(load),

@@ -171,6 +171,8 @@ STRUCTURE = structural(
         ("abutment.tangential_stiffness", 2e7, "N/m", "each pad ear to ground, around"),
         ("abutment.radial_stiffness", 2e7, "N/m", "each pad ear to ground, radial"),
         ("abutment.axial_stiffness", 1e5, "N/m", "each pad ear to ground, axial"),
+        ("inner_pad.friction_factor", 1.0, "", "its friction coefficient over friction"),
+        ("outer_pad.friction_factor", 1.0, "", "its friction coefficient over friction"),
         ("guides.stiffness", 1e7, "N/m", "caliper guides to ground, both together, in plane"),
         (
             "guides.axial_stiffness",
