@@ -41,7 +41,11 @@ from squealstudy.wording import did_you_mean
 LINEAR = "bilateral"  # contact law by default: it opens never, as springs do
 ANGLES = ("deg", "°")  # units of parameters that are not of SI
 POSITIVE = ("mass", "inertia", "area", "speed_factor", "radius")  # keys above zero
-NOT_NEGATIVE = ("stiffness", "damping", "friction_factor")  # of springs and dampers; of contact above zero
+NOT_NEGATIVE = (
+    "stiffness",
+    "damping",
+    "friction_factor",
+)  # of springs and dampers; of contact above zero
 
 
 def is_lumped(path: Path) -> bool:
