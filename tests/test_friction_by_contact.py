@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from study_runs import plan_of
 
 import squealstudy as sq

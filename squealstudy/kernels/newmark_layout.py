@@ -76,7 +76,7 @@ LEAST_TORQUE, MOST_TORQUE, MOST_STICK, MOST_OPEN, MOST_CREEP = 6, 7, 8, 9, 10
 ROW_TORQUE, NOW_TORQUE, NOW_STICK, NOW_OPEN = 11, 12, 13, 14
 N_SUM = 15
 
-# points: base gap m, area m2, factor on friction (0 without), arm of the torque m (negative where the
+# points: base gap m, area m2, factor on friction, arm of the torque m (negative where the
 # sliding is), contact stiffness N/m inside the diagonal stiffness, base forces N, sliding velocity
 # m/s of the base state
 POINT_GAP, POINT_AREA, POINT_FRICTION, POINT_RADIUS = 0, 1, 2, 3
