@@ -186,3 +186,18 @@ def test_files_of_med_that_are_none(tmp_path):
         file["ENS_MAA"] = h5py.ExternalLink("other.med", "/ENS_MAA")
     with pytest.raises(ModelError, match="links to other places, which are not followed"):
         read_mesh(tmp_path / "a.med", ComponentTable(mesh="a.med"))
+
+
+def test_coordinates_that_are_no_numbers_are_said_by_their_node(tmp_path):
+    text = "4.1 0 8"
+    mesh = box("C3D8", (1, 1, 1))
+    nodes = "\n".join(" ".join(map(str, x)) for x in mesh.nodes.tolist())
+    nodes = nodes.replace(nodes.splitlines()[3], "0.0 inf 0.0", 1)
+    numbers = "\n".join(str(k + 1) for k in range(8))
+    cell = " ".join(str(n + 1) for n in mesh.blocks[0].nodes[0])
+    (tmp_path / "a.msh").write_text(
+        f"$MeshFormat\n{text}\n$EndMeshFormat\n$Nodes\n1 8 1 8\n3 1 0 8\n{numbers}\n{nodes}\n"
+        f"$EndNodes\n$Elements\n1 1 1 1\n3 1 5 1\n1 {cell}\n$EndElements\n"
+    )
+    with pytest.raises(ModelError, match="node 4: coordinates that are no finite numbers"):
+        read_mesh(tmp_path / "a.msh", ComponentTable(mesh="a.msh"))

@@ -191,7 +191,8 @@ def _prepared_family(task: FamilyTask) -> PreparedFamily:
         with threadpool_limits(task.threads):
             prepared = prepare_family(family, model.defaults(), angular_band(task.band_hz))
     except SquealstudyError as error:
-        raise SquealstudyError(f"at the values of [parameters]: {error}") from error
+        values = ", ".join(f"{name} = {value:g}" for name, value in model.defaults().items())
+        raise SquealstudyError(f"at the values of [parameters], {values}: {error}") from error
     return replace(prepared, timings={"read_s": read_s, **prepared.timings})
 
 

@@ -20,8 +20,9 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.factor import SINGULAR, RefinedFactor, factorise
+from squealstudy.linalg.factor import RefinedFactor, factorise
 from squealstudy.models.assembly import ContactInterface
+from squealstudy.reduction.free_motions import free_motion
 from squealstudy.reduction.projected import AnyAssembly
 
 INDEPENDENT = 1e-13  # of contact rows: what one has outside the others' span
@@ -29,10 +30,6 @@ WIDE = 512  # right-hand sides held at once, fewer where they would have more nu
 MOST_HELD = 64_000_000  # these: half a gigabyte, twice
 MOST_DENSE = 16  # contact points whose maps are dense: a sparse product takes 10 us to call
 HELD = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without any
-FREE_MOTION = (
-    "the static stiffness is singular: some motion is free; `squealstudy inspect` of a model file "
-    "names it"
-)
 
 
 @dataclass(frozen=True)
@@ -213,9 +210,7 @@ def contact_space(
     """
     c = assembly.contact
     K0 = assembly.K_el + assembly.K_springs(static=True) + assembly.K_contact(k_c)
-    factor = factorise(K0, definite=True)
-    _check_held(factor)
-    solve = factor.lean()
+    solve = _held(assembly, K0).lean()
     loads = np.column_stack([assembly.load, assembly.constant_load])
     rows = rows or ContactRows.of(c)
     of_loads: list[np.ndarray] = []
@@ -298,8 +293,13 @@ def independent_columns(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.nd
     return columns, np.concatenate(chosen), np.vstack(parts)
 
 
-def _check_held(factor: RefinedFactor) -> None:
-    """Solve once for a known load: a matrix that is singular to round-off does not give it back."""
+def _held(assembly: AnyAssembly, K0: sp.csr_matrix) -> RefinedFactor:
+    """The factor of K0, tried on a known load: where it is singular to round-off that is missed."""
+    try:
+        factor = factorise(K0, definite=True)
+    except ConvergenceError as error:
+        raise free_motion(assembly, K0) from error
     b = np.random.default_rng(0).standard_normal(factor.A.shape[0])
     if not np.linalg.norm(factor.A @ factor.solve(b) - b) < HELD * np.linalg.norm(b):
-        raise ConvergenceError(SINGULAR, FREE_MOTION)
+        raise free_motion(assembly, K0)
+    return factor

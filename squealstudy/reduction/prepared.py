@@ -13,7 +13,7 @@ import scipy.linalg as la
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.band_roots import FIRST_ROOTS, roots_in_band
 from squealstudy.linalg.factor import side_by_side
-from squealstudy.models.matrices.family import MatrixFamily
+from squealstudy.models.matrices.family import ORDERS, MatrixFamily
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import (
     ComponentBasis,
@@ -266,7 +266,7 @@ class PreparedFamily:
 def prepare_family(
     family: MatrixFamily, nominal: Mapping[str, float], band: tuple[float, float]
 ) -> PreparedFamily:
-    """Solve the nominal point and take its shapes as the basis.
+    """Solve the nominal point and take its shapes as the basis; without roots there, none.
 
     Parameters
     ----------
@@ -280,16 +280,22 @@ def prepare_family(
     ModelError
         A coefficient that has no value there.
     ConvergenceError
-        No roots, or none with a small residual.
+        Entries too large or too small to compute with.
     """
     started = time.perf_counter()
     M, C, K = family.matrices(nominal)
-    roots = roots_in_band(M, C, K, (band[0], BAND_FACTOR * band[1]))
-    scale = _scale(M.diagonal())
-    beyond = roots.lam[np.abs(roots.lam) > band[1]]
-    inside = roots.n_below - len(beyond) - int((beyond.imag > 0).sum())
+    scale, psi, inside = _scale(M.diagonal()), np.zeros((family.n, 0)), 0
+    try:
+        roots = roots_in_band(M, C, K, (band[0], BAND_FACTOR * band[1]))
+    except ConvergenceError:  # singular there, which other points need not be
+        masses = [abs(t.matrix.diagonal()) for t in family.terms if t.order == ORDERS["M"]]
+        scale = _scale(np.sum(masses, axis=0))
+    else:
+        psi = roots.psi
+        beyond = roots.lam[np.abs(roots.lam) > band[1]]
+        inside = roots.n_below - len(beyond) - int((beyond.imag > 0).sum())
     first = min(max(int(MARGIN * inside), FIRST_ROOTS), 2 * family.n)
-    basis = compared_on(scale[:, None] * roots.psi, scale > 0.0)
+    basis = compared_on(scale[:, None] * psi, scale > 0.0)
     return PreparedFamily(
         model=family,
         scale=scale,

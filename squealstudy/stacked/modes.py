@@ -16,7 +16,7 @@ from squealstudy.models.parameter import ModelDefinition
 from squealstudy.models.parameter_names import FREQUENCY_SCALE
 from squealstudy.models.stacked_assembly import StackedAssembly
 from squealstudy.modes.point import angular_band
-from squealstudy.reduction.contact_space import FREE_MOTION
+from squealstudy.reduction.free_motions import FREE_MOTION
 from squealstudy.reduction.working_point import (
     expect_consistent_laws,
     no_sliding_text,

@@ -21,10 +21,7 @@ def check_mesh(mesh: SolidMesh, doubled: bool = False, points: bool = False) -> 
     the boundary, where parts of a body lie side by side unconnected. Bodies of a deck with contact
     may lie so, and any where they may be `doubled`.
     """
-    wrong = ~np.isfinite(mesh.nodes).all(axis=1)
-    if wrong.any():
-        named = mesh.nodes_named(np.flatnonzero(wrong))
-        raise mesh.error(f"{named}: coordinates that are no finite numbers")
+    check_places(mesh)
     for block, start in zip(mesh.blocks, mesh.starts, strict=False):
         in_order = np.sort(block.nodes, axis=1)
         twice = np.flatnonzero((np.diff(in_order, axis=1) == 0).any(axis=1))
@@ -47,6 +44,14 @@ def check_mesh(mesh: SolidMesh, doubled: bool = False, points: bool = False) -> 
         raise mesh.error(f"{mesh.nodes_named(np.flatnonzero(unused))}: no element has this node")
     if not doubled and mesh.blocks:
         _check_doubled(mesh)
+
+
+def check_places(mesh: SolidMesh) -> None:
+    """ModelError about nodes whose coordinates are no numbers."""
+    wrong = ~np.isfinite(mesh.nodes).all(axis=1)
+    if wrong.any():
+        named = mesh.nodes_named(np.flatnonzero(wrong))
+        raise mesh.error(f"{named}: coordinates that are no finite numbers")
 
 
 def _check_jacobians(mesh: SolidMesh) -> None:

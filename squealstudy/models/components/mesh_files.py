@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.checks import DOUBLED, check_mesh
+from squealstudy.models.components.checks import DOUBLED, check_mesh, check_places
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.handed import righted
 from squealstudy.models.components.mesh import SolidMesh
@@ -38,7 +38,9 @@ def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
     the component's `part` may name.
     """
     body = table.part if table.part is not None and BODY.fullmatch(table.part) else None
-    mesh = righted(_read(path, table if body is None else table.model_copy(update={"part": None})))
+    mesh = _read(path, table if body is None else table.model_copy(update={"part": None}))
+    check_places(mesh)
+    mesh = righted(mesh)
     if (how := table.repeat) is not None:
         mesh = repeated(mesh, Repetition(np.array(how.point), np.array(how.axis), how.count))
     bodies, points = mesh.body_of, table.mesh is None

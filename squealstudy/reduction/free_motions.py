@@ -1,0 +1,87 @@
+"""Which motions of which components a singular stiffness leaves free, for the message about it."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from scipy.sparse.linalg import ArpackError, eigsh
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.linalg.factor import SINGULAR
+from squealstudy.models.assembly import Assembly, component_slices
+from squealstudy.reduction.projected import AnyAssembly
+from squealstudy.wording import listed, plural
+
+FREE_MOTION = (
+    "the static stiffness is singular: some motion is free; `squealstudy inspect` of a model file "
+    "names it"
+)
+FREE = 1e-12  # eigenvalue of the stiffness scaled to a diagonal of 1
+SMALL = 500  # freedoms up to which all eigenvalues are asked for
+MOST = 12  # free motions looked for: two components
+SHIFT = 1e-9  # at which the scaled stiffness is factored
+TAKES_PART = 0.1  # of the largest share of a free motion
+RIGID = 0.99  # of a component's share: it moves as a rigid body
+
+
+def free_motion(assembly: AnyAssembly, K: sp.csr_matrix) -> ConvergenceError:
+    """The error about a stiffness K that is singular, with the motions that are free."""
+    told = ""
+    if isinstance(assembly, Assembly) and any(len(c.coordinates) for c in assembly.components):
+        told = _named(assembly, K)
+    if not told:
+        return ConvergenceError(SINGULAR, FREE_MOTION)
+    return ConvergenceError(
+        SINGULAR,
+        f"the static stiffness is singular: {told}: a spring, a layer or a held set is missing, "
+        "or has no stiffness here",
+    )
+
+
+def _named(assembly: Assembly, K: sp.csr_matrix) -> str:
+    """Free motions in words; empty where none is found."""
+    diagonal = np.abs(K.diagonal())
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=0.0) or 1.0))
+    S = sp.csr_matrix(sp.diags(scale) @ K @ sp.diags(scale))
+    n = S.shape[0]
+    try:
+        if n <= SMALL:
+            values, vectors = la.eigh(S.toarray())
+        else:
+            values, vectors = eigsh(S, k=MOST, sigma=-SHIFT, v0=np.ones(n))
+    except (ArpackError, RuntimeError):
+        return ""
+    free = scale[:, None] * vectors[:, values < FREE]
+    if not free.shape[1]:
+        return ""
+    some = f"{plural(free.shape[1], 'motion')} {'is' if free.shape[1] == 1 else 'are'} free"
+    if n > SMALL and free.shape[1] == MOST:
+        some = f"{MOST} motions or more are free"
+    return f"{some}, of {listed(_moving(assembly, free))}"
+
+
+def _moving(assembly: Assembly, free: np.ndarray) -> list[str]:
+    """Components and directions that take part in free motions (n, k)."""
+    from squealstudy.models.components.component_facts import MOTIONS, rigid_shapes
+
+    spans, _ = component_slices(assembly.components)
+    shares: dict[str, float] = {}
+    for component in assembly.components:
+        own = free[spans[component.name]]
+        u = component.at_nodes(own) if len(component.coordinates) else own
+        whole = float(np.sum(u**2))
+        if not len(component.coordinates):
+            shares[component.name] = whole**0.5
+            continue
+        R = rigid_shapes(component.coordinates)
+        size = np.linalg.norm(R, axis=0)
+        R = R / np.where(size > 0, size, 1.0)  # turns of nodes in one place are none
+        amounts = la.lstsq(R, u)[0]
+        if np.sum((R @ amounts) ** 2) < RIGID * whole:
+            shares[f"{component.name} in itself"] = whole**0.5
+            continue
+        for motion, row in zip(MOTIONS, amounts, strict=True):
+            shares[f"{component.name} {motion}"] = float(np.linalg.norm(row))
+    largest = max(shares.values())
+    return [name for name, share in shares.items() if share > TAKES_PART * largest]
