@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from squealstudy.linalg.dense_qep import backward_error, dense_roots
+from squealstudy.linalg.factor import solve_threads
 from squealstudy.linalg.sparse_qep import LowRankSum, smallest_roots
 from squealstudy.models.operating import DesignState
 from squealstudy.reduction.cmt import ReductionSettings, component_modes, reduce_cmt
@@ -39,6 +40,18 @@ from squealstudy.system.linearise import (
 BAND = (2 * np.pi * 500.0, 2 * np.pi * TOP)
 LOW = {"band": (BAND[0], 2 * np.pi * 2500.0), "least": 6}  # half of the band
 FULL_SIZE_TOP = 8e3  # Hz
+
+
+def test_two_threads_make_the_same_model_to_the_last_bit(brake):
+    """Components are completed side by side."""
+    low, made = ReductionSettings(1500.0, 1500.0, 1000.0), []
+    for count in (1, 2):
+        with solve_threads(count):
+            made.append(reduce_cmt(brake.assembly, brake.modes, brake.point, low)[0])
+    one, two = made
+    assert one.n == two.n > 20
+    for name in ("k_el", "K_springs", "N", "T"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
 
 
 # -- the basis -----------------------------------------------------------------------------------

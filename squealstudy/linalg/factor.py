@@ -58,6 +58,11 @@ def solve_threads(count: int) -> Iterator[None]:
         _threads.reset(token)
 
 
+def threads_to_share() -> int:
+    """How many threads may work at once here."""
+    return _threads.get()
+
+
 def side_by_side(rows: int) -> Executor:
     """A pool of that many threads; each of them shares its own solves with no other.
 

@@ -9,11 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.linalg.factor import RefinedFactor, factorise
+from squealstudy.linalg.factor import RefinedFactor, factorise, side_by_side
 from squealstudy.linalg.real_modes import real_modes, shifted
 from squealstudy.models.operating import ModeKey
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
-from squealstudy.reduction.projected import AnyAssembly
+from squealstudy.reduction.projected import AnyAssembly, Part
 from squealstudy.reduction.working_point import WorkingPoint
 
 
@@ -235,14 +235,16 @@ def reduce_cmt(
     omega, phi = real_modes(assembly.M, K, cutoff, factor)
     loaded = phi[:, omega <= 2 * np.pi * settings.load_cutoff]
     extra = _load_responses(assembly, factor.lean(), nominal, others, loaded)
-    blocks, diagonals = [], []
-    for component in assembly.components:
+
+    def complete(component: Part) -> tuple[np.ndarray, np.ndarray]:
         span = assembly.slices[component.name]
         shapes = [(phi[span], MODE_TOLERANCE), (extra[span], settings.tolerance)]
-        T, k = complete_basis(component.M, component.K, modes[component.name].phi, shapes)
-        blocks.append(T)
-        diagonals.append(k)
-    basis = ComponentBasis(blocks=tuple(blocks), omega=omega, phi=phi, factor=factor)
+        return complete_basis(component.M, component.K, modes[component.name].phi, shapes)
+
+    components: Sequence[Part] = assembly.components
+    with side_by_side(assembly.n_dof) as pool:
+        blocks, diagonals = zip(*pool.map(complete, components), strict=True)
+    basis = ComponentBasis(blocks=blocks, omega=omega, phi=phi, factor=factor)
     return project(assembly, basis, diagonals, modes), basis
 
 
@@ -281,7 +283,7 @@ def _match_size(X: np.ndarray, phi: np.ndarray) -> np.ndarray:
 def project(
     assembly: AnyAssembly,
     basis: ComponentBasis,
-    diagonals: list[np.ndarray],
+    diagonals: Sequence[np.ndarray],
     modes: Mapping[str, ComponentModes],
 ) -> ReducedModel:
     """Project interfaces and contact observation on the component blocks of `basis`."""

@@ -12,7 +12,7 @@ import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.band_roots import FIRST_ROOTS, roots_in_band
-from squealstudy.linalg.factor import side_by_side
+from squealstudy.linalg.factor import side_by_side, threads_to_share
 from squealstudy.models.matrices.family import ORDERS, MatrixFamily
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.cmt import (
@@ -117,11 +117,13 @@ def prepare_with_basis(
     clock = _Clock()
     with side_by_side(assembly.n_dof) as pool:
         found = pool.submit(component_modes, assembly, settings.component_cutoff)
-        if space is None:
+        if threads_to_share() == 1:
+            found.result()
+        if space is None:  # in this thread, which shares its solves with others
             stiffness = mean_contact_stiffness(assembly, nominal)
-            space = pool.submit(
-                contact_space, assembly, stiffness, lambda: mode_shapes(assembly, found.result())
-            ).result()
+            space = contact_space(
+                assembly, stiffness, lambda: mode_shapes(assembly, found.result())
+            )
         modes = found.result()
     space = space(modes) if callable(space) else space
     clock.stage("components_s")

@@ -19,6 +19,7 @@ import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
+from squealstudy.linalg.factor import side_by_side
 from squealstudy.models.operating import DesignState, ModeKey, OperatingPoint
 from squealstudy.modes.point import PointModes, solve_point, state_working_point
 from squealstudy.reduction.cmt import (
@@ -325,13 +326,14 @@ def extended_basis(
         components together: a component that hardly deforms gets few.
     """
     parts: Sequence[Part] = assembly.components
-    found = [
-        outside(part.M, part.K, block, added[assembly.slices[part.name]])
-        for part, block in zip(parts, basis.blocks, strict=True)
-    ]
-    least = share**2 * max(energy.max(initial=0.0) for _, energy in found)
-    blocks, diagonals = [], []
-    for component, block, (X, energy) in zip(parts, basis.blocks, found, strict=True):
+
+    def missing(part: Part, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return outside(part.M, part.K, block, added[assembly.slices[part.name]])
+
+    def extended(
+        component: Part, block: np.ndarray, found: tuple[np.ndarray, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        X, energy = found
         count = modes[component.name].phi.shape[1]
         phi, chosen = block[:, :count], X[:, energy > least]
         size = np.sqrt(np.einsum("ij,ij->j", chosen, component.M @ chosen))
@@ -339,7 +341,11 @@ def extended_basis(
         rest = np.hstack([block[:, count:], more])
         k_rest, y = la.eigh(rest.T @ (component.K @ rest))
         k_phi = np.einsum("ij,ij->j", phi, component.K @ phi)
-        blocks.append(np.ascontiguousarray(np.hstack([phi, rest @ y])))
-        diagonals.append(np.concatenate([k_phi, k_rest]))
-    larger = replace(basis, blocks=tuple(blocks))
+        return np.ascontiguousarray(np.hstack([phi, rest @ y])), np.concatenate([k_phi, k_rest])
+
+    with side_by_side(assembly.n_dof) as pool:
+        found = list(pool.map(missing, parts, basis.blocks))
+        least = share**2 * max(energy.max(initial=0.0) for _, energy in found)
+        blocks, diagonals = zip(*pool.map(extended, parts, basis.blocks, found), strict=True)
+    larger = replace(basis, blocks=blocks)
     return project(assembly, larger, diagonals, modes), larger
