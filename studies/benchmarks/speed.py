@@ -13,7 +13,10 @@ and, as CPU s, processor seconds of all.
 study       `squealstudy run` over friction and pressure, tables and pictures
 reduction   its assembly and component-mode model
 point       a dense design point: working point, roots, vectors, errors
+contacts    the same with 4 x 4 contact points a facet, over 2 x 2
 check       a design point at full order
+tracks      tracks and onsets of the study, its points solved
+cycle       a stable cycle of the coarse brake with five harmonics, and one near it
 basis       sweep bases over 400 frictions to 1e-2, 1e-3 and 1e-4: looser must not be dearer
 kernels     those of a study in time, compiled
 squeal      100 ms as [fidelity] chooses to 1 %, a design of a batch of eight, without the choice
@@ -35,6 +38,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from other_state import ROOT, tree_of
 
@@ -43,6 +47,8 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 THEN = "3c5c57c"
 TOLERANCES = (1e-2, 1e-3, 1e-4)
+CONTACT_POINTS, FEW_CONTACT_POINTS, MANY_CONTACT_POINTS = 3, 2, 4  # a side of each pad facet
+HARMONICS = 5  # of cycles
 STUDY = """
 [study]
 name = "{name}"
@@ -51,6 +57,7 @@ kind = "complex_modes"
 [model]
 name = "disc_brake"
 mesh = "{mesh}"
+contact_points = {contact_points}
 
 [parameters]
 friction = 0.5
@@ -116,26 +123,33 @@ num = 8
 LOW_BAND = "track = false\nreference_points = 0\n\n[fidelity]\ntolerance = 1e-3\n"
 
 
-def study_text(row: str, quick: bool, tolerance: float = 1e-4) -> str:
+def study_text(
+    row: str, quick: bool, tolerance: float = 1e-4, contact_points: int = CONTACT_POINTS
+) -> str:
     """The study of a row."""
     mesh, top = ("coarse", 2000.0) if quick else ("medium", 8000.0)
     if row in ("nominal", "squeal"):
         more, duration = (NOMINAL if row == "nominal" else SQUEAL), (0.02 if quick else 0.1)
         return IN_TIME.format(name=row, mesh=mesh, duration=duration, more=more)
-    if row == "fidelity":
-        top = min(top, 3000.0)
-        return STUDY.format(
-            name=row, mesh=mesh, top=top, frictions=400, pressures="", more=LOW_BAND
-        )
     frictions, pressures, more = (8 if quick else 29), PRESSURES, ""
+    if row == "fidelity":
+        top, frictions, pressures, more = min(top, 3000.0), 400, "", LOW_BAND
     if row == "map":
         frictions = 40 if quick else 200
         pressures = FINE_PRESSURES.format(20 if quick else 100)
         more = "tolerance = 1e-4"
+    if row == "tracks":
+        more = "reference_points = 0"
     if row == "basis":
         frictions, pressures, more = 400, "", f'method = "windows"\ntolerance = {tolerance}'
     return STUDY.format(
-        name=row, mesh=mesh, top=top, frictions=frictions, pressures=pressures, more=more
+        name=row,
+        mesh=mesh,
+        contact_points=contact_points,
+        top=top,
+        frictions=frictions,
+        pressures=pressures,
+        more=more,
     )
 
 
@@ -148,12 +162,12 @@ def measure(row: str, quick: bool) -> dict[str, float]:
         return MEASURES[row](quick, Path(folder))
 
 
-def _plan(row: str, quick: bool, folder: Path, tolerance: float = 1e-4) -> Any:
+def _plan(row: str, quick: bool, folder: Path, **chosen: Any) -> Any:
     from squealstudy.engine.plan import Plan
     from squealstudy.study.definition import load_any
 
     path = folder / "study.toml"
-    path.write_text(study_text(row, quick, tolerance))
+    path.write_text(study_text(row, quick, **chosen))
     return Plan(load_any(path))
 
 
@@ -172,10 +186,13 @@ def _reduction(quick: bool, folder: Path) -> dict[str, float]:
 
 
 def _point(quick: bool, folder: Path) -> dict[str, float]:
+    return {"point": _point_seconds(_plan("study", quick, folder))}
+
+
+def _point_seconds(plan: Any) -> float:
     from squealstudy.engine.cache import load_prepared
     from squealstudy.modes.point import solve_point
 
-    plan = _plan("study", quick, folder)
     _reduced(plan)
     prepared = load_prepared(plan.tasks[0].structure)
     states = [task.state() for task in plan.tasks[:: max(len(plan.tasks) // 8, 1)]]
@@ -183,7 +200,45 @@ def _point(quick: bool, folder: Path) -> dict[str, float]:
     started = time.process_time()
     for state in states:
         solve_point(prepared, state, plan.band_hz)
-    return {"point": (time.process_time() - started) / len(states)}
+    return (time.process_time() - started) / len(states)
+
+
+def _contacts(quick: bool, folder: Path) -> dict[str, float]:
+    few, many = (
+        _point_seconds(_plan("study", quick, folder, contact_points=count))
+        for count in (FEW_CONTACT_POINTS, MANY_CONTACT_POINTS)
+    )
+    return {"few contacts": few, "many contacts": many, "many over few": many / few}
+
+
+def _tracks(quick: bool, folder: Path) -> dict[str, float]:
+    from squealstudy.engine.runner import run_study
+    from squealstudy.kinds.complex_modes import tables
+
+    follow, spent = tables.follow_modes, []
+
+    def timed(*asked: Any) -> Any:
+        started = time.process_time()
+        found = follow(*asked)
+        spent.append(time.process_time() - started)
+        print(found.summary, file=sys.stderr)
+        return found
+
+    with patch.object(tables, "follow_modes", timed):
+        run_study(_plan("tracks", quick, folder), folder / "results", 1)
+    return {"tracks": sum(spent)}
+
+
+def _cycle(quick: bool, _folder: Path) -> dict[str, float]:
+    import cycle_cost
+
+    scene = cycle_cost.scene("hoffmann" if quick else "coarse")
+    cycle_cost.cold(scene, HARMONICS)  # kernels are compiled
+    cycles, cold = cycle_cost.timed(lambda: cycle_cost.cold(scene, HARMONICS))
+    loudest = max((c for c in cycles if c.attracts), key=lambda c: c.levels["torque_rms"])
+    search = scene.search(HARMONICS)
+    _, warm = cycle_cost.timed(lambda: cycle_cost.warm(scene.contacts[1], loudest, search))
+    return {"cycle, cold": cold / len(cycles), "cycle, warm": warm}
 
 
 def _check(quick: bool, folder: Path) -> dict[str, float]:
@@ -212,7 +267,7 @@ def _basis(quick: bool, folder: Path) -> dict[str, float]:
     _reduced(_plan("basis", quick, folder))
     found = {}
     for tolerance in TOLERANCES:
-        plan = _plan("basis", quick, folder, tolerance)
+        plan = _plan("basis", quick, folder, tolerance=tolerance)
         (structure,) = swept_structures(plan)
         started = time.process_time()
         rung = [plan.method.rung] if hasattr(plan.method, "rung") else []
@@ -269,7 +324,10 @@ def _fidelity(quick: bool, folder: Path) -> dict[str, float]:
 MEASURES: dict[str, Callable[[bool, Path], dict[str, float]]] = {
     "reduction": _reduction,
     "point": _point,
+    "contacts": _contacts,
     "check": _check,
+    "tracks": _tracks,
+    "cycle": _cycle,
     "basis": _basis,
     "kernels": _kernels,
     "squeal": _squeal,
