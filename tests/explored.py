@@ -65,11 +65,21 @@ def brake_map(across=7, up=5, n_modes=6, second="pressure", **facts):
         {
             **{"point_id": ids, "status": "ok", "message": "", "wall_s": 0.1},
             **{"friction": mu.ravel(), second: p.ravel()},
-            **{"n_modes": n_modes, "n_unstable": (growth > 0).sum(axis=1)},
+            "n_modes": n_modes,  # the first that is no parameter
+            **dict.fromkeys(
+                ("n_unstable", "n_unstable_low", "n_unstable_high"), (growth > 0).sum(axis=1)
+            ),
         }
     )
     names = ["friction", second]
-    known = {"name": "map", "parameters": names, "sweeps": names, "n_points": n, "study": STUDY}
+    known = {
+        "nominal": {"friction": 0.4, second: 2e5},
+        "name": "map",
+        "parameters": names,
+        "sweeps": names,
+        "n_points": n,
+        "study": STUDY,
+    }
     return made(
         units={"friction": "", second: "Pa"},
         points=points,

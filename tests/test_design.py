@@ -1169,7 +1169,7 @@ def test_a_report_says_what_the_results_say(trap, tmp_path: Path) -> None:
     assert outside
     assert all(link.startswith(("data:image/png;base64,", "#")) for link in outside)
     for name in ("design_history", "operating_matrix"):
-        assert f'alt="{name}"' in text
+        assert f"({name})</figcaption>" in text
     (designs,) = re.findall(r"<summary>designs \(5 rows.*?</details>", text, re.DOTALL)
     rows = re.findall(r"<tr><td>(.*?)</tr>", designs, re.DOTALL)
     assert len(rows) == len(trap.table("designs")) == 5

@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
-import shutil
-from importlib.util import find_spec
-
 import numpy as np
 import pandas as pd
 import pytest
+from browsed import Opened, browsed, chromium
 from explored import brake_map
 from study_runs import solved
 
 import squealstudy as sq
 from squealstudy.explore.page import explore
 
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
-)
-pytestmark = pytest.mark.skipif(
-    not (CHROMIUM and find_spec("playwright")),
-    reason="PAGES TO EXPLORE ARE NOT CLICKED: no Chromium, or no playwright, here",
-)
-OPTIONS = [
-    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"),
-    *("--disable-background-networking", "--disable-component-update"),
-]
+pytestmark = browsed
 WIDTHS = (400, 768, 1280, 1920)
 STATES = """[study]
 name = "two"
@@ -85,52 +73,8 @@ reach = 0.5
 
 @pytest.fixture(scope="module")
 def browser():
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
-        yield browser
-        browser.close()
-
-
-class Opened:
-    """A page in the browser, with all that it says to the console or asks a network for."""
-
-    def __init__(self, browser, path, width=1280):
-        self.tab = browser.new_page(viewport={"width": width, "height": 900})
-        self.said: list[str] = []
-        self.tab.on("console", lambda message: self.said.append(message.text))
-        self.tab.on("pageerror", lambda error: self.said.append(str(error)))
-        self.tab.on("request", lambda request: self.said.append(request.url))
-        self.tab.goto(path.as_uri())
-        self.tab.wait_for_selector("body[data-ready]", timeout=60_000)
-        self.said.remove(path.as_uri())
-
-    def text(self, name):
-        return self.tab.locator(f"#{name}").inner_text()
-
-    def place(self, figure, row=0, source="points"):
-        """Where a point of a figure is, in the window."""
-        self.tab.locator(f"#{figure}").scroll_into_view_if_needed()
-        x, y = self.tab.evaluate(
-            """([name, source, row]) => {
-              const file = Bokeh.documents.find(d => d.get_model_by_name(name));
-              const plot = file.get_model_by_name(name), view = Bokeh.index.get_one(plot);
-              const data = file.get_model_by_name(source).data, frame = view.frame;
-              const box = view.canvas_view.el.getBoundingClientRect();
-              return [box.left + frame.x_scale.compute(data.x[row]),
-                      box.top + frame.y_scale.compute(data.y[row])];
-            }""",
-            [figure, source, row],
-        )
-        return x, y
-
-    def drag(self, start, end):
-        mouse = self.tab.mouse
-        mouse.move(*start)
-        mouse.down()
-        mouse.move(*end, steps=4)
-        mouse.up()
+    with chromium() as found:
+        yield found
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from explored import brake_map
 from made_results import made
 from study_runs import solved
 from study_texts import study_text
@@ -15,6 +16,7 @@ from transient_tables import growth_table, modes_table, points_table
 
 import squealstudy as sq
 from squealstudy.engine.report import report
+from squealstudy.engine.report_squeals import squeal_text
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.design.screen import SCREEN as DESIGN
 from squealstudy.kinds.limit_cycles.screen import SCREEN as CYCLES
@@ -244,3 +246,93 @@ def test_of_a_design_errors_that_are_not_known_are_told():
     texts = [found.get("error") for found in told.values()]
     unknown = "solver: damping ratios of some modes not known"
     assert texts == ["solver: damping ratios to 1.0e-09", unknown, None]
+
+
+# -- pictures, and one name for one squeal ------------------------------------------------------
+RUN = """
+[study]
+name = "{name}"
+kind = "{kind}"
+[model]
+name = "hoffmann"
+contact_law = "{law}"
+[parameters]
+damping_ratio = 0.001
+sliding_speed = 0.1
+{more}
+[[sweep]]
+parameter = "friction"
+values = [0.8, 0.9]
+[modes]
+band = [10.0, 1000.0]
+"""
+IN_TIME = "[transient]\nduration = 0.6\nstep = 2e-5\nperturbation = 1e-4\nsave_every = 20\n"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    text = RUN.format(name="run", kind="transient", law="unilateral", more="") + IN_TIME
+    return solved(text, tmp_path_factory.mktemp("run") / "r")
+
+
+def test_the_picture_of_the_question_is_the_first(run, tmp_path):
+    frictions = HULTEN.format(frictions=[0.1, 0.2, 0.4, 0.5])
+    modes = solved(frictions, tmp_path / "r")
+    loudest = int(run.points["torque_rms"].to_numpy().argmax())
+    firsts = {f"torque_history_point_{loudest}": run, "evolution_friction": modes}
+    firsts["stability_map_growth"] = brake_map()
+    for name, results in firsts.items():
+        told = re.findall(r"\((\w+)\)</figcaption>", report([results], False))
+        assert told[0] == name
+        assert len(set(told)) == len(told) > 2
+
+
+def test_pictures_have_words_for_who_does_not_see_them(run):
+    page = html.unescape(report([run], False))
+    alone = re.findall(r'<img alt="([^"]*)"', page)
+    assert all(len(text) > 40 for text in alone)
+    assert "friction = 0.9" in alone[0]
+    assert "Friction force [N]" in alone[0]
+    assert re.search(r'<img alt="[^"]*Friction force', html.unescape(run._repr_html_()))
+
+
+def test_the_squeal_of_a_run_has_the_name_of_the_predicted_mode(run, tmp_path):
+    text = RUN.format(name="modes", kind="complex_modes", law="unilateral", more="")
+    modes = solved(text, tmp_path / "modes")
+    loudest = run.points.loc[run.points["torque_rms"].idxmax()]
+    (root,) = run.growth[run.growth["point_id"] == loudest["point_id"]].to_dict("records")
+    heard = loudest["frequency_hz"]
+    heard = loudest["torque_line_hz"] if np.isnan(heard) else heard
+    told = (
+        f"The squeal at {in_digits(heard)} Hz, at friction = {loudest['friction']:.4g}, is the "
+        f"complex mode predicted at {in_digits(root['frequency_hz'])} Hz there, with a growth rate "
+        f"of {root['growth_rate']:+.3g} 1/s"
+    )
+    (alone,) = re.findall(r'class="squeal">(.*?)</p>', report([run], False))
+    assert alone == f"{told}."
+    (named,) = re.findall(r'class="squeal">(.*?)</p>', report([run, modes], False))
+    own = modes.modes[modes.modes["unstable"]]
+    assert named == f"{told}: T{own['track'].iloc[0]} of modes."
+    other = solved(text.replace("sliding_speed = 0.1", "sliding_speed = 0.2"), tmp_path / "other")
+    (still,) = re.findall(r'class="squeal">(.*?)</p>', report([run, other], False))
+    assert still == alone
+
+
+def test_the_squeal_of_a_cycle_is_told_by_its_mode():
+    numbers = {"growth_rate": [-14.0, 3.0], "torque_rms": [300.0, 100.0]}
+    hertz = {"frequency_hz": [229.7, 180.0], "cycle_frequency_hz": [217.97, 181.0]}
+    verdicts = pd.DataFrame({"point_id": ["a", "b"]} | numbers | hertz)
+    points = pd.DataFrame({"point_id": ["a", "b"], "friction": [0.5, 0.6]})
+    results = made("limit_cycles", points=points, verdicts=verdicts, facts={"sweeps": ["friction"]})
+    assert squeal_text(results, []) == (
+        "The squeal at 218 Hz, at friction = 0.5, is the complex mode predicted at 230 Hz there, "
+        "with a growth rate of -14 1/s."
+    )
+    silent = results.with_tables(points=points, verdicts=verdicts.assign(torque_rms=np.nan))
+    assert squeal_text(silent, []) == ""
+
+
+def test_a_report_tells_when_its_results_were_made(run):
+    assert re.search(r"<th>date</th><td>20\d\d-\d\d-\d\d \d\d:\d\d UTC</td>", report([run], False))
+    run_of_before = brake_map()
+    assert "<th>date</th><td>not known" in report([run_of_before], False)

@@ -39,6 +39,7 @@ from squealstudy.parameter import Parameter
 from squealstudy.version import __version__
 
 BESIDE = "beside"  # key: folders of studies run with it, and why one could not be
+FINISHED_AT = "finished_at"  # key: when the tables were written, UTC
 PACKAGES = (
     "numpy",
     "scipy",

@@ -129,6 +129,7 @@ class Facts(Told):
     kind: Name
     model: Name
     status: Name = ""
+    finished_at: Name = ""
     study_hash: Name = ""
     study: str = ""
     n_points: Count = 0

@@ -10,7 +10,6 @@ import contextlib
 import inspect
 import pkgutil
 import re
-from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
@@ -226,16 +225,6 @@ def pictures(results: ResultTables) -> Iterable[tuple[str, Plot, Choices]]:
                 wanted = list(plot.pictures(results))
             for suffix, choices in wanted:
                 yield name + suffix, plot, choices
-
-
-def images(results: ResultTables) -> Iterator[str]:
-    """Every picture that the results allow, drawn for a page of HTML."""
-    for _, plot, choices in pictures(results):
-        image = BytesIO()
-        with plot.named():
-            plot(results, **choices).savefig(image, format="png")
-        encoded = b64encode(image.getvalue()).decode()
-        yield f'<img alt="{plot.name}" src="data:image/png;base64,{encoded}">'
 
 
 def draw_pictures(results: ResultTables, directory: Path | None) -> list[Path]:

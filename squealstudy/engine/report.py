@@ -18,10 +18,11 @@ import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
-from squealstudy.engine.manifest import BESIDE
+from squealstudy.engine.manifest import BESIDE, FINISHED_AT
 from squealstudy.engine.mode_shapes import plan_of
-from squealstudy.engine.pictures import NOTHING, pictures
 from squealstudy.engine.plan import has_mesh
+from squealstudy.engine.report_pictures import figure_of, report_pictures
+from squealstudy.engine.report_squeals import squeal_text
 from squealstudy.errors import SquealstudyError
 from squealstudy.files import write_text
 from squealstudy.models.matrices.files import READERS
@@ -69,14 +70,15 @@ def report(results: Sequence[Results], shapes: bool = True) -> str:
     for number, one in enumerate(results, start=1):
         shown = _shape(one) if shapes else []
         left -= sum(map(len, shown))
-        drawn, spent = _pictures(one, left)
+        drawn, spent = report_pictures(one, left)
         left -= spent
         parts += [
             f'<section id="r{number}">',
-            *_head(one),
+            *_head(one, results),
+            *drawn[:1],  # the picture of the question
             *_findings(one),
             *shown,
-            *drawn,
+            *(["<h2>Pictures</h2>", *drawn[1:]] if drawn[1:] else []),
             *_tables(one),
             *_errors(one),
             *_provenance(one),
@@ -119,11 +121,13 @@ def _lost(one: Results) -> str:
     return f"{lost} of {plural(len(status), 'point')} {verb} not ok ({failure_counts(status)})."
 
 
-def _head(one: Results) -> Iterator[str]:
+def _head(one: Results, all_of_them: Sequence[Results]) -> Iterator[str]:
     kind, model, told = _whose(one)
     yield f"<h1>{escape(str(one.manifest['name']))}</h1>"
     yield f'<p class="question">{escape(_description(one))}</p>'
     yield f'<p class="verdict">{escape(told)}</p>'
+    if squeal := squeal_text(one, all_of_them):
+        yield f'<p class="squeal">{escape(squeal)}</p>'
     yield f'<p class="note">{escape(kind.replace("_", " "))} of {escape(model)}</p>'
 
 
@@ -167,10 +171,11 @@ def _plain(cell: Any) -> str:
 
 def _html_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table that sorts; cells are HTML."""
-    head = "".join(f"<th>{escape(title)}</th>" for title in titles)
+    sort = '<th scope="col"><button type="button">{}</button></th>'
+    head = "".join(sort.format(escape(title)) for title in titles)
     body = "\n".join("<tr>" + "".join(f"<td>{c}</td>" for c in row) + "</tr>" for row in rows)
     inside = f"<thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody>"
-    return f'<div class="wide"><table>{inside}</table></div>'
+    return f'<div class="wide" tabindex="0"><table>{inside}</table></div>'
 
 
 def _shape(one: Results) -> list[str]:
@@ -194,36 +199,12 @@ def _shape(one: Results) -> list[str]:
     return [
         f"<h2>Shape: {escape(named)}</h2>{told}",
         f'<iframe class="moving" title="{escape(named)}" srcdoc="{escape(moving)}"></iframe>',
-        _figure(escape(named), b64encode(image.getvalue()).decode(), "its amplitude and energy"),
+        figure_of(
+            b64encode(image.getvalue()).decode(),
+            f"its amplitude and energy ({named})",
+            f"Deformed shape by amplitude, density of strain energy: {named}. {' '.join(values)}",
+        ),
     ]
-
-
-def _figure(name: str, image: str, what: str) -> str:
-    return (
-        f'<figure><img alt="{name}" src="data:image/png;base64,{image}">'
-        f"<figcaption>{escape(what)} ({name})</figcaption></figure>"
-    )
-
-
-def _pictures(one: Results, room: int) -> tuple[list[str], int]:
-    """Figures of all pictures that fit into so many bytes, and the bytes they take."""
-    found, spent, left = [], 0, []
-    for name, plot, choices in pictures(one):
-        image, drawn = BytesIO(), plot(one, **choices)
-        if drawn.get_label() == NOTHING:
-            continue
-        with plot.named():
-            drawn.savefig(image, format="png", dpi=110)
-        text = b64encode(image.getvalue()).decode()
-        if spent + len(text) > room:
-            left.append(name)
-            continue
-        spent += len(text)
-        what = (plot.draw.__doc__ or name).strip().splitlines()[0]
-        found.append(_figure(escape(name), text, what))
-    if left:
-        found.append(f'<p class="note">Left out for their size: {escape(", ".join(left))}.</p>')
-    return (["<h2>Pictures</h2>", *found] if found else []), spent
 
 
 def _tables(one: Results) -> Iterator[str]:
@@ -300,6 +281,7 @@ def _provenance(one: Results) -> Iterator[str]:
     seconds = m.get("timings", {}).get("total_s")
     rows = [
         ("results", f"{one.directory}, {m.get('status', '')}"),
+        ("date", str(m.get(FINISHED_AT) or "not known: results of an earlier version")),
         ("study hash", str(m.get("study_hash", ""))),
         ("points", str(one.n_points)),
         ("versions", f"{versions}, Python {m.get('python', '')}"),

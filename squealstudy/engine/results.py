@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, cast
 import pandas as pd
 
 from squealstudy.engine.journal import MISSING, UNFINISHED
-from squealstudy.engine.pictures import Plots, draw_pictures, images
+from squealstudy.engine.pictures import Plots, draw_pictures
 from squealstudy.engine.result_tables import ResultTables
 from squealstudy.engine.store import (
     PICTURES,
@@ -98,6 +98,8 @@ class Results(ResultTables):
         shown = (
             f"<p>{escape(repr(self)[1:-1])}</p><pre>{escape(as_text(self.screen.findings(self)))}"
         )
+        from squealstudy.engine.report_pictures import images
+
         return f"{shown}</pre>{next(images(self), '')}"
 
     @classmethod

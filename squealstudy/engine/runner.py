@@ -6,6 +6,7 @@ import contextlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,7 @@ from squealstudy.engine.keys import ID_TYPE
 from squealstudy.engine.kind import Planned, Warn, as_kind
 from squealstudy.engine.manifest import (
     BESIDE,
+    FINISHED_AT,
     check_owner,
     identity_facts,
     locked,
@@ -326,6 +328,7 @@ def _finish(
     manifest["n_inaccurate"] = int((points["status"] == INACCURATE).sum())
     manifest["peak_memory_mb"]["parent"] = peak_memory_mb()
     manifest["status"] = "complete"
+    manifest[FINISHED_AT] = f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"
     write_manifest(store.directory, manifest)
     workers.report("tables", 1, 1)
     _expect_solved(plan, store.directory, points)

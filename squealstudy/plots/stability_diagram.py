@@ -222,7 +222,9 @@ def _summary(points: pd.DataFrame, modes: pd.DataFrame) -> str:
         text = f"{plural(n, 'unstable track')}, named where growth is fastest" if n else ""
         loose = int((unstable["track"] <= 0).sum())
         text = joined(text, f"{plural(loose, 'unstable mode')} without track" if loose else "")
-        text = text or "no unstable mode that oscillates"
+        solved = (points["status"] == "ok").any()
+        none = "no unstable mode that oscillates" if solved else "no design point is solved"
+        text = text or none
     high = damping_limits(100 * drawn["damping_ratio"].to_numpy())[1]
     heavy = int((100 * drawn["damping_ratio"] > high).sum())
     failed = int((points["status"] != "ok").sum())

@@ -15,6 +15,7 @@ from study_texts import study_text, sweep_text
 import squealstudy as sq
 from squealstudy.engine import pictures
 from squealstudy.engine.report import report
+from squealstudy.engine.report_pictures import images
 from squealstudy.errors import ExtensionError, ResultsError
 
 STUDY = (
@@ -96,7 +97,7 @@ def test_what_cannot_be_written_is_named_as_well(tmp_path, monkeypatch, draw):
     with pytest.raises(ExtensionError, match=said):
         report([results], shapes=False)
     with pytest.raises(ExtensionError, match=said):
-        list(pictures.images(results))
+        list(images(results))
 
 
 def test_choices_that_fail_are_named(tmp_path):

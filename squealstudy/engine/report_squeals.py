@@ -1,0 +1,100 @@
+"""One name for one squeal: what a run or a limit cycle sounds at, and the predicted mode."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.tables.comparison import FREQUENCY_TOLERANCE, SAME_VALUE_REL_TOLERANCE
+from squealstudy.wording import (
+    SUSTAINED,
+    in_digits,
+    name_where_fastest,
+    setting,
+    track_number,
+)
+
+if TYPE_CHECKING:
+    from squealstudy.engine.result_tables import ResultTables
+
+
+def squeal_text(one: ResultTables, others: Sequence[ResultTables]) -> str:
+    """Which predicted mode the loudest motion of results is, in a sentence; empty where unknown.
+
+    `others` are those of the same page: complex modes of the same model give the mode its name.
+    """
+    found = _of_run(one) if one.kind == "transient" else None
+    found = _of_cycle(one) if one.kind == "limit_cycles" else found
+    if found is None:
+        return ""
+    row, heard, predicted, growth = found
+    places = [
+        setting(name, row[name], one.units.get(name, ""))
+        for name in one.swept
+        if name in row and pd.notna(row[name])
+    ]
+    at = f", at {', '.join(places)}" if places else ""
+    text = f"The squeal at {in_digits(heard)} Hz{at}, is the complex mode predicted at "
+    text += f"{in_digits(predicted)} Hz there, with a growth rate of {growth:+.3g} 1/s"
+    names = (_name(other, one, row, predicted) for other in others)
+    return f"{text}{next(filter(None, names), '')}."
+
+
+def _of_run(one: ResultTables) -> tuple[pd.Series, float, float, float] | None:
+    """The loudest run that lasts, its frequency, and the root that has most of its energy."""
+    points = one.points
+    lasting = points[points["class"].isin(SUSTAINED).to_numpy()]
+    if not len(lasting):
+        return None
+    row = lasting.iloc[int(lasting["torque_rms"].to_numpy(float).argmax())]
+    modes = one.table("growth")
+    modes = modes[(modes["point_id"] == row["point_id"]).to_numpy()]
+    lives = modes[modes["expressed"].fillna(False).to_numpy(bool)]
+    if not len(lives):
+        return None
+    mode = lives.iloc[int(lives["level_share"].to_numpy(float).argmax())]
+    heard = row["frequency_hz"] if pd.notna(row["frequency_hz"]) else row["torque_line_hz"]
+    return row, float(heard), float(mode["frequency_hz"]), float(mode["growth_rate"])
+
+
+def _of_cycle(one: ResultTables) -> tuple[pd.Series, float, float, float] | None:
+    """The design of the loudest stable cycle, its frequency, and the mode that leads to it."""
+    verdicts = one.table("verdicts")
+    known = verdicts[verdicts["cycle_frequency_hz"].notna() & verdicts["torque_rms"].notna()]
+    if not len(known):
+        return None
+    mode = known.iloc[int(known["torque_rms"].to_numpy(float).argmax())]
+    (row,) = (r for _, r in one.points[one.points["point_id"] == mode["point_id"]].iterrows())
+    numbers = ("cycle_frequency_hz", "frequency_hz", "growth_rate")
+    heard, predicted, growth = (float(mode[name]) for name in numbers)
+    return row, heard, predicted, growth
+
+
+def _name(modes: ResultTables, one: ResultTables, row: pd.Series, hertz: float) -> str:
+    """What complex modes of the same model call the root at a design point; empty of others."""
+    if modes.kind != "complex_modes" or modes.manifest["model"] != one.manifest["model"]:
+        return ""
+    points, there = modes.points, np.ones(len(modes.points), dtype=bool)
+    for name in {*modes.parameters, *one.parameters}:
+        mine, theirs = (
+            (column[name] if name in column else results.manifest["nominal"].get(name))
+            for column, results in ((row, one), (points, modes))
+        )
+        if mine is None or theirs is None:
+            return ""
+        there &= np.isclose(np.asarray(theirs, float), mine, rtol=SAME_VALUE_REL_TOLERANCE, atol=0)
+    ids = points.loc[there, "point_id"]
+    own = modes.modes[modes.modes["point_id"].isin(ids).to_numpy()]
+    apart = (own["frequency_hz"] / hertz - 1.0).abs().to_numpy(float)
+    if not len(own) or apart.min() > FREQUENCY_TOLERANCE:
+        return ""
+    track = int(own["track"].iloc[int(apart.argmin())])
+    if track <= 0:
+        return ""
+    name = track_number(track)
+    if track in modes.track_names:
+        name += f" ({name_where_fastest(modes.track_names[track])})"
+    return f": {name} of {modes.manifest['name']}"
