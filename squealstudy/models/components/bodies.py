@@ -25,7 +25,7 @@ from squealstudy.models.components.expansion import Expansion, expanded
 from squealstudy.models.components.file_materials import changed_material, with_tables
 from squealstudy.models.components.file_matrices import Matrices, placed_matrices, symmetric
 from squealstudy.models.components.file_sets import with_sets
-from squealstudy.models.components.file_tables import ComponentTable
+from squealstudy.models.components.file_tables import ComponentTable, GapTable
 from squealstudy.models.components.materials import Elastic, Orientation, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_files import NASTRAN, read_mesh
@@ -108,6 +108,9 @@ def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
                 found = path.parent / given
                 for one in (found, *_included(found, found.parent, ())):
                     yield ("components", name, key), one
+    for i, contact in enumerate(file.contact):
+        if isinstance(contact.initial_gap, GapTable):
+            yield ("contact", i, "initial_gap", "file"), path.parent / contact.initial_gap.file
 
 
 def _included(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[Path]:

@@ -200,6 +200,8 @@ class _Interfaces:
             if table.friction_factor is not None:
                 factor = self._numbers.at("contact", i, "friction_factor")
                 frictional[begins[i] : begins[i + 1]] = factor
+            if table.gap_scale is not None:
+                gap[begins[i] : begins[i + 1]] *= self._numbers.at("contact", i, "gap_scale")
         for key, value in self._numbers.given.items():
             if key[0] == "contact" and key[2] == "initial_gap":
                 gap[begins[int(key[1])] : begins[int(key[1]) + 1]] = value

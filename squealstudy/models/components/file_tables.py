@@ -223,6 +223,15 @@ class ComponentTable(Table):
         return given.name if isinstance(given, MatrixTable) else None
 
 
+class GapTable(Table):
+    """Measured gaps of a face."""
+
+    file: str = Field(
+        description="names x, y, gap (or z with two or three) and a line a place, in the unit and "
+        "the coordinates of the slave's file"
+    )
+
+
 class ContactTable(Table):
     """Two faces in contact."""
 
@@ -233,8 +242,11 @@ class ContactTable(Table):
     quadrature: Literal["clipped", "gauss"] = Field(default="clipped", description=CUTS)
     points: int = Field(default=3, ge=1, le=32, description="contact points a side of a facet")
     search: float = Field(gt=0, description="greatest distance of the faces, to either side")
-    initial_gap: Literal["zero", "geometric"] | float = Field(
-        default="zero", description="at rest: none, that of the meshes, or a number"
+    initial_gap: Literal["zero", "geometric"] | float | GapTable = Field(
+        default="zero", description="at rest: none, that of the meshes, a number, or measured"
+    )
+    gap_scale: float | None = Field(
+        default=None, description="factor on an initial gap that is measured or of the meshes"
     )
     tangential: float | None = Field(
         default=None, ge=0, description="stiffness per area that holds a stuck contact in plane"
@@ -247,6 +259,9 @@ class ContactTable(Table):
 
     @model_validator(mode="after")
     def _held(self) -> ContactTable:
+        plain = self.initial_gap == "zero" or isinstance(self.initial_gap, float)
+        if plain and self.gap_scale is not None:
+            raise ValueError("gap_scale: expected of a gap that is measured or geometric alone")
         if self.kind != "sliding" and self.friction_factor is not None:
             raise ValueError("friction_factor: expected of a sliding contact alone")
         if (self.kind == "stuck") != (self.tangential is not None):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -10,11 +11,13 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.models.assembly import Rotors
-from squealstudy.models.components.bodies import Body, Brake, body_of
+from squealstudy.models.components.bodies import Body, Brake, body_of, placement
 from squealstudy.models.components.contact_rows import Rotation, sliding
 from squealstudy.models.components.dimensions import LENGTH
 from squealstudy.models.components.faces import facets
 from squealstudy.models.components.facet_geometry import Facets
+from squealstudy.models.components.file_tables import GapTable
+from squealstudy.models.components.gap_map import GapMap
 from squealstudy.models.components.model_file import GROUND
 from squealstudy.models.components.pairs import Pair, pair
 from squealstudy.models.components.set_names import has_name
@@ -199,6 +202,9 @@ class Geometry:
         _, master = self.face(table.master, (*keys, "master"))
         size = LENGTH.factor(self.file.units)
         gap = table.initial_gap
+        measured = isinstance(gap, GapTable)
+        if isinstance(gap, GapTable):
+            gap = "zero"
         try:
             found = pair(
                 slave,
@@ -211,7 +217,21 @@ class Geometry:
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
         self._check_reach(found, keys, slave, master, table.search)
-        return found
+        return replace(found, gap0=self._measured(number, found)) if measured else found
+
+    def _measured(self, number: int, found: Pair) -> np.ndarray:
+        """Initial gaps (n,) [m] of a file, at contact points where the slave's file has them."""
+        table = self.file.contact[number]
+        assert isinstance(table.initial_gap, GapTable)
+        name = table.slave.partition(".")[0]
+        turn, shift = placement(name, self.file.components[name], self.file.units)
+        try:
+            places = GapMap(
+                self.brake.located(table.initial_gap.file), LENGTH.factor(self.file.units)
+            )
+            return places.at((found.slave.points - shift) @ turn)
+        except ModelError as error:
+            raise PlacedError(("contact", number, "initial_gap", "file"), str(error)) from error
 
     def _check_reach(
         self, found: Pair, keys: KeyPath, slave: Facets, master: Facets, search: float

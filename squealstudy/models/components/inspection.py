@@ -17,6 +17,7 @@ from squealstudy.models.components.component_facts import (
     rigid_shapes,
 )
 from squealstudy.models.components.dimensions import LENGTH, STRESS, UNITS
+from squealstudy.models.components.file_tables import GapTable
 from squealstudy.models.components.geometry import Geometry, geometry_of
 from squealstudy.models.components.model_file import ModelFile
 from squealstudy.models.file_table import KeyPath
@@ -130,7 +131,10 @@ def _contact(
         normal = np.average(pair.slave.normal, axis=0, weights=pair.slave.area)
         spread = pair.gap_spread / length
         name, taken = geometry.file.name_of("contact", i), str(table.initial_gap)
-        if not isinstance(table.initial_gap, str):
+        if isinstance(table.initial_gap, GapTable):
+            least, most = (float(f(pair.gap0)) / size for f in (np.min, np.max))
+            taken = f"{least:.3g} to {most:.3g} {unit} of {table.initial_gap.file}"
+        elif not isinstance(table.initial_gap, str):
             gap = given.get(("contact", i, "initial_gap"), table.initial_gap * size)
             taken = f"{gap / size:g} {unit}"
         found.tell(

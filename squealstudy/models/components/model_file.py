@@ -76,6 +76,7 @@ DIMENSIONS = {  # of the keys of the file
     "search": LENGTH,
     "initial_gap": LENGTH,
     "friction_factor": NUMBER,
+    "gap_scale": NUMBER,
     "effective_radius": LENGTH,
     "translate": LENGTH,
     "mass_damping": RATE,
@@ -89,7 +90,7 @@ NOT_NEGATIVE = (
     *("mass_damping", "stiffness_damping", "material_damping", "friction_factor"),
 )
 VARIED = {  # keys that parameters may point to
-    "contact": ("tangential", "initial_gap", "friction_factor"),
+    "contact": ("tangential", "initial_gap", "friction_factor", "gap_scale"),
     "tie": ("bedding",),
     "coupling": ("bedding",),
     "layer": ("normal", "tangential"),
@@ -229,7 +230,7 @@ class ModelFile(Table):
         value = self.at(keys)
         if value is None and keys[2] == "materials":  # a material of the mesh's file
             return (*keys, *index)
-        if isinstance(value, str) or value is None:
+        if isinstance(value, str | BaseModel) or value is None:
             raise ModelError(f"'{path}' is no number in the file")
         if isinstance(value, tuple) != bool(index) or (index and int(index[0]) >= len(value)):
             what = f"a list of {len(value)}" if isinstance(value, tuple) else "one number"

@@ -1,0 +1,134 @@
+"""Measured initial gaps of a contact: a table of places on its face, brought to contact points."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from squealstudy.errors import ModelError
+
+AXES = ("x", "y", "z")
+GAP = "gap"
+LARGEST_BYTES = 64 * 2**20  # of a file: a million points and more
+BEYOND_SPACINGS = 2.0  # distances of neighbours by which the outermost points may miss an edge
+FLAT = 1e-3  # extent of places across their plane over that along it, below which they are a line
+
+
+class GapMap:
+    """Gaps over places of a face, linear between them.
+
+    Parameters
+    ----------
+    path : Path
+        A text file with one line of names, `gap` and two or three of `x`, `y`, `z`, and a line a
+        place; separated by commas, semicolons, tabs or blanks.
+    size : float
+        Metres of its unit of length.
+
+    Raises
+    ------
+    ModelError
+        With the line, where it is no such file; fewer than three places, or all in one line; a
+        place that is there twice with two gaps.
+    """
+
+    def __init__(self, path: Path, size: float) -> None:
+        self.name = path.name
+        axes, rows = _read(path)
+        self.axes = [AXES.index(axis) for axis in axes]
+        self.places, self.gaps = rows[:, :-1] * size, rows[:, -1] * size
+        self._centre = self.places.mean(axis=0)
+        _, extents, directions = np.linalg.svd(self.places - self._centre, full_matrices=False)
+        if len(rows) < 3 or extents[1] <= FLAT * extents[0]:
+            raise ModelError(
+                f"{self.name}: expected three places or more that span a face, got "
+                + ("places along one line" if len(rows) > 2 else f"{len(rows)}")
+            )
+        self._plane = directions[:2]
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """Gaps (n,) [m] at points (n, 3) [m] of the face, in the coordinates of the file.
+
+        Beyond the outermost places, within twice the distance of neighbours, the nearest counts.
+
+        Raises
+        ------
+        ModelError
+            Points farther from the places than that.
+        """
+        from scipy.interpolate import LinearNDInterpolator
+        from scipy.spatial import cKDTree
+
+        seen = (self.places - self._centre) @ self._plane.T
+        wanted = (points[:, self.axes] - self._centre) @ self._plane.T
+        tree = cKDTree(seen)
+        spacing = float(np.median(tree.query(seen, k=2)[0][:, 1]))
+        gaps: np.ndarray = LinearNDInterpolator(seen, self.gaps)(wanted)
+        beyond = np.flatnonzero(np.isnan(gaps))
+        if len(beyond):
+            away, nearest = tree.query(wanted[beyond])
+            if (away > BEYOND_SPACINGS * spacing).any():
+                far = int((away > BEYOND_SPACINGS * spacing).sum())
+                raise ModelError(
+                    f"{self.name}: {100 * far / len(points):.3g} % of the contact points lie off "
+                    f"its places, the farthest by {away.max():.3g} m where those are "
+                    f"{spacing:.3g} m apart: expected places all over the face, in the "
+                    "coordinates and the unit of its component's file"
+                )
+            gaps[beyond] = self.gaps[nearest]
+        return gaps
+
+
+def _read(path: Path) -> tuple[list[str], np.ndarray]:
+    """Names of the axes, and rows (n, axes and the gap)."""
+    if path.stat().st_size > LARGEST_BYTES:
+        raise ModelError(f"{path.name}: larger than {LARGEST_BYTES // 2**20} MB")
+    try:
+        text = path.read_text("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ModelError(f"{path.name} is no text") from None
+    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
+    if not lines:
+        raise ModelError(f"{path.name} is empty: expected a line of names, x, y, gap")
+    separator = next((c for c in ";\t," if c in lines[0][1]), None)
+    rows = [(k, _cells(line, separator)) for k, line in lines]
+    names = [name.lower() for name in rows[0][1]]
+    axes = [axis for axis in AXES if axis in names]
+    if GAP not in names or len(axes) < 2 or sorted(names) != sorted([*axes, GAP]):
+        told = ", ".join(rows[0][1])
+        raise ModelError(f"{path.name}, line {rows[0][0]}: expected names x, y, gap, got {told}")
+    order = [names.index(name) for name in (*axes, GAP)]
+    values = np.array([_numbers(path, k, cells, len(names)) for k, cells in rows[1:]])
+    if not len(values):
+        raise ModelError(f"{path.name} has no places below its line of names")
+    return axes, _once(path, values[:, order])
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    if separator is None:
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+
+
+def _numbers(path: Path, line: int, cells: list[str], count: int) -> list[float]:
+    if len(cells) != count:
+        raise ModelError(f"{path.name}, line {line}: expected {count} numbers, got {len(cells)}")
+    try:
+        values = [float(cell) for cell in cells]
+    except ValueError:
+        raise ModelError(f"{path.name}, line {line}: expected numbers, got {cells}") from None
+    if not np.isfinite(values).all():
+        raise ModelError(f"{path.name}, line {line}: expected finite numbers, got {cells}")
+    return values
+
+
+def _once(path: Path, rows: np.ndarray) -> np.ndarray:
+    """Rows without those that say the same twice."""
+    rows = np.unique(rows, axis=0)
+    places, counts = np.unique(rows[:, :-1], axis=0, return_counts=True)
+    if (counts > 1).any():
+        where = ", ".join(f"{v:g}" for v in places[np.argmax(counts)])
+        raise ModelError(f"{path.name}: the place {where} has {counts.max()} gaps")
+    return rows
