@@ -64,6 +64,7 @@ sides = {cylinder = {axis = [0, 1, 0], point = [2.5, 0, 1], radius = [2.4, 2.8]}
         ),
         ("a = {tolerance = 1.0}", "expected box, plane, cylinder, normal or elements"),
         ("a = {box = [[0, 0, 0]]}", "expected 2 values"),
+        ("a = {plane = [[0, 0, 1], [0, 0, 1]]}", "expected a table {point = ..., normal = ...}"),
     ],
 )
 def test_what_selects_nothing_is_said_with_its_key(tmp_path, text, message):

@@ -169,6 +169,18 @@ def test_sides_that_do_not_meet_are_refused():
         repeated(replace(one, nodes=moved), HOW)
 
 
+@pytest.mark.parametrize("count", [2, 3, 5, 7])
+def test_a_wedge_with_nodes_on_the_axis_meets_itself_there_alone(count):
+    """Of a quarter of a square: only four of it fill a turn, fewer leave gaps, more overlap."""
+    wedge = box("C3D8", (2, 2, 1), lengths=(2.0, 2.0, 1.0), materials={"S": STEEL})
+    axis = np.array([0.0, 0.0, 1.0])
+    whole = repeated(wedge, Repetition(np.zeros(3), axis, 4))
+    assert whole.n_elements == 16
+    assert len(whole.nodes) == 50
+    with pytest.raises(ModelError, match=rf"a turn by 360/{count} degrees brings no facet"):
+        repeated(wedge, Repetition(np.zeros(3), axis, count))
+
+
 def sector_deck(folder, *more, name="C3D8", mesh=None):
     """A sector of ring as a deck of CalculiX, with the surfaces of its cuts."""
     mesh = with_surfaces(sector(name) if mesh is None else mesh)

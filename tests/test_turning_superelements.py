@@ -295,7 +295,7 @@ def test_maps_that_are_none(tmp_path, old, new, message):
 
 def test_turns_that_are_none(tmp_path):
     tail = '[[fixed]]\nset = "slider.CORNER"\ndofs = [4]\n'
-    with pytest.raises(StudyFileError, match="no turns of it are freedoms: expected 1 to 3"):
+    with pytest.raises(StudyFileError, match="no turns are freedoms there: expected 1 to 3"):
         assembled(tmp_path, tail)
     lines = (tmp_path / "b").joinpath
     table = write_frame(tmp_path / "b", more="rotate = {axis = [0, 0, 1], angle = 5}\n")

@@ -233,6 +233,8 @@ def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
     if problem["type"] == "tuple_type" and isinstance(found, dict):
         return f"expected [[{loc[-1]}]] with two brackets: there can be several"
     if problem["type"] == "model_type" and isinstance(found, list):
+        if not all(isinstance(one, dict) for one in found) and (of := _section(kind, loc)):
+            return f"expected a table {{{' = ..., '.join(of.model_fields)} = ...}}"
         return f"expected [{loc[-1]}] with one bracket: there is only one"
     expected = expectation(problem["type"], context)
     if not expected:

@@ -178,7 +178,7 @@ class Geometry:
         lacking = asked[~of.expansion.turning[asked // 3]]
         if len(lacking):
             named = of.mesh.nodes_named(np.unique(lacking // 3))
-            raise PlacedError(keys, f"{named}: no turns of it are freedoms: expected 1 to 3")
+            raise PlacedError(keys, f"{named}: no turns are freedoms there: expected 1 to 3")
         rows = of.expansion.turns[asked]
         found = np.zeros(rows.shape[1], dtype=bool)
         found[rows.indices[of.expansion.places[rows.indices] < 0]] = True

@@ -20,6 +20,7 @@ from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMe
 
 MOST = 1000  # sectors of a body
 MERGED = 1e-3  # of the shortest edge: sides are written with some six digits
+APART = "its sides do not meet; expected axis, point and count of its repetition"
 OPPOSITE = -0.99  # cosine between the normals of facets that face each other
 BESIDE = 0.6  # of a facet: middles of facets that overlap are nearer, those of neighbours are not
 NEAR = 0.02  # of a facet: distance of facets that lie on each other
@@ -100,8 +101,7 @@ def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
     cyclic = any(isinstance(c, Tie) and c.cyclic for c in mesh.constraints)
     if not len(a) and not cyclic:
         raise mesh.error(
-            f"a turn by 360/{count} degrees brings no node of the sector onto another one: its "
-            "sides do not meet; expected axis, point and count of its repetition"
+            f"a turn by 360/{count} degrees brings no node of the sector onto another one: {APART}"
         )
     k = np.arange(count)[:, None]
     one, other = (k * n + a).ravel(), ((k + 1) % count * n + b).ravel()
@@ -289,7 +289,7 @@ def _step(numbers: np.ndarray) -> int:
 
 
 def _check_sides(mesh: SolidMesh, whole: SolidMesh, how: Repetition) -> None:
-    """ModelError where outer facets of neighbouring sectors lie on each other unconnected."""
+    """ModelError where sectors do not meet, or facets lie on each other unconnected."""
     from scipy.spatial import cKDTree
 
     outer = {tuple(f) for f in boundary(whole).tolist()}
@@ -323,4 +323,8 @@ def _check_sides(mesh: SolidMesh, whole: SolidMesh, how: Repetition) -> None:
         raise mesh.error(
             f"{facing} facets of a side of the sector lie on those of the next sector, but have "
             "other nodes: mesh both sides alike"
+        )
+    if len(left) == len(boundary(mesh)):  # nodes on the axis alone are those of others
+        raise mesh.error(
+            f"a turn by 360/{how.count} degrees brings no facet of the sector onto another: {APART}"
         )
