@@ -148,6 +148,32 @@ def test_directions_of_an_assembly_are_global(tmp_path):
     assert abs(roots(assembly(tmp_path, y)) - expected).max() > 1e-4
 
 
+def test_transforms_of_a_part_turn_with_it_and_are_those_of_the_assembly_too(tmp_path):
+    turned = ("*NSET, NSET=T", "11, 17", "*TRANSFORM, NSET=T", "1., 1., 0., -1., 1., 0.")
+    equation = ("*EQUATION", "2", "{0}11, 1, 1., {0}17, 2, -1.")
+    in_part, in_assembly = ([line.format(w) for line in equation] for w in ("", "I."))
+    expected = roots(assembly(tmp_path, of_part=[*turned, *in_part]))
+    for placed in ((), QUARTER):
+        for lines in ({"of_part": [*turned, *in_part]},
+                      {"of_part": turned, "of_assembly": in_assembly}):  # fmt: skip
+            found = roots(assembly(tmp_path, placed=placed, **lines))
+            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ("*EQUATION", "2", "11, 1, 1., 17, 1, -1."),
+        ("*NSET, NSET=END", "11, 12, 13", "*SURFACE, NAME=F, TYPE=NODE", "END",
+         "*COUPLING, REF NODE=26, SURFACE=F", "*KINEMATIC", "1"),
+    ],
+)  # fmt: skip
+def test_directions_of_a_part_that_turns_are_asked_for(tmp_path, lines):
+    assembly(tmp_path, of_part=lines, placed=("1., 2., 3.",))
+    with pytest.raises(ModelError, match="directions of a part that turns with its instance"):
+        assembly(tmp_path, of_part=lines, placed=QUARTER)
+
+
 @pytest.mark.parametrize(
     ("mine", "turned"),
     [

@@ -31,6 +31,7 @@ from squealstudy.models.components.inp_sectors import SectorCard, read_sectors
 from squealstudy.models.components.inp_sets import NOTHING, Sets
 from squealstudy.models.components.inp_text import Text, unused
 from squealstudy.models.components.marked_faces import MarkedFaces
+from squealstudy.models.components.materials import Orientation
 from squealstudy.models.components.mesh import ElementBlock, SolidMesh
 
 SET = ("NSET", "ELSET", "GENERATE", "INSTANCE", "UNSORTED", "INTERNAL")
@@ -263,21 +264,28 @@ class Component:
         known = {card.value("NAME").upper() for card in cards if card.keyword == "SURFACE"} | {
             name.upper() for sets in (self.node_sets, self.of_assembly[0]) for name in sets.shown
         }
-        part = Where(self.text.part, self.node_sets, self.element_sets, "", known)
-        assembly = Where(self.text.assembly, *self.of_assembly, "ASSEMBLY.", known)
         turn, shift = self.text.turn, self.text.shift
+        turned = not np.array_equal(turn, np.eye(3))
+        part = Where(self.text.part, self.node_sets, self.element_sets, "", known, turned)
+        assembly = Where(self.text.assembly, *self.of_assembly, "ASSEMBLY.", known)
         placed = replace(mesh, nodes=mesh.nodes @ turn.T + shift)
-        found = self._constraints(part, mesh)  # directions of the assembly are not of the part
-        found += [c.moved(turn.T, -turn.T @ shift) for c in self._constraints(assembly, placed)]
+        found, axes = self._constraints(part, mesh, {})
+        axes = {node: own.moved(turn, shift) for node, own in axes.items()}
+        more, _ = self._constraints(assembly, placed, axes)  # directions there are global
+        found += [c.moved(turn.T, -turn.T @ shift) for c in more]
         mesh, abaqus = replace(mesh, constraints=tuple(found)), self.text.abaqus
         at = Places(self.node_sets, self._nodes)
         return read_discrete(mesh, self.text, at, self.element_sets, abaqus)
 
-    def _constraints(self, where: Where, mesh: SolidMesh) -> list[Constraint]:
+    def _constraints(
+        self, where: Where, mesh: SolidMesh, axes: Mapping[int, Orientation]
+    ) -> tuple[list[Constraint], dict[int, Orientation]]:
+        """What a part or the assembly has, and the directions of nodes by ``*TRANSFORM``."""
         found = Couplings(mesh, self._nodes, self._nodes_of, self.text.note).read(where)
-        at = Places(where.nodes, self._nodes)
-        relations = Equations(at, mesh.nodes, mesh.bare, self.text.abaqus, self.text.note)
-        return [*found, *relations.read(where.cards)]
+        at, abaqus = Places(where.nodes, self._nodes), self.text.abaqus
+        equations = Equations(at, mesh.nodes, mesh.bare, abaqus, self.text.note, where.turned, axes)
+        axes = equations.transforms(where.cards)
+        return [*found, *equations.read(where.cards)], axes
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
         used = mesh.used_nodes()

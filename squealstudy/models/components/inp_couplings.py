@@ -11,6 +11,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.components.constraints import NO_FACES, Constraint, Coupling, Tie
 from squealstudy.models.components.faces import faces_among, facet_groups
 from squealstudy.models.components.inp_cards import Card
+from squealstudy.models.components.inp_equations import TURNED
 from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.inp_orientations import read_orientation
 from squealstudy.models.components.inp_places import Places
@@ -43,6 +44,8 @@ class Where:
         What names of the assembly begin with where the part has the same.
     known : set of str
         Names, in capitals, of all surfaces of the file: one may be of another instance.
+    turned : bool
+        Of a part: it turns with its instance.
     """
 
     cards: Sequence[Card]
@@ -50,6 +53,7 @@ class Where:
     elements: Sets
     prefix: str
     known: set[str]
+    turned: bool = False
 
 
 class Couplings:
@@ -150,6 +154,8 @@ class Couplings:
         axes = None
         if "ORIENTATION" in card.parameters and directions not in ((), (1, 2, 3)):
             axes = self._axes(card, where)
+        elif where.turned and directions not in ((), (1, 2, 3)):
+            raise how.error(f"it has {TURNED}")
         if how.keyword == "KINEMATIC":
             how.check(())
             found = self._coupled(card, name, nodes, where, "rigid", directions, NO_FACES)

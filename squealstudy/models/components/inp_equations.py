@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -15,6 +15,10 @@ from squealstudy.models.components.materials import Orientation
 
 SAME = ("TIE", "PIN")  # of *MPC: all displacements are the same
 ALONG = {"STRAIGHT": 2, "PLANE": 3}  # of CalculiX: nodes that say where a line or a plane is
+TURNED = (
+    "directions of a part that turns with its instance, and whether they do is not known: expected "
+    "axes of its own, or the keyword in the assembly"
+)
 OFF = 1e-6  # of its size: how far nodes may lie off it
 ROPE = ", a distance that holds under some loads alone (BEAM holds it always)"
 KEYWORDS = ("EQUATION", "MPC", "TRANSFORM")
@@ -35,6 +39,11 @@ class Equations:
         Whose MPC and whose older couplings the file means.
     note : callable
         Takes a card and why it, or something of it, is passed over.
+    turned : bool
+        Whether the part turns with its instance: of its directions those of ``*TRANSFORM`` do, for
+        others Abaqus does not say.
+    axes : dict of int -> Orientation
+        Directions that nodes have besides.
     """
 
     def __init__(
@@ -44,16 +53,23 @@ class Equations:
         bare: np.ndarray,
         abaqus: bool,
         note: Callable[[Card, str], None],
+        turned: bool = False,
+        axes: Mapping[int, Orientation] | None = None,
     ) -> None:
+        self._turned = turned
         self._at, self._nodes, self._bare = places, nodes, bare
         self._abaqus, self._note = abaqus, note
-        self._axes: dict[int, Orientation] = {}
+        self._axes = dict(axes or {})
 
-    def read(self, cards: Sequence[Card]) -> Iterator[Relation | Coupling]:
-        """Those of a part or of the assembly; ModelError about the line of what is wrong."""
+    def transforms(self, cards: Sequence[Card]) -> dict[int, Orientation]:
+        """Directions of nodes by ``*TRANSFORM``, for `read`."""
         for card in cards:
             if card.keyword == "TRANSFORM":
                 self._transform(card)
+        return self._axes
+
+    def read(self, cards: Sequence[Card]) -> Iterator[Relation | Coupling]:
+        """Those of a part or of the assembly; ModelError about the line of what is wrong."""
         beams: dict[int, tuple[str, list[int]]] = {}
         for card in cards:
             if card.keyword == "EQUATION":
@@ -116,6 +132,8 @@ class Equations:
         if not sum(len(nodes) for nodes, _, _ in parts):
             self._note(card, "of other instances")
             return
+        if self._turned and any(int(n) not in self._axes for nodes, _, _ in parts for n in nodes):
+            raise line.error(f"an equation of {TURNED}")
         size = len(parts[0][0])
         for nodes, _, _ in parts:
             if len(nodes) not in (1, size) or not size:
