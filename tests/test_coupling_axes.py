@@ -166,6 +166,8 @@ def test_transforms_of_a_part_turn_with_it_and_are_those_of_the_assembly_too(tmp
         ("*EQUATION", "2", "11, 1, 1., 17, 1, -1."),
         ("*NSET, NSET=END", "11, 12, 13", "*SURFACE, NAME=F, TYPE=NODE", "END",
          "*COUPLING, REF NODE=26, SURFACE=F", "*KINEMATIC", "1"),
+        ("*ELEMENT, TYPE=SPRING1, ELSET=V", "91, 11", "*SPRING, ELSET=V", "1", "5."),
+        ("*ELEMENT, TYPE=ROTARYI, ELSET=V", "91, 11", "*ROTARY INERTIA, ELSET=V", "1., 1., 2."),
     ],
 )  # fmt: skip
 def test_directions_of_a_part_that_turns_are_asked_for(tmp_path, lines):

@@ -50,7 +50,7 @@ def read_discrete(mesh: SolidMesh, text: Text, at: Places, sets: Sets, abaqus: b
                 if kind == "MASS":
                     found.append(point_mass(card.shown, int(nodes[0]), mass))
         elif card.keyword == "ROTARYINERTIA":
-            inertia = _inertia(card)
+            inertia = _inertia(card, text)
             nodes = np.array([int(nodes[0]) for _, kind, nodes in own if kind == "ROTARYI"])
             found += _turning(card, nodes, inertia, mesh, text)
         elif card.keyword == "SPRING":
@@ -69,14 +69,25 @@ def read_discrete(mesh: SolidMesh, text: Text, at: Places, sets: Sets, abaqus: b
     return replace(mesh, discrete=tuple(found))
 
 
-def _inertia(card: Card) -> np.ndarray:
+def _inertia(card: Card, text: Text) -> np.ndarray:
     """I11, I22, I33 as a matrix (3, 3); ModelError about products, whose sign codes differ in."""
     if "ORIENTATION" in card.parameters:
         raise card.error(f"{card.shown}, ORIENTATION is not supported: write global moments")
     values = [value for _, value in card.numbers("a moment of inertia", 1, 6)]
+    if len({*values[:3]}) > 1 or len(values) < 3:
+        _check_directions(card, text)
     if any(values[3:]) or min(values) < 0:
         raise card.data[0].error("expected moments of inertia I11, I22, I33 and no products")
     return np.diag((values + [0.0] * 3)[:3])
+
+
+def _check_directions(card: Card, text: Text) -> None:
+    """ModelError where a part turns with its instance."""
+    if not np.array_equal(text.turn, np.eye(3)):
+        raise card.error(
+            f"{card.shown} has directions of a part that turns with its instance, and whether they "
+            "do is not known: state it in the model file"
+        )
 
 
 def _turning(
@@ -131,6 +142,7 @@ def _spring(
         along = along / np.linalg.norm(along)
         ends = [(int(nodes[0]), -along), (int(nodes[1]), along)]
     else:
+        _check_directions(card, text)
         ends = []
         for node, (where, direction), sign in zip(nodes, words[0], (1.0, -1.0), strict=False):
             axis = where.whole(direction, "a direction")
