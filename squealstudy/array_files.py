@@ -14,7 +14,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from squealstudy.machine import BYTES_PER_MB, available_memory_mb
+from squealstudy.machine.resources import BYTES_PER_MB, available_memory_mb
 
 LEAST_BYTES = 8  # of a number as it is used, however short it is in the file
 MAX_UNCHECKED_BYTES = 2**28  # bytes that there is room for, without a look at the machine

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ExtensionError, SquealstudyError
-from squealstudy.machine import end_with
+from squealstudy.machine.processes import end_with
 from squealstudy.python_texts import TextLoader, import_texts_of
 
 if TYPE_CHECKING:

@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from squealstudy.faults import named
-from squealstudy.machine import flush, is_running
+from squealstudy.machine.locks import flush
+from squealstudy.machine.processes import is_running
 
 SEAL = "sha256"
 OF_TEXT = 4.0  # bytes of memory for each of a text that is decoded

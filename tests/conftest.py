@@ -33,7 +33,7 @@ import threadpoolctl
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.laws import contact_law
 from squealstudy.linalg.band_roots import BandRoots
-from squealstudy.machine import lock
+from squealstudy.machine.locks import lock
 from squealstudy.mechanics.basis import LOAD_FACTOR
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS

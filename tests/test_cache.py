@@ -4,7 +4,7 @@ import typing
 from dataclasses import fields, is_dataclass
 from importlib import import_module
 
-from squealstudy.engine.cache import CLASSES
+from squealstudy.engine.packed_values import CLASSES
 
 
 def test_values_hold_no_class_that_is_not_allowed():

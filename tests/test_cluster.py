@@ -36,7 +36,7 @@ from squealstudy.engine.cache import (
 from squealstudy.engine.cluster_worker import Setting, answer, versions
 from squealstudy.engine.workers import TASKS_IN_FLIGHT_PER_WORKER, Workers
 from squealstudy.errors import MachineError
-from squealstudy.machine import InterruptedRun, interruptible
+from squealstudy.machine.processes import InterruptedRun, interruptible
 from squealstudy.modes.reanalysis.polynomials import ExpandedWeights
 from squealstudy.study import kinds
 

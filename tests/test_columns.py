@@ -10,8 +10,9 @@ import pytest
 
 from squealstudy.columns import COLUMNS, column_of, unit_of
 from squealstudy.columns.column import DEFINITION, ERROR, LEAVES_OUT
+from squealstudy.engine.manifest_file import read_manifest
 from squealstudy.engine.runner import run_study
-from squealstudy.engine.store import UNIT, column_units, read_manifest
+from squealstudy.engine.store import UNIT, column_units
 from squealstudy.face import read_study
 from squealstudy.study.kinds import kind_named, kind_names
 

@@ -11,8 +11,8 @@ from transient_tables import growth_table, modes_table, points_table
 from squealstudy import screen
 from squealstudy.cli import app as cli
 from squealstudy.cli.compare import TITLES, comparison, summary
+from squealstudy.engine.manifest_file import read_manifest, write_manifest
 from squealstudy.engine.results import Results
-from squealstudy.engine.store import read_manifest, write_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.complex_modes.tables import onsets_arrow
 from squealstudy.tables.comparison import COLUMNS, _partners, compare

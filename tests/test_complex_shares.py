@@ -16,7 +16,7 @@ from squealstudy.motion.outcome.energies import (
     mode_energies,
     transfer,
 )
-from squealstudy.motion.outcome.summary import growth_rows, mode_fits
+from squealstudy.motion.outcome.growth_rows import growth_rows, mode_fits
 
 TIME = np.arange(0.0, 0.1, 2e-5)
 OMEGA = 2 * np.pi * np.array([1000.0, 1010.0, 1700.0])

@@ -17,7 +17,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import squealstudy as sq
-from squealstudy.engine.store import write_manifest
+from squealstudy.engine.manifest_file import write_manifest
 from squealstudy.errors import ParameterError, ResultsError, SquealstudyError, StudyFileError
 
 FREQUENCY = """# over friction

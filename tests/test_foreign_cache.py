@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from squealstudy.engine import cache
+from squealstudy.engine import cache, packed_values
 from squealstudy.files import file_hash, sealed
 from squealstudy.kinds.complex_modes import reduction_errors
 from squealstudy.kinds.transient import preparation
@@ -251,13 +251,13 @@ def test_another_version_is_made_again(entry):
 
 
 def test_classes_of_values_are_those_of_the_package():
-    assert f"{FamilyTerm.__module__}.FamilyTerm" in cache.CLASSES
+    assert f"{FamilyTerm.__module__}.FamilyTerm" in packed_values.CLASSES
 
 
 # -- the directory in which a command is run ----------------------------------------------------
 SCRIPT = """\
 from multiprocessing import get_context
-from squealstudy.machine import starting_processes
+from squealstudy.machine.processes import starting_processes
 if __name__ == "__main__":
     with starting_processes():
         worker = get_context("spawn").Process(target=print, args=(1,))

@@ -16,10 +16,10 @@ from study_runs import command, plan_of
 from study_texts import study_text, sweep_text
 
 from squealstudy.engine.manifest_facts import check_facts
+from squealstudy.engine.manifest_file import read_manifest
 from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
-from squealstudy.engine.store import read_manifest
 from squealstudy.errors import ResultsError
 from squealstudy.files import sealed
 from squealstudy.study.kinds import facts_of, kind_names

@@ -15,6 +15,7 @@ from study_runs import command, plan_of
 from study_texts import study_text, sweep_text
 
 from squealstudy.engine.journal import JOURNAL
+from squealstudy.engine.manifest_file import read_manifest
 from squealstudy.engine.recorded_code import (
     RECORDS,
     code_of,
@@ -24,7 +25,7 @@ from squealstudy.engine.recorded_code import (
 )
 from squealstudy.engine.result_names import CHUNKS, LOCK, MANIFEST, SET_ASIDE
 from squealstudy.engine.runner import run_study
-from squealstudy.engine.store import Store, read_manifest
+from squealstudy.engine.store import Store
 from squealstudy.errors import MachineError, ResultsError
 from squealstudy.extensions import load_extension
 from squealstudy.files import sealed

@@ -16,10 +16,10 @@ from squealstudy.motion.outcome.levels import (
     period_swings,
     periods_interval,
     plain_levels,
-    spectrum,
     swing_spread,
     torque_levels,
 )
+from squealstudy.motion.outcome.spectrum import spectrum
 from squealstudy.motion.outcome.summary import told_frequency
 
 STEP = 1e-5

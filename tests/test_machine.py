@@ -12,16 +12,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from squealstudy import machine
 from squealstudy.engine import workers
 from squealstudy.engine.manifest import locked
 from squealstudy.errors import MachineError, ResultsError
-from squealstudy.machine import InterruptedRun, interruptible
+from squealstudy.machine import resources as machine
+from squealstudy.machine.processes import InterruptedRun, interruptible
 
 GIVE_BACK = """
 import numpy as np
 import psutil
-from squealstudy.machine import give_back_memory
+from squealstudy.machine.resources import give_back_memory
 resident = lambda: psutil.Process().memory_info().rss / 2**20
 parts = [np.ones(12_000) for _ in range(2000)]  # each too small to be mapped by itself
 last = parts[-1]
@@ -50,7 +50,7 @@ HOLD = """
 import sys
 import time
 from pathlib import Path
-from squealstudy.machine import lock
+from squealstudy.machine.locks import lock
 with lock(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

@@ -14,8 +14,9 @@ import squealstudy as sq
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laws import contact_law
 from squealstudy.linalg.dense_qep import dense_roots
-from squealstudy.models.assembly import Assembly, Component, ContactInterface, expand_rows
+from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.catalogue import MODELS
+from squealstudy.models.component_slices import expand_rows
 from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.operating import DesignState, OperatingPoint

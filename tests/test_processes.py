@@ -19,7 +19,7 @@ import pytest
 from squealstudy.engine import workers as module
 from squealstudy.engine.workers import TASKS_IN_FLIGHT_PER_WORKER, Workers, one_thread
 from squealstudy.errors import MachineError
-from squealstudy.machine import starting_processes
+from squealstudy.machine.processes import starting_processes
 
 EXTENSION = Path(__file__).parent / "extension" / "my_friction_curve.py"
 STUDY = """

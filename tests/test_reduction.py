@@ -29,13 +29,8 @@ from squealstudy.reduction.prepared import (
     shape_column,
 )
 from squealstudy.reduction.working_point import working_point
-from squealstudy.system.linearise import (
-    StructureWeights,
-    component_frequencies,
-    energy_shares,
-    linearise,
-    reduced_energy_shares,
-)
+from squealstudy.system.energies import energy_shares, reduced_energy_shares
+from squealstudy.system.linearise import StructureWeights, component_frequencies, linearise
 
 BAND = (2 * np.pi * 500.0, 2 * np.pi * TOP)
 LOW = {"band": (BAND[0], 2 * np.pi * 2500.0), "least": 6}  # half of the band

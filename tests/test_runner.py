@@ -20,7 +20,8 @@ from tiny_meshes import forget_models, tiny_meshes
 
 import squealstudy
 from squealstudy.engine import store
-from squealstudy.engine.plan import Plan, reference_choice
+from squealstudy.engine.checked_points import reference_choice
+from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.workers import Pace
 from squealstudy.errors import ResultsError, SquealstudyError, StudyFileError

@@ -22,10 +22,10 @@ from study_texts import study_text
 from squealstudy.engine import mode_shapes as engine_shapes
 from squealstudy.engine.cache import is_whole, prepared_path
 from squealstudy.engine.journal import JOURNAL
+from squealstudy.engine.manifest_file import read_manifest
 from squealstudy.engine.mode_names import track_names
 from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.results import Results
-from squealstudy.engine.store import read_manifest
 from squealstudy.engine.track_names import FILE, keep_track_names
 from squealstudy.errors import ModelError, ResultsError
 from squealstudy.kernels.raster import corner_normals, draw_triangles

@@ -13,12 +13,13 @@ from study_runs import command, comparable, plan_of
 from study_texts import study_text, sweep_text
 
 import squealstudy
-from squealstudy.engine import cache
+from squealstudy.engine import cache, packed_values
 from squealstudy.engine import store as store_module
 from squealstudy.engine.journal import JOURNAL
+from squealstudy.engine.manifest_file import read_manifest
 from squealstudy.engine.result_names import CHUNKS, MANIFEST, REFERENCES, SET_ASIDE
 from squealstudy.engine.runner import run_study
-from squealstudy.engine.store import Store, read_manifest
+from squealstudy.engine.store import Store
 from squealstudy.errors import ResultsError
 from squealstudy.files import sealed, unsealed
 
@@ -378,7 +379,7 @@ def test_nothing_in_a_cache_is_called(cached, wanted, monkeypatch):
 
 def test_a_value_of_another_class_is_not_kept(tmp_path):
     with pytest.raises(ValueError, match="Store is not a class"):
-        cache._check_classes({"class": "squealstudy.engine.store.Store", "fields": {}})
+        packed_values.check_classes({"class": "squealstudy.engine.store.Store", "fields": {}})
     with pytest.raises(ValueError, match="pickle"):
         cache.save_value(tmp_path / "value", (cache.np.array([object()]),))
 

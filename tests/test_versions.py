@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import squealstudy
 from squealstudy.cli.app import app
 from squealstudy.engine.manifest import outdated
-from squealstudy.engine.store import read_manifest, write_manifest
+from squealstudy.engine.manifest_file import read_manifest, write_manifest
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.parameter import ModelChange
 

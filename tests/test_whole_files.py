@@ -11,7 +11,8 @@ import pytest
 from squealstudy import array_files
 from squealstudy.engine.cache import META, is_whole
 from squealstudy.engine.journal import MAX_LINE_BYTES, Journal
-from squealstudy.engine.store import Store, read_manifest
+from squealstudy.engine.manifest_file import read_manifest
+from squealstudy.engine.store import Store
 from squealstudy.errors import SquealstudyError
 from squealstudy.files import UnusableFileError, read_whole
 from squealstudy.models.components.free_modes import read_mode_table

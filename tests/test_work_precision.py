@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from squealstudy import open_results
 from squealstudy.cli.app import app
+from squealstudy.engine.manifest_file import read_manifest, write_manifest
 from squealstudy.engine.runner import run_study
-from squealstudy.engine.store import read_manifest, write_manifest
 from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError

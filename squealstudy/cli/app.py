@@ -23,7 +23,7 @@ from squealstudy.cli.options import DONE, FAULT, USAGE_ERROR
 from squealstudy.cli.result_commands import compare, explore, plot, rank, report, robust, shape
 from squealstudy.cli.study_commands import check, examples, export, new, run, schema, sensitivity
 from squealstudy.errors import DEBUG, SquealstudyError
-from squealstudy.machine import InterruptedRun, cut_lifeline, interruptible
+from squealstudy.machine.processes import InterruptedRun, cut_lifeline, interruptible
 from squealstudy.screen import plain
 
 NAME = "squealstudy"

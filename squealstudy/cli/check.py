@@ -29,7 +29,7 @@ from squealstudy.engine.workers import worker_count
 from squealstudy.errors import SquealstudyError
 from squealstudy.face import Study
 from squealstudy.kinds.complex_modes.boundary import most_points
-from squealstudy.machine import available_memory_mb
+from squealstudy.machine.resources import available_memory_mb
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
     CONTACT_OPTION,

@@ -12,9 +12,10 @@ import pyarrow as pa
 from squealstudy.engine.column_types import misfit
 from squealstudy.engine.journal import JOURNAL, MISSING, UNFINISHED, refused_names
 from squealstudy.engine.manifest import BESIDE
+from squealstudy.engine.manifest_file import PICTURES, read_manifest, version_of
 from squealstudy.engine.recorded_code import code_of
 from squealstudy.engine.result_names import LOCK, MANIFEST, SET_ASIDE
-from squealstudy.engine.store import PICTURES, Store, read_manifest, version_of
+from squealstudy.engine.store import Store
 from squealstudy.errors import ResultsError
 from squealstudy.files import TEMPORARY, is_plain_file
 from squealstudy.screen import Rows

@@ -10,7 +10,7 @@ from typing import Any
 import typer
 
 from squealstudy.errors import ContradictionError, SquealstudyError
-from squealstudy.machine import InterruptedRun
+from squealstudy.machine.processes import InterruptedRun
 
 PASSED = (SquealstudyError, OSError, MemoryError, InterruptedRun, typer.Exit, typer.BadParameter)
 

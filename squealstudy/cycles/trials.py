@@ -20,7 +20,8 @@ from squealstudy.cycles.outcomes import class_of, known_so_far
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
-from squealstudy.motion.outcome.levels import last_window, mean_interval, spectrum
+from squealstudy.motion.outcome.levels import last_window, mean_interval
+from squealstudy.motion.outcome.spectrum import spectrum
 from squealstudy.motion.outcome.summary import run_levels, summarise, told_frequency
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import Watch, simulate

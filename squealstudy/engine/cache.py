@@ -14,17 +14,15 @@ import re
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass
-from functools import lru_cache, partial
-from importlib import import_module
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from squealstudy.array_files import read_arrays
 from squealstudy.engine.keys import content_hash
+from squealstudy.engine.packed_values import array_names, check_classes, packed, unpacked
 from squealstudy.faults import named
 from squealstudy.files import (
     OF_JSON,
@@ -46,31 +44,6 @@ ARRAY = re.compile(r"[^/\\\x00]{1,250}\.npy")
 NO_MORE_FILES = (errno.EMFILE, errno.ENFILE)
 META, MODELS, GAPS = "meta.json", "models", ".npz"
 FORMAT = 3  # of a folder: what an earlier version wrote is made again
-# of values, below the package: a cache may be shared, and no other class is made of what it says
-CLASSES = {
-    f"squealstudy.{name}"
-    for name in (
-        "kinds.complex_modes.reduction_errors.ReductionErrors",
-        "models.matrices.expression.Expression",
-        "models.matrices.family.FamilyTerm",
-        "models.matrices.family.MatrixFamily",
-        "modes.reanalysis.polynomials.CollocatedSystem",
-        "modes.reanalysis.polynomials.ExpandedWeights",
-        "modes.reanalysis.sweep_basis.SweepBasis",
-        "motion.shared_modes.Training",
-        "reduction.cmt.Expansion",
-        "reduction.cmt.ReducedModel",
-        "reduction.contact_space.ContactRows",
-        "reduction.contact_space.ContactSpace",
-        "reduction.hybrid.HybridBasis",
-        "reduction.hybrid.HybridModel",
-        "reduction.hybrid.Superelement",
-        "reduction.prepared.PreparedFamily",
-        "reduction.prepared.PreparedModel",
-        "reduction.shared_basis.SharedBasis",
-    )
-}
-CSR = ("data", "indices", "indptr")
 Prepared = PreparedModel | PreparedFamily
 
 
@@ -96,10 +69,10 @@ def is_whole(folder: Path) -> bool:
         if _verified.get(folder) != seen:
             if meta["format"] != FORMAT or any(file_hash(p) != h for p, h in files.items()):
                 return False
-            _check_classes(meta["value"])
-            if not _names(meta["value"]) <= set(meta["files"]):
+            check_classes(meta["value"])
+            if not array_names(meta["value"]) <= set(meta["files"]):
                 return False
-            _unpacked(meta["value"], folder, thoroughly=True)
+            unpacked(meta["value"], folder, thoroughly=True)
             _verified[folder] = seen
     except OSError as error:
         if error.errno in NO_MORE_FILES:  # of the process or the machine, not the value's fault
@@ -114,8 +87,8 @@ def is_whole(folder: Path) -> bool:
 def save_value(folder: Path, value: Any) -> None:
     """Keep a value; the folder appears whole or not at all."""
     arrays: dict[str, np.ndarray] = {}
-    content = _packed(value, "", arrays)
-    _check_classes(content)
+    content = packed(value, "", arrays)
+    check_classes(content)
     with _appearing(folder) as temporary:
         for name, array in arrays.items():
             np.save(temporary / f"{name}.npy", array, allow_pickle=False)
@@ -188,7 +161,7 @@ def load_value(folder: Path) -> Any:
     """
     if not is_whole(folder):
         raise OSError(f"{folder}: not as it was written; the next run makes it again")
-    return _unpacked(unsealed(read_whole(folder / META, OF_JSON))["value"], folder)
+    return unpacked(unsealed(read_whole(folder / META, OF_JSON))["value"], folder)
 
 
 # -- other machines --------------------------------------------------------------------------------
@@ -252,66 +225,6 @@ def keep_contents(place: Path, files: Mapping[str, bytes]) -> None:
 
 
 # -- values as files -------------------------------------------------------------------------------
-def _packed(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
-    """A value as JSON, its arrays put aside under their names."""
-    if isinstance(value, np.ndarray):
-        arrays[name] = value
-        return {"array": name}
-    if sp.issparse(value):
-        parts = [_packed(getattr(value, part), f"{name}.{part}", arrays) for part in CSR]
-        return {"csr": parts, "shape": value.shape}
-    if is_dataclass(value) or hasattr(value, "_fields"):
-        kind = type(value)
-        names = [f.name for f in fields(value)] if is_dataclass(value) else value._fields
-        start = f"{name}." if name else ""
-        content = {n: _packed(getattr(value, n), f"{start}{n}", arrays) for n in names}
-        return {"class": f"{kind.__module__}.{kind.__qualname__}", "fields": content}
-    if isinstance(value, tuple):
-        return {"tuple": [_packed(v, f"{name}.{i}", arrays) for i, v in enumerate(value)]}
-    if isinstance(value, Mapping):
-        return {"mapping": {str(k): _packed(v, f"{name}.{k}", arrays) for k, v in value.items()}}
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def _check_classes(content: Any) -> None:
-    """Raise ValueError where packed content names a class that no value may have."""
-    if isinstance(content, dict):
-        if "class" in content and content["class"] not in CLASSES:
-            raise ValueError(f"{content['class']} is not a class of the cache's values")
-        content = list(content.values())
-    if isinstance(content, list):
-        for part in content:
-            _check_classes(part)
-
-
-def _names(content: Any) -> set[str]:
-    """Files of the arrays that packed content names."""
-    if isinstance(content, dict):
-        own = {f"{content['array']}.npy"} if "array" in content else set()
-        return own.union(*map(_names, content.values()))
-    return set().union(*map(_names, content)) if isinstance(content, list) else set()
-
-
-def _unpacked(found: Any, folder: Path, thoroughly: bool = False) -> Any:
-    """A packed value; indices of sparse matrices are looked at where `thoroughly`."""
-    unpacked = partial(_unpacked, folder=folder, thoroughly=thoroughly)
-    if not isinstance(found, dict):
-        return found
-    if "array" in found:
-        path = folder / f"{found['array']}.npy"
-        return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
-    if "csr" in found:
-        matrix = sp.csr_matrix(tuple(map(unpacked, found["csr"])), shape=found["shape"])
-        if thoroughly:  # compiled code follows them without a look
-            matrix.check_format(full_check=True)
-        return matrix
-    if "tuple" in found:
-        return tuple(map(unpacked, found["tuple"]))
-    if "mapping" in found:
-        return {k: unpacked(v) for k, v in found["mapping"].items()}
-    module, _, name = found["class"].rpartition(".")
-    kind = getattr(import_module(module), name)
-    return kind(**{n: unpacked(v) for n, v in found["fields"].items()})
 
 
 # -- prepared models -----------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from squealstudy.errors import (
     SquealstudyError,
     StudyFileError,
 )
-from squealstudy.machine import peak_memory_mb
+from squealstudy.machine.resources import peak_memory_mb
 from squealstudy.mechanics.failures import reason
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from squealstudy.engine.keys import source_hash
 from squealstudy.errors import MachineError, SquealstudyError
 from squealstudy.extensions import THREADS, load_extension
 from squealstudy.files import write_bytes
-from squealstudy.machine import peak_memory_mb
+from squealstudy.machine.resources import peak_memory_mb
 from squealstudy.paths import cache_directory
 from squealstudy.version import __version__
 

@@ -7,9 +7,9 @@ from typing import Any, TypeVar
 import pandas as pd
 
 from squealstudy.engine.manifest import model_of
+from squealstudy.engine.manifest_file import version_of
 from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.result_tables import ResultTables
-from squealstudy.engine.store import version_of
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import IN_TIME_ONLY
 from squealstudy.models.parameter_names import DAMPING_RATIO, ModeParameter, parse_parameter

@@ -17,7 +17,7 @@ from squealstudy.engine.model_kind import ModelKind, as_model_kind
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.errors import SquealstudyError, StudyFileError
-from squealstudy.machine import peak_memory_mb
+from squealstudy.machine.resources import peak_memory_mb
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.modes.point import PointModes, solve_point

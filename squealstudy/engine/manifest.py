@@ -11,6 +11,7 @@ from typing import Any
 
 from squealstudy.engine.journal import JOURNAL, Journal
 from squealstudy.engine.kind import Planned, as_kind
+from squealstudy.engine.manifest_file import read_manifest, version_of
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.recorded_code import RECORDS, recorded_extensions
 from squealstudy.engine.result_names import (
@@ -24,10 +25,10 @@ from squealstudy.engine.result_names import (
     STATES,
     expect_inside,
 )
-from squealstudy.engine.store import read_manifest, version_of
 from squealstudy.errors import ModelError, ResultsError
 from squealstudy.files import TEMPORARY
-from squealstudy.machine import HeldError, cores, lock
+from squealstudy.machine.locks import HeldError, lock
+from squealstudy.machine.resources import cores
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.components.definition import FileDefinition

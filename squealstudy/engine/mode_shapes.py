@@ -30,7 +30,7 @@ from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.result_tables import ResultTables
 from squealstudy.engine.structures import build_task
 from squealstudy.errors import ResultsError, SquealstudyError
-from squealstudy.machine import cores
+from squealstudy.machine.resources import cores
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.modes.full_order.modes import FULL

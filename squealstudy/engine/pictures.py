@@ -19,8 +19,8 @@ from pathlib import Path
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
+from squealstudy.engine.manifest_file import PICTURES, write_manifest
 from squealstudy.engine.result_tables import ResultTables
-from squealstudy.engine.store import PICTURES, write_manifest
 from squealstudy.errors import ExtensionError, ResultsError, SquealstudyError
 from squealstudy.extensions import note_registered
 from squealstudy.files import write_atomic

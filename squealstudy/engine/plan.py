@@ -32,7 +32,7 @@ from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.family import file_digests
 from squealstudy.study.kind_protocols import ModelStudyKind
-from squealstudy.study.sampling import design_points, farthest_points, grid_shape
+from squealstudy.study.sampling import design_points, grid_shape
 from squealstudy.study.toml_text import KeyPath
 
 LAW_OPTIONS = (CONTACT_OPTION.name, FRICTION_OPTION.name)  # they change no structure
@@ -385,26 +385,3 @@ class Plan:
 def has_mesh(study: ResolvedStudy) -> bool:
     """Whether the model is a finite-element one, to be reduced."""
     return study.model.meshed
-
-
-def checked_points(plan: Plan) -> list[int]:
-    """Indices of the design points solved at full order too: the chosen ones, then the audit's.
-
-    The audit draws its share of all points at random; which they are depends on their number alone.
-    """
-    section = plan.study.definition.modes
-    chosen = reference_choice(plan, section.reference_points)
-    count = int(np.ceil(section.audit * len(plan.tasks)))
-    if not count:  # a permutation of millions of points takes a second
-        return chosen
-    drawn = np.random.default_rng(0).permutation(len(plan.tasks))[:count]
-    return list(dict.fromkeys([*chosen, *(int(i) for i in drawn)]))
-
-
-def reference_choice(plan: Plan, count: int) -> list[int]:
-    """Indices of the design points to check by the full-order model.
-
-    The upper corner of the swept box first (most friction, pressure, change), where a reduced
-    model has most to lose; then the points farthest from all chosen.
-    """
-    return farthest_points(plan.coordinates, count)

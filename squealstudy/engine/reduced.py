@@ -27,7 +27,7 @@ from squealstudy.engine.cache import (
 from squealstudy.engine.plan import Plan
 from squealstudy.errors import ConvergenceError, ModelError, SquealstudyError, StudyFileError
 from squealstudy.linalg.factor import solve_threads
-from squealstudy.machine import give_back_memory
+from squealstudy.machine.resources import give_back_memory
 from squealstudy.mechanics.reduction import SpaceOf, reduced
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import ModeKey, OperatingPoint

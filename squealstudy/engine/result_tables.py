@@ -13,6 +13,7 @@ import pandas as pd
 import pyarrow as pa
 
 from squealstudy.engine.column_types import misfit
+from squealstudy.engine.named_tables import NamedTables
 from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.store import Store, column_units
 from squealstudy.engine.table_rows import Keep, batches, chosen_rows, mode_points, ranked_modes
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class ResultTables:
+class ResultTables(NamedTables):
     """The tables of a finished results directory, and what its manifest says of the study.
 
     Attributes
@@ -180,115 +181,6 @@ class ResultTables:
         """The table, of a file of the results where it is one, with ``attrs["units"]``."""
         table.attrs["units"] = column_units(self.manifest, table.columns, file)
         return table
-
-    @property
-    def points(self) -> pd.DataFrame:
-        """One row a design point."""
-        return self.table("points")
-
-    @property
-    def modes(self) -> pd.DataFrame:
-        """One row a complex mode, or an assembly mode of a run in time, of a design point."""
-        return self.table("modes")
-
-    @property
-    def onsets(self) -> pd.DataFrame:
-        """One row for each value of the parameter `along` at which a track turns (un)stable.
-
-        See kinds.complex_modes.onsets.
-        """
-        return self.table("onsets")
-
-    @property
-    def sensitivities(self) -> pd.DataFrame:
-        """One row a parameter, mode and design point of a sensitivity study."""
-        return self.table("sensitivities")
-
-    @property
-    def growth(self) -> pd.DataFrame:
-        """One row a followed complex mode of a design point, fitted growth beside the predicted.
-
-        These are the unstable ones, or the least stable one where none is (column `unstable`).
-
-        Raises ResultsError where the study is not a transient one, or of an earlier version.
-        """
-        table = self.table("growth")
-        if "unstable" not in table:
-            raise ResultsError(
-                f"{self.directory}: the growth table is of an earlier version of squealstudy; run "
-                "the study again"
-            )
-        return table
-
-    @property
-    def measurements(self) -> pd.DataFrame:
-        """One row a method and knob value of a work-precision study."""
-        return self.table("measurements")
-
-    @property
-    def errors(self) -> pd.DataFrame:
-        """One row a quantity, mode and point of each measurement of a work-precision study."""
-        return self.table("errors")
-
-    @property
-    def cells(self) -> pd.DataFrame:
-        """One row a cell of a method-stability study."""
-        return self.table("cells")
-
-    @property
-    def verdicts(self) -> pd.DataFrame:
-        """One row a mode of a design point of a study of limit cycles: does it squeal?"""
-        return self.table("verdicts")
-
-    @property
-    def cycles(self) -> pd.DataFrame:
-        """One row a limit cycle of a study of limit cycles."""
-        return self.table("cycles")
-
-    @property
-    def curves(self) -> pd.DataFrame:
-        """One row a motion along the growth of a family over its amplitude."""
-        return self.table("curves")
-
-    @property
-    def branches(self) -> pd.DataFrame:
-        """One row a cycle of the branches that were followed over a parameter."""
-        return self.table("branches")
-
-    @property
-    def borders(self) -> pd.DataFrame:
-        """One row a fold or Hopf point that was continued over two parameters."""
-        return self.table("borders")
-
-    @property
-    def velocities(self) -> pd.DataFrame:
-        """One row a named point of a limit cycle."""
-        return self.table("velocities")
-
-    @property
-    def designs(self) -> pd.DataFrame:
-        """One row a design that a design study evaluated."""
-        return self.table("designs")
-
-    @property
-    def margins(self) -> pd.DataFrame:
-        """One row a mode of least damping of a design at an operating point."""
-        return self.table("margins")
-
-    @property
-    def slopes(self) -> pd.DataFrame:
-        """One row a mode and variable of a design study: what a change does to its damping."""
-        return self.table("slopes")
-
-    @property
-    def proof(self) -> pd.DataFrame:
-        """One row a check of the chosen design of a design study."""
-        return self.table("proof")
-
-    @property
-    def variants(self) -> pd.DataFrame:
-        """One row an alternative of a design study."""
-        return self.table("variants")
 
     def ranked(self, where: str | None = None) -> tuple[pd.DataFrame, pd.DataFrame]:
         """Points, and the modes that count in a ranking within a query.

@@ -13,12 +13,9 @@ from typing import TYPE_CHECKING, cast
 import pandas as pd
 
 from squealstudy.engine.journal import MISSING, UNFINISHED
+from squealstudy.engine.manifest_file import PICTURES, read_manifest
 from squealstudy.engine.pictures import Plots, draw_pictures
 from squealstudy.engine.result_tables import ResultTables
-from squealstudy.engine.store import (
-    PICTURES,
-    read_manifest,
-)
 from squealstudy.errors import ResultsError
 from squealstudy.screen import as_text
 from squealstudy.study.sweeps import BOUNDARY, RANDOM_DESIGNS, SOBOL_INDICES

@@ -28,14 +28,15 @@ from squealstudy.engine.manifest import (
     new_manifest,
     outdated,
 )
+from squealstudy.engine.manifest_file import PICTURES, write_manifest
 from squealstudy.engine.recorded_code import RECORDS, enter_executed
 from squealstudy.engine.result_names import CHUNKS, LOCK, expect_inside, leads_out
 from squealstudy.engine.resumed import reading_earlier_files
-from squealstudy.engine.store import INACCURATE, PICTURES, Store, write_manifest
+from squealstudy.engine.store import INACCURATE, Store
 from squealstudy.engine.validity import SOLVED
 from squealstudy.engine.workers import Progress, Workers, on_one_thread, silent
 from squealstudy.errors import MachineError, ResultsError, SquealstudyError, StudyFileError
-from squealstudy.machine import give_back_memory, peak_memory_mb
+from squealstudy.machine.resources import give_back_memory, peak_memory_mb
 from squealstudy.wording import failure_counts, plural
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 from squealstudy.columns import column_of
 from squealstudy.engine.journal import DAMAGED, JOURNAL, UNFINISHED, Journal, Owner, refused_names
 from squealstudy.engine.keys import ID_TYPE, chunk_id, ids_of
-from squealstudy.engine.manifest_facts import MOST_BYTES, check_facts
+from squealstudy.engine.manifest_file import read_manifest
 from squealstudy.engine.result_names import (
     CHUNKS,
     HISTORIES,
@@ -40,12 +40,9 @@ from squealstudy.engine.table_files import read_batches, read_chunk, read_file, 
 from squealstudy.errors import MachineError, ResultsError
 from squealstudy.files import (
     OF_JSON,
-    SEAL,
     TEMPORARY,
     is_plain_file,
     read_whole,
-    sealed,
-    unsealed,
     write_arrays,
     write_atomic,
     write_text,
@@ -66,7 +63,6 @@ CYCLES, VERDICTS, BRANCHES = "cycles.parquet", "verdicts.parquet", "branches.par
 DESIGNS, VARIANTS = "designs.parquet", "variants.parquet"
 MARGINS, SLOPES, PROOF = "margins.parquet", "slopes.parquet", "proof.parquet"
 CURVES, VELOCITIES, BORDERS = "curves.parquet", "velocities.parquet", "borders.parquet"
-PICTURES = "pictures"  # key of the manifest: those drawn beside the tables
 INACCURATE = "inaccurate"  # status of a point whose roots are there, with too large an error
 PART_ROWS = 1_000_000  # rows of a table up to which it is one file
 GROUP_ROWS = 2**17  # rows of a table that are read together
@@ -88,36 +84,6 @@ def column_units(
     along = known.get(onset_parameter(manifest.get("sweeps", [])) or "", "")
     found = units_of(columns, {**known, **OWN_UNITS.get(table, {})})
     return {name: along if unit == OF_THE_ONSET else unit for name, unit in found.items()}
-
-
-def read_manifest(directory: Path) -> dict[str, Any] | None:
-    """The manifest of a results directory, None where there is none; ResultsError if damaged."""
-    path = directory / MANIFEST
-    if not is_plain_file(path):
-        return None
-    if path.stat().st_size > MOST_BYTES:
-        raise ResultsError(f"{path}: too long for a manifest")
-    try:
-        text = read_whole(path, OF_JSON)
-        content: dict[str, Any] = json.loads(text)
-        if SEAL in content:  # those of older versions have none
-            content = unsealed(text)
-    except (OSError, ValueError, TypeError, RecursionError) as error:
-        raise ResultsError(f"{path}: not a readable manifest ({error})") from error
-    if not isinstance(content, dict) or not {"name", "kind", "model"} <= set(content):
-        raise ResultsError(f"{path}: not a manifest of squealstudy")
-    check_facts(content, path)
-    return content
-
-
-def version_of(manifest: dict[str, Any]) -> str:
-    """The version of squealstudy that wrote a manifest."""
-    return str(manifest.get("versions", {}).get("squealstudy", "0"))
-
-
-def write_manifest(directory: Path, manifest: Mapping[str, Any]) -> None:
-    """Write the manifest of a results directory, whole or not at all."""
-    write_text(directory / MANIFEST, sealed(manifest))
 
 
 class Store:

@@ -20,7 +20,7 @@ from squealstudy.engine.reduced import (
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.linalg.real_modes import real_modes
-from squealstudy.machine import memory_returned
+from squealstudy.machine.resources import memory_returned
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition

@@ -15,8 +15,9 @@ import pandas as pd
 from squealstudy.engine.store import Store
 from squealstudy.errors import ResultsError
 from squealstudy.tables import point_rows
-from squealstudy.tables.mode_ranking import RANKED, energy_columns, query
+from squealstudy.tables.mode_ranking import RANKED, energy_columns
 from squealstudy.tables.point_rows import ROW, parts, point_codes
+from squealstudy.tables.ranking_query import query
 from squealstudy.tables.stability import is_uncertain
 
 Keep = Callable[[pd.DataFrame], np.ndarray]  # rows of a batch -> which are wanted (n,) of bool

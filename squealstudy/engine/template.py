@@ -9,17 +9,24 @@ from __future__ import annotations
 
 import json
 import re
-import textwrap
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from squealstudy.engine.commented_toml import (
+    comment_lines,
+    key_lines,
+    section_fields,
+    section_lines,
+    table_lines,
+    wrapped,
+)
 from squealstudy.engine.lumped_template import TEXT as LUMPED_TEXT
 from squealstudy.engine.lumped_template import file_beside, lumped_start
+from squealstudy.engine.method_templates import METHOD_STABILITY, WORK_PRECISION
 from squealstudy.engine.schema import methods_schema, study_schema
 from squealstudy.errors import SquealstudyError
 from squealstudy.files import write_text
@@ -34,10 +41,9 @@ from squealstudy.study.design_sections import SweepSection
 from squealstudy.study.kind_protocols import ModelStudyKind
 from squealstudy.study.kinds import kind_named, kind_names, model_kind
 from squealstudy.study.sections import StudyDefinition
-from squealstudy.study.toml_text import toml_key, toml_value
+from squealstudy.study.toml_text import toml_value
 from squealstudy.wording import did_you_mean
 
-MAX_LINE_CHARACTERS = 100
 BY_HAND = ("study", "model", "parameters", "sweep", "design")  # sections, written in this order
 SWEPT = "friction"  # of models that say nothing else and have it
 SWEEP_REL_RANGE = 0.2  # below and above its default that the parameter is swept
@@ -242,7 +248,7 @@ def _lines(begun: Begun, kind: str) -> Iterator[str]:
     """The whole file."""
     model, definition = begun.model, begun.definition
     purpose = f"A {kind} study of the model {model.name}: {model.description}."
-    yield from (f"# {line}" for line in _wrapped(purpose, 2))
+    yield from (f"# {line}" for line in wrapped(purpose, 2))
     yield "# What stands behind a # is a default: take the # away to change it. Numbers are"
     yield '# in SI units (angles in deg); values of parameters may have others: "12 bar".'
     if not begun.whole:
@@ -255,7 +261,9 @@ def _lines(begun: Begun, kind: str) -> Iterator[str]:
     yield from _sweeps(begun)
     if begun.whole or "design" in begun.tables:
         given, design = begun.tables.get("design"), definition.design
-        yield from _section("design", design, given or {}, begun.shown("design"), given is None)
+        yield from section_lines(
+            "design", design, given or {}, begun.shown("design"), given is None
+        )
     for section, found in type(definition).model_fields.items():
         if section in BY_HAND or (section == "fidelity" and not begun.kind.has_fidelity):
             continue
@@ -268,15 +276,17 @@ def _of_kind(begun: Begun, section: str, found: FieldInfo) -> Iterator[str]:
     if not begun.whole and given is None and not shown:
         return
     value = getattr(begun.definition, section)
-    yield from _comment(found.description or "")
+    yield from comment_lines(found.description or "")
     if isinstance(given, list):
         for number, table in enumerate(given):
             more = begun.whole and number == 0
-            yield from _table(f"[[{section}]]", _fields(found), table, more)
+            yield from table_lines(f"[[{section}]]", section_fields(found), table, more)
     elif value is None or value == ():
-        yield from _table(f"[[{section}]]" if value == () else f"[{section}]", _fields(found))
+        yield from table_lines(
+            f"[[{section}]]" if value == () else f"[{section}]", section_fields(found)
+        )
     else:
-        yield from _section(section, value, given or {}, shown)
+        yield from section_lines(section, value, given or {}, shown)
 
 
 def _study(begun: Begun) -> Iterator[str]:
@@ -284,11 +294,11 @@ def _study(begun: Begun) -> Iterator[str]:
     yield "[study]"
     for key in ("name", "kind"):
         if begun.whole:
-            yield from _comment(type(study).model_fields[key].description or "")
+            yield from comment_lines(type(study).model_fields[key].description or "")
         yield f"{key} = {toml_value(getattr(study, key))}"
     yield '# description = ""'
     if begun.whole:
-        yield from _comment(type(study).model_fields["extensions"].description or "")
+        yield from comment_lines(type(study).model_fields["extensions"].description or "")
         yield "# extensions = []"
     yield ""
 
@@ -305,7 +315,7 @@ def _model(begun: Begun) -> Iterator[str]:
         choices = f" ({' | '.join(map(str, option.choices))})" if others else ""
         if not begun.whole and not others:
             continue
-        yield from _key(option.name, default, option.description + choices, given)
+        yield from key_lines(option.name, default, option.description + choices, given)
     yield ""
 
 
@@ -319,7 +329,7 @@ def _parameters(begun: Begun) -> Iterator[str]:
             continue
         described = parameter.description + (f" [{parameter.unit}]" if parameter.unit else "")
         described += f" ({parameter.default:g} by default)" if parameter.name in given else ""
-        yield from _key(parameter.name, parameter.default, described, given)
+        yield from key_lines(parameter.name, parameter.default, described, given)
     yield ""
 
 
@@ -332,140 +342,4 @@ def _sweeps(begun: Begun) -> Iterator[str]:
     yield "# what varies; the first [[sweep]] varies fastest in a grid"
     for number, sweep in enumerate(begun.tables["sweep"]):
         more = begun.whole and number == 0
-        yield from _table("[[sweep]]", SweepSection.model_fields, sweep, more, begun.whole)
-
-
-def _table(
-    head: str,
-    fields: Mapping[str, FieldInfo],
-    given: Mapping[str, Any] | None = None,
-    more: bool = True,
-    comments: bool = True,
-) -> Iterator[str]:
-    """A table that is given, with `more` of its keys as comments; one that is not, as a comment."""
-    yield head if given is not None else f"# {head}"
-    for key, found in fields.items():
-        here = given is not None and key in given
-        if not here and not more:
-            continue
-        if comments:
-            yield from _comment(_described(found))
-        yield f"{key} = {toml_value((given or {})[key])}" if here else _default(key, found)
-    yield ""
-
-
-def _section(
-    name: str,
-    section: BaseModel,
-    given: Mapping[str, Any],
-    shown: Collection[str] | None,
-    commented: bool = False,
-) -> Iterator[str]:
-    """A section with the keys that are given, and those at their defaults that are `shown`."""
-    yield f"# [{name}]" if commented else f"[{name}]"
-    for key, found in type(section).model_fields.items():
-        if shown is None or key in shown or key in given:
-            yield from _key(key, getattr(section, key), _described(found), given)
-    yield ""
-
-
-def _fields(found: FieldInfo) -> dict[str, FieldInfo]:
-    """Keys of the section that an annotation such as ``Section | None`` is of."""
-    kinds: tuple[Any, ...] = getattr(found.annotation, "__args__", ())
-    return next(k.model_fields for k in kinds if hasattr(k, "model_fields"))
-
-
-def _key(name: str, default: object, described: str, given: Mapping[str, Any]) -> Iterator[str]:
-    yield from _comment(described)
-    if name in given:
-        yield f"{toml_key(name)} = {toml_value(given[name])}"
-        return
-    if isinstance(default, BaseModel):
-        default = default.model_dump(exclude_none=True)
-    shown = "..." if default is None else toml_value(default)
-    yield f"# {toml_key(name)} = {shown}"
-
-
-def _default(key: str, found: FieldInfo) -> str:
-    default = found.get_default(call_default_factory=True)
-    known = default is not None and not found.is_required()
-    return f"# {key} = {toml_value(default) if known else '...'}"
-
-
-def _described(found: FieldInfo) -> str:
-    """What a key is, and what it can be where that is one of some words."""
-    words = [word for word in get_args(found.annotation) if isinstance(word, str)]
-    return f"{found.description} ({' | '.join(words)})" if words else found.description or ""
-
-
-def _comment(text: str) -> Iterator[str]:
-    return (f"#   {line}" for line in _wrapped(text, 4))
-
-
-def _wrapped(text: str, indent: int) -> list[str]:
-    return textwrap.wrap(text, MAX_LINE_CHARACTERS - indent, break_on_hyphens=False)
-
-
-WORK_PRECISION = """\
-# A work_precision study: error against time of methods, on runs of the model {model}.
-# squealstudy schema --kind work_precision says what else it may have.
-
-[study]
-name = "{name}"
-kind = "work_precision"
-# description = ""
-
-[work_precision]
-#   study file, relative to this one, that all methods solve
-base = "{base}"
-#   design points at random in the swept box of the base study, where errors are measured; 0 for the
-#   base study's own points
-points = 2
-#   what the chart judges
-quantities = ["torque_rms"]
-
-#   what errors are measured against
-[reference]
-integrator = "dop853"
-options = {{rtol = 1e-10}}
-
-#   lines of the chart: a method each, over the values of its knob
-[[method]]
-name = "exponential"
-default = true
-knob = "transient.step"
-values = [1e-5, 2e-5, 4e-5]
-
-[[method]]
-name = "Newmark"
-set.transient.method = "newmark"
-knob = "transient.step"
-values = [1e-5, 2e-5, 4e-5]
-"""
-METHOD_STABILITY = """\
-# A method_stability study: where a method fails, on a minimal model of its own.
-# squealstudy schema --kind method_stability says what else it may have.
-
-[study]
-name = "{name}"
-kind = "method_stability"
-# description = ""
-
-[method_stability]
-#   method whose limits are mapped: perturbation of a mode beside a lock-in
-case = "coalescence"
-
-#   the two axes of the map
-[[knob]]
-name = "anchor"
-start = 0.0
-stop = 0.6
-num = 20
-
-[[knob]]
-name = "step"
-start = 0.0001
-stop = 1.0
-num = 20
-scale = "log"
-"""
+        yield from table_lines("[[sweep]]", SweepSection.model_fields, sweep, more, begun.whole)

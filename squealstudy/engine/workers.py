@@ -25,15 +25,13 @@ from threadpoolctl import ThreadpoolController
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.errors import MachineError
 from squealstudy.extensions import extension_files, start_worker
-from squealstudy.machine import (
+from squealstudy.machine.processes import cut_lifeline, lifeline, starting_processes
+from squealstudy.machine.resources import (
     MOST_WORKERS,
     available_memory_mb,
     cores,
-    cut_lifeline,
     keep_free_memory,
-    lifeline,
     peak_memory_mb,
-    starting_processes,
 )
 from squealstudy.paths import cache_directory
 from squealstudy.progress import Progress as Progress

@@ -23,7 +23,7 @@ from squealstudy.explore.limit_cycles import cycles_content
 from squealstudy.explore.points import Content, points_content, question, study_head
 from squealstudy.explore.runs import runs_content
 from squealstudy.explore.shapes import shapes_content
-from squealstudy.tables.mode_ranking import query
+from squealstudy.tables.ranking_query import query
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:

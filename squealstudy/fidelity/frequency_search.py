@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from squealstudy.engine.checked_points import reference_choice
 from squealstudy.engine.measurement import Measurement
-from squealstudy.engine.plan import Plan, has_mesh, reference_choice
+from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.errors import SquealstudyError
 from squealstudy.fidelity.choice import Choice, TriedSetting, choose, pays
 from squealstudy.fidelity.ladders import FIRST_CANDIDATE, REDUCTION, Setting, free_ladders

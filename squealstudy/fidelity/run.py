@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from squealstudy.engine.manifest_file import write_manifest
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import RunReport, run_study
-from squealstudy.engine.store import Store, write_manifest
+from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Progress
 from squealstudy.fidelity.choice import Choice, Neighbour, UntriedSetting, kept_choice
 from squealstudy.fidelity.frequency_search import exact_method, search_modes

@@ -11,7 +11,7 @@ from squealstudy.mechanics.reduction import Reduction
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.modes.full_order.finer_model import relative_errors
 from squealstudy.modes.point import DENSE, PointModes, band_modes, linearised_point
-from squealstudy.system.linearise import reduced_energy_shares
+from squealstudy.system.energies import reduced_energy_shares
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
 from squealstudy.models.cells import ComponentCells
+from squealstudy.models.component_slices import component_slices
 from squealstudy.models.linear_interfaces import (
     DamperInterface,
     SpringInterface,
@@ -370,40 +371,3 @@ class Assembly:
 def _block_diagonal(blocks: Sequence[sp.csr_matrix]) -> sp.csr_matrix:
     """Blocks one after the other; a single one as it is, for minimal models are built often."""
     return blocks[0].tocsr() if len(blocks) == 1 else sp.block_diag(blocks, format="csr")
-
-
-class Sized(Protocol):
-    """What has a name and so many degrees of freedom."""
-
-    @property
-    def name(self) -> str:
-        """Of the component."""
-        ...
-
-    @property
-    def n_dof(self) -> int:
-        """Number of degrees of freedom."""
-        ...
-
-
-def component_slices(components: Sequence[Sized]) -> tuple[dict[str, slice], int]:
-    """Degrees of freedom of each component, and their total, before an Assembly exists."""
-    ends = np.cumsum([0, *(c.n_dof for c in components)])
-    spans = {c.name: slice(a, b) for c, a, b in zip(components, ends, ends[1:], strict=False)}
-    return spans, int(ends[-1])
-
-
-def expand_rows(
-    parts: Sequence[tuple[str, sp.spmatrix]], spans: dict[str, slice], n_dof: int
-) -> sp.csr_matrix:
-    """Sum of observation rows, each given on one component: (n_rows, n_dof)."""
-    total = None
-    for name, rows in parts:
-        coo = rows.tocoo()
-        part = sp.csr_matrix(
-            (coo.data, (coo.row, coo.col + spans[name].start)), shape=(rows.shape[0], n_dof)
-        )
-        total = part if total is None else total + part
-    if total is None:
-        raise ModelError("observation rows need at least one component")
-    return total.tocsr()

@@ -18,12 +18,8 @@ from squealstudy.reduction.working_point import (
     working_point,
 )
 from squealstudy.root_pairs import by_modulus
-from squealstudy.system.linearise import (
-    LinearisedModel,
-    linearise,
-    reduced_energy_shares,
-    reduced_structure,
-)
+from squealstudy.system.energies import reduced_energy_shares
+from squealstudy.system.linearise import LinearisedModel, linearise, reduced_structure
 
 EDGE = 1e-9  # relative: modes on an end of the band are in it, whatever round-off says
 RIGID_SHARE = 1e-5  # of the band's top: where a band begins that is to begin at zero

@@ -20,7 +20,8 @@ from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem
 from squealstudy.modes.reanalysis.sweep_basis import SweepBasis
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.prepared import PreparedFamily, PreparedModel, unit_shapes
-from squealstudy.system.linearise import StructureWeights, component_energies, energy_shares
+from squealstudy.system.energies import component_energies, energy_shares
+from squealstudy.system.linearise import StructureWeights
 
 
 class Point(Protocol):

@@ -18,7 +18,8 @@ from squealstudy.motion.assembly_damping import AssemblyDamping
 from squealstudy.motion.system import ModalSystem
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.system.linearise import component_frequencies, linearise, reduced_energy_shares
+from squealstudy.system.energies import reduced_energy_shares
+from squealstudy.system.linearise import component_frequencies, linearise
 
 # energy norm of what modes of unit energy have beyond the kept ones: less is left out
 MIN_NEW_DIRECTION = 1e-3

@@ -20,13 +20,8 @@ from squealstudy.motion.arrays import FEW_POINTS
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import NOT_ASKED, OF_THE_WINDOW, StepParts
-from squealstudy.motion.outcome.levels import (
-    TorqueSums,
-    hann,
-    last_window,
-    plain_levels,
-    torque_levels,
-)
+from squealstudy.motion.outcome.levels import TorqueSums, last_window, plain_levels, torque_levels
+from squealstudy.motion.outcome.spectrum import hann
 from squealstudy.motion.outcome.summary import over_steps, own_frequency
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate

@@ -15,7 +15,8 @@ import numpy as np
 
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.laws import FrictionLaw, contact_law
-from squealstudy.machine import lock, starting_processes
+from squealstudy.machine.locks import lock
+from squealstudy.machine.processes import starting_processes
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.integrators.newmark import Newmark
 from squealstudy.motion.settings import MotionSettings
@@ -33,7 +34,7 @@ def begin_warming(single_storage: bool = False) -> None:
     """
     if _begun or any(Path(numba.config.CACHE_DIR).rglob("newmark_batch*.nbi")):
         return
-    end = "from squealstudy.machine import end_with_input; end_with_input()"
+    end = "from squealstudy.machine.processes import end_with_input; end_with_input()"
     call = f"{end}; from {__name__} import warm_kernels; warm_kernels({single_storage})"
     command, nothing = [sys.executable, "-P", "-c", call], subprocess.DEVNULL
     with starting_processes():

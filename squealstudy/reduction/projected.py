@@ -13,12 +13,8 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from squealstudy.models.assembly import (
-    Assembly,
-    Component,
-    ContactInterface,
-    component_slices,
-)
+from squealstudy.models.assembly import Assembly, Component, ContactInterface
+from squealstudy.models.component_slices import component_slices
 from squealstudy.models.linear_interfaces import StressStiffness
 
 

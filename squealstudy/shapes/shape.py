@@ -18,11 +18,8 @@ from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.shapes.parts import Part, parts_of
 from squealstudy.shapes.sources import Balance, Source, interface_energies, point_growth, sources_of
 from squealstudy.system.coupled_pair import coupled_pair
-from squealstudy.system.linearise import (
-    LinearisedModel,
-    component_frequencies,
-    reduced_energy_shares,
-)
+from squealstudy.system.energies import reduced_energy_shares
+from squealstudy.system.linearise import LinearisedModel, component_frequencies
 from squealstudy.wording import in_digits, track_number
 
 INTERFACES = "interfaces"

@@ -13,7 +13,8 @@ from functools import partial
 import numpy as np
 
 from squealstudy.errors import ModelError, StudyFileError
-from squealstudy.models.assembly import Assembly, expand_rows
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.component_slices import expand_rows
 from squealstudy.models.components.attached import directions_at, mass_on, springs_on
 from squealstudy.models.components.contact_rows import Rotation
 from squealstudy.models.components.file_matrices import symmetric

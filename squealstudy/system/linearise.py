@@ -22,7 +22,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from squealstudy.linalg.quadratic_pencil import QuadraticPencil, product, squared
+from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import DesignState, ModeKey
 from squealstudy.reduction.cmt import ComponentModes, ReducedModel, momenta
@@ -360,48 +360,3 @@ def modal_damping(modes: Modes, zeta: np.ndarray, damped_to: float = np.inf) -> 
         return (phi * rates) @ phi.T
     half = phi * np.sqrt(rates)
     return half @ half.T  # half the work: BLAS sees that this is symmetric
-
-
-def energy_shares(
-    components: np.ndarray, springs: Matrix, N: Matrix, weights: StructureWeights, X: np.ndarray
-) -> np.ndarray:
-    """Share of each component, then of the interfaces, in psi^H K_sym psi, of either sign.
-
-    Parameters
-    ----------
-    components : ndarray (n_components, m)
-        Elastic energies psi^H K psi of each component and mode.
-    springs : matrix (n, n)
-        Stiffness of linear interfaces, in the coordinates of X.
-    N : matrix (nc, n)
-        Contact normals, in the same coordinates.
-    weights : StructureWeights
-    X : ndarray (n, m) complex
-        The mode shapes.
-
-    Returns
-    -------
-    ndarray (n_components + 1, m)
-        Columns sum to one; friction does no elastic work and is left out.
-    """
-    own = np.einsum("im,im->m", X.conj(), product(springs, X)).real
-    interfaces = weights.springs * own + weights.normal @ squared(product(N, X))
-    total = components.sum(axis=0) + interfaces
-    shares: np.ndarray = np.vstack([components, interfaces]) / np.where(total, total, 1.0)
-    return shares + 0.0  # without -0
-
-
-def component_energies(
-    model: ReducedModel, weights: StructureWeights, psi: np.ndarray
-) -> np.ndarray:
-    """Elastic energy (n_components, m) of shapes (n, m) in component-mode coordinates."""
-    by_coordinate = weights.elastic[:, None] * squared(psi)
-    return np.asarray(np.add.reduceat(by_coordinate, model.offsets[:-1], axis=0))
-
-
-def reduced_energy_shares(
-    model: ReducedModel, weights: StructureWeights, psi: np.ndarray
-) -> np.ndarray:
-    """`energy_shares` (n_components + 1, m) of shapes psi (n, m) of a component-mode model."""
-    components = component_energies(model, weights, psi)
-    return energy_shares(components, model.K_springs, model.N, weights, psi)

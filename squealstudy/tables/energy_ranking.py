@@ -8,6 +8,7 @@ import pandas as pd
 from squealstudy.errors import ResultsError
 from squealstudy.tables import mode_ranking
 from squealstudy.tables.point_rows import point_codes
+from squealstudy.tables.ranking_query import selection
 from squealstudy.wording import LASTING, UNDECIDED
 
 CLASS = "class"
@@ -56,7 +57,7 @@ def rank_energy(
     """
     names = transient_parameters(points)
     code = point_codes(points, modes)
-    counted, wanted = mode_ranking.selection(points, modes, code, where)
+    counted, wanted = selection(points, modes, code, where)
     lasting = counted & points[CLASS].isin(LASTING).to_numpy(bool)
     rows = np.flatnonzero(wanted & lasting[code])
     kept = modes.iloc[rows].assign(point=code[rows])

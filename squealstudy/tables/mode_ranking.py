@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
-from squealstudy.tables.condition import Condition, conditions
 from squealstudy.tables.families import RENUMBERED, alike, families, neighbours
-from squealstudy.tables.point_rows import parts, point_codes
+from squealstudy.tables.point_rows import point_codes
+from squealstudy.tables.ranking_query import rows_that_count
 from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,
@@ -120,7 +120,7 @@ def rank_modes(
         For an unknown `by` or `along`, or a query that cannot be used.
     """
     (key, ascending), code = _order(points, modes, along, by), point_codes(points, modes)
-    held, wanted = _held(points, modes, code, where)
+    held, wanted = rows_that_count(points, modes, code, where)
     counted = held & (points["status"] == "ok").to_numpy(bool)
     group = np.where(wanted & counted[code], unstable_groups(modes), 0)
     table = _summary(points, modes, group, code, int(counted.sum()))
@@ -361,45 +361,3 @@ def _refined_onsets(
     index = pd.Index(points["point_id"])
     ends = (index.get_indexer(pd.Index(kept[name])) for name in ("point_before", "point_after"))
     return dict(zip(zip(kept["track"], *ends, strict=True), kept["onset"], strict=True))
-
-
-def selection(
-    points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Points that count (n_points,) and modes that are wanted (n_modes,), both bool."""
-    held, wanted = _held(points, modes, code, where)
-    return held & (points["status"] == "ok").to_numpy(bool), wanted
-
-
-def _held(
-    points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """As `selection`, failed points too."""
-    of_points, wanted = set(points.columns), np.ones(len(modes), dtype=bool)
-    asked = query(where, points.columns, modes.columns)
-    for condition in (one for one in asked if not one.columns <= of_points):
-        own = modes[[c for c in modes if c in condition.columns - of_points]]
-        for rows in parts(len(modes)):  # of very many all would be there at once
-            used = {c: points[c].array.take(code[rows]) for c in condition.columns & of_points}
-            wanted[rows] &= condition.holds(own.iloc[rows].assign(**used))
-    return _held_points(points, asked), wanted
-
-
-def _held_points(points: pd.DataFrame, asked: Iterable[Condition]) -> np.ndarray:
-    """Points (n,) of bool for which the conditions on columns of `points` alone hold."""
-    held = np.ones(len(points), dtype=bool)
-    for condition in asked:
-        if condition.columns <= set(points.columns):
-            held &= condition.holds(points)
-    return held
-
-
-def query(where: str | None, points: Collection[str], modes: Collection[str]) -> list[Condition]:
-    """The conditions of a query on tables of such columns; ResultsError."""
-    return [] if where is None else conditions(where, [*map(str, points), *map(str, modes)])
-
-
-def counted_points(points: pd.DataFrame, modes: Collection[str], where: str | None) -> np.ndarray:
-    """Points (n,) of bool that count within a query; `modes` are the names of that table."""
-    held = _held_points(points, query(where, points.columns, modes))
-    return held & (points["status"] == "ok").to_numpy(bool)

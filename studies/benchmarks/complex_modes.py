@@ -18,7 +18,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.laws import contact_law
-from squealstudy.machine import peak_memory_mb
+from squealstudy.machine.resources import peak_memory_mb
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.full_order.modes import full_order_modes

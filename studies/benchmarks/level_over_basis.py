@@ -22,7 +22,7 @@ import pandas as pd
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
-from squealstudy.machine import cores
+from squealstudy.machine.resources import cores
 from squealstudy.study.definition import parse_study
 
 REFERENCE = "hybrid, 1 layer"

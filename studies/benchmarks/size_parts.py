@@ -31,7 +31,7 @@ from size import SIZES, TOP, study_text, write_model
 import squealstudy
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
-from squealstudy.machine import peak_memory_mb
+from squealstudy.machine.resources import peak_memory_mb
 from squealstudy.models.assembly import Assembly
 from squealstudy.modes.full_order.contact_factor import HeldStiffness
 from squealstudy.modes.full_order.modes import full_order_roots, full_order_system

@@ -13,7 +13,7 @@ import numpy as np
 from squealstudy.engine.cache import Prepared, load_any
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.complex_modes.prepared_point import prepared_of
-from squealstudy.machine import give_back_memory
+from squealstudy.machine.resources import give_back_memory
 from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.models.assembly import Assembly
 from squealstudy.modes.full_order.contact_factor import HeldStiffness

@@ -12,10 +12,11 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.batches import stacks
 from squealstudy.engine.cache import is_prepared, load_any
+from squealstudy.engine.checked_points import checked_points
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.model_kind import ModelKind, Solves
-from squealstudy.engine.plan import Plan, checked_points, has_mesh
+from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.result_names import REFERENCES
 from squealstudy.engine.store import MODES, ONSETS, POINTS, Store
 from squealstudy.engine.structures import with_files

@@ -28,7 +28,7 @@ from squealstudy.kinds.complex_modes.problems import problem_of
 from squealstudy.kinds.complex_modes.rows import SCHEMA, read_columns
 from squealstudy.kinds.complex_modes.solve_tasks import SolveTask
 from squealstudy.kinds.complex_modes.tracked_modes import follow_modes
-from squealstudy.machine import memory_above
+from squealstudy.machine.resources import memory_above
 from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.modes.full_order.finer_model import finer_modes
 from squealstudy.modes.judged_roots import settled

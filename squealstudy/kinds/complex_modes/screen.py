@@ -26,15 +26,13 @@ from squealstudy.screen import Rows, grid, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.mode_ranking import (
     FIRST_UNTRACKED_GROUP,
-    counted_points,
     frequency_text,
     group_kind,
-    query,
     rank_modes,
-    selection,
     settings_of,
 )
 from squealstudy.tables.point_rows import ROW, point_codes
+from squealstudy.tables.ranking_query import counted_points, query, selection
 from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,

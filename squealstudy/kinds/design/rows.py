@@ -49,11 +49,8 @@ from squealstudy.modes.sensitivity.structural import structural_sensitivities
 from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.coupled_pair import coupled_pair
-from squealstudy.system.linearise import (
-    LinearisedModel,
-    component_frequencies,
-    reduced_energy_shares,
-)
+from squealstudy.system.energies import reduced_energy_shares
+from squealstudy.system.linearise import LinearisedModel, component_frequencies
 
 SLOPE_FIELDS = (
     ("parameter", TEXT),

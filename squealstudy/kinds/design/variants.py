@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from squealstudy.engine.manifest import BESIDE
+from squealstudy.engine.manifest_file import read_manifest
 from squealstudy.engine.rows import REAL, TEXT, WHOLE
-from squealstudy.engine.store import Store, read_manifest
+from squealstudy.engine.store import Store
 from squealstudy.kinds.design.plan import DesignPlan, first_plan
 from squealstudy.kinds.design.state import PROVEN
 from squealstudy.models.components.definition import FileDefinition

@@ -20,7 +20,7 @@ from squealstudy.kinds.transient import preparation
 from squealstudy.kinds.transient.batch import batch_task
 from squealstudy.kinds.transient.preparation import make_training_runs, training_seconds
 from squealstudy.kinds.transient.worker import integrate, set_up
-from squealstudy.machine import memory_above
+from squealstudy.machine.resources import memory_above
 from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.motion import Motion

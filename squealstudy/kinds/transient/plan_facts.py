@@ -17,10 +17,11 @@ from squealstudy.cycles.harmonics import series_at
 from squealstudy.engine.cycle_states import stored_cycle
 from squealstudy.engine.final_states import read_state
 from squealstudy.engine.keys import source_hash
+from squealstudy.engine.manifest_file import read_manifest
 from squealstudy.engine.model_kind import Columns
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.result_names import STATES
-from squealstudy.engine.store import POINTS, Store, read_manifest
+from squealstudy.engine.store import POINTS, Store
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.transient.section import STUCK, TransientSection
 from squealstudy.mechanics.regularisation import is_automatic

@@ -10,7 +10,8 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
-from squealstudy.models.assembly import Assembly, Component, ContactInterface, expand_rows
+from squealstudy.models.assembly import Assembly, Component, ContactInterface
+from squealstudy.models.component_slices import expand_rows
 from squealstudy.models.components.attached import (
     component_matrices,
     directions_at,

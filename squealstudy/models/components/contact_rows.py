@@ -14,7 +14,8 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
-from squealstudy.models.assembly import ContactInterface, expand_rows
+from squealstudy.models.assembly import ContactInterface
+from squealstudy.models.component_slices import expand_rows
 from squealstudy.models.components.pairs import Pair
 from squealstudy.models.linear_interfaces import SpringInterface
 

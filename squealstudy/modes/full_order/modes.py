@@ -40,11 +40,11 @@ from squealstudy.reduction.prepared import (
     unit_shapes,
 )
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.system.energies import energy_shares
 from squealstudy.system.linearise import (
     SYMMETRIC_STIFFNESS_FIELDS,
     ContactStructure,
     StructureWeights,
-    energy_shares,
     unreduced_structure,
 )
 from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights

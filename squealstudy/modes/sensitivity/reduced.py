@@ -34,11 +34,8 @@ from squealstudy.modes.sensitivity.mode_sensitivities import (
 from squealstudy.modes.sensitivity.state_derivatives import StateDerivatives, StateParameter
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.system.linearise import (
-    LinearisedModel,
-    component_frequencies,
-    reduced_energy_shares,
-)
+from squealstudy.system.energies import reduced_energy_shares
+from squealstudy.system.linearise import LinearisedModel, component_frequencies
 
 
 @dataclass(frozen=True)

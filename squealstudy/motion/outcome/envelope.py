@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from squealstudy.motion.outcome.levels import JUDGED_SHARE, spectrum
+from squealstudy.motion.outcome.levels import JUDGED_SHARE
+from squealstudy.motion.outcome.spectrum import spectrum
 
 WINDOW_COUNT_RANGE = (15, 25)  # of a record, fewest and most
 WINDOW_PERIODS = 5.0  # of the slowest line of the energy in one, where the record has them

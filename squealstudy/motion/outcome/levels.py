@@ -9,9 +9,10 @@ from itertools import pairwise
 import numpy as np
 from scipy import special
 
+from squealstudy.motion.outcome.spectrum import FLUCTUATION_ROUND_OFF, LINE_PERIODS, spectrum
+
 JUDGED_SHARE = 0.4  # of a record: the part that is judged
 LEAST_PERIODS = 20.0  # of the dominant line in it, where the record has them
-FLUCTUATION_ROUND_OFF = 1e-10  # fluctuation below this share of the largest value is round-off
 SUBWINDOW_COUNTS = (20, 10, 5)  # sub-windows of an interval; fewer while neighbours are correlated
 MAX_CORRELATION = 0.1
 N_QUARTERS = 4  # of a window, by whose peaks it is seen whether these still change
@@ -24,8 +25,6 @@ MAX_DRIFT_RATIO = 0.9
 EXTRAPOLATION_SAFETY = 1.5
 MAX_REL_DRIFT = 0.05  # of the mean: a drift beyond it is of motion that passes
 PERIODS_OF_HARMONICS = 6  # periods of the second or third harmonic that are whole ones of the first
-LINE_PERIODS = 3.0  # of a line in the window; slower ones are drift
-LINE_WIDTH = 0.015  # of its frequency, either side; what counts as one line
 IDENTICAL_RUNS_REL_SPREAD = 1e-9  # relative: runs that agree so well are one run
 
 
@@ -220,64 +219,6 @@ def swing_spread(sums: TorqueSums, width: float) -> float:
     if not len(swings) or not swings.mean() > FLUCTUATION_ROUND_OFF * np.abs(sums.mean).max():
         return np.nan
     return float(np.ptp(swings) / swings.mean())
-
-
-@dataclass(frozen=True)
-class Spectrum:
-    """Hann-windowed transform of a signal without its linear trend.
-
-    Attributes
-    ----------
-    power : ndarray (bins,)
-        Mean square of the signal in each bin.
-    resolution : float
-        Distance of bins, Hz.
-    """
-
-    power: np.ndarray
-    resolution: float
-
-    def peak(self) -> float:
-        """Frequency of the highest line [Hz], interpolated between two bins of the Hann window."""
-        first = int(LINE_PERIODS)
-        if len(self.power) < first + 2 or not self.power[first:-1].any():
-            return np.nan
-        k = first + int(np.argmax(self.power[first:-1]))
-        size = np.sqrt(self.power[k - 1 : k + 2])
-        side = 1 if size[2] >= size[0] else -1
-        ratio = size[1 + side] / size[1]
-        if ratio >= 1.0:  # the flank of slower drift, not a line
-            return np.nan
-        shift = max(0.0, (2 * ratio - 1) / (ratio + 1))
-        return float((k + side * shift) * self.resolution)
-
-    def level(self, frequency: float) -> float:
-        """RMS of what lies around a frequency; 0 at NaN and beyond the Nyquist frequency."""
-        if not np.isfinite(frequency):
-            return 0.0
-        at = frequency / self.resolution
-        half = max(3.0, LINE_WIDTH * at)
-        first, last = max(1, round(at - half)), round(at + half) + 1
-        return float(np.sqrt(self.power[first:last].sum()))
-
-
-def spectrum(step: float, signal: np.ndarray) -> Spectrum:
-    """Power of the bins of a signal (rows,) sampled every `step` seconds."""
-    rows = len(signal)
-    x = np.arange(rows) - 0.5 * (rows - 1)
-    rest = signal - signal.mean()
-    rest = rest - x * (x @ rest) / max(float(x @ x), 1.0)
-    if np.abs(rest).max() <= FLUCTUATION_ROUND_OFF * np.abs(signal).max():
-        return Spectrum(np.zeros(rows // 2 + 1), 1.0 / (rows * step))
-    window = hann(rows)
-    power = 2 * np.abs(np.fft.rfft(window * rest)) ** 2 / (rows * float(window @ window))
-    return Spectrum(power, 1.0 / (rows * step))
-
-
-def hann(rows: int) -> np.ndarray:
-    """Weights (rows,) that cut off no part of a period."""
-    weight: np.ndarray = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(rows) + 0.5) / rows)
-    return weight
 
 
 def mean_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

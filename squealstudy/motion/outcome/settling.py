@@ -25,13 +25,12 @@ from squealstudy.motion.outcome.envelope import (
 )
 from squealstudy.motion.outcome.growth import fit_growth
 from squealstudy.motion.outcome.levels import (
-    FLUCTUATION_ROUND_OFF,
     JUDGED_SHARE,
     LEAST_PERIODS,
-    hann,
     last_window,
     torque_levels,
 )
+from squealstudy.motion.outcome.spectrum import FLUCTUATION_ROUND_OFF, hann
 from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
 from squealstudy.wording import STABLE, SUSTAINED
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,16 +14,13 @@ from squealstudy.motion.outcome.energies import (
     ModalShares,
     first_window,
     held_energies,
-    level_shares,
     modal_shares,
     mode_energies,
     moving_energy,
-    round_off,
-    slowest_period,
     transfer,
 )
 from squealstudy.motion.outcome.fundamental import Fundamental, fundamental
-from squealstudy.motion.outcome.growth import ENERGY, LEFT_VECTOR, GrowthFit, fit_growth
+from squealstudy.motion.outcome.growth_rows import growth_columns, growth_rows, has_moved, mode_fits
 from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
 from squealstudy.motion.outcome.levels import (
     TorqueSums,
@@ -34,16 +31,12 @@ from squealstudy.motion.outcome.levels import (
     torque_levels,
 )
 from squealstudy.motion.outcome.settling import settled
-from squealstudy.motion.outcome.verdict import MIN_ENERGY_SHARE, run_verdict
+from squealstudy.motion.outcome.verdict import run_verdict
 from squealstudy.wording import FAILED, GROWING, STABLE, SUSTAINED
 
 LEAST_ROWS = 10  # of a history that says anything
 PASSING = (STABLE, GROWING)  # classes of motion that is another one later
 FREQUENCY_ERROR = 0.1  # relative: by another step, from which on it is of another period
-# relative: how far a frequency may be from that of the mode at the step, of 300 runs at most 1e-3;
-# from that of the mode, where what the step makes of it is not known
-SAME_HZ, SAME_HZ_UNKNOWN = 5e-3, 0.05
-NOT_LINEAR = "not_linear"  # what moves along a left vector at another frequency than its mode
 
 
 @dataclass(frozen=True)
@@ -83,7 +76,7 @@ def summarise(
     point = {
         **_course(run),
         **_forecast(run),
-        **_growth(run, fits),
+        **growth_columns(run, fits),
         **levels,
         **behaviour,
         **_contact(run, window),
@@ -119,120 +112,6 @@ def _forecast(run: Motion) -> dict[str, Any]:
         "predicted_growth_rate": float(lam.real),
         "torque_static": run.point.static_torque,
     }
-
-
-def _moves(run: Motion) -> bool:
-    """Whether the run ever moved, beyond round-off."""
-    return bool(run.modal_energy.max() > round_off(run))
-
-
-def mode_fits(run: Motion) -> list[GrowthFit]:
-    """Growth of each followed complex mode, until the first of them bends."""
-    fits: list[GrowthFit] = []
-    for k in range(len(run.point.growing.lam)):
-        until = fits[0].stop if k and fits[0].status == "ok" else np.inf
-        fit = fit_growth(run.times, run.xi(k), until) if _moves(run) else GrowthFit()
-        fits.append(_as_integrated(run, k, fit))
-    return fits
-
-
-def growth_rows(
-    run: Motion, fits: list[GrowthFit], kind: str, window: slice
-) -> list[dict[str, Any]]:
-    """Fitted beside predicted growth of each followed complex mode, and its part in the end.
-
-    Parameters
-    ----------
-    run : Motion
-    fits : list of GrowthFit
-        `mode_fits` of it.
-    kind : str
-        Its class.
-    window : slice
-        The rows whose levels are judged.
-    """
-    modes, moving = run.point.growing, _moves(run)
-    sustained = kind in SUSTAINED and moving
-    shares = level_shares(run, window) if sustained else np.full(len(fits), np.nan)
-    return [
-        {
-            "mode": k + 1,
-            "frequency_hz": float(abs(lam)) / (2 * np.pi),
-            "growth_rate": float(lam.real),
-            "damping_ratio": float(-lam.real / abs(lam)),
-            "unstable": k < modes.n_unstable,
-            "fitted_growth_rate": fit.growth_rate,
-            "fitted_low": fit.low,
-            "fitted_high": fit.high,
-            "fit_start": fit.start,
-            "fit_stop": fit.stop,
-            "fit_status": fit.status,
-            "step_error": step_error(run, k),
-            "level_share": float(share),
-            "expressed": _expressed(float(share), kind, moving) if k < modes.n_unstable else None,
-        }
-        for k, (lam, fit, share) in enumerate(zip(modes.lam, fits, shares, strict=True))
-    ]
-
-
-def _expressed(share: float, kind: str, moving: bool) -> bool | None:
-    """Whether a predicted instability is in the vibration that is left; None: it cannot be told.
-
-    It is where that is sustained and the mode has a twentieth of its energy, and is not where the
-    motion dies away. What still grows, is undecided, failed or was never disturbed cannot tell.
-    """
-    if not moving or kind not in (*SUSTAINED, STABLE):
-        return None
-    return kind in SUSTAINED and share >= MIN_ENERGY_SHARE
-
-
-def _growth(run: Motion, fits: list[GrowthFit]) -> dict[str, Any]:
-    """Growth of the fastest complex mode; of the energy where no mode is followed.
-
-    Where a followed mode has no exponential stretch the motion is not linear for long enough: the
-    energy would then tell a flank of its ripple, or how a vibration fills up.
-    """
-    if not _moves(run):
-        return {}
-    if fits:
-        fit, method = fits[0], LEFT_VECTOR
-    else:
-        amplitude, period = np.sqrt(moving_energy(run)), slowest_period(run)
-        fit, method = fit_growth(run.times, amplitude, period=period), ENERGY
-    return {
-        "growth_rate": fit.growth_rate,
-        "growth_rate_low": fit.low,
-        "growth_rate_high": fit.high,
-        "growth_rate_step_error": step_error(run, 0) if fits else np.nan,
-        "growth_method": method if fit.status == "ok" else fit.status,
-        "onset_time": fit.onset_time,
-    }
-
-
-def step_error(run: Motion, k: int) -> float:
-    """By how much the followed mode `k` grows too fast at the run's step, 1/s; NaN if unknown."""
-    balanced = run.point.growing.integrated[0]
-    return float(balanced[k].real - run.point.growing.lam[k].real) if len(balanced) else np.nan
-
-
-def _as_integrated(run: Motion, k: int, fit: GrowthFit) -> GrowthFit:
-    """The fit where it is one of the mode's linear motion, with what the contact iteration may do.
-
-    Whatever moves along a left vector has an amplitude, a limit cycle too; of the linear motion
-    frequency and growth are those of the mode, as the step makes it. The bounds reach to what the
-    step makes of the growth, and as far as steps of one evaluation change it.
-    """
-    if fit.status != "ok":
-        return fit
-    modes = run.point.growing
-    balanced, once = modes.integrated[:, k] if modes.integrated.shape[1] else (np.nan, np.nan)
-    known = np.isfinite(balanced)
-    hz, allowed = (balanced.imag, SAME_HZ) if known else (modes.lam[k].imag, SAME_HZ_UNKNOWN)
-    if abs(fit.frequency - hz) > allowed * hz:
-        return GrowthFit(status=NOT_LINEAR)
-    more = abs(once.real - balanced.real) if np.isfinite(once - balanced) else 0.0
-    more += abs(step_error(run, k)) if known else 0.0
-    return replace(fit, low=fit.low - more, high=fit.high + more)
 
 
 def run_levels(
@@ -376,7 +255,7 @@ def over_steps(run: Motion, summed: str, at_rows: str, window: slice) -> np.ndar
 
 def _leader(run: Motion, shares: ModalShares) -> dict[str, Any]:
     """The mode with most energy over the last window."""
-    if not shares.share.any() or not _moves(run):
+    if not shares.share.any() or not has_moved(run):
         return {"dominant_mode": 0, "dominant_share": np.nan, "energy_outside_share": np.nan}
     k = int(np.argmax(shares.share))
     return {

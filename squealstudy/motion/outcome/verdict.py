@@ -7,13 +7,14 @@ import numpy as np
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import RunClass, classify
 from squealstudy.motion.outcome.energies import level_shares, round_off
-from squealstudy.motion.outcome.levels import JUDGED_SHARE, hann
+from squealstudy.motion.outcome.levels import JUDGED_SHARE
 from squealstudy.motion.outcome.repeating import (
     comes_back,
     decided_by,
     repeats_stick_slip,
     sticks_mostly,
 )
+from squealstudy.motion.outcome.spectrum import hann
 from squealstudy.wording import LIMIT_CYCLE, STABLE, UNDECIDED
 
 NEARLY_ALL = 0.8  # share of the energy of a mode that is the whole motion, but for harmonics

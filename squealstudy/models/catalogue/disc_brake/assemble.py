@@ -9,16 +9,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.laws import ContactLaw
-from squealstudy.models.assembly import (
-    Assembly,
-    Component,
-    ContactInterface,
-    Rotors,
-    component_slices,
-    expand_rows,
-)
+from squealstudy.models.assembly import Assembly, Component, ContactInterface, Rotors
 from squealstudy.models.catalogue.disc_brake.parameters import COMPONENTS, SETS, effective_radius
 from squealstudy.models.catalogue.disc_brake.solids import DENSITIES, BrakeMesher
+from squealstudy.models.component_slices import component_slices, expand_rows
 from squealstudy.models.fem.sampling import (
     FacetFilter,
     Surface,

@@ -1,0 +1,101 @@
+"""Values of the cache as JSON and named arrays, and back: of the classes of CLASSES alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+# of values, below the package: a cache may be shared, and no other class is made of what it says
+CLASSES = {
+    f"squealstudy.{name}"
+    for name in (
+        "kinds.complex_modes.reduction_errors.ReductionErrors",
+        "models.matrices.expression.Expression",
+        "models.matrices.family.FamilyTerm",
+        "models.matrices.family.MatrixFamily",
+        "modes.reanalysis.polynomials.CollocatedSystem",
+        "modes.reanalysis.polynomials.ExpandedWeights",
+        "modes.reanalysis.sweep_basis.SweepBasis",
+        "motion.shared_modes.Training",
+        "reduction.cmt.Expansion",
+        "reduction.cmt.ReducedModel",
+        "reduction.contact_space.ContactRows",
+        "reduction.contact_space.ContactSpace",
+        "reduction.hybrid.HybridBasis",
+        "reduction.hybrid.HybridModel",
+        "reduction.hybrid.Superelement",
+        "reduction.prepared.PreparedFamily",
+        "reduction.prepared.PreparedModel",
+        "reduction.shared_basis.SharedBasis",
+    )
+}
+CSR = ("data", "indices", "indptr")
+
+
+def packed(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
+    """A value as JSON, its arrays put aside under their names."""
+    if isinstance(value, np.ndarray):
+        arrays[name] = value
+        return {"array": name}
+    if sp.issparse(value):
+        parts = [packed(getattr(value, part), f"{name}.{part}", arrays) for part in CSR]
+        return {"csr": parts, "shape": value.shape}
+    if is_dataclass(value) or hasattr(value, "_fields"):
+        kind = type(value)
+        names = [f.name for f in fields(value)] if is_dataclass(value) else value._fields
+        start = f"{name}." if name else ""
+        content = {n: packed(getattr(value, n), f"{start}{n}", arrays) for n in names}
+        return {"class": f"{kind.__module__}.{kind.__qualname__}", "fields": content}
+    if isinstance(value, tuple):
+        return {"tuple": [packed(v, f"{name}.{i}", arrays) for i, v in enumerate(value)]}
+    if isinstance(value, Mapping):
+        return {"mapping": {str(k): packed(v, f"{name}.{k}", arrays) for k, v in value.items()}}
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def check_classes(content: Any) -> None:
+    """Raise ValueError where packed content names a class that no value may have."""
+    if isinstance(content, dict):
+        if "class" in content and content["class"] not in CLASSES:
+            raise ValueError(f"{content['class']} is not a class of the cache's values")
+        content = list(content.values())
+    if isinstance(content, list):
+        for part in content:
+            check_classes(part)
+
+
+def array_names(content: Any) -> set[str]:
+    """Files of the arrays that packed content names."""
+    if isinstance(content, dict):
+        own = {f"{content['array']}.npy"} if "array" in content else set()
+        return own.union(*map(array_names, content.values()))
+    return set().union(*map(array_names, content)) if isinstance(content, list) else set()
+
+
+def unpacked(found: Any, folder: Path, thoroughly: bool = False) -> Any:
+    """A packed value; indices of sparse matrices are looked at where `thoroughly`."""
+    inner = partial(unpacked, folder=folder, thoroughly=thoroughly)
+    if not isinstance(found, dict):
+        return found
+    if "array" in found:
+        path = folder / f"{found['array']}.npy"
+        return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
+    if "csr" in found:
+        matrix = sp.csr_matrix(tuple(map(inner, found["csr"])), shape=found["shape"])
+        if thoroughly:  # compiled code follows them without a look
+            matrix.check_format(full_check=True)
+        return matrix
+    if "tuple" in found:
+        return tuple(map(inner, found["tuple"]))
+    if "mapping" in found:
+        return {k: inner(v) for k, v in found["mapping"].items()}
+    module, _, name = found["class"].rpartition(".")
+    kind = getattr(import_module(module), name)
+    return kind(**{n: inner(v) for n, v in found["fields"].items()})

@@ -1,0 +1,75 @@
+"""Locks of files, and flushing them to the disk."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from squealstudy.errors import MachineError
+
+if TYPE_CHECKING:
+    pass
+
+NO_LOCKS = {errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP}
+NO_FLUSH = {errno.EINVAL, errno.EOPNOTSUPP, errno.ENOTSUP}
+
+
+class HeldError(Exception):
+    """A lock that another process or thread holds."""
+
+
+@contextlib.contextmanager
+def lock(path: Path, wait: bool = True) -> Iterator[None]:
+    """Hold a lock file, made with its directory; the lock dies with its process.
+
+    Raises
+    ------
+    HeldError
+        Where another holds it and `wait` is false.
+    MachineError
+        On a file system without locks.
+    """
+    from filelock import FileLock, Timeout
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_symlink():  # a lock empties the file that it opens
+        raise MachineError(f"{path}: a link, where a lock file is expected: remove it")
+    held = FileLock(path, fallback_to_soft=False)  # a soft lock outlives its process
+    try:
+        held.acquire(blocking=wait)
+    except Timeout:
+        raise HeldError(str(path)) from None
+    except OSError as error:
+        if error.errno not in NO_LOCKS:
+            raise
+        raise MachineError(
+            f"{path.parent}: this file system cannot lock files ({error.strerror}), and two runs "
+            "would spoil each other's; choose a directory on a local disk"
+        ) from error
+    try:
+        yield
+    finally:
+        held.release()
+
+
+def flush(path: Path) -> None:
+    """Bring a file, or the names in a directory, to the disk; the names where that is possible."""
+    if path.is_dir():
+        if sys.platform == "win32":  # which keeps names in a journal and opens no directory
+            return
+        mode = os.O_RDONLY
+    else:
+        mode = os.O_RDWR  # Windows flushes no file that is open for reading
+    descriptor = os.open(path, mode)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if not (path.is_dir() and error.errno in NO_FLUSH):
+            raise
+    finally:
+        os.close(descriptor)

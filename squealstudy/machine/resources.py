@@ -1,0 +1,170 @@
+"""Cores and memory that this process may use.
+
+A container, a control group or an affinity may leave it a part of the machine.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import math
+import os
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import psutil
+
+if TYPE_CHECKING:
+    pass
+
+BYTES_PER_MB = 2**20
+MOST_WORKERS = 61 if sys.platform == "win32" else 2**16  # that Python can wait for there
+STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")  # Linux alone
+GROUPS, OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")  # Linux alone
+
+
+TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # numbers of these settings in <malloc.h>
+# bytes; the latter is where glibc's own setting would end
+MMAP_THRESHOLD_BYTES, MAPPED_LATER = 2**20, 2**25
+KEPT_FREE = 2**28  # bytes
+
+
+# -- cores ----------------------------------------------------------------------------------------
+def cores() -> int:
+    """Cores that this process may use: of the machine, its affinity and its control groups."""
+    process = psutil.Process()
+    allowed = len(process.cpu_affinity()) if hasattr(process, "cpu_affinity") else os.cpu_count()
+    return max(1, min([allowed or 1, *_quotas()]))
+
+
+def _quotas() -> Iterator[int]:
+    """Cores that each control group allows, rounded up."""
+    for group in _groups("cpu"):
+        found = _first(group, "cpu.max") or " ".join(
+            (_first(group, "cpu.cfs_quota_us"), _first(group, "cpu.cfs_period_us"))
+        )
+        quota, _, period = found.partition(" ")
+        if quota.isdigit() and period.isdigit():  # else "max", -1 or nothing: no limit
+            yield math.ceil(int(quota) / int(period))
+
+
+def _groups(controller: str) -> Iterator[Path]:
+    """Directories of the control groups of this process, and of those around them."""
+    for line in _read(OWN_GROUPS).splitlines():
+        _, controllers, name = line.split(":", 2)
+        if controllers and controller not in controllers.split(","):
+            continue
+        top = GROUPS / controller if controllers else GROUPS  # of version 1, of version 2
+        group = top / name.lstrip("/")
+        yield from (group, *(p for p in group.parents if p.is_relative_to(top)))
+
+
+def _first(group: Path, name: str) -> str:
+    return _read(group / name).strip()
+
+
+def _read(path: Path) -> str:
+    """A file of the kernel; empty where there is none."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError:
+        return ""
+
+
+# -- memory ---------------------------------------------------------------------------------------
+def available_memory_mb() -> float:
+    """Memory that processes may still take without swapping or being killed, MB."""
+    return min([psutil.virtual_memory().available, *_left()]) / BYTES_PER_MB
+
+
+def _left() -> Iterator[int]:
+    """Bytes that each control group leaves; files that it has read give way."""
+    names = (
+        ("memory.max", "memory.current", "inactive_file"),
+        ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+    )
+    for group in _groups("memory"):
+        for limit, used, cached in names:
+            if (most := _first(group, limit)).isdigit():
+                stat = dict(line.split() for line in _read(group / "memory.stat").splitlines())
+                taken = int(_first(group, used) or 0) - int(stat.get(cached, 0))
+                yield max(0, int(most) - taken)
+
+
+def peak_memory_mb() -> float:
+    """Largest resident size of this process so far, MB."""
+    if STATUS.is_file():  # getrusage would give a worker its parent's size at the fork
+        return _status_mb("VmHWM")
+    if sys.platform == "darwin":
+        import resource
+
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / BYTES_PER_MB
+    return psutil.Process().memory_info().peak_wset / BYTES_PER_MB  # Windows
+
+
+def _status_mb(name: str) -> float:
+    fields = dict(line.split(":", 1) for line in _read(STATUS).splitlines())
+    return float(fields[name].split()[0]) / 1024.0
+
+
+def give_back_memory() -> None:
+    """Give the machine what is free inside this process; Linux only.
+
+    The C library keeps it otherwise, gigabytes after a factorisation of a large matrix.
+    """
+    _of_glibc("malloc_trim", 0)
+
+
+@contextlib.contextmanager
+def memory_returned() -> Iterator[None]:
+    """Give back all memory that is freed within; Linux only.
+
+    Arrays are mapped one by one meanwhile: the C library would soon take them from one heap, in
+    which what stays between them keeps them all.
+    """
+    _of_glibc("mallopt", MMAP_THRESHOLD, MMAP_THRESHOLD_BYTES)
+    try:
+        yield
+    finally:
+        _of_glibc("mallopt", MMAP_THRESHOLD, MAPPED_LATER)
+        give_back_memory()
+
+
+def keep_free_memory() -> None:
+    """Keep what is freed, up to 256 MB, for the next arrays; Linux only.
+
+    The C library gives it back at once else, and the machine clears it again for the next design
+    point.
+    """
+    _of_glibc("mallopt", MMAP_THRESHOLD, MAPPED_LATER)
+    _of_glibc("mallopt", TRIM_THRESHOLD, KEPT_FREE)
+
+
+def _of_glibc(name: str, *arguments: int) -> None:
+    function = getattr(ctypes.CDLL(None), name, None) if sys.platform == "linux" else None
+    if function is not None:  # other C libraries need not have it
+        function(*arguments)
+
+
+@dataclass
+class MemoryAbove:
+    """Largest resident size within `memory_above`, MB above that before; NaN where unknown."""
+
+    megabytes: float = float("nan")
+
+
+@contextlib.contextmanager
+def memory_above() -> Iterator[MemoryAbove]:
+    """Watch the memory of what runs inside; Linux only, elsewhere NaN."""
+    found = MemoryAbove()
+    try:
+        RESET.write_text("5", encoding="utf-8")  # the peak begins again at the present size
+        before = _status_mb("VmRSS")
+    except OSError:
+        yield found
+        return
+    yield found
+    found.megabytes = max(0.0, _status_mb("VmHWM") - before)

@@ -1,0 +1,53 @@
+"""The points and modes that a query of a ranking counts."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.tables.condition import Condition, conditions
+from squealstudy.tables.point_rows import parts
+
+
+def selection(
+    points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points that count (n_points,) and modes that are wanted (n_modes,), both bool."""
+    held, wanted = rows_that_count(points, modes, code, where)
+    return held & (points["status"] == "ok").to_numpy(bool), wanted
+
+
+def rows_that_count(
+    points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `selection`, failed points too."""
+    of_points, wanted = set(points.columns), np.ones(len(modes), dtype=bool)
+    asked = query(where, points.columns, modes.columns)
+    for condition in (one for one in asked if not one.columns <= of_points):
+        own = modes[[c for c in modes if c in condition.columns - of_points]]
+        for rows in parts(len(modes)):  # of very many all would be there at once
+            used = {c: points[c].array.take(code[rows]) for c in condition.columns & of_points}
+            wanted[rows] &= condition.holds(own.iloc[rows].assign(**used))
+    return _points_that_count(points, asked), wanted
+
+
+def _points_that_count(points: pd.DataFrame, asked: Iterable[Condition]) -> np.ndarray:
+    """Points (n,) of bool for which the conditions on columns of `points` alone hold."""
+    held = np.ones(len(points), dtype=bool)
+    for condition in asked:
+        if condition.columns <= set(points.columns):
+            held &= condition.holds(points)
+    return held
+
+
+def query(where: str | None, points: Collection[str], modes: Collection[str]) -> list[Condition]:
+    """The conditions of a query on tables of such columns; ResultsError."""
+    return [] if where is None else conditions(where, [*map(str, points), *map(str, modes)])
+
+
+def counted_points(points: pd.DataFrame, modes: Collection[str], where: str | None) -> np.ndarray:
+    """Points (n,) of bool that count within a query; `modes` are the names of that table."""
+    held = _points_that_count(points, query(where, points.columns, modes))
+    return held & (points["status"] == "ok").to_numpy(bool)
