@@ -9,7 +9,8 @@ from scipy.sparse.linalg import ArpackError, eigsh
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.factor import SINGULAR
-from squealstudy.models.assembly import Assembly, component_slices
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.component_slices import component_slices
 from squealstudy.reduction.projected import AnyAssembly
 from squealstudy.wording import listed, plural
 
