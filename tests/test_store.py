@@ -371,7 +371,8 @@ def test_nothing_in_a_cache_is_called(cached, wanted, monkeypatch):
     meta = unsealed((cached / "meta.json").read_bytes())
     meta["value"] = {"class": wanted, "fields": {"args": "touch called"}}
     (cached / "meta.json").write_text(sealed(meta))
-    monkeypatch.setattr(packed_values, "import_module", lambda name: pytest.fail(f"{name} is imported"))
+    called = lambda name: pytest.fail(f"{name} is imported")  # noqa: E731
+    monkeypatch.setattr(packed_values, "import_module", called)
     assert not cache.is_whole(cached)
     with pytest.raises(OSError, match="not as it was written"):
         cache.load_value(cached)
