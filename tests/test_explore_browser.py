@@ -282,7 +282,7 @@ def test_a_page_fits_its_window(opened, two, width):
     assert page.tab.locator("#map canvas").first.bounding_box()["width"] > 0.4 * min(width, 900)
     page.tab.emulate_media(media="print")
     assert not page.tab.locator("#copy-line").is_visible()
-    assert page.tab.locator("#modes tr").first.is_visible()
+    assert page.tab.locator("#modes button").first.is_visible()
 
 
 @pytest.mark.full_size

@@ -191,7 +191,8 @@ def test_a_table_of_points_without_rows_is_none(results, capsys):
 @pytest.mark.parametrize(("table", "column", "values"), MISFITS)
 def test_columns_that_are_none_are_one_sentence(results, table, column, values, capsys):
     other_column(results, table, column, values)
-    for arguments in (["rank"], ["report", "--output", str(results.parent / "page.html")]):
+    to = ["--output", str(results.parent / "page.html")]
+    for arguments in (["rank"], ["report", *to], ["explore", *to]):
         assert command(arguments[0], str(results), *arguments[1:]) in (1, 2)
         message = capsys.readouterr().err
         assert message.count("\n") == 1

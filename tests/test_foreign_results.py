@@ -238,7 +238,8 @@ HOSTILE_FACTS = [
 @pytest.mark.parametrize(("key", "value"), HOSTILE_FACTS)
 def test_facts_that_are_none_are_one_sentence(results, key, value, capsys):
     reseal(results, **{key: value})
-    for arguments in (["rank"], ["report", "--output", str(results / "page.html")], ["plot"]):
+    to = ["--output", str(results / "page.html")]
+    for arguments in (["rank"], ["report", *to], ["plot"], ["explore", *to]):
         assert command(arguments[0], str(results), *arguments[1:]) == 2
         message = capsys.readouterr().err
         assert message.count("\n") == 1

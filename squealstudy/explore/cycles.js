@@ -10,6 +10,8 @@ const HEADS = ["mode", "frequency Hz", "growth 1/s", "verdict", `RMS ${own.unit}
 const [unstableColour, stableColour] = data.colours;
 const cycleLook = i => cycles.stable[i] === STABLE ? [stableColour, "circle"] : cycles.stable[i] === 0 ? ["#FFFFFF", "diamond"] : [data.grey, "triangle"];
 
+const percent = share => !Number.isFinite(share) ? "-" : share < 1e-5 ? "< 0.001 %" : `${digits(100 * share, 2)} %`;
+
 detail.start = () => {
   fill($("modes-head"), element("tr"));
   $("modes-head").firstChild.append(...HEADS.map(text => element("th", text, {scope: "col"})));
@@ -22,7 +24,7 @@ detail.start = () => {
 };
 function cycleText(i) {
   const state = cycles.stable[i] === STABLE ? "stable" : cycles.stable[i] === 0 ? "unstable" : "not known whether stable";
-  return [atText(cycles.row[i]), `mode ${cycles.mode[i]}, ${state} cycle`, `RMS ${digits(cycles.torque_rms[i])} ${own.unit}, error ${digits(100 * cycles.level_error[i], 2)} %`,
+  return [atText(cycles.row[i]), `mode ${cycles.mode[i]}, ${state} cycle`, `RMS ${digits(cycles.torque_rms[i])} ${own.unit}, error ${percent(cycles.level_error[i])}`,
     `${digits(cycles.frequency_hz[i], 5)} Hz, contact velocity ${digits(cycles.contact_velocity[i])} m/s`].join("\n");
 }
 detail.said = knownMeasures;
@@ -32,7 +34,7 @@ detail.point = row => {
   fill($("modes"), ...rows.flatMap(i => {
     const made = element("tr"), kick = Number.isFinite(verdicts.threshold_velocity[i]) ? verdicts.threshold_velocity[i] : verdicts.kick_velocity[i];
     const texts = [verdicts.mode[i], digits(verdicts.frequency_hz[i]), digits(verdicts.growth_rate[i]), verdicts.verdict[i].replaceAll("_", " "),
-      digits(verdicts.torque_rms[i]), Number.isFinite(verdicts.level_error[i]) ? `${digits(100 * verdicts.level_error[i], 2)} %` : "-", digits(kick)];
+      digits(verdicts.torque_rms[i]), percent(verdicts.level_error[i]), digits(kick)];
     made.append(...texts.map(text => element("td", text)));
     const why = element("tr");
     why.append(element("td", verdicts.reason[i], {class: "wide", colspan: HEADS.length}));

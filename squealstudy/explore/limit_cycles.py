@@ -51,6 +51,8 @@ def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, lis
     named["max_growth_rate"] = ("fastest growth", "1/s")
     named["threshold_velocity"] = ("least kick", "m/s")
     for name, (text, one) in named.items():
+        if name not in points:  # of an earlier version
+            continue
         values = _numbers(points[name])
         if np.isfinite(values).any():
             measures.append(measure(text, one, values, sign=name == "max_growth_rate"))
