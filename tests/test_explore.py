@@ -144,6 +144,16 @@ def test_a_study_for_a_closer_look_is_the_study_without_its_sweeps(results):
     assert study_head(brake_map(study="no = [study")) == ""
 
 
+def test_growth_of_round_off_is_not_unstable_on_the_map():
+    results = brake_map()
+    rows = results.modes["point_id"] == "0" * 16
+    results.modes.loc[rows, ["growth_rate", "unstable", "stability"]] = (1e-13, False, "stable")
+    results.points.loc[0, "n_unstable"] = 0
+    fastest = content_of(page.explore(results).html)["measures"][0]
+    assert unpacked(fastest["unstable"]).tolist() == (results.points["n_unstable"] > 0).tolist()
+    assert not unpacked(fastest["unstable"])[0]
+
+
 # -- text from results --------------------------------------------------------------------------
 def test_names_from_results_are_no_markup():
     text = f"[study]\nname = 'x'\nkind = 'complex_modes'\ndescription = '{HOSTILE}'\n"

@@ -60,7 +60,6 @@ def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list
         "n": len(modes),
         "n_all": len(own),
         "lightest": None if np.isinf(limit) else limit,
-        "band": [float(f) for f in results.manifest.get("band_hz", ())] or None,
         "energies": [name.removeprefix(ENERGY).replace("_", " ") for name in energies],
         "names": {str(t): name_where_fastest(n) for t, n in results.track_names.items()},
         "mode": packed_whole(modes["mode"].to_numpy()),
@@ -92,10 +91,11 @@ def _measures(points: pd.DataFrame, modes: pd.DataFrame) -> list[Content]:
     fastest = modes.loc[modes.groupby(ROW)["growth_rate"].idxmax()].set_index(ROW)
     by_point = fastest.reindex(np.arange(len(points)))
     least = modes.groupby(ROW)["damping_ratio"].min().reindex(np.arange(len(points)))
-    count = points["n_unstable"].to_numpy(dtype=float, na_value=np.nan)
+    n = points["n_unstable"]
+    hertz, growth = (by_point[c].to_numpy() for c in ("frequency_hz", "growth_rate"))
     return [
-        measure("fastest growth", "1/s", by_point["growth_rate"].to_numpy(), sign=True),
-        measure("unstable modes", "", count, whole=True),
-        measure("least damping ratio", "", least.to_numpy(), sign=True, turned=True),
-        measure("frequency of the fastest", "Hz", by_point["frequency_hz"].to_numpy()),
+        measure("fastest growth", "1/s", growth, n),
+        measure("unstable modes", "", n.to_numpy(dtype=float, na_value=np.nan), n),
+        measure("least damping ratio", "", least.to_numpy(), n),
+        measure("frequency of the fastest", "Hz", hertz),
     ]

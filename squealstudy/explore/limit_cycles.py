@@ -24,6 +24,7 @@ NUMBERS = {
     "branches": (*OF_CYCLES, "value"),
 }
 WORDS = {"verdicts": ("verdict", "reason"), "cycles": (), "branches": ("along", "cycle_id")}
+GROWTH = "max_growth_rate"
 NOT_KNOWN = 2  # whether a cycle is stable: 1, unstable: 0
 
 
@@ -48,14 +49,15 @@ def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, lis
         "torque_rms": (f"RMS of {of_friction(unit)}", unit),
         "frequency_hz": ("frequency", "Hz"),
     }
-    named["max_growth_rate"] = ("fastest growth", "1/s")
+    named[GROWTH] = ("fastest growth", "1/s")
     named["threshold_velocity"] = ("least kick", "m/s")
+    n = points["n_unstable"]
     for name, (text, one) in named.items():
         if name not in points:  # of an earlier version
             continue
         values = _numbers(points[name])
         if np.isfinite(values).any():
-            measures.append(measure(text, one, values, sign=name == "max_growth_rate"))
+            measures.append(measure(text, one, values, n if name == GROWTH else None))
     return content, measures
 
 

@@ -55,10 +55,14 @@ function placesOf(key) {
   const p = named(key);
   return p.x.map(v => p.log ? Math.log10(v * p.factor) : v * p.factor);
 }
+function apart(p) {  // the least step between values, over their range, as an axis has them
+  const x = [...p.distinct].map(v => p.log ? Math.log(v) : v), wide = x.at(-1) - x[0];
+  return Math.min(1, ...x.slice(1).map((v, i) => (v - x[i]) / wide));
+}
 function axisOf(axis, key, values) {
   const p = named(key), m = measureOf(key), words = m ? inUnit(m.name, m.unit && `[${m.unit}]`) : "number of the point";
   axis.axis_label = plainText(p ? (p.log ? `${p.label}, logarithmic` : p.label) : words);
-  const few = p && p.distinct.length <= 12;
+  const few = p && p.distinct.length <= 12 && apart(p) > .05;
   if (few || (p && p.log)) {
     const ticks = few ? [...p.distinct].map(v => v * p.factor) : [1, 2, 5].flatMap(k => [...Array(25)].map((_, i) => k * 10 ** (i - 12)));
     const placed = ticks.map(v => p.log ? Math.log10(v) : v);
@@ -70,20 +74,19 @@ function axisOf(axis, key, values) {
   }
   return padded(values, few && p.distinct.length > 1 ? .55 / (p.distinct.length - 1) : .05);
 }
-const bad = (m, v) => m.turned ? v < 0 : v > 0;
-function looks(m) {  // colour and marker of a value
-  if (m.words) return v => [m.fills[v], m.markers[v]];
-  let top = 0, bottom = 0, low = Infinity, high = -Infinity;
-  for (const v of m.x) {
-    if (isNaN(v)) continue;
-    if (bad(m, v)) top = Math.max(top, Math.abs(v)); else bottom = Math.max(bottom, Math.abs(v));
-    low = Math.min(low, v); high = Math.max(high, v);
+function looks(m) {  // colour and marker of a design point
+  if (m.words) return i => [m.fills[m.x[i]], m.markers[m.x[i]]];
+  const range = rows => rows.reduce(([low, high], i) => isNaN(m.x[i]) ? [low, high] : [Math.min(low, m.x[i]), Math.max(high, m.x[i])], [Infinity, -Infinity]);
+  const all = [...m.x.keys()], shade = (map, share) => data.maps[map][Math.min(63, Math.max(0, Math.round(63 * share)))];
+  if (!m.bad) {
+    const [low, high] = m.ends = range(all);
+    return i => isNaN(m.x[i]) ? [data.grey, "x"] : [shade("viridis", (m.x[i] - low) / (high - low || 1)), "circle"];
   }
-  const shade = (map, share) => data.maps[map][Math.min(63, Math.max(0, Math.round(63 * share)))];
-  m.ends = {top, bottom, low, high};
-  if (m.sign || m.whole) return v => isNaN(v) ? [data.grey, "x"] : bad(m, v) ?
-    [shade("YlOrBr", Math.abs(v) / top), "square"] : [shade("Blues", .75 * Math.abs(v) / (bottom || 1)), "circle"];
-  return v => isNaN(v) ? [data.grey, "x"] : [shade("viridis", (v - low) / (high - low || 1)), "circle"];
+  m.unstableEnds = range(all.filter(i => m.bad[i]));
+  m.stableEnds = range(all.filter(i => !m.bad[i]));
+  const size = ends => Math.max(...ends.map(Math.abs)) || 1, top = size(m.unstableEnds), bottom = size(m.stableEnds);
+  return i => isNaN(m.x[i]) ? [data.grey, "x"] : m.bad[i] ?
+    [shade("YlOrBr", Math.abs(m.x[i]) / top), "square"] : [shade("Blues", .75 * Math.abs(m.x[i]) / bottom), "circle"];
 }
 function drawMap(anew = false) {
   const {plot, source} = figures.map, x = placesOf(state.across), y = placesOf(state.up);
@@ -97,7 +100,7 @@ function drawMap(anew = false) {
   const look = looks(measure), chosen = state.ranges.size > 0, found = {x: [], y: [], fill: [], line: [], size: [], marker: []};
   const size = markerSize(visible);
   for (const i of visible) {
-    const [colour, marker] = look(measure.x[i]);
+    const [colour, marker] = look(i);
     found.x.push(x[i]); found.y.push(y[i]); found.fill.push(colour);
     found.marker.push(marker); found.size.push(size);
     found.line.push(chosen && within(i) ? "#000000" : size > 7 || measure.words ? "#777777" : colour);
@@ -122,7 +125,7 @@ function mark() {
   figures.map.source("chosen").data = shown ? {x: [state.x[state.point]], y: [state.y[state.point]]} : {x: [], y: []};
 }
 function measureText(m, v) {
-  return m.words ? m.words[v] ?? "-" : inUnit(m.whole ? digits(v) : digits(v, 5), m.unit);
+  return m.words ? m.words[v] ?? "-" : inUnit(digits(v, 5), m.unit);
 }
 const knownMeasures = row => data.measures.filter(m => !isNaN(m.x[row])).map(m => `${m.name}: ${measureText(m, m.x[row])}`).join(", ") + ".";
 function mapText(place) {
@@ -160,11 +163,14 @@ function legend() {
   if (measure.words) {
     const there = new Set(state.visible.map(i => measure.x[i]));
     measure.words.forEach((word, k) => there.has(k) && parts.push(entry(word, measure.fills[k], measure.markers[k])));
-  } else if (measure.sign || measure.whole) {
-    const {top, bottom} = measure.ends, sign = measure.turned ? "-" : "";
-    if (top) parts.push(bar("unstable, 0", "YlOrBr", inUnit(`to ${sign}${digits(top, 3)}`, measure.unit), "square"));
-    if (bottom || !top) parts.push(bar("stable, 0", "Blues", inUnit(`to ${measure.turned ? "" : "-"}${digits(bottom, 3)}`, measure.unit), "circle"));
-  } else parts.push(bar(digits(measure.ends.low, 3), "viridis", inUnit(`to ${digits(measure.ends.high, 3)}`, measure.unit), "circle"));
+  } else {
+    const shown = measure.bad ? [["unstable, ", measure.unstableEnds, "YlOrBr", "square"], ["stable, ", measure.stableEnds, "Blues", "circle"]] : [["", measure.ends, "viridis", "circle"]];
+    for (const [words, ends, map, marker] of shown) {
+      if (ends[0] > ends[1]) continue;  // none of them
+      const [pale, dark] = measure.bad ? [...ends].sort((a, b) => Math.abs(a) - Math.abs(b)) : ends;
+      parts.push(bar(words + digits(pale, 3), map, inUnit(`to ${digits(dark, 3)}`, measure.unit), marker));
+    }
+  }
   if (!measure.words && state.visible.some(i => isNaN(measure.x[i]))) parts.push(entry("not known", data.grey, "x"));
   fill($("legend"), element("span", `${measure.name}:`), ...parts);
 }

@@ -34,7 +34,7 @@ function modeText(i) {
 detail.start = () => {
   const top = fastestOfAll || 10;
   const {plot} = figures.diagram;
-  limits(plot.x_range, ...(own.band || padded(hertz)));
+  limits(plot.x_range, ...padded(hertz));
   limits(plot.y_range, -1.5 * top, 1.2 * top);
   handlers.diagram = {tap: i => chooseMode(state.modes[i]), text: i => modeText(state.modes[i]), brush: g => setBand(g.x0, g.x1)};
   handlers.line = {tap: i => { const k = state.linePoints[i]; choose(rowOf(k)); chooseMode(k); }, text: i => `${atText(rowOf(state.linePoints[i]))}\n${modeText(state.linePoints[i])}`};
@@ -76,11 +76,15 @@ function bandMeasure() {  // the fastest mode in the band, of each design point
   const name = "fastest growth in the band", at = data.measures.findIndex(m => m.name === name);
   if (at >= 0) data.measures.splice(at, 1);
   if (state.band) {
-    const x = new Float64Array(points.n).fill(NaN);
+    const x = new Float64Array(points.n).fill(NaN), bad = new Uint8Array(points.n);
     for (let row = 0; row < points.n; row++) {
-      for (let i = offsets[row]; i < offsets[row + 1]; i++) if (inBand(i) && !(growth[i] <= x[row])) x[row] = growth[i];
+      for (let i = offsets[row]; i < offsets[row + 1]; i++) {
+        if (!inBand(i)) continue;
+        if (!(growth[i] <= x[row])) x[row] = growth[i];
+        if (has(i, UNSTABLE)) bad[row] = 1;
+      }
     }
-    data.measures.push({name, unit: "1/s", sign: true, x});  // last: places of the others stay
+    data.measures.push({name, unit: "1/s", x, bad});  // last: places of the others stay
     measure = data.measures.at(-1);
   } else if (!data.measures.includes(measure)) measure = data.measures[0];
   options($("colour"), data.measures.map((m, i) => [i, m.name]), data.measures.indexOf(measure));

@@ -25,7 +25,10 @@ for (const p of parameters) {
   p.code = Int32Array.from(p.x, v => place.has(v) ? place.get(v) : -1);
   p.label = p.unit ? `${p.name} [${p.unit}]` : p.name;
 }
-for (const m of data.measures) m.x = numbers(m.values);
+for (const m of data.measures) {
+  m.x = numbers(m.values);
+  if (m.unstable) m.bad = numbers(m.unstable);
+}
 const named = name => parameters.find(p => p.name === name);
 
 // -- words

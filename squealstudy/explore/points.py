@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.explore.packed import packed_exact, packed_numbers, packed_words
+from squealstudy.explore.packed import packed_exact, packed_numbers, packed_whole, packed_words
 from squealstudy.study.toml_text import toml_text
 from squealstudy.wording import prefixed
 
@@ -84,9 +84,18 @@ def _number(value: Any) -> float | None:
     return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
 
 
-def measure(name: str, unit: str, values: np.ndarray, **more: Any) -> Content:
-    """A number of each design point that a map can show."""
-    return {"name": name, "unit": unit, "values": packed_numbers(values), **more}
+def measure(
+    name: str, unit: str, values: np.ndarray, unstable: pd.Series | None = None, **more: Any
+) -> Content:
+    """A number of each design point that a map can show.
+
+    Where the number of its unstable modes is given a map tells those that have one from others: a
+    growth rate of round-off has a sign, too.
+    """
+    found = {"name": name, "unit": unit, "values": packed_numbers(values), **more}
+    if unstable is not None:
+        found["unstable"] = packed_whole((unstable.fillna(0) > 0).to_numpy(dtype=int))
+    return found
 
 
 def classes(

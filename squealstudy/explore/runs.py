@@ -21,10 +21,11 @@ MOST_ROWS = 3_000_000  # of all histories together: 6 MB
 LEAST_BINS = 500  # of a history that is shown at all
 MOST_BINS = 20_000
 LEVELS = {"torque_rms": "RMS", "torque_peak_to_peak": "peak to peak", "torque_mean": "mean"}
+PREDICTED = "predicted_growth_rate"
 OTHERS = {
     "frequency_hz": ("frequency", "Hz"),
     "growth_rate": ("fitted growth", "1/s"),
-    "predicted_growth_rate": ("predicted growth", "1/s"),
+    PREDICTED: ("predicted growth", "1/s"),
 }
 
 
@@ -55,11 +56,12 @@ def runs_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[
     words, status = points["class"].astype(str).tolist(), points["status"].tolist()
     named = {n: (f"{text} of {of_friction(unit)}", unit) for n, text in LEVELS.items()}
     measures = [classes("class", words, status, RUN_FILLS)]
+    n = points["n_unstable"]
     for name, (text, one) in (named | OTHERS).items():
         if name in points:
             values = points[name].to_numpy(dtype=float, na_value=np.nan)
             if np.isfinite(values).any():
-                measures.append(measure(text, one, values, sign="growth" in text))
+                measures.append(measure(text, one, values, n if name == PREDICTED else None))
     return content, measures
 
 
