@@ -62,7 +62,7 @@ function apart(p) {  // the least step between values, over their range, as an a
 function axisOf(axis, key, values) {
   const p = named(key), m = measureOf(key), words = m ? inUnit(m.name, m.unit && `[${m.unit}]`) : "number of the point";
   axis.axis_label = plainText(p ? (p.log ? `${p.label}, logarithmic` : p.label) : words);
-  const few = p && p.distinct.length <= 12 && apart(p) > .05;
+  const few = p && p.distinct.length <= 12 && apart(p) > .08;
   if (few || (p && p.log)) {
     const ticks = few ? [...p.distinct].map(v => v * p.factor) : [1, 2, 5].flatMap(k => [...Array(25)].map((_, i) => k * 10 ** (i - 12)));
     const placed = ticks.map(v => p.log ? Math.log10(v) : v);
@@ -168,7 +168,8 @@ function legend() {
     for (const [words, ends, map, marker] of shown) {
       if (ends[0] > ends[1]) continue;  // none of them
       const [pale, dark] = measure.bad ? [...ends].sort((a, b) => Math.abs(a) - Math.abs(b)) : ends;
-      parts.push(bar(words + digits(pale, 3), map, inUnit(`to ${digits(dark, 3)}`, measure.unit), marker));
+      const near = Math.abs(pale) <= 2 * (measure.values?.error ?? 0) ? 0 : pale;  // round-off
+      parts.push(bar(words + digits(near, 3), map, inUnit(`to ${digits(dark, 3)}`, measure.unit), marker));
     }
   }
   if (!measure.words && state.visible.some(i => isNaN(measure.x[i]))) parts.push(entry("not known", data.grey, "x"));
