@@ -55,6 +55,22 @@ enrichment = false
 )
 
 
+BATCHES = (  # ten tasks of small models, each one batch
+    study_text("batches", "complex_modes", "hulten")
+    + sweep_text("friction", 0.0, 0.9, 256)
+    + sweep_text("frequency_2", 60.0, 110.0, 160)
+    + """\
+[modes]
+band = [1.0, 1000.0]
+reference_points = 0
+refine_tracking = false
+refine_onsets = false
+[design]
+limit = 50_000
+"""
+)
+
+
 def hulten(stop: float = 0.6, num: int = 13) -> Plan:
     return plan_of(HULTEN.format(stop=stop, num=num))
 
@@ -277,14 +293,19 @@ def _session_members(leader: int) -> list[int]:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
-def test_sigkill_leaves_no_worker_and_resumes_to_the_same_tables(tmp_path: Path) -> None:
-    study = tmp_path / "brake.toml"
-    study.write_text(BRAKE)
+@pytest.mark.parametrize(
+    ("text", "after"), [(BRAKE, (1, 6)), (BATCHES, (1, 3))], ids=["points", "batches"]
+)
+def test_sigkill_leaves_no_worker_and_resumes_to_the_same_tables(
+    text: str, after: tuple[int, int], tmp_path: Path
+) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(text)
     directory, clean = tmp_path / "killed", tmp_path / "clean"
-    plan = plan_of(BRAKE)
+    plan = plan_of(text)
     run_study(plan, clean, jobs=1)  # fills the cache too
     kills = 0
-    for wanted in (1, 6):
+    for wanted in after:
         process = _start(study, directory)
         deadline = time.monotonic() + 120
         while time.monotonic() < deadline and process.poll() is None:

@@ -1,6 +1,6 @@
 """What a study of many design points costs beside its solving, and how that grows.
 
-    python studies/benchmarks/million.py [--points 1e4 1e5 1e6] [--jobs 2] [--batched] [--png FILE]
+    python studies/benchmarks/million.py [--points 1e4 1e5 1e6] [--jobs 2] [--modes] [--png FILE]
 
 For each number of points a grid of Hulten's model (two degrees of freedom, friction and sliding
 speed) is checked, run, and run again when it is finished, as the command does it and each in a
@@ -12,9 +12,11 @@ tracking, ranking and pictures; seconds and memory of the command that finds all
 time stands beside seconds, for machines that are not idle. With `--batched` all points of a task
 are solved at once (million_kind.py), to save time: solving is no part of these figures. With
 `--brake` it is the coarse brake by windows over friction and pressure, from the cache that there
-is. `--design` takes another design than a grid: of sobol_indices the points are all of its groups,
-of a boundary design those of its full grid. `--keep` keeps the results; `--png` draws the growth,
-also of figures that `--json` kept.
+is. With `--modes` it is complex modes themselves: a grid of friction and of a parameter of the
+structure, tracks and onsets refined. Their rows stand apart from those of the program: processor
+time of the workers, and what tracks and onsets take. `--design` takes another design than a grid:
+of sobol_indices the points are all of its groups, of a boundary design those of its full grid.
+`--keep` keeps the results; `--png` draws the growth, also of figures that `--json` kept.
 """
 
 from __future__ import annotations
@@ -66,6 +68,11 @@ reference_points = 0
 refine_tracking = false
 refine_onsets = false
 """
+ROUGH = "refine_tracking = false\nrefine_onsets = false\n"
+MODES = STUDY.replace(ROUGH, "").replace("damping_ratio = 0.001", "damping_ratio = 0.01")
+MODES = MODES.replace("sliding_speed", "frequency_2").replace(
+    "0.1\nstop = 2.0", "60.0\nstop = 110.0"
+)
 BRAKE = """
 [study]
 name = "many_points"
@@ -95,6 +102,14 @@ reference_points = 0
 refine_tracking = false
 refine_onsets = false
 """
+OF_MODES = {  # the same of complex modes themselves
+    "solving_cpu_s": ("workers, their start too, CPU s", None),
+    "points_s": ("until the last point, s", None),
+    "tables_s": ("tracks, onsets and tables, s", None),
+    "tables_cpu_s": ("the same in the parent, CPU s", None),
+    "whole_s": ("all, s", None),
+    "whole_mb": ("parent and workers at most, MB", None),
+}
 FIGURES = {  # name of a figure -> its title and the limit that is asked for at a million points
     "check_s": ("check, s", 3.0),
     "check_cpu_s": ("check, CPU s", 3.0),
@@ -137,7 +152,8 @@ DRAWN = (  # seconds, MB -> names in the chart
         "resume_mb": "run again when finished",
     },
 )
-BATCHED, BY_WINDOWS = "batched", "brake"
+BATCHED, BY_WINDOWS, THEMSELVES = "batched", "brake", "modes"
+TEXTS = {BY_WINDOWS: BRAKE, THEMSELVES: MODES}
 DESIGNS = ("grid", "sobol", "sobol_indices", "boundary")
 HALVINGS = 6  # of each step of the grid that a boundary design begins with
 EVERY = 0.05  # s between looks at memory
@@ -158,7 +174,7 @@ def study_file(folder: Path, points: int, kind_of: str, design: str = "grid") ->
         groups = 4 if design == "sobol_indices" else 1
         text += f"\nsamples = {2 ** round(math.log2(points / groups)) if groups > 1 else points}"
         ranges = ['distribution = "uniform"'] * 2
-    text = (BRAKE if kind_of == BY_WINDOWS else STUDY).format(
+    text = TEXTS.get(kind_of, STUDY).format(
         kind="batched_modes" if batched else "complex_modes",
         extensions=f'extensions = ["{kind}"]' if batched else "",
         design=text,
@@ -176,8 +192,9 @@ class Watch:
     def __init__(self) -> None:
         self.started, self.first_s, self.begun = time.perf_counter(), 0.0, -1
         self.phase, self.cpu_s, self.first_cpu_s = "points", 0.0, 0.0
+        self.solving_cpu_s, self.tables_cpu_s = 0.0, 0.0
         self.ends: dict[str, float] = {}
-        self.peaks = {"workers": 0.0}
+        self.peaks = {"workers": 0.0, "whole": 0.0}
         self.process = psutil.Process()
         threading.Thread(target=self._look, daemon=True).start()
 
@@ -190,13 +207,21 @@ class Watch:
                 self.first_s = time.perf_counter() - self.started
                 self.first_cpu_s = time.process_time()
             if done == total:
-                self.cpu_s = time.process_time()
+                self.cpu_s, self.solving_cpu_s = time.process_time(), self.workers_cpu_s()
                 self.next("tables")
 
     def next(self, phase: str) -> None:
         """The phase so far has ended."""
         self.ends[self.phase] = time.perf_counter() - self.started
         self.phase = phase
+
+    def workers_cpu_s(self) -> float:
+        """Processor time of the workers so far."""
+        spent = 0.0
+        for worker in self.process.children():
+            with contextlib.suppress(psutil.Error):
+                spent += sum(worker.cpu_times()[:2])
+        return spent
 
     def seconds(self, phase: str) -> float:
         """Of a phase."""
@@ -206,12 +231,14 @@ class Watch:
 
     def _look(self) -> None:
         while True:
-            own = self.process.memory_info().rss / 2**20
+            own = whole = self.process.memory_info().rss / 2**20
             self.peaks[self.phase] = max(self.peaks.get(self.phase, 0.0), own)
             for worker in self.process.children():
                 with contextlib.suppress(psutil.Error):
                     used = worker.memory_info().rss / 2**20
                     self.peaks["workers"] = max(self.peaks["workers"], used)
+                    whole += used
+            self.peaks["whole"] = max(self.peaks["whole"], whole)
             time.sleep(EVERY)
 
 
@@ -225,6 +252,7 @@ def run_here(path: Path, directory: Path, jobs: int) -> dict[str, float]:
     ModelKind.patience = lambda self, plan: 0.0  # type: ignore[method-assign]
     face.progress = lambda: contextlib.nullcontext(watch)
     results = face.run(path, directory, jobs, True, screen.warning)
+    watch.tables_cpu_s = time.process_time() - watch.cpu_s
     watch.next("screen")
     screen.show(*results.screen.findings(results), *outside(results), "")
     watch.next("pictures")
@@ -242,6 +270,10 @@ def run_here(path: Path, directory: Path, jobs: int) -> dict[str, float]:
         "points_s": watch.ends["points"],
         "first_point_cpu_s": watch.first_cpu_s,
         "solved": points,
+        "solving_cpu_s": watch.solving_cpu_s,
+        "tables_cpu_s": watch.tables_cpu_s,
+        "whole_s": whole,
+        "whole_mb": watch.peaks["whole"],
         "parent_ms": 1e3 * watch.cpu_s / points,
         "later_ms": 1e3 * (watch.cpu_s - watch.first_cpu_s) / points,
         "points_mb": watch.peaks["points"],
@@ -282,11 +314,12 @@ def measure(folder: Path, study: Path, points: int, jobs: int) -> dict[str, floa
 
 
 def print_table(found: dict[int, dict[str, float]]) -> None:
-    """A row a figure, a column a number of points."""
-    print(f"{'':42s}" + "".join(f"{n:>12,}" for n in found) + f"{'asked':>10s}")
-    for name, (title, limit) in FIGURES.items():
-        cells = "".join(f"{figures.get(name, float('nan')):12.4g}" for figures in found.values())
-        print(f"{title:42s}{cells}" + (f"{limit:10g}" if limit else ""))
+    """A row a figure, a column a number of points; rows of complex modes apart from the others."""
+    for title, figures in (("the program", FIGURES), ("complex modes", OF_MODES)):
+        print(f"{title:42s}" + "".join(f"{n:>12,}" for n in found) + f"{'asked':>10s}")
+        for name, (text, limit) in figures.items():
+            cells = "".join(f"{of.get(name, float('nan')):12.4g}" for of in found.values())
+            print(f"{text:42s}{cells}" + (f"{limit:10g}" if limit else ""))
 
 
 def draw(found: dict[int, dict[str, float]], path: Path) -> None:
@@ -319,6 +352,7 @@ def main() -> None:
     kinds = parser.add_mutually_exclusive_group()
     kinds.add_argument("--batched", dest="kind_of", action="store_const", const=BATCHED, default="")
     kinds.add_argument("--brake", dest="kind_of", action="store_const", const=BY_WINDOWS)
+    kinds.add_argument("--modes", dest="kind_of", action="store_const", const=THEMSELVES)
     parser.add_argument("--design", choices=DESIGNS, default=DESIGNS[0])
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="of studies and results")
     parser.add_argument("--json", type=Path, help="figures, which join those that are there")

@@ -37,12 +37,24 @@ RENAMED: dict[str, str] = {}
 # never compared: what a clock or the machine says
 MEASURED = ("*_s", "*seconds*", "cost*", "memory*", "megabytes*", "wall*")
 # compared as a mapping, one to one, not by value
-IDENTIFIERS = ("*_id", "point_before", "point_after", "start_point", "parent", "structure", "key")
+IDENTIFIERS = (
+    "*_id",
+    "point_before",
+    "point_after",
+    "start_point",
+    "worst_point",
+    "threshold_cycle",
+    "same_as",
+    "continued_from",
+    "curve_of",
+    "parent",
+    "structure",
+    "key",
+)
 # largest difference, of the column's largest modulus in the study; the first pattern that fits
 TOLERANCES = {
     "residual": np.inf,  # round-off, and so is what is estimated from it
-    "working_point_residual": np.inf,
-    "torque_residual": np.inf,
+    "*_residual": np.inf,
     "error_rung": 1e-2,
     "error_*": 1e-2,
     "*_error": 1e-2,
@@ -58,6 +70,7 @@ ROUND_OFF = {
     "error_estimate": 1e-6,
     "energy_outside_share": 1e-12,
     "energy_balance": 1e-13,
+    "power_imbalance": 1e-9,
     "biorthogonality": 1e-12,
     "error_*": 1e-13,
     "*_error": 1e-13,
