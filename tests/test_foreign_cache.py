@@ -26,13 +26,14 @@ from squealstudy.motion.shared_modes import Training
 from squealstudy.reduction.contact_space import ContactRows
 
 SECRET = "not yours"
+MANY = cache.MOST_INLINE + 1
 TRAINING = Training(np.eye(2), np.eye(2, dtype=complex))
 
 
 @pytest.fixture
 def entry(tmp_path) -> Path:
-    eye = sp.eye(3).tocsr()
-    value = ContactRows(eye, eye, np.arange(3), np.eye(3), np.arange(3))
+    eye, many = sp.eye(MANY).tocsr(), np.arange(MANY)
+    value = ContactRows(eye, eye, many, np.eye(3), many[:3])  # the latter stand in the JSON file
     cache.save_value(tmp_path / "entry", value)
     assert cache.is_whole(tmp_path / "entry")
     return tmp_path / "entry"
@@ -50,8 +51,33 @@ def write(entry: Path, content: dict) -> None:
 
 def test_a_value_of_arrays_and_matrices_is_read(entry):
     found = cache.load_value(entry)
-    assert found.normal.tolist() == [0, 1, 2]
-    assert (sp.eye(3) != found.S_N).nnz == 0
+    assert found.normal.tolist() == list(range(MANY))
+    assert (sp.eye(MANY) != found.S_N).nnz == 0
+    assert sorted(p.stem for p in entry.glob("*.npy") if "." not in p.stem) == ["normal"]
+    for array, expected in ((found.Z, np.eye(3)), (found.sliding, np.arange(3))):
+        assert array.dtype == expected.dtype and not array.flags.writeable
+        np.testing.assert_array_equal(array, expected)
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.array([0.1, -0.0, 1e-320, np.pi, -1e308]),
+        np.array([2**62, -3]),
+        np.array([[True, False]]),
+        np.zeros((0, 4)),
+        np.array(2.5),
+        np.array([1, 2], np.int32),
+        np.array([np.nan, np.inf]),
+        np.array([1j]),
+        np.array([0.1], np.float32),
+    ],
+)
+def test_small_arrays_are_kept_to_the_last_bit(tmp_path, array):
+    cache.save_value(tmp_path / "entry", (array,))
+    (found,) = cache.load_value(tmp_path / "entry")
+    assert found.dtype == array.dtype and found.shape == array.shape
+    assert found.tobytes() == array.tobytes()
 
 
 @pytest.mark.parametrize("name", ["../secret.npy", "/dev/zero", "a/b.npy", "x.npy\x00", "y.pkl"])
@@ -85,6 +111,11 @@ WRONG = [
     {"tuple": 3},
     {"mapping": []},
     {"array": 5},
+    {"entries": [1.0], "kind": "O", "shape": [1]},
+    {"entries": [1.0], "kind": "f8", "shape": [2]},
+    {"entries": ["x"], "kind": "f8", "shape": [1]},
+    {"entries": [[1.0], [1.0, 2.0]], "kind": "f8", "shape": [3]},
+    {"entries": [1.0], "shape": [1]},
     {},
 ]
 

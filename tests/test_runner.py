@@ -19,7 +19,7 @@ from study_texts import study_text, sweep_text
 from tiny_meshes import forget_models, tiny_meshes
 
 import squealstudy
-from squealstudy.engine import store
+from squealstudy.engine import cache, store
 from squealstudy.engine.checked_points import reference_choice
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
@@ -111,10 +111,21 @@ def test_changed_study_solves_only_what_is_new(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("one_by_one")
+def test_a_small_model_is_one_file_of_the_cache(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
+    run_study(hulten(), tmp_path / "results", jobs=1)
+    kept = [p for p in (tmp_path / "cache" / "models").rglob("*") if p.is_file()]
+    assert [p.name for p in kept] == [cache.META]
+
+
+@pytest.mark.usefixtures("one_by_one")
 def test_other_friction_range_reuses_reduction_and_working_points(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(cache, "FEWEST_KEPT_GAPS", 0)  # as of large models
     run_study(hulten(0.6, 13), tmp_path / "a", jobs=1)
     report = run_study(hulten(0.3, 7), tmp_path / "b", jobs=1)
     assert len(list((tmp_path / "cache" / "models").iterdir())) == 1

@@ -326,7 +326,7 @@ def test_fresh_leaves_other_studies_and_invalid_ones_alone(results, tmp_path, ca
 @pytest.mark.skipif(os.name == "nt", reason="no umask")
 @pytest.mark.parametrize(("umask", "mode"), [(0o027, 0o640), (0o002, 0o664)])
 def test_files_have_the_permissions_that_the_user_asks_for(
-    umask, mode, tmp_path, monkeypatch, one_by_one
+    umask, mode, tmp_path, monkeypatch, one_by_one, as_of_large_models
 ):
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
     before = os.umask(umask)
@@ -341,7 +341,14 @@ def test_files_have_the_permissions_that_the_user_asks_for(
 
 # -- caches --------------------------------------------------------------------------------------
 @pytest.fixture
-def cached(tmp_path, monkeypatch, one_by_one) -> Path:
+def as_of_large_models(monkeypatch) -> None:
+    """Arrays and working points of a small model are files of their own, as those of large ones."""
+    monkeypatch.setattr(cache, "MOST_INLINE", 0)
+    monkeypatch.setattr(cache, "FEWEST_KEPT_GAPS", 0)
+
+
+@pytest.fixture
+def cached(tmp_path, monkeypatch, one_by_one, as_of_large_models) -> Path:
     """The folder of the one model that a run has put into a cache of its own."""
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))
     kept = (cache._gaps, cache.prepared_any, cache.prepared_model)

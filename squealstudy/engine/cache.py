@@ -1,7 +1,8 @@
 """The one cache: what can be made again, in folders that appear whole, read as memory maps.
 
 A value is a dataclass or named tuple of arrays, sparse matrices, numbers, texts and other such
-values: arrays are files of their own, all else stands in one JSON file beside them.
+values: arrays are files of their own, all else, small arrays too, stands in one JSON file beside
+them.
 """
 
 from __future__ import annotations
@@ -43,7 +44,8 @@ from squealstudy.study.design import DesignPoint
 ARRAY = re.compile(r"[^/\\\x00]{1,250}\.npy")
 NO_MORE_FILES = (errno.EMFILE, errno.ENFILE)
 META, MODELS, GAPS = "meta.json", "models", ".npz"
-FORMAT = 3  # of a folder: what an earlier version wrote is made again
+FORMAT = 4  # of a folder: what an earlier version wrote is made again
+FEWEST_KEPT_GAPS = 16  # of a working point: fewer are solved sooner than they are read
 Prepared = PreparedModel | PreparedFamily
 
 
@@ -304,8 +306,8 @@ class NewGaps:
         self._found: dict[str, dict[str, np.ndarray]] = {}
 
     def add(self, key: str, design: DesignPoint, gap: np.ndarray) -> None:
-        """Remember the gaps of a design's working point, where it has one."""
-        if design.has_working_point:
+        """Remember the gaps of a design's working point, where it has one that is worth keeping."""
+        if design.has_working_point and len(gap) >= FEWEST_KEPT_GAPS:
             self._found.setdefault(key, {})[working_point_key(design)] = gap
 
     def save(self) -> None:

@@ -37,11 +37,16 @@ CLASSES = {
     )
 }
 CSR = ("data", "indices", "indptr")
+MOST_INLINE = 64  # entries of arrays that stand in the JSON: those of minimal models
+INLINE_CODES = {"float64": "f8", "int64": "i8", "int32": "i4", "bool": "?"}
 
 
 def packed(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
     """A value as JSON, its arrays put aside under their names."""
     if isinstance(value, np.ndarray):
+        code = INLINE_CODES.get(value.dtype.name)
+        if code and value.size <= MOST_INLINE and np.isfinite(value).all():
+            return {"entries": value.ravel().tolist(), "type": code, "shape": value.shape}
         arrays[name] = value
         return {"array": name}
     if sp.issparse(value):
@@ -87,6 +92,8 @@ def unpacked(found: Any, folder: Path, thoroughly: bool = False) -> Any:
     if "array" in found:
         path = folder / f"{found['array']}.npy"
         return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
+    if "entries" in found:
+        return _inline_array(found["entries"], found["type"], found["shape"])
     if "csr" in found:
         matrix = sp.csr_matrix(tuple(map(inner, found["csr"])), shape=found["shape"])
         if thoroughly:  # compiled code follows them without a look
@@ -99,3 +106,12 @@ def unpacked(found: Any, folder: Path, thoroughly: bool = False) -> Any:
     module, _, name = found["class"].rpartition(".")
     kind = getattr(import_module(module), name)
     return kind(**{n: inner(v) for n, v in found["fields"].items()})
+
+
+def _inline_array(entries: Any, code: Any, shape: Any) -> np.ndarray:
+    """An array that stands in the JSON, read-only as memory maps are; ValueError where it is none."""
+    if code not in INLINE_CODES.values():
+        raise ValueError(f"{code} is no type of arrays in a value's JSON")
+    array: np.ndarray = np.array(entries, dtype=code).reshape(tuple(shape))
+    array.flags.writeable = False
+    return array
