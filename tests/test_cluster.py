@@ -569,7 +569,9 @@ def test_keys_are_found_wherever_a_task_has_them():
 
 
 def test_contents_of_a_cache_are_held_against_their_hashes(here):
-    value = ExpandedWeights(*(np.arange(3.0) for _ in range(len(ExpandedWeights.__annotations__))))
+    value = ExpandedWeights(
+        *(np.arange(100.0) for _ in range(len(ExpandedWeights.__annotations__)))
+    )
     place = prepared_path("0123456789abcdef")
     with touched() as places:
         save_value(place, value)

@@ -55,7 +55,8 @@ def test_a_value_of_arrays_and_matrices_is_read(entry):
     assert (sp.eye(MANY) != found.S_N).nnz == 0
     assert sorted(p.stem for p in entry.glob("*.npy") if "." not in p.stem) == ["normal"]
     for array, expected in ((found.Z, np.eye(3)), (found.sliding, np.arange(3))):
-        assert array.dtype == expected.dtype and not array.flags.writeable
+        assert array.dtype == expected.dtype
+        assert not array.flags.writeable
         np.testing.assert_array_equal(array, expected)
 
 
@@ -76,7 +77,8 @@ def test_a_value_of_arrays_and_matrices_is_read(entry):
 def test_small_arrays_are_kept_to_the_last_bit(tmp_path, array):
     cache.save_value(tmp_path / "entry", (array,))
     (found,) = cache.load_value(tmp_path / "entry")
-    assert found.dtype == array.dtype and found.shape == array.shape
+    assert found.dtype == array.dtype
+    assert found.shape == array.shape
     assert found.tobytes() == array.tobytes()
 
 
