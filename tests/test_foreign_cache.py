@@ -26,7 +26,7 @@ from squealstudy.motion.shared_modes import Training
 from squealstudy.reduction.contact_space import ContactRows
 
 SECRET = "not yours"
-MANY = cache.MOST_INLINE + 1
+MANY = packed_values.MOST_INLINE + 1
 TRAINING = Training(np.eye(2), np.eye(2, dtype=complex))
 
 
@@ -113,10 +113,10 @@ WRONG = [
     {"tuple": 3},
     {"mapping": []},
     {"array": 5},
-    {"entries": [1.0], "kind": "O", "shape": [1]},
-    {"entries": [1.0], "kind": "f8", "shape": [2]},
-    {"entries": ["x"], "kind": "f8", "shape": [1]},
-    {"entries": [[1.0], [1.0, 2.0]], "kind": "f8", "shape": [3]},
+    {"entries": [1.0], "type": "O", "shape": [1]},
+    {"entries": [1.0], "type": "f8", "shape": [2]},
+    {"entries": ["x"], "type": "f8", "shape": [1]},
+    {"entries": [[1.0], [1.0, 2.0]], "type": "f8", "shape": [3]},
     {"entries": [1.0], "shape": [1]},
     {},
 ]

@@ -343,7 +343,7 @@ def test_files_have_the_permissions_that_the_user_asks_for(
 @pytest.fixture
 def as_of_large_models(monkeypatch) -> None:
     """Arrays and working points of a small model are files of their own, as those of large ones."""
-    monkeypatch.setattr(cache, "MOST_INLINE", 0)
+    monkeypatch.setattr(packed_values, "MOST_INLINE", 0)
     monkeypatch.setattr(cache, "FEWEST_KEPT_GAPS", 0)
 
 

@@ -109,7 +109,7 @@ def unpacked(found: Any, folder: Path, thoroughly: bool = False) -> Any:
 
 
 def _inline_array(entries: Any, code: Any, shape: Any) -> np.ndarray:
-    """An array that stands in the JSON, read-only as memory maps are; ValueError where it is none."""
+    """An array that stands in the JSON, read-only as memory maps are; else ValueError."""
     if code not in INLINE_CODES.values():
         raise ValueError(f"{code} is no type of arrays in a value's JSON")
     array: np.ndarray = np.array(entries, dtype=code).reshape(tuple(shape))
