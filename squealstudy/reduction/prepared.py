@@ -161,7 +161,8 @@ def shape_basis(
 ) -> tuple[np.ndarray, np.ndarray]:
     """`shape_basis` and `sensor_shapes` of a prepared model with nominal tangents (nc,)."""
     K = contact_stiffness(model, tangent)
-    _, phi = la.eigh(K, subset_by_index=(0, min(len(basis.omega), model.n) - 1))
+    count = min(max(len(basis.omega), 1), model.n)  # stiff parts have no modes below the cut-off
+    _, phi = la.eigh(K, subset_by_index=(0, count - 1))
     return phi, assembly.correspondence @ basis.expand(phi)
 
 

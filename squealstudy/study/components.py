@@ -42,6 +42,7 @@ from squealstudy.study.stresses import (
     stress_assumptions,
     stressed_point,
     with_stresses,
+    with_worn_gaps,
 )
 from squealstudy.wording import did_you_mean, listed
 
@@ -248,9 +249,19 @@ class _Build:
         law = ContactLaw.from_values(str(options[CONTACT_OPTION.name]), values)
         with self.told(values):
             found = build_assembly(self.brake, law, given)
+        with self.told(values):
+            found = self._worn(found, self._law(options), given)
         if self.stressed is None:
             return found
         return self._stiffened(found, replace(self.stressed, law=self._law(options)), given)
+
+    def _worn(self, found: Assembly, law: ContactLaw, given: Mapping[KeyPath, float]) -> Assembly:
+        """The assembly with gaps that have worn; under the law at its defaults."""
+        try:
+            return with_worn_gaps(found, self.brake.file, law, given)
+        except ConvergenceError as error:
+            text = f"there is no steady sliding that wears the faces: {error}"
+            raise self.source.error(("wear",), text) from error
 
     @contextmanager
     def told(self, values: Mapping[str, float]) -> Iterator[None]:

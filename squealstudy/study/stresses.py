@@ -1,4 +1,4 @@
-"""Stresses of a model file that stiffen it: at which operating point, and how far they are told."""
+"""What steady sliding has done to the model of a file: stresses that stiffen it, worn faces."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.laws import contact_law
+from squealstudy.laws import ContactLaw, contact_law
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import Brake, body_of, changed_mesh, own_numbers
 from squealstudy.models.components.dimensions import STRESS
-from squealstudy.models.components.model_file import ModelFile
+from squealstudy.models.components.model_file import WEAR, ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import StressStiffness
 from squealstudy.models.operating import (
@@ -81,6 +81,37 @@ def with_stresses(
             _kept.pop(next(iter(_kept)))
         _kept[key] = stress_stiffness_of(assembly, operating, meshes)
     return replace(assembly, springs=(*assembly.springs, _kept[key]))
+
+
+def with_worn_gaps(
+    assembly: Assembly, file: ModelFile, law: ContactLaw, given: Mapping[KeyPath, float]
+) -> Assembly:
+    """An assembly whose contact has worn as ``[wear]`` of its file says; itself without that.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    file : ModelFile
+    law : ContactLaw
+        Of the contact while it wore.
+    given : mapping of key -> float
+        Numbers of the file that have other values, SI.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no steady sliding on the way.
+    """
+    if file.wear is None:
+        return assembly
+    from squealstudy.reduction.wear import Wear, worn_depth
+
+    numbers = Numbers(file, given)
+    pressure = file.wear.pressure * STRESS.factor(file.units)
+    operating = OperatingPoint(file.wear.friction, pressure, 1.0, law)
+    wear = Wear(operating, numbers.at(WEAR, "distance"), numbers.at(WEAR, "rate"))
+    gap0 = assembly.contact.gap0 + worn_depth(assembly, wear)
+    return replace(assembly, contact=replace(assembly.contact, gap0=gap0))
 
 
 @dataclass(frozen=True)

@@ -388,6 +388,17 @@ class StressTable(Table):
     friction: float = Field(ge=0, description="friction coefficient, the rotor turning forward")
 
 
+class WearTable(Table):
+    """Sliding that has worn the faces of sliding contacts."""
+
+    pressure: float = Field(gt=0, description="brake pressure while they wore")
+    friction: float = Field(ge=0, description="friction coefficient while they wore")
+    distance: float = Field(ge=0, description="of sliding, at the place of sliding_speed")
+    rate: float = Field(
+        gt=0, description="depth over pressure and distance: Archard's coefficient over hardness"
+    )
+
+
 class ParameterTable(Table):
     """A number of the file, or of the operating point, that studies may vary."""
 

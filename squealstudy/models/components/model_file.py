@@ -17,6 +17,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.components.dimensions import (
     AREA,
     BEDDING,
+    COMPLIANCE,
     DENSITY,
     INERTIA,
     LENGTH,
@@ -42,6 +43,7 @@ from squealstudy.models.components.file_tables import (
     SpringTable,
     StressTable,
     TieTable,
+    WearTable,
 )
 from squealstudy.models.file_table import KeyPath, Name, Table
 
@@ -77,6 +79,8 @@ DIMENSIONS = {  # of the keys of the file
     "initial_gap": LENGTH,
     "friction_factor": NUMBER,
     "gap_scale": NUMBER,
+    "distance": LENGTH,
+    "rate": COMPLIANCE,
     "effective_radius": LENGTH,
     "translate": LENGTH,
     "mass_damping": RATE,
@@ -84,10 +88,10 @@ DIMENSIONS = {  # of the keys of the file
     "material_damping": TIME,
     TEMPERATURE: NUMBER,  # of the deck, whose scale it has
 }
-POSITIVE = ("E", "G", "rho", "area", "bedding")
+POSITIVE = ("E", "G", "rho", "area", "bedding", "rate")
 NOT_NEGATIVE = (
     *("normal", "tangential", "stiffness", "rotary", "mass", "inertia"),
-    *("mass_damping", "stiffness_damping", "material_damping", "friction_factor"),
+    *("mass_damping", "stiffness_damping", "material_damping", "friction_factor", "distance"),
 )
 VARIED = {  # keys that parameters may point to
     "contact": ("tangential", "initial_gap", "friction_factor", "gap_scale"),
@@ -98,6 +102,8 @@ VARIED = {  # keys that parameters may point to
     "point_mass": ("mass", "inertia"),
     "load": ("area",),
 }
+WEAR = "wear"
+WORN = ("distance", "rate")  # its keys that parameters may point to
 MATERIAL = ("E", "nu", "G", "rho")
 DAMPING = ("mass_damping", "stiffness_damping")  # of a component
 BY_MATERIAL = "material_damping"
@@ -148,6 +154,7 @@ class ModelFile(Table):
         default=None,
         description="its stresses stiffen what vibrates; else none do",
     )
+    wear: WearTable | None = Field(default=None, description="of the faces; else they are new")
     parameters: dict[str, ParameterTable] = Field(
         default={}, description="numbers that studies may vary, by name"
     )
@@ -213,8 +220,13 @@ class ModelFile(Table):
                     f"{names[0]} with {', '.join(single)} or {BY_MATERIAL}.NAME"
                 )
             return self._checked(path, ("components", *names), index)
+        if names[0] == WEAR:
+            if len(names) != 2 or names[1] not in WORN or self.wear is None:
+                there = "" if self.wear else ", and a table [wear]"
+                raise ModelError(f"'{path}': expected {WEAR}.{f' or {WEAR}.'.join(WORN)}{there}")
+            return (WEAR, names[1])
         if names[0] not in LISTS:
-            known = ", ".join((*self.components, *LISTS))
+            known = ", ".join((*self.components, *LISTS, WEAR))
             raise ModelError(f"'{path}': expected to begin with one of {known}")
         there = [self.name_of(names[0], i) for i in range(len(self.at((names[0],))))]
         if len(names) != 3 or names[1] not in there or names[2] not in VARIED[names[0]]:

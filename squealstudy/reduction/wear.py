@@ -1,0 +1,127 @@
+"""Gaps that sliding wears into a contact: Archard's law over the steady sliding of each moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from squealstudy.errors import ConvergenceError
+from squealstudy.models.assembly import Assembly
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.contact_space import ContactSpace, contact_space
+from squealstudy.reduction.gap_equations import GapJacobian
+from squealstudy.reduction.prepared import mean_contact_stiffness
+from squealstudy.reduction.working_point import WorkingPoint, working_point
+
+GAP_ERROR = 1e-3  # of a step, over the length in which the contact law changes by its own size
+LEAST_RELATIVE = (
+    1e-12  # a face wears by far more than that length: its depth says nothing of errors
+)
+LEAST_PRESSURE = 1.0  # Pa, where next to nothing presses
+
+
+@dataclass(frozen=True)
+class Wear:
+    """What has slid over the contact.
+
+    Attributes
+    ----------
+    operating : OperatingPoint
+        Brake pressure, friction, speed and laws while it wore.
+    distance : float
+        Sliding at the imposed speed, m; points at other radii slide by their `speed_factor`.
+    rate : float
+        Depth over pressure and sliding, 1/Pa (Archard's coefficient over the hardness).
+    """
+
+    operating: OperatingPoint
+    distance: float
+    rate: float
+
+
+def worn_depth(assembly: Assembly, wear: Wear) -> np.ndarray:
+    """Depth (n_points,) [m] that is worn off the contact points with friction.
+
+    It solves dh/ds = rate p(gap0 + h) speed_factor, p being the pressures of steady sliding on the
+    worn faces (THEORY.md eq. (117)). The longer it slides, the nearer p v comes to one value for all.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no steady sliding on the way.
+    """
+    contact = assembly.contact
+    rubbing = contact.frictional > 0
+    if wear.distance == 0.0 or not rubbing.any():
+        return np.zeros(contact.n_points)
+    law, nothing = wear.operating.law, np.zeros((assembly.n_dof, 0))
+    space = contact_space(assembly, mean_contact_stiffness(assembly, wear.operating), nothing)
+    faces = _WearingFaces(space, wear, np.where(rubbing, wear.rate * contact.speed_factor, 0.0))
+    pressed = np.maximum(faces.at(np.zeros(contact.n_points)).contact_pressure, 0.0)
+    level = float(np.average(pressed[rubbing], weights=contact.area[rubbing]))
+    found = solve_ivp(
+        faces.slope,
+        (0.0, wear.distance),
+        np.zeros(contact.n_points),
+        method="BDF",  # neighbours that stand out wear off thousands of times faster than the face
+        jac=faces.jacobian,
+        rtol=LEAST_RELATIVE,
+        atol=GAP_ERROR * law.gap_scale(max(level, LEAST_PRESSURE)),
+    )
+    if not found.success:
+        raise ConvergenceError("wear", f"wear over {wear.distance:g} m: {found.message}")
+    depth: np.ndarray = found.y[:, -1]
+    return depth
+
+
+class _WearingFaces:
+    """Rates of wear and their derivatives, at steady sliding on worn faces.
+
+    Parameters
+    ----------
+    space : ContactSpace
+        Of the new faces.
+    wear : Wear
+    rates : ndarray (nc,)
+        Depth over pressure and distance, 1/Pa; 0 where nothing wears.
+    """
+
+    def __init__(self, space: ContactSpace, wear: Wear, rates: np.ndarray) -> None:
+        self._space, self._operating, self._rates = space, wear.operating, rates
+        self._depth, self._last = np.zeros(0), None
+
+    def at(self, depth: np.ndarray) -> WorkingPoint:
+        """Steady sliding on faces worn by a depth (nc,) [m], from that of the last depth."""
+        if self._last is None or not np.array_equal(depth, self._depth):
+            start = None if self._last is None else self._last.gap + depth - self._depth
+            self._last = self._solved(depth, start)
+            self._depth = depth.copy()
+        return self._last
+
+    def _worn(self, depth: np.ndarray) -> ContactSpace:
+        return replace(self._space, gap0=self._space.gap0 + depth)
+
+    def _solved(self, depth: np.ndarray, start: np.ndarray | None) -> WorkingPoint:
+        try:
+            return working_point(self._worn(depth), self._operating, start=start)
+        except ConvergenceError:
+            if start is None:
+                raise
+            return working_point(self._worn(depth), self._operating)
+
+    def slope(self, _: float, depth: np.ndarray) -> np.ndarray:
+        """dh/ds (nc,)."""
+        found: np.ndarray = self._rates * np.maximum(self.at(depth).contact_pressure, 0.0)
+        return found
+
+    def jacobian(self, _: float, depth: np.ndarray) -> np.ndarray:
+        """d(dh/ds)/dh (nc, nc) [1/m]: faces that wear open their gaps, and press less."""
+        point, space = self.at(depth), self._space
+        p, kappa = point.contact_pressure, point.tangent
+        held = np.diag(space.area * space.k_c)
+        opened = np.eye(len(p)) - space.opening(held, np.zeros_like(held))
+        gaps = GapJacobian(space, self._operating, p, kappa).solve(opened).T
+        found: np.ndarray = -(self._rates * np.where(p > 0, kappa, 0.0))[:, None] * gaps
+        return found
