@@ -45,7 +45,7 @@ def worn_depth(assembly: Assembly, wear: Wear) -> np.ndarray:
     """Depth (n_points,) [m] that is worn off the contact points with friction.
 
     It solves dh/ds = rate p(gap0 + h) speed_factor, p being the pressures of steady sliding on the
-    worn faces (THEORY.md eq. (117)). The longer it slides, the nearer p v comes to one value for all.
+    worn faces (THEORY.md eq. (117)). p v comes to one value for all.
 
     Raises
     ------
