@@ -90,7 +90,8 @@ class _WearingFaces:
 
     def __init__(self, space: ContactSpace, wear: Wear, rates: np.ndarray) -> None:
         self._space, self._operating, self._rates = space, wear.operating, rates
-        self._depth, self._last = np.zeros(0), None
+        self._depth = np.zeros(0)
+        self._last: WorkingPoint | None = None
 
     def at(self, depth: np.ndarray) -> WorkingPoint:
         """Steady sliding on faces worn by a depth (nc,) [m], from that of the last depth."""

@@ -222,8 +222,9 @@ class ModelFile(Table):
             return self._checked(path, ("components", *names), index)
         if names[0] == WEAR:
             if len(names) != 2 or names[1] not in WORN or self.wear is None:
-                there = "" if self.wear else ", and a table [wear]"
-                raise ModelError(f"'{path}': expected {WEAR}.{f' or {WEAR}.'.join(WORN)}{there}")
+                expected = " or ".join(f"{WEAR}.{key}" for key in WORN)
+                absent = "" if self.wear else ", and a table [wear]"
+                raise ModelError(f"'{path}': expected {expected}{absent}")
             return (WEAR, names[1])
         if names[0] not in LISTS:
             known = ", ".join((*self.components, *LISTS, WEAR))
