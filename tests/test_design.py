@@ -26,22 +26,28 @@ from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import StudyFileError
 from squealstudy.kinds.design import in_time, rows
+from squealstudy.kinds.design.design_search import DesignSearch
 from squealstudy.kinds.design.in_time import carried
 from squealstudy.kinds.design.kind import request
-from squealstudy.kinds.design.loop import Loop
 from squealstudy.kinds.design.plan import (
     IN_TIME,
     MODES,
     ROOTS,
-    Ask,
     DesignPlan,
-    ask,
+    Evaluation,
+    evaluation,
     first_plan,
     operating_points,
 )
 from squealstudy.kinds.design.rows import SCHEMA, design_row
 from squealstudy.kinds.design.screen import same_modes, squealing_modes
-from squealstudy.kinds.design.state import MET_LINEAR, NEAR_ENOUGH, NONE_FOUND, UNDECIDED, Memory
+from squealstudy.kinds.design.state import (
+    MET_LINEAR,
+    NEAR_ENOUGH,
+    NONE_FOUND,
+    UNDECIDED,
+    SearchCache,
+)
 from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.plots.design_history import design_history
 from squealstudy.plots.operating_matrix import chosen_word, operating_matrix
@@ -110,15 +116,15 @@ def _study(text: str, folder: Path) -> DesignStudy:
     return study
 
 
-def _searched(study: DesignStudy, damping: Damping) -> tuple[Loop, int]:
+def _searched(study: DesignStudy, damping: Damping) -> tuple[DesignSearch, int]:
     """The loop on rows of closed forms, slopes by differences; and how many rows it took."""
-    rows: dict[Ask, dict] = {}
-    memory, h = Memory(), 1e-4
+    rows: dict[Evaluation, dict] = {}
+    memory, h = SearchCache(), 1e-4
     while True:
-        loop = Loop(study, rows, reduced=False, cyclic=False, memory=memory)
-        if not loop.wanted:
-            return loop, len(rows)
-        for asked in loop.wanted:
+        search = DesignSearch(study, rows, reduced=False, cyclic=False, memory=memory)
+        if not search.pending:
+            return search, len(rows)
+        for asked in search.pending:
             mu, x1, x2 = asked.values
             zeta, hz = damping(np.array(x1), np.array(x2), mu)
             by = [
@@ -188,10 +194,10 @@ def test_least_cost_against_exhaustive_search(
     damping = _two_pairs(shift, tie)
     best, regions = _least(damping, study)
     assert regions >= 2
-    loop, _ = _searched(study, damping)
-    assert loop.state.outcome == MET_LINEAR
-    chosen = loop.state.chosen
-    found = loop.box.price(loop.change(chosen))
+    search, _ = _searched(study, damping)
+    assert search.state.outcome == MET_LINEAR
+    chosen = search.state.chosen
+    found = search.box.price(search.change(chosen))
     # a grid's cost is above the least by at most a step each way
     assert best - 2e-2 <= found <= 1.05 * best
     zeta = np.array([damping(*map(np.array, chosen), mu)[0] for mu in FRICTION])
@@ -211,8 +217,8 @@ def test_targets_lead_to_what_can_be_built(tmp_path: Path) -> None:
     def damping(scale: np.ndarray, w: np.ndarray, mu: float) -> np.ndarray:
         return _pair(np.asarray(scale) * w, np.full(np.shape(w), today + 1.0), mu, 0.005)
 
-    loop, _ = _searched(study, damping)
-    found, chosen = loop.state.realisation, loop.state.chosen
+    search, _ = _searched(study, damping)
+    found, chosen = search.state.realisation, search.state.chosen
     assert found is not None
     assert found.enough
     assert found.target[1] == today
@@ -221,12 +227,14 @@ def test_targets_lead_to_what_can_be_built(tmp_path: Path) -> None:
     assert found.begun[1] == pytest.approx(today * found.target[0], rel=1e-6)
     assert found.begun[0] == 1.0
     assert found.matched == pytest.approx(1.0, abs=1e-5)
-    assert loop.state.outcome == MET_LINEAR
+    assert search.state.outcome == MET_LINEAR
     assert chosen[0] == 1.0
     assert chosen[1] != today
     for x in (found.target, chosen):
         assert min(damping(*map(np.array, x), mu)[0].min() for mu in FRICTION) >= MARGIN
-    first = next(x for k, x in loop.state.designs.items() if loop.state.roles[k][0] == "search 1")
+    first = next(
+        x for k, x in search.state.designs.items() if search.state.roles[k][0] == "search 1"
+    )
     assert np.array_equal(first, found.begun)
 
 
@@ -421,7 +429,9 @@ def test_a_changed_structure_runs_from_vibrations_of_today(tmp_path: Path, monke
     text = text.replace("bounds = [0.0, 0.2]", "bounds = [-1e5, 1e5]")
     study = _study(text, tmp_path)
     first = first_plan(study)
-    plan = DesignPlan(study, [*first.asked, Ask((0.9, study.nominal[0] + 5e4), "in_time")], first)
+    plan = DesignPlan(
+        study, [*first.evaluations, Evaluation((0.9, study.nominal[0] + 5e4), "in_time")], first
+    )
     plan.kind.build(plan, Workers())
     row = design_row(plan.tasks[3], "in_time", request(plan), NewGaps())
     was, _, (motion,) = given[0]
@@ -443,7 +453,7 @@ def test_vibrations_of_one_mesh_are_brought_to_a_changed_one(tmp_path: Path) -> 
     text = text.replace("[modes]", f"[[variable]]\n{variable}\n[modes]")
     study = sq.read_study(write_blocks(tmp_path, study=text)).resolved
     first = first_plan(study)
-    plan = DesignPlan(study, [*first.asked, Ask((0.3, 5e-10), "in_time")], first)
+    plan = DesignPlan(study, [*first.evaluations, Evaluation((0.3, 5e-10), "in_time")], first)
     plan.kind.build(plan, Workers())
     asked, old, new = request(plan).cycles, plan.tasks[0].structure, plan.tasks[2].structure
     assert old != new
@@ -704,7 +714,7 @@ def test_runs_that_begin_on_another_vibration_are_other_runs(tmp_path: Path) -> 
         names = []
         for study in studies:
             point = operating_points(study)[0]
-            plan = DesignPlan(study, [ask(study, point, np.array([0.05]), stage)])
+            plan = DesignPlan(study, [evaluation(study, point, np.array([0.05]), stage)])
             names.append(plan.tasks.ids[0])
         assert (names[0] == names[1]) == same
 

@@ -30,7 +30,7 @@ from squealstudy.engine.store import (
 from squealstudy.engine.structures import check_component_modes
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError, StudyFileError
-from squealstudy.kinds.design.loop import Loop
+from squealstudy.kinds.design.design_search import DesignSearch
 from squealstudy.kinds.design.plan import (
     IN_TIME,
     DesignPlan,
@@ -45,7 +45,7 @@ from squealstudy.kinds.design.rows import (
     uncoupled_modes,
 )
 from squealstudy.kinds.design.section import DesignStudyDefinition
-from squealstudy.kinds.design.state import Memory
+from squealstudy.kinds.design.state import SearchCache
 from squealstudy.kinds.design.study import DesignStudy, of_variant, read_study
 from squealstudy.kinds.design.variants import plans
 from squealstudy.kinds.limit_cycles.designs import MAX_COORDINATES, CyclesRequest
@@ -196,31 +196,31 @@ class Design(ModelKind):
         ]
 
     def grown(self, plan: Plan, store: Store) -> Plan:
-        """With what the loop asks for next; the plan itself where points of it are not finished."""
+        """With what the search needs next; the plan itself where points of it are not finished."""
         own = _own(plan)
-        while (loop := self.loop(own, store)) is not None and loop.wanted:
-            own = DesignPlan(own.design_study, [*own.asked, *loop.wanted], own)
+        while (search := self.search(own, store)) is not None and search.pending:
+            own = DesignPlan(own.design_study, [*own.evaluations, *search.pending], own)
         return own
 
-    def loop(self, plan: DesignPlan, store: Store) -> Loop | None:
-        """The loop as far as the rows go; None where points of the plan are not finished."""
+    def search(self, plan: DesignPlan, store: Store) -> DesignSearch | None:
+        """The search as far as the rows go; None where points of the plan are not finished."""
         ids = plan.tasks.ids.astype(str).tolist()
         if any(name not in plan.known for name in ids):
             for table in store.chunks(SCHEMA, read=plan.read):
                 plan.known.update({row["point_id"]: row for row in table.to_pylist()})
         if any(name not in plan.known for name in ids):
             return None
-        rows = {a: plan.known[name] for a, name in zip(plan.asked, ids, strict=True)}
-        memory = plan.memory.setdefault("loop", Memory())
-        return Loop(plan.design_study, rows, has_mesh(plan.study), cyclic(plan), memory)
+        rows = {a: plan.known[name] for a, name in zip(plan.evaluations, ids, strict=True)}
+        memory = plan.memory.setdefault("loop", SearchCache())
+        return DesignSearch(plan.design_study, rows, has_mesh(plan.study), cyclic(plan), memory)
 
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[DesignTask]:
         """Tasks of consecutive design points."""
         asked = request(plan)
-        if any(a.stage == IN_TIME for a in _own(plan).asked):
+        if any(a.stage == IN_TIME for a in _own(plan).evaluations):
             warm_kernels()
         stages = dict(
-            zip(plan.tasks.ids.tolist(), (a.stage for a in _own(plan).asked), strict=True)
+            zip(plan.tasks.ids.tolist(), (a.stage for a in _own(plan).evaluations), strict=True)
         )
         for part in workers.pace.parts(points, workers.jobs):
             yield DesignTask(asked, part, tuple(stages[name] for name in part.ids.tolist()))
@@ -249,9 +249,9 @@ class Design(ModelKind):
         from squealstudy.kinds.design.tables import build_tables
 
         own = _own(plan)
-        loop = self.loop(own, store)
-        assert loop is not None
-        return build_tables(own, store, loop)
+        search = self.search(own, store)
+        assert search is not None
+        return build_tables(own, store, search)
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
         """The goal."""
@@ -267,7 +267,7 @@ class Design(ModelKind):
         """Seconds of one design point, with sensitivities."""
         started = time.perf_counter()
         with threadpool_limits(1):
-            row = design_row(task, _own(plan).asked[0].stage, request(plan), NewGaps())
+            row = design_row(task, _own(plan).evaluations[0].stage, request(plan), NewGaps())
         return None if row["status"] != "ok" else time.perf_counter() - started
 
 
@@ -329,7 +329,7 @@ def todays_structures(plan: DesignPlan) -> dict[tuple[float, ...], str]:
         return {}
     own = slice(study.n_operating, study.n_operating + len(study.variables))
     nominal = tuple(study.nominal)
-    points = [plan.tasks[k] for k, asked in enumerate(plan.asked) if asked.of(own) == nominal]
+    points = [plan.tasks[k] for k, asked in enumerate(plan.evaluations) if asked.of(own) == nominal]
     return {tuple(p.structural_values().values()): p.structure for p in points}
 
 

@@ -22,7 +22,7 @@ MODES, ROOTS, CYCLES, FULL, IN_TIME = "modes", "roots", "cycles", "full_order", 
 MAX_STRUCTURES = 1_000_000  # structures: a search may ask for as many
 
 
-class Ask(NamedTuple):
+class Evaluation(NamedTuple):
     """What is wanted of one design at one operating point.
 
     Attributes
@@ -86,7 +86,7 @@ class DesignPlan(Plan):
     Parameters
     ----------
     study : DesignStudy
-    asked : sequence of Ask
+    evaluations : sequence of Evaluation
         Each once.
     before : DesignPlan or None
         An earlier plan of the study, whose rows are known.
@@ -104,15 +104,15 @@ class DesignPlan(Plan):
     def __init__(
         self,
         study: DesignStudy,
-        asked: Sequence[Ask],
+        evaluations: Sequence[Evaluation],
         before: DesignPlan | None = None,
     ) -> None:
-        self.asked = tuple(asked)
+        self.evaluations = tuple(evaluations)
         self.known: dict[str, dict[str, Any]] = {} if before is None else before.known
         self.read: set[str] = set() if before is None else before.read
         self.memory: dict[str, Any] = {} if before is None else before.memory
-        swept = np.array([a.values for a in self.asked], dtype=float)
-        super().__init__(study, np.asfortranarray(swept.reshape(len(self.asked), -1)))
+        swept = np.array([a.values for a in self.evaluations], dtype=float)
+        super().__init__(study, np.asfortranarray(swept.reshape(len(self.evaluations), -1)))
 
     @property
     def design_study(self) -> DesignStudy:
@@ -122,7 +122,7 @@ class DesignPlan(Plan):
     @cached_property
     def tasks(self) -> DesignPoints:
         """Design points; what is asked of them is part of their names."""
-        stages = np.array([a.stage for a in self.asked])
+        stages = np.array([a.stage for a in self.evaluations])
         begins = today_values(self.design_study), nominal_operation(self.design_study)
         names = StageNames(self._values, stages, begins, self.structure_key, self._model_hash)
         return DesignPoints(self._values, names)
@@ -168,7 +168,7 @@ def nominal_operation(study: DesignStudy) -> dict[str, float]:
 def first_plan(study: DesignStudy) -> DesignPlan:
     """Today's design over the matrix of operation."""
     points = operating_points(study)
-    return DesignPlan(study, [ask(study, p, study.nominal) for p in points])
+    return DesignPlan(study, [evaluation(study, p, study.nominal) for p in points])
 
 
 def operating_points(study: DesignStudy) -> np.ndarray:
@@ -176,14 +176,14 @@ def operating_points(study: DesignStudy) -> np.ndarray:
     return design_points(study.operation)
 
 
-def ask(
+def evaluation(
     study: DesignStudy,
     point: np.ndarray,
     design: np.ndarray,
     stage: str = MODES,
     scatter: np.ndarray | None = None,
-) -> Ask:
+) -> Evaluation:
     """One design (d,) at one operating point; what scatters (k,) as in [parameters] by default."""
-    uncertain = study.middles if scatter is None else scatter
+    uncertain = study.uncertain_nominal if scatter is None else scatter
     values = np.concatenate([point, design, uncertain])
-    return Ask(tuple(float(v) for v in values), stage)
+    return Evaluation(tuple(float(v) for v in values), stage)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from squealstudy.cycles.trials import DECAYS, LASTS
-from squealstudy.kinds.design.evaluations import Evaluations
+from squealstudy.kinds.design.evaluated_designs import EvaluatedDesigns
 from squealstudy.kinds.design.in_time import TODAY
-from squealstudy.kinds.design.plan import CYCLES, FULL, IN_TIME, ROOTS, Ask, ask
-from squealstudy.kinds.design.state import Check, Extra
+from squealstudy.kinds.design.plan import CYCLES, FULL, IN_TIME, ROOTS, Evaluation, evaluation
+from squealstudy.kinds.design.state import Check, DampingDemand
 from squealstudy.tables.robustness import probability_interval
 from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, plural
 
@@ -22,7 +22,7 @@ N_POINTS_REFINED = 6  # points of least margin whose neighbourhood is looked at,
 # of a gap of the matrix, in which middles end; round-off
 GRID_STEP_SUBDIVISIONS, ROUND_OFF_FACTOR = 8, 1.001
 CYCLE_POINTS = 4  # at which limit cycles are looked for, of models that are no brake
-MAX_POINTS_ADDED = 6  # points that join the view of the search at once
+MAX_POINTS_ADDED = 6  # points that become active in the search at once
 SHORTFALL_FACTOR = 1.1  # of what a check finds missing: what the next search is asked for beside it
 LEAST_LACK = 1e-4  # damping ratio
 # factor on the scatter that the search allows for where the proof was missed
@@ -37,10 +37,10 @@ class Proof:
 
     Parameters
     ----------
-    designs : Evaluations
+    designs : EvaluatedDesigns
     """
 
-    def __init__(self, designs: Evaluations) -> None:
+    def __init__(self, designs: EvaluatedDesigns) -> None:
         self.designs = designs
 
     def passed(self, design: np.ndarray) -> bool:
@@ -59,29 +59,32 @@ class Proof:
         self,
         kind: str,
         design: np.ndarray,
-        asks: Sequence[Ask],
+        evaluations: Sequence[Evaluation],
         passed: bool | None,
         value: float,
         text: str,
     ) -> None:
         self.designs.state.checks.append(
-            Check(self.designs.state.round, kind, design, tuple(asks), passed, value, text)
+            Check(self.designs.state.round, kind, design, tuple(evaluations), passed, value, text)
         )
 
     def _over(self, kind: str, design: np.ndarray, points: Sequence[int]) -> bool:
-        """Whether a design meets the margin at some points; those where not join the view."""
-        asks = [self.designs.judging(p, design) for p in points]
-        rows = self.designs.rows_of(asks)
+        """Whether a design meets the margin at some points; the others become active."""
+        evaluations = [self.designs.margin_evaluation(p, design) for p in points]
+        rows = self.designs.rows_of(evaluations)
         found = [
-            self.designs.judged(design, [p], a.stage) for p, a in zip(points, asks, strict=True)
+            self.designs.constraints(design, [p], a.stage)
+            for p, a in zip(points, evaluations, strict=True)
         ]
         excess = np.array([-1.0 if j is None else j.worst for j in found])
         least = np.array([r["min_damping_ratio"] for r in rows if r["status"] == "ok"])
         bad = [points[i] for i in np.argsort(excess, kind="stable") if excess[i] < 0]
         text = f"{len(points) - len(bad)} of {len(points)} operating points have what is asked"
         value = float(np.nanmin(least)) if np.isfinite(least).any() else np.nan
-        self._told(kind, design, asks, not bad, value, text)
-        self.designs.state.view = sorted({*self.designs.state.view, *bad[:MAX_POINTS_ADDED]})
+        self._told(kind, design, evaluations, not bad, value, text)
+        self.designs.state.active_points = sorted(
+            {*self.designs.state.active_points, *bad[:MAX_POINTS_ADDED]}
+        )
         return not bad
 
     def _matrix(self, design: np.ndarray) -> bool:
@@ -102,7 +105,7 @@ class Proof:
             known = np.array(state.points).reshape(len(state.points), -1)
             new: dict[bytes, np.ndarray] = {}
             for p in self._worst(design, N_POINTS_REFINED):
-                new |= {m.tobytes(): m for m in middles(known, p, matrix)}
+                new |= {m.tobytes(): m for m in midpoints(known, p, matrix)}
             new = {key: m for key, m in new.items() if not (known == m).all(axis=1).any()}
             if not new:
                 return True
@@ -117,8 +120,8 @@ class Proof:
         if not self.designs.reduced or not self.designs.goal.full_order:
             return True
         points = self._worst(design, self.designs.goal.full_order)
-        asks = [self.designs.ask(p, design, FULL) for p in points]
-        rows = self.designs.rows_of(asks)
+        evaluations = [self.designs.evaluation(p, design, FULL) for p in points]
+        rows = self.designs.rows_of(evaluations)
         good: bool | None = True
         value, lost = np.inf, ""
         for p, row in zip(points, rows, strict=True):
@@ -126,19 +129,19 @@ class Proof:
                 good, lost = None if good else good, f"; {row['message']}"
                 continue
             own, full = (
-                self.designs.rows[self.designs.judging(p, design)]["min_damping_ratio"],
+                self.designs.rows[self.designs.margin_evaluation(p, design)]["min_damping_ratio"],
                 row["min_damping_ratio"],
             )
             value = min(value, full)
             if full < self.designs.margin:
                 good = False
-                self.designs.state.extras.append(
-                    Extra(p, self.designs.margin + SHORTFALL_FACTOR * (own - full))
+                self.designs.state.demands.append(
+                    DampingDemand(p, self.designs.margin + SHORTFALL_FACTOR * (own - full))
                 )
-                self.designs.state.view = sorted({*self.designs.state.view, p})
+                self.designs.state.active_points = sorted({*self.designs.state.active_points, p})
         least = f"{value:.4g}" if np.isfinite(value) else "not known"
         text = f"least damping ratio {least} at {plural(len(points), 'operating point')}{lost}"
-        self._told("full_order", design, asks, good, value, text)
+        self._told("full_order", design, evaluations, good, value, text)
         return good is not False
 
     def _cycles(self, design: np.ndarray) -> bool:
@@ -148,8 +151,8 @@ class Proof:
         if not self.designs.cyclic or not count:
             return True
         points = self._worst(design, count)
-        asks = [self.designs.ask(p, design, CYCLES) for p in points]
-        rows = self.designs.rows_of(asks)
+        evaluations = [self.designs.evaluation(p, design, CYCLES) for p in points]
+        rows = self.designs.rows_of(evaluations)
         verdicts: dict[str, int] = {}
         value, good = -np.inf, True
         for p, row in zip(points, rows, strict=True):
@@ -162,19 +165,23 @@ class Proof:
             if missing > 0 or name in (SQUEALS, IF_KICKED):
                 good = False
                 hz = float(row["frequency_hz"])
-                own = self._damping_near(self.designs.rows[self.designs.judging(p, design)], hz)
+                own = self._damping_near(
+                    self.designs.rows[self.designs.margin_evaluation(p, design)], hz
+                )
                 lack = max(missing, LEAST_LACK)
                 beyond = max(lack + min(own, 0.0), LEAST_LACK)  # what small motions lack is known
                 more = own + lack + (SHORTFALL_FACTOR - 1.0) * beyond
-                self.designs.state.extras.append(Extra(p, more, hz))
-                self.designs.state.view = sorted({*self.designs.state.view, p})
+                self.designs.state.demands.append(DampingDemand(p, more, hz))
+                self.designs.state.active_points = sorted({*self.designs.state.active_points, p})
         known = good and set(verdicts) <= {NO_CYCLE}
         text = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in verdicts.items())
         if NO_CYCLE in verdicts:
             text += " (on the curves searched; a cycle apart from them is not excluded)"
         if value > 0:
             text += f"; up to {100 * value:.2g} % of critical damping is missing at some amplitude"
-        self._told(LIMIT_CYCLES, design, asks, known or (None if good else False), value, text)
+        self._told(
+            LIMIT_CYCLES, design, evaluations, known or (None if good else False), value, text
+        )
         return good
 
     def _in_time(self, design: np.ndarray) -> bool:
@@ -186,19 +193,19 @@ class Proof:
         was = designs.by_margin(designs.study.nominal, range(designs.state.n_matrix))
         both = dict.fromkeys(p for pair in zip(own, was, strict=False) for p in pair)
         points = list(both)[: designs.goal.in_time]
-        asks = [designs.ask(p, design, IN_TIME) for p in points]
-        rows = designs.rows_of(asks)
+        evaluations = [designs.evaluation(p, design, IN_TIME) for p in points]
+        rows = designs.rows_of(evaluations)
         good, ok = True, [r for r in rows if r["status"] == "ok"]
         for p, row in zip(points, rows, strict=True):
             if row["status"] != "ok" or row["verdict"] != LASTS:
                 continue
             good, hz = False, float(np.nan_to_num(row["frequency_hz"]))
-            near = self._damping_near(designs.rows[designs.judging(p, design)], hz)
-            of_runs = [e for e in designs.state.extras if e.point == p and np.isfinite(e.lasts)]
-            before = next((e for e in of_runs if e.near(hz)), Extra(p, 0.0, hz))
-            designs.state.extras = [e for e in designs.state.extras if e is not before]
-            designs.state.extras.append(before.raised(near))
-            designs.state.view = sorted({*designs.state.view, p})
+            near = self._damping_near(designs.rows[designs.margin_evaluation(p, design)], hz)
+            of_runs = [e for e in designs.state.demands if e.point == p and np.isfinite(e.lasts)]
+            before = next((e for e in of_runs if e.near(hz)), DampingDemand(p, 0.0, hz))
+            designs.state.demands = [e for e in designs.state.demands if e is not before]
+            designs.state.demands.append(before.increased(near))
+            designs.state.active_points = sorted({*designs.state.active_points, p})
         known = len(ok) == len(rows) and all(r["verdict"] == DECAYS for r in rows)
         runs = sum(r["n_modes"] for r in ok)
         decayed = runs - sum(r["n_unstable"] for r in ok)
@@ -213,13 +220,13 @@ class Proof:
             lost = next(r["message"] for r in rows if r["status"] != "ok")
             text += f"; {plural(len(rows) - len(ok), 'point')} could not be run: {lost}"
         share = decayed / runs if runs else np.nan
-        self._told(IN_TIME, design, asks, known or (None if good else False), share, text)
+        self._told(IN_TIME, design, evaluations, known or (None if good else False), share, text)
         return good
 
     @staticmethod
     def _damping_near(row: Mapping[str, Any], hz: float) -> float:
         """Least damping ratio of the modes near a frequency."""
-        about = Extra(0, 0.0, hz)
+        about = DampingDemand(0, 0.0, hz)
         own = [m["damping_ratio"] for m in row["modes"] if about.near(m["frequency_hz"])]
         return float(min(own, default=row["min_damping_ratio"]))
 
@@ -229,17 +236,18 @@ class Proof:
         if asked is None:
             return True
         points, scatter = self._worst(design, self.designs.goal.sampled), self._samples(asked)
-        asks = [
+        evaluations = [
             [
-                ask(self.designs.study, self.designs.state.points[p], design, ROOTS, u)
+                evaluation(self.designs.study, self.designs.state.points[p], design, ROOTS, u)
                 for p in points
             ]
             for u in scatter
         ]
-        rows = self.designs.rows_of(a for own in asks for a in own)
+        rows = self.designs.rows_of(a for own in evaluations for a in own)
         least = np.array([r["min_damping_ratio"] for r in rows])
         left = [
-            self.designs.moved_out(p, r) for p, r in zip(points * len(scatter), rows, strict=True)
+            self.designs.modes_moved_out(p, r)
+            for p, r in zip(points * len(scatter), rows, strict=True)
         ]
         ok = np.array([r["status"] == "ok" and not m for r, m in zip(rows, left, strict=True)])
         met = ok & ~(least < self.designs.margin)  # without a mode in the band none misses it
@@ -249,7 +257,7 @@ class Proof:
             f"{good} of {len(scatter)} samples meet the margin at {len(points)} operating points: "
             f"probability {low:.4g} to {high:.4g}, {asked:g} asked"
         )
-        flat = [a for own in asks for a in own]
+        flat = [a for own in evaluations for a in own]
         passed = low >= asked
         self._told("scatter", design, flat, passed, good / len(scatter), text)
         if not passed:
@@ -273,7 +281,7 @@ class Proof:
         return np.column_stack(columns)
 
 
-def middles(points: np.ndarray, number: int, matrix: np.ndarray) -> list[np.ndarray]:
+def midpoints(points: np.ndarray, number: int, matrix: np.ndarray) -> list[np.ndarray]:
     """Points (k,) halfway from one of some points (m, k) to the next value of each parameter.
 
     None in what is 1 / GRID_STEP_SUBDIVISIONS or less of the gap between values of the matrix

@@ -50,7 +50,7 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class Constraints:
     """What is known of a design.
 
     Attributes
@@ -75,7 +75,7 @@ Steps = dict[tuple[bytes, ...], tuple[np.ndarray, float]]
 
 def descend(
     box: Box, start: np.ndarray, margin: float, steps: Steps
-) -> Generator[np.ndarray, Judged | None, np.ndarray]:
+) -> Generator[np.ndarray, Constraints | None, np.ndarray]:
     """From one design to a local least cost; asks for designs (d,), is sent what is known of them.
 
     None stands for a design that cannot be solved: the step is refused. Returns the last design.
@@ -114,12 +114,12 @@ def descend(
     return z
 
 
-def _merit(box: Box, z: np.ndarray, judged: Judged, weight: float, aim: float) -> float:
-    return box.price(z) + weight * max(0.0, aim - judged.worst)
+def _merit(box: Box, z: np.ndarray, constraints: Constraints, weight: float, aim: float) -> float:
+    return box.price(z) + weight * max(0.0, aim - constraints.worst)
 
 
 def _step(
-    box: Box, z: np.ndarray, here: Judged, radius: float, weight: float, aim: float
+    box: Box, z: np.ndarray, here: Constraints, radius: float, weight: float, aim: float
 ) -> tuple[np.ndarray, float]:
     """The next design (d,) and its merit, first order."""
     from scipy.optimize import linprog

@@ -1,4 +1,4 @@
-"""What a loop of search and proof knows, and what it has come to."""
+"""What the search and its proof know, and what they have come to."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.kinds.design.plan import Ask
+from squealstudy.kinds.design.plan import Evaluation
 from squealstudy.kinds.design.search import Steps
 from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.kinds.design.targets import Realisation
 
 Row = Mapping[str, Any]
-Rows = Mapping[Ask, Row]
+Rows = Mapping[Evaluation, Row]
 # all checks passed, with and without a look at large motions; some could not be told
 MET, MET_LINEAR, UNDECIDED = "met", "met_linear", "undecided"
 # the limit of designs; no design meets the margin; ten rounds; nothing may change
@@ -26,24 +26,24 @@ NEAR_ENOUGH = 0.05  # between damping ratios with which a run lasts, and decays
 JUST_ABOVE_FACTOR = 1 + 1e-6
 
 
-class Wanted(Exception):  # noqa: N818 - no error
-    """Rows that are not there yet."""
+class RowsPending(Exception):  # noqa: N818 - no error
+    """Ends a pass of the search: design points that it needs are not solved yet."""
 
 
 @dataclass(frozen=True)
-class Extra:
+class DampingDemand:
     """More damping than the margin that an operating point asks for.
 
     Attributes
     ----------
     point : int
-        Of the points of the loop.
+        Number of the operating point.
     damping_ratio : float
     frequency_hz : float
         Of modes near it; 0 for all.
     lasts, decays : float
-        Of one that runs ask for: the largest damping ratio at which one was seen to last, and the
-        least that a design was asked for whose runs all decay.
+        Of a demand that runs in time showed: the largest damping ratio with which a vibration
+        lasted, and the least demand that a design met whose runs all decay.
     """
 
     point: int
@@ -53,31 +53,31 @@ class Extra:
     decays: float = np.inf
 
     def near(self, hz: np.ndarray | float) -> np.ndarray | bool:
-        """Whether frequencies are those of modes that it is about."""
+        """Whether the demand applies to modes of these frequencies [Hz]."""
         close = np.abs(hz - self.frequency_hz) <= KICK_WINDOW * self.frequency_hz
         return close | (self.frequency_hz == 0.0)
 
-    def raised(self, lasts: float) -> Extra:
+    def increased(self, lasts: float) -> DampingDemand:
         """After a run that lasts at a damping ratio: halfway to what decays, or a factor more."""
         decays = self.decays if lasts < self.decays else np.inf
         more = max(MORE_DAMPING[0] * lasts, lasts + MORE_DAMPING[1])
         more = (lasts + decays) / 2 if np.isfinite(decays) else more
         return replace(self, damping_ratio=more, lasts=lasts, decays=decays)
 
-    def eased(self) -> Extra:
+    def reduced(self) -> DampingDemand:
         """After a proof that succeeded with it: halfway to what lasts, until the two are near."""
         own = replace(self, decays=self.damping_ratio)
-        return own if own.known else replace(own, damping_ratio=(own.lasts + own.decays) / 2)
+        return own if own.is_settled else replace(own, damping_ratio=(own.lasts + own.decays) / 2)
 
     @property
-    def known(self) -> bool:
-        """Whether what it asks for is near the least, or not of runs."""
+    def is_settled(self) -> bool:
+        """Whether the bracket of the least demand is narrow, or none is needed."""
         apart = self.decays - self.lasts  # NaN of what is not of runs
         return not apart > max(NEAR_ENOUGH * self.decays, MORE_DAMPING[1] / 2)
 
     @property
-    def shown(self) -> Extra:
-        """Without what was tried below what decays; of what none decays yet, above what lasts."""
+    def at_proven_level(self) -> DampingDemand:
+        """At the level that is proven: with which runs decay, else just above what lasted."""
         if not np.isfinite(self.lasts):
             return self
         known = np.isfinite(self.decays)
@@ -94,7 +94,7 @@ class Check:
     kind : str
         ``matrix``, ``refined``, ``full_order``, ``limit_cycles``, ``in_time`` or ``scatter``.
     design : ndarray (d,)
-    asks : tuple of Ask
+    evaluations : tuple of Evaluation
     passed : bool or None
         None where it cannot be told.
     value : float
@@ -106,7 +106,7 @@ class Check:
     round: int
     kind: str
     design: np.ndarray
-    asks: tuple[Ask, ...]
+    evaluations: tuple[Evaluation, ...]
     passed: bool | None
     value: float
     text: str
@@ -114,16 +114,16 @@ class Check:
 
 @dataclass
 class State:
-    """What the loop has come to.
+    """What the search has come to.
 
     Attributes
     ----------
     points : list of ndarray (n_operating,)
         The matrix, then refined points.
     n_matrix : int
-    view : list of int
-        Points that the search has in view.
-    extras : list of Extra
+    active_points : list of int
+        Operating points at which the search judges designs.
+    demands : list of DampingDemand
     safety : float
         Standard deviations of the scatter that the search allows for.
     designs : dict of bytes -> ndarray (d,)
@@ -132,18 +132,18 @@ class State:
         Why it was first asked for, in which round.
     checks : list of Check
     outcome : str
-        Empty while something is wanted.
+        Empty while rows are pending.
     chosen : ndarray (d,) or None
     realisation : Realisation or None
         Of targets, where a study has other variables too.
     failure : str
-        Why no design is known at all points in view; empty where one is.
+        Why no design is known at all active points; empty where one is.
     """
 
     points: list[np.ndarray]
     n_matrix: int
-    view: list[int]
-    extras: list[Extra] = field(default_factory=list)
+    active_points: list[int]
+    demands: list[DampingDemand] = field(default_factory=list)
     safety: float = 0.0
     designs: dict[bytes, np.ndarray] = field(default_factory=dict)
     roles: dict[bytes, tuple[str, int]] = field(default_factory=dict)
@@ -156,7 +156,7 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ModeDamping:
     """The modes of least damping of a design at one operating point.
 
     Attributes
@@ -175,9 +175,9 @@ class Seen:
     slopes: np.ndarray
 
 
-def seen_of(
+def mode_damping_of(
     row: Mapping[str, Any], study: DesignStudy, ranges: np.ndarray, sigmas: Mapping[str, float]
-) -> Seen:
+) -> ModeDamping:
     """What a row holds of them; steady sliding that diverges stands as a mode of 0 Hz."""
     zeta, hz, scatter, slopes = [], [], [], []
     for mode in row["modes"]:
@@ -190,7 +190,7 @@ def seen_of(
     if row["frequency_hz"] == 0.0:
         zeta, hz, scatter = [*zeta, row["min_damping_ratio"]], [*hz, 0.0], [*scatter, 0.0]
         slopes.append(np.zeros(len(ranges)))
-    return Seen(
+    return ModeDamping(
         np.array(zeta),
         np.array(hz),
         np.nan_to_num(np.array(scatter, dtype=float)),
@@ -198,7 +198,7 @@ def seen_of(
     )
 
 
-def moved_out(
+def modes_moved_out(
     here: Row, today: Sequence[Row], band_hz: tuple[float, float]
 ) -> list[Mapping[str, float]]:
     """Growing modes of a design beside the band, where no row of today's has as many on that side.
@@ -219,8 +219,8 @@ def moved_out(
 
 
 @dataclass(frozen=True)
-class Memory:
-    """What a loop that is gone through again need not make again; it grows."""
+class SearchCache:
+    """What a search that is replayed need not compute again; it grows."""
 
-    seen: dict[Ask, Seen] = field(default_factory=dict)
+    seen: dict[Evaluation, ModeDamping] = field(default_factory=dict)
     steps: Steps = field(default_factory=dict)

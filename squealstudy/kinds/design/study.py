@@ -133,7 +133,7 @@ class DesignStudy(ResolvedStudy):
         return np.array([v.nominal for v in self.variables], dtype=float)
 
     @property
-    def middles(self) -> np.ndarray:
+    def uncertain_nominal(self) -> np.ndarray:
         """Values (k,) in [parameters] of what scatters."""
         return np.array([self.value_of(s.parameter) for s in self.uncertain], dtype=float)
 
@@ -295,7 +295,9 @@ def one_sigma(sweep: Sweep) -> tuple[float, float]:
 
 def _check_scatter(study: DesignStudy) -> None:
     """What scatters does so about its value in [parameters], where the search has it."""
-    for number, (sweep, value) in enumerate(zip(study.uncertain, study.middles, strict=True)):
+    for number, (sweep, value) in enumerate(
+        zip(study.uncertain, study.uncertain_nominal, strict=True)
+    ):
         low, high = one_sigma(sweep)
         if not low <= value <= high:
             text = (

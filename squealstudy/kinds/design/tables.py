@@ -21,7 +21,7 @@ from squealstudy.engine.rows import (
 )
 from squealstudy.engine.store import DESIGNS, MARGINS, PROOF, SLOPES, VARIANTS, Store
 from squealstudy.engine.validity import write_points
-from squealstudy.kinds.design.loop import Loop
+from squealstudy.kinds.design.design_search import DesignSearch
 from squealstudy.kinds.design.plan import DesignPlan, operating_points
 from squealstudy.kinds.design.rows import MODE_FIELDS, SCHEMA, SLOPE_FIELDS, SUMMARY_FIELDS
 from squealstudy.kinds.design.variants import VARIANT_FIELDS, choice, variant_rows
@@ -59,18 +59,20 @@ PROOF_FIELDS = (
 )
 
 
-def build_tables(plan: DesignPlan, store: Store, loop: Loop) -> tuple[pd.DataFrame, dict[str, Any]]:
+def build_tables(
+    plan: DesignPlan, store: Store, search: DesignSearch
+) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Write the six tables; that of the points, and the verdict for the manifest."""
     rows = planned_rows(plan, store, SCHEMA)
-    numbers = {key: n for n, key in enumerate(loop.state.designs)}
+    numbers = {key: n for n, key in enumerate(search.state.designs)}
     start = plan.design_study.n_operating
     own = slice(start, start + len(plan.design_study.variables))
-    place = [numbers.get(np.array(a.of(own)).tobytes()) for a in plan.asked]
+    place = [numbers.get(np.array(a.of(own)).tobytes()) for a in plan.evaluations]
     shares = _shares(plan)
-    for row, asked, number in zip(rows, plan.asked, place, strict=True):
+    for row, asked, number in zip(rows, plan.evaluations, place, strict=True):
         share = shares.get(asked.of(slice(start)), np.nan)
         row |= {"design": number, "stage": asked.stage, "occurrence": share}
-    designs = design_rows(plan, loop)
+    designs = design_rows(plan, search)
     names = [v.name for v in plan.design_study.variables]
     fields = [*DESIGN_FIELDS[:3], *((n, REAL) for n in names), *DESIGN_FIELDS[3:]]
     _write(store, DESIGNS, designs, fields)
@@ -91,14 +93,14 @@ def build_tables(plan: DesignPlan, store: Store, loop: Loop) -> tuple[pd.DataFra
             "design": numbers[c.design.tobytes()],
             "check": c.kind,
             "passed": c.passed,
-            "n_points": len(c.asks),
+            "n_points": len(c.evaluations),
             "value": c.value,
             "text": c.text,
         }
-        for c in loop.state.checks
+        for c in search.state.checks
     ]
     _write(store, PROOF, checks, PROOF_FIELDS)
-    told = facts(plan, loop, designs)
+    told = facts(plan, search, designs)
     variants = variant_rows(plan, store, told)
     _write(store, VARIANTS, variants, VARIANT_FIELDS)
     told["choice"] = choice(variants)
@@ -120,38 +122,38 @@ def _write(store: Store, name: str, rows: Sequence[Mapping[str, Any]], fields: F
     store.write_table(name, pa.Table.from_pylist(list(rows), schema=schema))
 
 
-def design_rows(plan: DesignPlan, loop: Loop) -> list[dict[str, Any]]:
+def design_rows(plan: DesignPlan, search: DesignSearch) -> list[dict[str, Any]]:
     """A row a design that was evaluated, in the order in which designs were asked for.
 
     ``margin`` is by how much damping ratios exceed what was asked at the end, least over the
     operating points at which the design was solved; ``meets`` is missing where these are too few.
     """
-    study, state = plan.design_study, loop.state
+    study, state = plan.design_study, search.state
     chosen = None if state.chosen is None else state.chosen.tobytes()
-    ids = dict(zip(plan.asked, plan.tasks.ids.astype(str).tolist(), strict=True))
+    ids = dict(zip(plan.evaluations, plan.tasks.ids.astype(str).tolist(), strict=True))
     rows: list[dict[str, Any]] = []
     for key, design in state.designs.items():
         role, number = state.roles[key]
-        found = {p: loop.known(p, design) for p in range(len(state.points))}
+        found = {p: search.finished_modes(p, design) for p in range(len(state.points))}
         asked = {p: own[0] for p, own in found.items() if own is not None}
-        known = [(p, loop.rows[a]) for p, a in asked.items()]
+        known = [(p, search.rows[a]) for p, a in asked.items()]
         ok = [(p, r) for p, r in known if r["status"] == "ok"]
         worst = least_damped(ok)
-        judged = loop.judged(design, [p for p, _ in known], None)
-        margin = np.nan if judged is None else judged.worst
-        everywhere = {p for p, _ in known} >= set(state.view)
-        z = loop.change(design)
+        constraints = search.constraints(design, [p for p, _ in known], None)
+        margin = np.nan if constraints is None else constraints.worst
+        everywhere = {p for p, _ in known} >= set(state.active_points)
+        z = search.change(design)
         rows.append(
             {
                 "design": len(rows),
                 "role": role,
                 "round": number,
                 **dict(zip((v.name for v in study.variables), map(float, design), strict=True)),
-                "cost": loop.box.price(z),
+                "cost": search.box.price(z),
                 "n_points": len(known),
                 "n_failed": sum(r["status"] != "ok" for _, r in known),
                 "n_unstable": sum(r["n_unstable"] > 0 for _, r in ok),
-                "unstable_share": unstable_share(loop, dict(ok)),
+                "unstable_share": unstable_share(search, dict(ok)),
                 "min_damping_ratio": np.nan if worst is None else worst[1]["min_damping_ratio"],
                 "frequency_hz": np.nan if worst is None else worst[1]["frequency_hz"],
                 "main_component": "" if worst is None else worst[1]["main_component"],

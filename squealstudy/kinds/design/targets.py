@@ -3,7 +3,7 @@
 Frequencies and dampings of component modes say what a part should do, not how it is built. Where a
 study has both sorts of variables, targets are searched alone first. The search over what can be
 built then begins at the changes x that are nearest to the best targets t in what they do to the
-roots of today's design near its margin at all points in view, first order, within their bounds
+roots of today's design near its margin at all active points, first order, within their bounds
 (THEORY.md eq. (115a)).
 """
 
@@ -28,7 +28,7 @@ class Realisation:
     target : ndarray (d,)
         Values of all variables, the others as today.
     enough : bool
-        Whether it meets the margin at the points in view.
+        Whether it meets the margin at the active points.
     begun : ndarray (d,)
         Values of the nearest changes, targets as today.
     matched : float
@@ -64,7 +64,7 @@ def nearest(
     Parameters
     ----------
     rows : iterable of mapping
-        Today's design at the points in view.
+        Today's design at the active points.
     names : list of str
         Of the variables.
     ranges, target : ndarray (d,)

@@ -9,7 +9,7 @@ import numpy as np
 
 from squealstudy.engine.plan import has_mesh
 from squealstudy.engine.reduced import shared_facts
-from squealstudy.kinds.design.loop import Loop
+from squealstudy.kinds.design.design_search import DesignSearch
 from squealstudy.kinds.design.plan import DesignPlan
 from squealstudy.kinds.design.state import (
     NONE_FOUND,
@@ -25,30 +25,32 @@ from squealstudy.wording import amount, band_text, plural, setting
 if TYPE_CHECKING:
     import pandas as pd
 
-Solved = tuple[int, Mapping[str, Any]]  # a point of the loop and its row
+Solved = tuple[int, Mapping[str, Any]]  # an operating point and its row
 BOUND_REL_TOLERANCE = 1e-6  # of a range: a variable is at its bound
 
 
-def unstable_share(loop: Loop, ok: Mapping[int, Mapping[str, Any]]) -> float:
+def unstable_share(search: DesignSearch, ok: Mapping[int, Mapping[str, Any]]) -> float:
     """Share of the operation with an unstable mode, by occurrence; NaN where one is not known."""
-    if not all(p in ok for p in range(loop.state.n_matrix)):
+    if not all(p in ok for p in range(search.state.n_matrix)):
         return float("nan")
-    unstable = [ok[p]["n_unstable"] > 0 for p in range(loop.state.n_matrix)]
-    return float(loop.study.occurrence[unstable].sum())
+    unstable = [ok[p]["n_unstable"] > 0 for p in range(search.state.n_matrix)]
+    return float(search.study.occurrence[unstable].sum())
 
 
-def facts(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def facts(
+    plan: DesignPlan, search: DesignSearch, designs: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
     """The verdict, its sentence and its numbers, for the manifest."""
-    state, study = loop.state, plan.design_study
+    state, study = search.state, plan.design_study
     chosen = None
     if state.chosen is not None:
         chosen = next(d for d in designs if d["chosen"])
-    changes = [] if state.chosen is None else changed(loop, state.chosen)
+    changes = [] if state.chosen is None else changed(search, state.chosen)
     least = (lambda k: None) if chosen is None else chosen.get
     return {
         "outcome": state.outcome,
         "failure": state.failure,
-        "verdict": sentence(plan, loop, designs) + _target_text(loop),
+        "verdict": sentence(plan, search, designs) + _target_text(search),
         "today": 0,
         "chosen": None if chosen is None else int(chosen["design"]),
         "cost": None if chosen is None else float(chosen["cost"]),
@@ -64,39 +66,42 @@ def facts(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]]) ->
         "operating": [s.name for s in study.sweeps[: study.n_operating]],
         "n_operating_points": state.n_matrix,
         "n_refined_points": len(state.points) - state.n_matrix,
-        "n_in_view": len(state.view),
+        "n_in_view": len(state.active_points),
         "rounds": state.round,
         "n_designs": len(designs),
-        "beside": _beside(loop, state.chosen),
-        "today_beside": _beside(loop, study.nominal),
+        "beside": _beside(search, state.chosen),
+        "today_beside": _beside(search, study.nominal),
         **_reductions(plan),
-        "targets": _targets(loop),
+        "targets": _targets(search),
     }
 
 
-def _beside(loop: Loop, design: np.ndarray | None) -> list[int]:
+def _beside(search: DesignSearch, design: np.ndarray | None) -> list[int]:
     """How many modes grow beside the band, at every operating point where a design was solved."""
-    known = (None if design is None else loop.known(p, design) for p in range(loop.state.n_matrix))
+    known = (
+        None if design is None else search.finished_modes(p, design)
+        for p in range(search.state.n_matrix)
+    )
     return [0 if own is None else len(own[1]["beside"]) for own in known]
 
 
-def _targets(loop: Loop) -> dict[str, Any] | None:
+def _targets(search: DesignSearch) -> dict[str, Any] | None:
     """What targets alone come to, and the nearest changes; None where they were not searched."""
-    found = loop.state.realisation
+    found = search.state.realisation
     if found is None:
         return None
     return {
-        "change": change_text(changed(loop, found.target)),
-        "cost": loop.box.price(loop.change(found.target)),
+        "change": change_text(changed(search, found.target)),
+        "cost": search.box.price(search.change(found.target)),
         "enough": found.enough,
-        "nearest": change_text(changed(loop, found.begun)),
+        "nearest": change_text(changed(search, found.begun)),
         "matched": found.matched if np.isfinite(found.matched) else None,
     }
 
 
-def _target_text(loop: Loop) -> str:
+def _target_text(search: DesignSearch) -> str:
     """The same in words, with a space before them; empty where there are none."""
-    facts = _targets(loop)
+    facts = _targets(search)
     if facts is None:
         return ""
     what = facts["change"] or "no change"
@@ -126,9 +131,9 @@ def _reductions(plan: DesignPlan) -> dict[str, int]:
     }
 
 
-def changed(loop: Loop, design: np.ndarray) -> list[dict[str, Any]]:
+def changed(search: DesignSearch, design: np.ndarray) -> list[dict[str, Any]]:
     """Every variable that a design changes: from what to what, and whether to its bound."""
-    z, study, ends = loop.change(design), loop.study, at_bounds(loop, design)
+    z, study, ends = search.change(design), search.study, at_bounds(search, design)
     units = {p.name: p.unit for p in study.model.parameters}
     return [
         {
@@ -143,10 +148,10 @@ def changed(loop: Loop, design: np.ndarray) -> list[dict[str, Any]]:
     ]
 
 
-def at_bounds(loop: Loop, design: np.ndarray) -> np.ndarray:
+def at_bounds(search: DesignSearch, design: np.ndarray) -> np.ndarray:
     """Which variables (d,) of a design are at a bound, those that are as today too."""
-    z = loop.change(design)
-    near: np.ndarray = np.minimum(z - loop.whole.low, loop.whole.high - z) < BOUND_REL_TOLERANCE
+    z = search.change(design)
+    near: np.ndarray = np.minimum(z - search.whole.low, search.whole.high - z) < BOUND_REL_TOLERANCE
     return near
 
 
@@ -176,20 +181,20 @@ def beyond_validity(points: pd.DataFrame, design: int | None) -> str:
     )
 
 
-def _where(plan: DesignPlan, loop: Loop, p: int) -> str:
+def _where(plan: DesignPlan, search: DesignSearch, p: int) -> str:
     """An operating point in words."""
     study = plan.design_study
     units = {q.name: q.unit for q in study.model.parameters}
-    point = loop.state.points[p]
+    point = search.state.points[p]
     return ", ".join(
         setting(s.name, float(v), units.get(s.name, ""))
         for s, v in zip(study.sweeps[: study.n_operating], point, strict=True)
     )
 
 
-def _solved(loop: Loop, design: np.ndarray) -> list[Solved]:
+def _solved(search: DesignSearch, design: np.ndarray) -> list[Solved]:
     """The points at which a design was solved, with their rows."""
-    found = ((p, loop.known(p, design)) for p in range(len(loop.state.points)))
+    found = ((p, search.finished_modes(p, design)) for p in range(len(search.state.points)))
     known = [(p, own[1]) for p, own in found if own is not None]
     return [(p, r) for p, r in known if r["status"] == "ok"]
 
@@ -200,12 +205,12 @@ def least_damped(found: Sequence[Solved]) -> Solved | None:
     return min(some, key=lambda item: item[1]["min_damping_ratio"], default=None)
 
 
-def _mode_text(plan: DesignPlan, loop: Loop, design: np.ndarray) -> str:
+def _mode_text(plan: DesignPlan, search: DesignSearch, design: np.ndarray) -> str:
     """The mode of least damping of a design, with its place, and what grows beside the band."""
-    solved = _solved(loop, design)
+    solved = _solved(search, design)
 
     def at(p: int) -> str:
-        where = _where(plan, loop, p)
+        where = _where(plan, search, p)
         return f" at {where}" if where else ""
 
     text, found = "no mode in the band where it was solved", least_damped(solved)
@@ -221,24 +226,24 @@ def _mode_text(plan: DesignPlan, loop: Loop, design: np.ndarray) -> str:
     return text
 
 
-def _today(loop: Loop, band_hz: Sequence[float]) -> str:
+def _today(search: DesignSearch, band_hz: Sequence[float]) -> str:
     """How often today's design squeals, by the modes of the band."""
-    state, today = loop.state, loop.study.nominal
-    rows = [loop.rows[loop.ask(p, today)] for p in range(state.n_matrix)]
+    state, today = search.state, search.study.nominal
+    rows = [search.rows[search.evaluation(p, today)] for p in range(state.n_matrix)]
     unstable = sum(r["status"] == "ok" and r["n_unstable"] > 0 for r in rows)
     failed = sum(r["status"] != "ok" for r in rows)
     text = f"Today's design has an unstable mode {band_text(band_hz)} at {unstable} of "
     text += f"{state.n_matrix} operating points"
-    if unstable and loop.goal.occurrence:
-        share = unstable_share(loop, {p: r for p, r in enumerate(rows) if r["status"] == "ok"})
+    if unstable and search.goal.occurrence:
+        share = unstable_share(search, {p: r for p, r in enumerate(rows) if r["status"] == "ok"})
         text += f", {100 * share:.3g} % of the operation" if np.isfinite(share) else ""
     return text + (f" ({failed} could not be solved)" if failed else "")
 
 
-def _proof(loop: Loop) -> str:
+def _proof(search: DesignSearch) -> str:
     """The checks of the chosen design that passed, and what could not be told."""
-    assert loop.state.chosen is not None
-    last = {c.kind: c for c in loop.state.checks if np.array_equal(c.design, loop.state.chosen)}
+    assert search.state.chosen is not None
+    last = {c.kind: c for c in search.state.checks if np.array_equal(c.design, search.state.chosen)}
     words = {
         "matrix": "the matrix",
         "refined": "points between",
@@ -254,26 +259,26 @@ def _proof(loop: Loop) -> str:
         check = last[kind]
         passed = {True: "", False: "FAILED, ", None: "undecided, "}[check.passed]
         parts.append(f"{word}: {passed}{check.text}")
-    asked = ["limit_cycles", "in_time", *(["full_order"] if loop.reduced else [])]
+    asked = ["limit_cycles", "in_time", *(["full_order"] if search.reduced else [])]
     missing = [words[k] for k in asked if k not in last]
     none = f"; not checked: {', '.join(missing)}" if missing else ""
     return "; ".join(parts) + none
 
 
-def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]]) -> str:
+def sentence(plan: DesignPlan, search: DesignSearch, designs: Sequence[Mapping[str, Any]]) -> str:
     """The verdict."""
-    state, goal = loop.state, plan.design_study.goal
-    today = _today(loop, plan.band_hz)
+    state, goal = search.state, plan.design_study.goal
+    today = _today(search, plan.band_hz)
     assert state.chosen is not None
     chosen, margin = state.chosen, goal.margin.damping_ratio
-    mode = _mode_text(plan, loop, chosen)
+    mode = _mode_text(plan, search, chosen)
     if state.outcome == NOTHING:
         return f"{today}: {mode}. Nothing may change: the file has no [[variable]]."
-    changes = changed(loop, chosen)
-    price = loop.box.price(loop.change(chosen))
+    changes = changed(search, chosen)
+    price = search.box.price(search.change(chosen))
     change = change_text(changes) or "no change"
     searched = f"{plural(len(designs), 'design')} evaluated"
-    kicks = f" with {len(state.extras)} demands of the proof" if state.extras else ""
+    kicks = f" with {len(state.demands)} demands of the proof" if state.demands else ""
     if state.failure:
         return (
             f"{today}; no design could be held against the margin of {margin:g}{kicks}, for "
@@ -283,13 +288,13 @@ def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]])
         text = f"at a cost of {price:.4g} ({change}) every operating point meets the margin"
         text = text if changes else "as it is it meets the margin"
         proof = "Proof" if state.outcome in PROVEN else "Not all of the proof could be told"
-        return f"{today}; {text} of {margin:g}: {mode}. {proof}: {_proof(loop)}. {searched}."
+        return f"{today}; {text} of {margin:g}: {mode}. {proof}: {_proof(search)}. {searched}."
     if state.outcome == NONE_FOUND:
         nearest = change_text(changes) or "today's design"
-        seen = len(state.view)
+        seen = len(state.active_points)
         where = "" if seen >= len(state.points) else f", of {seen} operating points in view"
-        ends = at_bounds(loop, chosen)
-        bound = [v.name for v, end in zip(loop.study.variables, ends, strict=True) if end]
+        ends = at_bounds(search, chosen)
+        bound = [v.name for v, end in zip(search.study.variables, ends, strict=True) if end]
         binds = f"; at their bounds: {', '.join(bound)}" if bound else "; no variable at a bound"
         return (
             f"{today}; no design within the bounds was found that meets the margin of "
@@ -299,5 +304,5 @@ def sentence(plan: DesignPlan, loop: Loop, designs: Sequence[Mapping[str, Any]])
     assert state.outcome in (STOPPED, UNPROVEN)
     return (
         f"{today}; {why}: the last candidate, at a cost of {price:.4g} ({change}), is not proven: "
-        f"{mode}. Checks: {_proof(loop)}. {searched}."
+        f"{mode}. Checks: {_proof(search)}. {searched}."
     )

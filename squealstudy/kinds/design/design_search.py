@@ -1,7 +1,7 @@
-"""The loop of a design study: scan, search, proof, and again with what the proof has shown.
+"""The search of a design study: scan, descent, proof, and again with what the proof has shown.
 
-Today's design, where it meets the goal, is proven before anything is searched. The loop is replayed
-from finished rows alone, so a killed run asks for the same designs again.
+Today's design, where it meets the goal, is proven before anything is searched. The search is
+replayed from finished rows alone, so a killed run asks for the same designs again.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from squealstudy.kinds.design.evaluations import Evaluations
+from squealstudy.kinds.design.evaluated_designs import EvaluatedDesigns
 from squealstudy.kinds.design.proof import AMPLITUDES, Proof
-from squealstudy.kinds.design.search import Judged, descend
+from squealstudy.kinds.design.search import Constraints, descend
 from squealstudy.kinds.design.state import (
     MET,
     MET_LINEAR,
@@ -23,9 +23,9 @@ from squealstudy.kinds.design.state import (
     STOPPED,
     UNDECIDED,
     UNPROVEN,
-    Memory,
     Rows,
-    Wanted,
+    RowsPending,
+    SearchCache,
 )
 from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.kinds.design.targets import Realisation, is_target, nearest, part_of
@@ -33,7 +33,7 @@ from squealstudy.kinds.design.targets import Realisation, is_target, nearest, pa
 SCAN_DESIGNS_PER_VARIABLE = 16  # designs a variable, where a variable costs no reduction
 MOST_CORNERS = 6  # variables of a box whose corners are in the scan
 SCAN_POINTS = 6  # operating points at which the scan looks
-# operating points that the search has all in view; else the worst so many
+# up to so many operating points are all active; else the worst so many
 MAX_POINTS_ALL_SEARCHED, N_WORST_POINTS_SEARCHED = 16, 12
 MIN_START_DISTANCE = 0.15  # least distance between starts, in units of the ranges
 MAX_ROUNDS = 10  # of search and proof
@@ -42,12 +42,12 @@ RELAXATION_ROUNDS = 4
 MIN_REL_COST_SAVING = 0.01  # of the cost: what these must save
 
 
-class Loop(Evaluations):
-    """A design study as far as its finished rows go; parameters as of `Evaluations`.
+class DesignSearch(EvaluatedDesigns):
+    """A design study as far as its finished rows go; parameters as of `EvaluatedDesigns`.
 
     Attributes
     ----------
-    wanted : list of Ask
+    pending : list of Evaluation
         What is to be solved next; empty at the end.
     """
 
@@ -57,7 +57,7 @@ class Loop(Evaluations):
         rows: Rows,
         reduced: bool,
         cyclic: bool,
-        memory: Memory,
+        memory: SearchCache,
     ) -> None:
         super().__init__(study, rows, reduced, cyclic, memory)
         self.targets = np.array([is_target(v.parameter) for v in study.variables], dtype=bool)
@@ -65,19 +65,19 @@ class Loop(Evaluations):
         self.whole, self.kept = self.box, np.ones(len(self.ranges), dtype=bool)
         try:
             self._run()
-        except Wanted:
-            self.wanted = list(dict.fromkeys(self.wanted))
+        except RowsPending:
+            self.pending = list(dict.fromkeys(self.pending))
 
     def _run(self) -> None:
         state, today = self.state, self.study.nominal
-        self.note(today, "today")
-        judged = self.judged(today, range(state.n_matrix))
-        if self.wanted:
-            raise Wanted
+        self.register_design(today, "today")
+        constraints = self.constraints(today, range(state.n_matrix))
+        if self.pending:
+            raise RowsPending
         worst = self.by_margin(today, range(state.n_matrix))
         if state.n_matrix > MAX_POINTS_ALL_SEARCHED:
-            state.view = sorted(worst[:N_WORST_POINTS_SEARCHED])
-        good, fixed = judged is not None and judged.worst >= 0.0, not self.study.variables
+            state.active_points = sorted(worst[:N_WORST_POINTS_SEARCHED])
+        good, fixed = constraints is not None and constraints.worst >= 0.0, not self.study.variables
         if good or fixed:  # nothing costs less than no change
             state.chosen, state.outcome = today, self._proven(today) if good else NOTHING
             if fixed or state.outcome != UNPROVEN:
@@ -100,8 +100,8 @@ class Loop(Evaluations):
             if state.outcome != UNPROVEN:
                 last = last if best is not None else state.round + RELAXATION_ROUNDS
                 best = chosen, state.outcome
-                state.extras = [e.eased() for e in state.extras]
-                if state.outcome not in PROVEN or all(e.known for e in state.extras):
+                state.demands = [e.reduced() for e in state.demands]
+                if state.outcome not in PROVEN or all(e.is_settled for e in state.demands):
                     break
             elif best is not None and not self._holds(best[0]):
                 best, last = None, MAX_ROUNDS
@@ -111,14 +111,17 @@ class Loop(Evaluations):
             starts = self._distinct([*starts, self.change(chosen)])
         if best is not None:
             state.chosen, state.outcome = best
-            state.extras = [e.shown for e in state.extras]
+            state.demands = [e.at_proven_level for e in state.demands]
 
     def _holds(self, proven: np.ndarray) -> bool:
         """Whether a proven design has what others were shown to lack."""
-        asked, self.state.extras = self.state.extras, [e.shown for e in self.state.extras]
-        judged = self.judged(proven, self.state.view, None)
-        self.state.extras = asked
-        return judged is not None and judged.worst >= 0.0
+        asked, self.state.demands = (
+            self.state.demands,
+            [e.at_proven_level for e in self.state.demands],
+        )
+        constraints = self.constraints(proven, self.state.active_points, None)
+        self.state.demands = asked
+        return constraints is not None and constraints.worst >= 0.0
 
     def _saves(self, design: np.ndarray, proven: np.ndarray) -> bool:
         """Whether a design costs less than one that is proven."""
@@ -143,7 +146,7 @@ class Loop(Evaluations):
         found = self._cheapest()
         target = self._nearest() if found is None else found
         self._move(~self.targets)
-        rows = [self.rows[self.ask(p, today)] for p in self.state.view]
+        rows = [self.rows[self.evaluation(p, today)] for p in self.state.active_points]
         names = [v.name for v in self.study.variables]
         z, matched = nearest(rows, names, self.ranges, self.change(target), self.box)
         begun = self.values(z)
@@ -176,14 +179,14 @@ class Loop(Evaluations):
         unit = qmc.Sobol(len(self.ranges), scramble=True, seed=rng)
         z = unit.random_base2((count - 1).bit_length())[:count]
         z = np.vstack([self._corners(), self.box.low + z * (self.box.high - self.box.low)])
-        looked = [p for p in worst if p in self.state.view][:SCAN_POINTS]
+        looked = [p for p in worst if p in self.state.active_points][:SCAN_POINTS]
         designs = [self.values(own) for own in z]
         found = []
         for design in designs:
-            self.note(design, "scan")
-            found.append(self.judged(design, looked, self.plain))
-        if self.wanted:
-            raise Wanted
+            self.register_design(design, "scan")
+            found.append(self.constraints(design, looked, self.plain))
+        if self.pending:
+            raise RowsPending
         weight = 1e2 * float(self.box.cost.sum())
         merits = [
             np.inf if j is None else self.box.price(self.change(x)) + weight * max(0.0, -j.worst)
@@ -225,38 +228,38 @@ class Loop(Evaluations):
                         if len(self.state.designs) >= most:
                             ends.append(asked)
                             break
-                        self.note(design, f"{role} {number}")
-                    judged = self.judged(design, self.state.view)
+                        self.register_design(design, f"{role} {number}")
+                    constraints = self.constraints(design, self.state.active_points)
                     if self._lacks(design):
                         break
-                    asked = run.send(judged)
+                    asked = run.send(constraints)
             except StopIteration as end:
                 ends.append(end.value)
-        if self.wanted:
-            raise Wanted
+        if self.pending:
+            raise RowsPending
         return ends
 
     def _lacks(self, design: np.ndarray) -> bool:
-        return any(self.ask(p, design) not in self.rows for p in self.state.view)
+        return any(self.evaluation(p, design) not in self.rows for p in self.state.active_points)
 
-    def _evaluated(self) -> list[tuple[np.ndarray, Judged]]:
-        """Designs of the variables that move which are known at all points in view."""
+    def _evaluated(self) -> list[tuple[np.ndarray, Constraints]]:
+        """Designs of the variables that move which are known at all active points."""
         fixed = self.study.nominal[~self.kept]
         own = [x for x in self.state.designs.values() if np.array_equal(x[~self.kept], fixed)]
-        known = ((x, self.judged(x, self.state.view, None)) for x in own)
-        return [(x, judged) for x, judged in known if judged is not None]
+        known = ((x, self.constraints(x, self.state.active_points, None)) for x in own)
+        return [(x, constraints) for x, constraints in known if constraints is not None]
 
     def _cheapest(self) -> np.ndarray | None:
-        """The design of least cost that meets what is asked at the points in view."""
+        """The design of least cost that meets what is asked at the active points."""
         good = [x for x, j in self._evaluated() if j.worst >= 0.0]
         return min(good, key=lambda x: self.box.price(self.change(x)), default=None)
 
     def _nearest(self) -> np.ndarray:
-        """The design of largest margin at the points in view."""
+        """The design of largest margin at the active points."""
         found = max(self._evaluated(), key=lambda item: item[1].worst, default=None)
         if found is not None:
             return found[0]
-        known = (self.known(p, self.study.nominal) for p in self.state.view)
+        known = (self.finished_modes(p, self.study.nominal) for p in self.state.active_points)
         failed = (own[1] for own in known if own is not None and own[1]["status"] != "ok")
         self.state.failure = next((str(row["message"] or row["status"]) for row in failed), "")
         return self.study.nominal
