@@ -173,11 +173,11 @@ def test_structures_of_a_search_have_one_basis(tmp_path):
     assert facts["n_structures"] > 2
     assert results.solved == len(results.points)  # none twice, though structures join
     chosen = results.points[(results.points["design"] == facts["chosen"]).to_numpy(bool)]
-    full = chosen[(chosen["stage"] == "full_order").to_numpy(bool)]
+    full = chosen[(chosen["analysis"] == "full_order").to_numpy(bool)]
     assert len(full)
     told = dict(results.screen.facts(results))["error"]
     apart = float(re.search(r"least damping ratios within (\S+) of full order at 1 point", told)[1])
-    own = chosen[(chosen["stage"] == "modes").to_numpy(bool)].set_index("friction")
+    own = chosen[(chosen["analysis"] == "modes").to_numpy(bool)].set_index("friction")
     for row in full.itertuples():
         there = own.loc[row.friction]
         assert row.min_damping_ratio == pytest.approx(there["min_damping_ratio"], abs=1e-4)

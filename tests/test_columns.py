@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from squealstudy.columns import COLUMNS, column_of, unit_of
 from squealstudy.columns.column import DEFINITION, ERROR, LEAVES_OUT
 from squealstudy.engine.manifest_file import read_manifest
+from squealstudy.engine.renamed_columns import RENAMED_COLUMNS, with_new_names
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.store import UNIT, column_units
 from squealstudy.face import read_study
@@ -206,3 +208,22 @@ def test_units_are_those_of_the_tables():
 def test_costs_of_designs_are_no_seconds():
     for table, unit in (("designs.parquet", ""), ("measurements.parquet", "s")):
         assert column_units({}, ["cost"], table) == {"cost": unit}
+
+
+def test_columns_of_results_of_before_have_the_names_of_today():
+    before = pd.DataFrame({"role": ["scan"], "stage": ["modes"], "cost": [1.0]})
+    assert list(with_new_names(before, "design")) == ["origin", "analysis", "cost"]
+    assert list(with_new_names(before, "steady_sliding")) == ["role", "stage", "cost"]
+    both = pd.DataFrame({"role": ["mine"], "origin": ["scan"]})  # never two columns of one name
+    assert list(with_new_names(both, "design")) == ["role", "origin"]
+
+
+def test_the_page_of_words_has_all_columns_that_were_renamed():
+    page = (Path(__file__).parents[1] / "docs/reference/words-in-tables.md").read_text("utf-8")
+    rows = [
+        f"| `{kind}` | `{old}` | `{new}` |"
+        for kind, names in RENAMED_COLUMNS.items()
+        for old, new in names.items()
+    ]
+    assert rows
+    assert [row for row in rows if row not in page] == []

@@ -132,7 +132,7 @@ def _searched(study: DesignStudy, damping: Damping) -> tuple[DesignSearch, int]:
                 / (2 * h)
                 for a, b, c, d in ((x1 + h, x2, x1 - h, x2), (x1, x2 + h, x1, x2 - h))
             ]
-            assert asked.stage in (MODES, ROOTS)
+            assert asked.analysis in (MODES, ROOTS)
             modes = [
                 {
                     "damping_ratio": z,
@@ -314,7 +314,7 @@ def test_the_loop_does_not_choose_what_squeals_when_kicked(trap) -> None:
     assert last["passed"].all()
     assert last.loc["limit_cycles", "value"] < 0
     points = trap.points
-    cycles = points[(points["stage"] == "cycles") & (points["design"] == chosen["design"])]
+    cycles = points[(points["analysis"] == "cycles") & (points["design"] == chosen["design"])]
     assert set(cycles["verdict"]) == {"no_cycle_found"}
 
 
@@ -338,7 +338,7 @@ def test_runs_in_time_refuse_what_squeals_when_kicked(trap, tmp_path: Path) -> N
     assert len(runs) <= 10
     assert runs["min_damping_ratio"].iloc[0] == pytest.approx(0.002, abs=1e-5)
     assert (lasting["value"] < 1.0).all()
-    points = results.points[(results.points["stage"] == "in_time").to_numpy(bool)]
+    points = results.points[(results.points["analysis"] == "in_time").to_numpy(bool)]
     assert set(points["verdict"]) == {"lasts", "decays"}
     for row, check in zip(points.itertuples(), runs.itertuples(), strict=True):
         assert row.n_modes == row.reason.count(";") + 1
@@ -353,12 +353,12 @@ def test_the_chosen_design_is_drawn_at_every_operating_point(trap) -> None:
     """With sensitivities where the search had it in view, without elsewhere."""
     points, facts = trap.points.copy(), trap.manifest["design_study"]
     own = (points["design"] == facts["chosen"]).to_numpy(bool)
-    first = points.index[own & (points["stage"] == "modes").to_numpy(bool)][0]
-    points.loc[first, "stage"] = "roots"
+    first = points.index[own & (points["analysis"] == "modes").to_numpy(bool)][0]
+    points.loc[first, "analysis"] = "roots"
     tables = {name: trap.table(name) for name in trap.tables}
     figure = operating_matrix(trap.with_tables(**tables | {"points": points}))
     (stars,) = (line for line in figure.axes[0].lines if line.get_label() == "chosen")
-    damping = points.loc[own & (points["stage"].isin(["modes", "roots"])).to_numpy(bool)]
+    damping = points.loc[own & (points["analysis"].isin(["modes", "roots"])).to_numpy(bool)]
     damping = damping.set_index("friction")["min_damping_ratio"].loc[[0.5, 0.7, 0.9]]
     assert stars.get_ydata() == pytest.approx(100 * damping.to_numpy())
     assert chosen_word({"outcome": "met"}) == "chosen"
@@ -505,7 +505,7 @@ def test_runs_are_not_of_what_grows_above_the_band(tmp_path: Path) -> None:
     top = 0.9 * float(unstable["frequency_hz"].min())
     results = _run(f"{text}[modes]\nband = [1.0, {top}]\n", tmp_path)
     facts = results.manifest["design_study"]
-    row = results.points[(results.points["stage"] == "in_time").to_numpy(bool)].iloc[0]
+    row = results.points[(results.points["analysis"] == "in_time").to_numpy(bool)].iloc[0]
     assert (facts["outcome"], row["status"]) == ("undecided", "unstable_above_band")
     hz = float(unstable["frequency_hz"].iloc[0])
     assert row["message"] == f"a mode above the band grows by itself in time, at {hz:.4g} Hz"
@@ -537,7 +537,7 @@ def test_a_design_that_meets_the_goal_is_proven_without_a_search(tmp_path: Path)
     text = text.replace("cycles = 0", "cycles = 0\nin_time = 0")
     results = _run(text.replace("[0.1, 0.2, 0.3]", "[0.05, 0.1]"), tmp_path)
     (design,) = results.table("designs").to_dict("records")
-    assert (design["role"], design["cost"], design["chosen"]) == ("today", 0.0, True)
+    assert (design["origin"], design["cost"], design["chosen"]) == ("today", 0.0, True)
     facts = results.manifest["design_study"]
     assert facts["outcome"] == "met_linear"
     assert "as it is it meets the margin" in facts["verdict"]
@@ -576,7 +576,7 @@ def test_a_design_that_meets_the_goal_and_squeals_is_searched_for_another(tmp_pa
     results = _run(text.replace("= 0.002", "= -0.5"), tmp_path)
     assert results.manifest["design_study"]["outcome"] == "met"
     designs = results.table("designs")
-    assert (designs["role"] == "scan").sum() >= 6
+    assert (designs["origin"] == "scan").sum() >= 6
     least = (75.0 - _flutter_ends(0.3)) / 34.0 * 0.7
     assert designs.query("chosen")["cost"].item() == pytest.approx(least, rel=0.05)
     assert designs.query("chosen")["min_damping_ratio"].item() > 0.0
@@ -592,7 +592,7 @@ def test_the_verdict_says_what_the_tables_say(trap) -> None:
     assert f"least damping ratio {worst['min_damping_ratio']:.4g}" in text
     assert f"mode at {worst['frequency_hz']:.5g} Hz" in text
     assert f"{len(designs)} designs evaluated" in text
-    today = trap.points[(trap.points["design"] == 0) & (trap.points["stage"] == "modes")]
+    today = trap.points[(trap.points["design"] == 0) & (trap.points["analysis"] == "modes")]
     unstable = int((today["n_unstable"] > 0).sum())
     assert re.search(
         rf"an unstable mode between \S+ and \S+ Hz at {unstable} of 3 operating points", text
@@ -634,7 +634,7 @@ def test_slopes_are_those_of_finite_changes(tmp_path: Path) -> None:
                 finite = (zeta[0] - zeta[1]) / (2 * step)
                 assert by[name] == pytest.approx(finite, rel=1e-4)
     pair = results.table("margins")
-    assert (pair["uncoupled_damping"] - 0.01).abs().max() < 1e-9
+    assert (pair["damping_without_friction"] - 0.01).abs().max() < 1e-9
 
 
 def test_nothing_in_the_bounds_is_enough(tmp_path: Path) -> None:
@@ -710,11 +710,11 @@ def test_runs_that_begin_on_another_vibration_are_other_runs(tmp_path: Path) -> 
     """Whose rows are not taken over where today's value of a variable is edited."""
     text = _hoffmann("damping_ratio", "[-0.005, 0.2]")
     studies = [_study(t, tmp_path) for t in (text, text.replace("ratio = 0.01", "ratio = 0.02"))]
-    for stage, same in ((MODES, True), (ROOTS, True), (IN_TIME, False)):
+    for analysis, same in ((MODES, True), (ROOTS, True), (IN_TIME, False)):
         names = []
         for study in studies:
             point = operating_points(study)[0]
-            plan = DesignPlan(study, [evaluation(study, point, np.array([0.05]), stage)])
+            plan = DesignPlan(study, [evaluation(study, point, np.array([0.05]), analysis)])
             names.append(plan.tasks.ids[0])
         assert (names[0] == names[1]) == same
 
@@ -736,7 +736,7 @@ def test_what_nobody_can_build_is_not_chosen(tmp_path: Path) -> None:
     assert least == pytest.approx(chosen["min_damping_ratio"])
     assert least >= 0.002
     targets = results.table("designs")
-    targets = targets[targets["role"].str.startswith("target").to_numpy(bool)]
+    targets = targets[targets["origin"].str.startswith("target").to_numpy(bool)]
     assert (targets["stiffness_damping"] == 0.0).all()
     told = facts["targets"]
     assert told["enough"]
@@ -767,7 +767,7 @@ def test_scatter_is_proven_by_samples(tmp_path: Path) -> None:
         low, high = (low, middle) if met else (middle, high)
     probability = norm(0.01, 0.002).sf(high)
     assert probability >= 0.9
-    samples = results.points[(results.points["stage"] == "roots")]
+    samples = results.points[(results.points["analysis"] == "roots")]
     own = samples[samples["design"] == results.manifest["design_study"]["chosen"]]
     met = own["min_damping_ratio"] >= 0.001
     share = met.groupby(own["damping_ratio"].to_numpy()).all().mean()

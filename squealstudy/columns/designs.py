@@ -45,7 +45,9 @@ DESIGNS = (
         "Least damping ratio less what was asked, over the operating points solved.",
         leaves_out=REDUCED,
     ),
-    flag("meets", "Whether the design does what was asked; missing where too few are solved."),
+    flag(
+        "meets_margin", "Whether the design does what was asked; missing where too few are solved."
+    ),
 )
 MARGINS = (
     count("design", "Number of the design; today's is 0."),
@@ -67,7 +69,7 @@ MARGINS = (
     ),
     number("pair_share", "Share of the mode that these two are.", leaves_out=REDUCED),
     number(
-        "uncoupled_damping",
+        "damping_without_friction",
         "Damping ratio that it would have without the coupling by friction.",
         leaves_out="It is of the two real modes alone.",
     ),

@@ -14,6 +14,7 @@ import pyarrow as pa
 
 from squealstudy.engine.column_types import misfit
 from squealstudy.engine.named_tables import NamedTables
+from squealstudy.engine.renamed_columns import with_new_names
 from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.store import Store, column_units
 from squealstudy.engine.table_rows import Keep, batches, chosen_rows, mode_points, ranked_modes
@@ -28,7 +29,6 @@ from squealstudy.tables.point_rows import ROW
 from squealstudy.wording import did_you_mean
 
 POINT_TABLE = "points"
-RENAMED = {"dominant_frequency_hz": "torque_line_hz"}  # columns of results of before
 
 if TYPE_CHECKING:
     pass
@@ -107,9 +107,8 @@ class ResultTables(NamedTables):
                 )
             file = f"{name}.parquet"
             self._expect_fit(name)
-            found = self.store.read_table(file).to_pandas(self_destruct=True)
-            older = RENAMED.keys() & found
-            self._loaded[name] = found.rename(columns=RENAMED) if older else found
+            table = self.store.read_table(file).to_pandas(self_destruct=True)
+            self._loaded[name] = with_new_names(table, self.kind)
         table = self._loaded[name]
         if "units" not in table.attrs:
             self._give_units(table, f"{name}.parquet")

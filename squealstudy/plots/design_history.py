@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 
-@register_plot(designs=("cost", "min_damping_ratio", "chosen", "meets", "role"))
+@register_plot(designs=("cost", "min_damping_ratio", "chosen", "meets_margin", "origin"))
 def design_history(results: Results) -> Figure:
     """Least damping ratio over cost, and over the order in which designs were asked for.
 
@@ -30,13 +30,13 @@ def design_history(results: Results) -> Figure:
         Of a design study.
     """
     designs = results.table("designs")
-    scan = (designs["role"] == "scan").to_numpy(bool)
-    meets = designs["meets"].fillna(False).to_numpy(bool)
+    scan = (designs["origin"] == "scan").to_numpy(bool)
+    meets = designs["meets_margin"].fillna(False).to_numpy(bool)
     chosen = designs["chosen"].to_numpy(bool)
-    today = (designs["role"] == "today").to_numpy(bool)
+    today = (designs["origin"] == "today").to_numpy(bool)
     damping = 100.0 * designs["min_damping_ratio"].to_numpy(float)
     facts = results.fact("design_study")
-    margin, targets = 100.0 * float(facts["margin"]), designs["role"].str.startswith("target")
+    margin, targets = 100.0 * float(facts["margin"]), designs["origin"].str.startswith("target")
     alone = targets.to_numpy(bool) & ~scan
     figure = new_figure(9.0, 6.4)
     axes = figure.subplots(2, 1)

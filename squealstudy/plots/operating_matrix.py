@@ -26,7 +26,8 @@ CALLED = {  # the design that a study ends with, where its outcome is no proof
 
 
 @register_plot(
-    points=("design", "stage", "min_damping_ratio"), designs=("cost", "chosen", "min_damping_ratio")
+    points=("design", "analysis", "min_damping_ratio"),
+    designs=("cost", "chosen", "min_damping_ratio"),
 )
 def operating_matrix(results: Results) -> Figure:
     """Least damping ratio at every operating point, of today's design and of the chosen one.
@@ -38,8 +39,8 @@ def operating_matrix(results: Results) -> Figure:
     """
     facts, points = results.fact("design_study"), results.points
     # of a design that scatters, roots are those of samples
-    stages = ["modes", "roots"] if facts["probability"] is None else ["modes"]
-    solved = points[points["stage"].isin(stages).to_numpy(bool)]
+    analyses = ["modes", "roots"] if facts["probability"] is None else ["modes"]
+    solved = points[points["analysis"].isin(analyses).to_numpy(bool)]
     names, number = list(facts["operating"]), int(facts["n_operating_points"])
     today = solved[(solved["design"] == facts["today"]).to_numpy(bool)].iloc[:number]
     figure = new_figure(9.0, 5.4)

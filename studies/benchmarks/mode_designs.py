@@ -152,7 +152,7 @@ def _design_row(
     case: DesignCase, row: dict, points: pd.DataFrame, at: dict[str, float]
 ) -> Iterator[Told]:
     design = {v[0]: row[v[0]] for v in case.variables}
-    where = f"design {row['design']} {row['role']}"
+    where = f"design {row['design']} {row['origin']}"
     cost = case.cost(design)
     yield Told("designs", "cost", row["cost"], cost, abs(row["cost"] - cost) < 1e-9, at=where)
     every = [case.damping(design, mu) for mu in case.frictions]
@@ -172,9 +172,9 @@ def _design_row(
     right = pd.isna(told) or abs(told - share) < 1e-9
     yield Told("designs", "unstable_share", told, share, bool(right), at=where)
     meets = min(every) >= case.margin
-    if row["meets"] is True:
+    if row["meets_margin"] is True:
         right = meets or min(every) > case.margin - CLOSE
-        yield Told("designs", "meets", 1.0, float(meets), right, at=where)
+        yield Told("designs", "meets_margin", 1.0, float(meets), right, at=where)
 
 
 def _verdict(case: DesignCase, designs: pd.DataFrame, verdict: dict) -> Iterator[Told]:

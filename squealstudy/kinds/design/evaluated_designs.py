@@ -95,9 +95,9 @@ class EvaluatedDesigns:
         """The other way."""
         return (design - self.study.nominal) / self.ranges
 
-    def evaluation(self, point: int, design: np.ndarray, stage: str = MODES) -> Evaluation:
+    def evaluation(self, point: int, design: np.ndarray, analysis: str = MODES) -> Evaluation:
         """One design at one of the points."""
-        return evaluation(self.study, self.state.points[point], design, stage)
+        return evaluation(self.study, self.state.points[point], design, analysis)
 
     def margin_evaluation(self, point: int, design: np.ndarray) -> Evaluation:
         """What tells whether a design meets the margin at a point, at least cost.
@@ -111,7 +111,7 @@ class EvaluatedDesigns:
         self, point: int, design: np.ndarray
     ) -> tuple[Evaluation, Mapping[str, Any]] | None:
         """A design's modes at one of the points, with sensitivities where there are any."""
-        both = (self.evaluation(point, design, stage) for stage in (MODES, ROOTS))
+        both = (self.evaluation(point, design, analysis) for analysis in (MODES, ROOTS))
         return next(((a, self.rows[a]) for a in both if a in self.rows), None)
 
     def register_design(self, design: np.ndarray, role: str) -> None:
@@ -121,19 +121,19 @@ class EvaluatedDesigns:
         self.state.roles.setdefault(key, (role, self.state.round))
 
     def constraints(
-        self, design: np.ndarray, points: Iterable[int], stage: str | None = MODES
+        self, design: np.ndarray, points: Iterable[int], analysis: str | None = MODES
     ) -> Constraints | None:
-        """What a design's rows of a stage say at some points; what is missing joins the wanted.
+        """What a design's rows of an analysis say at some points; what is missing joins the wanted.
 
-        Without a stage, rows of any are good and nothing is wanted. None where one is missing, or a
-        point of it could not be solved.
+        Without an analysis, rows of any are good and nothing is wanted. None where one is missing,
+        or a point of it could not be solved.
         """
         excess, slopes, whole = [], [], True
         for p in points:
-            if stage is None:
+            if analysis is None:
                 found = self.finished_modes(p, design)
             else:
-                asked = self.evaluation(p, design, stage)
+                asked = self.evaluation(p, design, analysis)
                 row = self.row(asked)
                 found = None if row is None else (asked, row)
             if found is None or found[1]["status"] != "ok":

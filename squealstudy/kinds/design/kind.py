@@ -217,29 +217,29 @@ class Design(ModelKind):
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[DesignTask]:
         """Tasks of consecutive design points."""
         asked = request(plan)
-        if any(a.stage == IN_TIME for a in _own(plan).evaluations):
+        if any(a.analysis == IN_TIME for a in _own(plan).evaluations):
             warm_kernels()
-        stages = dict(
-            zip(plan.tasks.ids.tolist(), (a.stage for a in _own(plan).evaluations), strict=True)
+        analyses = dict(
+            zip(plan.tasks.ids.tolist(), (a.analysis for a in _own(plan).evaluations), strict=True)
         )
         for part in workers.pace.parts(points, workers.jobs):
-            yield DesignTask(asked, part, tuple(stages[name] for name in part.ids.tolist()))
+            yield DesignTask(asked, part, tuple(analyses[name] for name in part.ids.tolist()))
 
     def solve(self, task: DesignTask) -> Solved:
         """Solve one chunk in a worker."""
         gaps = NewGaps()
         rows = [
-            design_row(point, stage, task.request, gaps)
-            for point, stage in zip(task.points, task.stages, strict=True)
+            design_row(point, analysis, task.request, gaps)
+            for point, analysis in zip(task.points, task.analyses, strict=True)
         ]
         gaps.save()
         return Solved(rows)
 
     def single_tasks(self, task: DesignTask) -> Iterator[DesignTask]:
-        """Each point with its own stage."""
+        """Each point with its own analysis."""
         return (
-            replace(task, points=task.points.at(np.array([k])), stages=(stage,))
-            for k, stage in enumerate(task.stages)
+            replace(task, points=task.points.at(np.array([k])), analyses=(analysis,))
+            for k, analysis in enumerate(task.analyses)
         )
 
     def build_tables(
@@ -267,7 +267,7 @@ class Design(ModelKind):
         """Seconds of one design point, with sensitivities."""
         started = time.perf_counter()
         with threadpool_limits(1):
-            row = design_row(task, _own(plan).evaluations[0].stage, request(plan), NewGaps())
+            row = design_row(task, _own(plan).evaluations[0].analysis, request(plan), NewGaps())
         return None if row["status"] != "ok" else time.perf_counter() - started
 
 
@@ -282,7 +282,7 @@ class DesignTask:
 
     request: DesignRequest
     points: DesignPoints
-    stages: tuple[str, ...]
+    analyses: tuple[str, ...]
 
 
 def asked_parameters(study: DesignStudy) -> tuple[RequestedParameter, ...]:

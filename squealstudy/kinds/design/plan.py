@@ -17,7 +17,7 @@ from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import design_points
 
-# stages: with sensitivities, without, limit cycles, unreduced, runs
+# analyses: with sensitivities, without, limit cycles, unreduced, runs
 MODES, ROOTS, CYCLES, FULL, IN_TIME = "modes", "roots", "cycles", "full_order", "in_time"
 MAX_STRUCTURES = 1_000_000  # structures: a search may ask for as many
 
@@ -29,48 +29,48 @@ class Evaluation(NamedTuple):
     ----------
     values : tuple of float
         Of the operation, the variables and what scatters, as `DesignStudy.sweeps`.
-    stage : str
+    analysis : str
         One of MODES to IN_TIME.
     """
 
     values: tuple[float, ...]
-    stage: str
+    analysis: str
 
     def of(self, part: slice) -> tuple[float, ...]:
         """A part of the values."""
         return self.values[part]
 
 
-class StageNames(PlannedNames):
+class AnalysisNames(PlannedNames):
     """Names of design points that are asked for different things.
 
-    `stages` (n,) has what each is asked for; points of one stage have different values. `begins`
-    is what decides where runs in time begin, beside the point itself.
+    `analyses` (n,) has what each is asked for; points of one analysis have different values.
+    `begins` is what decides where runs in time begin, beside the point itself.
     """
 
     def __init__(
         self,
         values: DesignValues,
-        stages: np.ndarray,
+        analyses: np.ndarray,
         begins: Sequence[Any],
         key_of: Callable[[DesignPoint], str],
         hash_of: Callable[[str], str],
     ) -> None:
         super().__init__(values, key_of, hash_of)
-        self._all, self._stages, self._begins = values, stages, begins
+        self._all, self._analyses, self._begins = values, analyses, begins
         self._makers = key_of, hash_of
 
     @cached_property
     def ids(self) -> np.ndarray:
         """Id (n,) of each point, 16 bytes."""
-        found = np.empty(len(self._stages), dtype=ID_TYPE)
+        found = np.empty(len(self._analyses), dtype=ID_TYPE)
         key_of, hash_of = self._makers
-        for stage in np.unique(self._stages).tolist():
-            rows = np.flatnonzero(self._stages == stage)
+        for analysis in np.unique(self._analyses).tolist():
+            rows = np.flatnonzero(self._analyses == analysis)
 
-            def own(key: str, stage: str = stage) -> str:
-                more = self._begins if stage == IN_TIME else ()
-                return content_hash([stage, hash_of(key), *more])
+            def own(key: str, analysis: str = analysis) -> str:
+                more = self._begins if analysis == IN_TIME else ()
+                return content_hash([analysis, hash_of(key), *more])
 
             found[rows] = PlannedNames(self._all.at(rows), key_of, own).ids
         return found
@@ -122,9 +122,9 @@ class DesignPlan(Plan):
     @cached_property
     def tasks(self) -> DesignPoints:
         """Design points; what is asked of them is part of their names."""
-        stages = np.array([a.stage for a in self.evaluations])
+        analyses = np.array([a.analysis for a in self.evaluations])
         begins = today_values(self.design_study), nominal_operation(self.design_study)
-        names = StageNames(self._values, stages, begins, self.structure_key, self._model_hash)
+        names = AnalysisNames(self._values, analyses, begins, self.structure_key, self._model_hash)
         return DesignPoints(self._values, names)
 
     @cached_property
@@ -180,10 +180,10 @@ def evaluation(
     study: DesignStudy,
     point: np.ndarray,
     design: np.ndarray,
-    stage: str = MODES,
+    analysis: str = MODES,
     scatter: np.ndarray | None = None,
 ) -> Evaluation:
     """One design (d,) at one operating point; what scatters (k,) as in [parameters] by default."""
     uncertain = study.uncertain_nominal if scatter is None else scatter
     values = np.concatenate([point, design, uncertain])
-    return Evaluation(tuple(float(v) for v in values), stage)
+    return Evaluation(tuple(float(v) for v in values), analysis)

@@ -73,7 +73,7 @@ class Proof:
         evaluations = [self.designs.margin_evaluation(p, design) for p in points]
         rows = self.designs.rows_of(evaluations)
         found = [
-            self.designs.constraints(design, [p], a.stage)
+            self.designs.constraints(design, [p], a.analysis)
             for p, a in zip(points, evaluations, strict=True)
         ]
         excess = np.array([-1.0 if j is None else j.worst for j in found])

@@ -69,7 +69,7 @@ MODE_FIELDS = (
     ("pair_first_hz", REAL),
     ("pair_second_hz", REAL),
     ("pair_share", REAL),
-    ("uncoupled_damping", REAL),
+    ("damping_without_friction", REAL),
 )
 BESIDE_FIELDS = (("frequency_hz", REAL), ("damping_ratio", REAL))
 SUMMARY_FIELDS = (
@@ -150,17 +150,21 @@ class DesignRequest:
 
 
 def design_row(
-    point: DesignPoint, stage: str, request: DesignRequest, gaps: NewGaps
+    point: DesignPoint, analysis: str, request: DesignRequest, gaps: NewGaps
 ) -> dict[str, Any]:
-    """Row of a design point, for one of the stages; a failed row where it cannot be solved."""
+    """Row of a design point, for one of the analyses; a failed row where it cannot be solved."""
     started = time.perf_counter()
     try:
-        if stage == CYCLES:
+        if analysis == CYCLES:
             return _of_cycles(point, request, gaps)
-        if stage == IN_TIME:
+        if analysis == IN_TIME:
             found = _in_time(point, request, gaps)
         else:
-            found = _full(point, request) if stage == FULL else _modes(point, stage, request, gaps)
+            found = (
+                _full(point, request)
+                if analysis == FULL
+                else _modes(point, analysis, request, gaps)
+            )
     except ParameterError as error:
         why = f"{error.key}: {error.message}"
         return failed_row(SCHEMA, point.point_id, "parameter", why)
@@ -200,7 +204,9 @@ def _judged(lam: np.ndarray) -> np.ndarray:
     return (lam.imag > 0) | (lam.real > 0)
 
 
-def _modes(point: DesignPoint, stage: str, request: DesignRequest, gaps: NewGaps) -> dict[str, Any]:
+def _modes(
+    point: DesignPoint, analysis: str, request: DesignRequest, gaps: NewGaps
+) -> dict[str, Any]:
     prepared, state = prepared_model(point.structure), point.state()
     known = known_gap(point.structure, point)
     steady, system = linearised_point(prepared, state, known)
@@ -236,7 +242,7 @@ def _modes(point: DesignPoint, stage: str, request: DesignRequest, gaps: NewGaps
         own["main_component"] = names[int(np.argmax(energies[:, k]))]
         own["main_share"] = float(energies[:, k].max())
         found["modes"].append({**own, **real.pair(psi[:, k]), "slopes": []})
-    if stage == MODES:
+    if analysis == MODES:
         families = tuple(known_mode(system.pencil, complex(lam[k]), psi[:, k]) for k in near)
         chosen = ChosenModes(prepared, state, steady, system, families)
         for own, slopes in zip(found["modes"], _slopes(point, chosen, request), strict=True):
@@ -280,7 +286,7 @@ class _RealModes:
             "pair_first_hz": first,
             "pair_second_hz": second,
             "pair_share": float(share[: len(set(pair))].sum()),
-            "uncoupled_damping": float(self.zeta[pair].min()),
+            "damping_without_friction": float(self.zeta[pair].min()),
         }
 
 

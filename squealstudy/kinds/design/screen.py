@@ -81,8 +81,8 @@ def _of_reduction(results: ResultTables) -> str:
     points, by = results.points, [*results.parameters, "design"]
     solved = points[(points["status"] == "ok").to_numpy(bool)]
     full, reduced = (
-        solved[solved["stage"].isin(stages)][[*by, "min_damping_ratio"]].dropna()
-        for stages in (["full_order"], ["modes", "roots"])
+        solved[solved["analysis"].isin(analyses)][[*by, "min_damping_ratio"]].dropna()
+        for analyses in (["full_order"], ["modes", "roots"])
     )
     both = full.merge(reduced.drop_duplicates(by), on=by, suffixes=("", "_reduced"))
     if not len(both):
@@ -95,7 +95,7 @@ def _of_reduction(results: ResultTables) -> str:
 def today_rows(results: ResultTables) -> pd.DataFrame:
     """Points of today's design over the matrix of operation."""
     facts, points = results.fact("design_study"), results.points
-    own = (points["design"] == facts["today"]) & (points["stage"] == "modes")
+    own = (points["design"] == facts["today"]) & (points["analysis"] == "modes")
     return points[own.to_numpy(bool)].iloc[: facts["n_operating_points"]]
 
 
@@ -111,10 +111,10 @@ def squealing_modes(results: ResultTables) -> pd.DataFrame:
         ``name``, ``frequency_low_hz``, ``frequency_high_hz``, ``n_points`` below the margin,
         ``n_unstable``, ``share`` of the operation that was solved, by occurrence,
         ``min_damping_ratio``, ``max_growth_rate``, ``point_id`` of the least damping, the pair of
-        real modes it is made of with their part in it, ``uncoupled_damping``, and ``changes``: what
-        each variable does to the damping ratio there over its whole range, first order, largest
-        first; ``growth_by_damping`` there, 1/s: slope by the uniform damping ratio, which
-        destabilises where it is above zero.
+        real modes it is made of with their part in it, ``damping_without_friction``, and
+        ``changes``: what each variable does to the damping ratio there over its whole range, first
+        order, largest first; ``growth_by_damping`` there, 1/s: slope by the uniform damping ratio,
+        which destabilises where it is above zero.
     """
     facts = results.fact("design_study")
     today = today_rows(results)
@@ -170,7 +170,7 @@ COLUMNS = (
     "pair_first_hz",
     "pair_second_hz",
     "pair_share",
-    "uncoupled_damping",
+    "damping_without_friction",
     "changes",
     "growth_by_damping",
 )
@@ -199,7 +199,7 @@ def _mode(
         **{name: worst[name] for name in ("point_id", "mode", "pair_first_hz", "pair_second_hz")},
         "min_damping_ratio": worst["damping_ratio"],
         "pair_share": worst["pair_share"],
-        "uncoupled_damping": worst["uncoupled_damping"],
+        "damping_without_friction": worst["damping_without_friction"],
         "changes": APART.join(f"{n} {value:+.3g}" for _, n, value in effects[:PER_RANGE]),
         "growth_by_damping": growth.get(DAMPING.name, np.nan),
     }

@@ -30,10 +30,10 @@ from squealstudy.kinds.design.verdict import beyond_validity, facts, least_dampe
 if TYPE_CHECKING:
     import pandas as pd
 
-OWN_FIELDS = (("design", WHOLE), ("stage", TEXT), ("occurrence", REAL))
+OWN_FIELDS = (("design", WHOLE), ("analysis", TEXT), ("occurrence", REAL))
 DESIGN_FIELDS = (
     ("design", WHOLE),
-    ("role", TEXT),
+    ("origin", TEXT),
     ("round", WHOLE),
     ("cost", REAL),
     ("n_points", WHOLE),
@@ -45,7 +45,7 @@ DESIGN_FIELDS = (
     ("main_component", TEXT),
     ("worst_point", TEXT),
     ("margin", REAL),
-    ("meets", FLAG),
+    ("meets_margin", FLAG),
     ("chosen", FLAG),
 )
 PROOF_FIELDS = (
@@ -71,7 +71,7 @@ def build_tables(
     shares = _shares(plan)
     for row, asked, number in zip(rows, plan.evaluations, place, strict=True):
         share = shares.get(asked.of(slice(start)), np.nan)
-        row |= {"design": number, "stage": asked.stage, "occurrence": share}
+        row |= {"design": number, "analysis": asked.analysis, "occurrence": share}
     designs = design_rows(plan, search)
     names = [v.name for v in plan.design_study.variables]
     fields = [*DESIGN_FIELDS[:3], *((n, REAL) for n in names), *DESIGN_FIELDS[3:]]
@@ -126,7 +126,8 @@ def design_rows(plan: DesignPlan, search: DesignSearch) -> list[dict[str, Any]]:
     """A row a design that was evaluated, in the order in which designs were asked for.
 
     ``margin`` is by how much damping ratios exceed what was asked at the end, least over the
-    operating points at which the design was solved; ``meets`` is missing where these are too few.
+    operating points at which the design was solved; ``meets_margin`` is missing where these
+    are too few.
     """
     study, state = plan.design_study, search.state
     chosen = None if state.chosen is None else state.chosen.tobytes()
@@ -146,7 +147,7 @@ def design_rows(plan: DesignPlan, search: DesignSearch) -> list[dict[str, Any]]:
         rows.append(
             {
                 "design": len(rows),
-                "role": role,
+                "origin": role,
                 "round": number,
                 **dict(zip((v.name for v in study.variables), map(float, design), strict=True)),
                 "cost": search.box.price(z),
@@ -159,7 +160,7 @@ def design_rows(plan: DesignPlan, search: DesignSearch) -> list[dict[str, Any]]:
                 "main_component": "" if worst is None else worst[1]["main_component"],
                 "worst_point": "" if worst is None else ids.get(asked[worst[0]], ""),
                 "margin": margin,
-                "meets": False if margin < 0 or len(ok) < len(known) else everywhere or None,
+                "meets_margin": False if margin < 0 or len(ok) < len(known) else everywhere or None,
                 "chosen": key == chosen,
             }
         )
