@@ -46,7 +46,7 @@ def expect_room(source: Path | IO[bytes]) -> None:
     needed = 0
     with zipfile.ZipFile(source) as archive:
         for member in archive.infolist():
-            with _whole(member.filename), archive.open(member) as handle:
+            with _as_written(member.filename), archive.open(member) as handle:
                 count, size = _claimed(handle)
                 if handle.tell() + size != member.file_size:
                     raise ValueError(f"'{member.filename}' is not as long as its shape says")
@@ -65,7 +65,7 @@ def expect_memory(needed: float) -> None:
 
 
 @contextlib.contextmanager
-def _whole(name: str) -> Iterator[None]:
+def _as_written(name: str) -> Iterator[None]:
     """Raise ValueError for a member of an archive that is not as it was written."""
     try:
         yield

@@ -43,7 +43,7 @@ def load_extension(path: str | Path) -> str:
     """
     path = Path(path).resolve()
     source = hash_of(path)
-    if _known(path, source):
+    if _was_executed(path, source):
         return source
     name = f"squealstudy_extension_{path.stem}_{source}"
     if name not in sys.modules:
@@ -100,7 +100,7 @@ def remember(function: Callable[..., Any]) -> None:
     if function.__module__ == "__main__":
         raise ExtensionError(path, "what is registered must be in a file of its own")
     source = hash_of(path)
-    if not _known(path, source):
+    if not _was_executed(path, source):
         _read[path] = source
 
 
@@ -171,7 +171,7 @@ def _helpers(text: bytes, folder: Path) -> list[Path]:
     return found
 
 
-def _known(path: Path, source: str) -> bool:
+def _was_executed(path: Path, source: str) -> bool:
     """Whether a file was executed; ExtensionError where it was another one then."""
     if path in _read and _read[path] != source:
         raise ExtensionError(path, "has changed since it was executed: start Python anew")

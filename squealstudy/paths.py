@@ -71,11 +71,13 @@ def compiled_base() -> Path:
     or in a temporary directory for this process and its workers; a warning says so.
     """
     given = os.environ.get(ENVIRONMENT)
-    return _safe(os.environ.get(COMPILED) or (str(Path(given, KERNELS)) if given else ""))
+    return _safe_kernel_folder(
+        os.environ.get(COMPILED) or (str(Path(given, KERNELS)) if given else "")
+    )
 
 
 @cache
-def _safe(wanted: str) -> Path:
+def _safe_kernel_folder(wanted: str) -> Path:
     reasons = []
     for own in (False, True) if wanted else (True,):
         try:

@@ -105,4 +105,4 @@ def test_a_wheel_holds_them_all():
     assert wheel["sources"] == {shelf.IN_CLONE.name: f"squealstudy/{shelf.IN_WHEEL.name}"}
     held = {path for pattern in wheel["include"] for path in ROOT.glob(pattern.removeprefix("/"))}
     for example in shelf.examples().values():
-        assert set(shelf._whole(example.path)) <= held, example.name
+        assert set(shelf._with_named_files(example.path)) <= held, example.name

@@ -34,7 +34,7 @@ from squealstudy.fidelity.choice import (
 )
 from squealstudy.fidelity.frequency_search import ModeSearch, search_modes
 from squealstudy.fidelity.ladders import Setting, free_ladders, training_step
-from squealstudy.fidelity.pilots import MISCOUNT_ERROR, FidelityStudy, largest
+from squealstudy.fidelity.pilots import MISCOUNT_ERROR, FidelityStudy, largest_error
 from squealstudy.fidelity.run import Audit, _plain, drawn_points, resolve, run_resolved
 from squealstudy.fidelity.time_search import RICHARDSON_FACTOR, RunSearch, interior_pilots
 from squealstudy.kinds.complex_modes.measuring import _solved
@@ -643,11 +643,11 @@ def test_audits_draw_other_points_each_round(tmp_path):
 
 
 def test_a_missed_instability_is_an_error_of_one():
-    assert largest([], Miscount(1, 0), ()) == 1.0
-    assert largest([], Miscount(0, 1), ()) == 1.0
+    assert largest_error([], Miscount(1, 0), ()) == 1.0
+    assert largest_error([], Miscount(0, 1), ()) == 1.0
     error = FoundError("growth_rate", 0, 1.2, 1.0, 0.2, 0.0, 0.5)
-    assert largest([error], Miscount(0, 0), ("growth_rate",)) == 0.2
-    assert largest([error], Miscount(0, 0), ("torque_rms",)) == 0.0
+    assert largest_error([error], Miscount(0, 0), ("growth_rate",)) == 0.2
+    assert largest_error([error], Miscount(0, 0), ("torque_rms",)) == 0.0
 
 
 def test_steps_are_judged_by_richardson(tmp_path, monkeypatch):

@@ -17,7 +17,7 @@ from squealstudy.cycles import families
 from squealstudy.cycles.onset import SUBCRITICAL, SUPERCRITICAL, criticality
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.limit_cycles import continued
-from squealstudy.kinds.limit_cycles.continuing import _judge_again, _same
+from squealstudy.kinds.limit_cycles.continuing import _is_same_row, _judge_again
 from squealstudy.kinds.limit_cycles.screen import SCREEN
 from squealstudy.screen import as_text
 from squealstudy.tables.cycle_comparison import compare_cycles
@@ -412,4 +412,4 @@ def test_level_and_share_of_the_threshold_are_of_one_cycle():
 @pytest.mark.parametrize("name", ["torque_rms", "contact_velocity", "frequency_hz"])
 def test_a_cycle_is_known_as_nearly_as_errors_allow(name, error, apart, same):
     one = QUIET | {"level_error": error}
-    assert _same(one | {name: (1 + apart) * one[name]}, one) == same
+    assert _is_same_row(one | {name: (1 + apart) * one[name]}, one) == same

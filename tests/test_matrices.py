@@ -36,7 +36,7 @@ from squealstudy.modes.full_order.modes import (
 )
 from squealstudy.reduction.prepared import prepare_family, spanning
 from squealstudy.study.definition import load_study, parse_study
-from squealstudy.study.family import TAKEN
+from squealstudy.study.family import RESERVED_NAMES
 
 HULTEN = (
     study_text("family", "complex_modes", "matrices")
@@ -480,7 +480,7 @@ def test_a_study_end_to_end(tmp_path, capsys):
     assert results.points["working_point_residual"].isna().all()
     assert not results.modes.filter(like="energy_").columns.size
     columns = {*results.points, *results.modes, *results.onsets} - {"mu"}
-    assert columns <= TAKEN  # no parameter of somebody's matrices has the name of a column
+    assert columns <= RESERVED_NAMES  # no parameter of somebody's matrices has the name of a column
     assert (results.modes["residual"] < 1e-12).all()
     ranking = results.rank()
     assert ranking["threshold"].iloc[0] == pytest.approx(MU_C, abs=1e-4)

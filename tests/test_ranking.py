@@ -13,7 +13,7 @@ from squealstudy.tables.mode_ranking import (
     parameter_columns,
     rank_modes,
 )
-from squealstudy.tables.point_rows import largest, point_codes
+from squealstudy.tables.point_rows import largest_by_code, point_codes
 
 SCALE = "caliper.modes[12-14].frequency_scale"
 
@@ -55,7 +55,7 @@ def test_rows_of_modes_whatever_their_order():
 
 
 def test_the_largest_of_each_code_and_nan_of_none():
-    found = largest(np.array([1.0, -3.0, -2.0]), np.array([2, 0, 0]), 4)
+    found = largest_by_code(np.array([1.0, -3.0, -2.0]), np.array([2, 0, 0]), 4)
     assert np.array_equal(found, [-2.0, np.nan, 1.0, np.nan], equal_nan=True)
 
 

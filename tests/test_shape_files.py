@@ -32,7 +32,7 @@ from squealstudy.kernels.raster import corner_normals, draw_triangles
 from squealstudy.shapes.files import write_uff, write_vtu
 from squealstudy.shapes.names import name_of
 from squealstudy.shapes.page import page
-from squealstudy.shapes.picture import apart, draw, title
+from squealstudy.shapes.picture import draw, exploded_shifts, title
 from squealstudy.shapes.surface import Camera
 
 pytestmark = pytest.mark.usefixtures("tiny_brake", "assembled_once")
@@ -274,7 +274,7 @@ def test_picture_shows_the_mode(shape, tmp_path):
 
 
 def test_parts_that_are_drawn_apart_do_not_touch(shape):
-    shift = apart(shape)
+    shift = exploded_shifts(shape)
     boxes = [(shape.coordinates[p.nodes] + s) for p, s in zip(shape.parts, shift, strict=True)]
     low, high = (np.array([f(b, axis=0) for b in boxes]) for f in (np.min, np.max))
     names = [p.name for p in shape.parts]

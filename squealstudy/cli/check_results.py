@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from squealstudy.engine.column_types import misfit
 from squealstudy.engine.journal import JOURNAL, MISSING, UNFINISHED, refused_names
-from squealstudy.engine.manifest import BESIDE
+from squealstudy.engine.manifest import SIDE_STUDIES
 from squealstudy.engine.manifest_file import PICTURES, read_manifest, version_of
 from squealstudy.engine.recorded_code import code_of
 from squealstudy.engine.result_names import LOCK, MANIFEST, SET_ASIDE
@@ -76,7 +76,7 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
     ] * bool(store.journal.refused)
     harmless = {FOREIGN} if finished else {FOREIGN, UNFINISHED}  # a killed run may leave these
     whole = faults.keys() <= harmless
-    for folder, reason in manifest.get(BESIDE, {}).items():
+    for folder, reason in manifest.get(SIDE_STUDIES, {}).items():
         if not reason:
             held, good = _of_beside(directory / folder)
             rows += [(f"{folder}: {name}", text) for name, text in held]
@@ -149,7 +149,7 @@ def _in_no_journal(store: Store, manifest: Mapping[str, Any]) -> dict[str, list[
     if manifest.get("kind") in kind_names():
         own |= {*kind_named(manifest["kind"]).tables} - known
     found: dict[str, list[str]] = {}
-    elsewhere = tuple(f"{folder}/" for folder in (SET_ASIDE, *manifest.get(BESIDE, {})))
+    elsewhere = tuple(f"{folder}/" for folder in (SET_ASIDE, *manifest.get(SIDE_STUDIES, {})))
     for path in sorted(p for p in store.directory.rglob("*") if p.is_file()):
         name = path.relative_to(store.directory).as_posix()
         if name not in known and not name.startswith(elsewhere):

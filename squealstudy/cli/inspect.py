@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def shown(model: FileDefinition, found: Inspection) -> tuple[Rows, Rows]:
+def part_tables(model: FileDefinition, found: Inspection) -> tuple[Rows, Rows]:
     """Facts, and the parameters that the file declares."""
     rows = [
         (p.name, f"{p.default:g} {p.unit}".rstrip() + f"  {p.description}")
@@ -122,9 +122,9 @@ def inspected(
 ) -> bool:
     """Show measured modes beside computed ones, and draw them; whether something is in doubt."""
     found = compared(read_model(model), component, path, unit, tolerance)
-    show(*told(*found))
+    show(*correlation_lines(*found))
     if picture is not None:
-        save_figure(drawn(*found, f"{component}: {path.name}"), picture)
+        save_figure(correlation_figure(*found, f"{component}: {path.name}"), picture)
         show(f"\npicture: {picture}")
     in_doubt = doubts(*found)
     for text in in_doubt:
@@ -172,7 +172,7 @@ def _length(text: str, option: str) -> float:
     return value
 
 
-def told(measured: Measured, found: Correlation) -> list[RenderableType]:
+def correlation_lines(measured: Measured, found: Correlation) -> list[RenderableType]:
     """The table of pairs, and what was compared."""
     partner = dict(found.pairs)
     rows = [_row(measured, found, k, partner.get(k)) for k in range(len(measured.frequency_hz))]
@@ -257,7 +257,7 @@ def doubts(measured: Measured, found: Correlation) -> list[str]:
     return texts
 
 
-def drawn(measured: Measured, found: Correlation, title: str) -> Figure:
+def correlation_figure(measured: Measured, found: Correlation, title: str) -> Figure:
     """The matrix of MAC, a row a measured mode; pairs are framed."""
     m, g = found.mac.shape
     made = new_figure(min(2.6 + 0.55 * g, 14.0), min(2.0 + 0.42 * m, 10.0))

@@ -65,24 +65,29 @@ def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
     for table, spring in zip(file.spring, assembly.springs, strict=True):
         assert isinstance(spring, SpringInterface)
         size = f"{spring.stiffness[0]:g} {'N m/rad' if _turns(table.direction) else 'N/m'}"
-        yield [f"spring {spring.name}", " - ".join(table.between), _told(table.direction), size]
+        yield [
+            f"spring {spring.name}",
+            " - ".join(table.between),
+            _direction_text(table.direction),
+            size,
+        ]
     for damper_table, damper in zip(file.damper, assembly.dampers, strict=True):
         unit = "N m s/rad" if _turns(damper_table.direction) else "N s/m"
         ends = " - ".join(damper_table.between)
         size = f"{damper.damping[0]:g} {unit}"
-        yield [f"damper {damper.name}", ends, _told(damper_table.direction), size]
+        yield [f"damper {damper.name}", ends, _direction_text(damper_table.direction), size]
     for i, point in enumerate(file.contact):
         stiffness = contact.area[i] * PER_AREA
         size = f"{stiffness:g} N/m" if point.area is None else f"{contact.area[i]:g} m2"
-        slides = f", slides {_told(point.sliding)}" if point.sliding else ", no friction"
+        slides = f", slides {_direction_text(point.sliding)}" if point.sliding else ", no friction"
         name = f"contact {file.name_of('contact', i)}"
-        yield [name, " - ".join(point.between), _told(point.normal) + slides, size]
+        yield [name, " - ".join(point.between), _direction_text(point.normal) + slides, size]
     for i, load in enumerate(file.load):
         size = f"{load.force} N" if load.area is None else f"pressure on {load.area} m2"
-        yield [f"load {file.name_of('load', i)}", load.on, _told(load.direction), size]
+        yield [f"load {file.name_of('load', i)}", load.on, _direction_text(load.direction), size]
 
 
-def _told(direction: Direction) -> str:
+def _direction_text(direction: Direction) -> str:
     return direction if isinstance(direction, str) else f"[{', '.join(map(str, direction))}]"
 
 

@@ -69,13 +69,13 @@ def inspect(
             raise typer.BadParameter("a lumped model has no mesh to draw: no --picture")
         screen.show(*lumped_facts(model))
         return
-    from squealstudy.cli.inspect import shown
+    from squealstudy.cli.inspect import part_tables
     from squealstudy.study.components import inspected, inspected_part, read_model
 
     if model.suffix.lower() == ".toml":
         read = read_model(model, unfinished=True)
         found, geometry = inspected(read)
-        facts, parameters = shown(read, found)
+        facts, parameters = part_tables(read, found)
     else:
         found, geometry = inspected_part(model, units, part, pass_over or ())
         facts, parameters = [("units", units), *found.facts], []

@@ -33,8 +33,8 @@ def summary(results: Results, drawn: list[Path]) -> Rows:
         ("time", f"{manifest['timings']['total_s']:.1f} s{_of_run(solved, total)}"),
         *fidelity(manifest.get("fidelity")),
         *results.screen.facts(results),
-        ("tables", _listed(directory, [f"{name}.parquet" for name in results.tables])),
-        *([("pictures", _listed(directory, [path.name for path in drawn]))] if drawn else []),
+        ("tables", _files_text(directory, [f"{name}.parquet" for name in results.tables])),
+        *([("pictures", _files_text(directory, [path.name for path in drawn]))] if drawn else []),
     ]
 
 
@@ -45,7 +45,7 @@ def _of_run(solved: int, total: int) -> str:
     return ", without what earlier runs solved" if solved else " in the run that wrote the tables"
 
 
-def _listed(directory: Path, names: list[str]) -> str:
+def _files_text(directory: Path, names: list[str]) -> str:
     return f"in {directory}: {', '.join(names)}"
 
 

@@ -63,11 +63,11 @@ def shapes(
         if modes is not None or track is not None:
             raise ResultsError("runs in time have a motion at their end: expected no mode or track")
         motion = results.end_motion(_row_or_id(results, point))
-        found, rows = [motion.shape], [*_told_motion(motion.shape), *_parts(motion)]
+        found, rows = [motion.shape], [*_told_motion(motion.shape), *_mode_rows(motion)]
         signals = _signals(results, motion.shape.label.point_id) if kinds[-1] else []
     else:
         found = _shapes(results, point, modes, track)
-        rows = [row for shape in found for row in _told(shape)]
+        rows = [row for shape in found for row in _shape_rows(shape)]
     folder = output or results.directory / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     picture, moving, vtu, uff = kinds
@@ -148,7 +148,7 @@ def _told_motion(shape: Shape) -> Rows:
     ]
 
 
-def _parts(motion: EndMotion) -> Rows:
+def _mode_rows(motion: EndMotion) -> Rows:
     """The complex modes that have most of the motion's energy, and what none of them has."""
     order = np.argsort(-motion.share)[:LISTED_MODES]
     rows = [
@@ -164,7 +164,7 @@ def _parts(motion: EndMotion) -> Rows:
     return [*rows, ("residual", f"{text} of the band; shares overlap and do not add up")]
 
 
-def _told(shape: Shape) -> Rows:
+def _shape_rows(shape: Shape) -> Rows:
     """A mode in words."""
     first, *values = title(shape)
     energy, growth = (text.split(": ", 1) for text in sources(shape))

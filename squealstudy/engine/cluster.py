@@ -32,8 +32,8 @@ from squealstudy.engine.cluster_worker import (
     Setting,
     answer,
     difference,
-    given,
     in_cache,
+    shared_value,
 )
 from squealstudy.engine.keys import HASH_DIGITS
 from squealstudy.errors import MachineError
@@ -52,8 +52,8 @@ ALL_DIED = "every worker that tried it died"
 MOST_MODELS = 8  # whose contents the scheduler keeps; tasks that wait keep theirs besides
 KEY = re.compile(rb"[0-9a-f]{%d,}" % HASH_DIGITS)
 
-Item = TypeVar("Item")
-Found = TypeVar("Found")
+TaskT = TypeVar("TaskT")
+ResultT = TypeVar("ResultT")
 Lost = Callable[[Any, str], Any]
 
 
@@ -161,8 +161,8 @@ class Cluster:
 
     # -- tasks -----------------------------------------------------------------------------------
     def each(
-        self, function: Callable[[Item], Found], tasks: Iterator[Item], lost: Lost | None
-    ) -> Iterator[Found]:
+        self, function: Callable[[TaskT], ResultT], tasks: Iterator[TaskT], lost: Lost | None
+    ) -> Iterator[ResultT]:
         """Results of a function of each task, as they come; see `Workers.each`.
 
         Raises
@@ -171,15 +171,15 @@ class Cluster:
             Where the scheduler is lost; where a task ends every worker that tries it and `lost`
             makes no result of it.
         """
-        begun: dict[Future, Item] = {}
+        begun: dict[Future, TaskT] = {}
         ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
-        suspects: list[Item] = []
+        suspects: list[TaskT] = []
         models = prepared_path("")
         self._present = {p.name for p in models.iterdir()} if models.is_dir() else set()
         self._fresh.clear()
         self._shared = self._common()
 
-        def begin(some: Iterator[Item], most: int, kind: str = "") -> None:
+        def begin(some: Iterator[TaskT], most: int, kind: str = "") -> None:
             for task in islice(some, max(0, most - len(begun))):
                 future = self._submit(function, task, kind)
                 begun[future] = task
@@ -261,7 +261,7 @@ class Cluster:
         self._setting = self._shared = None
 
     # -- what goes along -------------------------------------------------------------------------
-    def _submit(self, function: Callable[[Item], Found], task: Item, kind: str = "") -> Future:
+    def _submit(self, function: Callable[[TaskT], ResultT], task: TaskT, kind: str = "") -> Future:
         call = _pickled((function, task))
         models = [self._model(key) for key in _keys(call) & self._present]
         held = frozenset().union(*(model.held for model in models))
@@ -273,7 +273,7 @@ class Cluster:
         sources = [sources_of(path) for path in extension_files()]
         setting = Setting(cluster_worker.versions(), sources)
         if self._setting is None or self._setting[0] != setting:
-            self._setting = setting, self._send(given, setting)
+            self._setting = setting, self._send(shared_value, setting)
         return self._setting[1]
 
     def _model(self, key: str) -> _Model:
@@ -285,7 +285,7 @@ class Cluster:
             top = prepared_path("")
             folders = {p.relative_to(top).as_posix(): p for p in folders_of(key)}
             if new := {n: contents(p) for n, p in folders.items() if n not in model.sent}:
-                model.parcels.append(self._send(given, new))
+                model.parcels.append(self._send(shared_value, new))
             model.sent |= folders.keys()
             model.held |= folders.keys()
         while len(self._models) > MOST_MODELS:

@@ -73,7 +73,7 @@ def facts(dask_worker: Any) -> dict[str, Any]:
     return {"versions": versions(), "limit_mb": limit / 2**20, "used_mb": peak_memory_mb()}
 
 
-def given(value: Any) -> Any:
+def shared_value(value: Any) -> Any:
     """A value that others need, as a task: what is lost with a worker is made again."""
     return value
 
@@ -137,7 +137,7 @@ def _enter(setting: Setting) -> None:
         raise MachineError(f"a worker has {text}: {SAME_VERSIONS_ADVICE}")
     os.environ.update(dict.fromkeys(THREADS, "1"))
     for files in setting.extensions:
-        path = _written(files)
+        path = _extension_file(files)
         try:
             load_extension(path)
         except SquealstudyError as error:
@@ -148,7 +148,7 @@ def _enter(setting: Setting) -> None:
     _entered[:] = [setting]
 
 
-def _written(files: Mapping[str, bytes]) -> Path:
+def _extension_file(files: Mapping[str, bytes]) -> Path:
     """An extension in a folder of its own, named by its content; the path of its file."""
     digest = hashlib.sha256(repr(list(files.items())).encode()).hexdigest()
     folder = cache_directory() / "extensions" / digest

@@ -14,7 +14,7 @@ from squealstudy.errors import ResultsError
 from squealstudy.models.operating import IN_TIME_ONLY
 from squealstudy.models.parameter_names import DAMPING_RATIO, ModeParameter, parse_parameter
 from squealstudy.study.source import SourceText
-from squealstudy.study.tabled import taken
+from squealstudy.study.tabled import take_tables
 from squealstudy.tables.comparison import compare
 from squealstudy.tables.cycle_comparison import compare_cycles
 from squealstudy.wording import units_of
@@ -98,7 +98,7 @@ def _followed(results: ResultTables) -> dict[str, Any]:
     """The tables in [parameters] of a study, by what follows them."""
     text = str(results.manifest.get("study", "")) if results.manifest.get("tables") else ""
     source = SourceText(results.directory / MANIFEST, text)
-    return {name: table for _, name, table in taken(source.tables)[1]}
+    return {name: table for _, name, table in take_tables(source.tables)[1]}
 
 
 def _elsewhere(results: ResultTables, name: str) -> float:

@@ -41,7 +41,7 @@ def longest_entry(handle: IO[bytes], part: pq.ColumnChunkMetaData, little: float
     if max(compressed, size) > MOST_COMPRESSED or size < LENGTH_BYTES:
         return None
     handle.seek(part.dictionary_page_offset + header.end())
-    return _longest(_unpacked(handle.read(compressed), part.compression, size), count)
+    return _longest_entry(_unpacked(handle.read(compressed), part.compression, size), count)
 
 
 def _number(digits: bytes) -> int:
@@ -58,7 +58,7 @@ def _unpacked(page: bytes, compression: str, size: int) -> Any:
         return None
 
 
-def _longest(entries: Any, count: int) -> float | None:
+def _longest_entry(entries: Any, count: int) -> float | None:
     """The longest of so many entries; None unless all are of the length of the first."""
     if entries is None:
         return None

@@ -10,7 +10,7 @@ MOST_COUNTED = 2**53  # whole numbers up to here are floats exactly
 MOST_LETTERS = 20_000  # of a sentence; that of a verdict of 100 variables has 10,000
 
 Count = Annotated[int, Field(ge=0, le=MOST_COUNTED)]
-Whole = Annotated[int, Field(ge=-MOST_COUNTED, le=MOST_COUNTED)]
+WholeNumber = Annotated[int, Field(ge=-MOST_COUNTED, le=MOST_COUNTED)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Name = Annotated[str, StringConstraints(max_length=300)]
@@ -18,7 +18,7 @@ Text = Annotated[str, StringConstraints(max_length=MOST_LETTERS)]
 Range = Annotated[list[Finite], Field(min_length=2, max_length=2)]  # lowest and highest
 
 
-class Told(BaseModel):
+class FactGroup(BaseModel):
     """Facts that belong together; others beside them are kept, and nobody reads them."""
 
     model_config = ConfigDict(extra="allow", strict=True)

@@ -147,7 +147,7 @@ def estimate(plan: Plan) -> Estimate:
 
 
 MESH_OPTION = "mesh"
-FINER = {"coarse": "medium", "medium": "fine"}
+FINER_MESH = {"coarse": "medium", "medium": "fine"}
 
 
 @dataclass(frozen=True)
@@ -187,12 +187,12 @@ def mesh_error(plan: Plan, threads: int) -> MeshError:
         No finer mesh; a reduction or the nominal point fails.
     """
     mesh = str(plan.study.options.get(MESH_OPTION, ""))
-    if mesh not in FINER:
+    if mesh not in FINER_MESH:
         what = f"there is no finer mesh than '{mesh}'" if mesh else "this model has no mesh"
         if isinstance(plan.study.model, FileDefinition) and has_mesh(plan.study):
             what = "its meshes are files; a finer one is another model file"
         raise SquealstudyError(f"the error of the mesh cannot be told: {what}")
-    options = {**plan.study.options, MESH_OPTION: FINER[mesh]}
+    options = {**plan.study.options, MESH_OPTION: FINER_MESH[mesh]}
     finer_plan = Plan(replace(plan.study, options=options), plan.swept)
     own, own_shapes, own_s = _nominal_modes(plan, threads)
     finer, finer_shapes, finer_s = _nominal_modes(finer_plan, threads)
@@ -202,7 +202,7 @@ def mesh_error(plan: Plan, threads: int) -> MeshError:
     a, b = own.lam[partner[paired]], finer.lam[paired]
     tolerance = plan.study.definition.modes.stability_tolerance
     return MeshError(
-        (mesh, FINER[mesh]),
+        (mesh, FINER_MESH[mesh]),
         np.abs(np.abs(a) / np.abs(b) - 1.0),
         np.abs(_damping(a) - _damping(b)),
         int((light & (partner < 0)).sum()),

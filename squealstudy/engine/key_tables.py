@@ -33,10 +33,10 @@ def _inner(node: Mapping[str, Any], schema: Mapping[str, Any]) -> Iterator[Mappi
 def _heading(name: str, table: Mapping[str, Any]) -> str:
     if table.get("type") == "array":
         return f"[[{name}]]"
-    return f"[{name}{_named(table)}]"
+    return f"[{name}{_table_suffix(table)}]"
 
 
-def _named(table: Mapping[str, Any]) -> str:
+def _table_suffix(table: Mapping[str, Any]) -> str:
     """What follows the name of a table of tables by name."""
     return ".NAME" if {"additionalProperties", "patternProperties"} & table.keys() else ""
 
@@ -57,7 +57,7 @@ def _table(
         for key, found in one["properties"].items():
             for nested in _inner(found, schema):
                 plain = heading.strip("[]")
-                inside = f"{plain}.{key}{_named(found)}"
+                inside = f"{plain}.{key}{_table_suffix(found)}"
                 deeper += [f"### `{inside}`", "", sentence(found.get("description", "")), ""]
                 deeper += _rows(nested["properties"], nested.get("required", ()), schema)
                 for key2, found2 in nested["properties"].items():

@@ -19,8 +19,8 @@ from squealstudy.engine.result_names import (
     HISTORIES,
     LOCK,
     MANIFEST,
-    OWN,
     REFERENCES,
+    RUN_FILES,
     SET_ASIDE,
     STATES,
     expect_inside,
@@ -39,7 +39,7 @@ from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
 from squealstudy.version import __version__
 
-BESIDE = "beside"  # key: folders of studies run with it, and why one could not be
+SIDE_STUDIES = "beside"  # key: folders of studies run with it, and why one could not be
 FINISHED_AT = "finished_at"  # key: when the tables were written, UTC
 PACKAGES = (
     "numpy",
@@ -209,7 +209,7 @@ def _foreign(path: Path) -> bool:
     """Whether no run can have left this that was killed early, or whose directory was removed."""
     if path.is_dir():
         below = [p.relative_to(path.parent).as_posix() for p in path.rglob("*") if p.is_file()]
-        return not below or not all(map(OWN.fullmatch, below))
+        return not below or not all(map(RUN_FILES.fullmatch, below))
     return path.name not in (LOCK, JOURNAL) and not path.match(TEMPORARY)
 
 

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
-from squealstudy.engine.fact_types import Count, Finite, Name, Positive, Range, Text, Told
+from squealstudy.engine.fact_types import Count, FactGroup, Finite, Name, Positive, Range, Text
 from squealstudy.engine.result_names import FOLDER, PICTURE
 from squealstudy.errors import ResultsError, printable
 from squealstudy.study.kinds import facts_of
@@ -23,7 +23,7 @@ MOST_BYTES = 2**28  # of a manifest; one of 20,000 design points with checks has
 Table = dict[str, Any]
 
 
-def _named(pattern: re.Pattern[str], what: str) -> AfterValidator:
+def _name_pattern(pattern: re.Pattern[str], what: str) -> AfterValidator:
     def check(name: str) -> str:
         if not pattern.fullmatch(name):
             raise ValueError(f"'{printable(name)[:100]}' is not the name of {what}")
@@ -33,11 +33,11 @@ def _named(pattern: re.Pattern[str], what: str) -> AfterValidator:
 
 
 Megabytes = Annotated[float, Field(ge=0.0, le=1e12, allow_inf_nan=False)]
-PictureName = Annotated[str, _named(PICTURE, "a picture beside the tables")]
-FolderName = Annotated[str, _named(FOLDER, "a folder below")]
+PictureName = Annotated[str, _name_pattern(PICTURE, "a picture beside the tables")]
+FolderName = Annotated[str, _name_pattern(FOLDER, "a folder below")]
 
 
-class DesignFacts(Told):
+class DesignFacts(FactGroup):
     """Which design points there are."""
 
     type: Name = "grid"
@@ -46,7 +46,7 @@ class DesignFacts(Told):
     levels: Count | None = None
 
 
-class ModelFileFacts(Told):
+class ModelFileFacts(FactGroup):
     """Of a model of one's own what the catalogue says of others."""
 
     path: Name
@@ -55,14 +55,14 @@ class ModelFileFacts(Told):
     components: list[Name]
 
 
-class RotationFacts(Told):
+class RotationFacts(FactGroup):
     """Of a model that turns."""
 
     effective_radius: Finite
     rotation_speed: Finite
 
 
-class SharedFacts(Told):
+class SharedFacts(FactGroup):
     """One basis over a range of structures."""
 
     range: Text
@@ -71,7 +71,7 @@ class SharedFacts(Told):
     reductions: Count = 0
 
 
-class CodeFacts(Told):
+class CodeFacts(FactGroup):
     """A file of code that results were made with."""
 
     name: Name
@@ -79,7 +79,7 @@ class CodeFacts(Told):
     sources: dict[str, str] = Field(default_factory=dict)
 
 
-class Setting(Told):
+class Setting(FactGroup):
     """A setting that [fidelity] chose, or one beside it."""
 
     settings: Text | None = None
@@ -96,7 +96,7 @@ class ChosenSetting(Setting):
     seconds: Finite
 
 
-class FidelityAudit(Told):
+class FidelityAudit(FactGroup):
     """Design points of a finished study that were solved by the reference."""
 
     error: float | None
@@ -105,7 +105,7 @@ class FidelityAudit(Told):
     against: Text
 
 
-class FidelityFacts(Told):
+class FidelityFacts(FactGroup):
     """What [fidelity] chose, and what stands beside it."""
 
     chosen: ChosenSetting
@@ -116,13 +116,13 @@ class FidelityFacts(Told):
     audit: FidelityAudit | None = None
 
 
-class Timings(Told):
+class Timings(FactGroup):
     """Seconds of stages, and counts of what was solved in them."""
 
     total_s: Finite | None = None
 
 
-class Facts(Told):
+class Facts(FactGroup):
     """Those of every kind of study."""
 
     name: Name

@@ -54,7 +54,7 @@ class Measurement:
 
 
 @dataclass(frozen=True)
-class Asked:
+class MeasurementRequest:
     """What is measured beside the design points themselves.
 
     Attributes

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 DPI = 130
 AS_PNG = "_repr_png_"  # method by which a notebook shows what a cell ends with
-NOTHING = "nothing to see"  # label of a figure that only says why
+NOTHING_TO_SEE = "nothing to see"  # label of a figure that only says why
 PACKAGE = "squealstudy"
 FOLDER = "squealstudy.plots"
 Draw = Callable[..., "Figure"]

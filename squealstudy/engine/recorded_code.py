@@ -58,7 +58,7 @@ def execute_recorded(manifest: Mapping[str, Any], directory: Path) -> tuple[str,
     named = executed_files()
     hashes = []
     for record in manifest.get(RECORDS, []):
-        name, source = _told(record, directory)
+        name, source = _name_and_hash(record, directory)
         path = next((p for p in named if p.name == name), None) or _listed_file(source)
         if path is None:
             raise ResultsError(
@@ -75,11 +75,11 @@ def execute_recorded(manifest: Mapping[str, Any], directory: Path) -> tuple[str,
 
 def code_of(manifest: Mapping[str, Any], directory: Path) -> list[tuple[str, bool]]:
     """Names of the files of code that results were made with, and whether commands execute them."""
-    told = [_told(record, directory) for record in manifest.get(RECORDS, [])]
+    told = [_name_and_hash(record, directory) for record in manifest.get(RECORDS, [])]
     return [(name, _listed_file(source) is not None) for name, source in told]
 
 
-def _told(record: Mapping[str, Any], directory: Path) -> tuple[str, str]:
+def _name_and_hash(record: Mapping[str, Any], directory: Path) -> tuple[str, str]:
     """Name and hash of a record; ResultsError where it has none that can be."""
     name, source = record.get("name"), record.get("hash")
     if not isinstance(name, str) or not isinstance(source, str) or not source.isalnum():

@@ -260,7 +260,7 @@ def _shared_of(task: BuildTask, shared: SharedTask) -> SharedBasis:
     folder = prepared_path(shared.key)
     if not is_whole(folder):
         with threadpool_limits(1), solve_threads(task.threads):
-            save_value(folder, _made(task, shared))
+            save_value(folder, _make_shared_basis(task, shared))
     return _loaded(shared.key)
 
 
@@ -270,7 +270,7 @@ def _loaded(key: str) -> SharedBasis:
     return found
 
 
-def _made(task: BuildTask, shared: SharedTask) -> SharedBasis:
+def _make_shared_basis(task: BuildTask, shared: SharedTask) -> SharedBasis:
     """Reduce places of the range until the last ones were known before."""
     blocks: tuple[np.ndarray, ...] = ()
     tests: list[tuple[float, float]] = []  # what was lacking, and how far from a reduction it was

@@ -18,7 +18,7 @@ import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
-from squealstudy.engine.manifest import BESIDE, FINISHED_AT
+from squealstudy.engine.manifest import FINISHED_AT, SIDE_STUDIES
 from squealstudy.engine.mode_shapes import plan_of
 from squealstudy.engine.plan import has_mesh
 from squealstudy.engine.report_pictures import figure_of, report_pictures
@@ -93,7 +93,7 @@ def _with_beside(results: Sequence[Results]) -> Iterator[Results]:
     """The results, each followed by those of the studies that were run with it."""
     for one in results:
         yield one
-        for folder, reason in one.manifest.get(BESIDE, {}).items():
+        for folder, reason in one.manifest.get(SIDE_STUDIES, {}).items():
             if not reason:
                 yield type(one).open(one.directory / folder)
 

@@ -8,7 +8,7 @@ from html import escape
 from io import BytesIO
 from typing import TYPE_CHECKING
 
-from squealstudy.engine.pictures import NOTHING, Choices, Plot, pictures
+from squealstudy.engine.pictures import NOTHING_TO_SEE, Choices, Plot, pictures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +46,7 @@ def report_pictures(one: ResultTables, room: int) -> tuple[list[str], int]:
     found, spent, left = [], 0, []
     for name, plot, choices in in_order(one):
         image, drawn = BytesIO(), plot(one, **choices)
-        if drawn.get_label() == NOTHING:
+        if drawn.get_label() == NOTHING_TO_SEE:
             continue
         with plot.named():
             drawn.savefig(image, format="png", dpi=DPI)

@@ -17,13 +17,13 @@ CHUNKS, HISTORIES, STATES, REFERENCES = "chunks", "histories", "states", "refere
 MANIFEST = "manifest.json"
 LOCK = ".lock"
 SET_ASIDE = "damaged"  # folder of files that are not as they were written
-PART = "part-"  # how the names of files begin that hold a table together
+PART_PREFIX = "part-"  # how the names of files begin that hold a table together
 TABLE = r"[a-z][a-z0-9_]{0,80}\.parquet"
-OWN = re.compile(
+RUN_FILES = re.compile(
     rf"({CHUNKS}|{HISTORIES}|{STATES}|{REFERENCES})/[0-9a-f]{{{HASH_DIGITS}}}\.[a-z]{{1,10}}"
-    rf"|{TABLE}/{PART}\d{{5}}\.parquet"
+    rf"|{TABLE}/{PART_PREFIX}\d{{5}}\.parquet"
 )
-FINISHED = re.compile(rf"{OWN.pattern}|{TABLE}")
+FINISHED = re.compile(rf"{RUN_FILES.pattern}|{TABLE}")
 PICTURE = re.compile(r"[\w+][\w+.-]{0,250}\.png")
 FOLDER = re.compile(r"[\w+-][\w+. -]{0,100}(/[\w+-][\w+. -]{0,100})?")  # of a study run beside
 

@@ -15,7 +15,7 @@ from squealstudy.reduction.working_point import WorkingPoint
 
 Fields = Sequence[tuple[str, pa.DataType]]
 TEXT, REAL, FLAG = pa.string(), pa.float64(), pa.bool_()
-WHOLE, COUNT = pa.int32(), pa.int64()
+WHOLE_NUMBER, COUNT = pa.int32(), pa.int64()
 WORKING_POINT_FIELDS = (
     ("working_point_residual", REAL),
     ("open_share", REAL),
@@ -47,11 +47,11 @@ def failed_row(
     schema: pa.Schema, point_id: str, status: str, message: str, wall_s: float = 0.0
 ) -> dict[str, Any]:
     """Row of a point without findings: texts and lists are empty, numbers NaN, others missing."""
-    nothing = {field.name: _nothing(field.type) for field in schema}
+    nothing = {field.name: _missing_value(field.type) for field in schema}
     return nothing | head(point_id, wall_s, status, message)
 
 
-def _nothing(kind: pa.DataType) -> Any:
+def _missing_value(kind: pa.DataType) -> Any:
     if pa.types.is_list(kind):
         return []
     if pa.types.is_floating(kind):
@@ -144,6 +144,6 @@ def with_dtypes(schema: pa.Schema) -> pa.Schema:
     """The schema with the dtypes that pandas is to give its columns when it reads them."""
     import pandas as pd
 
-    nullable = {WHOLE: pd.Int64Dtype(), COUNT: pd.Int64Dtype(), FLAG: pd.BooleanDtype()}
+    nullable = {WHOLE_NUMBER: pd.Int64Dtype(), COUNT: pd.Int64Dtype(), FLAG: pd.BooleanDtype()}
     frame = schema.empty_table().to_pandas(types_mapper=nullable.get)
     return pa.Table.from_pandas(frame, schema=schema, preserve_index=False).schema

@@ -20,8 +20,8 @@ from squealstudy.engine.journal import JOURNAL, Journal
 from squealstudy.engine.keys import ID_TYPE
 from squealstudy.engine.kind import Planned, Warn, as_kind
 from squealstudy.engine.manifest import (
-    BESIDE,
     FINISHED_AT,
+    SIDE_STUDIES,
     check_owner,
     identity_facts,
     locked,
@@ -143,7 +143,7 @@ def run_study(
             (directory / name).unlink(missing_ok=True)
         manifest = new_manifest(plan, jobs)
         manifest["timings"] = {"structures_s": prepared_s, **kind.timings(plan, failures)}
-        manifest |= {BESIDE: beside} if beside else {}
+        manifest |= {SIDE_STUDIES: beside} if beside else {}
         write_manifest(directory, manifest)
         enter_executed([record["hash"] for record in manifest.get(RECORDS, [])])
         for text in kind.warnings(plan):

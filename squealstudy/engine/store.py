@@ -28,9 +28,9 @@ from squealstudy.engine.result_names import (
     CHUNKS,
     HISTORIES,
     MANIFEST,
-    OWN,
-    PART,
+    PART_PREFIX,
     REFERENCES,
+    RUN_FILES,
     SET_ASIDE,
     STATES,
     expect_inside,
@@ -118,7 +118,7 @@ class Store:
         folder = self.directory / name
         names = [name]
         if len(rows) > 1:
-            names = [f"{name}/{PART}{number:05}.parquet" for number in range(len(rows))]
+            names = [f"{name}/{PART_PREFIX}{number:05}.parquet" for number in range(len(rows))]
         before = [*self.parts(name), *(n for n in self.unfinished() if n.startswith(f"{name}/"))]
         self.journal.withdraw([*before, *names])
         if len(rows) > 1 and folder.is_file():
@@ -164,13 +164,13 @@ class Store:
 
     def write_rows(self, rows: Sequence[dict[str, Any]], schema: pa.Schema) -> None:
         """Rows as one chunk file, named by its points."""
-        self._write(_named(pa.Table.from_pylist(list(rows), schema=schema)))
+        self._write(_chunk_by_name(pa.Table.from_pylist(list(rows), schema=schema)))
 
     def write_chunk(
         self, rows: pa.Table, files: Mapping[str, pa.Table | Mapping[str, Any]] | None = None
     ) -> None:
         """What workers found: the files beside the tables first, then rows as one chunk file."""
-        self._write({**(files or {}), **_named(rows)})
+        self._write({**(files or {}), **_chunk_by_name(rows)})
 
     def _write(self, contents: Mapping[str, pa.Table | str | Mapping[str, Any]]) -> None:
         """Files that belong together: finished with the last of them."""
@@ -222,7 +222,9 @@ class Store:
         for path in (path for path in paths if not path.is_dir()):
             path.unlink(missing_ok=True)
         shutil.rmtree(self.directory / SET_ASIDE, ignore_errors=True)
-        tables = {Path(name).parent.as_posix() for name in (*gone, *unfinished) if PART in name}
+        tables = {
+            Path(name).parent.as_posix() for name in (*gone, *unfinished) if PART_PREFIX in name
+        }
         for folder in (CHUNKS, HISTORIES, STATES, REFERENCES, *tables):
             with contextlib.suppress(OSError):  # not there, or it holds what is not ours
                 (self.directory / folder).rmdir()
@@ -245,7 +247,7 @@ class Store:
         lost = {n for name in names if name in entries for n in entries[name].group}
         self.journal.withdraw(sorted(lost))
         for name in names if keep else ():
-            aside = self.directory / SET_ASIDE / name.replace(f"/{PART}", f"-{PART}")
+            aside = self.directory / SET_ASIDE / name.replace(f"/{PART_PREFIX}", f"-{PART_PREFIX}")
             expect_inside(self.directory, aside.parent.relative_to(self.directory).as_posix())
             aside.parent.mkdir(parents=True, exist_ok=True)
             (self.directory / name).replace(aside)
@@ -254,7 +256,7 @@ class Store:
         """Files of our own making that stand in no journal."""
         folders = (p for p in self.directory.iterdir() if p.is_dir() and not p.is_symlink())
         names = (f"{p.name}/{file.name}" for p in folders for file in p.iterdir())
-        own = (n for n in names if OWN.fullmatch(n) and not (self.directory / n).is_dir())
+        own = (n for n in names if RUN_FILES.fullmatch(n) and not (self.directory / n).is_dir())
         return [name for name in own if name not in self.journal.entries]
 
     def unsolved(self, missing: int, asked: int) -> MachineError:
@@ -384,7 +386,7 @@ class Store:
         return frame
 
 
-def _named(table: pa.Table) -> dict[str, pa.Table]:
+def _chunk_by_name(table: pa.Table) -> dict[str, pa.Table]:
     return {f"{CHUNKS}/{chunk_id(table['point_id'].to_pylist())}.parquet": table}
 
 

@@ -24,7 +24,7 @@ SIDE_BY_SIDE = b"side_by_side"  # in the metadata of a schema: its lists of one 
 NUMBER_BYTES = 8  # of a value that is no text
 TEXT_BYTES = 16  # of a text beside its letters: its place in a table, and in a frame
 TEXT = "BYTE_ARRAY"
-Part = tuple[int, int, int, pq.ColumnChunkMetaData]  # group, column, values, facts
+ColumnPart = tuple[int, int, int, pq.ColumnChunkMetaData]  # group, column, values, facts
 FEW_BYTES = 2**12  # of a dictionary on disk, of a column of few texts as status or method
 
 
@@ -59,7 +59,7 @@ def _of_few_texts(file: pq.ParquetFile) -> list[str]:
     alone = {n for n, times in named.items() if times == 1 and "." not in n}  # of no record a part
     fields = (field for field in file.schema_arrow if field.name in alone)
     texts, large = {f.name for f in fields if pa.types.is_string(f.type)}, set[str]()
-    for _, column, _, part in _parts(file, texts, 0):
+    for _, column, _, part in _column_parts(file, texts, 0):
         if _dictionary_bytes(part) > FEW_BYTES:
             large.add(file.schema.column(column).path)
     return sorted(texts - large)
@@ -119,7 +119,7 @@ def _counted(file: pq.ParquetFile, schema: pa.Schema) -> bool:
     """Whether lists that stand side by side have as many values in the file, as its footer says."""
     counts: dict[int, int] = {}
     told = _side_by_side(schema)
-    for _, column, values, _ in _parts(file, told, 0) if told else ():
+    for _, column, values, _ in _column_parts(file, told, 0) if told else ():
         counts[column] = counts.get(column, 0) + values
     return len(set(counts.values())) < 2
 
@@ -135,8 +135,8 @@ def expect_room(
     path: Path, file: pq.ParquetFile, columns: Collection[str] | None = None, rows: int = 0
 ) -> None:
     """Raise ValueError where columns of a table, or so many rows at a time, have no room."""
-    needed, texts = 0.0, list[Part]()
-    for group, column, values, part in _parts(file, columns, rows):
+    needed, texts = 0.0, list[ColumnPart]()
+    for group, column, values, part in _column_parts(file, columns, rows):
         needed += values * NUMBER_BYTES
         if part.physical_type == TEXT:
             texts.append((group, column, values, part))
@@ -146,7 +146,9 @@ def expect_room(
         expect_memory(needed + _letters(path, file, texts))
 
 
-def _parts(file: pq.ParquetFile, columns: Collection[str] | None, rows: int) -> Iterator[Part]:
+def _column_parts(
+    file: pq.ParquetFile, columns: Collection[str] | None, rows: int
+) -> Iterator[ColumnPart]:
     """Group, column, number of values and facts of each part of a column that is read."""
     told, schema = file.metadata, file.schema
     for column in range(len(schema)):
@@ -159,14 +161,14 @@ def _parts(file: pq.ParquetFile, columns: Collection[str] | None, rows: int) -> 
             yield group, column, min(part.num_values, rows) if plain else part.num_values, part
 
 
-def _letters(path: Path, file: pq.ParquetFile, texts: Sequence[Part]) -> float:
+def _letters(path: Path, file: pq.ParquetFile, texts: Sequence[ColumnPart]) -> float:
     """Letters of all texts, at most.
 
     Those beside a dictionary are no more than the part is large, those in it as many times its
     longest as there are values. Dictionaries are looked at only where much depends on them, and
     decoded only where they are of another form than that of names of design points.
     """
-    letters, unknown = 0.0, list[Part]()
+    letters, unknown = 0.0, list[ColumnPart]()
     with path.open("rb") as handle:
         for group, column, values, part in texts:
             size, little = (

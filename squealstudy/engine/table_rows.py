@@ -16,7 +16,7 @@ from squealstudy.engine.store import Store
 from squealstudy.errors import ResultsError
 from squealstudy.tables import point_rows
 from squealstudy.tables.mode_ranking import RANKED, energy_columns
-from squealstudy.tables.point_rows import ROW, parts, point_codes
+from squealstudy.tables.point_rows import ROW, point_codes, row_parts
 from squealstudy.tables.ranking_query import query
 from squealstudy.tables.stability import is_uncertain
 
@@ -48,7 +48,7 @@ def batches(
     """
     if table is not None:
         whole = table[list(columns)].reset_index(drop=True)
-        yield from (whole.iloc[rows] for rows in parts(len(whole)))
+        yield from (whole.iloc[rows] for rows in row_parts(len(whole)))
         return
     first = 0
     for batch in store.batches(file, columns, point_rows.ROWS_PER_BATCH):

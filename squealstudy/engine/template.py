@@ -324,7 +324,9 @@ def _parameters(begun: Begun) -> Iterator[str]:
     shown = begun.shown("parameters")
     yield "[parameters]"
     for parameter in begun.model.parameters:
-        matters = shown is None or parameter.name in shown or _own(parameter, begun.model)
+        matters = (
+            shown is None or parameter.name in shown or _is_of_the_model(parameter, begun.model)
+        )
         if not matters and parameter.name not in given:
             continue
         described = parameter.description + (f" [{parameter.unit}]" if parameter.unit else "")
@@ -333,7 +335,7 @@ def _parameters(begun: Begun) -> Iterator[str]:
     yield ""
 
 
-def _own(parameter: Parameter, model: ModelDefinition) -> bool:
+def _is_of_the_model(parameter: Parameter, model: ModelDefinition) -> bool:
     """Whether it is one of the few of a minimal model."""
     return not model.meshed and parameter.structural
 

@@ -79,7 +79,8 @@ def parameter_reasons(plan: Plan) -> list[Broken]:
     points = plan.tasks
     columns, count = points.columns, len(points)
     found = [
-        _beyond(a.rule, a.values(columns, count), a.most) for a in plan.study.model.assumptions
+        _beyond_limit(a.rule, a.values(columns, count), a.most)
+        for a in plan.study.model.assumptions
     ]
     for rule, most, parameters in (
         (MODE_RULE, LARGEST_MODAL_DAMPING, plan.first.assembly_parameters()),
@@ -91,7 +92,7 @@ def parameter_reasons(plan: Plan) -> list[Broken]:
     ):
         damped = [points.column(p.name) for p in parameters if p.quantity == DAMPING_RATIO]
         if damped:
-            found.append(_beyond(rule, np.maximum.reduce(damped), most))
+            found.append(_beyond_limit(rule, np.maximum.reduce(damped), most))
     found.append(_damped_modes(plan))
     for table in plan.study.model.tables:
         for name, at in zip(table.over, table.at, strict=True):
@@ -103,7 +104,7 @@ def parameter_reasons(plan: Plan) -> list[Broken]:
     return [broken for broken in found if len(broken.rows)]
 
 
-def _beyond(rule: str, values: np.ndarray, most: float) -> Broken:
+def _beyond_limit(rule: str, values: np.ndarray, most: float) -> Broken:
     rows = np.flatnonzero(~(values <= most))
     return Broken(rule, rows, values[rows])
 
@@ -239,7 +240,9 @@ def _damped_modes(plan: Plan) -> Broken:
             at = np.flatnonzero(inside > 0)
             own = own[at] + np.pi * np.broadcast_to(beta, len(points))[rows[at]] * inside[at]
             ratio[rows[at]] = own
-            return _beyond(OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL_DAMPING_RATIO, 0.0)))
+            return _beyond_limit(
+                OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL_DAMPING_RATIO, 0.0))
+            )
         for key, rows in points.of_structures():
             if not (most[rows] >= CRITICAL_DAMPING_RATIO).any() or not is_prepared(key):
                 continue
@@ -247,4 +250,4 @@ def _damped_modes(plan: Plan) -> Broken:
             highest = float(hz[(hz >= low) & (hz <= high)].max(initial=0.0))
             if highest > 0:
                 ratio[rows] = np.broadcast_to(zeta + np.pi * beta * highest, len(points))[rows]
-    return _beyond(OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL_DAMPING_RATIO, 0.0)))
+    return _beyond_limit(OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL_DAMPING_RATIO, 0.0)))

@@ -92,9 +92,9 @@ class Pace:
 TASKS_IN_FLIGHT_PER_WORKER = 3
 TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
 
-Item = TypeVar("Item")
-Found = TypeVar("Found")
-Given = ParamSpec("Given")
+TaskT = TypeVar("TaskT")
+ResultT = TypeVar("ResultT")
+ArgumentsT = ParamSpec("ArgumentsT")
 
 
 def silent(stage: str, done: int, total: int, failed: int = 0) -> None:
@@ -143,12 +143,12 @@ class Workers:
 
     def each(
         self,
-        function: Callable[[Item], Found],
-        tasks: Iterable[Item],
+        function: Callable[[TaskT], ResultT],
+        tasks: Iterable[TaskT],
         stage: str = "",
         total: int | None = None,
-        lost: Callable[[Item, str], Found] | None = None,
-    ) -> Iterator[Found]:
+        lost: Callable[[TaskT, str], ResultT] | None = None,
+    ) -> Iterator[ResultT]:
         """Results of a function of each task, as they come; none is kept here.
 
         Tasks are drawn when a worker is about to need them: of a long iterable never more than
@@ -183,10 +183,10 @@ class Workers:
 
     def _found(
         self,
-        function: Callable[[Item], Found],
-        tasks: Iterator[Item],
-        lost: Callable[[Item, str], Found] | None,
-    ) -> Iterator[Found]:
+        function: Callable[[TaskT], ResultT],
+        tasks: Iterator[TaskT],
+        lost: Callable[[TaskT, str], ResultT] | None,
+    ) -> Iterator[ResultT]:
         started, patience = time.perf_counter(), self.patience()
         if self.cluster is not None and math.isfinite(patience):
             yield from self.cluster.each(function, tasks, lost)
@@ -201,8 +201,8 @@ class Workers:
             yield _on_one_thread(function, task)
 
     def _on_processes(
-        self, function: Callable[[Item], Found], tasks: Iterator[Item]
-    ) -> Iterator[Found]:
+        self, function: Callable[[TaskT], ResultT], tasks: Iterator[TaskT]
+    ) -> Iterator[ResultT]:
         from concurrent.futures import FIRST_COMPLETED, Future, wait
         from concurrent.futures.process import BrokenProcessPool
 
@@ -211,7 +211,7 @@ class Workers:
             from joblib import wrap_non_picklable_objects
 
         executor = _executor(self.jobs, lifeline(), extension_files(), cache_directory())
-        begun: set[Future[Found]] = set()
+        begun: set[Future[ResultT]] = set()
 
         def begin(number: int) -> None:
             calls = [partial(_on_one_thread, function, task) for task in islice(tasks, number)]
@@ -275,18 +275,18 @@ def one_thread() -> AbstractContextManager[object]:
     return _thread_pools(frozenset(sys.modules)).limit(limits=1)
 
 
-def on_one_thread(function: Callable[Given, Found]) -> Callable[Given, Found]:
+def on_one_thread(function: Callable[ArgumentsT, ResultT]) -> Callable[ArgumentsT, ResultT]:
     """The function with one thread of BLAS: for small matrices more of them wait for each other."""
 
     @wraps(function)
-    def limited(*args: Given.args, **kwargs: Given.kwargs) -> Found:
+    def limited(*args: ArgumentsT.args, **kwargs: ArgumentsT.kwargs) -> ResultT:
         with one_thread():
             return function(*args, **kwargs)
 
     return limited
 
 
-def _on_one_thread(function: Callable[[Item], Found], task: Item) -> Found:
+def _on_one_thread(function: Callable[[TaskT], ResultT], task: TaskT) -> ResultT:
     keep_free_memory()
     with one_thread():
         return function(task)

@@ -12,7 +12,7 @@ import numpy as np
 from squealstudy.engine.chunk_rows import unforeseen
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.kind import as_kind
-from squealstudy.engine.measurement import Asked, Measurement, Measuring
+from squealstudy.engine.measurement import Measurement, MeasurementRequest, Measuring
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Progress, Workers
@@ -124,7 +124,7 @@ class FidelityStudy:
         if not built:
             raise SquealstudyError(f"{self.study.source.path}: {reasons[0]}")
         try:
-            made = self.measuring.measure(plan, built, Asked())
+            made = self.measuring.measure(plan, built, MeasurementRequest())
         except SquealstudyError:
             raise
         except FAILURES as error:  # nobody foresaw it: the settings do not work
@@ -179,10 +179,10 @@ class FidelityStudy:
             return MISCOUNT_ERROR
         judged = IN_TIME if self.in_time else IN_FREQUENCY
         errors, count = self.measuring.comparisons[0](finding, truth)
-        return largest(errors, count, judged)
+        return largest_error(errors, count, judged)
 
 
-def largest(errors: Sequence[FoundError], count: Miscount, judged: Sequence[str]) -> float:
+def largest_error(errors: Sequence[FoundError], count: Miscount, judged: Sequence[str]) -> float:
     """Largest of some errors, of averages where values have intervals."""
     worst = MISCOUNT_ERROR if count.missed or count.spurious else 0.0
     return max([worst, *(error.error for error in errors if error.quantity in judged)])

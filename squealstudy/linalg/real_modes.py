@@ -213,7 +213,7 @@ class BlockKrylov:
         MW = self._weigh(W)
         least = DEPENDENCE_TOLERANCE_SQUARED * max(float(np.einsum("ij,ij->", W, MW)), 0.0)
         for _ in range(GRAM_SCHMIDT_PASSES):
-            h = _seen(V, MW)
+            h = _projected(V, MW)
             W = W - _summed(V, h)
             MW = self._weigh(W)
             d, y = la.eigh(W.T @ MW)
@@ -239,13 +239,13 @@ class BlockKrylov:
         V = self._V[:, : self.size]
         for _ in range(GRAM_SCHMIDT_PASSES):
             MX = self._weigh(X)
-            X = X - _summed(V, _seen(V, MX)) - others @ (others.T @ MX)
+            X = X - _summed(V, _projected(V, MX)) - others @ (others.T @ MX)
             d, y = la.eigh(X.T @ self._weigh(X))
             X = X @ (y / np.sqrt(d))
         return X
 
 
-def _seen(V: np.ndarray, W: np.ndarray) -> np.ndarray:
+def _projected(V: np.ndarray, W: np.ndarray) -> np.ndarray:
     """V^T W of few W (n, b); of V (n, k) by columns BLAS takes two thirds of the time so."""
     return (W.T @ V).T
 

@@ -77,10 +77,10 @@ def _read(path: Path) -> str:
 # -- memory ---------------------------------------------------------------------------------------
 def available_memory_mb() -> float:
     """Memory that processes may still take without swapping or being killed, MB."""
-    return min([psutil.virtual_memory().available, *_left()]) / BYTES_PER_MB
+    return min([psutil.virtual_memory().available, *_remaining_bytes()]) / BYTES_PER_MB
 
 
-def _left() -> Iterator[int]:
+def _remaining_bytes() -> Iterator[int]:
     """Bytes that each control group leaves; files that it has read give way."""
     names = (
         ("memory.max", "memory.current", "inactive_file"),

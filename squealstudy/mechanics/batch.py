@@ -70,7 +70,7 @@ def in_batches(values: Values) -> bool:
 def batch_modes(values: Values, band_hz: tuple[float, float]) -> BatchModes:
     """Complex modes of a batch in a band, by blocks of BLOCK design points."""
     parts = [
-        _block(values, slice(start, min(start + POINTS_PER_BLOCK, values.count)), band_hz)
+        _batch_block(values, slice(start, min(start + POINTS_PER_BLOCK, values.count)), band_hz)
         for start in range(0, values.count, POINTS_PER_BLOCK)
     ]
     width = max(part.lam.shape[1] for part in parts)
@@ -90,22 +90,22 @@ def _joined(arrays: list[np.ndarray], width: int) -> np.ndarray:
     return whole
 
 
-def _block(values: Values, rows: slice, band_hz: tuple[float, float]) -> BatchModes:
+def _batch_block(values: Values, rows: slice, band_hz: tuple[float, float]) -> BatchModes:
     count = rows.stop - rows.start
     columns = {k: x[rows] if isinstance(x, np.ndarray) else x for k, x in values.columns.items()}
     try:
         system = stacked_system(values.definition, values.options, columns, count)
-        return _told(system, system.roots(band_hz))
+        return _batch_modes(system, system.roots(band_hz))
     except FAILURES as error:
         if count == 1:
             return _failed(values, *reason(error))
         each = (slice(i, i + 1) for i in range(rows.start, rows.stop))
-        alone = [_block(values, one, band_hz) for one in each]
+        alone = [_batch_block(values, one, band_hz) for one in each]
         width = max(part.lam.shape[1] for part in alone)
         return BatchModes(*(_joined(list(own), width) for own in zip(*alone, strict=True)))
 
 
-def _told(system: StackedSystem, roots: StackedRoots) -> BatchModes:
+def _batch_modes(system: StackedSystem, roots: StackedRoots) -> BatchModes:
     held = roots.held
 
     def known(values: np.ndarray) -> np.ndarray:

@@ -17,14 +17,14 @@ from squealstudy.modes.full_order.modes import FULL, family_matrices, family_roo
 from squealstudy.modes.point import angular_band
 from squealstudy.reduction.prepared import prepare_family
 
-Found = TypeVar("Found")
+ResultT = TypeVar("ResultT")
 
 
 def _each(
-    values: Values, solve: Callable[[ModelPoint], Found], single: bool
-) -> list[Found | Exception]:
+    values: Values, solve: Callable[[ModelPoint], ResultT], single: bool
+) -> list[ResultT | Exception]:
     """What `solve` finds at each design point, or why it fails; a `single` failure is raised."""
-    found: list[Found | Exception] = []
+    found: list[ResultT | Exception] = []
     for number in range(values.count):
         try:
             found.append(solve(values.point(number)))

@@ -36,7 +36,7 @@ UNITS = {
     "error_reduction": "1/s",
     "error_estimate": "1/s",
 }
-OWN = {*UNITS, "unstable", "stability", "overdamped", "method"}  # columns
+OWN_COLUMNS = {*UNITS, "unstable", "stability", "overdamped", "method"}  # columns
 LEFT_CIRCLE_FACTOR = 1.01  # of the largest root: the circle in which left vectors are looked for
 
 
@@ -177,7 +177,7 @@ class ComplexModes:
         table: dict[str, Any] = {}
         if isinstance(self.counts, np.ndarray):
             table["point"] = point
-            table |= {name: x[point] for name, x in self.varied.items() if name not in OWN}
+            table |= {name: x[point] for name, x in self.varied.items() if name not in OWN_COLUMNS}
         table["mode"] = (np.nonzero(kept)[1] + 1).astype(np.int32)
         unstable, uncertain = flat(self.unstable), flat(self.uncertain)
         table |= {

@@ -245,15 +245,15 @@ def all_sensitivities(
     values, basis = structures.values, structures.basis  # noqa: PD011 - no frame
     find = partial(point_derivatives, basis=basis, names=names, choice=choice, change=change)
     if not is_small_batch(values):
-        return tuple(map(_told, each(structures, find, single)))
+        return tuple(map(_or_raise, each(structures, find, single)))
     made = _at_once(values, names, choice, change, basis.band_hz)
     for number in [i for i, one in enumerate(made) if one is None]:
         own = Structures(values.at(number), structures.nominal, basis, structures.improved)
-        made[number] = _told(each(own, find, single=False)[0])
+        made[number] = _or_raise(each(own, find, single=False)[0])
     return tuple(one for one in made if one is not None)
 
 
-def _told(found: Sensitivities | Exception) -> Sensitivities:
+def _or_raise(found: Sensitivities | Exception) -> Sensitivities:
     if not isinstance(found, Exception):
         return found
     status, message = reason(found)

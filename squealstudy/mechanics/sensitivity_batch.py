@@ -17,7 +17,11 @@ from squealstudy.models.parameter import ModelDefinition
 from squealstudy.modes.sensitivity.reduced import ModeChoice
 from squealstudy.modes.sensitivity.state_derivatives import StateParameter
 from squealstudy.stacked.modes import Columns, stacked_assembly, structures_of
-from squealstudy.stacked.sensitivities import Asked, StackedSensitivities, stacked_sensitivities
+from squealstudy.stacked.sensitivities import (
+    RequestedSensitivities,
+    StackedSensitivities,
+    stacked_sensitivities,
+)
 from squealstudy.stacked.structures import StackedStructures
 
 MAX_COMPANION_ENTRIES = 2_000_000  # of companion matrices that are in memory at once, 16 bytes each
@@ -53,7 +57,9 @@ def batch_sensitivities(
     structures, structural = structures_of(assembly), structural_names(request.parameters)
     most = max(1, MAX_COMPANION_ENTRIES // (2 * structures.n) ** 2)
     for parameters, rows in _groups(structures, request.parameters, count):
-        asked = Asked(parameters, structural, request.choice, request.change, request.band_hz)
+        asked = RequestedSensitivities(
+            parameters, structural, request.choice, request.change, request.band_hz
+        )
         for start in range(0, len(rows), most):
             block = rows[start : start + most]
             own = {k: np.asarray(x)[block] if np.ndim(x) else x for k, x in columns.items()}

@@ -22,11 +22,11 @@ from squealstudy.modes.point import (
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.linearise import LinearisedModel
 
-Found = TypeVar("Found")
-Solve = Callable[[ModelPoint, Reduction], Found]
+ResultT = TypeVar("ResultT")
+Solve = Callable[[ModelPoint, Reduction], ResultT]
 
 
-def each(structures: Structures, solve: Solve[Found], single: bool) -> list[Found | Exception]:
+def each(structures: Structures, solve: Solve[ResultT], single: bool) -> list[ResultT | Exception]:
     """What `solve` finds at each design point, in order, or why it fails.
 
     Raises
@@ -42,8 +42,8 @@ def each(structures: Structures, solve: Solve[Found], single: bool) -> list[Foun
 
 
 def _solved(
-    structures: Structures, solve: Solve[Found], single: bool
-) -> Iterator[tuple[int, Found | Exception]]:
+    structures: Structures, solve: Solve[ResultT], single: bool
+) -> Iterator[tuple[int, ResultT | Exception]]:
     for first, own in structures.values.of_structures():
         try:
             reduction = structures.reduction(first, own)

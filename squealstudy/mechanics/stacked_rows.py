@@ -11,7 +11,7 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.mechanics.failures import reason
 
 OK = "ok"
-Found = TypeVar("Found")
+ResultT = TypeVar("ResultT")
 
 
 def statuses(found: Sequence[object]) -> np.ndarray:
@@ -25,8 +25,8 @@ def messages(found: Sequence[object]) -> np.ndarray:
 
 
 def stacked(
-    found: Sequence[Found | Exception],
-    take: Callable[[Found], np.ndarray],
+    found: Sequence[ResultT | Exception],
+    take: Callable[[ResultT], np.ndarray],
     single: bool,
     ragged: bool = False,
     nothing_of: tuple[int, ...] = (),

@@ -67,8 +67,8 @@ class Shape:
 
     def functions(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Functions (q, k) and their slopes (q, k, 3) at reference coordinates X (q, 3)."""
-        if self.name in OWN:
-            return OWN[self.name](X)
+        if self.name in OWN_SHAPES:
+            return OWN_SHAPES[self.name](X)
         element, order = _of_library(self.name)
         values = [element.lbasis(X.T, i) for i in order]
         N = np.column_stack([np.broadcast_to(v, len(X)) for v, _ in values])
@@ -193,10 +193,14 @@ def _pyramid13(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return N, dN
 
 
-OWN = {"pyramid5": _pyramid5, "pyramid13": _pyramid13, "wedge15": _wedge15}  # the library lacks
+OWN_SHAPES = {
+    "pyramid5": _pyramid5,
+    "pyramid13": _pyramid13,
+    "wedge15": _wedge15,
+}  # the library lacks
 
 
-def _places(corners: list[tuple[int, int, int]], edges: list[tuple[int, int]]) -> np.ndarray:
+def _node_places(corners: list[tuple[int, int, int]], edges: list[tuple[int, int]]) -> np.ndarray:
     """Corners, then the middles of edges between them."""
     c = np.array(corners, dtype=float)
     return np.vstack([c, *((c[i] + c[j])[None] / 2 for i, j in edges)])
@@ -251,17 +255,17 @@ _HEX_FACES: list[tuple[int, ...]] = [
 SHAPES = {
     shape.name: shape
     for shape in (
-        Shape("tet4", _places(_TET, []), _faces(_TET_FACES, 4, [])),
-        Shape("tet10", _places(_TET, _TET_EDGES), _faces(_TET_FACES, 4, _TET_EDGES)),
-        Shape("pyramid5", _places(_PYRAMID, []), _faces(_PYRAMID_FACES, 5, [])),
+        Shape("tet4", _node_places(_TET, []), _faces(_TET_FACES, 4, [])),
+        Shape("tet10", _node_places(_TET, _TET_EDGES), _faces(_TET_FACES, 4, _TET_EDGES)),
+        Shape("pyramid5", _node_places(_PYRAMID, []), _faces(_PYRAMID_FACES, 5, [])),
         Shape(
             "pyramid13",
-            _places(_PYRAMID, _PYRAMID_EDGES),
+            _node_places(_PYRAMID, _PYRAMID_EDGES),
             _faces(_PYRAMID_FACES, 5, _PYRAMID_EDGES),
         ),
-        Shape("wedge6", _places(_WEDGE, []), _faces(_WEDGE_FACES, 6, [])),
-        Shape("wedge15", _places(_WEDGE, _WEDGE_EDGES), _faces(_WEDGE_FACES, 6, _WEDGE_EDGES)),
-        Shape("hex8", _places(_HEX, []), _faces(_HEX_FACES, 8, [])),
-        Shape("hex20", _places(_HEX, _HEX_EDGES), _faces(_HEX_FACES, 8, _HEX_EDGES)),
+        Shape("wedge6", _node_places(_WEDGE, []), _faces(_WEDGE_FACES, 6, [])),
+        Shape("wedge15", _node_places(_WEDGE, _WEDGE_EDGES), _faces(_WEDGE_FACES, 6, _WEDGE_EDGES)),
+        Shape("hex8", _node_places(_HEX, []), _faces(_HEX_FACES, 8, [])),
+        Shape("hex20", _node_places(_HEX, _HEX_EDGES), _faces(_HEX_FACES, 8, _HEX_EDGES)),
     )
 }

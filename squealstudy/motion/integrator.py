@@ -157,7 +157,7 @@ class FixedJacobian(KernelIntegrator):
 
 KERNEL_METHODS = "squealstudy.motion.integrators"
 _folders = [KERNEL_METHODS]
-_known: dict[str, type[Integrator]] = {}
+_integrators: dict[str, type[Integrator]] = {}
 
 
 def register_integrator(integrator: type[Integrator]) -> type[Integrator]:
@@ -168,7 +168,7 @@ def register_integrator(integrator: type[Integrator]) -> type[Integrator]:
     ParameterError
         Another one has that name.
     """
-    if _known.setdefault(integrator.name, integrator) is not integrator:
+    if _integrators.setdefault(integrator.name, integrator) is not integrator:
         raise ParameterError("integrator", f"there is another '{integrator.name}'")
     note_registered(integrator.__module__)
     return integrator
@@ -187,7 +187,7 @@ def integrators() -> Mapping[str, type[Integrator]]:
             for item in vars(importlib.import_module(found.name)).values():
                 if _is_method(item) and item.__module__ == found.name:
                     register_integrator(item)
-    return _known
+    return _integrators
 
 
 def _is_method(item: object) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.energies import round_off
+from squealstudy.motion.outcome.energies import energy_round_off
 from squealstudy.motion.outcome.growth import LEFT_VECTOR
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint, stick_number
@@ -136,7 +136,7 @@ def energy_drift(motion: Motion) -> float:
     size += ENERGY_BALANCE_ROUND_OFF * (
         abs(h["dissipated_friction"][-1]) + float(np.abs(h["stored"]).max())
     )
-    if not size > 0.0 or motion.modal_energy.max() <= round_off(motion):
+    if not size > 0.0 or motion.modal_energy.max() <= energy_round_off(motion):
         return 0.0
     last = abs(float(imbalance[-1])) / float(size)
     drift = max(abs(m) for m in medians) / float(size)

@@ -162,7 +162,7 @@ def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) ->
     first, second = (np.abs(a - b) for a, b in zip(*found, strict=True))
     hz, changed = (own_frequency(one, slice(1, len(one.times))).hz for one in (here, other))
     level, change = np.append(found[0][1], hz), np.append(second, abs(changed - hz))
-    return _parts(level, change * _beyond(first[0], second[0], run.time / length))
+    return _parts(level, change * _total_difference_ratio(first[0], second[0], run.time / length))
 
 
 def _weighted(history: Mapping[str, np.ndarray], rows: slice) -> np.ndarray:
@@ -177,7 +177,7 @@ def _weighted(history: Mapping[str, np.ndarray], rows: slice) -> np.ndarray:
     return np.array([np.sqrt(square), mean, sums.most.max() - sums.least.min()])
 
 
-def _beyond(first: float, second: float, ratio: float) -> float:
+def _total_difference_ratio(first: float, second: float, ratio: float) -> float:
     """What the difference of two levels comes to, over that in the second half.
 
     A level that answers slowly to another step has gone part of the way in 20 periods. One that

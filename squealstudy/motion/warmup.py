@@ -66,7 +66,7 @@ def warm(methods: Iterable[Integrator]) -> float:
         process = _begun.pop()
         process.wait()
         process.communicate()  # closes its input, with which it would have ended
-    system, design = smallest()
+    system, design = smallest_system()
     with alone(), uncollected():
         for method in methods:
             settings = MotionSettings(duration=2e-6, step=1e-6, save_every=1, integrator=method)
@@ -91,7 +91,7 @@ def alone() -> AbstractContextManager[None]:
     return lock(compiled_directory() / "warmup.lock")
 
 
-def smallest() -> tuple[ModalSystem, MotionPoint]:
+def smallest_system() -> tuple[ModalSystem, MotionPoint]:
     """One mode under one sliding point."""
     one, row = np.ones(1), np.ones((1, 1))
     system = ModalSystem(

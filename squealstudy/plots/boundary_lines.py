@@ -13,7 +13,7 @@ import pandas as pd
 from squealstudy.plots.plane import StudyPlane
 from squealstudy.plots.style import Quantity
 from squealstudy.tables.mode_ranking import CUBIC, REFINED
-from squealstudy.tables.point_rows import largest
+from squealstudy.tables.point_rows import largest_by_code
 from squealstudy.tables.stability import INTO
 
 # of the growing mode's damping ratio: below it a stable point has no damping
@@ -214,7 +214,7 @@ class _Crossings:
         found = []
         for column in self._xy.T:
             values, line = np.unique(column, return_inverse=True)
-            found.append(largest(self._stable_damping, line, len(values))[line])
+            found.append(largest_by_code(self._stable_damping, line, len(values))[line])
         return found
 
 

@@ -49,7 +49,11 @@ UNSTABLE: dict[str, Any] = {
     "markerfacecolor": "white",
     "label": "unstable cycle",
 }
-OTHER: dict[str, Any] = {"marker": "s", "color": GREY, "label": "stability or level not known"}
+OTHER_STYLE: dict[str, Any] = {
+    "marker": "s",
+    "color": GREY,
+    "label": "stability or level not known",
+}
 RUN: dict[str, Any] = {
     "marker": "x",
     "color": "black",
@@ -226,7 +230,11 @@ def _cycles(axes: Axes, x: np.ndarray, cycles: pd.DataFrame, column: str) -> Non
     known = cycles["stable"].notna().to_numpy(bool)
     stable = cycles["stable"].fillna(False).to_numpy(bool)
     y = cycles[column].to_numpy(float)
-    for own, style in ((known & stable, STABLE), (known & ~stable, UNSTABLE), (~known, OTHER)):
+    for own, style in (
+        (known & stable, STABLE),
+        (known & ~stable, UNSTABLE),
+        (~known, OTHER_STYLE),
+    ):
         if own.any():
             axes.plot(x[own], y[own], linestyle="", markersize=5.5, **style)
 

@@ -12,7 +12,14 @@ from matplotlib.ticker import MaxNLocator
 
 from squealstudy.colours import COLOURS, DARK, GREY
 from squealstudy.engine.pictures import register_plot
-from squealstudy.plots.style import empty_figure, finish, labelled, legend_below, new_figure, reach
+from squealstudy.plots.style import (
+    empty_figure,
+    error_reach,
+    finish,
+    labelled,
+    legend_below,
+    new_figure,
+)
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
@@ -46,7 +53,7 @@ def growth_comparison(results: Results) -> Figure:
     growth, points = results.growth, results.points
     table = growth_pairs(growth, points)
     if not len(table):
-        return empty_figure(_nothing(growth, points))
+        return empty_figure(_why_nothing_is_drawn(growth, points))
     figure = new_figure(7.6, 7.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2.4, 1.0])
     for kind, style in KINDS.items():
@@ -76,7 +83,7 @@ def growth_pairs(growth: pd.DataFrame, points: pd.DataFrame) -> pd.DataFrame:
     return table.reset_index(drop=True)
 
 
-def _nothing(growth: pd.DataFrame, points: pd.DataFrame) -> str:
+def _why_nothing_is_drawn(growth: pd.DataFrame, points: pd.DataFrame) -> str:
     """Why there is no fitted growth rate to show."""
     if not len(points):
         return "no growth rate was fitted\nno design points"
@@ -111,7 +118,7 @@ def _bars(
     axes.errorbar(
         own["predicted"],
         value,
-        reach(value, low, high),
+        error_reach(value, low, high),
         linestyle="",
         markersize=5.5,
         elinewidth=1.1,

@@ -18,13 +18,13 @@ from squealstudy.plots.style import (
     Quantity,
     cross_out,
     empty_figure,
+    error_reach,
     finish,
     joined,
     labelled,
     legend_below,
     new_figure,
     quantity,
-    reach,
     set_scales,
     set_ticks,
 )
@@ -39,8 +39,8 @@ MAX_LABELLED_POINTS = 36  # design points that have room for their names
 MAX_COLOURED_MODES = 6  # modes with a colour of their own
 MIN_SHOWN_ENERGY_SHARE = 0.02  # energy share somewhere of a mode that has one
 BAR_WIDTH_RATIO = 0.8  # of the least distance between design points that a bar takes
-OTHERS, OUTSIDE = "other sensed modes", "outside the sensed modes"
-PALE = {OTHERS: "#C8C8C8", OUTSIDE: "white"}
+OTHER_MODES, OUTSIDE = "other sensed modes", "outside the sensed modes"
+PALE = {OTHER_MODES: "#C8C8C8", OUTSIDE: "white"}
 CLASSES: dict[str, dict[str, Any]] = {
     "limit_cycle": {"marker": "o", "color": COLOURS[1]},
     "irregular": {"marker": "D", "color": COLOURS[3]},
@@ -197,7 +197,7 @@ def _levels(axes: Axes, row: _Row) -> None:
             low, high = (row.line.loc[own, f"torque_rms_{end}"].to_numpy(float) for end in ENDS)
             label = name.replace("_", " ") + REMARKS.get(name, "")
             bar: dict[str, Any] = {"linestyle": "", "capsize": 3, "markersize": 6, "label": label}
-            axes.errorbar(row.x[own], rms[own], reach(rms[own], low, high), **bar, **style)
+            axes.errorbar(row.x[own], rms[own], error_reach(rms[own], low, high), **bar, **style)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     what, unit = friction_label(row.units)
     finish(axes, "", f"{what.capitalize()} RMS [{unit}]")
@@ -298,6 +298,6 @@ def stacked_shares(line: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     table = wide[main].rename(
         columns=lambda mode: f"{real_mode_number(mode)}  {in_digits(frequency[mode])} Hz"
     )
-    table[OTHERS] = wide.drop(columns=main).sum(axis=1)
+    table[OTHER_MODES] = wide.drop(columns=main).sum(axis=1)
     table[OUTSIDE] = line["energy_outside_share"].fillna(0.0).to_numpy(dtype=float)
     return table

@@ -18,7 +18,7 @@ from squealstudy.errors import ResultsError
 from squealstudy.plots.style import Quantity, joined, quantity, set_scales, set_ticks
 from squealstudy.plots.tables import describe, slice_points
 from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.tables.point_rows import ROW, largest, rows_in
+from squealstudy.tables.point_rows import ROW, largest_by_code, rows_in
 from squealstudy.wording import did_you_mean
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class Plane:
             inside = np.clip(np.searchsorted(ends, even, "right") - 1, 0, count - 1)
             place = place * count + inside
             edges.append(shown.uneven(ends))
-        table = largest(values[known], place, N_CELLS[0] * N_CELLS[1]).reshape(
+        table = largest_by_code(values[known], place, N_CELLS[0] * N_CELLS[1]).reshape(
             N_CELLS[1], N_CELLS[0]
         )
         return axes.pcolormesh(edges[1], edges[0], np.ma.masked_invalid(table), **style)

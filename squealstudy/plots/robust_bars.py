@@ -16,13 +16,13 @@ from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import (
     UNSTABLE,
+    error_reach,
     finish,
     head,
     labelled,
     legend_below,
     name_rows,
     new_figure,
-    reach,
     track_name,
 )
 from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
@@ -96,7 +96,12 @@ def _probabilities(axes: Axes, shown: pd.DataFrame, names: Mapping[int, tuple[st
     low, high = (100 * shown[f"probability_{end}"].to_numpy() for end in ("low", "high"))
     colours = [DARK if q == "any" else UNSTABLE for q in shown["quantity"]]
     axes.barh(
-        place, percent, 0.62, color=colours, xerr=reach(percent, low, high), error_kw=ERROR_BARS
+        place,
+        percent,
+        0.62,
+        color=colours,
+        xerr=error_reach(percent, low, high),
+        error_kw=ERROR_BARS,
     )
     for y, x, row in zip(place, high, shown.to_dict("records"), strict=True):
         text = f"{100 * row['probability']:.1f} %, worst {row['max_growth_rate']:+.3g} 1/s"
@@ -130,7 +135,7 @@ def _indices(axes: Axes, own: pd.DataFrame, first: bool) -> None:
             value,
             2 * BAR_HEIGHT,
             color=colour,
-            xerr=reach(value, low, high),
+            xerr=error_reach(value, low, high),
             error_kw=ERROR_BARS,
             label=f"{name} index",
         )

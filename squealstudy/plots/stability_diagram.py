@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 
-DRAWN = (  # columns of modes
+DRAWN_COLUMNS = (  # columns of modes
     *(ROW, "track", "frequency_hz", "damping_ratio", "growth_rate", "unstable", "overdamped"),
 )
 MAX_LABELS = 10  # tracks named in one picture
@@ -99,7 +99,7 @@ def stability_diagram(
     if colour_by is not None and colour_by not in parameter_columns(points):
         hint = did_you_mean(colour_by, results.parameters)
         raise ResultsError(f"'{colour_by}' is no parameter of this study{hint}")
-    table = results.rows("modes", DRAWN, lambda modes: here[modes[ROW].to_numpy()])
+    table = results.rows("modes", DRAWN_COLUMNS, lambda modes: here[modes[ROW].to_numpy()])
     drawn = oscillating(table)
     figure, axes = one_panel(ax)
     axes.set_ylim(damping_limits(100 * drawn["damping_ratio"].to_numpy()))
@@ -121,7 +121,7 @@ def stability_diagram(
     _edge_marks(axes, drawn)
     if not len(drawn):
         axes.text(0.5, 0.6, "no modes", transform=axes.transAxes, ha="center", color="0.4")
-    names = _held(results.track_names, len(shown) == 1)
+    names = _label_names(results.track_names, len(shown) == 1)
     labels = _labels(drawn, names)
     if ax is None:
         place_labels(figure, axes, labels, _obstacles(axes, drawn))
@@ -192,7 +192,9 @@ def _obstacles(axes: Axes, modes: pd.DataFrame) -> np.ndarray:
     return np.concatenate([dots[:: max(1, len(dots) // STABLE_DOTS)], line, line])
 
 
-def _held(names: Mapping[int, tuple[str, bool]], single: bool) -> dict[int, tuple[str, bool]]:
+def _label_names(
+    names: Mapping[int, tuple[str, bool]], single: bool
+) -> dict[int, tuple[str, bool]]:
     """Names of tracks for labels: at a single design point those that change nowhere."""
     return {track: named for track, named in names.items() if not (single and named[1])}
 

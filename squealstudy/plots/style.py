@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from squealstudy.colours import COLOURS
-from squealstudy.engine.pictures import NOTHING
+from squealstudy.engine.pictures import NOTHING_TO_SEE
 from squealstudy.wording import in_digits, name_where_fastest, prefixed, track_number
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -141,7 +141,7 @@ def empty_figure(message: str, ax: Axes | None = None) -> Figure:
     """A figure that says why there is nothing to see."""
     figure, axes = one_panel(ax, 7.0, 2.5)
     if ax is None:
-        figure.set_label(NOTHING)
+        figure.set_label(NOTHING_TO_SEE)
     axes.set_axis_off()
     axes.text(0.5, 0.5, message, ha="center", va="center", fontsize=12, color="0.3")
     return figure
@@ -190,7 +190,7 @@ def name_rows(axes: Axes, names: Sequence[str]) -> None:
     axes.grid(False, axis="y")
 
 
-def reach(value: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def error_reach(value: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Lengths (2, n) of error bars between bounds; none where a bound is not known."""
     lengths: np.ndarray = np.maximum(np.nan_to_num([value - low, high - value]), 0.0)
     return lengths

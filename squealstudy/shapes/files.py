@@ -72,17 +72,17 @@ def write_vtu(shape: Shape, path: Path) -> list[Path]:
         "amplitude": shape.amplitude,
         "strain_energy_density": shape.density,
     }
-    _written(_mesh(shape, still), path)
+    _write_mesh(_mesh(shape, still), path)
     written = [path]
     if len(shape.contact.points):
         written.append(path.with_name(f"{path.stem}_contact.vtu"))
-        _written(_contact(shape), written[-1])
+        _write_mesh(_contact(shape), written[-1])
     folder = path.with_name(f"{path.stem}_phases")
     steps = []
     for number in range(N_PHASES):
         moved = {"displacement": shape.at(2 * np.pi * number / N_PHASES)}
         file = folder / f"{number:02d}.vtu"
-        _written(_mesh(shape, moved), file)
+        _write_mesh(_mesh(shape, moved), file)
         steps.append(
             f'<DataSet timestep="{number / N_PHASES:.6f}" file="{folder.name}/{file.name}"/>'
         )
@@ -96,7 +96,7 @@ def write_vtu(shape: Shape, path: Path) -> list[Path]:
     return written
 
 
-def _written(mesh: meshio.Mesh, path: Path) -> None:
+def _write_mesh(mesh: meshio.Mesh, path: Path) -> None:
     write_atomic(path, lambda temporary: mesh.write(temporary, file_format="vtu"))
 
 

@@ -78,7 +78,7 @@ def read_measured(path: Path, unit: float = 1.0) -> Measured:
     of_kind = {kind: [s for s in sets if s["type"] == kind] for kind in {s["type"] for s in sets}}
     if UNITS in of_kind:
         unit = 1.0 / float(of_kind[UNITS][0]["length"])
-    places = _places(path, [s for kind in NODES for s in of_kind.get(kind, [])])
+    places = _node_places(path, [s for kind in NODES for s in of_kind.get(kind, [])])
     shapes = of_kind.get(SHAPE, [])
     modes = [s for s in shapes if s["analysis_type"] in (NORMAL, COMPLEX, COMPLEX_VELOCITY)]
     functions = len(of_kind.get(FUNCTION, []))
@@ -125,7 +125,9 @@ def _sets(path: Path) -> list[Mapping[str, Any]]:
     return sets
 
 
-def _places(path: Path, sets: Iterable[Mapping[str, Any]]) -> dict[int, tuple[float, float, float]]:
+def _node_places(
+    path: Path, sets: Iterable[Mapping[str, Any]]
+) -> dict[int, tuple[float, float, float]]:
     found: dict[int, tuple[float, float, float]] = {}
     axes: set[float] = set()
     for s in sets:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.linalg.quadratic_pencil import squared
-from squealstudy.shapes.parts import Part
+from squealstudy.shapes.parts import ShapePart
 from squealstudy.shapes.shape import Shape
 
 AND = " + "  # between the components of a name
@@ -231,7 +231,7 @@ def _most_diameters(theta: np.ndarray) -> int | None:
     return most if most >= 1 else None
 
 
-def _ring(at: np.ndarray, points: np.ndarray, part: Part) -> tuple[np.ndarray, np.ndarray]:
+def _ring(at: np.ndarray, points: np.ndarray, part: ShapePart) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (n,) of a rotor between the radii and heights of its contact, their volumes (n,).
 
     A disc's ring goes on outwards to its rim. Places of nodes and of contact points (k, 3) by the

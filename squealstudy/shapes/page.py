@@ -15,15 +15,15 @@ from matplotlib.colors import Colormap
 from squealstudy.errors import ModelError
 from squealstudy.models.cells import NONE
 from squealstudy.shapes.names import name_of
-from squealstudy.shapes.parts import Part
+from squealstudy.shapes.parts import ShapePart
 from squealstudy.shapes.picture import (
     AMPLITUDE_COLOURS,
     COLOURED_DECADES,
     DENSITY_COLOURS,
     PERCENT_PER_CM3,
     VIEW_DEG,
-    apart,
     density_range,
+    exploded_shifts,
     sources,
     title,
     words,
@@ -32,7 +32,7 @@ from squealstudy.shapes.shape import Shape
 from squealstudy.shapes.surface import Camera, middles, triangles, with_middles
 
 TEMPLATE = Path(__file__).with_name("page.html")
-DATA = re.compile(r'<script id="data" type="application/json">([^<]*)</script>')
+DATA_SCRIPT = re.compile(r'<script id="data" type="application/json">([^<]*)</script>')
 MAX_INT16 = 32767  # of a 16-bit number
 MAX_BYTE = 255
 
@@ -60,7 +60,7 @@ def page(shapes: Sequence[Shape]) -> str:
     parts: list[dict[str, Any]] = []
     surfaces: list[np.ndarray] = []
     edges: list[np.ndarray] = []
-    for part, shift in zip(first.parts, apart(first), strict=True):
+    for part, shift in zip(first.parts, exploded_shifts(first), strict=True):
         surface, lines = kept.triangles(part), kept.number[_edges(part.facets)]
         parts.append(
             {
@@ -93,7 +93,7 @@ def page(shapes: Sequence[Shape]) -> str:
 
 def made_again(text: str) -> str:
     """The page with the numbers of another one, which may come from anybody; empty of no page."""
-    held = DATA.search(text)
+    held = DATA_SCRIPT.search(text)
     try:
         return _filled(json.loads(held[1])) if held else ""
     except (ValueError, RecursionError):
@@ -134,7 +134,7 @@ class _Kept:
         """Values (n_nodes, ...) of the nodes at the points of the surface."""
         return with_middles(self._facets, values[self.used], smooth)
 
-    def triangles(self, part: Part) -> np.ndarray:
+    def triangles(self, part: ShapePart) -> np.ndarray:
         """Points (n, 3) of the triangles of a part."""
         facets = np.where(part.facets == NONE, NONE, self.number[part.facets])
         return triangles(facets, len(self.used) + int(self._first[part.name])).nodes

@@ -11,7 +11,7 @@ from squealstudy.models.cells import CellBlock
 
 
 @dataclass(frozen=True)
-class Part:
+class ShapePart:
     """A component of a shape.
 
     Attributes
@@ -40,13 +40,13 @@ class Part:
 
 def parts_of(
     assembly: Assembly, u: np.ndarray, elastic: float
-) -> tuple[tuple[Part, ...], np.ndarray]:
+) -> tuple[tuple[ShapePart, ...], np.ndarray]:
     """Components of a shape u (n_nodes, 3) of that elastic energy, and its density at the nodes."""
     parts = []
     energy, volume = np.zeros(len(u)), np.zeros(len(u))
     for component in assembly.components:
         nodes = assembly.node_slices[component.name]
-        parts.append(part := _part(component, nodes, u[nodes], elastic))
+        parts.append(part := _shape_part(component, nodes, u[nodes], elastic))
         first = 0
         for _, cells in part.blocks:
             own = slice(first, first + len(cells))
@@ -57,13 +57,13 @@ def parts_of(
     return tuple(parts), density
 
 
-def _part(component: Component, nodes: slice, u: np.ndarray, elastic: float) -> Part:
+def _shape_part(component: Component, nodes: slice, u: np.ndarray, elastic: float) -> ShapePart:
     cells, start = component.cells, nodes.start
     if cells is None:
         none = np.zeros(0)
-        return Part(component.name, nodes, np.zeros((0, 8), dtype=int), (), none, none)
+        return ShapePart(component.name, nodes, np.zeros((0, 8), dtype=int), (), none, none)
     facets = cells.facets
-    return Part(
+    return ShapePart(
         name=component.name,
         nodes=nodes,
         facets=np.where(facets < 0, facets, facets + start),

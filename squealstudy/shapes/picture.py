@@ -112,7 +112,7 @@ def deformed(shape: Shape) -> np.ndarray:
     return moved
 
 
-def apart(shape: Shape) -> np.ndarray:
+def exploded_shifts(shape: Shape) -> np.ndarray:
     """Shift (n_parts, 3) [m] of each part that is drawn apart from the others.
 
     Along the contact normals, in the order of the parts' centres.
@@ -167,7 +167,7 @@ def _density(axes: Axes, shape: Shape) -> None:
     low, high = density_range(shape)
     colours = ScalarMappable(LogNorm(low, high), DENSITY_COLOURS)
     points = shape.coordinates.copy()
-    for part, shift in zip(shape.parts, apart(shape), strict=True):
+    for part, shift in zip(shape.parts, exploded_shifts(shape), strict=True):
         points[part.nodes] += shift
     _surface(
         axes,

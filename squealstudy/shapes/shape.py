@@ -15,7 +15,7 @@ from squealstudy.models.assembly import Assembly, Rotors
 from squealstudy.models.operating import ModeKey
 from squealstudy.reduction.cmt import Expansion, ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.shapes.parts import Part, parts_of
+from squealstudy.shapes.parts import ShapePart, parts_of
 from squealstudy.shapes.sources import Balance, Source, interface_energies, point_growth, sources_of
 from squealstudy.system.coupled_pair import coupled_pair
 from squealstudy.system.energies import reduced_energy_shares
@@ -179,7 +179,7 @@ class Shape:
     lam: complex
     coordinates: np.ndarray
     displacement: np.ndarray
-    parts: tuple[Part, ...]
+    parts: tuple[ShapePart, ...]
     energies: Mapping[str, float]
     density: np.ndarray
     contact: ContactMotion

@@ -14,7 +14,7 @@ from squealstudy.laws.friction_law import FrictionCurveDefinition
 from squealstudy.laws.registry import at_points
 from squealstudy.models.operating import FRICTION, PRESSURE, SLIDING_SPEED, OperatingPoint
 
-OWN = (FRICTION.name, PRESSURE.name, SLIDING_SPEED.name)  # of no law
+OPERATING_NAMES = (FRICTION.name, PRESSURE.name, SLIDING_SPEED.name)  # of no law
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class StackedOperating:
 
     def value(self, name: str) -> np.ndarray:
         """Values (m,) of a parameter of theirs; KeyError of another."""
-        if name in OWN:
+        if name in OPERATING_NAMES:
             own: np.ndarray = getattr(self, name)
             return own
         for law, values in ((self.curve, self.curve_values), (self.law, self.law_values)):
@@ -117,7 +117,7 @@ class StackedOperating:
 
     def with_value(self, name: str, value: np.ndarray) -> StackedOperating:
         """The points with other values (m,) of a parameter, in both laws if both have it."""
-        changed: dict[str, Any] = {name: value} if name in OWN else {}
+        changed: dict[str, Any] = {name: value} if name in OPERATING_NAMES else {}
         for field, law in (("law_values", self.law), ("curve_values", self.curve)):
             before = getattr(self, field)
             known = zip(law.parameters, before, strict=True)

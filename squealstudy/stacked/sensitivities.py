@@ -36,7 +36,7 @@ Changed = Callable[[], tuple[StackedSystem, np.ndarray | None]]
 
 
 @dataclass(frozen=True)
-class Asked:
+class RequestedSensitivities:
     """What is asked of every design point of a batch.
 
     Attributes
@@ -111,7 +111,7 @@ def stacked_sensitivities(
     options: Mapping[str, str | int],
     columns: Columns,
     count: int,
-    asked: Asked,
+    asked: RequestedSensitivities,
 ) -> StackedSensitivities:
     """Sensitivities of `count` design points; arguments and errors as of `stacked_system`."""
     whole = stacked_system(model, options, columns, count)
@@ -131,7 +131,7 @@ def stacked_sensitivities(
         owner = np.searchsorted(rows, owner)
         if len(rows):
             part = stacked_system(model, options, own, len(rows))
-    batch = _Batch(part, families(*_matrices(part), pairs, owner, place), len(rows))
+    batch = _SensitivityBatch(part, families(*_matrices(part), pairs, owner, place), len(rows))
     slopes = StateSlopes(part)
     for parameter in asked.state if len(rows) else ():
         batch.by_state(slopes, parameter, asked)
@@ -150,7 +150,7 @@ def _matrices(system: StackedSystem) -> tuple[np.ndarray, np.ndarray]:
     return np.where(held, linear.C, 0.0), np.where(held, linear.K, np.eye(linear.K.shape[1]))
 
 
-class _Batch:
+class _SensitivityBatch:
     """Chosen modes of design points, and what is found of them parameter by parameter."""
 
     def __init__(self, system: StackedSystem, found: StackedFamilies, count: int) -> None:
@@ -160,7 +160,9 @@ class _Batch:
         self._left[found.owner[~found.told]] = True
         self._columns: dict[str, list[np.ndarray]] = {name: [] for name in PER_PARAMETER}
 
-    def by_state(self, slopes: StateSlopes, parameter: StateParameter, asked: Asked) -> None:
+    def by_state(
+        self, slopes: StateSlopes, parameter: StateParameter, asked: RequestedSensitivities
+    ) -> None:
         """Add a parameter of the design state."""
         step = slopes.step(parameter, asked.change, asked.band_hz[1])
         self._left |= ~slopes.value(parameter)[1]

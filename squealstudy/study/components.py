@@ -327,13 +327,15 @@ def _digests(file: ModelFile, source: SourceText) -> tuple[str, ...]:
     return tuple(found)
 
 
-_known: dict[Path, tuple[tuple[int, int], str]] = {}  # size and time of files, and their hashes
+_file_hashes: dict[
+    Path, tuple[tuple[int, int], str]
+] = {}  # size and time of files, and their hashes
 
 
 def _digest(path: Path) -> str:
     stat = path.stat()
     seen = (stat.st_size, stat.st_mtime_ns)
-    if path not in _known or _known[path][0] != seen:
+    if path not in _file_hashes or _file_hashes[path][0] != seen:
         with path.open("rb") as handle:
-            _known[path] = seen, hashlib.file_digest(handle, "sha256").hexdigest()
-    return _known[path][1]
+            _file_hashes[path] = seen, hashlib.file_digest(handle, "sha256").hexdigest()
+    return _file_hashes[path][1]

@@ -17,11 +17,11 @@ from squealstudy.study.sections import ModelSection, StudyDefinition
 from squealstudy.study.source import SourceText, changed, extensions_of, not_registered, validate
 from squealstudy.study.sweeps import BOUNDARY, Sweep, resolve_sweeps
 from squealstudy.study.tabled import (
-    Found,
+    GivenTable,
     expect_sweeps,
     expect_values,
     read_parameter_tables,
-    taken,
+    take_tables,
     with_temperature,
 )
 from squealstudy.study.toml_text import KeyPath
@@ -149,7 +149,7 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStud
 
     extensions = extensions_of(source, tables)
     kind = _kind(source, tables)
-    tables, found = taken(named_by_content(tables, source))
+    tables, found = take_tables(named_by_content(tables, source))
     tables = with_numbers(tables, partial(_model_with_units, tables, source, found), source)
     definition = validate(kind.definition, source, tables)
     model = _model(definition, source)
@@ -217,7 +217,7 @@ def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelStudyKind:
 
 
 def _model_with_units(
-    tables: Mapping[str, Any], source: SourceText, found: Sequence[Found]
+    tables: Mapping[str, Any], source: SourceText, found: Sequence[GivenTable]
 ) -> ModelDefinition | None:
     """The model that a file names, whose parameters have units; None for matrices and no model."""
     from squealstudy.models.catalogue import MODELS

@@ -99,7 +99,7 @@ def write_example(name: str, folder: Path | str | None = None) -> list[Path]:
             f"there is no example '{name}'{did_you_mean(name, known)}; 'squealstudy examples' "
             "lists them"
         )
-    files = list(dict.fromkeys(_whole(known[name].path)))
+    files = list(dict.fromkeys(_with_named_files(known[name].path)))
     if folder is None:
         folder = "." if len(files) == 1 else name
     top = _common_folder(files)
@@ -119,18 +119,18 @@ def _common_folder(files: list[Path]) -> Path:
     return top
 
 
-def _whole(path: Path) -> Iterator[Path]:
+def _with_named_files(path: Path) -> Iterator[Path]:
     """A file, and those of the shipped ones that it names."""
     yield path
     if path.suffix != ".toml":
         return
     tables = _tables(path)
     for study in _results_of(tables):
-        yield from _whole(examples()[study].path)
+        yield from _with_named_files(examples()[study].path)
     for text in _texts(tables):
         named = path.parent / text
         if Path(text).suffix and named.is_file() and named.resolve().is_relative_to(_folder()):
-            yield from _whole(named)
+            yield from _with_named_files(named)
 
 
 def _results_of(tables: Mapping[str, Any]) -> Iterator[str]:

@@ -33,17 +33,35 @@ from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import KeyPath
 from squealstudy.wording import did_you_mean
 
-DATA = "SQUEALSTUDY_DATA"  # environment variable: replaces the folder that a study names
+DATA_VARIABLE = "SQUEALSTUDY_DATA"  # environment variable: replaces the folder that a study names
 # columns of the tables beside the parameters
-TAKEN = {"point_id", "status", "message", "wall_s", "method", "mode", "track", "track_mac"}
-TAKEN |= {"track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio", "unstable"}
-TAKEN |= {"overdamped", "residual", "error_estimate", "n_modes", "n_unstable", "n_overdamped"}
-TAKEN |= {"error_rung", "error_reduction", "stability", "n_unstable_low", "n_unstable_high"}
-TAKEN |= {"n_unstable_below", "n_unstable_above", "growth_outside", "frequency_outside_hz"}
-TAKEN |= {"working_point_residual", "open_share", "onset", "line", "direction"}
-TAKEN |= {"contact_pressure_min", "contact_pressure_max"}
-TAKEN |= {"bracket_low", "bracket_high", "evaluations", "point_before", "point_after"}
-TAKEN |= {"reference_frequency_error", "reference_damping_error", "valid", "invalid_reason"}
+RESERVED_NAMES = {"point_id", "status", "message", "wall_s", "method", "mode", "track", "track_mac"}
+RESERVED_NAMES |= {"track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio", "unstable"}
+RESERVED_NAMES |= {
+    "overdamped",
+    "residual",
+    "error_estimate",
+    "n_modes",
+    "n_unstable",
+    "n_overdamped",
+}
+RESERVED_NAMES |= {
+    "error_rung",
+    "error_reduction",
+    "stability",
+    "n_unstable_low",
+    "n_unstable_high",
+}
+RESERVED_NAMES |= {"n_unstable_below", "n_unstable_above", "growth_outside", "frequency_outside_hz"}
+RESERVED_NAMES |= {"working_point_residual", "open_share", "onset", "line", "direction"}
+RESERVED_NAMES |= {"contact_pressure_min", "contact_pressure_max"}
+RESERVED_NAMES |= {"bracket_low", "bracket_high", "evaluations", "point_before", "point_after"}
+RESERVED_NAMES |= {
+    "reference_frequency_error",
+    "reference_damping_error",
+    "valid",
+    "invalid_reason",
+}
 
 
 def family_of(definition: StudyDefinition, source: SourceText) -> FamilyDefinition:
@@ -83,7 +101,7 @@ def data_folder(section: ModelSection, study: Path) -> Path:
     """
     if section.folder is None:
         return study.parent
-    return Path(os.environ.get(DATA) or study.parent / section.folder)
+    return Path(os.environ.get(DATA_VARIABLE) or study.parent / section.folder)
 
 
 def file_digests(model: FamilyDefinition, source: SourceText) -> list[str]:
@@ -146,7 +164,7 @@ def _expression(term: TermSection, index: int, source: SourceText) -> Expression
     except ExpressionError as error:
         raise source.error(keys, str(error)) from None
     for name in expression.names:
-        if name in TAKEN:
+        if name in RESERVED_NAMES:
             raise source.error(keys, f"'{name}' is a column of the tables: choose another name")
     return expression
 
@@ -178,5 +196,5 @@ def _absent(term: TermSource, index: int, source: SourceText) -> StudyFileError:
     return source.error(
         ("model", "term", index, "file"),
         f'there is {what}; [model] folder = "..." names another folder, and the environment '
-        f"variable {DATA} replaces the one named there",
+        f"variable {DATA_VARIABLE} replaces the one named there",
     )

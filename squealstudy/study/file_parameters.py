@@ -29,7 +29,7 @@ from squealstudy.models.operating import (
 from squealstudy.models.parameter import Declared
 from squealstudy.models.units import Unit, in_unit_of
 from squealstudy.parameter import Parameter
-from squealstudy.study.family import TAKEN
+from squealstudy.study.family import RESERVED_NAMES
 from squealstudy.study.source import SourceText
 from squealstudy.wording import did_you_mean
 
@@ -66,7 +66,7 @@ def file_parameters(
         keys = ("parameters", name)
         if name in operating:
             operating[name] = _changed(operating[name], table, source, keys)
-        elif name in TAKEN or "[" in name:
+        elif name in RESERVED_NAMES or "[" in name:
             raise source.error(keys, f"'{name}' has another meaning in tables: choose another name")
         elif name not in places:
             hint = did_you_mean(name, operating) or "; or one of the operating point"

@@ -34,7 +34,7 @@ from squealstudy.models.operating import (
 from squealstudy.models.parameter import Declared, ModelOption
 from squealstudy.models.units import Unit, in_unit_of
 from squealstudy.parameter import Parameter
-from squealstudy.study.family import TAKEN
+from squealstudy.study.family import RESERVED_NAMES
 from squealstudy.study.source import SourceText, validate
 from squealstudy.wording import did_you_mean
 
@@ -65,16 +65,16 @@ def read_lumped(path: Path) -> LumpedDefinition:
 def lumped_of(source: SourceText) -> LumpedDefinition:
     """As `read_lumped`, of a text that has been read."""
     file = validate(LumpedFile, source, source.tables)
-    with _told(source):
+    with _with_file_and_key(source):
         check_tables(file)
     operating = _operating(file)
     own = tuple(name for name in file.parameters if name not in operating)
-    with _told(source):
+    with _with_file_and_key(source):
         check_used(file, own)
     declared = _declared(file, source, operating, own)
     build = LumpedBuild(str(source.path), file, own)
     defaults = {p.name: p.default for p in declared if isinstance(p, Parameter)}
-    with _told(source):
+    with _with_file_and_key(source):
         check_held(file, parts_of(file, {name: defaults[name] for name in own}))
     return LumpedDefinition(
         name=NAME,
@@ -99,7 +99,7 @@ def _linear_first() -> tuple[str, ...]:
 
 
 @contextmanager
-def _told(source: SourceText) -> Iterator[None]:
+def _with_file_and_key(source: SourceText) -> Iterator[None]:
     """Errors about a key of the file raised with file, line and key."""
     try:
         yield
@@ -149,7 +149,7 @@ def _changed(parameter: Parameter, file: LumpedFile, source: SourceText) -> Para
 def _parameter(name: str, file: LumpedFile, source: SourceText) -> Parameter:
     """A parameter that numbers of the file are made of."""
     table, keys = _table(file, name), ("parameters", name)
-    if not name.isidentifier() or name in TAKEN or name in RESERVED:
+    if not name.isidentifier() or name in RESERVED_NAMES or name in RESERVED:
         text = f"'{name}' has another meaning: expected a name of letters, digits and _"
         raise source.error(keys, text if name.isidentifier() else text.partition(": ")[2])
     unit = _unit(table, source, keys)

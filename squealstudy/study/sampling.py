@@ -9,7 +9,7 @@ import numpy as np
 
 from squealstudy.errors import ParameterError
 from squealstudy.study.definition import ResolvedStudy
-from squealstudy.study.sweeps import SOBOL_INDICES, beyond
+from squealstudy.study.sweeps import SOBOL_INDICES, beyond_range_text
 
 GRIDS = ("grid", "boundary")  # a boundary design begins as a grid
 
@@ -96,7 +96,7 @@ def _sampled(study: ResolvedStudy, number: int, u: np.ndarray) -> np.ndarray:
         try:
             sweep.parameter.check(float(value))
         except ParameterError as e:
-            message = f"{sweep.name}: {beyond(sweep.distribution, e.message)}"
+            message = f"{sweep.name}: {beyond_range_text(sweep.distribution, e.message)}"
             raise study.error(("sweep", number, "distribution"), message) from None
     return values
 

@@ -22,7 +22,7 @@ from squealstudy.wording import did_you_mean, expectation, shown
 
 Model = TypeVar("Model", bound=BaseModel)
 TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
-PLACE = re.compile(r"(?P<name>\w+)\[(?P<number>\d+)\]")
+LIST_PLACE = re.compile(r"(?P<name>\w+)\[(?P<number>\d+)\]")
 MOST_NAMED = 2  # tables that have a key
 MOST_LISTED, MOST_SOUGHT = 10, 50  # errors of one message; those put in order by their lines
 
@@ -144,7 +144,7 @@ def _set_key(tables: dict[str, Any], key: str, value: Any) -> None:
         else:
             tables[key] = value
         return
-    if place := PLACE.fullmatch(name):
+    if place := LIST_PLACE.fullmatch(name):
         listed = tables.get(place["name"])
         number = int(place["number"])
         if not isinstance(listed, list) or not 1 <= number <= len(listed):
@@ -188,7 +188,7 @@ def validate(kind: type[Model], source: SourceText, data: Mapping[str, Any]) -> 
     try:
         return kind.model_validate(data)
     except ValidationError as e:
-        problems = {_place(data, p["loc"]): p for p in e.errors(include_url=False)}
+        problems = {_key_path(data, p["loc"]): p for p in e.errors(include_url=False)}
         for keys in [k for k, p in problems.items() if p["type"] == "too_short"]:
             if any(len(k) > len(keys) and k[: len(keys)] == keys for k in problems):
                 del problems[keys]  # pydantic does not count those that are wrong
@@ -204,7 +204,7 @@ def validate(kind: type[Model], source: SourceText, data: Mapping[str, Any]) -> 
     raise source.error(first, "\n".join(said))
 
 
-def _place(data: Any, loc: KeyPath) -> KeyPath:
+def _key_path(data: Any, loc: KeyPath) -> KeyPath:
     """Where in the data an error is: pydantic adds which type of several did not fit."""
     for depth, key in enumerate(loc):
         if isinstance(data, Mapping) and isinstance(key, str):
@@ -249,7 +249,7 @@ def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
 def _too_few(kind: type[BaseModel], loc: KeyPath, found: object) -> str:
     """Of a list of fixed length whose value of a number, the last of `loc`, is not there."""
     section = _section(kind, loc[:-2]) or kind
-    parts = list(_parts(section.model_fields[str(loc[-2])].annotation))
+    parts = list(_annotation_parts(section.model_fields[str(loc[-2])].annotation))
     count = next(len(get_args(p)) for p in parts if get_origin(p) is tuple)
     return f"expected {count} values, got {len(found) if isinstance(found, Sized) else loc[-1]}"
 
@@ -273,7 +273,7 @@ def _section(kind: type[BaseModel], loc: KeyPath) -> type[BaseModel] | None:
             continue
         field = section.model_fields.get(key)
         annotation = field.annotation if field is not None else None
-        kinds = list(_parts(annotation))
+        kinds = list(_annotation_parts(annotation))
         section = next((k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None)
         named = any(get_origin(k) is dict for k in kinds)
     return section
@@ -295,7 +295,7 @@ def _elsewhere(kind: type[BaseModel], key: str) -> str:
 def _tables_with(kind: type[BaseModel], key: str, path: str) -> Iterator[str]:
     """Names, as files write them, of the tables below one that have a key."""
     for name, field in kind.model_fields.items():
-        kinds = list(_parts(field.annotation))
+        kinds = list(_annotation_parts(field.annotation))
         table = next((k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None)
         if table is None:
             continue
@@ -306,8 +306,8 @@ def _tables_with(kind: type[BaseModel], key: str, path: str) -> Iterator[str]:
         yield from _tables_with(table, key, f"{here}.")
 
 
-def _parts(annotation: Any) -> Iterator[Any]:
+def _annotation_parts(annotation: Any) -> Iterator[Any]:
     """An annotation, and those that it is made of."""
     yield annotation
     for part in get_args(annotation):
-        yield from _parts(part)
+        yield from _annotation_parts(part)

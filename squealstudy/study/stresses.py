@@ -46,7 +46,7 @@ def law_defaults(declared: Declared) -> dict[str, float]:
     return {p.name: of_file.get(p.name, p.default) for p in contact_parameters()}
 
 
-_kept: dict[tuple[Any, ...], StressStiffness] = {}
+_stored_stresses: dict[tuple[Any, ...], StressStiffness] = {}
 
 
 def with_stresses(
@@ -71,16 +71,16 @@ def with_stresses(
     from squealstudy.reduction.stress_stiffening import stress_stiffness_of
 
     key = (brake, operating, tuple(sorted(given.items(), key=str)))
-    if key not in _kept:
+    if key not in _stored_stresses:
         meshes = {
             name: changed_mesh(body, own_numbers(name, given))
             for name in brake.file.components
             if (body := body_of(brake, name)).matrices is None
         }
-        if len(_kept) >= ASSEMBLY_CACHE_SIZE:
-            _kept.pop(next(iter(_kept)))
-        _kept[key] = stress_stiffness_of(assembly, operating, meshes)
-    return replace(assembly, springs=(*assembly.springs, _kept[key]))
+        if len(_stored_stresses) >= ASSEMBLY_CACHE_SIZE:
+            _stored_stresses.pop(next(iter(_stored_stresses)))
+        _stored_stresses[key] = stress_stiffness_of(assembly, operating, meshes)
+    return replace(assembly, springs=(*assembly.springs, _stored_stresses[key]))
 
 
 def with_worn_gaps(

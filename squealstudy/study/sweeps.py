@@ -148,7 +148,7 @@ class _SweepReader:
                 parameter.check(end)
             except ParameterError as e:
                 raise self._error(
-                    "distribution", f"{parameter.name}: {beyond(found, e.message)}"
+                    "distribution", f"{parameter.name}: {beyond_range_text(found, e.message)}"
                 ) from None
         self._check_range(parameter, low, high, "distribution" if start == -math.inf else "stop")
         return Sweep(parameter, (), low, high, scale, found)
@@ -244,7 +244,7 @@ class _SweepReader:
         return self.source.error((*self.keys, key) if key else self.keys, message)
 
 
-def beyond(distribution: Distribution, message: str) -> str:
+def beyond_range_text(distribution: Distribution, message: str) -> str:
     """What to say where a distribution has values that the parameter cannot take."""
     cure = "" if distribution.bounded else "; distribution = 'truncated_normal' has start and stop"
     tails = (

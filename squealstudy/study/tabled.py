@@ -35,20 +35,20 @@ ABOUT = (
     "with its unit, a bare number is in K"
 )
 LEAST_KNOTS = 2
-Found = tuple[KeyPath, str, Any]  # where a table stands, of which parameter, what it says
+GivenTable = tuple[KeyPath, str, Any]  # where a table stands, of which parameter, what it says
 
 
-def taken(tables: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[Found]]:
+def take_tables(tables: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[GivenTable]]:
     """A study file's tables without those in [parameters], and these."""
     parameters = tables.get(SECTION)
     if not isinstance(parameters, Mapping):
         return tables, []
-    found: list[Found] = []
+    found: list[GivenTable] = []
     left = _without(parameters, (SECTION,), found)
     return ({**tables, SECTION: left} if found else tables), found
 
 
-def _without(table: Mapping[str, Any], keys: KeyPath, found: list[Found]) -> dict[str, Any]:
+def _without(table: Mapping[str, Any], keys: KeyPath, found: list[GivenTable]) -> dict[str, Any]:
     left: dict[str, Any] = {}
     for key, value in table.items():
         here = (*keys, key)
@@ -61,7 +61,7 @@ def _without(table: Mapping[str, Any], keys: KeyPath, found: list[Found]) -> dic
     return left
 
 
-def with_temperature(model: ModelDefinition, found: Sequence[Found]) -> ModelDefinition:
+def with_temperature(model: ModelDefinition, found: Sequence[GivenTable]) -> ModelDefinition:
     """The model with a parameter ``temperature``, where it has none and there are tables.
 
     It is structural where one of the parameters that follow it is. It is in degC, a bare
@@ -80,7 +80,7 @@ def with_temperature(model: ModelDefinition, found: Sequence[Found]) -> ModelDef
 
 
 def read_parameter_tables(
-    model: ModelDefinition, found: Iterable[Found], source: SourceText
+    model: ModelDefinition, found: Iterable[GivenTable], source: SourceText
 ) -> tuple[ParameterTable, ...]:
     """The tables of a study file; StudyFileError for what they cannot say."""
     read = tuple(_read(model, keys, name, table, source) for keys, name, table in found)

@@ -58,7 +58,7 @@ def with_numbers(
         try:
             own = known.get(name) or known.setdefault(name, _parameter(name, of))
         except ParameterError as error:
-            raise source.error(_named(keys), error.message) from None
+            raise source.error(_parameter_key(keys), error.message) from None
         given = with_bare_unit(text, own.parameter) if isinstance(own, PlainParameter) else text
         if not isinstance(given, str):
             continue
@@ -88,7 +88,7 @@ def _parameter(name: str, model: ModelDefinition) -> StudyParameter:
         return PlainParameter(Parameter(name, 0.0, "kg", "", minimum=0.0))
 
 
-def _named(keys: KeyPath) -> KeyPath:
+def _parameter_key(keys: KeyPath) -> KeyPath:
     """Where a file names the parameter whose value stands at `keys`."""
     return (*keys[:2], "parameter") if keys[0] in TABLES else keys
 

@@ -129,7 +129,7 @@ class Condition:
         if any(letter in source for letter in self.marked):
             source = type(node).__name__
         raise TypeError(
-            f"'{_shown(source)}' is none of numbers, columns, text in quotes, comparisons, "
+            f"'{_shortened(source)}' is none of numbers, columns, text in quotes, comparisons, "
             f"arithmetic, and, or, not, in, {', '.join(FUNCTIONS)}"
         )
 
@@ -170,7 +170,7 @@ def conditions(text: str, known: Collection[str]) -> list[Condition]:
     plain = re.sub("|".join([_QUOTED, *names, "[&|]"]), replaced, text)
     try:
         tree = ast.parse(plain.strip(), mode="eval").body
-        found = [Condition(part, _shown(text), marked) for part in _parts(tree)]
+        found = [Condition(part, _shortened(text), marked) for part in _conjuncts(tree)]
         columns = set().union(*(condition.columns for condition in found))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise _unusable(text, getattr(error, "msg", None) or "nested too deeply") from None
@@ -178,7 +178,7 @@ def conditions(text: str, known: Collection[str]) -> list[Condition]:
         names = list(dict.fromkeys(map(str, known)))
         hint = did_you_mean(unknown[0], names) or f", expected {', '.join(names)}"
         raise ResultsError(
-            f"query '{_shown(text)}' names the unknown column '{_shown(unknown[0])}'{hint}"
+            f"query '{_shortened(text)}' names the unknown column '{_shortened(unknown[0])}'{hint}"
         )
     return found
 
@@ -195,9 +195,9 @@ def _dotted(tree: ast.expr, marked: Mapping[str, str]) -> Iterator[str]:
             yield from _dotted(part, marked)
 
 
-def _parts(tree: ast.expr) -> list[ast.expr]:
+def _conjuncts(tree: ast.expr) -> list[ast.expr]:
     if isinstance(tree, ast.BoolOp) and isinstance(tree.op, ast.And):
-        return [part for value in tree.values for part in _parts(value)]  # noqa: PD011 - of a tree
+        return [part for value in tree.values for part in _conjuncts(value)]  # noqa: PD011 - of a tree
     return [tree]
 
 
@@ -234,8 +234,8 @@ def _is_text(value: Any) -> bool:
 
 
 def _unusable(text: str, reason: str) -> ResultsError:
-    return ResultsError(f"query '{_shown(text)}' cannot be used: {reason}")
+    return ResultsError(f"query '{_shortened(text)}' cannot be used: {reason}")
 
 
-def _shown(text: str) -> str:
+def _shortened(text: str) -> str:
     return text if len(text) <= MAX_SHOWN_CHARACTERS else text[: MAX_SHOWN_CHARACTERS - 3] + "..."

@@ -106,7 +106,7 @@ def exchanged_tracks(
             yield one, other
 
 
-def alike(
+def same_mode_pairs(
     tracks: pd.Index,
     onsets: pd.DataFrame | None,
     modes: pd.DataFrame,

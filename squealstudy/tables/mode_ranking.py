@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
-from squealstudy.tables.families import RENUMBERED, alike, families, neighbours
+from squealstudy.tables.families import RENUMBERED, families, neighbours, same_mode_pairs
 from squealstudy.tables.point_rows import point_codes
 from squealstudy.tables.ranking_query import rows_that_count
 from squealstudy.tables.stability import (
@@ -126,7 +126,7 @@ def rank_modes(
     table = _summary(points, modes, group, code, int(counted.sum()))
     table = table.join(unstable_bounds(modes, group, code, wanted & counted[code]))
     names = [] if scattered else parameter_columns(points, varied=True)
-    pairs = alike(table.index, onsets, modes, code, neighbours(points, names))
+    pairs = same_mode_pairs(table.index, onsets, modes, code, neighbours(points, names))
     table = table.join(families(table.index, pairs, group, code))
     if along is not None and len(table):
         track = modes["track"].to_numpy()

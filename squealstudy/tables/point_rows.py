@@ -19,7 +19,7 @@ ROWS_PER_BATCH = 2**17  # rows of a long table that are looked at together
 ROW = "point_row"  # column: row in the points table of a mode, where that is known already
 
 
-def parts(count: int) -> Iterator[slice]:
+def row_parts(count: int) -> Iterator[slice]:
     """So many rows in parts of ROWS_PER_BATCH; one that is empty of none."""
     return (
         slice(start, start + ROWS_PER_BATCH) for start in range(0, max(count, 1), ROWS_PER_BATCH)
@@ -47,7 +47,7 @@ def rows_in(table: pd.DataFrame, part: pd.DataFrame) -> np.ndarray:
     return rows
 
 
-def largest(values: np.ndarray, code: np.ndarray, count: int) -> np.ndarray:
+def largest_by_code(values: np.ndarray, code: np.ndarray, count: int) -> np.ndarray:
     """Largest value of each of `count` codes, NaN of one that has none."""
     found = np.full(count, -np.inf)
     np.maximum.at(found, code, values)

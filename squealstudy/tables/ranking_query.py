@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.tables.condition import Condition, conditions
-from squealstudy.tables.point_rows import parts
+from squealstudy.tables.point_rows import row_parts
 
 
 def selection(
@@ -27,7 +27,7 @@ def rows_that_count(
     asked = query(where, points.columns, modes.columns)
     for condition in (one for one in asked if not one.columns <= of_points):
         own = modes[[c for c in modes if c in condition.columns - of_points]]
-        for rows in parts(len(modes)):  # of very many all would be there at once
+        for rows in row_parts(len(modes)):  # of very many all would be there at once
             used = {c: points[c].array.take(code[rows]) for c in condition.columns & of_points}
             wanted[rows] &= condition.holds(own.iloc[rows].assign(**used))
     return _points_that_count(points, asked), wanted

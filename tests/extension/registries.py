@@ -15,7 +15,7 @@ from squealstudy.study import kinds
 REGISTRIES = (
     catalogue.MODELS,
     rungs._registered,
-    integrator._known,
+    integrator._integrators,
     kinds._registered,
 )
 

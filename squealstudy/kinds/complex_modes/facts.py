@@ -7,20 +7,20 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from squealstudy.engine.fact_types import Count, Finite, Name, Range, Text, Told
+from squealstudy.engine.fact_types import Count, FactGroup, Finite, Name, Range, Text
 
 MOST_LEVELS = 16  # of a boundary design: a cell is halved so often
 Root = Annotated[list[Finite], Field(min_length=2, max_length=2)]
 
 
-class LeftOver(Told):
+class LeftOver(FactGroup):
     """Design points that a rung left to the exact method."""
 
     points: Count
     first: Text
 
 
-class Method(Told):
+class Method(FactGroup):
     """Which rungs served the points."""
 
     chosen: Name
@@ -30,7 +30,7 @@ class Method(Told):
     left_over: LeftOver | None = None
 
 
-class Audit(Told):
+class Audit(FactGroup):
     """Points drawn at random, solved at full order."""
 
     modes: Count
@@ -40,7 +40,7 @@ class Audit(Told):
     missed_modes: Count = 0
 
 
-class Errors(Told):
+class Errors(FactGroup):
     """Largest estimated errors."""
 
     largest_rung: float | None
@@ -51,7 +51,7 @@ class Errors(Told):
     unknown_rung: Count = 0
 
 
-class Check(Told):
+class Check(FactGroup):
     """A design point at full order."""
 
     point_id: Name
@@ -77,7 +77,7 @@ class Check(Told):
         return self
 
 
-class Side(Told):
+class Side(FactGroup):
     """What grows fastest below or above the band."""
 
     count: Count
@@ -86,7 +86,7 @@ class Side(Told):
     at: dict[str, Finite]
 
 
-class OutsideBand(Told):
+class OutsideBand(FactGroup):
     """What grows outside the band, and where it was looked."""
 
     looked: Count
@@ -95,13 +95,13 @@ class OutsideBand(Told):
     above: Side | None
 
 
-class Refined(Told):
+class Refined(FactGroup):
     """What refinement left."""
 
     left: Count = 0
 
 
-class Boundary(Told):
+class Boundary(FactGroup):
     """The full grid of a boundary design."""
 
     axes: dict[str, Annotated[list[Finite], Field(min_length=2)]]
@@ -110,7 +110,7 @@ class Boundary(Told):
     full_grid_points: Annotated[int, Field(ge=1, le=10**8)]
 
 
-class ComplexModesFacts(Told):
+class ComplexModesFacts(FactGroup):
     """Beside those of every kind."""
 
     method: Method | None = None

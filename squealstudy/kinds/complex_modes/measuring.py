@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import is_prepared, load_any, prepared_model
 from squealstudy.engine.design_points import DesignPoints
-from squealstudy.engine.measurement import Asked, Measurement, Measuring
+from squealstudy.engine.measurement import Measurement, MeasurementRequest, Measuring
 from squealstudy.engine.method import RungChoice
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.store import Store
@@ -41,7 +41,7 @@ from squealstudy.tables.stability import BROKEN, FIRST_SEEN, INTO
 BRIEF = 5.0  # s: the first call of a process may owe a part of that to imports and what is kept
 
 
-def measure_modes(plan: Plan, measured: Sequence[int], asked: Asked) -> Measurement:
+def measure_modes(plan: Plan, measured: Sequence[int], asked: MeasurementRequest) -> Measurement:
     """Solve chosen points of a complex-mode study by its method, in a scratch directory.
 
     Parameters

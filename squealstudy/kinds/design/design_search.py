@@ -17,8 +17,8 @@ from squealstudy.kinds.design.search import Constraints, descend
 from squealstudy.kinds.design.state import (
     MET,
     MET_LINEAR,
+    NO_VARIABLES,
     NONE_FOUND,
-    NOTHING,
     PROVEN,
     STOPPED,
     UNDECIDED,
@@ -79,7 +79,7 @@ class DesignSearch(EvaluatedDesigns):
             state.active_points = sorted(worst[:N_WORST_POINTS_SEARCHED])
         good, fixed = constraints is not None and constraints.worst >= 0.0, not self.study.variables
         if good or fixed:  # nothing costs less than no change
-            state.chosen, state.outcome = today, self._proven(today) if good else NOTHING
+            state.chosen, state.outcome = today, self._proven(today) if good else NO_VARIABLES
             if fixed or state.outcome != UNPROVEN:
                 return
         starts = self._realised(worst) if self.both else self._starts(worst)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from squealstudy.engine.fact_types import Count, Finite, Name, Text, Told
+from squealstudy.engine.fact_types import Count, FactGroup, Finite, Name, Text
 
 
-class Change(Told):
+class Change(FactGroup):
     """Of one variable, what the chosen design changes."""
 
     parameter: Name
 
 
-class Verdict(Told):
+class Verdict(FactGroup):
     """What the search came to."""
 
     verdict: Text
@@ -40,7 +40,7 @@ class Verdict(Told):
     today_beside: list[Count]
 
 
-class DesignStudyFacts(Told):
+class DesignStudyFacts(FactGroup):
     """Beside those of every kind; the verdict is that of a finished run."""
 
     design_study: Verdict | None = None

@@ -122,30 +122,30 @@ class Design(ModelKind):
 
     def identity(self, plan: Plan) -> list[Any]:
         """What decides which modes have sensitivities, and to what."""
-        names = [p.name for p in asked_parameters(_own(plan).design_study)]
+        names = [p.name for p in asked_parameters(_design_plan(plan).design_study)]
         tolerance = plan.study.definition.modes.stability_tolerance
-        margin = _own(plan).design_study.goal.margin.damping_ratio
-        cycles = _own(plan).design_study.limit_cycles.model_dump(mode="json")
+        margin = _design_plan(plan).design_study.goal.margin.damping_ratio
+        cycles = _design_plan(plan).design_study.limit_cycles.model_dump(mode="json")
         return [names, margin, tolerance, cycles, source_hash(SOURCES)]
 
     def table_identity(self, plan: Plan) -> list[Any]:
         """The variants as they begin: their files count as the study's own."""
-        return [[folder, other.study_hash] for folder, other in plans(_own(plan)).items()]
+        return [[folder, other.study_hash] for folder, other in plans(_design_plan(plan)).items()]
 
     def beside(self, plan: Plan) -> dict[str, Plan]:
         """The variants."""
-        return dict(plans(_own(plan)))
+        return dict(plans(_design_plan(plan)))
 
     def check(self, plan: Plan) -> None:
         """Variables must be held by every basis, and leave the mesh as it is; variants', too."""
-        study = _own(plan).design_study
-        for number, other in enumerate(plans(_own(plan)).values()):
+        study = _design_plan(plan).design_study
+        for number, other in enumerate(plans(_design_plan(plan)).values()):
             try:
                 check_component_modes(other)
                 self.check(other)
             except StudyFileError as error:
                 raise of_variant(study, number, error) from error
-        asked = asked_parameters(_own(plan).design_study)
+        asked = asked_parameters(_design_plan(plan).design_study)
         try:
             for key, point in plan.structures.items():
                 if is_prepared(key):
@@ -165,12 +165,12 @@ class Design(ModelKind):
 
     def begin(self, plan: Plan) -> None:
         """Compile the kernels before workers start."""
-        if _own(plan).design_study.goal.in_time:
+        if _design_plan(plan).design_study.goal.in_time:
             begin_warming()
 
     def warnings(self, plan: Plan) -> list[str]:
         """Modes that have less damping than the margin without any coupling by friction."""
-        margin = _own(plan).design_study.goal.margin.damping_ratio
+        margin = _design_plan(plan).design_study.goal.margin.damping_ratio
         first = plan.tasks[0]
         if not is_prepared(first.structure):
             return []
@@ -197,7 +197,7 @@ class Design(ModelKind):
 
     def grown(self, plan: Plan, store: Store) -> Plan:
         """With what the search needs next; the plan itself where points of it are not finished."""
-        own = _own(plan)
+        own = _design_plan(plan)
         while (search := self.search(own, store)) is not None and search.pending:
             own = DesignPlan(own.design_study, [*own.evaluations, *search.pending], own)
         return own
@@ -217,10 +217,14 @@ class Design(ModelKind):
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[DesignTask]:
         """Tasks of consecutive design points."""
         asked = request(plan)
-        if any(a.analysis == IN_TIME for a in _own(plan).evaluations):
+        if any(a.analysis == IN_TIME for a in _design_plan(plan).evaluations):
             warm_kernels()
         analyses = dict(
-            zip(plan.tasks.ids.tolist(), (a.analysis for a in _own(plan).evaluations), strict=True)
+            zip(
+                plan.tasks.ids.tolist(),
+                (a.analysis for a in _design_plan(plan).evaluations),
+                strict=True,
+            )
         )
         for part in workers.pace.parts(points, workers.jobs):
             yield DesignTask(asked, part, tuple(analyses[name] for name in part.ids.tolist()))
@@ -248,18 +252,18 @@ class Design(ModelKind):
         """Write points, designs, margins, slopes and the proof; the verdict for the manifest."""
         from squealstudy.kinds.design.tables import build_tables
 
-        own = _own(plan)
+        own = _design_plan(plan)
         search = self.search(own, store)
         assert search is not None
         return build_tables(own, store, search)
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
         """The goal."""
-        margin = _own(plan).design_study.goal.margin
+        margin = _design_plan(plan).design_study.goal.margin
         text = f"damping ratio of {margin.damping_ratio:g} at every operating point"
         if margin.probability is not None:
             text += f", with probability {margin.probability:g}"
-        names = [one.name for one in _own(plan).design_study.alternatives]
+        names = [one.name for one in _design_plan(plan).design_study.alternatives]
         beside = [("variants", f"each searched and proven likewise: {', '.join(names)}")]
         return [("goal", text), *(beside if names else [])]
 
@@ -267,11 +271,13 @@ class Design(ModelKind):
         """Seconds of one design point, with sensitivities."""
         started = time.perf_counter()
         with threadpool_limits(1):
-            row = design_row(task, _own(plan).evaluations[0].analysis, request(plan), NewGaps())
+            row = design_row(
+                task, _design_plan(plan).evaluations[0].analysis, request(plan), NewGaps()
+            )
         return None if row["status"] != "ok" else time.perf_counter() - started
 
 
-def _own(plan: Plan) -> DesignPlan:
+def _design_plan(plan: Plan) -> DesignPlan:
     assert isinstance(plan, DesignPlan)
     return plan
 
@@ -297,22 +303,22 @@ def request(plan: Plan) -> DesignRequest:
     """What the study asks of every design point."""
     modes = plan.study.definition.modes
     return DesignRequest(
-        parameters=asked_parameters(_own(plan).design_study),
-        margin=_own(plan).design_study.goal.margin.damping_ratio,
+        parameters=asked_parameters(_design_plan(plan).design_study),
+        margin=_design_plan(plan).design_study.goal.margin.damping_ratio,
         tolerance=modes.stability_tolerance,
         band_hz=plan.band_hz,
         settings=plan.settings,
         cycles=CyclesRequest(
-            section=_own(plan).design_study.limit_cycles,
+            section=_design_plan(plan).design_study.limit_cycles,
             operating=plan.nominal,
             component_modes=mode_keys(plan),
             band_hz=plan.band_hz,
             tolerance=modes.stability_tolerance,
         ),
-        sizes=sizes(_own(plan).design_study),
-        today=today_values(_own(plan).design_study),
-        structures=todays_structures(_own(plan)),
-        operation=nominal_operation(_own(plan).design_study),
+        sizes=sizes(_design_plan(plan).design_study),
+        today=today_values(_design_plan(plan).design_study),
+        structures=todays_structures(_design_plan(plan)),
+        operation=nominal_operation(_design_plan(plan).design_study),
         basis=shared_key(plan),
     )
 

@@ -17,7 +17,7 @@ from squealstudy.engine.rows import (
     HEAD,
     REAL,
     TEXT,
-    WHOLE,
+    WHOLE_NUMBER,
     WORKING_POINT_FIELDS,
     failed_row,
     head,
@@ -59,7 +59,7 @@ SLOPE_FIELDS = (
     ("d_frequency_hz", REAL),
 )
 MODE_FIELDS = (
-    ("mode", WHOLE),
+    ("mode", WHOLE_NUMBER),
     ("frequency_hz", REAL),
     ("growth_rate", REAL),
     ("damping_ratio", REAL),
@@ -73,8 +73,8 @@ MODE_FIELDS = (
 )
 BESIDE_FIELDS = (("frequency_hz", REAL), ("damping_ratio", REAL))
 SUMMARY_FIELDS = (
-    ("n_modes", WHOLE),
-    ("n_unstable", WHOLE),
+    ("n_modes", WHOLE_NUMBER),
+    ("n_unstable", WHOLE_NUMBER),
     ("max_growth_rate", REAL),
     ("min_damping_ratio", REAL),
     ("frequency_hz", REAL),
@@ -84,7 +84,7 @@ SUMMARY_FIELDS = (
     ("missing_damping", REAL),
 )
 SCHEMA = pa.schema(
-    [pa.field(n, t, nullable=t == WHOLE) for n, t in (*HEAD, *SUMMARY_FIELDS)]
+    [pa.field(n, t, nullable=t == WHOLE_NUMBER) for n, t in (*HEAD, *SUMMARY_FIELDS)]
     + [pa.field(n, t, nullable=False) for n, t in WORKING_POINT_FIELDS]
     + [
         pa.field(
@@ -192,7 +192,7 @@ def _summary(lam: np.ndarray, tolerance: float) -> dict[str, Any]:
     }
 
 
-def _beside(lam: np.ndarray, limit: float) -> list[dict[str, float]]:
+def _growing_outside_band(lam: np.ndarray, limit: float) -> list[dict[str, float]]:
     """Modes outside the band, roots (m,), of less damping than a limit."""
     _, hz, zeta = figures(lam)
     low = np.flatnonzero(zeta < limit)
@@ -217,7 +217,7 @@ def _modes(
     lam, psi, error = band_modes(system, steady, (wider[0] / TURN, wider[1] / TURN))
     inside = (np.abs(lam) >= low) & (np.abs(lam) <= high)
     limit = min(request.margin, -request.tolerance)
-    beside = _beside(lam[~inside & _judged(lam)], limit)
+    beside = _growing_outside_band(lam[~inside & _judged(lam)], limit)
     kept = inside & _judged(lam)
     lam, psi, error = lam[kept], psi[:, kept], error[kept]
     found = {**_summary(lam, request.tolerance), **working_point_cells(steady), "modes": []}

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 # frequencies, beyond which logarithms are rounded: pairs are held
 MAX_EXACT_GROUPING, LOG_FREQUENCY_ROUNDING = 2000, 1e-3
 SAME_MODE = 0.05  # relative: farther apart in frequency, two modes are not the same one
-PER_RANGE, APART = 3, "; "  # variables named, between them
+PER_RANGE, CHANGE_SEPARATOR = 3, "; "  # variables named, between them
 SMALLEST_POSITIVE = 1e-300
 
 
@@ -200,7 +200,9 @@ def _mode(
         "min_damping_ratio": worst["damping_ratio"],
         "pair_share": worst["pair_share"],
         "damping_without_friction": worst["damping_without_friction"],
-        "changes": APART.join(f"{n} {value:+.3g}" for _, n, value in effects[:PER_RANGE]),
+        "changes": CHANGE_SEPARATOR.join(
+            f"{n} {value:+.3g}" for _, n, value in effects[:PER_RANGE]
+        ),
         "growth_by_damping": growth.get(DAMPING.name, np.nan),
     }
 
@@ -238,7 +240,7 @@ def _modes(table: pd.DataFrame) -> list[RenderableType]:
     effects = [
         [str(r["name"]), *change.rsplit(" ", 1)]
         for r in rows
-        for change in str(r["changes"]).split(APART)
+        for change in str(r["changes"]).split(CHANGE_SEPARATOR)
         if change
     ]
     slopes = grid("text:mode", "text:variable", "value:damping ratio", rows=effects)
@@ -269,7 +271,7 @@ def _variants(table: pd.DataFrame) -> list[RenderableType]:
                 str(r["variant"]),
                 str(r["model"]),
                 str(r["outcome"]).replace("_", " "),
-                _share(r["n_unstable"], r["n_operating_points"]),
+                _share_text(r["n_unstable"], r["n_operating_points"]),
                 _number(100 * r["today_damping_ratio"], ".3g"),
                 _number(r["cost"], ".4g"),
                 _number(100 * r["min_damping_ratio"], ".3g"),
@@ -287,7 +289,7 @@ def _variants(table: pd.DataFrame) -> list[RenderableType]:
     return [shown, legend]
 
 
-def _share(part: Any, whole: Any) -> str:
+def _share_text(part: Any, whole: Any) -> str:
     return "" if pd.isna(whole) else f"{int(part)} of {int(whole)}"
 
 

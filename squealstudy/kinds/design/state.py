@@ -18,7 +18,7 @@ Rows = Mapping[Evaluation, Row]
 # all checks passed, with and without a look at large motions; some could not be told
 MET, MET_LINEAR, UNDECIDED = "met", "met_linear", "undecided"
 # the limit of designs; no design meets the margin; ten rounds; nothing may change
-STOPPED, NONE_FOUND, UNPROVEN, NOTHING = "stopped", "none_found", "unproven", "no_variables"
+STOPPED, NONE_FOUND, UNPROVEN, NO_VARIABLES = "stopped", "none_found", "unproven", "no_variables"
 PROVEN = (MET, MET_LINEAR)
 KICK_WINDOW = 0.2  # of its frequency: modes that take on what a kicked one lacks
 MORE_DAMPING = (2.0, 1e-3)  # of modes that a run shows to last: a factor, at least so much

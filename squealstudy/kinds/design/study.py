@@ -33,7 +33,7 @@ from squealstudy.study.section import flat_keys
 from squealstudy.study.source import SourceText
 from squealstudy.study.sweeps import BOUNDARY, Sweep, read_sweep
 from squealstudy.study.tabled import SECTION as PARAMETERS
-from squealstudy.study.tabled import TABLE, taken
+from squealstudy.study.tabled import TABLE, take_tables
 from squealstudy.study.toml_text import KeyPath, toml_text
 from squealstudy.wording import did_you_mean, plural
 
@@ -218,7 +218,7 @@ def _alternative(
 
 def _by_name(parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Values, and tables that are followed, by parameter; ValueError for one given twice."""
-    left, followed = taken({PARAMETERS: parameters})
+    left, followed = take_tables({PARAMETERS: parameters})
     found = flat_keys(left[PARAMETERS])
     for _, name, table in followed:
         if name in found:

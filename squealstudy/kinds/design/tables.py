@@ -12,7 +12,7 @@ from squealstudy.engine.rows import (
     FLAG,
     REAL,
     TEXT,
-    WHOLE,
+    WHOLE_NUMBER,
     WORKING_POINT_FIELDS,
     Fields,
     planned_rows,
@@ -30,15 +30,15 @@ from squealstudy.kinds.design.verdict import beyond_validity, facts, least_dampe
 if TYPE_CHECKING:
     import pandas as pd
 
-OWN_FIELDS = (("design", WHOLE), ("analysis", TEXT), ("occurrence", REAL))
+OWN_FIELDS = (("design", WHOLE_NUMBER), ("analysis", TEXT), ("occurrence", REAL))
 DESIGN_FIELDS = (
-    ("design", WHOLE),
+    ("design", WHOLE_NUMBER),
     ("origin", TEXT),
-    ("round", WHOLE),
+    ("round", WHOLE_NUMBER),
     ("cost", REAL),
-    ("n_points", WHOLE),
-    ("n_failed", WHOLE),
-    ("n_unstable", WHOLE),
+    ("n_points", WHOLE_NUMBER),
+    ("n_failed", WHOLE_NUMBER),
+    ("n_unstable", WHOLE_NUMBER),
     ("unstable_share", REAL),
     ("min_damping_ratio", REAL),
     ("frequency_hz", REAL),
@@ -49,11 +49,11 @@ DESIGN_FIELDS = (
     ("chosen", FLAG),
 )
 PROOF_FIELDS = (
-    ("round", WHOLE),
-    ("design", WHOLE),
+    ("round", WHOLE_NUMBER),
+    ("design", WHOLE_NUMBER),
     ("check", TEXT),
     ("passed", FLAG),
-    ("n_points", WHOLE),
+    ("n_points", WHOLE_NUMBER),
     ("value", REAL),
     ("text", TEXT),
 )
@@ -79,14 +79,14 @@ def build_tables(
     margins = [
         {"point_id": r["point_id"], "design": r["design"], **m} for r in rows for m in r["modes"]
     ]
-    _write(store, MARGINS, margins, [("point_id", TEXT), ("design", WHOLE), *MODE_FIELDS])
+    _write(store, MARGINS, margins, [("point_id", TEXT), ("design", WHOLE_NUMBER), *MODE_FIELDS])
     slopes = [
         {"point_id": r["point_id"], "mode": m["mode"], **s}
         for r in rows
         for m in r["modes"]
         for s in m["slopes"]
     ]
-    _write(store, SLOPES, slopes, [("point_id", TEXT), ("mode", WHOLE), *SLOPE_FIELDS])
+    _write(store, SLOPES, slopes, [("point_id", TEXT), ("mode", WHOLE_NUMBER), *SLOPE_FIELDS])
     checks = [
         {
             "round": c.round,

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.engine.manifest import BESIDE
+from squealstudy.engine.manifest import SIDE_STUDIES
 from squealstudy.engine.manifest_file import read_manifest
-from squealstudy.engine.rows import REAL, TEXT, WHOLE
+from squealstudy.engine.rows import REAL, TEXT, WHOLE_NUMBER
 from squealstudy.engine.store import Store
 from squealstudy.kinds.design.plan import DesignPlan, first_plan
 from squealstudy.kinds.design.state import PROVEN
@@ -24,15 +24,15 @@ VARIANT_FIELDS = (
     ("variant", TEXT),
     ("model", TEXT),
     ("outcome", TEXT),
-    ("n_operating_points", WHOLE),
-    ("n_unstable", WHOLE),
+    ("n_operating_points", WHOLE_NUMBER),
+    ("n_unstable", WHOLE_NUMBER),
     ("today_damping_ratio", REAL),
     ("min_damping_ratio", REAL),
     ("frequency_hz", REAL),
     ("change", TEXT),
     ("change_cost", REAL),
     ("cost", REAL),
-    ("n_designs", WHOLE),
+    ("n_designs", WHOLE_NUMBER),
     ("folder", TEXT),
     ("text", TEXT),
 )
@@ -59,7 +59,7 @@ def variant_rows(plan: DesignPlan, store: Store, facts: Mapping[str, Any]) -> li
     if not study.alternatives:
         return []
     rows = [_row(AS_IN_FILE, study, 0.0, "", facts, "")]
-    reasons = (read_manifest(store.directory) or {}).get(BESIDE, {})
+    reasons = (read_manifest(store.directory) or {}).get(SIDE_STUDIES, {})
     for one in study.alternatives:
         folder = f"{FOLDER}/{one.name}"
         manifest = {} if reasons.get(folder) else read_manifest(store.directory / folder) or {}

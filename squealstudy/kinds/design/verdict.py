@@ -12,8 +12,8 @@ from squealstudy.engine.reduced import shared_facts
 from squealstudy.kinds.design.design_search import DesignSearch
 from squealstudy.kinds.design.plan import DesignPlan
 from squealstudy.kinds.design.state import (
+    NO_VARIABLES,
     NONE_FOUND,
-    NOTHING,
     PROVEN,
     STOPPED,
     UNDECIDED,
@@ -69,14 +69,14 @@ def facts(
         "n_in_view": len(state.active_points),
         "rounds": state.round,
         "n_designs": len(designs),
-        "beside": _beside(search, state.chosen),
-        "today_beside": _beside(search, study.nominal),
+        "beside": _counts_outside_band(search, state.chosen),
+        "today_beside": _counts_outside_band(search, study.nominal),
         **_reductions(plan),
         "targets": _targets(search),
     }
 
 
-def _beside(search: DesignSearch, design: np.ndarray | None) -> list[int]:
+def _counts_outside_band(search: DesignSearch, design: np.ndarray | None) -> list[int]:
     """How many modes grow beside the band, at every operating point where a design was solved."""
     known = (
         None if design is None else search.finished_modes(p, design)
@@ -272,7 +272,7 @@ def sentence(plan: DesignPlan, search: DesignSearch, designs: Sequence[Mapping[s
     assert state.chosen is not None
     chosen, margin = state.chosen, goal.margin.damping_ratio
     mode = _mode_text(plan, search, chosen)
-    if state.outcome == NOTHING:
+    if state.outcome == NO_VARIABLES:
         return f"{today}: {mode}. Nothing may change: the file has no [[variable]]."
     changes = changed(search, chosen)
     price = search.box.price(search.change(chosen))

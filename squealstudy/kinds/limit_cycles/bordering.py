@@ -17,7 +17,7 @@ from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.oscillator import WHOLE
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import REAL, TEXT
-from squealstudy.engine.rows import WHOLE as COUNT
+from squealstudy.engine.rows import WHOLE_NUMBER as COUNT
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.limit_cycles.continued import NEAR_HZ, SAME_FOLD, Mark, ended
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest, Way

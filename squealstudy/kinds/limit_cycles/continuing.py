@@ -23,7 +23,7 @@ from squealstudy.engine.rows import (
     FLAG,
     REAL,
     TEXT,
-    WHOLE,
+    WHOLE_NUMBER,
     WORKING_POINT_FIELDS,
     nested,
     planned_rows,
@@ -61,8 +61,8 @@ THRESHOLD = tuple(f"threshold_{name}" for name in ("velocity", "error", "energy"
 N_NEAREST_DESIGNS = 3  # neighbours of a design that is on no grid
 BRANCH_FIELDS = (
     ("cycle_id", TEXT),
-    ("mode", WHOLE),
-    ("n_step", WHOLE),
+    ("mode", WHOLE_NUMBER),
+    ("n_step", WHOLE_NUMBER),
     ("along", TEXT),
     ("value", REAL),
     ("value_error", REAL),
@@ -74,10 +74,10 @@ BRANCH_FIELDS = (
     ("contact_velocity", REAL),
     ("open_share_max", REAL),
     ("stable", FLAG),
-    ("n_unstable", WHOLE),
+    ("n_unstable", WHOLE_NUMBER),
     ("multiplier", REAL),
     ("multiplier_error", REAL),
-    ("n_harmonics", WHOLE),
+    ("n_harmonics", WHOLE_NUMBER),
     ("harmonic_tail", REAL),
     ("basis_error", REAL),
     ("balance_residual", REAL),
@@ -281,7 +281,7 @@ class Continuation:
             name = f"{found.point_id}-{mode}-{number}"
             made = cycle_row(name, mode, found.cycle, point.law_kind)
             made["continued_from"] = found.origin.cycle_id
-            if any(_same(made, known) for known in row["cycles"]):
+            if any(_is_same_row(made, known) for known in row["cycles"]):
                 continue
             row["cycles"].append(made)
             self._new[name] = (found.cycle.motion.Q, found.cycle.motion.omega)
@@ -324,7 +324,7 @@ def _has_stable(row: dict[str, Any]) -> bool:
     return any(c["stable"] for c in row["cycles"])
 
 
-def _same(one: dict[str, Any], other: dict[str, Any]) -> bool:
+def _is_same_row(one: dict[str, Any], other: dict[str, Any]) -> bool:
     """Whether a design has a cycle already: as near as the errors of both allow."""
     a, b = ([row["frequency_hz"], *(row[n] for n in LEVELS)] for row in (one, other))
     errors = (max(row["level_error"], row["velocity_error"]) for row in (one, other))

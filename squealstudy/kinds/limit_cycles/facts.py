@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from squealstudy.engine.fact_types import Told
+from squealstudy.engine.fact_types import FactGroup
 
 
-class LimitCyclesFacts(Told):
+class LimitCyclesFacts(FactGroup):
     """Beside those of every kind."""
 
-    limit_cycles: Told | None = None
+    limit_cycles: FactGroup | None = None
 
 
 FACTS = LimitCyclesFacts

@@ -16,7 +16,7 @@ from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.cycle_states import CycleSeries
 from squealstudy.engine.mode_shapes import expansion, same_coordinates
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.rows import REAL, TEXT, WHOLE
+from squealstudy.engine.rows import REAL, TEXT, WHOLE_NUMBER
 from squealstudy.kinds.limit_cycles.section import NamedPoint
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.cmt import Expansion
@@ -27,7 +27,7 @@ from squealstudy.study.design import DesignPoint
 SAMPLES_PER_PERIOD = 512  # a period
 VELOCITY_FIELDS = (
     ("cycle_id", TEXT),
-    ("mode", WHOLE),
+    ("mode", WHOLE_NUMBER),
     ("point", TEXT),
     ("velocity_rms", REAL),
     ("velocity_peak", REAL),

@@ -17,7 +17,7 @@ from squealstudy.engine.rows import (
     HEAD,
     REAL,
     TEXT,
-    WHOLE,
+    WHOLE_NUMBER,
     WORKING_POINT_FIELDS,
     head,
     structs,
@@ -30,11 +30,11 @@ from squealstudy.wording import IF_KICKED, SQUEALS, UNDECIDED, VERDICTS, plural
 SUMMARY_FIELDS = (
     ("verdict", TEXT),
     ("reason", TEXT),
-    ("n_families", WHOLE),
-    ("n_left_out", WHOLE),
+    ("n_families", WHOLE_NUMBER),
+    ("n_left_out", WHOLE_NUMBER),
     ("unstable_outside", FLAG),
-    ("n_unstable", WHOLE),
-    ("n_cycles", WHOLE),
+    ("n_unstable", WHOLE_NUMBER),
+    ("n_cycles", WHOLE_NUMBER),
     ("max_growth_rate", REAL),
     ("torque_rms", REAL),
     ("level_error", REAL),
@@ -47,15 +47,15 @@ SUMMARY_FIELDS = (
     ("invalid_reason", TEXT),
 )
 VERDICT_FIELDS = (
-    ("mode", WHOLE),
+    ("mode", WHOLE_NUMBER),
     ("frequency_hz", REAL),
     ("growth_rate", REAL),
     ("damping_ratio", REAL),
     ("unstable", FLAG),
     ("verdict", TEXT),
     ("reason", TEXT),
-    ("n_cycles", WHOLE),
-    ("n_lost", WHOLE),
+    ("n_cycles", WHOLE_NUMBER),
+    ("n_lost", WHOLE_NUMBER),
     ("reached_velocity", REAL),
     ("curve_end", TEXT),
     ("curve_of", TEXT),
@@ -96,7 +96,7 @@ LEVELS = (
 )
 CYCLE_FIELDS = (
     ("cycle_id", TEXT),
-    ("mode", WHOLE),
+    ("mode", WHOLE_NUMBER),
     ("status", TEXT),
     ("frequency_hz", REAL),
     ("torque_line_hz", REAL),
@@ -105,26 +105,26 @@ CYCLE_FIELDS = (
     ("torque_harmonics", pa.list_(REAL)),
     ("stable", FLAG),
     ("instability", TEXT),
-    ("n_unstable", WHOLE),
+    ("n_unstable", WHOLE_NUMBER),
     ("multiplier", REAL),
     ("multiplier_error", REAL),
     ("growth_rate", REAL),
-    ("n_harmonics", WHOLE),
+    ("n_harmonics", WHOLE_NUMBER),
     ("harmonic_tail", REAL),
     ("level_error", REAL),
     ("velocity_error", REAL),
     ("torque_peak_error", REAL),
     ("frequency_error", REAL),
     ("basis_error", REAL),
-    ("n_vectors", WHOLE),
+    ("n_vectors", WHOLE_NUMBER),
     ("balance_residual", REAL),
     ("same_as", TEXT),
     ("continued_from", TEXT),
     ("invalid_reason", TEXT),
 )
 CURVE_FIELDS = (
-    ("mode", WHOLE),
-    ("n_step", WHOLE),
+    ("mode", WHOLE_NUMBER),
+    ("n_step", WHOLE_NUMBER),
     ("event", TEXT),
     ("contact_velocity", REAL),
     ("frequency_hz", REAL),
@@ -142,7 +142,7 @@ LEVEL = (  # of a verdict
 NOT_KICKED = Kick(np.nan, np.nan, np.nan, np.nan, "")
 SCHEMA = pa.schema(
     [
-        pa.field(n, t, nullable=t in (WHOLE, FLAG))
+        pa.field(n, t, nullable=t in (WHOLE_NUMBER, FLAG))
         for n, t in (*HEAD, *SUMMARY_FIELDS, *WORKING_POINT_FIELDS)
     ]
     + [

@@ -6,10 +6,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from squealstudy.engine.fact_types import Count, Finite, Name, Text, Told
+from squealstudy.engine.fact_types import Count, FactGroup, Finite, Name, Text
 
 
-class MethodStabilityFacts(Told):
+class MethodStabilityFacts(FactGroup):
     """Beside those of every kind; the last ones are of a finished run."""
 
     title: Text

@@ -39,7 +39,7 @@ FIELDS = (
     ("error", REAL),
     ("cost", REAL),
 )
-NOTHING = {"outcome": "failed", "by": "", "flagged": True} | dict.fromkeys(
+FAILED_ROW = {"outcome": "failed", "by": "", "flagged": True} | dict.fromkeys(
     ("predicted", "measured", "error", "cost"), np.nan
 )
 StabilityFile = MethodsFile[MethodStabilityDefinition]
@@ -186,7 +186,7 @@ def _row(task: LineTask, cell: Run) -> dict[str, Any]:
     try:
         found, status, message = asdict(known_cases()[task.case].evaluate(cell.content)), "ok", ""
     except FAILURES as error:
-        found, (status, message) = NOTHING, reason(error)
+        found, (status, message) = FAILED_ROW, reason(error)
     wall = time.perf_counter() - started
     return head(cell.point_id, wall, status, message) | place | found
 

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from squealstudy.engine.fact_types import Count, Finite, Text, Told
+from squealstudy.engine.fact_types import Count, FactGroup, Finite, Text
 
 
-class Asked(Told):
+class ParameterFacts(FactGroup):
     """Of which modes derivatives are."""
 
     modes: Text | Count | list[Finite]
 
 
-class SensitivityFacts(Told):
+class SensitivityFacts(FactGroup):
     """Beside those of every kind."""
 
-    sensitivity: Asked | None = None
+    sensitivity: ParameterFacts | None = None
 
 
 FACTS = SensitivityFacts

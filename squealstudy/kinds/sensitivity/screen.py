@@ -68,7 +68,7 @@ def sensitivities(
     """The sensitivities of one mode, largest first; ResultsError where there is no such mode."""
     every = results.sensitivities
     if not len(every):
-        return [f"{_nothing(results)}: there are no sensitivities."]
+        return [f"{_why_no_mode(results)}: there are no sensitivities."]
     mode = mode_sensitivities(every, frequency_hz)
     shown = rank_sensitivities(mode, top)
     near = bool(shown["near_coalescence"].any())
@@ -85,7 +85,7 @@ def sensitivities(
     return [_headline(results, shown.iloc[0]), table, legend]
 
 
-def _nothing(results: ResultTables) -> str:
+def _why_no_mode(results: ResultTables) -> str:
     """Why no mode was chosen anywhere; real roots that grow are no modes."""
     solved = int((results.points["status"] == "ok").sum())
     if not solved:

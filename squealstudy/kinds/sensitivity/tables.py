@@ -17,7 +17,7 @@ from squealstudy.engine.rows import (
     HEAD,
     REAL,
     TEXT,
-    WHOLE,
+    WHOLE_NUMBER,
     WORKING_POINT_FIELDS,
     head,
     planned_table,
@@ -57,7 +57,7 @@ MODE_FIELDS = (
     ("energies", pa.list_(REAL)),
     ("sensitivities", pa.list_(pa.struct(list(SENSITIVITY_FIELDS)))),
 )
-MODE_HEAD = (("point_id", TEXT), ("mode", WHOLE), ("main_component", TEXT))
+MODE_HEAD = (("point_id", TEXT), ("mode", WHOLE_NUMBER), ("main_component", TEXT))
 SCHEMA = pa.schema(
     [pa.field(n, t, nullable=False) for n, t in (*HEAD, *WORKING_POINT_FIELDS)]
     + [pa.field("modes", pa.list_(pa.struct(list(MODE_FIELDS))))]
@@ -67,11 +67,11 @@ PERCENT = 0.01
 # of |lambda|: finite changes below are round-off, nothing is compared with them
 CHANGE_ROUND_OFF = 1e-12
 MODE_OF = re.compile(r"(?P<component>\w+)\.modes\[(?P<mode>\d+)\]\.\w+")
-SUMMARY_FIELDS = (("n_modes", WHOLE), ("max_growth_rate", REAL))
+SUMMARY_FIELDS = (("n_modes", WHOLE_NUMBER), ("max_growth_rate", REAL))
 TYPES = {
     **dict.fromkeys(("point_id", "main_component", "parameter", "component", "unit"), TEXT),
     "reason": TEXT,
-    **dict.fromkeys(("mode", "component_mode"), WHOLE),
+    **dict.fromkeys(("mode", "component_mode"), WHOLE_NUMBER),
     **dict.fromkeys(("unstable", "near_coalescence"), FLAG),
 }
 
@@ -92,7 +92,7 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
     failed = pc.not_equal(rows["status"], "ok").to_numpy()
     counts = np.bincount(point, minlength=len(rows)).astype(np.int32)
     found = {name: rows[name] for name, _ in (*HEAD, *WORKING_POINT_FIELDS)}
-    found["n_modes"] = pa.array(counts, WHOLE, mask=failed)
+    found["n_modes"] = pa.array(counts, WHOLE_NUMBER, mask=failed)
     found["max_growth_rate"] = pa.array(growth)
     schema = pa.schema([*HEAD, *SUMMARY_FIELDS, *WORKING_POINT_FIELDS])
     return write_points(plan, store, pa.table([found[n] for n in schema.names], schema=schema))
@@ -117,7 +117,7 @@ def _sensitivities(plan: Plan, rows: pa.Table) -> pd.DataFrame:
     own = {
         **{name: modes.field(name) for name, _ in MODE_FIELDS[:5]},
         "point_id": rows["point_id"].combine_chunks().take(point),
-        "mode": pa.array(number + 1, WHOLE),
+        "mode": pa.array(number + 1, WHOLE_NUMBER),
         "main_component": names.take(shares.argmax(axis=1)),
     }
     columns = [own[name].take(mode) for name in RAW.names[: len(own)]]

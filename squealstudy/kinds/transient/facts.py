@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from squealstudy.engine.fact_types import Count, Finite, Name, Text, Told
+from squealstudy.engine.fact_types import Count, FactGroup, Finite, Name, Text
 
 
-class ChangeAtDouble(Told):
+class ChangeAtDouble(FactGroup):
     """Of one quantity, what a run at twice the slope of friction told."""
 
     error: float
     chance: float
 
 
-class Pilot(Told):
+class Pilot(FactGroup):
     """One run at twice the slope of friction."""
 
     status: Name
@@ -22,7 +22,7 @@ class Pilot(Told):
     errors: dict[str, ChangeAtDouble] = Field(default_factory=dict)
 
 
-class Regularisation(Told):
+class Regularisation(FactGroup):
     """What slopes of friction follow from."""
 
     speed: Finite
@@ -33,7 +33,7 @@ class Regularisation(Told):
     pilot: Pilot | None = None
 
 
-class SimulatedTime(Told):
+class SimulatedTime(FactGroup):
     """What runs that stopped early have saved."""
 
     saved_s: Finite
@@ -42,7 +42,7 @@ class SimulatedTime(Told):
     decayed: Count
 
 
-class TransientFacts(Told):
+class TransientFacts(FactGroup):
     """Beside those of every kind."""
 
     regularisation: Regularisation | None = None

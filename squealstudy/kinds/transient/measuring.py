@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from squealstudy.engine.cache import NewGaps
-from squealstudy.engine.measurement import Asked, Measurement, Measuring
+from squealstudy.engine.measurement import Measurement, MeasurementRequest, Measuring
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import silent
 from squealstudy.kinds.complex_modes.measuring import reduction_seconds
@@ -40,7 +40,7 @@ START_RATIO = 0.7  # size of the perturbation of each start over that of the one
 PLAIN = {"dominant_frequency": "torque_line_hz"}
 
 
-def measure_runs(plan: Plan, measured: Sequence[int], asked: Asked) -> Measurement:
+def measure_runs(plan: Plan, measured: Sequence[int], asked: MeasurementRequest) -> Measurement:
     """Run chosen points of a transient study; only the integration is timed as theirs.
 
     Working points, forecasts and summaries are the same for all methods of a basis.
@@ -59,7 +59,9 @@ def measure_runs(plan: Plan, measured: Sequence[int], asked: Asked) -> Measureme
     return measure_points(plan, [plan.tasks[i] for i in measured], asked)
 
 
-def measure_points(plan: Plan, chosen: Sequence[DesignPoint], asked: Asked) -> Measurement:
+def measure_points(
+    plan: Plan, chosen: Sequence[DesignPoint], asked: MeasurementRequest
+) -> Measurement:
     """The same of design points that need not be among the plan's."""
     section = plan.study.section
     preparation.warm(section)
@@ -70,7 +72,8 @@ def measure_points(plan: Plan, chosen: Sequence[DesignPoint], asked: Asked) -> M
         for first in range(0, len(chosen), section.batch):
             part = tuple(chosen[first : first + section.batch])
             runs = [
-                _batch(plan, part, asked.integrator, START_RATIO**n) for n in range(asked.starts)
+                _measured_batch(plan, part, asked.integrator, START_RATIO**n)
+                for n in range(asked.starts)
             ]
             merged = [together(found) for found in zip(*(r[0] for r in runs), strict=True)]
             findings |= {str(first + n): one for n, one in enumerate(merged)}
@@ -90,7 +93,7 @@ def measure_points(plan: Plan, chosen: Sequence[DesignPoint], asked: Asked) -> M
     )
 
 
-def _batch(
+def _measured_batch(
     plan: Plan, part: tuple[DesignPoint, ...], integrator: Integrator | None, start: float
 ) -> tuple[list[dict[str, Any]], float, float, list[Motion]]:
     """Findings of some points, seconds, memory, and the runs that came to something."""
@@ -116,7 +119,7 @@ def _batch(
     findings = [
         _failed(*made)
         if not isinstance(made, MotionPoint)
-        else _found(next(done))
+        else _motion_finding(next(done))
         if finished
         else _failed(*message)
         for made in found
@@ -161,7 +164,7 @@ def _failed(status: str, message: str) -> dict[str, Any]:
     return {"status": status, "message": message}
 
 
-def _found(motion: Motion) -> dict[str, Any]:
+def _motion_finding(motion: Motion) -> dict[str, Any]:
     if motion.outcome != "ok":
         return _failed(motion.outcome, motion.message)
     summary = summarise(motion)

@@ -72,7 +72,7 @@ def warnings(plan: Plan) -> list[str]:
     Of the mechanics nothing is said where the first structure is not in the cache yet.
     """
     if not is_prepared(plan.tasks[0].structure):
-        return [*_still(plan), *_rounded_away(plan)]
+        return [*_standstill_warnings(plan), *_rounded_away(plan)]
     outside: list[tuple[float, float]] = []
     stiff: list[tuple[float, float, float]] = []
     closing: list[float] = []
@@ -89,7 +89,7 @@ def warnings(plan: Plan) -> list[str]:
             # squeal saturates where the vibration moves about as fast as the disc
             closing.append(closing_number(design.contact, abs(design.speed), task.section.step))
     found = (_outside(plan, outside), _stiff(plan, stiff), _closing(plan, closing))
-    told = (*found, _still(plan), _rounded_away(plan))
+    told = (*found, _standstill_warnings(plan), _rounded_away(plan))
     return [text for part in told for text in part]
 
 
@@ -118,7 +118,7 @@ def _outside(plan: Plan, outside: Sequence[tuple[float, float]]) -> list[str]:
     ]
 
 
-def _still(plan: Plan) -> list[str]:
+def _standstill_warnings(plan: Plan) -> list[str]:
     section = plan.study.section
     if section.perturbation or section.continued:
         return []

@@ -252,7 +252,9 @@ def _pilot(pilot: Mapping[str, Any]) -> str:
     """What one run at twice the slope of friction told."""
     known = pilot.get("errors", {})
     errors = ", ".join(
-        f"{word} {_share(known[name])}" for name, word in PILOT_WORDS.items() if name in known
+        f"{word} {_error_share_text(known[name])}"
+        for name, word in PILOT_WORDS.items()
+        if name in known
     )
     if pilot["status"] in ("failed", "skipped"):
         return f"not known: {pilot['message']}"
@@ -260,7 +262,7 @@ def _pilot(pilot: Mapping[str, Any]) -> str:
     return told if pilot["status"] == "ok" else f"{told}; undecided: {pilot['message']}"
 
 
-def _share(error: Mapping[str, float]) -> str:
+def _error_share_text(error: Mapping[str, float]) -> str:
     """An error in percent; what chance may do where that is more."""
     if error["error"] < error["chance"]:
         return f"below {in_digits(100 * error['chance'], 1)} % (the bounds of the runs)"

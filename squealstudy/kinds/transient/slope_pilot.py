@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.engine.measurement import Asked
+from squealstudy.engine.measurement import MeasurementRequest
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Progress
@@ -58,7 +58,7 @@ def slope_pilot(plan: Plan, store: Store, points: pd.DataFrame, report: Progress
         have ``value``, ``at_double``, ``error`` (twice their difference, relative) and ``chance``
         (twice what the 95 % bounds of both explain of it, relative).
     """
-    if not _wanted(plan):
+    if not _needs_pilot(plan):
         return {"status": SKIPPED, "message": _why_skipped(plan)}
     chosen = _representative(plan, points)
     if chosen is None:
@@ -70,14 +70,14 @@ def slope_pilot(plan: Plan, store: Store, points: pd.DataFrame, report: Progress
     values[REGULARISATION_SPEED.name] *= 0.5
     double = replace(task.with_values(values), point_id="double")
     try:
-        found = measure_points(plan, [double], Asked()).findings["0"]
+        found = measure_points(plan, [double], MeasurementRequest()).findings["0"]
     except (*FAILURES, SquealstudyError) as error:
         found = dict(zip(("status", "message"), reason(error), strict=True))
     report("slope of friction", 1, 1)
     return {"point_id": task.point_id, **_verdict(own, found)}
 
 
-def _wanted(plan: Plan) -> bool:
+def _needs_pilot(plan: Plan) -> bool:
     choice = plan.study.section.slope_pilot
     few = has_mesh(plan.study) and len(plan.tasks) < PILOT_POINTS
     return choice == "always" or (choice == "auto" and not few)

@@ -14,7 +14,7 @@ from squealstudy.engine.rows import (
     HEAD,
     REAL,
     TEXT,
-    WHOLE,
+    WHOLE_NUMBER,
     Fields,
     failed_row,
     nested,
@@ -30,9 +30,9 @@ from squealstudy.wording import FAILED
 SUMMARY_FIELDS = (
     ("class", TEXT),
     ("undecided_until", REAL),
-    ("n_unstable", WHOLE),
-    ("n_unstable_above", WHOLE),
-    ("n_unstable_below", WHOLE),
+    ("n_unstable", WHOLE_NUMBER),
+    ("n_unstable_above", WHOLE_NUMBER),
+    ("n_unstable_below", WHOLE_NUMBER),
     ("predicted_frequency_hz", REAL),
     ("predicted_growth_rate", REAL),
     ("growth_rate", REAL),
@@ -64,10 +64,10 @@ SUMMARY_FIELDS = (
     ("dominant_level", REAL),
     ("harmonic_2_level", REAL),
     ("harmonic_3_level", REAL),
-    ("dominant_mode", WHOLE),
+    ("dominant_mode", WHOLE_NUMBER),
     ("dominant_share", REAL),
-    ("transfer_from", WHOLE),
-    ("transfer_to", WHOLE),
+    ("transfer_from", WHOLE_NUMBER),
+    ("transfer_to", WHOLE_NUMBER),
     ("transfer_time", REAL),
     ("energy_outside_share", REAL),
     ("energy_balance", REAL),
@@ -77,20 +77,20 @@ SUMMARY_FIELDS = (
     ("open_share", REAL),
     ("open_share_max", REAL),
     ("iterations_mean", REAL),
-    ("iterations_max", WHOLE),
-    ("halvings", WHOLE),
-    ("newton_steps", WHOLE),
+    ("iterations_max", WHOLE_NUMBER),
+    ("halvings", WHOLE_NUMBER),
+    ("newton_steps", WHOLE_NUMBER),
     ("contraction", REAL),
     ("stick_number", REAL),
     ("time_reached", REAL),
     ("stop_reason", TEXT),
-    ("n_coordinates", WHOLE),
-    ("n_contact_points", WHOLE),
+    ("n_coordinates", WHOLE_NUMBER),
+    ("n_contact_points", WHOLE_NUMBER),
     ("perturbation", REAL),
     ("invalid_reason", TEXT),
 )
 MODE_FIELDS = (
-    ("mode", WHOLE),
+    ("mode", WHOLE_NUMBER),
     ("frequency_hz", REAL),
     ("energy_share", REAL),
     ("energy_share_low", REAL),
@@ -99,7 +99,7 @@ MODE_FIELDS = (
     ("first_share", REAL),
 )
 GROWTH_FIELDS = (
-    ("mode", WHOLE),
+    ("mode", WHOLE_NUMBER),
     ("frequency_hz", REAL),
     ("growth_rate", REAL),
     ("damping_ratio", REAL),
@@ -165,7 +165,7 @@ def _growth(rows: Sequence[dict[str, Any]]) -> pa.Table:
 
 
 SCHEMA = pa.schema(
-    [pa.field(n, t, nullable=t in (WHOLE, FLAG)) for n, t in (*HEAD, *SUMMARY_FIELDS)]
+    [pa.field(n, t, nullable=t in (WHOLE_NUMBER, FLAG)) for n, t in (*HEAD, *SUMMARY_FIELDS)]
     + [
         pa.field("modes", structs((*MODE_FIELDS, ("energies", pa.list_(REAL))))),
         pa.field("growth", structs(GROWTH_FIELDS)),

@@ -6,10 +6,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from squealstudy.engine.fact_types import Count, Name, Positive, Told
+from squealstudy.engine.fact_types import Count, FactGroup, Name, Positive
 
 
-class WorkPrecisionFacts(Told):
+class WorkPrecisionFacts(FactGroup):
     """Beside those of every kind."""
 
     quantities: Annotated[list[Name], Field(min_length=1)]

@@ -13,7 +13,7 @@ import pyarrow as pa
 from squealstudy.engine.cache import is_prepared
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.kind import Kind, Warn, as_kind
-from squealstudy.engine.measurement import Asked, Measurement, Measuring
+from squealstudy.engine.measurement import Measurement, MeasurementRequest, Measuring
 from squealstudy.engine.store import ERRORS, MEASUREMENTS, Store
 from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Solved, Workers, at_once
@@ -188,7 +188,7 @@ def _measured(study: PrecisionFile, variant: Variant) -> Measurement:
     if not all(is_prepared(key) for key in variant.plan.structures):
         raise ConvergenceError("structure", "no reduction of its model can be made")
     method = integrator(variant.integrator, variant.options) if variant.integrator else None
-    asked = Asked(variant.lines, method, study.definition.work_precision.starts)
+    asked = MeasurementRequest(variant.lines, method, study.definition.work_precision.starts)
     return _measuring(study).measure(variant.plan, variant.measured, asked)
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 import pyarrow as pa
 
 from squealstudy.engine.measurement import Measurement, Measuring
-from squealstudy.engine.rows import HEAD, REAL, TEXT, WHOLE, head
+from squealstudy.engine.rows import HEAD, REAL, TEXT, WHOLE_NUMBER, head
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.methods import Run
 from squealstudy.kinds.work_precision.variants import Variant
@@ -24,13 +24,13 @@ MEASURED = (  # attributes of a Measurement
     ("reduction_seconds", REAL),
     ("memory_mb", REAL),
     ("iterations", REAL),
-    ("n_coordinates", WHOLE),
-    ("n_failed", WHOLE),
+    ("n_coordinates", WHOLE_NUMBER),
+    ("n_failed", WHOLE_NUMBER),
     ("onset_seconds", REAL),
     ("line_points", REAL),
 )
 # findings are JSON: measured point -> what was found there
-FIELDS = (("variant", TEXT), ("round", WHOLE), *MEASURED, ("findings", TEXT))
+FIELDS = (("variant", TEXT), ("round", WHOLE_NUMBER), *MEASURED, ("findings", TEXT))
 SCHEMA = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)])
 
 

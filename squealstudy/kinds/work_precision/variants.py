@@ -30,7 +30,7 @@ from squealstudy.study.sampling import design_points
 from squealstudy.study.toml_text import KeyPath
 
 REFERENCE = "reference"
-Place = tuple[float, ...]  # swept values of a design point, in the order of the sweeps
+SweptValues = tuple[float, ...]  # swept values of a design point, in the order of the sweeps
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,8 @@ def _variant(
     study_file: PrecisionFile,
     line: MethodSection | ReferenceSection,
     value: Scalar | None,
-    points: Sequence[Place],
-    lines: Mapping[int, Sequence[Place]],
+    points: Sequence[SweptValues],
+    lines: Mapping[int, Sequence[SweptValues]],
     keys: KeyPath,
 ) -> Variant:
     common = study_file.definition.work_precision.set
@@ -132,7 +132,7 @@ def _variant(
     except StudyFileError as error:
         place = (*keys, "knob") if knob and error.key == knob else (*keys, "set")
         raise study_file.error(place, f"{error.key or 'base'}: {error.message}") from None
-    swept = _places(study)
+    swept = _swept_values(study)
     measured = _placed(swept, points)
     placed = {n: _placed(swept, line) for n, line in lines.items()}
     return Variant(
@@ -154,12 +154,12 @@ def _variant(
     )
 
 
-def _places(study: ResolvedStudy) -> list[Place]:
+def _swept_values(study: ResolvedStudy) -> list[SweptValues]:
     """Swept values of a study's own design points."""
     return [tuple(row) for row in design_points(study).tolist()]
 
 
-def _placed(swept: list[Place], wanted: Sequence[Place]) -> tuple[int, ...]:
+def _placed(swept: list[SweptValues], wanted: Sequence[SweptValues]) -> tuple[int, ...]:
     """Positions of the wanted points among all, to which those that are missing are added."""
     position = {point: i for i, point in reversed([*enumerate(swept)])}
     for point in wanted:
@@ -169,7 +169,9 @@ def _placed(swept: list[Place], wanted: Sequence[Place]) -> tuple[int, ...]:
     return tuple(position[point] for point in wanted)
 
 
-def onset_lines(study_file: PrecisionFile, points: Sequence[Place]) -> dict[int, list[Place]]:
+def onset_lines(
+    study_file: PrecisionFile, points: Sequence[SweptValues]
+) -> dict[int, list[SweptValues]]:
     """Lines through the measured points along the onset's parameter, at its values in the study.
 
     Returns
@@ -195,13 +197,13 @@ def onset_lines(study_file: PrecisionFile, points: Sequence[Place]) -> dict[int,
             "sweeps friction, or another parameter first, over two values or more",
         )
     place = [sweep.name for sweep in study.sweeps].index(str(along))
-    first: dict[Place, int] = {}
+    first: dict[SweptValues, int] = {}
     for n, point in enumerate(points):
         first.setdefault(_with(point, place, 0.0), n)
     return {n: [_with(points[n], place, v) for v in values] for n in first.values()}
 
 
-def _with(point: Place, place: int, value: float) -> Place:
+def _with(point: SweptValues, place: int, value: float) -> SweptValues:
     """Swept values with another one of the sweep at a place."""
     return (*point[:place], value, *point[place + 1 :])
 
@@ -215,10 +217,10 @@ def common_study(study_file: PrecisionFile) -> ResolvedStudy:
         raise study_file.error(keys, f"{error.key or 'base'}: {error.message}") from None
 
 
-def measured_points(study_file: PrecisionFile) -> list[Place]:
+def measured_points(study_file: PrecisionFile) -> list[SweptValues]:
     """Swept values of the design points at which errors are measured."""
     section, study = study_file.definition.work_precision, common_study(study_file)
-    own = _places(study)
+    own = _swept_values(study)
     if not section.points or not study.sweeps:
         return own
     rng = np.random.default_rng(section.seed)
@@ -227,7 +229,9 @@ def measured_points(study_file: PrecisionFile) -> list[Place]:
     return [_in_box(own, study, rng) for _ in range(section.points)]
 
 
-def _in_box(own: Sequence[Place], study: ResolvedStudy, rng: np.random.Generator) -> Place:
+def _in_box(
+    own: Sequence[SweptValues], study: ResolvedStudy, rng: np.random.Generator
+) -> SweptValues:
     """A random point of the swept box; structures are among those there are."""
     point = []
     for k, sweep in enumerate(study.sweeps):
@@ -240,7 +244,9 @@ def _in_box(own: Sequence[Place], study: ResolvedStudy, rng: np.random.Generator
     return tuple(point)
 
 
-def _between(own: Sequence[Place], study: ResolvedStudy, rng: np.random.Generator) -> Place:
+def _between(
+    own: Sequence[SweptValues], study: ResolvedStudy, rng: np.random.Generator
+) -> SweptValues:
     """A random point between two neighbours of a design whose values stand side by side."""
     i, u = int(rng.integers(max(len(own) - 1, 1))), float(rng.random())
     ends = own[i], own[min(i + 1, len(own) - 1)]

@@ -22,7 +22,9 @@ from squealstudy.laboratory.method_stability.contract import (
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 
 N_ROWS, N_HELD, N_TRACES = 40, 5, 8
-SEEN = float(np.sqrt(np.finfo(float).eps))  # singular values below it drown in their squares
+MIN_GRAM_SINGULAR_VALUE = float(
+    np.sqrt(np.finfo(float).eps)
+)  # singular values below it drown in their squares
 MAX_ORTHONORMALITY_ERROR = 1e-10  # |M - I| beyond which a basis is wrong
 
 KNOBS = (
@@ -56,7 +58,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     inside = knobs["held"] * phi @ rng.normal(size=(N_HELD, N_TRACES))
     vectors = (rest * sizes) @ mix + inside
     largest = float(np.sqrt(np.linalg.eigvalsh(vectors.T @ (M @ vectors))[-1]))
-    predicted = max(knobs["tolerance"], SEEN) * largest / knobs["dependence"]
+    predicted = max(knobs["tolerance"], MIN_GRAM_SINGULAR_VALUE) * largest / knobs["dependence"]
     try:
         T, _ = complete_basis(M, K, phi, [(vectors, knobs["tolerance"])])
     except la.LinAlgError:

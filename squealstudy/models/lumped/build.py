@@ -13,7 +13,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.linear_interfaces import DamperInterface, SpringInterface
-from squealstudy.models.lumped.parts import Coordinates, Interface, Parts, parts_of
+from squealstudy.models.lumped.parts import Coordinates, Interface, LumpedParts, parts_of
 from squealstudy.models.lumped.tables import LumpedFile
 from squealstudy.models.minimal_parts import LAW
 from squealstudy.models.stacked_assembly import StackedAssembly
@@ -58,14 +58,14 @@ class LumpedBuild:
         """As `__call__`, of values that are numbers or arrays (m,)."""
         return stack_of(self.file, self._parts(values))
 
-    def _parts(self, values: Mapping[str, Any]) -> Parts:
+    def _parts(self, values: Mapping[str, Any]) -> LumpedParts:
         try:
             return parts_of(self.file, {name: values[name] for name in self.own})
         except PlacedError as error:
             raise ModelError(f"{self.path}, {dotted(error.keys)}: {error.message}") from error
 
 
-def assembly_of(file: LumpedFile, parts: Parts) -> Assembly:
+def assembly_of(file: LumpedFile, parts: LumpedParts) -> Assembly:
     """The assembly of parts at numbers."""
     space, c = Coordinates(file), parts.contact
     n = len(space.places)
@@ -98,7 +98,7 @@ def assembly_of(file: LumpedFile, parts: Parts) -> Assembly:
     )
 
 
-def stack_of(file: LumpedFile, parts: Parts) -> StackedAssembly:
+def stack_of(file: LumpedFile, parts: LumpedParts) -> StackedAssembly:
     """Assemblies side by side, of parts at arrays."""
     space, c = Coordinates(file), parts.contact
     n = len(space.places)

@@ -8,7 +8,7 @@ import numpy as np
 
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.lumped.numbers import expression
-from squealstudy.models.lumped.parts import Coordinates, Parts
+from squealstudy.models.lumped.parts import Coordinates, LumpedParts
 from squealstudy.models.lumped.tables import GROUND, MOVING, LumpedFile
 from squealstudy.models.matrices.expression import ExpressionError
 from squealstudy.wording import listed
@@ -162,7 +162,7 @@ def texts_of(file: LumpedFile) -> Iterator[tuple[KeyPath, str]]:
                             yield (kind, i, key, k), part
 
 
-def check_held(file: LumpedFile, parts: Parts) -> None:
+def check_held(file: LumpedFile, parts: LumpedParts) -> None:
     """That springs or contact hold every motion, at the values of `parts`."""
     rows = [s.row[0] for s in parts.springs if s.size[0] > 0.0]
     held = np.vstack([*rows, *parts.contact.N[0]])

@@ -57,7 +57,7 @@ class Points(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Parts:
+class LumpedParts:
     """A lumped model at values of its parameters, numbers or arrays (m,).
 
     Attributes
@@ -113,7 +113,7 @@ class Coordinates:
         return first - self.moved(ends[1], motion, at) if ends[1] in self.tables else first
 
 
-def parts_of(file: LumpedFile, values: Values) -> Parts:
+def parts_of(file: LumpedFile, values: Values) -> LumpedParts:
     """The model at values of its parameters.
 
     Raises
@@ -123,7 +123,7 @@ def parts_of(file: LumpedFile, values: Values) -> Parts:
     """
     space = Coordinates(file)
     load, constant = _loads(space, values)
-    return Parts(
+    return LumpedParts(
         masses=_masses(space, values),
         springs=[
             _interface(space, "spring", i, table, values) for i, table in enumerate(file.spring)
@@ -143,7 +143,7 @@ def _masses(space: Coordinates, values: Values) -> np.ndarray:
         for axis in table.axes:
             key, unit = ("mass", "kg") if axis in TRANSLATIONS else ("inertia", "kg m2")
             columns.append(bounded(getattr(table, key), values, ("mass", i, key), unit))
-    return _beside(columns)
+    return _side_by_side(columns)
 
 
 def _interface(
@@ -186,7 +186,7 @@ def _contact(space: Coordinates, values: Values) -> Points:
             bounded(table.speed_factor, values, (*keys, "speed_factor"), "")
         )
     stacked = {name: _stacked(own, n) for name, own in rows.items()}
-    return Points(**stacked, **{name: _beside(own) for name, own in columns.items()})
+    return Points(**stacked, **{name: _side_by_side(own) for name, own in columns.items()})
 
 
 def _area(table: ContactTable, keys: KeyPath, values: Values) -> np.ndarray:
@@ -244,7 +244,7 @@ def _expect_motion(row: np.ndarray, ends: Sequence[str], keys: KeyPath) -> None:
         raise PlacedError(keys, f"{text} this way: expected one of its directions")
 
 
-def _beside(columns: list[np.ndarray]) -> np.ndarray:
+def _side_by_side(columns: list[np.ndarray]) -> np.ndarray:
     """Numbers or arrays (m,) side by side: (m or 1, k)."""
     if not columns:
         return np.zeros((1, 0))

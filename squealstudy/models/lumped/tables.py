@@ -19,10 +19,10 @@ Components = Annotated[
 ]  # along x, y and z; z is 0 where there are two
 Direction = str | Components
 Ends = Annotated[tuple[str, str], Strict(False)]
-Listed = Annotated[tuple[str, ...], Strict(False)]
+NameTuple = Annotated[tuple[str, ...], Strict(False)]
 
 ALONG = "direction: x, y, z, with a minus the other way, or components [x, y] or [x, y, z]; "
-PLACE = "point [x, y, z] where it acts, m; turns of its masses move it"
+PLACE_TEXT = "point [x, y, z] where it acts, m; turns of its masses move it"
 
 
 class MassTable(Table):
@@ -31,7 +31,7 @@ class MassTable(Table):
     name: Name = Field(description="of the mass; components of tables have it")
     mass: Number | None = Field(default=None, description="kg, of its motion along x, y and z")
     inertia: Number | None = Field(default=None, description="kg m2, of its turns rx, ry and rz")
-    directions: Listed = Field(
+    directions: NameTuple = Field(
         default=(), description="its coordinates, of x, y, z (m) and rx, ry, rz (rad)"
     )
     place: Vector = Field(default=(0.0, 0.0, 0.0), description="of its centre of mass, m")
@@ -72,7 +72,7 @@ class SpringTable(Table):
     between: Ends = Field(description='two masses, or a mass and "ground"')
     direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
     stiffness: Number = Field(description="N/m, or N m/rad")
-    at: Vector | None = Field(default=None, description=PLACE)
+    at: Vector | None = Field(default=None, description=PLACE_TEXT)
 
 
 class DamperTable(Table):
@@ -82,7 +82,7 @@ class DamperTable(Table):
     between: Ends = Field(description='two masses, or a mass and "ground"')
     direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
     damping: Number = Field(description="N s/m, or N m s/rad")
-    at: Vector | None = Field(default=None, description=PLACE)
+    at: Vector | None = Field(default=None, description=PLACE_TEXT)
 
 
 class ContactTable(Table):
@@ -111,7 +111,7 @@ class ContactTable(Table):
     radius: Number | None = Field(
         default=None, description="arm of its friction in torques, m; without any they are forces"
     )
-    at: Vector | None = Field(default=None, description=PLACE)
+    at: Vector | None = Field(default=None, description=PLACE_TEXT)
 
 
 class LoadTable(Table):
@@ -124,7 +124,7 @@ class LoadTable(Table):
     area: Number | None = Field(
         default=None, description="m2, instead of a force: the parameter 'pressure' acts on it"
     )
-    at: Vector | None = Field(default=None, description=PLACE)
+    at: Vector | None = Field(default=None, description=PLACE_TEXT)
 
 
 class ParameterTable(Table):

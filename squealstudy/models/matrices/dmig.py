@@ -166,11 +166,14 @@ def _add(text: TextFile, card: _Card, found: dict[str, _Matrix]) -> None:
         what = f"expected a card with 0 in field 3 before the columns of {name}"
         raise text.error(card.line(0), what)
     matrix = found[name]
-    column = _whole(text, card, 1, "a node"), _whole(text, card, 2, "a direction")
+    column = _whole_number(text, card, 1, "a node"), _whole_number(text, card, 2, "a direction")
     for start in range(FIELDS_PER_ENTRY, len(card.fields), FIELDS_PER_ENTRY):
         if not any(card.fields[start : start + FIELDS_PER_ENTRY]):
             continue
-        row = _whole(text, card, start, "a node"), _whole(text, card, start + 1, "a direction")
+        row = (
+            _whole_number(text, card, start, "a node"),
+            _whole_number(text, card, start + 1, "a direction"),
+        )
         if card.at(start + 3) and _real(text, card, start + 3):
             raise text.error(card.line(start + 3), "expected real values, found an imaginary part")
         matrix.places.append((*row, *column))
@@ -179,7 +182,7 @@ def _add(text: TextFile, card: _Card, found: dict[str, _Matrix]) -> None:
 
 
 def _check_head(text: TextFile, card: _Card) -> None:
-    form, kind = (_whole(text, card, k, "a whole number") for k in (2, 3))
+    form, kind = (_whole_number(text, card, k, "a whole number") for k in (2, 3))
     if form not in (SQUARE, SYMMETRIC):
         what = f"expected a square or symmetric matrix (form 1 or 6), found form {form}"
         raise text.error(card.line(2), what)
@@ -187,7 +190,7 @@ def _check_head(text: TextFile, card: _Card) -> None:
         raise text.error(card.line(3), f"expected real values (type 1 or 2), found type {kind}")
 
 
-def _whole(text: TextFile, card: _Card, place: int, expected: str) -> int:
+def _whole_number(text: TextFile, card: _Card, place: int, expected: str) -> int:
     """A whole number; of an empty direction 0, which a scalar point has."""
     word = card.at(place) or ("0" if expected == "a direction" else "")
     if not COUNT.fullmatch(word):

@@ -23,9 +23,9 @@ from squealstudy.models.matrices.matlab import HDF5, MATLAB_5, Variable, variabl
 from squealstudy.models.matrices.matrix_market import read_matrix_market
 
 Reader = Callable[[Path, str | None], Any]
-Found = TypeVar("Found")
+ResultT = TypeVar("ResultT")
 ABAQUS, NASTRAN = ".mtx", (".pch", ".bdf", ".dat", ".nas", ".blk")
-PLACES = ("indices", "indptr", "row", "col", "offsets")  # arrays of SciPy's archives
+INDEX_ARRAYS = ("indices", "indptr", "row", "col", "offsets")  # arrays of SciPy's archives
 RECTANGULAR = (".npz", ".mat")
 MOST_ROWS_OP2 = 20_000  # 3.2 GB with all zeros, as its reader keeps them
 MAX_LISTED_VARIABLES = 12  # variables of a file that a message names
@@ -103,7 +103,7 @@ def _is_matrix_market(path: Path) -> bool:
         return handle.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"%")
 
 
-def _guarded(path: Path, read: Callable[[], Found]) -> Found:
+def _guarded(path: Path, read: Callable[[], ResultT]) -> ResultT:
     """What a reader makes of a file; ModelError for whatever it runs into."""
     if not path.is_file():
         raise ModelError(f"there is no file {path}")
@@ -180,7 +180,7 @@ def _npz(path: Path, variable: str | None) -> Any:
         _only_one(path, variable)
         if "shape" in content:
             check_size(*content["shape"].tolist())  # before SciPy makes room for it
-        for name in PLACES:
+        for name in INDEX_ARRAYS:
             if name in content and content[name].dtype.kind not in "iu":
                 raise ValueError(f"expected whole numbers in '{name}'")
         if "indptr" in content and content["indptr"][-1] != len(content["indices"]):

@@ -23,7 +23,7 @@ FORMAT = re.compile(
     re.IGNORECASE | re.ASCII,
 )
 SYMMETRIES: dict[str, Symmetry] = {"s": "symmetric", "z": "skew-symmetric", "u": "general"}
-WHOLE = re.compile(r"\s*[+-]?\d+\s*", re.ASCII)
+WHOLE_NUMBER = re.compile(r"\s*[+-]?\d+\s*", re.ASCII)
 REAL = re.compile(rf"\s*(?=\S*\.){NUMBER}\s*", re.ASCII)  # without its point it depends on a format
 BARE_EXPONENT = re.compile(r"(?<=[\d.])(?=[+-])")  # 1.5-103: Fortran leaves out the letter
 
@@ -50,7 +50,7 @@ class FortranFormat:
 
 
 @dataclass(frozen=True)
-class Block:
+class CardBlock:
     """Numbers of a file, and the lines that they are on."""
 
     text: TextFile
@@ -84,7 +84,7 @@ def read_harwell_boeing(path: Path) -> sp.csr_matrix:
         found = shortened(text.line(FORMAT_LINE))
         raise text.error(FORMAT_LINE, f"expected three formats in brackets, found '{found}'")
     first = FORMAT_LINE + 1 + _has_right_sides(text)
-    blocks: list[Block] = []
+    blocks: list[CardBlock] = []
     for count, taken, description in zip(
         (columns + 1, entries, entries), lines, formats[:3], strict=True
     ):
@@ -92,7 +92,7 @@ def read_harwell_boeing(path: Path) -> sp.csr_matrix:
         if taken != -(-count // form.repeat):
             what = f"{taken} lines of ({description}) cannot hold {count} numbers"
             raise text.error(COUNTS_LINE, what)
-        blocks.append(_block(text, first, count, form, whole=len(blocks) < 2))
+        blocks.append(_card_block(text, first, count, form, whole=len(blocks) < 2))
         first += taken
     _check_end(text, first)
     pointers, indices, values = blocks
@@ -137,10 +137,12 @@ def _check_end(text: TextFile, end: int) -> None:
             raise text.error(place, f"expected the end, found '{shortened(text.lines[place])}'")
 
 
-def _block(text: TextFile, first: int, count: int, form: FortranFormat, whole: bool) -> Block:
+def _card_block(
+    text: TextFile, first: int, count: int, form: FortranFormat, whole: bool
+) -> CardBlock:
     """So many numbers from a line on."""
     fields: list[str] = []
-    pattern = WHOLE if form.whole else REAL
+    pattern = WHOLE_NUMBER if form.whole else REAL
     wanted = "a whole number" if form.whole else "a number with a decimal point"
     if whole and not form.whole:
         raise text.error(FORMAT_LINE, "expected formats of whole numbers (I) for the places")
@@ -151,7 +153,7 @@ def _block(text: TextFile, first: int, count: int, form: FortranFormat, whole: b
                 found = shortened(field)
                 raise text.error(place, f"expected {wanted} in field {k}, found '{found}'")
             fields.append(field)
-    return Block(text, first, form, _numbers(text, first, fields, form))
+    return CardBlock(text, first, form, _numbers(text, first, fields, form))
 
 
 def _fields(text: TextFile, place: int, count: int, form: FortranFormat) -> list[str]:
@@ -178,7 +180,7 @@ def _numbers(text: TextFile, first: int, fields: list[str], form: FortranFormat)
     return np.array(numbers, dtype=np.int64)
 
 
-def _columns(pointers: Block, entries: int) -> np.ndarray:
+def _columns(pointers: CardBlock, entries: int) -> np.ndarray:
     """The column, from 1, of each entry; ModelError where pointers do not ascend to the end."""
     found = pointers.numbers
     fits = np.append(found[0] == 1, found[1:] >= found[:-1])

@@ -13,7 +13,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.matrices.entries import Refusal, square_of_entries, symmetric_of_pairs
 from squealstudy.models.matrices.text import TextFile, read_table, shortened
 
-PLACES = ("row node", "row direction", "column node", "column direction")
+LABEL_COLUMNS = ("row node", "row direction", "column node", "column direction")
 # Abaqus writes 1e36 on the diagonal where a boundary condition holds
 ABAQUS_CONSTRAINT_DIAGONAL = 1e30
 DIRECTIONS = (1, 2, 3, 4, 5, 6)  # displacements and turns
@@ -133,14 +133,14 @@ def read_abaqus(path: Path) -> LabelledMatrix | sp.csr_matrix:
             found = shortened(text.lines[i])
             raise text.error(i, f"expected entries of a matrix alone, found '{found}'")
     words = len(text.lines[places[0]].replace(",", " ").split())
-    names = PLACES if words == len(PLACES) + 1 else ("row", "column")
+    names = LABEL_COLUMNS if words == len(LABEL_COLUMNS) + 1 else ("row", "column")
     table = read_table(text, places, names, commas=True)
     at = np.column_stack([table[name] for name in names])
 
     def refused(k: int, message: str) -> ModelError:
         return text.error(places[k], message)
 
-    if names is PLACES:
+    if names is LABEL_COLUMNS:
         return labelled_matrix(at, table["value"], refused)
     return numbered_matrix(at, table["value"], refused)
 

@@ -25,9 +25,9 @@ MATRIX, COMPRESSED = 14, 15
 LETTERS = (1, 2, 16)
 TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 SPARSE, NUMERIC = 5, range(6, 16)
-OTHERS = {1: "a cell array", 2: "a structure", 3: "an object", 4: "text", 16: "a function"}
+OTHER_CLASSES = {1: "a cell array", 2: "a structure", 3: "an object", 4: "text", 16: "a function"}
 COMPLEX = 0x800
-MORE = "more is in a variable or a compressed part than its sizes say"
+MORE_THAN_SIZES = "more is in a variable or a compressed part than its sizes say"
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Variable:
     def matrix(self) -> Any:
         """An ndarray or csc_matrix; ValueError where it is none of real numbers, or is damaged."""
         if self.kind != SPARSE and self.kind not in NUMERIC:
-            found = OTHERS.get(self.kind, "something else")
+            found = OTHER_CLASSES.get(self.kind, "something else")
             raise ValueError(f"expected a matrix of numbers, found {found}")
         if self.complex:
             raise ValueError("expected real values, found complex ones")
@@ -96,7 +96,7 @@ class Elements:
     def check_end(self) -> None:
         """Raise ValueError where bytes are left over."""
         if self.left:
-            raise ValueError(MORE)
+            raise ValueError(MORE_THAN_SIZES)
 
     def next(self) -> tuple[int, memoryview]:
         """Type and content of the next element; ValueError where the file ends before its end."""
@@ -157,7 +157,7 @@ def _inflated(content: bytes | memoryview, order: Order) -> bytes:
     expect_memory(2 * size)
     inner = tag + stream.decompress(stream.unconsumed_tail, size + 1)
     if len(inner) > TAG + size or not stream.eof:
-        raise ValueError(MORE)
+        raise ValueError(MORE_THAN_SIZES)
     return inner
 
 
@@ -167,7 +167,7 @@ def _variable(parts: Elements) -> Variable | None:
     kind = int(flags[0]) & 0xFF if len(flags) == 2 else 0
     if not kind:
         raise ValueError("a variable without a class")
-    if kind > max(OTHERS):  # objects of newer classes have no shape
+    if kind > max(OTHER_CLASSES):  # objects of newer classes have no shape
         return None
     shape = parts.numbers()
     if shape.dtype.kind not in "iu" or len(shape) < 2 or (shape < 0).any():

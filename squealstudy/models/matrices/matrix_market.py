@@ -17,7 +17,7 @@ from squealstudy.models.matrices.entries import Symmetry, check_size, matrix_of_
 from squealstudy.models.matrices.text import TextFile, read_table, shortened
 
 BANNER = re.compile(r"%%?matrixmarket\s+matrix\s+(\S+)\s+(\S+)\s+(\S+)\s*", re.IGNORECASE)
-PLACES = {"coordinate": ("row", "column"), "array": ()}  # on each line, before its value
+INDEX_COLUMNS = {"coordinate": ("row", "column"), "array": ()}  # on each line, before its value
 TYPES = ("real", "double", "integer", "unsigned-integer")
 
 
@@ -47,7 +47,7 @@ def read_matrix_market(path: Path) -> sp.csr_matrix:
     if len(places) != stored:
         what = f"{stored:,} entries" if entries else f"{stored:,} values"
         raise text.error(at, f"the header says {what}, {len(places):,} lines follow")
-    table = read_table(text, places, PLACES[layout], whole="integer" in kind)
+    table = read_table(text, places, INDEX_COLUMNS[layout], whole="integer" in kind)
 
     def refused(k: int, message: str) -> ModelError:
         return text.error(places[k], message)
@@ -72,7 +72,7 @@ def _banner(text: TextFile) -> tuple[str, str, Symmetry]:
     if kind == "complex" or symmetry == "hermitian":
         raise text.error(0, f"expected real values, found {kind} {symmetry} ones")
     for word, known in (
-        (layout, tuple(PLACES)),
+        (layout, tuple(INDEX_COLUMNS)),
         (kind, TYPES),
         (symmetry, ("general", "symmetric", "skew-symmetric")),
     ):

@@ -87,7 +87,7 @@ def shortened(text: str) -> str:
 
 FORTRAN = str.maketrans("dD", "eE")  # its double exponents
 COMMAS = str.maketrans("dD,", "eE ")
-WHOLE = r"[+-]?\d+"
+WHOLE_NUMBER = r"[+-]?\d+"
 
 
 def read_table(
@@ -120,7 +120,7 @@ def read_table(
     fields = [*((name, np.int64) for name in before), ("value", np.int64 if whole else np.float64)]
     if not places:
         return np.zeros(0, fields)
-    words = [*(WHOLE for _ in before), WHOLE if whole else NUMBER]
+    words = [*(WHOLE_NUMBER for _ in before), WHOLE_NUMBER if whole else NUMBER]
     pattern = re.compile((r"(?:\s*,\s*|\s+)" if commas else r"\s+").join(words), re.ASCII)
     wanted = " and ".join([*before, "an integer" if whole else "a value"])
 

@@ -15,8 +15,8 @@ from squealstudy.motion.outcome.envelope import (
     LevelTrend,
     LevelWindows,
     last_part,
+    level_trend,
     logarithm,
-    trend,
     windows,
 )
 from squealstudy.motion.outcome.levels import JUDGED_SHARE
@@ -189,7 +189,7 @@ class Envelope:
         put = 0.5 * float(np.log(initial)) if initial > 0 else now
         early = fine[: len(fine) - len(last_part(fine, JUDGED_SHARE))]
         growth = now - min(put, float(early.min()))
-        transient = max(_beyond(level), _beyond(fine))
+        transient = max(_start_overshoot(level), _start_overshoot(fine))
         ratio = float(np.exp(level[-1] - level.max()))
         reached = (
             initial <= 0 or growth >= MIN_LN_GROWTH_PREDICTED or now <= put - LN_FALL_FROM_START
@@ -212,17 +212,17 @@ class Envelope:
     def scatter(self) -> tuple[float, float, int]:
         """Scatter of windows of ten periods in the judged part, its error, and their number."""
         judged = last_part(self.windows.burst, JUDGED_SHARE)
-        scatter = trend(judged)[2]
+        scatter = level_trend(judged)[2]
         return scatter, scatter / float(np.sqrt(2 * (len(judged) - 2))), len(judged)
 
     def lasting_scatter(self) -> bool:
         """Whether that of the level, once it is reached, has no trend and does not die away."""
         burst = self.windows.burst
         judged = last_part(burst, JUDGED_SHARE)
-        rise, error, _ = trend(judged)
+        rise, error, _ = level_trend(judged)
         reached = int(np.argmax(burst >= 0.5 * judged.mean()))
         level = burst[min(reached, len(burst) - len(judged)) :]
-        first, second = (trend(half)[2] for half in np.array_split(level, 2))
+        first, second = (level_trend(half)[2] for half in np.array_split(level, 2))
         return (
             abs(rise) <= max(MAX_LN_DRIFT, TREND_SIGMAS * error)
             and second >= DECAYING_SCATTER_RATIO * first
@@ -233,7 +233,7 @@ class Envelope:
         return 2 * np.pi * LEAST_DAMPING * share * self.windows.periods
 
 
-def _beyond(y: np.ndarray) -> float:
+def _start_overshoot(y: np.ndarray) -> float:
     judged = last_part(y, JUDGED_SHARE)
     before = y[: len(y) - len(judged)]
     far = max(float(before.max() - judged.max()), float(judged.min() - before.min()))
@@ -249,25 +249,26 @@ def _levels_off(found: Envelope, course: LevelTrend) -> bool:
     scatter, error, _ = found.scatter()
     if max(course.scatter, scatter + error) <= MAX_REL_SCATTER:
         drift = abs(course.rise) + course.error
-        if _flat(found, course, JUDGED_SHARE) and _shown(found, drift):
+        if _flat(found, course, JUDGED_SHARE) and _shows_approach(found, drift):
             return True
         if found.predicted >= LN_GROWTH_EXPECTED and max(
             drift, abs(course.begin), abs(course.end)
         ) <= (MAX_LN_DRIFT_SATURATED):
             return True
-        if _vanishes(course) and _shown(found, abs(course.thirds[2])):
+        if _vanishes(course) and _shows_approach(found, abs(course.thirds[2])):
             return True
     late = logarithm(last_part(found.windows.fine, LATE_SHARE))
     if not found.saturated or len(late) < MIN_LATE_WINDOWS:
         return False
     course = LevelTrend.of(late)
     even = (
-        max(course.scatter, trend(last_part(found.windows.burst, LATE_SHARE))[2]) <= MAX_REL_SCATTER
+        max(course.scatter, level_trend(last_part(found.windows.burst, LATE_SHARE))[2])
+        <= MAX_REL_SCATTER
     )
     return even and _quiet(course) and course.error <= MAX_LN_TREND
 
 
-def _shown(found: Envelope, drift: float) -> bool:
+def _shows_approach(found: Envelope, drift: float) -> bool:
     """Whether the start shows how the level was reached, or it stays where decay is predicted."""
     least = max(MIN_LN_TRANSIENT, TRANSIENT_OVER_DRIFT * drift)
     return found.reached or found.transient >= least or -found.predicted >= least
@@ -330,7 +331,7 @@ def _falls(found: Envelope, course: LevelTrend) -> bool:
         return False
     for share in (JUDGED_SHARE, 0.7, 1.0):
         stretch = found.windows.course(share)
-        if stretch.rise <= -MIN_LN_FALL and _steady(stretch, found.ratio):
+        if stretch.rise <= -MIN_LN_FALL and _falls_steadily(stretch, found.ratio):
             return True
     level = logarithm(found.windows.level)
     whole = float(level[-1] - level[0]) / (len(level) - 1) * (len(level) - found.windows.judged)
@@ -344,7 +345,7 @@ def slowing(course: LevelTrend) -> float:
     return max(loss, 0.0) / course.rise**2
 
 
-def _steady(course: LevelTrend, ratio: float) -> bool:
+def _falls_steadily(course: LevelTrend, ratio: float) -> bool:
     """Whether a cycle that the fall approaches is below LOWER_CYCLE_RATIO of the largest level.
 
     The pace of an approach from above to a level c is s (1 - (c / a)^m) at the level a: its loss of
@@ -380,7 +381,7 @@ def _times_longer(found: Envelope, course: LevelTrend) -> float:
         return _fall_longer(found, course)
     if course.rise > course.error:
         return max(MIN_LN_FALL / course.rise, 2.0)
-    if not _shown(found, abs(course.rise) + course.error) and course.error <= light:
+    if not _shows_approach(found, abs(course.rise) + course.error) and course.error <= light:
         return np.inf
     scatter, _, count = found.scatter()
     if scatter > MAX_REL_SCATTER and count < MIN_BURST_WINDOWS:

@@ -217,7 +217,7 @@ def slowest_period(run: Motion) -> float:
     return float(2 * np.pi / slowest) if slowest > 0 else np.inf
 
 
-def round_off(run: Motion) -> float:
+def energy_round_off(run: Motion) -> float:
     """Energy below which nothing moves, J: of the work of friction, which scales as it does.
 
     0 where that work is not known, as of integrators that solve no balance in each step.

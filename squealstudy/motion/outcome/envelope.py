@@ -57,7 +57,7 @@ class LevelWindows:
 
     def trend(self) -> tuple[float, float, float]:
         """Relative rise over the judged windows, its standard error, scatter about it."""
-        return trend(self.level[self.judged :])
+        return level_trend(self.level[self.judged :])
 
     def course(self, share: float) -> LevelTrend:
         """How the levels went over the last `share` of the record."""
@@ -75,7 +75,7 @@ def logarithm(level: np.ndarray) -> np.ndarray:
     return found
 
 
-def trend(level: np.ndarray) -> tuple[float, float, float]:
+def level_trend(level: np.ndarray) -> tuple[float, float, float]:
     """Relative rise over levels (m,), its standard error, scatter about it."""
     y = level / (level.mean() or 1.0)
     x = np.arange(len(y)) - 0.5 * (len(y) - 1)

@@ -9,9 +9,9 @@ import numpy as np
 
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.energies import (
+    energy_round_off,
     level_shares,
     moving_energy,
-    round_off,
     slowest_period,
 )
 from squealstudy.motion.outcome.growth import ENERGY, LEFT_VECTOR, GrowthFit, fit_growth
@@ -26,7 +26,7 @@ SAME_HZ, SAME_HZ_UNKNOWN = 5e-3, 0.05
 
 def has_moved(run: Motion) -> bool:
     """Whether the run ever moved, beyond round-off."""
-    return bool(run.modal_energy.max() > round_off(run))
+    return bool(run.modal_energy.max() > energy_round_off(run))
 
 
 def mode_fits(run: Motion) -> list[GrowthFit]:

@@ -16,7 +16,7 @@ from squealstudy.motion.outcome.behaviour import (
     REST_RATIO_FALLING,
     TREND_SIGMAS,
 )
-from squealstudy.motion.outcome.energies import moving_energy, round_off
+from squealstudy.motion.outcome.energies import energy_round_off, moving_energy
 from squealstudy.motion.outcome.envelope import (
     WINDOW_COUNT_RANGE,
     LevelWindows,
@@ -175,7 +175,7 @@ def _has_decayed(run: Motion, energy: np.ndarray) -> bool:
     """Whether the vibration of a stable run is gone, or goes as predicted."""
     part = max(1, len(energy) // 25)
     first, last = float(energy[:part].mean()), float(energy[-part:].mean())
-    if last <= max(VANISHED_ENERGY_RATIO * first, round_off(run)):
+    if last <= max(VANISHED_ENERGY_RATIO * first, energy_round_off(run)):
         return True
     lam = run.point.growing.lam[0] if len(run.point.growing.lam) else complex(np.nan, np.nan)
     short = run.times[-1] * abs(lam) / (2 * np.pi) < LEAST_PERIODS

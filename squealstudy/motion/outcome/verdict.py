@@ -6,7 +6,7 @@ import numpy as np
 
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import RunClass, classify
-from squealstudy.motion.outcome.energies import level_shares, round_off
+from squealstudy.motion.outcome.energies import energy_round_off, level_shares
 from squealstudy.motion.outcome.levels import JUDGED_SHARE
 from squealstudy.motion.outcome.repeating import (
     comes_back,
@@ -44,7 +44,7 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
     motion that repeats where small motion would have changed.
     """
     initial = 0.0 if run.point.continued else float(run.modal_energy[0])
-    found = classify(run.times, energy, initial, round_off(run), growth=_predicted_pace(run))
+    found = classify(run.times, energy, initial, energy_round_off(run), growth=_predicted_pace(run))
     modes = run.point.growing
     if found.name == UNDECIDED and len(run.times) >= JUDGED_ROWS:
         if sticks_mostly(run):
@@ -57,7 +57,7 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
     if found.name != STABLE:
         return found
     unseen = modes.n_outside > 0 or modes.n_unstable > modes.n_followed
-    if unseen or (modes.n_unstable and energy.max() <= round_off(run)):
+    if unseen or (modes.n_unstable and energy.max() <= energy_round_off(run)):
         return RunClass(UNDECIDED, np.inf)
     until = max((grows_until(run, k) for k in range(modes.n_followed)), default=0.0)
     return RunClass(UNDECIDED, until) if until > 0 else found

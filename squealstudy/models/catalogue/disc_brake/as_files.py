@@ -32,12 +32,12 @@ def brake_meshes(
     faces, found = brake_faces(mesher), {}
     for name in COMPONENTS:
         mesh = mesh_of_grid(name, mesher.component(name).grid, mesher.materials(name), "C3D20R")
-        surfaces = {face: _kept(mesh, keep) for face, keep in faces[name].items()}
+        surfaces = {face: _faces_passing(mesh, keep) for face, keep in faces[name].items()}
         found[name] = replace(mesh, surfaces=surfaces)
     return found
 
 
-def _kept(mesh: SolidMesh, keep: FacetFilter) -> np.ndarray:
+def _faces_passing(mesh: SolidMesh, keep: FacetFilter) -> np.ndarray:
     """Faces (p, 2) of the boundary whose centre (mean of the corners) passes a filter."""
     faces = boundary(mesh)
     (block,) = mesh.blocks
