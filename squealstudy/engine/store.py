@@ -392,10 +392,3 @@ def _chunk_by_name(table: pa.Table) -> dict[str, pa.Table]:
 
 def _parquet(table: pa.Table) -> Callable[[Path], None]:
     return lambda path: pq.write_table(table, path, compression="zstd", row_group_size=GROUP_ROWS)
-
-
-def history_file(point_id: str, frame: pd.DataFrame) -> dict[str, pa.Table]:
-    """A history by its path in the results; time in double precision, the rest in single."""
-    kept = frame.astype({name: "float32" for name in frame.columns if name != "time"})
-    table = pa.Table.from_pandas(kept, preserve_index=False)
-    return {f"{HISTORIES}/{point_id}.parquet": table}

@@ -21,8 +21,8 @@ from squealstudy.engine.cache import (
     prepared_path,
     save_value,
 )
+from squealstudy.engine.history_files import history_file
 from squealstudy.engine.keys import content_hash, source_hash
-from squealstudy.engine.store import history_file
 from squealstudy.engine.validity import open_reason
 from squealstudy.engine.workers import Solved
 from squealstudy.errors import ConvergenceError, ModelError, ParameterError, SquealstudyError
