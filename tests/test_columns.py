@@ -221,7 +221,7 @@ def test_columns_of_results_of_before_have_the_names_of_today():
 def test_the_page_of_words_has_all_columns_that_were_renamed():
     page = (Path(__file__).parents[1] / "docs/reference/words-in-tables.md").read_text("utf-8")
     rows = [
-        f"| `{kind}` | `{old}` | `{new}` |"
+        f"|`{kind}`|`{old}`|`{new}`|"
         for kind, names in RENAMED_COLUMNS.items()
         for old, new in names.items()
     ]
