@@ -59,19 +59,24 @@ def worn_depth(assembly: Assembly, wear: Wear) -> np.ndarray:
     law, nothing = wear.operating.law, np.zeros((assembly.n_dof, 0))
     space = contact_space(assembly, mean_contact_stiffness(assembly, wear.operating), nothing)
     faces = _WearingFaces(space, wear, np.where(rubbing, wear.rate * contact.speed_factor, 0.0))
-    pressed = np.maximum(faces.at(np.zeros(contact.n_points)).contact_pressure, 0.0)
+    new = np.zeros(contact.n_points)
+    pressed = np.maximum(faces.at(new).contact_pressure, 0.0)
     level = float(np.average(pressed[rubbing], weights=contact.area[rubbing]))
+    error = GAP_ERROR * law.gap_scale(max(level, LEAST_PRESSURE))
+    fastest = float(faces.slope(0.0, new).max())
     found = solve_ivp(
         faces.slope,
         (0.0, wear.distance),
-        np.zeros(contact.n_points),
+        new,
         method="BDF",  # neighbours that stand out wear off thousands of times faster than the face
         jac=faces.jacobian,
         rtol=LEAST_RELATIVE,
-        atol=GAP_ERROR * law.gap_scale(max(level, LEAST_PRESSURE)),
+        atol=error,
+        first_step=min(wear.distance, error / fastest) if fastest > 0 else None,
     )
     if not found.success:
-        raise ConvergenceError("wear", f"wear over {wear.distance:g} m: {found.message}")
+        text = f"it ends {found.t[-1]:.3g} m of {wear.distance:g} m on the way"
+        raise ConvergenceError("wear", text)
     depth: np.ndarray = found.y[:, -1]
     return depth
 
@@ -92,6 +97,7 @@ class _WearingFaces:
         self._space, self._operating, self._rates = space, wear.operating, rates
         self._depth = np.zeros(0)
         self._last: WorkingPoint | None = None
+        self._jacobian = np.zeros((len(rates), len(rates)))
 
     def at(self, depth: np.ndarray) -> WorkingPoint:
         """Steady sliding on faces worn by a depth (nc,) [m], from that of the last depth."""
@@ -113,16 +119,27 @@ class _WearingFaces:
             return working_point(self._worn(depth), self._operating)
 
     def slope(self, _: float, depth: np.ndarray) -> np.ndarray:
-        """dh/ds (nc,)."""
-        found: np.ndarray = self._rates * np.maximum(self.at(depth).contact_pressure, 0.0)
+        """dh/ds (nc,); NaN at depths without steady sliding: the step was too long."""
+        try:
+            pressure = self.at(depth).contact_pressure
+        except ConvergenceError:
+            return np.full_like(depth, np.nan)
+        found: np.ndarray = self._rates * np.maximum(pressure, 0.0)
         return found
 
     def jacobian(self, _: float, depth: np.ndarray) -> np.ndarray:
-        """d(dh/ds)/dh (nc, nc) [1/m]: faces that wear open their gaps, and press less."""
-        point, space = self.at(depth), self._space
+        """d(dh/ds)/dh (nc, nc) [1/m]: faces that wear open their gaps, and press less.
+
+        That of the last depth where this one has no steady sliding.
+        """
+        try:
+            point = self.at(depth)
+        except ConvergenceError:
+            return self._jacobian
+        space = self._space
         p, kappa = point.contact_pressure, point.tangent
         held = np.diag(space.area * space.k_c)
         opened = np.eye(len(p)) - space.opening(held, np.zeros_like(held))
         gaps = GapJacobian(space, self._operating, p, kappa).solve(opened).T
-        found: np.ndarray = -(self._rates * np.where(p > 0, kappa, 0.0))[:, None] * gaps
-        return found
+        self._jacobian = -(self._rates * np.where(p > 0, kappa, 0.0))[:, None] * gaps
+        return self._jacobian
