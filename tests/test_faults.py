@@ -137,7 +137,7 @@ def one_by_one(path: Path) -> None:
 @needs_limits
 def test_too_many_open_files(folder: Path) -> None:
     one_by_one(folder / "study.toml")
-    done = shell("ulimit -n 12;", *RUN, "out")
+    done = shell("ulimit -n 6;", *RUN, "out")
     is_one_sentence(done, "too many files are open", "ulimit -n")
 
 
