@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from groan_reference import Groan
 from lumped_files import BELT, HOFFMANN, write_minimal
+from study_runs import command
 
 import squealstudy as sq
 from squealstudy.cli import model_commands
@@ -423,3 +424,9 @@ def test_screens_of_a_lumped_model(tmp_path, capsys):
     shown = capsys.readouterr().out
     assert "caliper  x      6 kg" in shown
     assert "1 free, 73.5 Hz, 455.8 Hz" in shown
+
+
+def test_check_of_a_shipped_study_tells_its_points(capsys):
+    """It has no mesh to look at: `check` of the study says what it would run."""
+    assert command("check", str(STUDIES / "groan_to_honk.toml")) == 0
+    assert "5 points, 5 of them" in " ".join(capsys.readouterr().out.split())

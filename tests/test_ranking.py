@@ -197,6 +197,35 @@ def test_a_refined_onset_counts_where_both_its_ends_do():
     assert row["threshold_kind"] == "crossing"
 
 
+def test_no_onset_is_told_above_a_point_where_the_number_was_unstable_before():
+    """On one line an unstable mode took the number between 0.2 and 0.4, on the other it crosses."""
+    zeta = {1: lambda m, q: (0.3 if q == 1 else 0.5) - m}
+    points, modes = linear_study(zeta, [0.2, 0.4, 0.6], [1, 2])
+    ids = points.set_index(["friction", "pressure"])["point_id"]
+    rows = [
+        {"status": "renumbered", "onset": np.nan, "at": (0.2, 0.4, 1)},
+        {"status": "refined", "onset": 0.51, "at": (0.4, 0.6, 2)},
+    ]
+    onsets = pd.DataFrame(
+        {
+            "track": 1,
+            "onset": row["onset"],
+            "direction": "in",
+            "status": row["status"],
+            "frequency_hz": 1000.0,
+            "point_before": ids[row["at"][0], row["at"][2]],
+            "point_after": ids[row["at"][1], row["at"][2]],
+        }
+        for row in rows
+    )
+    (row,) = rank_modes(points, modes, "friction", onsets=onsets).to_dict("records")
+    assert np.isnan(row["threshold"])
+    assert row["threshold_kind"] == ""
+    onsets.loc[0, ["status", "onset"]] = "refined", 0.31
+    (row,) = rank_modes(points, modes, "friction", onsets=onsets).to_dict("records")
+    assert (row["threshold"], row["threshold_kind"]) == (0.31, "refined")
+
+
 def test_failed_points_are_bridged_and_not_counted():
     status = ["ok", "ok", "ok", "ok", "working_point", "ok", "ok", "ok"]
     points, modes = linear_study({1: lambda m, q: 0.012 - 0.03 * m}, MU, [1.0], status)

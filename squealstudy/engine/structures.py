@@ -105,7 +105,9 @@ def check_model_file(plan: Plan) -> list[str]:
     Raises StudyFileError where the file cannot be used.
     """
     model = plan.study.model
-    if not isinstance(model, FileDefinition) or is_prepared(plan.tasks[0].structure):
+    if not isinstance(model, FileDefinition) or not model.meshed:
+        return []
+    if is_prepared(plan.tasks[0].structure):
         return []
     from squealstudy.study.components import free_motions  # of meshes: not for minimal models
 

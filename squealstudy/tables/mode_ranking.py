@@ -316,12 +316,14 @@ def _thresholds(
     found = line_crossings(group, line[code], x[code], start[code], zeta, unstable)
     found = found[found["direction"] == INTO]
     crossed = found["kind"].isin([CROSSING, BRACKETED]).to_numpy()
+    renumbered = found[:0]
     if refined and crossed.any():
         ends = (code[found.loc[crossed, side].to_numpy()] for side in ("before", "after"))
         keys = zip(found.loc[crossed, "track"], *ends, strict=True)
         pairs = zip(found.index[crossed], keys, strict=True)
         better = pd.Series({row: refined[key] for row, key in pairs if key in refined}, dtype=float)
-        found = found.drop(better.index[better.isna()])
+        renumbered = found.loc[better.index[better.isna()]]
+        found = found.drop(renumbered.index)
         better = better.dropna()
         found.loc[better.index, "value"] = better
         found.loc[better.index, "kind"] = REFINED
@@ -337,7 +339,12 @@ def _thresholds(
     unsure = found["track"].isin(found["track"].to_numpy()[at_break])
     unsure &= found["kind"] != BELOW_RANGE  # the least of all lines is a bound then
     found["kind"] = found["kind"].mask(unsure, BROKEN)
-    return found.sort_values("value", kind="stable").drop_duplicates("track").set_index("track")
+    found = found.sort_values("value", kind="stable").drop_duplicates("track").set_index("track")
+    # an unstable mode took the number on another line before: no crossing is the least of all
+    taken = pd.Series(x[code[renumbered["after"].to_numpy()]], renumbered["track"].to_numpy())
+    earlier = taken.groupby(level=0).min().reindex(found.index) <= found["value"]
+    found.loc[earlier, ["value", "kind"]] = np.nan, ""
+    return found
 
 
 def _starts(x: pd.Series, line: np.ndarray, held: np.ndarray) -> np.ndarray:
