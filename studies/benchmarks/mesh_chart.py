@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from squealstudy.plots.style import COLOURS, DARK, GREY, finish, new_figure
+from squealstudy.colours import COLOURS, DARK, GREY
+from squealstudy.plots.style import finish, new_figure
 
 ASKED = {"coarse": 3.0, "medium": 1.0, "fine": 0.3}  # %
 START = "medium 1x1x1"

@@ -17,7 +17,7 @@ from pathlib import Path
 from unittest import mock
 
 import squealstudy as sq
-from squealstudy.engine import journal, result_tables, store, table_files
+from squealstudy.engine import journal, manifest_file, result_tables, store, table_files
 
 STUDY = """\
 [study]
@@ -36,7 +36,7 @@ band = [1.0, 1000.0]
 LEFT_OUT: dict[str, tuple[tuple[object, str, Callable[..., object]], ...]] = {
     "nothing": (),
     "hashes": ((journal, "_hash_of", lambda path, state: ""),),
-    "facts of the manifest": ((store, "check_facts", lambda *given: None),),
+    "facts of the manifest": ((manifest_file, "check_facts", lambda *given: None),),
     "columns": ((result_tables, "misfit", lambda *given: ""),),
     "room in memory": ((table_files, "expect_room", lambda *given: None),),
 }

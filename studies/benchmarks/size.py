@@ -298,7 +298,8 @@ def draw(record: Path, path: Path) -> None:
 
     Of a run that was interrupted, the stages that ended.
     """
-    from squealstudy.plots.style import COLOURS, DARK, finish, new_figure
+    from squealstudy.colours import DARK
+    from squealstudy.plots.style import COLOURS, finish, new_figure
 
     known = json.loads(record.read_text())
     table = pd.DataFrame(

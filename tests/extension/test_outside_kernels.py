@@ -167,10 +167,10 @@ from squealstudy.kernels.newmark_batch import newmark_batch
 from squealstudy.laws import contact_law
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
-from squealstudy.motion.warmup import smallest
+from squealstudy.motion.warmup import smallest_system
 from dataclasses import replace
 load_extension({str(HERE / CUBE)!r})
-system, design = smallest()
+system, design = smallest_system()
 simulate(system, [replace(design, contact=contact_law("cube"))], MotionSettings(2e-6, 1e-6, 1))
 print(sum(newmark_batch.stats.cache_misses.values()))
 """
