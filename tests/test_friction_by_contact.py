@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from study_runs import plan_of
@@ -9,6 +11,7 @@ from study_runs import plan_of
 import squealstudy as sq
 from squealstudy.engine.export import export_reduced
 from squealstudy.errors import StudyFileError
+from squealstudy.motion.point import automatic_slope
 from squealstudy.study.lumped import read_lumped
 
 # a block between two discs that press on it from both sides, held by springs
@@ -136,6 +139,17 @@ def test_half_the_factor_is_half_the_friction_in_time(tmp_path):
     for name in [n for n in names if n in whole.index]:
         assert half[name] == pytest.approx(whole[name], rel=1e-6, abs=1e-12), name
     assert whole["torque_rms"] > 0
+
+
+def test_the_automatic_slope_is_that_of_the_point_with_most_friction(tmp_path):
+    """Its friction at rest is the factor times the static coefficient, 0.4 times 1.4."""
+    system = sq.model(str(write(tmp_path))).at(upper=0.2, lower=0.9)
+    pressure = system.steady.pressure
+    state = SimpleNamespace(operating=system.point.operating_point())
+    point = SimpleNamespace(contact_pressure=pressure)
+    slope = automatic_slope(system.assembly.contact, state, point, 1e-3)
+    most = (np.array([0.2, 1.5 * 0.9]) * 0.4 * 1.4 * pressure).max()
+    assert slope == pytest.approx(most / 1e-3, rel=1e-12)
 
 
 def test_a_force_of_contact_is_no_share_of_it(tmp_path):

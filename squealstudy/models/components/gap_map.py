@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.wording import shown
 
 AXES = ("x", "y", "z")
 GAP = "gap"
 LARGEST_BYTES = 64 * 2**20  # of a file: a million points and more
 BEYOND_SPACINGS = 2.0  # distances of neighbours by which the outermost points may miss an edge
+STEEPEST = 0.5  # distance of neighbours along their plane over their distance: 60 degrees
 FLAT = 1e-3  # extent of places across their plane over that along it, below which they are a line
 
 
@@ -47,6 +48,22 @@ class GapMap:
                 + ("places along one line" if len(rows) > 2 else f"{len(rows)}")
             )
         self._plane = directions[:2]
+        self._expect_one_face()
+
+    def _expect_one_face(self) -> None:
+        from scipy.spatial import cKDTree
+
+        seen = (self.places - self._centre) @ self._plane.T
+        near, which = cKDTree(seen).query(seen, k=2)
+        apart = np.linalg.norm(self.places - self.places[which[:, 1]], axis=1)
+        above = np.flatnonzero(near[:, 1] < STEEPEST * apart)
+        if len(above):
+            ends = above[0], which[above[0], 1]
+            first, second = (", ".join(f"{v:g}" for v in self.places[k]) for k in ends)
+            raise ModelError(
+                f"{self.name}: the places {first} and {second} (m) lie one above the other: "
+                "expected those of one face"
+            )
 
     def at(self, points: np.ndarray) -> np.ndarray:
         """Gaps (n,) [m] at points (n, 3) [m] of the face, in the coordinates of the file.
@@ -109,18 +126,20 @@ def _read(path: Path) -> tuple[list[str], np.ndarray]:
 def _cells(line: str, separator: str | None) -> list[str]:
     if separator is None:
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+    return [cell.strip() for cell in line.split(separator)]
 
 
 def _numbers(path: Path, line: int, cells: list[str], count: int) -> list[float]:
     if len(cells) != count:
         raise ModelError(f"{path.name}, line {line}: expected {count} numbers, got {len(cells)}")
     try:
-        values = [float(cell) for cell in cells]
+        values = [float(cell.replace("_", "?")) for cell in cells]  # Python reads 1_0 as ten
     except ValueError:
-        raise ModelError(f"{path.name}, line {line}: expected numbers, got {cells}") from None
+        told = shown(", ".join(cells))
+        raise ModelError(f"{path.name}, line {line}: expected numbers, got {told}") from None
     if not np.isfinite(values).all():
-        raise ModelError(f"{path.name}, line {line}: expected finite numbers, got {cells}")
+        told = shown(", ".join(cells))
+        raise ModelError(f"{path.name}, line {line}: expected finite numbers, got {told}")
     return values
 
 
