@@ -29,6 +29,7 @@ import hypothesis
 import numpy as np
 import pytest
 import threadpoolctl
+from registries import forget_extensions
 
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.laws import contact_law
@@ -159,6 +160,13 @@ def compiled_kernels(request):
         warm_kernels()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _the_package_alone():
+    """What the tests of a file register is unknown to those of other files."""
+    yield
+    forget_extensions()
+
+
 def shared(name: str, make: Callable[[], Any]) -> Any:
     """What the first process of the session to ask for it has made."""
     path = Path(os.environ[SHARED]) / f"{name}.pickle"
@@ -177,7 +185,7 @@ def runs_on(nodeid: str, day: int) -> bool:
 def order(path: Path) -> tuple[bool, bool, int]:
     """Place of a file among all: those without kernels first, and of each sort the longest.
 
-    Extensions last: laws and plots that they register stay known in their process.
+    Extensions last: laws that they register stay known in their process.
     """
     place = LONGEST.index(path.stem) if path.stem in LONGEST else len(LONGEST)
     extends = path.parent.name == "extension" or path.stem in EXTENDING

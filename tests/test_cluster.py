@@ -24,7 +24,6 @@ from study_texts import study_text, sweep_text
 
 import squealstudy as sq
 from squealstudy import extensions
-from squealstudy.columns import COLUMNS
 from squealstudy.engine.cache import (
     contents,
     is_whole,
@@ -38,7 +37,6 @@ from squealstudy.engine.workers import TASKS_IN_FLIGHT_PER_WORKER, Workers
 from squealstudy.errors import MachineError
 from squealstudy.machine.processes import InterruptedRun, interruptible
 from squealstudy.modes.reanalysis.polynomials import ExpandedWeights
-from squealstudy.study import kinds
 
 pytest.importorskip("distributed", reason="NOT TRIED: distributed is not installed")
 
@@ -242,13 +240,9 @@ def _as_a_new_process(monkeypatch):
     A shell in the background ignores them.
     """
     monkeypatch.setattr(extensions, "_read", {})
-    monkeypatch.setattr(kinds, "_registered", dict(kinds._registered))
-    columns = dict(COLUMNS)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
-    for name in COLUMNS.keys() - columns:
-        del COLUMNS[name]
 
 
 @pytest.fixture(autouse=True)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import command
-from registries import registered  # noqa: F401 - a fixture of the module
 from study_runs import load_plan
 
 from squealstudy import open_results

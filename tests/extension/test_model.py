@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from registries import registered  # noqa: F401 - a fixture of the module
 from study_runs import load_plan
 
 import squealstudy as sq
