@@ -80,15 +80,15 @@ def read_cdb(
         With file and, of commands, line: what is malformed or refers to what is not there; all
         commands or elements that are not supported, in one message; without `mapdl_archive`.
     """
-    wanted = treat_as or {}
+    formulation_of = treat_as or {}
     names = [f"SOLID{n}" for n in SOLIDS]
-    for name, formulation in wanted.items():
+    for name, formulation in formulation_of.items():
         if name not in names or formulation not in FORMULATIONS:
             raise ModelError(
                 f"{path}: treat_as {name} = '{formulation}': expected one of {', '.join(names)} "
                 f"and a formulation of {', '.join(FORMULATIONS)}"
             )
-    mesh = _Deck(path, wanted, {name.upper() for name in pass_over}).mesh()
+    mesh = _Deck(path, formulation_of, {name.upper() for name in pass_over}).mesh()
     return mesh if part is None else mesh.part(mesh.find("element_sets", part))
 
 
@@ -104,8 +104,8 @@ class _Deck:
         for place, line in enumerate(text.lines):
             words = [w.strip() for w in line.split("!")[0].split(",")]
             if words[0] and (words[0][0].isalpha() or words[0][0] in "/*"):
-                own = self._commands.setdefault(words[0].upper(), [])
-                own.append((Line(text, place), words[1:]))
+                same_commands = self._commands.setdefault(words[0].upper(), [])
+                same_commands.append((Line(text, place), words[1:]))
         self._refuse_unknown()
 
     def _all(self, *names: str) -> Iterator[tuple[Line, list[str]]]:
@@ -118,19 +118,20 @@ class _Deck:
 
     def _refuse_unknown(self) -> None:
         unknown, names = [], []
-        for name, own in self._commands.items():
+        for name, cards in self._commands.items():
             if name in ENDS:
-                for line, words in own:
+                for line, words in cards:
                     if "-1" not in words:
                         raise line.error(
                             f"expected the end of a block, {name},...,-1: write blocks "
                             "(CDWRITE,DB,NAME,CDB)"
                         )
             elif name in PASSED_OVER or name in self._ignored:
-                self._note(name, len(own), own[0][0], PASSED_OVER.get(name, "as asked for"))
+                self._note(name, len(cards), cards[0][0], PASSED_OVER.get(name, "as asked for"))
             elif name not in READ and name not in SETTINGS:
                 names.append(name)
-                unknown.append((own[0][0], f"{name} ({len(own)}, first in line {_number(own)})"))
+                text = f"{name} ({len(cards)}, first in line {_number(cards)})"
+                unknown.append((cards[0][0], text))
         if unknown:
             raise unknown[0][0].error(
                 f"commands that are not supported: {', '.join(t for _, t in unknown)}; where "
@@ -140,21 +141,21 @@ class _Deck:
     def mesh(self) -> SolidMesh:
         """The component."""
         types = self._types()
-        found = self._blocks()
-        numbers, order = np.unique(found.nnum, return_index=True)
-        if len(numbers) < len(found.nnum):
+        archive = self._blocks()
+        numbers, order = np.unique(archive.nnum, return_index=True)
+        if len(numbers) < len(archive.nnum):
             raise ModelError(f"{self._path}: nodes are there twice")
-        if np.any(found.node_angles):
-            turned = int(np.any(found.node_angles, axis=1).sum())
+        if np.any(archive.node_angles):
+            turned = int(np.any(archive.node_angles, axis=1).sum())
             self._note("turned axes of nodes", turned, None, "they are of supports and loads")
-        fields = np.array([element[:FIELDS] for element in found.elem])
-        blocks, rows = self._solids(found.elem, fields, types, numbers)
+        fields = np.array([element[:FIELDS] for element in archive.elem])
+        blocks, rows = self._solids(archive.elem, fields, types, numbers)
         fields = fields[rows]
-        nodes = np.asarray(found.nodes, dtype=float)[order]
+        nodes = np.asarray(archive.nodes, dtype=float)[order]
         every, labels = self._middles.added(nodes, numbers.astype(np.int64))
         mesh = SolidMesh(self._path, every, labels, blocks)
-        mesh = replace(mesh, element_sets=self._element_sets(found, fields))
-        mesh = self._middles.tied(replace(mesh, node_sets=self._node_sets(found, numbers)))
+        mesh = replace(mesh, element_sets=self._element_sets(archive, fields))
+        mesh = self._middles.tied(replace(mesh, node_sets=self._node_sets(archive, numbers)))
         mesh = self._with_materials(mesh, fields[:, AXES])
         if not (used := mesh.used_nodes()).all():
             why = f"{mesh.nodes_named(np.flatnonzero(~used))}: no solid has such a node"
@@ -176,8 +177,8 @@ class _Deck:
             line, words = self._commands[name][0]
             if len(words) < 2 or words[1].upper() != "SOLID":
                 raise line.error(f"expected {name}, number of fields, SOLID")
-        found = read_blocks(self._text)
-        count = {"NBLOCK": len(found.nnum), "EBLOCK": len(found.elem)}
+        blocks = read_blocks(self._text)
+        count = {"NBLOCK": len(blocks.nnum), "EBLOCK": len(blocks.elem)}
         for name, read in count.items():
             line, words = self._commands[name][0]
             stated = line.whole(words[3], "a number") if len(words) > 3 and words[3] else read
@@ -186,12 +187,13 @@ class _Deck:
         for line, words in self._all("CMBLOCK"):
             if len(words) < 3:
                 raise line.error("expected CMBLOCK, name, NODE or ELEM, count")
-            own = found.node_components if words[1].upper() == "NODE" else found.element_components
+            is_node = words[1].upper() == "NODE"
+            members = blocks.node_components if is_node else blocks.element_components
             stated = line.whole(words[2], "a number")
             read = self._numbers_after(line)
-            if words[0] not in own or stated != read:
+            if words[0] not in members or stated != read:
                 raise line.error(f"expected {stated} numbers of component {words[0]}, found {read}")
-        return found
+        return blocks
 
     def _numbers_after(self, line: Line) -> int:
         """How many numbers the lines of a block have, whose second is the format."""
@@ -215,10 +217,12 @@ class _Deck:
         for line, words in self._all("ETBLOCK"):
             place = line.place + 2
             for _ in range(line.whole("".join(words[:1]), "the number of types")):
-                own = Line(self._text, place)
-                values = [own.whole(w, "whole numbers") for w in self._text.line(place).split()]
+                type_line = Line(self._text, place)
+                values = [
+                    type_line.whole(w, "whole numbers") for w in self._text.line(place).split()
+                ]
                 if len(values) < 2:
-                    raise own.error("expected a type and an element")
+                    raise type_line.error("expected a type and an element")
                 element[values[0]] = values[1]
                 options[values[0]] = {k: v for k, v in enumerate(values[2:20], 1) if v}
                 place += 1
@@ -241,14 +245,14 @@ class _Deck:
         self._middles = Middles(len(numbers))
         self._refuse_others(of, types)
         rows: dict[str, list[tuple[int, np.ndarray]]] = {}
-        for number, own in types.items():
-            if own.element not in SOLIDS:
+        for number, element_type in types.items():
+            if element_type.element not in SOLIDS:
                 continue
-            count, _, _, _ = SOLIDS[own.element]
-            formulation = self._formulation(number, own) if (of == number).any() else ""
+            count, _, _, _ = SOLIDS[element_type.element]
+            formulation = self._formulation(number, element_type) if (of == number).any() else ""
             for row in np.flatnonzero(of == number):
                 nodes = elements[row][FIELDS:]
-                name = f"element {labels[row]} ({own.name})"
+                name = f"element {labels[row]} ({element_type.name})"
                 corners = {20: 8, 10: 4}.get(count, count)
                 if not corners <= len(nodes) <= count or (nodes[:corners] <= 0).any():
                     raise ModelError(
@@ -270,12 +274,12 @@ class _Deck:
         blocks = tuple(
             ElementBlock(
                 name,
-                np.array([nodes for _, nodes in own]),
-                labels[[row for row, _ in own]],
+                np.array([nodes for _, nodes in pairs]),
+                labels[[row for row, _ in pairs]],
             )
-            for name, own in rows.items()
+            for name, pairs in rows.items()
         )
-        order = np.array([row for own in rows.values() for row, _ in own])
+        order = np.array([row for pairs in rows.values() for row, _ in pairs])
         if len(np.unique(labels[order])) < len(order):
             raise ModelError(f"{self._path}: elements are there twice")
         return blocks, order
@@ -286,14 +290,14 @@ class _Deck:
         for number in np.unique(of):
             if number not in types:
                 raise ModelError(f"{self._path}: there is no ET of type {number}")
-            own, count = types[number], int((of == number).sum())
-            if own.element in SOLIDS:
+            kind, count = types[number], int((of == number).sum())
+            if kind.element in SOLIDS:
                 continue
-            if own.element in BESIDE or own.name in self._ignored:
-                self._note(own.name, count, None, BESIDE.get(own.element, "as asked for"))
+            if kind.element in BESIDE or kind.name in self._ignored:
+                self._note(kind.name, count, None, BESIDE.get(kind.element, "as asked for"))
             else:
-                names.append(own.name)
-                refused.append(f"{own.name} ({count})")
+                names.append(kind.name)
+                refused.append(f"{kind.name} ({count})")
         if refused:
             raise ModelError(
                 f"{self._path}: elements that are not supported: {', '.join(refused)}: state "
@@ -303,19 +307,19 @@ class _Deck:
 
     def _formulation(self, number: int, own: _Type) -> str:
         """Of bricks and tetrahedra of a type."""
-        _, option, known, plain = SOLIDS[own.element]
+        _, option, formulations, plain = SOLIDS[own.element]
         if own.name in self._treat_as:
             return self._treat_as[own.name]
-        value = own.options.get(option, 0)
+        chosen = own.options.get(option, 0)
         wrong = [k for k in plain if own.options.get(k, 0)]
-        if value not in known or wrong:
+        if chosen not in formulations or wrong:
             wrong = wrong or [option]
             raise ModelError(
                 f"{self._path}: type {number}, {own.name} with KEYOPT({wrong[0]}) = "
                 f"{own.options[wrong[0]]}, is not supported: choose a formulation by treat_as "
                 f"{{{own.name} = '...'}}"
             )
-        return known[value]
+        return formulations[chosen]
 
     def _shape(self, name: str, nodes: np.ndarray, formulation: str) -> tuple[str, np.ndarray]:
         """Formulation and places of the nodes of an element; corners may fall together."""
@@ -331,11 +335,11 @@ class _Deck:
         corners = nodes[:8]
         quadratic = len(nodes) == 20
         if corners[2] == corners[3] and len(np.unique(corners[4:])) == 1:
-            kind, left = TETRAHEDRON[quadratic], 4
+            kind, n_corners = TETRAHEDRON[quadratic], 4
         elif corners[2] == corners[3] and corners[6] == corners[7]:
-            kind, left = WEDGE[quadratic], 6
+            kind, n_corners = WEDGE[quadratic], 6
         elif len(np.unique(corners[4:])) == 1:
-            kind, left = PYRAMID[quadratic], 5
+            kind, n_corners = PYRAMID[quadratic], 5
         else:
             raise ModelError(
                 f"{self._path}: {name}: bricks with corners in one place may be wedges (K = L, "
@@ -344,7 +348,7 @@ class _Deck:
         shape, places = kind
         used = nodes[list(places)]
         used = used[used > 0]
-        if len(np.unique(corners)) != left or len(np.unique(used)) < len(used):
+        if len(np.unique(corners)) != n_corners or len(np.unique(used)) < len(used):
             raise ModelError(f"{self._path}: {name}: a node is there twice")
         return shape, np.array(places)
 
@@ -354,26 +358,26 @@ class _Deck:
         for kind, column in (("TYPE", TYPE), ("MAT", MATERIAL)):
             for number in np.unique(fields[:, column]):
                 sets[f"{kind}{number}"] = np.flatnonzero(fields[:, column] == number)
-        for name, own in found.element_components.items():
+        for name, labels in found.element_components.items():
             if name in sets:
                 raise ModelError(f"{self._path}: a component cannot have the name {name}")
-            sets[name] = np.flatnonzero(np.isin(fields[:, LABEL], own))
+            sets[name] = np.flatnonzero(np.isin(fields[:, LABEL], labels))
         return sets
 
     def _node_sets(self, found: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
         sets = {}
-        for name, own in found.node_components.items():
-            if not np.isin(own, numbers).all():
-                missing = own[~np.isin(own, numbers)][0]
+        for name, members in found.node_components.items():
+            if not np.isin(members, numbers).all():
+                missing = members[~np.isin(members, numbers)][0]
                 raise ModelError(f"{self._path}: component {name}: there is no node {missing}")
-            sets[name] = np.flatnonzero(np.isin(numbers, own))
+            sets[name] = np.flatnonzero(np.isin(numbers, members))
         return sets
 
     def _with_materials(self, mesh: SolidMesh, axes: np.ndarray) -> SolidMesh:
-        found, notes = materials(self._all("MP"), self._all("MPDATA"))
+        by_name, notes = materials(self._all("MP"), self._all("MPDATA"))
         for label, (line, why) in notes.items():
             self._note(label, 1, line, why)
-        for name, material in found.items():
+        for name, material in by_name.items():
             if name not in mesh.element_sets:
                 continue
             turned = axes[mesh.element_sets[name]] != 0

@@ -51,8 +51,8 @@ def read_blocks(text: TextFile) -> ArchiveBlocks:
         )
     _check_widths(text)
     with tempfile.TemporaryDirectory(prefix="squealstudy-archive-") as folder:
-        made = Path(folder) / "blocks.npz"
-        command = [sys.executable, "-I", str(PROGRAM), str(text.path.resolve()), str(made)]
+        blocks_file = Path(folder) / "blocks.npz"
+        command = [sys.executable, "-I", str(PROGRAM), str(text.path.resolve()), str(blocks_file)]
         try:
             done = subprocess.run(command, capture_output=True, timeout=MOST_SECONDS, check=False)
         except subprocess.TimeoutExpired:
@@ -60,9 +60,9 @@ def read_blocks(text: TextFile) -> ArchiveBlocks:
         said = (done.stderr.decode(errors="replace").strip().splitlines() or [""])[-1]
         if done.returncode < 0 or (done.returncode and not said):
             raise _unreadable(text, "its reader crashed, as damaged files make it")
-        if done.returncode or not made.is_file():
+        if done.returncode or not blocks_file.is_file():
             raise _unreadable(text, said)
-        with np.load(made, allow_pickle=False) as arrays:
+        with np.load(blocks_file, allow_pickle=False) as arrays:
             return ArchiveBlocks(
                 nnum=arrays["nnum"],
                 nodes=arrays["nodes"],
@@ -100,8 +100,8 @@ def _check_widths(text: TextFile) -> None:
 def _width(text: TextFile, place: int) -> int:
     """Letters of a line by the format that stands in a line, ``(3i9,6e21.13e3)``."""
     line = text.line(place)
-    found = FORMAT.fullmatch(line)
-    fields = [FIELD.fullmatch(part) for part in found[1].split(",")] if found else []
+    match = FORMAT.fullmatch(line)
+    fields = [FIELD.fullmatch(part) for part in match[1].split(",")] if match else []
     sizes = [(int(field[1]), int(field[2])) for field in fields if field]
     if (
         not sizes

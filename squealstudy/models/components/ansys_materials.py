@@ -61,8 +61,12 @@ def materials(
             raise line.error(f"expected {label} at one temperature, found {len(numbers)} values")
         name = f"MAT{line.whole(number, 'a material number')}"
         values.setdefault(name, {})[label] = (numbers[0], line)
-    found = {name: _material(name, own) for name, own in values.items() if set(own) - {"DENS"}}
-    return found, notes
+    by_name = {
+        name: _material(name, properties)
+        for name, properties in values.items()
+        if set(properties) - {"DENS"}
+    }
+    return by_name, notes
 
 
 def _material(name: str, own: Mapping[str, tuple[float, Line]]) -> Elastic | Unfinished:
@@ -76,27 +80,29 @@ def _material(name: str, own: Mapping[str, tuple[float, Line]]) -> Elastic | Unf
 
 def _elastic(name: str, own: Mapping[str, tuple[float, Line]]) -> Elastic:
     """With its density."""
-    value = {label: number for label, (number, _) in own.items()}
+    numbers = {label: number for label, (number, _) in own.items()}
     _, line = next(iter(own.values()))
     for pair in ("XY", "XZ", "YZ"):
-        if f"PR{pair}" in value and f"NU{pair}" in value:
+        if f"PR{pair}" in numbers and f"NU{pair}" in numbers:
             raise line.error(f"{name} has both PR{pair} and NU{pair}")
     try:
-        if not set(value) & SEVERAL:
-            E = value["EX"]
-            nu = value.get("NUXY", value.get("PRXY"))
-            nu = E / (2 * value["GXY"]) - 1 if nu is None and "GXY" in value else nu
+        if not set(numbers) & SEVERAL:
+            E = numbers["EX"]
+            nu = numbers.get("NUXY", numbers.get("PRXY"))
+            nu = E / (2 * numbers["GXY"]) - 1 if nu is None and "GXY" in numbers else nu
             if nu is None or not (E > 0 and -1 < nu < 0.5):
                 raise line.error(f"{name}: expected EX > 0 and -1 < PRXY < 0.5")
-            return Isotropic(E, nu, value["DENS"])
-        E1, E2, E3 = (value[f"E{axis}"] for axis in "XYZ")
+            return Isotropic(E, nu, numbers["DENS"])
+        E1, E2, E3 = (numbers[f"E{axis}"] for axis in "XYZ")
         ratios = {"XY": E1 / E2, "XZ": E1 / E3, "YZ": E2 / E3}  # PR / NU: PR is the major one
         nu12, nu13, nu23 = (
-            value[f"NU{pair}"] * ratio if f"NU{pair}" in value else value[f"PR{pair}"]
+            numbers[f"NU{pair}"] * ratio if f"NU{pair}" in numbers else numbers[f"PR{pair}"]
             for pair, ratio in ratios.items()
         )
-        shear = (value["GXY"], value["GXZ"], value["GYZ"])
-        return Orthotropic.from_engineering((E1, E2, E3), (nu12, nu13, nu23), shear, value["DENS"])
+        shear = (numbers["GXY"], numbers["GXZ"], numbers["GYZ"])
+        return Orthotropic.from_engineering(
+            (E1, E2, E3), (nu12, nu13, nu23), shear, numbers["DENS"]
+        )
     except KeyError as error:
         raise line.error(f"{name} has no {error.args[0]}") from None
     except (ZeroDivisionError, ModelError) as error:

@@ -17,17 +17,19 @@ def main() -> None:
     """Read the archive that the first argument names into the file that the second names."""
     import mapdl_archive
 
-    found = mapdl_archive.Archive(sys.argv[1], parse_vtk=False)
-    elements = [np.asarray(element, dtype=np.int64) for element in found.elem]
+    archive = mapdl_archive.Archive(sys.argv[1], parse_vtk=False)
+    elements = [np.asarray(element, dtype=np.int64) for element in archive.elem]
     arrays: dict[str, Any] = {
-        "nnum": np.asarray(found.nnum),
-        "nodes": np.asarray(found.nodes, dtype=float),
-        "node_angles": np.asarray(found.node_angles, dtype=float),
+        "nnum": np.asarray(archive.nnum),
+        "nodes": np.asarray(archive.nodes, dtype=float),
+        "node_angles": np.asarray(archive.node_angles, dtype=float),
         "elem": np.concatenate([np.zeros(0, dtype=np.int64), *elements]),
         "elem_ends": np.cumsum([len(element) for element in elements], dtype=np.int64),
     }
-    arrays |= {f"node_component:{k}": np.asarray(v) for k, v in found.node_components.items()}
-    arrays |= {f"element_component:{k}": np.asarray(v) for k, v in found.element_components.items()}
+    arrays |= {f"node_component:{k}": np.asarray(v) for k, v in archive.node_components.items()}
+    arrays |= {
+        f"element_component:{k}": np.asarray(v) for k, v in archive.element_components.items()
+    }
     with open(sys.argv[2], "wb") as file:
         np.savez(file, **arrays)
 

@@ -129,20 +129,20 @@ def springs_on(
     component, points = one
     if other is None:
         share = points.area / points.area.sum()
-        own = [rows((component, points.observe(d))) for d in directions(points.points)]
-        k = np.concatenate([value * share for value in stiffness])
-        return SpringInterface(name, sp.vstack(own).tocsr(), k, in_static)
+        point_rows = [rows((component, points.observe(d))) for d in directions(points.points)]
+        k = np.concatenate([per_area * share for per_area in stiffness])
+        return SpringInterface(name, sp.vstack(point_rows).tocsr(), k, in_static)
     shares = [p.area / p.area.sum() for _, p in (one, other)]
     places = np.vstack([one[1].points, other[1].points])
     centre = np.average(places, axis=0, weights=np.concatenate(shares))
-    found = []
+    mean_rows = []
     for d in directions(centre[None]):
         means = [
             sp.csr_matrix(share) @ p.observe(d[0])
             for share, (_, p) in zip(shares, (one, other), strict=True)
         ]
-        found.append(rows((component, means[0]), (other[0], -means[1])))
-    return SpringInterface(name, sp.vstack(found).tocsr(), np.array(stiffness), in_static)
+        mean_rows.append(rows((component, means[0]), (other[0], -means[1])))
+    return SpringInterface(name, sp.vstack(mean_rows).tocsr(), np.array(stiffness), in_static)
 
 
 def directions_at(points: np.ndarray, axes: str, rotation: Rotation | None) -> list[np.ndarray]:

@@ -103,10 +103,10 @@ def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
     """All files that a model file reads, included ones too, with the keys that name them."""
     for name, table in file.components.items():
         for key in ("mesh", "nodes", "K", "M", "C", "dof", "recovery", "measured"):
-            given = table.file_of(key)
-            if given is not None:
-                found = path.parent / given
-                for one in (found, *_included(found, found.parent, ())):
+            file_name = table.file_of(key)
+            if file_name is not None:
+                file_path = path.parent / file_name
+                for one in (file_path, *_included(file_path, file_path.parent, ())):
                     yield ("components", name, key), one
     for i, contact in enumerate(file.contact):
         if isinstance(contact.initial_gap, GapTable):
@@ -122,10 +122,10 @@ def _included(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[Pat
     with path.open(encoding="utf-8", errors="replace") as handle:
         text = handle.read(LARGEST)
     for name in INCLUDED.findall(text):
-        found = folder / name.strip()
-        if found.is_file():
-            yield found
-            yield from _included(found, folder, (*above, path))
+        included_path = folder / name.strip()
+        if included_path.is_file():
+            yield included_path
+            yield from _included(included_path, folder, (*above, path))
 
 
 @lru_cache(maxsize=64)
@@ -311,8 +311,8 @@ def changed_mesh(body: Body, given: tuple[tuple[KeyPath, float], ...]) -> SolidM
     for label in dict.fromkeys(str(k[3]) for k, _ in given):
         values = {k: v for k, v in given if k[3] == label}
         if label not in materials:
-            known = tuple(materials)
-            text = f"component {body.name} has no material '{label}'; it has {', '.join(known)}"
-            raise PlacedError(next(iter(values)), text, label, known)
+            names = tuple(materials)
+            text = f"component {body.name} has no material '{label}'; it has {', '.join(names)}"
+            raise PlacedError(next(iter(values)), text, label, names)
         materials[label] = changed_material(materials[label], values, label)
     return replace(body.mesh, materials=materials)

@@ -23,7 +23,9 @@ def freedom_matrices(
         Elements without material; a negative Jacobian; a spring or a mass at the turns of a node
         that has none.
     """
-    found = [expansion.restricted(A) for A in (stiffness_matrix(mesh), mass_matrix(mesh, rule))]
+    restricted = [
+        expansion.restricted(A) for A in (stiffness_matrix(mesh), mass_matrix(mesh, rule))
+    ]
     if mesh.discrete:
         n = len(mesh.nodes)
         for d in mesh.discrete:
@@ -41,5 +43,7 @@ def freedom_matrices(
             R = sp.vstack([expansion.E, expansion.turns], format="csr")
         rows = np.arange(R.shape[0])
         added = matrices(mesh.discrete, n)
-        found = [A + R.T @ B[rows][:, rows] @ R for A, B in zip(found, added, strict=True)]
-    return found[0].tocsr(), found[1].tocsr()
+        restricted = [
+            A + R.T @ B[rows][:, rows] @ R for A, B in zip(restricted, added, strict=True)
+        ]
+    return restricted[0].tocsr(), restricted[1].tocsr()

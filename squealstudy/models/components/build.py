@@ -64,15 +64,15 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
     geometry = geometry_of(brake)
     numbers = Numbers(brake.file, given)
     matrices = {name: component_matrices(geometry, name, given) for name in geometry.bodies}
-    kept = geometry.kept
+    free = geometry.kept
     components = []
     for name, body in geometry.bodies.items():
         C = damping_matrix(body, numbers, *matrices[name])
         mesh = changed_mesh(body, own_numbers(name, given))
-        components.append(_component(body, mesh, *matrices[name], C, kept[name]))
+        components.append(_component(body, mesh, *matrices[name], C, free[name]))
     E, turns = (
         sp.block_diag(
-            [getattr(body.expansion, key)[:, kept[name]] for name, body in geometry.bodies.items()],
+            [getattr(body.expansion, key)[:, free[name]] for name, body in geometry.bodies.items()],
             format="csr",
         )
         for key in ("E", "turns")
@@ -140,17 +140,17 @@ class _Interfaces:
         self._g, self._numbers, self._expansion, self._turns = geometry, numbers, expansion, turns
 
     def _kept(self, rows: sp.spmatrix) -> sp.csr_matrix:
-        kept = (rows.tocsr() @ self._expansion).tocsr()
-        kept.sort_indices()
-        return kept
+        free_rows = (rows.tocsr() @ self._expansion).tocsr()
+        free_rows.sort_indices()
+        return free_rows
 
     def _rows(self, *parts: tuple[str, sp.spmatrix]) -> sp.csr_matrix:
         return self._kept(expand_rows(parts, self._g.spans, self._g.n_dof))
 
     def _turn_rows(self, *parts: tuple[str, sp.spmatrix]) -> sp.csr_matrix:
         """Rows over turns of nodes."""
-        found = expand_rows(parts, self._g.spans, self._g.n_dof).tocsr() @ self._turns
-        return found.tocsr()
+        over_freedoms = expand_rows(parts, self._g.spans, self._g.n_dof).tocsr() @ self._turns
+        return over_freedoms.tocsr()
 
     def _pair_rows(self, number: int, kind: str, found: Pair, names: Sequence[str]) -> ContactRows:
         """Rows of a pair, held freedoms among them."""
@@ -180,11 +180,11 @@ class _Interfaces:
     def contact(self, law: ContactLaw) -> tuple[ContactInterface, list[SpringInterface]]:
         """All contact points, and what holds those that are stuck."""
         parts, ties = [], []
-        for i, (table, found) in enumerate(
+        for i, (table, facing) in enumerate(
             zip(self._g.file.contact, self._g.contacts, strict=True)
         ):
             try:
-                rows = self._pair_rows(i, table.kind, found, (table.slave, table.master))
+                rows = self._pair_rows(i, table.kind, facing, (table.slave, table.master))
             except PlacedError:
                 raise
             except ModelError as error:
@@ -203,9 +203,9 @@ class _Interfaces:
                 frictional[begins[i] : begins[i + 1]] = factor
             if table.gap_scale is not None:
                 gap[begins[i] : begins[i + 1]] *= self._numbers.at("contact", i, "gap_scale")
-        for key, value in self._numbers.given.items():
+        for key, gap_value in self._numbers.given.items():
             if key[0] == "contact" and key[2] == "initial_gap":
-                gap[begins[int(key[1])] : begins[int(key[1]) + 1]] = value
+                gap[begins[int(key[1])] : begins[int(key[1]) + 1]] = gap_value
         N, T, T_perp = (self._kept(A) for A in (whole.N, whole.T, whole.T_perp))
         speed, middle = whole.speed_factor, self._g.effective_radius
         if middle is not None:
@@ -236,36 +236,36 @@ class _Interfaces:
         return [*ties, *couplings, *layers, *springs]
 
     def _tie(self, number: int) -> SpringInterface:
-        table, found = self._g.file.tie[number], self._g.ties[number]
-        rows = self._pair_rows(number, "frictionless", found, (table.slave, table.master))
+        table, facing = self._g.file.tie[number], self._g.ties[number]
+        rows = self._pair_rows(number, "frictionless", facing, (table.slave, table.master))
         B = self._kept(sp.vstack([rows.N, rows.T, rows.T_perp]))
         keys: KeyPath = ("tie", number, "bedding")
-        known = table.bedding is not None or keys in self._numbers.given
+        is_given = table.bedding is not None or keys in self._numbers.given
         bedding = (
-            self._numbers.at(*keys) if known else self._g.bedding(("slave", "master"), keys[:2])
+            self._numbers.at(*keys) if is_given else self._g.bedding(("slave", "master"), keys[:2])
         )
         return SpringInterface(table.name, B, np.tile(bedding * rows.area, 3))
 
     def _coupling(self, number: int) -> SpringInterface:
         table = self._g.file.coupling[number]
         keys: KeyPath = ("coupling", number, "bedding")
-        known = table.bedding is not None or keys in self._numbers.given
-        bedding = self._numbers.at(*keys) if known else self._g.bedding(("face",), keys[:2])
-        found = coupled(self._g, number, bedding, self._rows, self._turn_rows)
-        return SpringInterface(table.name, found.B, found.stiffness)
+        is_given = table.bedding is not None or keys in self._numbers.given
+        bedding = self._numbers.at(*keys) if is_given else self._g.bedding(("face",), keys[:2])
+        coupling = coupled(self._g, number, bedding, self._rows, self._turn_rows)
+        return SpringInterface(table.name, coupling.B, coupling.stiffness)
 
     def _layer(self, number: int) -> SpringInterface:
-        table, found = self._g.file.layer[number], self._g.layers[number]
+        table, layer = self._g.file.layer[number], self._g.layers[number]
         faces = [n for n in table.between if n.casefold() != GROUND]
-        if isinstance(found, Pair):
-            rows = self._pair_rows(number, "frictionless", found, faces)
+        if isinstance(layer, Pair):
+            rows = self._pair_rows(number, "frictionless", layer, faces)
             B = self._kept(sp.vstack([rows.N, rows.T, rows.T_perp]))
             area = rows.area
         else:
             name = faces[0].partition(".")[0]
-            directions = (found.normal, *tangents(found.normal))
-            B = sp.vstack([self._rows((name, found.observe(d))) for d in directions]).tocsr()
-            area = found.area
+            directions = (layer.normal, *tangents(layer.normal))
+            B = sp.vstack([self._rows((name, layer.observe(d))) for d in directions]).tocsr()
+            area = layer.area
         normal, tangential = (
             self._numbers.at("layer", number, k) for k in ("normal", "tangential")
         )
@@ -286,9 +286,11 @@ class _Interfaces:
                 raise PlacedError((*keys, "axes"), str(error)) from error
 
         second = sets[1] if other is not None else None
-        own = springs_on(table.name, sets[0], second, k, directions, self._rows, table.in_static)
+        interface = springs_on(
+            table.name, sets[0], second, k, directions, self._rows, table.in_static
+        )
         if table.rotary is None:
-            return own
+            return interface
         names = [n for n in (one, other) if n is not None]
         parts = [
             turn_of(self._g, n, points, (*keys, "between"))
@@ -302,9 +304,9 @@ class _Interfaces:
         relative = turned[0] if len(turned) == 1 else turned[0] - turned[1]
         middle = np.vstack([points.points for _, points in sets]).mean(axis=0)
         axes = np.array([d[0] for d in directions(middle[None])])
-        B = sp.vstack([own.B, sp.csr_matrix(axes) @ relative]).tocsr()
-        stiffness = np.append(own.stiffness, self._numbers.list_at(*keys, "rotary"))
-        return replace(own, B=B, stiffness=stiffness)
+        B = sp.vstack([interface.B, sp.csr_matrix(axes) @ relative]).tocsr()
+        stiffness = np.append(interface.stiffness, self._numbers.list_at(*keys, "rotary"))
+        return replace(interface, B=B, stiffness=stiffness)
 
     # -- load ------------------------------------------------------------------------------------
     def load(self) -> np.ndarray:
@@ -314,8 +316,8 @@ class _Interfaces:
             raise PlacedError(("load",), text)
         total = np.zeros(self._expansion.shape[1])
         for i, table in enumerate(self._g.file.load):
-            own = float(self._g.loads[i][0].area.sum())
-            area = own if table.area is None else self._numbers.at("load", i, "area")
+            mesh_area = float(self._g.loads[i][0].area.sum())
+            area = mesh_area if table.area is None else self._numbers.at("load", i, "area")
             sides = zip(self._g.loads[i], (table.pressure_on, table.reaction_on), strict=True)
             for surface, reference in sides:
                 if surface is not None and reference is not None:
@@ -360,15 +362,15 @@ def _of_materials(
     body: Body, given: Mapping[KeyPath, float], by_material: Mapping[str, float]
 ) -> list[sp.csr_matrix]:
     mesh = changed_mesh(body, own_numbers(body.name, given))
-    found = []
+    matrices = []
     for name, beta in by_material.items():
-        known = tuple(sorted(set(mesh.material)))
-        if name not in known:
-            listed = ", ".join(known)
+        names = tuple(sorted(set(mesh.material)))
+        if name not in names:
+            listed = ", ".join(names)
             message = f"{body.name} has no material '{name}'; it has {listed}"
-            raise PlacedError(("components", body.name, BY_MATERIAL, name), message, name, known)
+            raise PlacedError(("components", body.name, BY_MATERIAL, name), message, name, names)
         try:
-            found.append(beta * body.expansion.restricted(stiffness_matrix(mesh, [name])))
+            matrices.append(beta * body.expansion.restricted(stiffness_matrix(mesh, [name])))
         except ModelError as error:
             raise PlacedError(("components", body.name), str(error)) from error
-    return found
+    return matrices

@@ -58,29 +58,29 @@ class BulkCard:
         word = self.at(place)
         if not word and default is not None:
             return default
-        found = NUMBER.fullmatch(word)
-        value = float("nan")
-        if found is not None:
-            value = float(f"{found['digits']}e{found['power'] or found['bare'] or 0}")
-        if not abs(value) < float("inf"):
+        match = NUMBER.fullmatch(word)
+        number = float("nan")
+        if match is not None:
+            number = float(f"{match['digits']}e{match['power'] or match['bare'] or 0}")
+        if not abs(number) < float("inf"):
             raise self.error(f"expected {what}, found '{shortened(word)}'", place)
-        return value
+        return number
 
     def listed(self, start: int, what: str) -> list[int]:
         """Whole numbers from a field on, with THRU between the first and the last of a range."""
         words = [(i, w.upper()) for i, w in enumerate(self.fields) if i >= start and w]
-        found: list[int] = []
+        numbers: list[int] = []
         through = False
         for i, word in words:
-            if word == "THRU" and found and not through:
+            if word == "THRU" and numbers and not through:
                 through = True
                 continue
             number = self.whole(i, f"{what} or THRU")
-            found += range(found[-1] + 1, number + 1) if through else [number]
+            numbers += range(numbers[-1] + 1, number + 1) if through else [number]
             through = False
         if through:
             raise self.error(f"expected {what} after THRU", len(self.fields))
-        return found
+        return numbers
 
 
 def read_bulk(path: Path) -> tuple[list[BulkCard], list[Line]]:
@@ -205,13 +205,13 @@ class Systems:
             raise card.error(f"there is no coordinate system {number} (CORD2R, C or S)", place)
         if number in above:
             raise card.error(f"the coordinate system {number} refers to itself", place)
-        own = self._cards[number]
+        system = self._cards[number]
         if number not in self._known:
-            self._known[number] = self._axes(own, (*above, number))
+            self._known[number] = self._axes(system, (*above, number))
         origin, axes = self._known[number]
-        if own.name == "CORD2R":
+        if system.name == "CORD2R":
             local = x
-        elif own.name == "CORD2C":
+        elif system.name == "CORD2C":
             r, angle = x[0], np.deg2rad(x[1])
             local = np.array([r * np.cos(angle), r * np.sin(angle), x[2]])
         else:
@@ -222,8 +222,8 @@ class Systems:
 
     def _axes(self, own: BulkCard, above: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
         """Origin, and the axes as rows, of points A (origin), B (on z) and C (in the xz plane)."""
-        given = np.array([own.real(k, "a coordinate", 0.0) for k in range(2, 11)]).reshape(3, 3)
-        a, b, c = (self._basic(own, 1, x, above) for x in given)
+        abc = np.array([own.real(k, "a coordinate", 0.0) for k in range(2, 11)]).reshape(3, 3)
+        a, b, c = (self._basic(own, 1, x, above) for x in abc)
         size = np.linalg.norm(b - a) * np.linalg.norm(c - a)
         if not np.linalg.norm(np.cross(b - a, c - a)) > FLAT * size:
             raise own.error("its three points lie on one line")

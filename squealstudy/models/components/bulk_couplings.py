@@ -39,11 +39,11 @@ class BulkCouplings:
         bars = self._bar_ends()
         for card in self._all("RBE2"):
             name = f"RBE2 {card.whole(0, 'an element number')}"
-            given = set(card.at(2))
-            if not set("123") <= given:
+            digits = set(card.at(2))
+            if not set("123") <= digits:
                 raise card.error("expected the components 123, or 123456", 2)
             nodes = card.listed(3, "a node")
-            turning = set("456") <= given
+            turning = set("456") <= digits
             reference = card.whole(1, "a node")
             joined = [bar for bar in bars if bar[1] == reference]  # bars from its middle
             bars = [bar for bar in bars if bar[1] != reference]

@@ -80,10 +80,10 @@ class BulkDiscrete:
             if card.name == "CELAS2":
                 k = card.real(1, "a stiffness")
             else:
-                own = card.whole(1, "a property", number)
-                if own not in stiffness:
-                    raise card.error(f"there is no PELAS {own}", 1)
-                of, at = stiffness[own]
+                property_number = card.whole(1, "a property", number)
+                if property_number not in stiffness:
+                    raise card.error(f"there is no PELAS {property_number}", 1)
+                of, at = stiffness[property_number]
                 k = of.real(at, "a stiffness")
             ends = [self._end(card, 2), self._end(card, 4)]
             signed = [
@@ -134,10 +134,10 @@ class BulkDiscrete:
         stiffness = {card.whole(0, "a property"): card for card in self._all("PBUSH")}
         for card in self._all("CBUSH"):
             number = card.whole(0, "an element number")
-            own = card.whole(1, "a property", number)
-            if own not in stiffness:
-                raise card.error(f"there is no PBUSH {own}", 1)
-            k = self._bush_stiffness(stiffness[own])
+            property_number = card.whole(1, "a property", number)
+            if property_number not in stiffness:
+                raise card.error(f"there is no PBUSH {property_number}", 1)
+            k = self._bush_stiffness(stiffness[property_number])
             numbers = [card.whole(at, "a node", 0) for at in (2, 3)]
             nodes = [self._node(card, n, at) for at, n in enumerate(numbers, 2) if n]
             if not nodes:
@@ -195,12 +195,12 @@ class BulkDiscrete:
         if not np.linalg.norm(x) > 0:
             raise card.error("expected CID of a bush whose nodes lie at one place", 7)
         x = x / np.linalg.norm(x)
-        given = [card.at(at) for at in (4, 5, 6)]
-        if not any(given):
+        direction_fields = [card.at(at) for at in (4, 5, 6)]
+        if not any(direction_fields):
             if k[[1, 2, 4, 5]].any():
                 raise card.error("expected G0 or X1, X2, X3, or CID", 4)
             return np.array([x, x, x])
-        if given[0] and not any(given[1:]) and "." not in given[0]:
+        if direction_fields[0] and not any(direction_fields[1:]) and "." not in direction_fields[0]:
             v = self._nodes[self._place(card, card.whole(4, "a node"))] - self._nodes[nodes[0]]
         else:
             v = np.array([card.real(at, "a coordinate", 0.0) for at in (4, 5, 6)])
@@ -212,7 +212,7 @@ class BulkDiscrete:
 
     def equations(self, above: Sequence[Line], bare: np.ndarray) -> Iterator[Relation]:
         """MPC cards that the case control selects, or all where there is none."""
-        chosen = {int(found[1]) for line in above if (found := SELECTED.match(line.text))}
+        chosen = {int(match[1]) for line in above if (match := SELECTED.match(line.text))}
         for card in self._all("MPCADD"):
             if card.whole(0, "a set") in chosen:
                 chosen |= set(card.listed(1, "a set"))

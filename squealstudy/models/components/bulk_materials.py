@@ -92,16 +92,18 @@ class BulkMaterials:
 
     def _value(self, asks: BulkCard, place: int, number: int, card: BulkCard) -> float:
         """A property at the temperature; ModelError where the table does not reach it."""
-        found = [c for c in self._all(*TABLES) if c.whole(0, "a table number") == number]
-        if len(found) != 1:
-            raise asks.error(f"there {'is no' if not found else 'are two'} TABLEM {number}", place)
-        (table,) = found
+        same_number = [c for c in self._all(*TABLES) if c.whole(0, "a table number") == number]
+        if len(same_number) != 1:
+            raise asks.error(
+                f"there {'is no' if not same_number else 'are two'} TABLEM {number}", place
+            )
+        (table,) = same_number
         T = float(self._temperature or 0.0)
         if table.name == "TABLEM1" and any(table.at(k).strip() for k in (1, 2)):
             axes = {table.at(1).upper(), table.at(2).upper()} - {"", "LINEAR"}
             if axes:
                 raise table.error("axes that are not LINEAR are not supported", 1)
-        own = card.real(place, "a number", 0.0)
+        factor = card.real(place, "a number", 0.0)
         if table.name in ("TABLEM2", "TABLEM3", "TABLEM4"):
             T -= table.real(1, "a temperature", 0.0)
         if table.name in ("TABLEM3", "TABLEM4"):
@@ -110,14 +112,14 @@ class BulkMaterials:
             low, high = (table.real(k, "a temperature") for k in (3, 4))
             self._check(table, T, low, high)
             powers = self._numbers(table)
-            return own * float(np.polynomial.polynomial.polyval(T, powers))
+            return factor * float(np.polynomial.polynomial.polyval(T, powers))
         pairs = np.array(self._numbers(table))
         x, y = pairs[: len(pairs) // 2 * 2].reshape(-1, 2).T
         if len(pairs) % 2 or len(x) < 2 or (np.diff(x) <= 0).any():
             raise table.error("expected at least two pairs of ascending temperatures and values")
         self._check(table, T, x[0], x[-1])
-        value = float(np.interp(T, x, y))
-        return value if table.name == "TABLEM1" else own * value
+        interpolated = float(np.interp(T, x, y))
+        return interpolated if table.name == "TABLEM1" else factor * interpolated
 
     def _check(self, table: BulkCard, T: float, low: float, high: float) -> None:
         if not low <= T <= high:
@@ -128,13 +130,13 @@ class BulkMaterials:
     @staticmethod
     def _numbers(table: BulkCard) -> list[float]:
         """Those of a table, from its second line up to ENDT."""
-        found = []
+        entries = []
         for place in range(8, len(table.fields)):
             if table.at(place).upper() in LAST:
                 break
             if table.at(place):
-                found.append(table.real(place, "a number"))
-        return found
+                entries.append(table.real(place, "a number"))
+        return entries
 
 
 def _orthotropic(card: BulkCard, weight: float) -> Orthotropic | Unfinished:

@@ -74,8 +74,8 @@ class BulkSurfaces:
         for card in self._all("BSURF"):
             listed = card.listed(1, "an element number")
             if all(label in number_of for label in listed):
-                own = labels.setdefault(f"BSURF{card.whole(0, 'a number of the surface')}", [])
-                own += [number_of[label] for label in listed]
+                elements = labels.setdefault(f"BSURF{card.whole(0, 'a number of the surface')}", [])
+                elements += [number_of[label] for label in listed]
             else:
                 self._note([card], "faces of plates, which treat_as does not call faces")
         surfaces, notes = {}, []
@@ -104,19 +104,19 @@ class BulkSurfaces:
 
     def _listed_faces(self, card: BulkCard) -> np.ndarray:
         """Faces of a BSURFS: an element and three nodes of its face each."""
-        found = []
+        pairs = []
         for place in range(4, len(card.fields), 4):
             if not card.at(place):
                 continue
-            element, own, faces = self._element(card, place)
+            element, element_nodes, faces = self._element(card, place)
             numbers = [card.whole(place + i, "a node") for i in (1, 2, 3)]
             nodes = set(self._places(card, numbers).tolist())
-            of = [i for i, f in enumerate(faces, 1) if nodes <= {*own[list(f)]}]
+            of = [i for i, f in enumerate(faces, 1) if nodes <= {*element_nodes[list(f)]}]
             if len(of) != 1:
                 label = self._mesh.labels[element]
                 raise card.error(f"element {label} has no face with {numbers}", place)
-            found.append((element, of[0]))
-        return np.array(found, dtype=np.int64).reshape(-1, 2)
+            pairs.append((element, of[0]))
+        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
     def _element_faces(self, card: BulkCard) -> np.ndarray:
         """Faces of SURF, ELFACE: an element, a corner of its face and the opposite one each.
@@ -124,21 +124,23 @@ class BulkSurfaces:
         As of PLOAD4: of a triangle of a wedge without the second; of a tetrahedron the second is
         the corner that is not of the face.
         """
-        found = []
+        pairs = []
         for place in range(8, len(card.fields), 8):
             if not card.at(place):
                 continue
-            element, own, faces = self._element(card, place)
+            element, element_nodes, faces = self._element(card, place)
             numbers = [card.whole(place + i, "a corner", 0) for i in (1, 2)]
-            given = self._places(card, [n for n in numbers if n])
-            corners = [[int(own[i]) for i in f[: 4 if len(f) in (4, 8) else 3]] for f in faces]
-            of = [i for i, f in enumerate(corners, 1) if self._is_meant(f, given, len(faces))]
+            named_nodes = self._places(card, [n for n in numbers if n])
+            corners = [
+                [int(element_nodes[i]) for i in f[: 4 if len(f) in (4, 8) else 3]] for f in faces
+            ]
+            of = [i for i, f in enumerate(corners, 1) if self._is_meant(f, named_nodes, len(faces))]
             if len(of) != 1:
                 shown = ", ".join(str(n) for n in numbers if n) or "no corner"
                 text = f"element {self._mesh.labels[element]}: {shown} does not say which face"
                 raise card.error(text, place)
-            found.append((element, of[0]))
-        return np.array(found, dtype=np.int64).reshape(-1, 2)
+            pairs.append((element, of[0]))
+        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
     @staticmethod
     def _is_meant(corners: list[int], given: np.ndarray, n_faces: int) -> bool:
@@ -157,11 +159,11 @@ class BulkSurfaces:
         rows = []
         for place in range(8, len(card.fields), 8):
             numbers = [card.whole(place + i, "a corner", 0) for i in range(4)]
-            given = self._places(card, [n for n in numbers if n])
-            if len(given):
-                if len(given) < 3:
+            named_nodes = self._places(card, [n for n in numbers if n])
+            if len(named_nodes):
+                if len(named_nodes) < 3:
                     raise card.error("expected three or four corners of a face", place)
-                rows.append([*given.tolist(), *[-1] * (4 - len(given))])
+                rows.append([*named_nodes.tolist(), *[-1] * (4 - len(named_nodes))])
         faces, there = faces_with_corners(self._mesh, np.array(rows).reshape(-1, 4))
         if not there.all():
             self._note([card], f"{(~there).sum()} of {len(rows)} faces are none of the boundary")

@@ -86,12 +86,12 @@ def component_facts(
         lacking = int(body.expansion.lacking.sum())
         turns = int((np.diff(body.expansion.turns.indptr) > 0).sum())
         modal = int((body.expansion.places < 0).sum()) - turns
-        held = f", {lacking} freedoms are not in them" if lacking else ""
+        details = f", {lacking} freedoms are not in them" if lacking else ""
         if modal:
-            held = f", {plural(modal, 'modal coordinate')}{held or ', all nodes recovered'}"
+            details = f", {plural(modal, 'modal coordinate')}{details or ', all nodes recovered'}"
         if turns:
-            held = f", {plural(turns, 'turn')} of nodes{held}"
-        found.tell(name, f"{source} of matrices{held}")
+            details = f", {plural(turns, 'turn')} of nodes{details}"
+        found.tell(name, f"{source} of matrices{details}")
     relations = [c for c in mesh.constraints if isinstance(c, Relation)]
     if len(relations) == 1:
         found.tell("", relations[0].told)
@@ -162,18 +162,18 @@ def _measured(
         cutoff = 2 * cutoff
         modes = tabled_modes(geometry.brake, name, K, M, cutoff)
     for mode in modes:
-        told = [f"{mode.computed_hz:.1f} Hz"]
+        texts = [f"{mode.computed_hz:.1f} Hz"]
         if mode.frequency_scale is not None:
             change = 100 * (mode.frequency_scale - 1)
-            told.append(f"measured {mode.frequency_hz:.1f} Hz ({change:+.2f} %)")
+            texts.append(f"measured {mode.frequency_hz:.1f} Hz ({change:+.2f} %)")
             if abs(mode.frequency_scale - 1) > DOUBTFUL:
                 found.doubts.append(
                     f"{name}: mode {mode.number} is measured at {mode.frequency_hz:.1f} Hz and "
                     f"computed at {mode.computed_hz:.1f} Hz: is it this mode?"
                 )
         if mode.damping_ratio is not None:
-            told.append(f"damping ratio {mode.damping_ratio:.3g}")
-        found.tell("", f"{table}: mode {mode.number}: {', '.join(told)}")
+            texts.append(f"damping ratio {mode.damping_ratio:.3g}")
+        found.tell("", f"{table}: mode {mode.number}: {', '.join(texts)}")
     if len(modes) < lines:
         found.doubts.append(
             f"{name}: {plural(lines - len(modes), 'line')} of {table} above {cutoff:g} Hz"
@@ -184,16 +184,16 @@ def _damping(found: Inspection, numbers: Numbers, name: str) -> None:
     """Damping of its own, in SI units."""
     table = numbers.file.components[name]
     keys: KeyPath = ("components", name)
-    told = [
+    texts = [
         f"{key} {numbers.at(*keys, key):.4g} {dimension_of((*keys, key)).unit}"
         for key in DAMPING
         if numbers.at(*keys, key)
     ]
     by_material = {m: numbers.at(*keys, BY_MATERIAL, m) for m in table.material_damping}
-    told += [f"of {material} {beta:.4g} s" for material, beta in by_material.items()]
-    told += [f"C of {table.file_of('C')}"] * (table.C is not None)
-    if told:
-        found.tell("", f"damping: {', '.join(told)}")
+    texts += [f"of {material} {beta:.4g} s" for material, beta in by_material.items()]
+    texts += [f"C of {table.file_of('C')}"] * (table.C is not None)
+    if texts:
+        found.tell("", f"damping: {', '.join(texts)}")
 
 
 def _weight(found: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> None:
@@ -227,8 +227,10 @@ def _place(found: Inspection, brake: Brake, body: Body) -> None:
     turn, shift = placement(body.name, brake.file.components[body.name], units)
     size, unit = LENGTH.factor(units), UNITS[units][0]
     text = between_corners((body.nodes - shift) @ turn / size, unit)
-    moved = shift.any() or (turn != np.eye(3)).any()
-    found.tell("", f"{text}; moved {between_corners(body.nodes / size, unit)}" if moved else text)
+    is_moved = shift.any() or (turn != np.eye(3)).any()
+    found.tell(
+        "", f"{text}; moved {between_corners(body.nodes / size, unit)}" if is_moved else text
+    )
 
 
 def _waves(found: Inspection, mesh: SolidMesh, name: str, units: str) -> None:

@@ -202,11 +202,11 @@ class Relation:
 
 def relation(name: str, nodes: np.ndarray, vectors: np.ndarray) -> Relation:
     """A relation with the terms of each node together, in the order in which nodes come first."""
-    own, first, at = np.unique(nodes, return_index=True, return_inverse=True)
-    total = np.zeros((len(own), 3))
+    distinct, first, at = np.unique(nodes, return_index=True, return_inverse=True)
+    total = np.zeros((len(distinct), 3))
     np.add.at(total, at, vectors)
     order = np.argsort(first)
-    return Relation(name, own[order], total[order])
+    return Relation(name, distinct[order], total[order])
 
 
 Constraint = Tie | Coupling | Relation

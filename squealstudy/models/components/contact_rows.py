@@ -132,10 +132,10 @@ def contact_rows(
     for name, surface in ((slave, pair.slave), (master, pair.master)):
         if name not in spans:
             raise ModelError(f"contact: there is no component '{name}'")
-        own = spans[name].stop - spans[name].start
-        if 3 * surface.shape.shape[1] != own:
+        n_freedoms = spans[name].stop - spans[name].start
+        if 3 * surface.shape.shape[1] != n_freedoms:
             raise ModelError(
-                f"contact: component '{name}' has {own} degrees of freedom, not three "
+                f"contact: component '{name}' has {n_freedoms} degrees of freedom, not three "
                 f"for each of {surface.shape.shape[1]} nodes"
             )
     opening = -pair.slave.normal  # from the master towards the slave

@@ -42,14 +42,17 @@ def _pivots(A: np.ndarray) -> np.ndarray | None:
     """Columns by which rows (m, 3) can be solved, the largest first; None where there are none."""
     if len(A) > 3:
         return None
-    left, found = A.astype(float).copy(), []
+    remaining, pivots = A.astype(float).copy(), []
     for row in range(len(A)):
-        k = int(np.abs(left[row]).argmax())
-        if not abs(left[row, k]) > ON_A_LINE * np.abs(A[row]).max():
+        k = int(np.abs(remaining[row]).argmax())
+        if not abs(remaining[row, k]) > ON_A_LINE * np.abs(A[row]).max():
             return None
-        found.append(k)
-        left -= np.outer(left[:, k] / left[row, k], left[row]) * (np.arange(len(A)) > row)[:, None]
-    return np.array(found)
+        pivots.append(k)
+        remaining -= (
+            np.outer(remaining[:, k] / remaining[row, k], remaining[row])
+            * (np.arange(len(A)) > row)[:, None]
+        )
+    return np.array(pivots)
 
 
 def rigid(mesh: SolidMesh, c: Coupling, turns: int) -> Followed:
@@ -65,15 +68,15 @@ def rigid(mesh: SolidMesh, c: Coupling, turns: int) -> Followed:
     rows, columns, values = [], [], []
     for direction in c.directions:
         axis = direction - 1
-        own = 3 * c.nodes + axis
-        for column, value in (
-            (3 * c.reference + axis, np.ones(len(own))),
+        followers = 3 * c.nodes + axis
+        for column, coefficients in (
+            (3 * c.reference + axis, np.ones(len(followers))),
             (turns + (axis + 1) % 3, arm[:, (axis + 2) % 3]),
             (turns + (axis + 2) % 3, -arm[:, (axis + 1) % 3]),
         ):
-            rows.append(own)
-            columns.append(np.full(len(own), column))
-            values.append(value)
+            rows.append(followers)
+            columns.append(np.full(len(followers), column))
+            values.append(coefficients)
     return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
 
 
@@ -109,16 +112,16 @@ def mean(mesh: SolidMesh, c: Coupling) -> Followed:
     rows, columns, values = _together(parts)
     if c.axes is None:
         return 3 * c.reference + rows, columns, values
-    own, at = np.unique(columns, return_inverse=True)
-    by = sp.coo_matrix((-values, (rows, at)), (len(along), len(own))).toarray()
-    return _of_axes(c.reference, along, own, by)
+    mean_columns, at = np.unique(columns, return_inverse=True)
+    by = sp.coo_matrix((-values, (rows, at)), (len(along), len(mean_columns))).toarray()
+    return _of_axes(c.reference, along, mean_columns, by)
 
 
 def _of_axes(node: int, A: np.ndarray, columns: np.ndarray, values: np.ndarray) -> Followed:
     """As of `solved`, of A that are at right angles."""
-    found = solved(node, A, columns, values)
-    assert found is not None
-    return found
+    equations = solved(node, A, columns, values)
+    assert equations is not None
+    return equations
 
 
 def _together(parts: list[Followed]) -> Followed:
@@ -135,8 +138,8 @@ def turn_of_mean(mesh: SolidMesh, c: Coupling) -> sp.csr_matrix:
     follows = mean_turn(points, weight)
     for axis in range(3):
         A = sp.coo_matrix(sp.csr_matrix(follows[:, :, axis]) @ shape)
-        own = sp.csr_matrix((A.data, (A.row, 3 * A.col + axis)), (3, 3 * n))
-        total = total + there @ own
+        displacement_columns = sp.csr_matrix((A.data, (A.row, 3 * A.col + axis)), (3, 3 * n))
+        total = total + there @ displacement_columns
     return total
 
 

@@ -108,10 +108,10 @@ def matrices(found: Sequence[Discrete], n: int) -> tuple[sp.csr_matrix, sp.csr_m
         return empty, empty
     at = []
     for d in found:
-        own = 3 * d.nodes[:, None] + np.arange(3)
-        at.append((np.hstack([own, 3 * n + own]) if d.turns else own).ravel())
-    rows = np.concatenate([np.repeat(own, len(own)) for own in at])
-    columns = np.concatenate([np.tile(own, len(own)) for own in at])
+        freedoms = 3 * d.nodes[:, None] + np.arange(3)
+        at.append((np.hstack([freedoms, 3 * n + freedoms]) if d.turns else freedoms).ravel())
+    rows = np.concatenate([np.repeat(freedoms, len(freedoms)) for freedoms in at])
+    columns = np.concatenate([np.tile(freedoms, len(freedoms)) for freedoms in at])
     K, M = (
         sp.csr_matrix(
             (np.concatenate([getattr(d, name).ravel() for d in found]), (rows, columns)),

@@ -81,15 +81,15 @@ class Expansion:
         q = np.zeros((self.E.shape[1], moved.shape[1]))
         of_nodes = self.places >= 0
         q[of_nodes] = moved[self.places[of_nodes]]
-        E, left = self.E, moved - self.E @ q
+        E, residual = self.E, moved - self.E @ q
         if turned is not None and self.turns.nnz:
             there = np.flatnonzero(np.diff(self.turns.indptr))
             E = sp.vstack([E, self.turns[there]], format="csr")
-            left = np.vstack([left, turned[there] - self.turns[there] @ q])
+            residual = np.vstack([residual, turned[there] - self.turns[there] @ q])
         rest = np.flatnonzero(~of_nodes & (np.diff(E.tocsc().indptr) > 0))
         if len(rest):
             R = E[:, rest]
-            q[rest] = splu((R.T @ R).tocsc()).solve(R.T @ left)
+            q[rest] = splu((R.T @ R).tocsc()).solve(R.T @ residual)
         return q
 
 
@@ -142,11 +142,11 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
     bare = mesh.bare
     bare[mesh.weighed] = False
     alone[: 3 * n] = np.repeat(bare, 3)
-    kept = free[moves[free] > alone[free]]
-    E = E[:, kept].tocsr()
+    independent = free[moves[free] > alone[free]]
+    E = E[:, independent].tocsr()
     E.eliminate_zeros()
-    T = _turns(mesh, turning, turns[:, kept].tocsr(), E)
-    return mesh, Expansion(E, np.where(kept < 3 * n, kept, -1), T)
+    T = _turns(mesh, turning, turns[:, independent].tocsr(), E)
+    return mesh, Expansion(E, np.where(independent < 3 * n, independent, -1), T)
 
 
 def _turns(
@@ -156,9 +156,9 @@ def _turns(
     at = (3 * np.array(turning, dtype=np.int64)[:, None] + np.arange(3)).ravel()
     rows = (np.ones(len(at)), (at, np.arange(len(at))))
     T = sp.csr_matrix(rows, (3 * len(mesh.nodes), len(at))) @ of_rigid
-    wanted = {int(node) for d in mesh.discrete if d.turns for node in d.nodes} - set(turning)
+    turned_nodes = {int(node) for d in mesh.discrete if d.turns for node in d.nodes} - set(turning)
     for c in _couplings(mesh):
-        if c.kind == "distributing" and c.reference in wanted:
+        if c.kind == "distributing" and c.reference in turned_nodes:
             T = T + turn_of_mean(mesh, c) @ E
     T = T.tocsr()
     T.eliminate_zeros()
@@ -185,10 +185,14 @@ def _relations(
             continue
         elif c.kind == "rigid":
             yield (c.name, *rigid(mesh, c, 3 * n + 3 * turning[c.reference]))
-            own = np.array([turning[k] for k in c.nodes.tolist() if k in turning and c.turning])
-            if len(own):  # reference nodes of others turn with this one
-                rows = (3 * n + 3 * own[:, None] + np.arange(3)).ravel()
-                columns = np.tile(3 * n + 3 * turning[c.reference] + np.arange(3), len(own))
+            turn_numbers = np.array(
+                [turning[k] for k in c.nodes.tolist() if k in turning and c.turning]
+            )
+            if len(turn_numbers):  # reference nodes of others turn with this one
+                rows = (3 * n + 3 * turn_numbers[:, None] + np.arange(3)).ravel()
+                columns = np.tile(
+                    3 * n + 3 * turning[c.reference] + np.arange(3), len(turn_numbers)
+                )
                 yield c.name, rows, columns, np.ones(len(rows))
         else:
             yield (c.name, *mean(mesh, c))
@@ -201,22 +205,22 @@ def _equations(mesh: SolidMesh) -> Iterator[tuple[str, np.ndarray, np.ndarray, n
     for c in mesh.constraints:
         if isinstance(c, Relation):
             of.setdefault(int(c.nodes[0]), []).append(c)
-    for node, own in of.items():
-        A = np.array([c.vectors[0] for c in own])
-        columns = [(3 * c.nodes[1:, None] + np.arange(3)).ravel() for c in own]
-        values = np.zeros((len(own), sum(map(len, columns))))
+    for node, relations in of.items():
+        A = np.array([c.vectors[0] for c in relations])
+        columns = [(3 * c.nodes[1:, None] + np.arange(3)).ravel() for c in relations]
+        values = np.zeros((len(relations), sum(map(len, columns))))
         at = 0
-        for row, c in enumerate(own):
+        for row, c in enumerate(relations):
             values[row, at : at + len(columns[row])] = c.vectors[1:].ravel()
             at += len(columns[row])
-        found = solved(node, A, np.concatenate(columns), values)
-        if found is None:
-            names = " and ".join(c.name for c in own)
+        equations = solved(node, A, np.concatenate(columns), values)
+        if equations is None:
+            names = " and ".join(c.name for c in relations)
             raise mesh.error(
                 f"{mesh.nodes_named(np.array([node]))} is to follow by {names}, which do not say "
                 "three displacements or fewer of it: write another of their nodes first"
             )
-        yield (own[0].name, *found)
+        yield (relations[0].name, *equations)
 
 
 # -- ties ----------------------------------------------------------------------------------------
@@ -277,5 +281,5 @@ def _feet(mesh: SolidMesh, tie: Tie) -> tuple[np.ndarray, np.ndarray, np.ndarray
         distance,
         values,
     )
-    found = facet >= 0
-    return nodes[found], values[found], master.table[facet[found]], distance[found]
+    has_facet = facet >= 0
+    return nodes[has_facet], values[has_facet], master.table[facet[has_facet]], distance[has_facet]

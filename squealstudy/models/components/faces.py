@@ -56,20 +56,20 @@ def facets(mesh: SolidMesh, name: str) -> tuple[FacetGroup, ...]:
             )
         return facet_groups(mesh, faces)
     chosen = np.zeros(len(mesh.nodes), dtype=bool)
-    asked = mesh.node_set(name)
-    chosen[asked] = True
+    members = mesh.node_set(name)
+    chosen[members] = True
     groups = [(g, chosen[g.nodes].all(axis=1)) for g in facet_groups(mesh, outer)]
-    found = tuple(FacetGroup(g.nodes[k], g.faces[k]) for g, k in groups if k.any())
-    if not found:
+    chosen_groups = tuple(FacetGroup(g.nodes[k], g.faces[k]) for g, k in groups if k.any())
+    if not chosen_groups:
         raise mesh.error(f"no facet of the boundary has all its nodes in the node set '{name}'")
-    spare = np.setdiff1d(asked, np.concatenate([g.nodes.ravel() for g in found]))
+    spare = np.setdiff1d(members, np.concatenate([g.nodes.ravel() for g in chosen_groups]))
     if len(spare):
         are = "are" if len(spare) > 1 else "is"
         raise mesh.error(
-            f"node set '{name}' is no face: of its {len(asked)} nodes {mesh.nodes_named(spare)} "
+            f"node set '{name}' is no face: of its {len(members)} nodes {mesh.nodes_named(spare)} "
             f"{are} in no facet of the boundary that has all its nodes in the set"
         )
-    return found
+    return chosen_groups
 
 
 def faces_among(mesh: SolidMesh, nodes: np.ndarray) -> np.ndarray:
@@ -77,8 +77,8 @@ def faces_among(mesh: SolidMesh, nodes: np.ndarray) -> np.ndarray:
     chosen = np.zeros(len(mesh.nodes), dtype=bool)
     chosen[nodes] = True
     groups = facet_groups(mesh, boundary(mesh))
-    found = [g.faces[chosen[g.nodes].all(axis=1)] for g in groups]
-    return np.vstack([np.zeros((0, 2), dtype=np.int64), *found])
+    faces = [g.faces[chosen[g.nodes].all(axis=1)] for g in groups]
+    return np.vstack([np.zeros((0, 2), dtype=np.int64), *faces])
 
 
 def boundary(mesh: SolidMesh) -> np.ndarray:
@@ -113,8 +113,8 @@ def faces_with_corners(mesh: SolidMesh, corners: np.ndarray) -> tuple[np.ndarray
     rows = np.vstack([of_mesh, np.sort(corners, axis=1)])
     _, number = np.unique(rows, axis=0, return_inverse=True)
     number = number.ravel()
-    asked = np.isin(number[: len(faces)], number[len(faces) :])
-    return faces[asked], np.isin(number[len(faces) :], number[: len(faces)])
+    is_given = np.isin(number[: len(faces)], number[len(faces) :])
+    return faces[is_given], np.isin(number[len(faces) :], number[: len(faces)])
 
 
 def _all_faces(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray]:
@@ -159,6 +159,6 @@ def facet_groups(mesh: SolidMesh, faces: np.ndarray) -> tuple[FacetGroup, ...]:
                 nodes = block.nodes[of[:, 0] - start][:, list(face)]
                 parts.setdefault(len(face), []).append((nodes, of))
     return tuple(
-        FacetGroup(np.vstack([n for n, _ in found]), np.vstack([f for _, f in found]))
-        for _, found in sorted(parts.items())
+        FacetGroup(np.vstack([n for n, _ in pieces]), np.vstack([f for _, f in pieces]))
+        for _, pieces in sorted(parts.items())
     )

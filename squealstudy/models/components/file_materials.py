@@ -42,10 +42,10 @@ def with_tables(mesh: SolidMesh, name: str, table: ComponentTable, numbers: Numb
         elif material.elements is None and len(table.materials) == 1 and not _labels(mesh):
             mesh = mesh.with_material(label, _elastic(numbers, keys, mesh, label))
         else:
-            known = tuple(sorted({*mesh.element_sets, *_labels(mesh)}))
-            listed = f"it has {', '.join(known)}" if known else "it has none"
+            names = tuple(sorted({*mesh.element_sets, *_labels(mesh)}))
+            listed = f"it has {', '.join(names)}" if names else "it has none"
             raise PlacedError(
-                keys, f"{mesh.origin.name} has no element set '{word}'; {listed}", word, known
+                keys, f"{mesh.origin.name} has no element set '{word}'; {listed}", word, names
             )
     if table.mesh is None:
         return mesh
@@ -92,15 +92,15 @@ def _elastic(numbers: Numbers, keys: KeyPath, mesh: SolidMesh, label: str) -> El
     try:
         if not table.moduli:
             assert moduli is not None
-            given: dict[KeyPath, float] = {}
+            overrides: dict[KeyPath, float] = {}
             for key in AXES:
-                value = getattr(table, key)
-                if isinstance(value, tuple):
+                written = getattr(table, key)
+                if isinstance(written, tuple):
                     values = numbers.list_at(*keys, key)
-                    given |= {(*keys, key, i): v for i, v in enumerate(values)}
-                elif value is not None:
-                    given[(*keys, key)] = numbers.at(*keys, key)
-            return replace(changed_material(moduli, given, label), density=density)
+                    overrides |= {(*keys, key, i): v for i, v in enumerate(values)}
+                elif written is not None:
+                    overrides[(*keys, key)] = numbers.at(*keys, key)
+            return replace(changed_material(moduli, overrides, label), density=density)
         if isinstance(table.E, tuple):
             E, nu, G = (numbers.list_at(*keys, k) for k in AXES)
             return Orthotropic.from_engineering(E, nu, G, density)  # type: ignore[arg-type]
@@ -135,17 +135,17 @@ def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: s
     E, nu, G = ([*v] for v in engineering(material))
     density = material.density
     wrong = "one" if isinstance(material, Isotropic) else "three of each, such as E[3]"
-    for keys, value in values.items():
+    for keys, number in values.items():
         key = keys[4:]
         if key == ("rho",):
-            density = value
+            density = number
             continue
         target = {"E": E, "nu": nu, "G": G}[str(key[0])]
         place = int(key[1]) if len(key) > 1 else 0
         if (len(key) > 1) != isinstance(material, Orthotropic) or place >= len(target):
             text = f"material {name} has {wrong}, not {key[0]}{_shown(key)}"
             raise PlacedError(keys, text)
-        target[place] = value
+        target[place] = number
     try:
         if isinstance(material, Isotropic):
             return _isotropic(E[0], nu[0], density)

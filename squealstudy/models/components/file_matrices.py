@@ -66,28 +66,35 @@ def placed_matrices(
         read.append((symmetric(dimension.factor(units) * (D @ A @ D)), rows))
     mesh, read = _with_rows(mesh, read)
     n = 3 * len(mesh.nodes)
-    kept = np.unique(np.concatenate([rows for _, rows in read]))
-    places = np.where(kept < n, kept, -1)
-    own, turning = kept[kept < n], kept[(kept >= n) & (kept < 2 * n)] - n
-    at = np.arange(len(own))
-    E = sp.csr_matrix((np.ones(len(own)), (own, at)), (n, len(kept)))
-    at = len(own) + np.arange(len(turning))
-    T = sp.csr_matrix((np.ones(len(turning)), (turning, at)), (n, len(kept)))
+    used_rows = np.unique(np.concatenate([rows for _, rows in read]))
+    places = np.where(used_rows < n, used_rows, -1)
+    displacement_rows, turning = (
+        used_rows[used_rows < n],
+        used_rows[(used_rows >= n) & (used_rows < 2 * n)] - n,
+    )
+    at = np.arange(len(displacement_rows))
+    E = sp.csr_matrix(
+        (np.ones(len(displacement_rows)), (displacement_rows, at)), (n, len(used_rows))
+    )
+    at = len(displacement_rows) + np.arange(len(turning))
+    T = sp.csr_matrix((np.ones(len(turning)), (turning, at)), (n, len(used_rows)))
     if table.recovery is not None:
-        of = np.append(np.ones(len(own)), np.full(len(turning), LENGTH.factor(units)))
+        of = np.append(np.ones(len(displacement_rows)), np.full(len(turning), LENGTH.factor(units)))
         E = _recovered(folder, name, table, E, read[0][1], of)
-    found = []
+    on_used_rows = []
     for A, rows in read:
-        at = np.searchsorted(kept, rows)
-        placed = sp.csr_matrix((np.ones(len(at)), (at, np.arange(len(at)))), (len(kept), len(at)))
-        found.append((placed @ A @ placed.T).tocsr())
+        at = np.searchsorted(used_rows, rows)
+        placed = sp.csr_matrix(
+            (np.ones(len(at)), (at, np.arange(len(at)))), (len(used_rows), len(at))
+        )
+        on_used_rows.append((placed @ A @ placed.T).tocsr())
     if not np.array_equal(turn, np.eye(3)):
-        Q = _turning(name, turn, n, own, turning, E.shape[1])
+        Q = _turning(name, turn, n, displacement_rows, turning, E.shape[1])
         whole = sp.kron(sp.eye(n // 3), turn)
         E, T = (_rounded(whole @ A @ Q.T) for A in (E, T))
-        found = [(Q @ A @ Q.T).tocsr() for A in found]
-    S = _scales(found[1], places)
-    K, M, *C = (symmetric(S @ A @ S) for A in found)
+        on_used_rows = [(Q @ A @ Q.T).tocsr() for A in on_used_rows]
+    S = _scales(on_used_rows[1], places)
+    K, M, *C = (symmetric(S @ A @ S) for A in on_used_rows)
     return mesh, (K, M, C[0] if C else None), Expansion((E @ S).tocsr(), places, (T @ S).tocsr())
 
 
@@ -122,19 +129,19 @@ def _with_rows(
     named |= not mesh.blocks  # a file of nodes alone has those that are meant
     node_at = np.cumsum(named | ~bare) - 1
     count = int((named | ~bare).sum())
-    moved = []
+    renumbered = []
     for A, rows in read:
         part, axis = np.divmod(rows, 3)  # nodes of displacements, then of turns
         of_node = rows < 6 * n
         turns, node = np.divmod(part, n)
         there = 3 * (turns * count + node_at[np.where(of_node, node, 0)]) + axis
-        moved.append((A, np.where(of_node, there, rows - 6 * n + 6 * count)))
+        renumbered.append((A, np.where(of_node, there, rows - 6 * n + 6 * count)))
     mesh = mesh.part(np.arange(mesh.n_elements), named)
     points = np.flatnonzero(mesh.bare)
     if len(points) <= FEW:
-        own = {f"NODE{mesh.numbers[k]}": np.array([k]) for k in points}
-        mesh = replace(mesh, node_sets={**own, **mesh.node_sets})
-    return mesh, moved
+        point_sets = {f"NODE{mesh.numbers[k]}": np.array([k]) for k in points}
+        mesh = replace(mesh, node_sets={**point_sets, **mesh.node_sets})
+    return mesh, renumbered
 
 
 def _turning(
@@ -157,10 +164,10 @@ def _turning(
 
 
 def _rounded(A: sp.spmatrix) -> sp.csr_matrix:
-    found = sp.csr_matrix(A)
-    found.data[abs(found.data) < ROUND_OFF] = 0.0
-    found.eliminate_zeros()
-    return found
+    rounded = sp.csr_matrix(A)
+    rounded.data[abs(rounded.data) < ROUND_OFF] = 0.0
+    rounded.eliminate_zeros()
+    return rounded
 
 
 def _recovered(

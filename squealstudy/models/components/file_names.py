@@ -22,8 +22,8 @@ def check_names(file: ModelFile) -> None:
         owner: dict[str, str] = {}
         for kind in kinds:
             for i in range(len(file.at((kind,)))):
-                name, own = file.name_of(kind, i), f"{kind}[{i + 1}]"
-                if owner.setdefault(name, own) != own:
+                name, entry = file.name_of(kind, i), f"{kind}[{i + 1}]"
+                if owner.setdefault(name, entry) != entry:
                     text = f"'{name}' is the name of {owner[name]} already: what is theirs would "
                     keys: KeyPath = (kind, i, "name")
                     raise PlacedError(keys, text + "be mixed; choose another name")
@@ -31,10 +31,10 @@ def check_names(file: ModelFile) -> None:
 
 
 def _check_rotor(file: ModelFile) -> None:
-    rotor, known = file.rotor, tuple(file.components)
-    if rotor is not None and rotor not in known:
-        text = f"there is no component '{rotor}'; there is {', '.join(known)}"
-        raise PlacedError(("rotation", "rotor"), text, rotor, known)
+    rotor, component_names = file.rotor, tuple(file.components)
+    if rotor is not None and rotor not in component_names:
+        text = f"there is no component '{rotor}'; there is {', '.join(component_names)}"
+        raise PlacedError(("rotation", "rotor"), text, rotor, component_names)
     masters: dict[str, int] = {}
     sliding = [i for i, table in enumerate(file.contact) if table.kind == "sliding"]
     for i in sliding:

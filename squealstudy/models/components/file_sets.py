@@ -29,14 +29,14 @@ def with_sets(mesh: SolidMesh, name: str, table: ComponentTable, units: str) -> 
         return mesh
     faces, nodes, normal = _outer(mesh)
     surfaces = dict(mesh.surfaces)
-    for label, own in table.sets.items():
+    for label, set_table in table.sets.items():
         keys: KeyPath = ("components", name, "sets", label)
         if has_name(mesh.surfaces, label) or has_name(mesh.node_sets, label):
             raise PlacedError(keys, f"{mesh.origin.name} has a set '{label}' already")
         chosen = np.ones(len(faces), dtype=bool)
         size = LENGTH.factor(units)
-        for what, found, off, unit in _conditions(own, mesh, nodes, normal, size, keys):
-            if not (chosen & found).any():
+        for what, fulfilled, off, unit in _conditions(set_table, mesh, nodes, normal, size, keys):
+            if not (chosen & fulfilled).any():
                 unit = unit or UNITS[units][0]
                 raise PlacedError(
                     keys,
@@ -44,12 +44,14 @@ def with_sets(mesh: SolidMesh, name: str, table: ComponentTable, units: str) -> 
                     f"nearest is {off[chosen].min():.3g} {unit} off; in the mesh's file it lies "
                     f"{between_corners(mesh.nodes / size, UNITS[units][0])}",
                 )
-            chosen &= found
-        if own.elements is not None:
-            of = mesh.find("element_sets", own.elements)
+            chosen &= fulfilled
+        if set_table.elements is not None:
+            of = mesh.find("element_sets", set_table.elements)
             chosen &= np.isin(faces[:, 0], of)
             if not chosen.any():
-                raise PlacedError(keys, f"no such face is of the element set '{own.elements}'")
+                raise PlacedError(
+                    keys, f"no such face is of the element set '{set_table.elements}'"
+                )
         surfaces[label] = faces[chosen]
     return replace(mesh, surfaces=surfaces)
 
@@ -62,18 +64,18 @@ def _outer(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         here = outer[(outer[:, 0] >= start) & (outer[:, 0] < end)]
         shape = block.kind.shape
         for number, face in enumerate(shape.faces, 1):
-            own = here[here[:, 1] == number]
-            of = block.nodes[own[:, 0] - start][:, list(face)]
+            same_face = here[here[:, 1] == number]
+            of = block.nodes[same_face[:, 0] - start][:, list(face)]
             corners = mesh.nodes[of[:, [i for i, f in enumerate(face) if shape.is_corner(f)]]]
             cross = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
             if corners.shape[1] == 3:
                 cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            faces.append(own)
+            faces.append(same_face)
             nodes.append(np.pad(of, ((0, 0), (0, 8 - of.shape[1])), mode="edge"))
             normals.append(cross / np.linalg.norm(cross, axis=1, keepdims=True))
-    found = np.vstack(faces)
-    order = np.lexsort((found[:, 1], found[:, 0]))
-    return found[order], np.vstack(nodes)[order], np.vstack(normals)[order]
+    all_faces = np.vstack(faces)
+    order = np.lexsort((all_faces[:, 1], all_faces[:, 0]))
+    return all_faces[order], np.vstack(nodes)[order], np.vstack(normals)[order]
 
 
 def _conditions(
@@ -92,15 +94,15 @@ def _conditions(
     near = NEAR * float(np.ptp(mesh.nodes, axis=0).max())
     if own.tolerance is not None:
         near = size * own.tolerance
-    found = []
+    conditions = []
     if own.box is not None:
         low, high = np.sort(size * np.array(own.box), axis=0)
         off = np.maximum(low - x, x - high).max(axis=(1, 2))
-        found.append(("in the box", off <= near, off / size, ""))
+        conditions.append(("in the box", off <= near, off / size, ""))
     if own.plane is not None:
         n = _unit(own.plane.normal, (*keys, "plane", "normal"))
         off = np.abs((x - size * np.array(own.plane.point)) @ n).max(axis=1)
-        found.append(("in the plane", off <= near, off / size, ""))
+        conditions.append(("in the plane", off <= near, off / size, ""))
     if own.cylinder is not None:
         axis = _unit(own.cylinder.axis, (*keys, "cylinder", "axis"))
         from_axis = x - size * np.array(own.cylinder.point)
@@ -108,12 +110,12 @@ def _conditions(
         radius = own.cylinder.radius
         low_r, high_r = radius if isinstance(radius, tuple) else (radius, radius)
         off = np.maximum(size * low_r - r, r - size * high_r).max(axis=1)
-        found.append(("at that radius", off <= near, off / size, ""))
+        conditions.append(("at that radius", off <= near, off / size, ""))
     if own.normal is not None:
         cosine = normal @ _unit(own.normal, (*keys, "normal"))
         turned = np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        found.append(("turned there", cosine >= np.cos(np.deg2rad(own.angle)), turned, "deg"))
-    return found
+        conditions.append(("turned there", cosine >= np.cos(np.deg2rad(own.angle)), turned, "deg"))
+    return conditions
 
 
 def _unit(vector: tuple[float, float, float], keys: KeyPath) -> np.ndarray:

@@ -214,13 +214,13 @@ class ComponentTable(Table):
 
     def file_of(self, key: str) -> str | None:
         """The file that a key names."""
-        given = getattr(self, key)
-        return given.file if isinstance(given, MatrixTable) else given
+        entry = getattr(self, key)
+        return entry.file if isinstance(entry, MatrixTable) else entry
 
     def name_of(self, key: str) -> str | None:
         """Which matrix of its file."""
-        given = getattr(self, key)
-        return given.name if isinstance(given, MatrixTable) else None
+        entry = getattr(self, key)
+        return entry.name if isinstance(entry, MatrixTable) else None
 
 
 class GapTable(Table):

@@ -62,7 +62,7 @@ def read_mode_table(path: Path) -> tuple[MeasuredLine, ...]:
         raise ModelError(f"{path.name}: expected text in UTF-8") from error
     rows = csv.reader(text.splitlines())
     header: list[str] = []
-    found: list[MeasuredLine] = []
+    measured_lines: list[MeasuredLine] = []
     for cells in rows:
         cells = [cell.strip() for cell in cells]
         if not any(cells) or cells[0].startswith("#"):
@@ -73,10 +73,10 @@ def read_mode_table(path: Path) -> tuple[MeasuredLine, ...]:
             continue
         if len(cells) != len(header):
             raise ModelError(f"{where}: expected {len(header)} values, got {len(cells)}")
-        found.append(_mode(dict(zip(header, cells, strict=True)), rows.line_num, where))
-    if not found:
+        measured_lines.append(_mode(dict(zip(header, cells, strict=True)), rows.line_num, where))
+    if not measured_lines:
         raise ModelError(f"{path.name}: expected a header with {', '.join(COLUMNS)} and lines")
-    return tuple(found)
+    return tuple(measured_lines)
 
 
 def _header(cells: Sequence[str], where: str) -> list[str]:
@@ -136,8 +136,8 @@ def first_cutoff(K: sp.csr_matrix, M: sp.csr_matrix) -> float:
     diagonal = np.abs(M.diagonal())
     ratios = np.abs(K.diagonal()) / np.where(diagonal > 0, diagonal, np.inf)
     side = (M.shape[0] / 3) ** (1 / 3)
-    own = np.sqrt(ratios.max(initial=0.0)) / (2 * np.pi) / max(side, 1.0) / 5
-    return float(min(FIRST_CUTOFF, own)) if own > 0.0 else FIRST_CUTOFF
+    cutoff_hz = np.sqrt(ratios.max(initial=0.0)) / (2 * np.pi) / max(side, 1.0) / 5
+    return float(min(FIRST_CUTOFF, cutoff_hz)) if cutoff_hz > 0.0 else FIRST_CUTOFF
 
 
 def rigid_count(K: sp.csr_matrix, M: sp.csr_matrix, omega: np.ndarray) -> int:
@@ -187,7 +187,7 @@ def measured_modes(
     table = read_mode_table(path)
     omega, _ = real_modes(M, K, (1.0 + FAR) * cutoff_hz)  # a measured one may be near the next
     rigid, hz = rigid_count(K, M, omega), omega / (2 * np.pi)
-    found: dict[int, MeasuredLine] = {}
+    line_of: dict[int, MeasuredLine] = {}
     for row in table:
         where = f"{path.name}:{row.line}"
         number = row.mode if row.mode is not None else _nearest(row, hz, rigid, where)
@@ -197,12 +197,12 @@ def measured_modes(
             raise ModelError(
                 f"{where}: {MODE}: {number} is a rigid mode, the elastic ones begin at {rigid + 1}"
             )
-        if number in found:
-            raise ModelError(f"{where}: mode {number} was in line {found[number].line} already")
-        found[number] = row
+        if number in line_of:
+            raise ModelError(f"{where}: mode {number} was in line {line_of[number].line} already")
+        line_of[number] = row
     return [
         MeasuredMode(number, float(hz[number - 1]), row.frequency_hz, row.damping_ratio)
-        for number, row in sorted(found.items())
+        for number, row in sorted(line_of.items())
         if hz[number - 1] <= cutoff_hz
     ]
 

@@ -53,8 +53,8 @@ class GapMap:
     def _expect_one_face(self) -> None:
         from scipy.spatial import cKDTree
 
-        seen = (self.places - self._centre) @ self._plane.T
-        near, which = cKDTree(seen).query(seen, k=2)
+        in_plane = (self.places - self._centre) @ self._plane.T
+        near, which = cKDTree(in_plane).query(in_plane, k=2)
         apart = np.linalg.norm(self.places - self.places[which[:, 1]], axis=1)
         above = np.flatnonzero(near[:, 1] < STEEPEST * apart)
         if len(above):
@@ -78,14 +78,14 @@ class GapMap:
         from scipy.interpolate import LinearNDInterpolator
         from scipy.spatial import cKDTree
 
-        seen = (self.places - self._centre) @ self._plane.T
-        wanted = (points[:, self.axes] - self._centre) @ self._plane.T
-        tree = cKDTree(seen)
-        spacing = float(np.median(tree.query(seen, k=2)[0][:, 1]))
-        gaps: np.ndarray = LinearNDInterpolator(seen, self.gaps)(wanted)
+        in_plane = (self.places - self._centre) @ self._plane.T
+        points_in_plane = (points[:, self.axes] - self._centre) @ self._plane.T
+        tree = cKDTree(in_plane)
+        spacing = float(np.median(tree.query(in_plane, k=2)[0][:, 1]))
+        gaps: np.ndarray = LinearNDInterpolator(in_plane, self.gaps)(points_in_plane)
         beyond = np.flatnonzero(np.isnan(gaps))
         if len(beyond):
-            away, nearest = tree.query(wanted[beyond])
+            away, nearest = tree.query(points_in_plane[beyond])
             if (away > BEYOND_SPACINGS * spacing).any():
                 far = int((away > BEYOND_SPACINGS * spacing).sum())
                 raise ModelError(
@@ -114,8 +114,10 @@ def _read(path: Path) -> tuple[list[str], np.ndarray]:
     names = [name.lower() for name in rows[0][1]]
     axes = [axis for axis in AXES if axis in names]
     if GAP not in names or len(axes) < 2 or sorted(names) != sorted([*axes, GAP]):
-        told = ", ".join(rows[0][1])
-        raise ModelError(f"{path.name}, line {rows[0][0]}: expected names x, y, gap, got {told}")
+        first_words = ", ".join(rows[0][1])
+        raise ModelError(
+            f"{path.name}, line {rows[0][0]}: expected names x, y, gap, got {first_words}"
+        )
     order = [names.index(name) for name in (*axes, GAP)]
     values = np.array([_numbers(path, k, cells, len(names)) for k, cells in rows[1:]])
     if not len(values):
@@ -135,11 +137,11 @@ def _numbers(path: Path, line: int, cells: list[str], count: int) -> list[float]
     try:
         values = [float(cell.replace("_", "?")) for cell in cells]  # Python reads 1_0 as ten
     except ValueError:
-        told = shown(", ".join(cells))
-        raise ModelError(f"{path.name}, line {line}: expected numbers, got {told}") from None
+        cells_text = shown(", ".join(cells))
+        raise ModelError(f"{path.name}, line {line}: expected numbers, got {cells_text}") from None
     if not np.isfinite(values).all():
-        told = shown(", ".join(cells))
-        raise ModelError(f"{path.name}, line {line}: expected finite numbers, got {told}")
+        cells_text = shown(", ".join(cells))
+        raise ModelError(f"{path.name}, line {line}: expected finite numbers, got {cells_text}")
     return values
 
 

@@ -82,10 +82,10 @@ class Geometry:
         if not dot or not label:
             raise PlacedError(keys, f"expected COMPONENT.SET, got '{reference}'")
         if name not in self.bodies:
-            known = tuple(self.bodies)
-            listed = ", ".join(known)
+            names = tuple(self.bodies)
+            listed = ", ".join(names)
             raise PlacedError(
-                keys, f"there is no component '{name}'; there is {listed}", name, known
+                keys, f"there is no component '{name}'; there is {listed}", name, names
             )
         mesh = self.bodies[name].mesh
         if not (has_name(mesh.surfaces, label) or has_name(mesh.node_sets, label)):
@@ -105,13 +105,13 @@ class Geometry:
         body = self.bodies[name]
         try:
             blocks = tuple(group.nodes for group in facets(body.mesh, label))
-            found = Facets(body.nodes, blocks, reference)
+            face_facets = Facets(body.nodes, blocks, reference)
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
         self._check_rows(
             name, np.unique(np.concatenate([b.ravel() for b in blocks])), reference, keys
         )
-        return name, found
+        return name, face_facets
 
     def _check_rows(self, name: str, nodes: np.ndarray, reference: str, keys: KeyPath) -> None:
         """Raise PlacedError where a component's matrices know nothing of some nodes of a set."""
@@ -119,11 +119,11 @@ class Geometry:
         lost = nodes[body.expansion.lacking.reshape(-1, 3)[nodes].all(axis=1)]
         if len(lost):
             map_file = self.file.components[name].dof
-            asked = f"is {map_file} their DOF map?" if map_file else "is this their mesh?"
+            question = f"is {map_file} their DOF map?" if map_file else "is this their mesh?"
             raise PlacedError(
                 keys,
                 f"the matrices of {name} have no rows for {body.mesh.nodes_named(lost)} of "
-                f"{reference}: {asked}",
+                f"{reference}: {question}",
             )
 
     def nodes(self, reference: str, keys: KeyPath) -> tuple[str, np.ndarray]:
@@ -151,38 +151,40 @@ class Geometry:
         return Surface(x[nodes], ones, np.tile([0.0, 0.0, 1.0], (len(nodes), 1)), shape)
 
     def _kept(self) -> dict[str, np.ndarray]:
-        held = {name: np.zeros(b.expansion.E.shape[1], bool) for name, b in self.bodies.items()}
+        fixed_freedoms = {
+            name: np.zeros(b.expansion.E.shape[1], bool) for name, b in self.bodies.items()
+        }
         for i, fixed in enumerate(self.file.fixed):
             keys: KeyPath = ("fixed", i, "set")
             name, nodes = self.nodes(fixed.set, keys)
             of = self.bodies[name]
             of_turns = [3 * nodes + d - 4 for d in fixed.dofs if d > 3]
-            held[name] |= self._held_turns(of_turns, of, (*keys[:2], "dofs"))
-            own = [3 * nodes + d - 1 for d in fixed.dofs if d <= 3]
-            asked = np.concatenate([np.zeros(0, dtype=np.int64), *own])
-            asked = asked[~of.expansion.lacking[asked]]
-            follows = asked[~np.isin(asked, of.expansion.places)]
+            fixed_freedoms[name] |= self._held_turns(of_turns, of, (*keys[:2], "dofs"))
+            fixed_by_axis = [3 * nodes + d - 1 for d in fixed.dofs if d <= 3]
+            fixed_rows = np.concatenate([np.zeros(0, dtype=np.int64), *fixed_by_axis])
+            fixed_rows = fixed_rows[~of.expansion.lacking[fixed_rows]]
+            follows = fixed_rows[~np.isin(fixed_rows, of.expansion.places)]
             if len(follows):
                 raise PlacedError(
                     keys,
                     f"{of.mesh.nodes_named(np.unique(follows // 3))} of {fixed.set} follow others "
                     "by a tie or a coupling, or by the recovery of a superelement: hold those",
                 )
-            held[name] |= np.isin(of.expansion.places, asked)
-        return {name: np.flatnonzero(~h) for name, h in held.items()}
+            fixed_freedoms[name] |= np.isin(of.expansion.places, fixed_rows)
+        return {name: np.flatnonzero(~h) for name, h in fixed_freedoms.items()}
 
     @staticmethod
     def _held_turns(of_turns: list[np.ndarray], of: Body, keys: KeyPath) -> np.ndarray:
         """Degrees of freedom (n,) of bool that are turns to be held; PlacedError without them."""
-        asked = np.concatenate([np.zeros(0, dtype=np.int64), *of_turns])
-        lacking = asked[~of.expansion.turning[asked // 3]]
+        turn_rows = np.concatenate([np.zeros(0, dtype=np.int64), *of_turns])
+        lacking = turn_rows[~of.expansion.turning[turn_rows // 3]]
         if len(lacking):
             named = of.mesh.nodes_named(np.unique(lacking // 3))
             raise PlacedError(keys, f"{named}: no turns are freedoms there: expected 1 to 3")
-        rows = of.expansion.turns[asked]
-        found = np.zeros(rows.shape[1], dtype=bool)
-        found[rows.indices[of.expansion.places[rows.indices] < 0]] = True
-        return found
+        rows = of.expansion.turns[turn_rows]
+        is_fixed = np.zeros(rows.shape[1], dtype=bool)
+        is_fixed[rows.indices[of.expansion.places[rows.indices] < 0]] = True
+        return is_fixed
 
     # -- where faces meet ------------------------------------------------------------------------
     def _rotation(self) -> Rotation | None:
@@ -206,7 +208,7 @@ class Geometry:
         if isinstance(gap, GapTable):
             gap = "zero"
         try:
-            found = pair(
+            facing = pair(
                 slave,
                 master,
                 search=table.search * size,
@@ -216,8 +218,8 @@ class Geometry:
             )
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
-        self._check_reach(found, keys, slave, master, table.search)
-        return replace(found, gap0=self._measured(number, found)) if measured else found
+        self._check_reach(facing, keys, slave, master, table.search)
+        return replace(facing, gap0=self._measured(number, facing)) if measured else facing
 
     def _measured(self, number: int, found: Pair) -> np.ndarray:
         """Initial gaps (n,) [m] of a file, at contact points where the slave's file has them."""
@@ -272,11 +274,11 @@ class Geometry:
         size = LENGTH.factor(self.file.units)
         search = REACH * float(slave.radii.mean()) if given is None else given * size
         try:
-            found = pair(slave, master, search=search, quadrature=quadrature)
+            facing = pair(slave, master, search=search, quadrature=quadrature)
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
-        self._check_reach(found, keys, slave, master, search / size)
-        return found
+        self._check_reach(facing, keys, slave, master, search / size)
+        return facing
 
     def _tie(self, number: int) -> Pair:
         table = self.file.tie[number]
@@ -286,9 +288,9 @@ class Geometry:
         )
         if one == other:
             raise PlacedError(keys, f"expected faces of two components, got two of {one}")
-        found = self._opposite(slave, master, keys, table.search, "clipped")
+        facing = self._opposite(slave, master, keys, table.search, "clipped")
         facet = 2 * float(slave.radii.mean())
-        widest = float(np.abs(found.geometric_gap).max())
+        widest = float(np.abs(facing.geometric_gap).max())
         if widest > CLOSE * facet:
             raise PlacedError(
                 keys,
@@ -296,7 +298,7 @@ class Geometry:
                 "a tie over a gap would strain in rigid turns. Join the meshes in one .inp with "
                 "*TIE, which moves the nodes, or use a [[layer]] of finite stiffness",
             )
-        return found
+        return facing
 
     def bedding(self, sides: Sequence[str], keys: KeyPath) -> float:
         """Stiffness per area [N/m3] of a tie or a coupling for which the file states none.
@@ -330,12 +332,12 @@ class Geometry:
             return surface, back.gauss_points(LAYER_POINTS)[0]
         search = REACH * float(pressed.radii.mean())
         try:
-            found = pair(pressed, back, search=search, quadrature="gauss")
+            facing = pair(pressed, back, search=search, quadrature="gauss")
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
         size = LENGTH.factor(self.file.units)
-        self._check_reach(found, keys, pressed, back, search / size)
-        return found.slave, found.master
+        self._check_reach(facing, keys, pressed, back, search / size)
+        return facing.slave, facing.master
 
     @cached_property
     def effective_radius(self) -> float | None:
@@ -346,13 +348,15 @@ class Geometry:
         if table.effective_radius is not None:
             return table.effective_radius * LENGTH.factor(self.file.units)
         arms, areas = [], []
-        for i, (contact, found) in enumerate(zip(self.file.contact, self.contacts, strict=True)):
+        for i, (contact, facing) in enumerate(zip(self.file.contact, self.contacts, strict=True)):
             if contact.kind == "sliding":
                 try:
-                    arms.append(sliding(found, rotation, f"{contact.slave} on {contact.master}")[2])
+                    arms.append(
+                        sliding(facing, rotation, f"{contact.slave} on {contact.master}")[2]
+                    )
                 except ModelError as error:
                     raise PlacedError(("contact", i), str(error)) from error
-                areas.append(found.slave.area)
+                areas.append(facing.slave.area)
         if not arms:
             return None
         return float(np.average(np.concatenate(arms), weights=np.concatenate(areas)))
@@ -374,9 +378,9 @@ def geometry_of(brake: Brake) -> Geometry:
 
 def between(names: Sequence[str], keys: KeyPath) -> tuple[str, str | None]:
     """A set and another one, None in place of ground; PlacedError where both are the same."""
-    found = [name for name in names if name.casefold() != GROUND]
-    if not found:
+    set_names = [name for name in names if name.casefold() != GROUND]
+    if not set_names:
         raise PlacedError((*keys, "between"), "expected COMPONENT.SET, got ground twice")
-    if len(found) > 1 and found[0] == found[1]:
-        raise PlacedError((*keys, "between"), f"expected two sets, got '{found[0]}' twice")
-    return found[0], found[1] if len(found) > 1 else None
+    if len(set_names) > 1 and set_names[0] == set_names[1]:
+        raise PlacedError((*keys, "between"), f"expected two sets, got '{set_names[0]}' twice")
+    return set_names[0], set_names[1] if len(set_names) > 1 else None

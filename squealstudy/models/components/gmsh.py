@@ -96,11 +96,11 @@ def mesh_of_cells(path: Path, found: Any, treat_as: Mapping[str, str]) -> SolidM
 
 def _formulations(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
     """Formulation of each type of element of meshio."""
-    known = list(SOLIDS.values())
+    element_names = list(SOLIDS.values())
     for old, new in treat_as.items():
-        if old not in known or new not in FORMULATIONS:
+        if old not in element_names or new not in FORMULATIONS:
             raise ModelError(
-                f"{path}: treat_as {old} = '{new}': expected one of {', '.join(known)}"
+                f"{path}: treat_as {old} = '{new}': expected one of {', '.join(element_names)}"
             )
     return {kind: treat_as.get(name, name) for kind, name in SOLIDS.items()}
 
@@ -125,25 +125,27 @@ def _read(path: Path) -> Any:
     said = io.StringIO()
     try:
         with redirect_stderr(said):  # it prints what it overlooks: sections without end
-            found = meshio.gmsh.read(path)
+            file_mesh = meshio.gmsh.read(path)
     except Exception as error:  # a damaged file is whatever its reader runs into
         reason = f"{type(error).__name__} {error}".strip()
         raise ModelError(f"{path} cannot be read as a mesh of gmsh: {reason}") from error
     if words := " ".join(said.getvalue().split()):
         raise ModelError(f"{path} cannot be read as a mesh of gmsh: {words}")
-    for block in found.cells:
-        if len(block.data) and not (0 <= block.data.min() <= block.data.max() < len(found.points)):
+    for block in file_mesh.cells:
+        if len(block.data) and not (
+            0 <= block.data.min() <= block.data.max() < len(file_mesh.points)
+        ):
             raise ModelError(f"{path}: elements '{block.type}' have nodes that are not there")
-    return found
+    return file_mesh
 
 
 def _check_names(path: Path) -> None:
     """Raise ModelError for a name that two groups have: meshio knows groups by name alone."""
     section = NAMES.search(read_whole(path))
-    seen: dict[bytes, tuple[int, int]] = {}
+    group_of: dict[bytes, tuple[int, int]] = {}
     for dimension, tag, name in NAME.findall(section[1]) if section else ():
         group = int(dimension), int(tag)
-        other = seen.setdefault(name, group)
+        other = group_of.setdefault(name, group)
         if other != group:
             (one, first), (two, second) = other, group
             raise ModelError(
@@ -218,12 +220,12 @@ def _with_facets(mesh: SolidMesh, found: Any, groups: list[dict[str, np.ndarray]
                 corners.setdefault(name, []).append(four)
     surfaces, notes = {}, []
     for name, parts in corners.items():
-        wanted = np.unique(np.concatenate(parts), axis=0)
-        faces, there = faces_with_corners(mesh, wanted)
+        facet_corners = np.unique(np.concatenate(parts), axis=0)
+        faces, there = faces_with_corners(mesh, facet_corners)
         if len(faces):
             surfaces[name] = faces
         if missing := int((~there).sum()):
-            why = f"{missing} of {len(wanted)} facets are not on the boundary of the solid"
+            why = f"{missing} of {len(facet_corners)} facets are not on the boundary of the solid"
             notes.append(PassedOver(f"physical surface {name}", mesh.origin, 0, why))
     return replace(
         mesh,

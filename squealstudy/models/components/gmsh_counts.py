@@ -26,11 +26,11 @@ def check_counts(path: Path) -> None:
     Also where two nodes, two elements or two names have one number.
     """
     content = _content(path)
-    found = FORMAT.search(content)
-    if found is None or found[2] != b"0":
+    header = FORMAT.search(content)
+    if header is None or header[2] != b"0":
         return  # meshio says what is wrong, or it is binary
-    blocks = found[1].startswith(b"4")
-    if blocks and not found[1].startswith(b"4.1"):
+    blocks = header[1].startswith(b"4")
+    if blocks and not header[1].startswith(b"4.1"):
         return  # meshio refuses 4.0 in its own words
     readers: dict[tuple[str, str], Callable[[Sequence[list[bytes]], str], Sequence[Number]]] = {
         ("Nodes", "node"): _in_blocks if blocks else _in_a_list,

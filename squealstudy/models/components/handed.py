@@ -21,29 +21,32 @@ def righted(mesh: SolidMesh) -> SolidMesh:
     """
     blocks = list(mesh.blocks)
     surfaces = {name: faces.copy() for name, faces in mesh.surfaces.items()}
-    found = []
+    turned_elements = []
     for b, start in enumerate(mesh.starts[:-1]):
         block = blocks[b]
-        left = _left_handed(mesh, b)
-        if not left.any():
+        left_handed = _left_handed(mesh, b)
+        if not left_handed.any():
             continue
         order, faces = _mirrored(block.kind.shape.name)
         nodes = block.nodes.copy()
-        nodes[left] = nodes[left][:, order]
+        nodes[left_handed] = nodes[left_handed][:, order]
         blocks[b] = replace(block, nodes=nodes)
-        found.append(start + np.flatnonzero(left))
-        for own in surfaces.values():
-            here = (own[:, 0] >= start) & (own[:, 0] < mesh.starts[b + 1])
-            here[here] = left[own[here, 0] - start]
-            own[here, 1] = faces[own[here, 1] - 1]
-    if not found:
+        turned_elements.append(start + np.flatnonzero(left_handed))
+        for faces_of_set in surfaces.values():
+            here = (faces_of_set[:, 0] >= start) & (faces_of_set[:, 0] < mesh.starts[b + 1])
+            here[here] = left_handed[faces_of_set[here, 0] - start]
+            faces_of_set[here, 1] = faces[faces_of_set[here, 1] - 1]
+    if not turned_elements:
         return mesh
-    elements = np.concatenate(found)
+    elements = np.concatenate(turned_elements)
     why = (
         f"{len(elements)} of {mesh.n_elements} elements, {mesh.elements_named(elements)}, are "
         "left-handed, as those of a mirrored part: read in the mirrored order of their nodes"
     )
-    ordered = {name: own[np.lexsort((own[:, 1], own[:, 0]))] for name, own in surfaces.items()}
+    ordered = {
+        name: faces_of_set[np.lexsort((faces_of_set[:, 1], faces_of_set[:, 0]))]
+        for name, faces_of_set in surfaces.items()
+    }
     note = PassedOver("order of nodes", mesh.origin, 0, why)
     return replace(
         mesh,
@@ -57,12 +60,12 @@ def _left_handed(mesh: SolidMesh, b: int) -> np.ndarray:
     """Which elements of a block are."""
     block = mesh.blocks[b]
     _, dN = block.kind.shape.functions(integration(block.kind.stiffness).points)
-    left = np.zeros(len(block.labels), dtype=bool)
-    for at in range(0, len(left), CHUNK):
+    is_left_handed = np.zeros(len(block.labels), dtype=bool)
+    for at in range(0, len(is_left_handed), CHUNK):
         X = mesh.nodes[block.nodes[at : at + CHUNK]]
         J = np.matmul(X.transpose(0, 2, 1)[:, None], dN)
-        left[at : at + CHUNK] = (np.linalg.det(J) < 0).all(axis=1)
-    return left
+        is_left_handed[at : at + CHUNK] = (np.linalg.det(J) < 0).all(axis=1)
+    return is_left_handed
 
 
 @cache

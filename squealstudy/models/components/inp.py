@@ -124,22 +124,22 @@ def _plain(keyword: str) -> str:
 
 def _elements(path: Path, dialect: Dialect, treat_as: Mapping[str, str] | None) -> dict[str, str]:
     """Formulation of each type of element of a file."""
-    found = {name: name for name in FORMULATIONS if name not in OWN}
+    formulation_of = {name: name for name in FORMULATIONS if name not in OWN}
     if dialect == "abaqus":
-        found["C3D8"] = "C3D8_BBAR"
+        formulation_of["C3D8"] = "C3D8_BBAR"
     for written, name in (treat_as or {}).items():
         if name == FACES and written.upper() in NODES:
-            found[written.upper()] = FACES
+            formulation_of[written.upper()] = FACES
             continue
         if name not in FORMULATIONS:
-            known = ", ".join(FORMULATIONS)
-            raise ModelError(f"{path}: treat_as {written} = '{name}': expected one of {known}")
-        if written.upper() not in (*found, *ELEMENTS):
+            names = ", ".join(FORMULATIONS)
+            raise ModelError(f"{path}: treat_as {written} = '{name}': expected one of {names}")
+        if written.upper() not in (*formulation_of, *ELEMENTS):
             raise ModelError(
                 f"{path}: treat_as: '{written}' is no solid element that is known here"
             )
-        found[written.upper()] = name
-    return found
+        formulation_of[written.upper()] = name
+    return formulation_of
 
 
 def _text(path: Path, contents: Contents, part: str | None, elements: Mapping[str, str]) -> Text:
@@ -263,12 +263,14 @@ def _of_instance(
     card = instance.card
     name = card.value("PART").upper()
     if name not in contents.parts:
-        known = ", ".join(contents.parts) or "none"
-        raise card.error(f"there is no part '{name}'; there is {known}")
+        part_names = ", ".join(contents.parts) or "none"
+        raise card.error(f"there is no part '{name}'; there is {part_names}")
     turn, shift = _placement(card)
     cards = [*contents.parts[name], *instance.cards]
-    own = card.value("NAME").upper()
-    return Text(path, cards, contents.assembly, own, contents.materials, turn, shift, elements)
+    instance_name = card.value("NAME").upper()
+    return Text(
+        path, cards, contents.assembly, instance_name, contents.materials, turn, shift, elements
+    )
 
 
 def _placement(card: Card) -> tuple[np.ndarray, np.ndarray]:
@@ -280,9 +282,9 @@ def _placement(card: Card) -> tuple[np.ndarray, np.ndarray]:
     if len(card.data) > 2:
         raise card.data[2].error("expected at most a line of a shift and a line of a turn")
     numbers = [[line.real(w, "a number") for w in line.words()] for line in card.data]
-    for line, found, count in zip(card.data, numbers, (3, 7), strict=False):
-        if len(found) != count:
-            raise line.error(f"expected {count} numbers, found {len(found)}")
+    for line, row, count in zip(card.data, numbers, (3, 7), strict=False):
+        if len(row) != count:
+            raise line.error(f"expected {count} numbers, found {len(row)}")
     shift = np.array(numbers[0]) if numbers else np.zeros(3)
     if len(numbers) < 2:
         return np.eye(3), shift

@@ -34,20 +34,20 @@ def with_added_mass(mesh: SolidMesh, cards: Sequence[Card], elements_of: Element
             )
         if how not in (BY_MASS, BY_VOLUME):
             raise card.error(f"DISTRIBUTION={how} is not supported")
-        ((line, value),) = card.numbers("a mass", 1, 1)
-        if not value >= 0:
-            raise line.error(f"expected a mass of zero or above, got {value:g}")
-        own = elements_of(card.line, card.value("ELSET"))
-        if not len(own):
+        ((line, added_mass),) = card.numbers("a mass", 1, 1)
+        if not added_mass >= 0:
+            raise line.error(f"expected a mass of zero or above, got {added_mass:g}")
+        elements = elements_of(card.line, card.value("ELSET"))
+        if not len(elements):
             raise card.error(f"ELSET={card.value('ELSET')} has no solid element")
         if units == TOTAL:
-            if how == BY_MASS and len(set(mesh.material[own])) > 1:
+            if how == BY_MASS and len(set(mesh.material[elements])) > 1:
                 raise card.error(
                     "a mass in proportion to that of several materials is not supported: expected "
                     "DISTRIBUTION=VOLUME PROPORTIONAL, or a set of one material"
                 )
-            value /= volumes(mesh)[own].sum()
-        density[own] += value
+            added_mass /= volumes(mesh)[elements].sum()
+        density[elements] += added_mass
     return replace(mesh, added_density=density)
 
 

@@ -66,23 +66,23 @@ class Card:
         self.unused = [name for name in self.parameters if name not in known]
         for name in self.unused:
             if name in MATTERS.get(self.keyword, ()):
-                wanted = ", ".join(sorted(known)) or "none"
+                supported = ", ".join(sorted(known)) or "none"
                 raise self.error(
-                    f"{self.shown}: the parameter {name} is not supported; supported: {wanted}"
+                    f"{self.shown}: the parameter {name} is not supported; supported: {supported}"
                 )
 
     def numbers(self, what: str, least: int, most: int) -> list[tuple[Line, float]]:
         """All numbers of all its lines, `least` to `most` of them, with their lines."""
-        found = [
+        numbers = [
             (line, line.real(word, what)) for line in self.data for word in line.words() if word
         ]
-        if not least <= len(found) <= most:
-            wanted = f"{least}" if least == most else f"{least} to {most}"
+        if not least <= len(numbers) <= most:
+            expected = f"{least}" if least == most else f"{least} to {most}"
             line = self.data[-1] if self.data else self.line
             raise line.error(
-                f"{self.shown}: expected {wanted} numbers ({what}), found {len(found)}"
+                f"{self.shown}: expected {expected} numbers ({what}), found {len(numbers)}"
             )
-        return found
+        return numbers
 
 
 def read_cards(path: Path) -> list[Card]:
@@ -156,9 +156,9 @@ def _card(text: str, line: Line) -> Card:
     for part in COMMAS.split(text)[1:]:
         if not part.strip():
             continue
-        name, _, value = part.partition("=")
+        name, _, setting = part.partition("=")
         name = "".join(name.split()).upper()
         if name in parameters:
             raise line.error(f"the parameter {name} is there twice")
-        parameters[name] = value.strip().strip('"')
+        parameters[name] = setting.strip().strip('"')
     return Card(_keyword(text), parameters, line)

@@ -112,8 +112,8 @@ class Component:
         for (card, _), numbers in zip(self.text.others, others, strict=True):
             if in_set := card.parameters.get("ELSET"):
                 self.element_sets.add(in_set, numbers)
-        known = np.unique(np.concatenate([self.labels, self.marked.labels, *others]))
-        self.element_sets.known = known
+        all_labels = np.unique(np.concatenate([self.labels, self.marked.labels, *others]))
+        self.element_sets.known = all_labels
 
     # -- sets and surfaces -----------------------------------------------------------------------
     def _collect_sets(self) -> None:
@@ -136,8 +136,8 @@ class Component:
 
     def _nodes_of(self, elements: np.ndarray) -> np.ndarray:
         """Numbers of the nodes of elements of these labels."""
-        found = [b.nodes[np.isin(b.labels, elements)].ravel() for b in self.blocks]
-        return self.numbers[np.unique(np.concatenate([NOTHING, *found]))]
+        block_nodes = [b.nodes[np.isin(b.labels, elements)].ravel() for b in self.blocks]
+        return self.numbers[np.unique(np.concatenate([NOTHING, *block_nodes]))]
 
     def _nodes(self, labels: np.ndarray) -> np.ndarray:
         return np.searchsorted(self.numbers, labels)
@@ -153,14 +153,14 @@ class Component:
         self, part: Sets, assembly: Sets, places: Callable[[np.ndarray], np.ndarray]
     ) -> dict[str, np.ndarray]:
         """All sets by name; those of the assembly as ASSEMBLY.name where the part has the name."""
-        found = {}
+        resolved = {}
         for key, name in part.shown.items():
-            found[name] = places(part.labels(key, self._first().line))
+            resolved[name] = places(part.labels(key, self._first().line))
         for key, name in assembly.shown.items():
             members = places(assembly.labels(key, self._first().line))
             if len(members):
-                found[f"ASSEMBLY.{name}" if key in part.shown else name] = members
-        return found
+                resolved[f"ASSEMBLY.{name}" if key in part.shown else name] = members
+        return resolved
 
     def _with_surfaces(self, mesh: SolidMesh) -> SolidMesh:
         surfaces: dict[str, np.ndarray] = {}
@@ -209,8 +209,8 @@ class Component:
 
     def _members(self, card: Card, sets: Sets) -> np.ndarray:
         """Labels that the first words of the lines of a surface name."""
-        found = [self._named(line, line.words()[0], sets) for line in card.data]
-        return np.unique(np.concatenate([NOTHING, *found]))
+        labels = [self._named(line, line.words()[0], sets) for line in card.data]
+        return np.unique(np.concatenate([NOTHING, *labels]))
 
     def _named(self, line: Line, word: str, sets: Sets) -> np.ndarray:
         """Labels of a set, or a label itself, in a surface."""
@@ -223,12 +223,12 @@ class Component:
         return sets.labels(word, line)
 
     def _faces(self, mesh: SolidMesh, card: Card, sets: Sets, outer: np.ndarray) -> np.ndarray:
-        found = [np.zeros((0, 2), dtype=np.int64)]
+        face_lists = [np.zeros((0, 2), dtype=np.int64)]
         for line in card.data:
             who, *face = line.words()
             elements = self._elements(self._named(line, who, sets))
             if not face or not face[0]:
-                found.append(outer[np.isin(outer[:, 0], elements)])
+                face_lists.append(outer[np.isin(outer[:, 0], elements)])
                 continue
             number = face[0].upper().removeprefix("S")
             if not WHOLE.fullmatch(number) or face[1:]:
@@ -240,8 +240,8 @@ class Component:
                         f"{mesh.elements_named(here)}: there is no face {face[0]}, only S1 to "
                         f"S{len(block.kind.shape.faces)}"
                     )
-            found.append(np.column_stack([elements, np.full(len(elements), int(number))]))
-        return np.unique(np.concatenate(found), axis=0)
+            face_lists.append(np.column_stack([elements, np.full(len(elements), int(number))]))
+        return np.unique(np.concatenate(face_lists), axis=0)
 
     # -- sections and couplings ------------------------------------------------------------------
     def _with_sections(self, mesh: SolidMesh) -> SolidMesh:
@@ -261,19 +261,19 @@ class Component:
 
     def _with_couplings(self, mesh: SolidMesh) -> SolidMesh:
         cards = (*self.text.part, *self.text.assembly)
-        known = {card.value("NAME").upper() for card in cards if card.keyword == "SURFACE"} | {
+        names = {card.value("NAME").upper() for card in cards if card.keyword == "SURFACE"} | {
             name.upper() for sets in (self.node_sets, self.of_assembly[0]) for name in sets.shown
         }
         turn, shift = self.text.turn, self.text.shift
         turned = not np.array_equal(turn, np.eye(3))
-        part = Where(self.text.part, self.node_sets, self.element_sets, "", known, turned)
-        assembly = Where(self.text.assembly, *self.of_assembly, "ASSEMBLY.", known)
+        part = Where(self.text.part, self.node_sets, self.element_sets, "", names, turned)
+        assembly = Where(self.text.assembly, *self.of_assembly, "ASSEMBLY.", names)
         placed = replace(mesh, nodes=mesh.nodes @ turn.T + shift)
-        found, axes = self._constraints(part, mesh, {})
-        axes = {node: own.moved(turn, shift) for node, own in axes.items()}
+        constraints, axes = self._constraints(part, mesh, {})
+        axes = {node: orientation.moved(turn, shift) for node, orientation in axes.items()}
         more, _ = self._constraints(assembly, placed, axes)  # directions there are global
-        found += [c.moved(turn.T, -turn.T @ shift) for c in more]
-        mesh, abaqus = replace(mesh, constraints=tuple(found)), self.text.abaqus
+        constraints += [c.moved(turn.T, -turn.T @ shift) for c in more]
+        mesh, abaqus = replace(mesh, constraints=tuple(constraints)), self.text.abaqus
         at = Places(self.node_sets, self._nodes)
         return read_discrete(mesh, self.text, at, self.element_sets, abaqus)
 
@@ -281,11 +281,11 @@ class Component:
         self, where: Where, mesh: SolidMesh, axes: Mapping[int, Orientation]
     ) -> tuple[list[Constraint], dict[int, Orientation]]:
         """What a part or the assembly has, and the directions of nodes by ``*TRANSFORM``."""
-        found = Couplings(mesh, self._nodes, self._nodes_of, self.text.note).read(where)
+        couplings = Couplings(mesh, self._nodes, self._nodes_of, self.text.note).read(where)
         at, abaqus = Places(where.nodes, self._nodes), self.text.abaqus
         equations = Equations(at, mesh.nodes, mesh.bare, abaqus, self.text.note, where.turned, axes)
         axes = equations.transforms(where.cards)
-        return [*found, *equations.read(where.cards)], axes
+        return [*couplings, *equations.read(where.cards)], axes
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
         used = mesh.used_nodes()
@@ -306,9 +306,9 @@ class Component:
 
 def _free_name(name: str, taken: Mapping[str, object], card: Card, of_assembly: bool) -> str:
     """The name; of the assembly ASSEMBLY.name where the part has it too. ModelError for a third."""
-    known = {n.upper() for n in taken}
-    if name.upper() not in known:
+    taken_names = {n.upper() for n in taken}
+    if name.upper() not in taken_names:
         return name
-    if not of_assembly or f"ASSEMBLY.{name}".upper() in known:
+    if not of_assembly or f"ASSEMBLY.{name}".upper() in taken_names:
         raise card.error(f"there is a '{name}' already")
     return f"ASSEMBLY.{name}"

@@ -71,23 +71,23 @@ class Couplings:
 
     def read(self, where: Where) -> list[Constraint]:
         """Those of a part or of the assembly; ModelError about the line of what is wrong."""
-        found: list[Constraint | None] = []
+        constraints: list[Constraint | None] = []
         cards = list(where.cards)
         for number, card in enumerate(cards):
             if card.keyword == "TIE":
-                found += [self._tie(card, line, where) for line in self._lines(card)]
+                constraints += [self._tie(card, line, where) for line in self._lines(card)]
             elif card.keyword == "RIGIDBODY":
-                found.append(self._rigid_body(card, where))
+                constraints.append(self._rigid_body(card, where))
             elif card.keyword == "COUPLING":
                 after = cards[number + 1] if number + 1 < len(cards) else None
                 if after is None or after.keyword not in OF_COUPLING:
                     raise card.error("expected *KINEMATIC or *DISTRIBUTING after *COUPLING")
-                found.append(self._coupling(card, after, where))
+                constraints.append(self._coupling(card, after, where))
             elif card.keyword in OF_COUPLING:
                 before = cards[number - 1].keyword if number else ""
                 if before != "COUPLING":
                     raise card.error(f"{card.shown} belongs after *COUPLING")
-        return [c for c in found if c is not None]
+        return [c for c in constraints if c is not None]
 
     @staticmethod
     def _lines(card: Card) -> list[Line]:
@@ -136,13 +136,13 @@ class Couplings:
         if "ROTNODE" in card.parameters:
             self._note(card, "ROT NODE: nothing can be said of its turns here")
         named = [card.parameters.get(key) for key in ("NSET", "TIENSET", "PINNSET")]
-        found = [self._places(where.nodes.labels(name, card.line)) for name in named if name]
+        node_lists = [self._places(where.nodes.labels(name, card.line)) for name in named if name]
         if name := card.parameters.get("ELSET"):
             elements = where.elements.labels(name, card.line)
-            found.append(self._places(self._nodes_of(elements)))
-        if not found:
+            node_lists.append(self._places(self._nodes_of(elements)))
+        if not node_lists:
             raise card.error("*RIGID BODY needs NSET=... or ELSET=...")
-        nodes = np.unique(np.concatenate(found))
+        nodes = np.unique(np.concatenate(node_lists))
         return self._coupled(card, self._name(card, ""), nodes, where, "rigid", (1, 2, 3), NO_FACES)
 
     def _coupling(self, card: Card, how: Card, where: Where) -> Coupling | None:
@@ -158,9 +158,9 @@ class Couplings:
             raise how.error(f"it has {TURNED}")
         if how.keyword == "KINEMATIC":
             how.check(())
-            found = self._coupled(card, name, nodes, where, "rigid", directions, NO_FACES)
-            found = found and replace(found, axes=axes, turning={4, 5, 6} <= set(every))
-            return self._off_axis(card, found, nodes)
+            coupling = self._coupled(card, name, nodes, where, "rigid", directions, NO_FACES)
+            coupling = coupling and replace(coupling, axes=axes, turning={4, 5, 6} <= set(every))
+            return self._off_axis(card, coupling, nodes)
         how.check(DISTRIBUTING)
         method = how.parameters.get("WEIGHTINGMETHOD", "UNIFORM").upper()
         if method != "UNIFORM":
@@ -168,9 +168,9 @@ class Couplings:
         if not directions:
             self._note(card, "turns of the reference node alone, which has none here")
             return None
-        found = self._coupled(card, name, nodes, where, "distributing", directions, faces)
-        found = found and replace(found, axes=axes)
-        return self._off_axis(card, found, self._reference(card, where))
+        coupling = self._coupled(card, name, nodes, where, "distributing", directions, faces)
+        coupling = coupling and replace(coupling, axes=axes)
+        return self._off_axis(card, coupling, self._reference(card, where))
 
     def _axes(self, card: Card, where: Where) -> Orientation:
         """The ``*ORIENTATION`` of a coupling."""
@@ -195,13 +195,13 @@ class Couplings:
     @staticmethod
     def _directions(card: Card) -> tuple[int, ...]:
         """Those that the lines name; all where there are none."""
-        found: set[int] = set()
+        named_directions: set[int] = set()
         for line in card.data:
             words = [line.whole(w, "a direction 1 to 6") for w in line.words() if w]
             if not 1 <= len(words) <= 2 or not all(1 <= w <= 6 for w in words):
                 raise line.error("expected the first and the last of the directions 1 to 6")
-            found |= set(range(words[0], words[-1] + 1))
-        return tuple(d for d in range(1, 7) if d in found or not card.data)
+            named_directions |= set(range(words[0], words[-1] + 1))
+        return tuple(d for d in range(1, 7) if d in named_directions or not card.data)
 
     def _coupled(
         self,
@@ -252,8 +252,8 @@ class Couplings:
             return self._surface(line, inner, where)
         if inner.upper() in where.known:
             return np.zeros(0, dtype=np.int64), NO_FACES
-        known = ", ".join([*mesh.surfaces, *mesh.node_sets]) or "none"
-        raise line.error(f"there is no surface '{word}'; there is {known}")
+        names = ", ".join([*mesh.surfaces, *mesh.node_sets]) or "none"
+        raise line.error(f"there is no surface '{word}'; there is {names}")
 
     @staticmethod
     def _name(card: Card, name: str) -> str:

@@ -35,45 +35,45 @@ def read_discrete(mesh: SolidMesh, text: Text, at: Places, sets: Sets, abaqus: b
     if not cards:
         return mesh
     members = _members(text, at)
-    found: list[Discrete] = []
+    discrete: list[Discrete] = []
     constraints: list[Constraint] = list(mesh.constraints)
     springs: list[tuple[Card, list[tuple[Line, str, np.ndarray]]]] = []
     for card in cards:
         card.check(("ELSET",))
         labels = sets.labels(card.value("ELSET"), card.line)
-        own = [members[int(label)] for label in labels if int(label) in members]
+        elements = [members[int(label)] for label in labels if int(label) in members]
         if card.keyword == "MASS":
             mass = card.numbers("a mass", 1, 1)[0][1]
             if not mass >= 0:
                 raise card.data[0].error(f"expected a mass of zero or above, got {mass:g}")
-            for _, kind, nodes in own:
+            for _, kind, nodes in elements:
                 if kind == "MASS":
-                    found.append(point_mass(card.shown, int(nodes[0]), mass))
+                    discrete.append(point_mass(card.shown, int(nodes[0]), mass))
         elif card.keyword == "ROTARYINERTIA":
             inertia = _inertia(card, text)
-            nodes = np.array([int(nodes[0]) for _, kind, nodes in own if kind == "ROTARYI"])
-            found += _turning(card, nodes, inertia, mesh, text)
+            nodes = np.array([int(nodes[0]) for _, kind, nodes in elements if kind == "ROTARYI"])
+            discrete += _turning(card, nodes, inertia, mesh, text)
         elif card.keyword == "SPRING":
-            springs.append((card, own))
+            springs.append((card, elements))
         else:
-            references = [int(nodes[0]) for _, kind, nodes in own if kind == "DCOUP3D"]
+            references = [int(nodes[0]) for _, kind, nodes in elements if kind == "DCOUP3D"]
             for reference in references:
                 constraints += _older(card, reference, at, abaqus)
-    mesh = replace(mesh, discrete=tuple(found), constraints=tuple(constraints))
+    mesh = replace(mesh, discrete=tuple(discrete), constraints=tuple(constraints))
     ground = mesh.bare
     ground[mesh.references] = False
-    for card, own in springs:
-        for line, kind, nodes in own:
+    for card, elements in springs:
+        for line, kind, nodes in elements:
             if kind.startswith("SPRING"):
-                found += _spring(card, line, kind, nodes, mesh, ground, text)
-    return replace(mesh, discrete=tuple(found))
+                discrete += _spring(card, line, kind, nodes, mesh, ground, text)
+    return replace(mesh, discrete=tuple(discrete))
 
 
 def _inertia(card: Card, text: Text) -> np.ndarray:
     """I11, I22, I33 as a matrix (3, 3); ModelError about products, whose sign codes differ in."""
     if "ORIENTATION" in card.parameters:
         raise card.error(f"{card.shown}, ORIENTATION is not supported: write global moments")
-    values = [value for _, value in card.numbers("a moment of inertia", 1, 6)]
+    values = [moment for _, moment in card.numbers("a moment of inertia", 1, 6)]
     if len({*values[:3]}) > 1 or len(values) < 3:
         _check_directions(card, text)
     if any(values[3:]) or min(values) < 0:
@@ -104,7 +104,7 @@ def _turning(
 
 
 def _members(text: Text, at: Places) -> Members:
-    found: Members = {}
+    elements: Members = {}
     for card in text.points:
         kind = card.value("TYPE").upper()
         for line in card.data:
@@ -115,8 +115,8 @@ def _members(text: Text, at: Places) -> Members:
                 )
             label = line.whole(words[0], "an element number")
             nodes = [at.of(line, word) for word in words[1:]]
-            found[label] = (line, kind, np.concatenate(nodes))
-    return found
+            elements[label] = (line, kind, np.concatenate(nodes))
+    return elements
 
 
 def _spring(
@@ -153,9 +153,9 @@ def _spring(
             raise card.data[0].error("expected a direction for each node of the spring")
         if not any(direction[3:].any() for _, direction in ends):
             ends = [(node, direction[:3]) for node, direction in ends]
-    held = [node for node, _ in ends if ground[node]]
-    if held:
-        text.note(card, f"{mesh.nodes_named(np.array(held))}: of no element: counts as ground")
+    grounded = [node for node, _ in ends if ground[node]]
+    if grounded:
+        text.note(card, f"{mesh.nodes_named(np.array(grounded))}: of no element: counts as ground")
     ends = [end for end in ends if not ground[end[0]]]
     if ends:
         yield spring(f"{card.shown} (line {card.line.place + 1})", ends, stiffness)
@@ -168,8 +168,8 @@ def _older(card: Card, reference: int, at: Places, abaqus: bool) -> Iterator[Con
     for line in card.data:
         words = line.words()
         nodes.append(at.of(line, words[0]))
-        own = line.real(words[1], "a weight") if len(words) > 1 and words[1] else 1.0
-        weights.append(np.full(len(nodes[-1]), own))
+        node_weight = line.real(words[1], "a weight") if len(words) > 1 and words[1] else 1.0
+        weights.append(np.full(len(nodes[-1]), node_weight))
     others = np.concatenate([np.zeros(0, dtype=np.int64), *nodes])
     weight = np.concatenate([np.zeros(0), *weights])
     if not len(others) or not (weight > 0).all():

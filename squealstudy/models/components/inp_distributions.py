@@ -30,10 +30,14 @@ def orientations_of(
     if not card.data or REAL.fullmatch(name):
         yield elements, read_orientation(card)
         return
-    found = [c for c in cards if c.keyword == KEYWORD and c.value("NAME").upper() == name.upper()]
-    if len(found) != 1:
-        raise card.data[0].error(f"there are {len(found)} distributions '{name}': expected one")
-    yield from _rows(card, found[0], elements, elements_of)
+    distributions = [
+        c for c in cards if c.keyword == KEYWORD and c.value("NAME").upper() == name.upper()
+    ]
+    if len(distributions) != 1:
+        raise card.data[0].error(
+            f"there are {len(distributions)} distributions '{name}': expected one"
+        )
+    yield from _rows(card, distributions[0], elements, elements_of)
 
 
 def unused_distributions(cards: Sequence[Card]) -> Iterator[Card]:
@@ -59,8 +63,8 @@ def _rows(
         label, *numbers = line.words()
         if len(numbers) != 6:
             raise line.error(f"expected an element or a set and two points, found {line.text}")
-        own = np.isin(elements, elements_of(line, label)) if label else row_of < 0
-        row_of[own] = number
+        is_labelled = np.isin(elements, elements_of(line, label)) if label else row_of < 0
+        row_of[is_labelled] = number
     if (row_of < 0).any():
         raise table.error(f"it says nothing of {(row_of < 0).sum()} elements of its section")
     for number in np.unique(row_of):

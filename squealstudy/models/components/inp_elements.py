@@ -59,10 +59,10 @@ class Elements:
         self.blocks = [
             ElementBlock(
                 name,
-                np.searchsorted(numbers, np.concatenate([nodes for _, nodes in found])),
-                np.concatenate([labels for labels, _ in found]),
+                np.searchsorted(numbers, np.concatenate([nodes for _, nodes in tables])),
+                np.concatenate([labels for labels, _ in tables]),
             )
-            for name, found in parts.items()
+            for name, tables in parts.items()
         ]
         self.labels = np.concatenate([NOTHING, *(b.labels for b in self.blocks)])
         self.by_label = np.argsort(self.labels)
@@ -140,28 +140,28 @@ class Elements:
             words = line.words()
             if not 2 <= len(words) <= 10:
                 raise line.error("expected an element and how often it repeats, by which steps")
-            given = [line.whole(w, "a whole number") if w else 1 for w in words]
-            given += [1] * (10 - len(given))
-            counts, node_steps, steps = (np.array(given[k::3]) for k in (1, 2, 3))
+            parameters = [line.whole(w, "a whole number") if w else 1 for w in words]
+            parameters += [1] * (10 - len(parameters))
+            counts, node_steps, steps = (np.array(parameters[k::3]) for k in (1, 2, 3))
             if not (counts >= 1).all() or np.prod(counts.astype(float)) > MOST:
                 raise line.error(f"expected counts from 1, and at most {MOST} elements")
-            name, nodes = self._named(line, given[0], parts)
+            name, nodes = self._named(line, parameters[0], parts)
             k = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
             k = k.reshape(-1, 3)[1:]  # the first is there
-            labels = given[0] + k @ steps
+            labels = parameters[0] + k @ steps
             table = np.column_stack([labels, nodes + (k @ node_steps)[:, None]])
             for label in labels.tolist():
                 self._check_new(label, line, line)
             self._check_nodes(table, [line] * len(table))
             parts[name].append((table[:, 0], table[:, 1:]))
-            members.append(np.append(labels, given[0]))
+            members.append(np.append(labels, parameters[0]))
         if (in_set := card.parameters.get("ELSET")) and members:
             self._sets.add(in_set, np.concatenate(members))
 
     def _named(self, line: Line, label: int, parts: Mapping[str, Tables]) -> tuple[str, np.ndarray]:
         """Formulation and nodes (k,) of an element that there is."""
-        for name, found in parts.items():
-            for labels, nodes in found:
+        for name, tables in parts.items():
+            for labels, nodes in tables:
                 row = np.flatnonzero(labels == label)
                 if len(row):
                     return name, nodes[row[0]]

@@ -93,8 +93,8 @@ class Equations:
     def _direction(self, node: int, axis: int) -> np.ndarray:
         if node not in self._axes:
             return np.eye(3)[axis]
-        own: np.ndarray = self._axes[node].axes(self._nodes[node][None])[0, axis]
-        return own
+        direction: np.ndarray = self._axes[node].axes(self._nodes[node][None])[0, axis]
+        return direction
 
     # -- equations -------------------------------------------------------------------------------
     def _equation(self, card: Card) -> Iterator[Relation]:
@@ -140,20 +140,20 @@ class Equations:
                 raise line.error(f"expected one node or {size} in each term, found {len(nodes)}")
         name = f"{card.shown} (line {line.place + 1})"
         for k in range(size):
-            nodes = np.array([own[k if len(own) > 1 else 0] for own, _, _ in parts])
+            nodes = np.array([members[k if len(members) > 1 else 0] for members, _, _ in parts])
             vectors = np.array(
                 [
-                    value * self._direction(int(node), axis)
-                    for node, (_, axis, value) in zip(nodes, parts, strict=True)
+                    coefficient * self._direction(int(node), axis)
+                    for node, (_, axis, coefficient) in zip(nodes, parts, strict=True)
                 ]
             )
             if self._bare[nodes].all():
                 self._note(card, "nodes of no element")
                 continue
-            found = relation(name, nodes, vectors)
-            if not np.abs(found.vectors[0]).max() > 0:
+            equation = relation(name, nodes, vectors)
+            if not np.abs(equation.vectors[0]).max() > 0:
                 raise line.error("the factor of the first term is zero")
-            yield found
+            yield equation
 
     # -- multi-point constraints -----------------------------------------------------------------
     def _mpc(self, card: Card, beams: dict[int, tuple[str, list[int]]]) -> Iterator[Relation]:
@@ -166,12 +166,12 @@ class Equations:
             if kind in ALONG and not self._abaqus:
                 yield from self._along(line, kind, words)
                 continue
-            known = (*SAME, "LINK", "BEAM") if self._abaqus else (*SAME, *ALONG, "BEAM")
-            if kind not in known:
+            supported = (*SAME, "LINK", "BEAM") if self._abaqus else (*SAME, *ALONG, "BEAM")
+            if kind not in supported:
                 why = ROPE if kind == "DIST" and not self._abaqus else ""
                 raise line.error(
                     f"*MPC of type {kind} is not supported{why}: supported are "
-                    f"{', '.join(known)}; {PASTE}"
+                    f"{', '.join(supported)}; {PASTE}"
                 )
             if len(words) != 2:
                 raise line.error("expected a type and two nodes or sets")
@@ -221,10 +221,10 @@ class Equations:
             if np.linalg.norm(x[k] - start - sides.T @ share) > OFF * size:
                 raise line.error(f"node {k + 1} of {len(nodes)} of the MPC lies off the others")
             factors = np.append(1 - share.sum(), share)
-            own = np.append(nodes[k], nodes[chosen])
+            related_nodes = np.append(nodes[k], nodes[chosen])
             for axis in across:
                 vectors = np.append(1.0, -factors)[:, None] * axis
-                yield relation(f"*MPC {kind} (line {line.place + 1})", own, vectors)
+                yield relation(f"*MPC {kind} (line {line.place + 1})", related_nodes, vectors)
 
 
 def _spanning(x: np.ndarray, few: int) -> np.ndarray | None:

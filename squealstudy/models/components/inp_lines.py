@@ -30,8 +30,8 @@ class Line(NamedTuple):
 
     def words(self) -> list[str]:
         """What stands between commas; of a comma at the end nothing follows."""
-        found = [w.strip() for w in self.text.split(",")]
-        return found[:-1] if len(found) > 1 and not found[-1] else found
+        words = [w.strip() for w in self.text.split(",")]
+        return words[:-1] if len(words) > 1 and not words[-1] else words
 
     def whole(self, word: str, what: str) -> int:
         """A word as a whole number; ModelError where it is none."""
@@ -41,7 +41,7 @@ class Line(NamedTuple):
 
     def real(self, word: str, what: str) -> float:
         """A word as a finite number, Fortran's exponents among them; ModelError for others."""
-        value = float(word.translate(FORTRAN)) if REAL.fullmatch(word) else float("nan")
-        if not abs(value) < float("inf"):
+        number = float(word.translate(FORTRAN)) if REAL.fullmatch(word) else float("nan")
+        if not abs(number) < float("inf"):
             raise self.error(f"expected {what}, found '{shortened(word)}'")
-        return value
+        return number

@@ -92,8 +92,8 @@ class MaterialText:
         self.elastic.check(("TYPE", "MODULI"))
         written = "".join(self.elastic.parameters.get("TYPE", "ISO").split()).upper()
         if written not in KINDS:
-            known = ", ".join(KINDS)
-            text = f"*ELASTIC, TYPE={written} is not supported; supported: {known}"
+            supported = ", ".join(KINDS)
+            text = f"*ELASTIC, TYPE={written} is not supported; supported: {supported}"
             lacking.append(str(self.elastic.error(text)))
             return None
         kind = KINDS[written]
@@ -144,8 +144,8 @@ def _rows(card: Card, what: str, count: int) -> Rows:
             )
     if not rows or not whole:
         line = card.data[-1] if card.data else card.line
-        found = len(rows[-1][1]) if rows else 0
-        raise line.error(f"{card.shown}: expected {count} numbers ({what}), found {found}")
+        n_numbers = len(rows[-1][1]) if rows else 0
+        raise line.error(f"{card.shown}: expected {count} numbers ({what}), found {n_numbers}")
     return [(line, [*row, 0.0][: count + 1]) for line, row in rows]
 
 
@@ -200,8 +200,8 @@ def with_sections(
         if name not in materials and text is not None:
             materials[name] = text.read(temperature)
         elif name not in materials:
-            known = ", ".join(m.name for m in materials_of_file.values()) or "none"
-            missing = card.error(f"there is no material '{name}'; there is {known}")
+            names = ", ".join(m.name for m in materials_of_file.values()) or "none"
+            missing = card.error(f"there is no material '{name}'; there is {names}")
             materials[name] = Unfinished(None, None, str(missing))
         if (material[elements] != "").any():
             twice = elements[material[elements] != ""]
@@ -210,11 +210,13 @@ def with_sections(
         if turned := card.parameters.get("ORIENTATION"):
             if turned.upper() not in axes:
                 raise card.error(f"there is no orientation '{turned}'")
-            own = axes[turned.upper()]
-            key = own.value("NAME")
-            for places, found in orientations_of(own, cards, elements, elements_of):
+            orientation_card = axes[turned.upper()]
+            key = orientation_card.value("NAME")
+            for places, element_axes in orientations_of(
+                orientation_card, cards, elements, elements_of
+            ):
                 name = key
-                while orientations.setdefault(name, found) != found:
+                while orientations.setdefault(name, element_axes) != element_axes:
                     name = f"{key}@{len(orientations) + 1}"
                 orientation[places] = name
     return replace(

@@ -150,18 +150,18 @@ class Nodes:
         for name in ("BIAS", "SINGULAR", "TWOSTEP"):
             if card.parameters.get(name, "1").strip() not in ("1", "1.", "1.0"):
                 raise card.error(f"*NFILL, {name} is not supported: expected equal steps")
-        known = Sets("node")
-        known.known = np.unique(np.array(self._numbers, dtype=np.int64))
+        node_sets = Sets("node")
+        node_sets.known = np.unique(np.array(self._numbers, dtype=np.int64))
         for sets_card in before:
-            known.add(sets_card.value("NSET"), sets_card)
+            node_sets.add(sets_card.value("NSET"), sets_card)
         for name, labels in self._named:
-            known.add(name, labels)
+            node_sets.add(name, labels)
         members: list[int] = []
         for line in card.data:
             words = line.words()
             if len(words) not in (3, 4):
                 raise line.error("expected two node sets, a number of intervals, a step of numbers")
-            one, other = (known.labels(w, line) for w in words[:2])
+            one, other = (node_sets.labels(w, line) for w in words[:2])
             if len(one) != len(other) or not len(one):
                 raise line.error(
                     f"expected sets with as many nodes, found {len(one)} and {len(other)}"

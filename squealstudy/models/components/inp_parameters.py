@@ -48,14 +48,14 @@ class Parameters:
             if unknown:
                 raise line.error(f"{name}: there is no number '{unknown[0]}' yet")
             self._check_divisions(line, text)
-            value = expression.value({n: self._numbers[n] for n in expression.names})
+            number = expression.value({n: self._numbers[n] for n in expression.names})
         except ModelError as error:
             if str(line.file.path) in str(error):
                 raise
             raise line.error(f"{name}: {error}") from None
-        whole = value.is_integer() and self._is_whole(ast.parse(text, mode="eval").body)
-        self._numbers[name] = value
-        self._texts[name] = str(int(value)) if whole else repr(value)
+        whole = number.is_integer() and self._is_whole(ast.parse(text, mode="eval").body)
+        self._numbers[name] = number
+        self._texts[name] = str(int(number)) if whole else repr(number)
         (self._whole.add if whole else self._whole.discard)(name)
 
     def _check_divisions(self, line: Line, text: str) -> None:
@@ -95,8 +95,8 @@ class Parameters:
         text = line.text
         for name in dict.fromkeys(USED.findall(text)):
             if name not in self._texts:
-                known = ", ".join(self._texts) or "none"
-                raise line.error(f"there is no parameter <{name}> yet; there is {known}")
+                names = ", ".join(self._texts) or "none"
+                raise line.error(f"there is no parameter <{name}> yet; there is {names}")
         text = USED.sub(lambda found: self._texts[found[1]], text)
         if text == line.text:
             return line

@@ -42,12 +42,12 @@ def refuse(found: Sequence[Refused]) -> None:
 def sift_elements(text: Text, pass_over: Collection[str]) -> list[Refused]:
     """Elements of a component that cannot be read; those to be passed over are taken out."""
     refused: list[Refused] = []
-    kept: list[Card] = []
+    readable: list[Card] = []
     dropped: dict[str, list[Card]] = {}
     for card in text.part:
         written = card.value("TYPE").upper() if card.keyword == "ELEMENT" else ""
         if not written or written in text.elements:
-            kept.append(card)
+            readable.append(card)
         elif written in POINTS and written not in pass_over:
             text.points.append(card)
             text.others.append((card, _labels(card)))
@@ -61,7 +61,7 @@ def sift_elements(text: Text, pass_over: Collection[str]) -> list[Refused]:
         text.note(cards[0], BESIDE.get(written, f"{written}, as asked for"))
         for card in cards:
             text.others.append((card, _labels(card)))
-    text.part = kept
+    text.part = readable
     return refused
 
 
@@ -76,11 +76,11 @@ def _advice(text: Text, written: str) -> str:
 
 def _labels(card: Card) -> list[int]:
     """Numbers of elements that are passed over: a line after one that ends in a comma goes on."""
-    found = []
+    labels = []
     goes_on = False
     for line in card.data:
         word = line.words()[0]
         if not goes_on and WHOLE.fullmatch(word):
-            found.append(int(word))
+            labels.append(int(word))
         goes_on = line.text.rstrip().endswith(",")
-    return found
+    return labels

@@ -28,7 +28,7 @@ def read_sectors(
     cards: Sequence[Card], labels_of: Callable[[str, Card], np.ndarray]
 ) -> list[SectorCard]:
     """The cards; ModelError about the line of what is wrong. `labels_of` an element set."""
-    found = []
+    sector_cards = []
     for card in cards:
         if card.keyword != KEYWORD:
             continue
@@ -37,13 +37,15 @@ def read_sectors(
         if not (number.is_integer() and 2 <= number <= MOST):
             raise card.error(f"N={number:g} sectors are no whole body: expected 2 to {MOST}")
         first = replace(card, data=card.data[:1])  # CalculiX reads no further
-        x = np.array([value for _, value in first.numbers("two points of the axis", 6, 6)])
+        x = np.array(
+            [coordinate for _, coordinate in first.numbers("two points of the axis", 6, 6)]
+        )
         if not np.linalg.norm(x[3:] - x[:3]) > 0:
             raise card.data[0].error("the two points of the axis are one")
         name = card.parameters.get("ELSET")
         labels = None if name is None else labels_of(name, card)
-        found.append(SectorCard(card, Repetition(x[:3], x[3:] - x[:3], int(number)), labels))
-    return found
+        sector_cards.append(SectorCard(card, Repetition(x[:3], x[3:] - x[:3], int(number)), labels))
+    return sector_cards
 
 
 def whole_body(mesh: SolidMesh, sectors: Sequence[SectorCard]) -> SolidMesh:
@@ -51,10 +53,10 @@ def whole_body(mesh: SolidMesh, sectors: Sequence[SectorCard]) -> SolidMesh:
 
     ModelError where parts of it repeat otherwise than others.
     """
-    own = [s for s in sectors if s.labels is None or np.isin(mesh.labels, s.labels).any()]
-    if not own:
+    of_mesh = [s for s in sectors if s.labels is None or np.isin(mesh.labels, s.labels).any()]
+    if not of_mesh:
         return mesh
-    first, *others = own
+    first, *others = of_mesh
     for other in others:
         if other.how.count != first.how.count:
             raise other.card.error(

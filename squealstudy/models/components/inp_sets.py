@@ -58,8 +58,8 @@ class Sets:
         owner, dot, inner = name.partition(".")
         if self.part is not None and dot:
             return self.part.labels(inner, line) if owner.upper() == self.instance else NOTHING
-        known = ", ".join(self.shown.values()) or "none"
-        raise line.error(f"there is no {self.kind} set '{name}'; there is {known}")
+        names = ", ".join(self.shown.values()) or "none"
+        raise line.error(f"there is no {self.kind} set '{name}'; there is {names}")
 
     def _members(self, entry: Card | np.ndarray, above: tuple[str, ...]) -> np.ndarray:
         if isinstance(entry, np.ndarray):
@@ -71,16 +71,16 @@ class Sets:
             return self.part._members(entry, ())
         if "GENERATE" in entry.parameters:
             return self._generated(entry) if self.part is None else NOTHING
-        found, numbers = [], []
+        labels_of_sets, numbers = [], []
         for line in entry.data:
             for word in line.words():
                 if WHOLE.fullmatch(word):
                     numbers.append(int(word))
                     self.check(line, numbers[-1])
                 else:
-                    found.append(self._named(line, word, above))
-        own = np.array(numbers, dtype=np.int64) if self.part is None else NOTHING
-        return np.concatenate([own, *found])
+                    labels_of_sets.append(self._named(line, word, above))
+        written_labels = np.array(numbers, dtype=np.int64) if self.part is None else NOTHING
+        return np.concatenate([written_labels, *labels_of_sets])
 
     def _named(self, line: Line, word: str, above: tuple[str, ...]) -> np.ndarray:
         """A set, or instance.label, in a set."""
@@ -93,7 +93,7 @@ class Sets:
         return self.labels(word, line, above)
 
     def _generated(self, card: Card) -> np.ndarray:
-        found, missing = [], 0
+        ranges, missing = [], 0
         for line in card.data:
             words = line.words()
             if len(words) not in (2, 3):
@@ -105,10 +105,10 @@ class Sets:
             inside = self.known[(self.known >= min(first, last)) & (self.known <= max(first, last))]
             inside = inside[(inside - first) % abs(by) == 0]
             missing += (last - first) // by + 1 - len(inside)
-            found.append(inside)
+            ranges.append(inside)
         if missing:
             self._absent[id(card)] = (card, missing)
-        return np.concatenate([NOTHING, *found])
+        return np.concatenate([NOTHING, *ranges])
 
     def check(self, line: Line, label: int) -> None:
         """ModelError about the line where a part has no such label."""

@@ -113,14 +113,14 @@ def _sections(mesh: SolidMesh) -> Iterator[str]:
         material, axes = pair.split("\n")
         if not material:
             continue
-        own = np.flatnonzero(pairs == pair)
-        same = (n for n, members in mesh.element_sets.items() if np.array_equal(members, own))
+        elements = np.flatnonzero(pairs == pair)
+        same = (n for n, members in mesh.element_sets.items() if np.array_equal(members, elements))
         name = next(same, "")
         if not name:
             name = next(n for k in count(1) if (n := f"SECTION_{k}") not in taken)
             taken.add(name)
             yield f"*ELSET, ELSET={name}"
-            yield from _wrapped(mesh.labels[own])
+            yield from _wrapped(mesh.labels[elements])
         more = f", ORIENTATION={axes}" if axes else ""
         yield f"*SOLID SECTION, ELSET={name}, MATERIAL={material}{more}"
 

@@ -54,23 +54,23 @@ def inspect(
     ModelError
         As `geometry_of` and `component_matrices`.
     """
-    found, geometry = Inspection(), geometry_of(brake)
+    inspection, geometry = Inspection(), geometry_of(brake)
     for body in geometry.bodies.values():
-        component_facts(found, geometry, body, given)
-    unheld(found, geometry, assembly)
-    _contact(found, geometry, assembly, pressure, given)
-    _ties(found, geometry, assembly)
-    _rotation(found, geometry, assembly)
-    _load(found, geometry)
-    _stresses(found, geometry)
+        component_facts(inspection, geometry, body, given)
+    unheld(inspection, geometry, assembly)
+    _contact(inspection, geometry, assembly, pressure, given)
+    _ties(inspection, geometry, assembly)
+    _rotation(inspection, geometry, assembly)
+    _load(inspection, geometry)
+    _stresses(inspection, geometry)
     n, points = assembly.n_dof, assembly.contact.n_points
     seconds = SECONDS * (n / FREEDOMS) ** GROWTH
-    found.tell(
+    inspection.tell(
         "size",
         f"{n:,} degrees of freedom, {points:,} contact points; a reduction needs about "
         f"{MEMORY + n * MEMORY_EACH:.1f} GB and {duration(seconds)} of a core",
     )
-    return found
+    return inspection
 
 
 # -- what is between -----------------------------------------------------------------------------
@@ -104,13 +104,13 @@ def unheld(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
 
 def _holders(file: ModelFile) -> list[str]:
     """What holds components at rest."""
-    held = ["contact"]
-    held += ["springs"] * any(spring.in_static for spring in file.spring)
-    held += [f"{table}s" for table in ("layer", "tie", "coupling") if file.at((table,))]
+    holders = ["contact"]
+    holders += ["springs"] * any(spring.in_static for spring in file.spring)
+    holders += [f"{table}s" for table in ("layer", "tie", "coupling") if file.at((table,))]
     for fixed in file.fixed:
         some = f" ({', '.join(map(str, fixed.dofs))})" if set(fixed.dofs) != {1, 2, 3} else ""
-        held.append(f"fixed {fixed.set}{some}")
-    return held
+        holders.append(f"fixed {fixed.set}{some}")
+    return holders
 
 
 def _contact(
@@ -253,8 +253,8 @@ def _stresses(found: Inspection, geometry: Geometry) -> None:
     if table is None:
         return
     megapascal = table.pressure * STRESS.factor(geometry.file.units) / 1e6
-    told = ", ".join(b.name for b in bodies if b.matrices is None) or "nothing"
-    text = f"stresses of {megapascal:g} MPa and a friction of {table.friction:g} stiffen {told}"
+    names = ", ".join(b.name for b in bodies if b.matrices is None) or "nothing"
+    text = f"stresses of {megapascal:g} MPa and a friction of {table.friction:g} stiffen {names}"
     without = ", ".join(b.name for b in bodies if b.matrices is not None)
     found.tell("stresses", text + (f"; not {without}, of matrices" if without else ""))
 
@@ -281,10 +281,10 @@ def _load(found: Inspection, geometry: Geometry) -> None:
         if len(sums) == 1:
             found.tell(name, f"{text}; no reaction")
             continue
-        left = float(np.linalg.norm(sums[0] + sums[1]))
+        unbalanced = float(np.linalg.norm(sums[0] + sums[1]))
         found.tell(name, f"{text}, {table.reaction_on} {_along(sums[1])}")
-        if left > BALANCE:
+        if unbalanced > BALANCE:
             found.doubts.append(
-                f"{name}: pressure and reaction leave {100 * left:.2g} % of the force: their faces "
-                "do not face each other"
+                f"{name}: pressure and reaction leave {100 * unbalanced:.2g} % of the force: "
+                "their faces do not face each other"
             )

@@ -52,11 +52,11 @@ def jacobians(
 
 def volumes(mesh: SolidMesh) -> np.ndarray:
     """Of all elements (n_elements,); ModelError about a negative Jacobian."""
-    found = []
+    block_volumes = []
     for block, start in zip(mesh.blocks, mesh.starts, strict=False):
         rule = integration(block.kind.mass)
         _, dN = block.kind.shape.functions(rule.points)
         rows = np.arange(len(block.labels))
         det, _ = jacobians(mesh, int(start), rows, mesh.nodes[block.nodes], dN)
-        found.append(det @ rule.weights)
-    return np.concatenate([np.zeros(0), *found])
+        block_volumes.append(det @ rule.weights)
+    return np.concatenate([np.zeros(0), *block_volumes])

@@ -129,12 +129,12 @@ def moduli(material: Elastic) -> tuple[Modulus, ...]:
             Modulus("lambda", E * nu / ((1 + nu) * (1 - 2 * nu)), volume),
             Modulus("mu", E / (2 * (1 + nu)), np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])),
         )
-    found = []
-    for entry, value in zip(material.NAMES, material.entries, strict=True):
+    moduli_list = []
+    for entry, stiffness in zip(material.NAMES, material.entries, strict=True):
         unit = np.zeros((6, 6))
         unit[_place(entry)] = unit[_place(entry)[::-1]] = 1.0
-        found.append(Modulus(f"D{entry}", value, unit))
-    return tuple(found)
+        moduli_list.append(Modulus(f"D{entry}", stiffness, unit))
+    return tuple(moduli_list)
 
 
 @dataclass(frozen=True)

@@ -42,21 +42,23 @@ def read_med(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidM
     know_cells()
     try:
         _check(path)
-        found = meshio.med.read(path)
+        file_mesh = meshio.med.read(path)
     except ModelError:
         raise
     except Exception as error:  # a damaged file is whatever its reader runs into
         reason = f"{type(error).__name__} {error}".strip()
         raise ModelError(f"{path} cannot be read as a mesh of MED: {reason}") from error
-    found.points = np.asarray(found.points, dtype=float)
-    if found.points.ndim != 2 or found.points.shape[1] != 3:
+    file_mesh.points = np.asarray(file_mesh.points, dtype=float)
+    if file_mesh.points.ndim != 2 or file_mesh.points.shape[1] != 3:
         raise ModelError(f"{path}: expected nodes in space")
-    for block in found.cells:
-        if len(block.data) and not (0 <= block.data.min() <= block.data.max() < len(found.points)):
+    for block in file_mesh.cells:
+        if len(block.data) and not (
+            0 <= block.data.min() <= block.data.max() < len(file_mesh.points)
+        ):
             raise ModelError(f"{path}: elements '{block.type}' have nodes that are not there")
-    _name_groups(found)
-    mesh = mesh_of_cells(path, found, treat_as or {})
-    return _with_node_groups(mesh, found)
+    _name_groups(file_mesh)
+    mesh = mesh_of_cells(path, file_mesh, treat_as or {})
+    return _with_node_groups(mesh, file_mesh)
 
 
 def _check(path: Path) -> None:
@@ -68,20 +70,20 @@ def _check(path: Path) -> None:
     needed = 0
     with h5py.File(path, "r") as file:
         groups = [file]
-        seen = 0
+        n_entries = 0
         while groups:
             group = groups.pop()
             for name in group:
-                seen += 1
-                if seen > MOST or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                n_entries += 1
+                if n_entries > MOST or not isinstance(group.get(name, getlink=True), h5py.HardLink):
                     raise ModelError(f"{path}: links to other places, which are not followed")
-                own = group[name]
-                if isinstance(own, h5py.Group):
-                    groups.append(own)
-                elif own.external or own.is_virtual:
+                entry = group[name]
+                if isinstance(entry, h5py.Group):
+                    groups.append(entry)
+                elif entry.external or entry.is_virtual:
                     raise ModelError(f"{path}: numbers in other files, which are not read")
                 else:
-                    needed += own.size * own.dtype.itemsize
+                    needed += entry.size * entry.dtype.itemsize
     expect_room(OF_NUMBERS * needed)
 
 
@@ -91,13 +93,13 @@ def _name_groups(found: Any) -> None:
     if tags is None:
         return
     sets: dict[str, list[np.ndarray]] = {}
-    for k, own in enumerate(tags):
-        for tag in np.unique(own):
+    for k, tags_of_block in enumerate(tags):
+        for tag in np.unique(tags_of_block):
             for name in found.cell_tags.get(int(tag), ()):
                 parts = sets.setdefault(
                     name.strip(), [np.zeros(0, dtype=np.int64) for _ in found.cells]
                 )
-                parts[k] = np.union1d(parts[k], np.flatnonzero(own == tag))
+                parts[k] = np.union1d(parts[k], np.flatnonzero(tags_of_block == tag))
     found.cell_sets = sets
 
 
@@ -109,9 +111,11 @@ def _with_node_groups(mesh: SolidMesh, found: Any) -> SolidMesh:
     place[mesh.numbers] = np.arange(len(mesh.numbers))
     sets = dict(mesh.node_sets)
     for tag, names in found.point_tags.items():
-        own = place[1 + np.flatnonzero(tags == tag)]
+        members = place[1 + np.flatnonzero(tags == tag)]
         for name in names:
-            both = np.union1d(sets.get(name.strip(), np.zeros(0, dtype=np.int64)), own[own >= 0])
+            both = np.union1d(
+                sets.get(name.strip(), np.zeros(0, dtype=np.int64)), members[members >= 0]
+            )
             if len(both):
                 sets[name.strip()] = both
     return replace(mesh, node_sets=sets)

@@ -57,8 +57,8 @@ class ElementBlock:
 
     def __post_init__(self) -> None:
         if self.formulation not in FORMULATIONS:
-            known = ", ".join(FORMULATIONS)
-            raise ModelError(f"unknown element '{self.formulation}', expected one of {known}")
+            names = ", ".join(FORMULATIONS)
+            raise ModelError(f"unknown element '{self.formulation}', expected one of {names}")
         if self.nodes.shape != (len(self.labels), self.kind.shape.nodes):
             raise ModelError(
                 f"{self.formulation}: expected {self.kind.shape.nodes} nodes for each of "
@@ -168,8 +168,8 @@ class SolidMesh:
         one, other = np.vstack(ends).T
         graph = sp.coo_matrix((np.ones(len(one)), (one, other)), (n, n))
         _, label = connected_components(graph, directed=False)
-        own = [label[block.nodes[:, 0]] for block in self.blocks]
-        of = np.concatenate([np.zeros(0, dtype=np.int64), *own])
+        body_of_block = [label[block.nodes[:, 0]] for block in self.blocks]
+        of = np.concatenate([np.zeros(0, dtype=np.int64), *body_of_block])
         _, first, number = np.unique(of, return_index=True, return_inverse=True)
         return np.argsort(np.argsort(first))[number]
 
@@ -185,23 +185,23 @@ class SolidMesh:
     @property
     def references(self) -> np.ndarray:
         """Reference nodes of couplings, nodes of relations and masses: of no element, perhaps."""
-        found = [np.array([c.reference]) for c in self.constraints if isinstance(c, Coupling)]
-        found += [c.nodes for c in self.constraints if isinstance(c, Relation)]
-        return np.concatenate([np.zeros(0, dtype=np.int64), *found, self.weighed])
+        node_lists = [np.array([c.reference]) for c in self.constraints if isinstance(c, Coupling)]
+        node_lists += [c.nodes for c in self.constraints if isinstance(c, Relation)]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *node_lists, self.weighed])
 
     @property
     def weighed(self) -> np.ndarray:
         """Nodes with masses of their own."""
-        found = [d.nodes for d in self.discrete if d.M.any()]
-        return np.concatenate([np.zeros(0, dtype=np.int64), *found])
+        node_lists = [d.nodes for d in self.discrete if d.M.any()]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *node_lists])
 
     @property
     def bare(self) -> np.ndarray:
         """Which nodes (n,) belong to no element."""
-        found = np.ones(len(self.nodes), dtype=bool)
+        is_bare = np.ones(len(self.nodes), dtype=bool)
         for block in self.blocks:
-            found[block.nodes] = False
-        return found
+            is_bare[block.nodes] = False
+        return is_bare
 
     @property
     def tied(self) -> np.ndarray:
@@ -258,12 +258,14 @@ class SolidMesh:
         return found_name(everything, name, "node set or surface", self.origin)
 
     def _corner_lists(self, faces: np.ndarray) -> list[np.ndarray]:
-        found = []
+        corner_lists = []
         for block, start, end in zip(self.blocks, self.starts, self.starts[1:], strict=False):
             of = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
             for k, face in enumerate(block.kind.shape.faces):
-                found.append(block.nodes[of[of[:, 1] == k + 1, 0] - start][:, list(face)].ravel())
-        return found
+                corner_lists.append(
+                    block.nodes[of[of[:, 1] == k + 1, 0] - start][:, list(face)].ravel()
+                )
+        return corner_lists
 
     def with_material(
         self,
@@ -357,9 +359,9 @@ class SolidMesh:
                 raise self.error(str(error)) from error
             if inside is not None:
                 constraints.append(inside)
-        kept = Kept(used, node_at, keep, element_at)
+        numbering = Kept(used, node_at, keep, element_at)
         try:
-            discrete = [own for d in self.discrete if (own := d.kept(kept)) is not None]
+            discrete = [part for d in self.discrete if (part := d.kept(numbering)) is not None]
         except ModelError as error:
             raise self.error(str(error)) from error
         faces = {k: f[keep[f[:, 0]]] for k, f in self.surfaces.items()}

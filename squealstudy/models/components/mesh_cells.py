@@ -20,11 +20,13 @@ class MeshEnergies:
 
     def __call__(self, u: np.ndarray) -> np.ndarray:
         """Twice the energies u^H K u (n_elements,) [J] of displacements u (3 n_nodes,) [m]."""
-        found, moved = np.zeros(self.mesh.n_elements), u.reshape(-1, 3)
+        energies, displacements = np.zeros(self.mesh.n_elements), u.reshape(-1, 3)
         for places, nodes, K in element_stiffnesses(self.mesh):
-            own = moved[nodes].reshape(len(nodes), -1)
-            found[places] = np.einsum("ei,eij,ej->e", own.conj(), K, own, optimize=True).real
-        return found
+            element_motion = displacements[nodes].reshape(len(nodes), -1)
+            energies[places] = np.einsum(
+                "ei,eij,ej->e", element_motion.conj(), K, element_motion, optimize=True
+            ).real
+        return energies
 
 
 @dataclass(frozen=True)
@@ -40,11 +42,11 @@ class UnknownEnergies:
 
 def moved_cells(mesh: SolidMesh, lacking: np.ndarray) -> ComponentCells | None:
     """The elements in whose nodes no displacement of `lacking` (3 n_nodes,) is; None for none."""
-    known = np.asarray(~lacking.reshape(-1, 3).any(axis=1))
+    is_known = np.asarray(~lacking.reshape(-1, 3).any(axis=1))
     blocks = []
     for block in mesh.blocks:
-        kept = known[block.nodes].all(axis=1)
-        blocks.append(replace(block, nodes=block.nodes[kept], labels=block.labels[kept]))
+        all_known = is_known[block.nodes].all(axis=1)
+        blocks.append(replace(block, nodes=block.nodes[all_known], labels=block.labels[all_known]))
     blocks = [b for b in blocks if len(b.labels)]
     if not blocks:
         return None

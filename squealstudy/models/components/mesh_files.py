@@ -45,8 +45,8 @@ def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
         mesh = repeated(mesh, Repetition(np.array(how.point), np.array(how.axis), how.count))
     bodies, points = mesh.body_of, table.mesh is None
     if 0 < bodies.max(initial=0) < BODIES:
-        own = {f"BODY{k + 1}": np.flatnonzero(bodies == k) for k in range(bodies.max() + 1)}
-        mesh = replace(mesh, element_sets={**own, **mesh.element_sets})
+        body_sets = {f"BODY{k + 1}": np.flatnonzero(bodies == k) for k in range(bodies.max() + 1)}
+        mesh = replace(mesh, element_sets={**body_sets, **mesh.element_sets})
     if body is not None:
         mesh = mesh.part(mesh.find("element_sets", body))
     check_mesh(mesh, DOUBLED in [name.upper() for name in table.pass_over], points)
@@ -99,7 +99,9 @@ def _read(path: Path, table: ComponentTable) -> SolidMesh:
 
         mesh = read_cdb(path, table.part, treat_as=table.treat_as, pass_over=table.pass_over)
     else:
-        known = ", ".join(FORMATS)
+        formats = ", ".join(FORMATS)
         advice = next((text for endings, text in ADVICE if ending in endings), "")
-        raise ModelError(f"{path}: unknown format '{path.suffix}', expected one of {known}{advice}")
+        raise ModelError(
+            f"{path}: unknown format '{path.suffix}', expected one of {formats}{advice}"
+        )
     return mesh

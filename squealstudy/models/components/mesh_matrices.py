@@ -44,17 +44,17 @@ def stiffness_terms(mesh: SolidMesh, material: str) -> tuple[StiffnessTerm, ...]
     """
     elastic = material_of(mesh, material)
     parts = parts_of(mesh, material)
-    found = []
+    terms = []
     linear = [p for p in parts if not p.block.kind.condensed]
     if linear:
         names, units = zip(*((m.name, m.unit) for m in moduli(elastic)), strict=True)
         for name, K in zip(names, _stiffness(mesh, linear, units), strict=True):
-            found.append(StiffnessTerm(f"{material}.{name}", K))
+            terms.append(StiffnessTerm(f"{material}.{name}", K))
     condensed = [p for p in parts if p.block.kind.condensed]
     if condensed:
         (K,) = _stiffness(mesh, condensed, [elastic.stiffness()])
-        found.append(StiffnessTerm(f"{material}.{SCALE}", K))
-    return tuple(found)
+        terms.append(StiffnessTerm(f"{material}.{SCALE}", K))
+    return tuple(terms)
 
 
 def coefficients(
@@ -84,7 +84,7 @@ def coefficients(
                 "its moduli can change by one common factor only"
             )
         values[SCALE] = factor
-    return {f"{material}.{name}": value for name, value in values.items()}
+    return {f"{material}.{name}": coefficient for name, coefficient in values.items()}
 
 
 def stiffness_matrix(mesh: SolidMesh, materials: Collection[str] | None = None) -> sp.csr_matrix:
@@ -137,10 +137,10 @@ def mass_matrix(mesh: SolidMesh, rule: MassRule = "full") -> sp.csr_matrix:
         weight = det * points.weights * density[:, None]
         M = np.matmul(N.T * weight[:, None, :], N)
         sums.add(part, chunk, (_lumped(M, part.block.kind) if rule == "lumped" else M)[..., None])
-    found = sums.matrix()
+    mass = sums.matrix()
     if rule == "lumped":
-        found = sp.diags(found.diagonal())
-    return sp.kron(found, sp.eye(3), format="csr")
+        mass = sp.diags(mass.diagonal())
+    return sp.kron(mass, sp.eye(3), format="csr")
 
 
 def _lumped(M: np.ndarray, kind: Formulation) -> np.ndarray:
@@ -168,8 +168,8 @@ def material_of(mesh: SolidMesh, name: str) -> Elastic:
     if name in mesh.unfinished:
         raise ModelError(mesh.unfinished[name].missing)
     if name not in mesh.materials:
-        known = ", ".join(sorted(mesh.materials)) or "none"
-        raise mesh.error(f"there is no material '{name}', its materials are {known}")
+        names = ", ".join(sorted(mesh.materials)) or "none"
+        raise mesh.error(f"there is no material '{name}', its materials are {names}")
     return mesh.materials[name]
 
 
@@ -197,16 +197,16 @@ class ElementPart:
 
 def parts_of(mesh: SolidMesh, material: str) -> list[ElementPart]:
     """The elements of a material; ModelError where there is none."""
-    found = []
+    parts = []
     for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
-        own = mesh.material[start:end] == material
-        for name in sorted(set(mesh.orientation[start:end][own])):
-            rows = np.flatnonzero(own & (mesh.orientation[start:end] == name))
+        has_material = mesh.material[start:end] == material
+        for name in sorted(set(mesh.orientation[start:end][has_material])):
+            rows = np.flatnonzero(has_material & (mesh.orientation[start:end] == name))
             axes = mesh.orientations[name] if name else None
-            found.append(ElementPart(block, rows, int(start), material, axes))
-    if not found:
+            parts.append(ElementPart(block, rows, int(start), material, axes))
+    if not parts:
         raise mesh.error(f"no element has the material '{material}'")
-    return found
+    return parts
 
 
 def chunks(
@@ -241,8 +241,8 @@ def _stiffness(
 def _factors(C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Values s (r,) and rows V (r, 6) with C = V^T s V, as few as there are."""
     values, vectors = np.linalg.eigh(C)
-    kept = np.abs(values) > 1e-14 * np.abs(values).max()
-    return values[kept], vectors[:, kept].T
+    nonzero = np.abs(values) > 1e-14 * np.abs(values).max()
+    return values[nonzero], vectors[:, nonzero].T
 
 
 def _products(

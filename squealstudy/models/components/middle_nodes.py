@@ -32,11 +32,11 @@ class Middles:
 
     def filled(self, shape: Shape, nodes: np.ndarray) -> np.ndarray:
         """Nodes (k,) of an element with places of new ones where they are `LACKING`."""
-        found = nodes.copy()
+        filled = nodes.copy()
         for node in np.flatnonzero(nodes == LACKING):
             ends = sorted(int(nodes[corner]) for corner in shape.ends[int(node)])
-            found[node] = self._of.setdefault((ends[0], ends[1]), self._n + len(self._of))
-        return found
+            filled[node] = self._of.setdefault((ends[0], ends[1]), self._n + len(self._of))
+        return filled
 
     def added(self, nodes: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates and numbers of all nodes, the new ones behind."""
@@ -57,8 +57,8 @@ class Middles:
                 relations.append(relation("middle node", np.array([middle, a, b]), vectors))
         ends, places = np.array(list(self._of)), np.array(list(self._of.values()))
         sets = {
-            name: np.union1d(own, places[np.isin(ends, own).all(axis=1)])
-            for name, own in mesh.node_sets.items()
+            name: np.union1d(members, places[np.isin(ends, members).all(axis=1)])
+            for name, members in mesh.node_sets.items()
         }
         why = (
             f"{len(places)} middle nodes of elements are not there: the displacement of such an "

@@ -161,15 +161,15 @@ class ModelFile(Table):
 
     def at(self, keys: KeyPath) -> Any:
         """The value at a key of the file; None where it is not written there."""
-        found: Any = self
+        entry: Any = self
         for key in keys:
-            if isinstance(found, BaseModel):
-                found = getattr(found, str(key), None)
-            elif isinstance(found, dict):
-                found = found.get(key)
+            if isinstance(entry, BaseModel):
+                entry = getattr(entry, str(key), None)
+            elif isinstance(entry, dict):
+                entry = entry.get(key)
             else:
-                found = found[key] if isinstance(found, tuple) and isinstance(key, int) else None
-        return found
+                entry = entry[key] if isinstance(entry, tuple) and isinstance(key, int) else None
+        return entry
 
     def name_of(self, kind: str, number: int) -> str:
         """Name of a contact, tie, layer, spring, mass or load."""
@@ -227,8 +227,8 @@ class ModelFile(Table):
                 raise ModelError(f"'{path}': expected {expected}{absent}")
             return (WEAR, names[1])
         if names[0] not in LISTS:
-            known = ", ".join((*self.components, *LISTS, WEAR))
-            raise ModelError(f"'{path}': expected to begin with one of {known}")
+            beginnings = ", ".join((*self.components, *LISTS, WEAR))
+            raise ModelError(f"'{path}': expected to begin with one of {beginnings}")
         there = [self.name_of(names[0], i) for i in range(len(self.at((names[0],))))]
         if len(names) != 3 or names[1] not in there or names[2] not in VARIED[names[0]]:
             keys = " or ".join(VARIED[names[0]])
@@ -240,13 +240,13 @@ class ModelFile(Table):
 
     def _checked(self, path: str, keys: KeyPath, index: KeyPath) -> KeyPath:
         """The key with its index, where that fits to what is written there."""
-        value = self.at(keys)
-        if value is None and keys[2] == "materials":  # a material of the mesh's file
+        written = self.at(keys)
+        if written is None and keys[2] == "materials":  # a material of the mesh's file
             return (*keys, *index)
-        if isinstance(value, str | BaseModel) or value is None:
+        if isinstance(written, str | BaseModel) or written is None:
             raise ModelError(f"'{path}' is no number in the file")
-        if isinstance(value, tuple) != bool(index) or (index and int(index[0]) >= len(value)):
-            what = f"a list of {len(value)}" if isinstance(value, tuple) else "one number"
+        if isinstance(written, tuple) != bool(index) or (index and int(index[0]) >= len(written)):
+            what = f"a list of {len(written)}" if isinstance(written, tuple) else "one number"
             raise ModelError(f"'{path}': it is {what}; lists count from 1")
         return (*keys, *index)
 

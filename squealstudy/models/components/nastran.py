@@ -96,31 +96,31 @@ def read_bdf(
         With file and line: what is malformed or refers to what is not there; all cards that are
         not supported, in one message.
     """
-    wanted = _treated(path, treat_as or {})
+    formulation_of = _treated(path, treat_as or {})
     cards, above = read_bulk(path)
-    asked = {name.upper() for name in treat_as or {}}
+    named = {name.upper() for name in treat_as or {}}
     ignored = {name.upper() for name in pass_over}
     if points:
         ignored |= {*SELECTED, *(card.name for card in cards if card.name not in READ)}
-    mesh = _Deck(path, cards, above, wanted, asked, ignored, points, temperature).mesh()
+    mesh = _Deck(path, cards, above, formulation_of, named, ignored, points, temperature).mesh()
     return mesh if part is None else mesh.part(mesh.find("element_sets", part))
 
 
 def _treated(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
     """Formulation of each element, and plates that mark faces."""
-    found = {name: formulation for name, formulation, _ in SOLIDS.values()}
+    formulation_of = {name: formulation for name, formulation, _ in SOLIDS.values()}
     for written, name in treat_as.items():
         if written.upper() in PLATES and name == FACES:
-            found[written.upper()] = FACES
-        elif written.upper() not in found or name not in FORMULATIONS:
-            known = ", ".join(n for n, *_ in SOLIDS.values())
+            formulation_of[written.upper()] = FACES
+        elif written.upper() not in formulation_of or name not in FORMULATIONS:
+            names = ", ".join(n for n, *_ in SOLIDS.values())
             raise ModelError(
-                f"{path}: treat_as {written} = '{name}': expected one of {known} and a formulation "
+                f"{path}: treat_as {written} = '{name}': expected one of {names} and a formulation "
                 f"of {', '.join(FORMULATIONS)}, or one of {', '.join(PLATES)} and '{FACES}'"
             )
         else:
-            found[written.upper()] = name
-    return found
+            formulation_of[written.upper()] = name
+    return formulation_of
 
 
 class _Deck:
@@ -148,24 +148,24 @@ class _Deck:
         self._weight = self._factor(above)
         self._consistent = self._coupled_mass(above)
         plates = [name for name in PLATES if wanted.get(name) == FACES]
-        known = {*READ, *plates, *(PLATE_SECTIONS if plates else ())}
-        self._refuse(known | ignored | set(PASSED_OVER))
-        for name, own in self._cards.items():
-            if own and name not in known:
-                self._note(own, PASSED_OVER.get(name, "as asked for"))
+        read_cards = {*READ, *plates, *(PLATE_SECTIONS if plates else ())}
+        self._refuse(read_cards | ignored | set(PASSED_OVER))
+        for name, cards_of_name in self._cards.items():
+            if cards_of_name and name not in read_cards:
+                self._note(cards_of_name, PASSED_OVER.get(name, "as asked for"))
         self._plates = plates
 
     def _refuse(self, known: set[str]) -> None:
         """ModelError with all cards that are not supported."""
-        unknown = {name: own for name, own in self._cards.items() if name not in known}
+        unknown = {name: cards for name, cards in self._cards.items() if name not in known}
         if not unknown:
             return
         listed = ", ".join(
-            f"{name} ({len(own)}, first in line {own[0].lines[0].place + 1})"
-            for name, own in unknown.items()
+            f"{name} ({len(cards)}, first in line {cards[0].lines[0].place + 1})"
+            for name, cards in unknown.items()
         )
         names = ", ".join(f'"{name}"' for name in unknown)
-        first = min((own[0] for own in unknown.values()), key=lambda card: card.lines[0].place)
+        first = min((cards[0] for cards in unknown.values()), key=lambda card: card.lines[0].place)
         advice = "; plates that mark faces alone: treat_as {CQUAD4 = 'faces'}"
         raise first.lines[0].error(
             f"cards that are not supported: {listed}"
@@ -181,25 +181,26 @@ class _Deck:
             first, fields = fields_of(line.text)
             if first.upper().rstrip("*") == "PARAM":
                 cards.append(BulkCard("PARAM", fields, [line] * len(fields)))
-        own = [card for card in cards if card.at(0).upper() == name]
-        if own and "PARAM" in self._cards:
-            self._cards["PARAM"] = [c for c in self._cards["PARAM"] if c not in own]
-        return own
+        parameter_cards = [card for card in cards if card.at(0).upper() == name]
+        if parameter_cards and "PARAM" in self._cards:
+            self._cards["PARAM"] = [c for c in self._cards["PARAM"] if c not in parameter_cards]
+        return parameter_cards
 
     def _factor(self, above: list[Line]) -> float:
         """What the mass of elements is multiplied by."""
-        found = {card.real(1, "a factor"): card for card in self._parameters(above, WEIGHT)}
-        for value, card in found.items():
-            if not value > 0:
+        by_factor = {card.real(1, "a factor"): card for card in self._parameters(above, WEIGHT)}
+        for factor, card in by_factor.items():
+            if not factor > 0:
                 raise card.error(f"expected {WEIGHT} above zero", 1)
-            if len(found) > 1:
-                raise card.error(f"{WEIGHT} has the values {', '.join(f'{v:g}' for v in found)}", 1)
-        return next(iter(found), 1.0)
+            if len(by_factor) > 1:
+                listed = ", ".join(f"{v:g}" for v in by_factor)
+                raise card.error(f"{WEIGHT} has the values {listed}", 1)
+        return next(iter(by_factor), 1.0)
 
     def _coupled_mass(self, above: list[Line]) -> bool:
         """Whether masses are consistent: Nastran lumps them unless PARAM,COUPMASS is positive."""
-        found = [card.whole(1, "a number") for card in self._parameters(above, COUPLED)]
-        return bool(found) and found[-1] > 0
+        flags = [card.whole(1, "a number") for card in self._parameters(above, COUPLED)]
+        return bool(flags) and flags[-1] > 0
 
     def _note(self, cards: list[BulkCard], why: str) -> None:
         line = cards[0].lines[0]
@@ -230,33 +231,33 @@ class _Deck:
         for first in self._all("GRDSET")[:1]:
             for card in self._all("GRID"):
                 card.fields[1:2] = [card.at(1) or first.at(1)]
-        found: dict[int, np.ndarray] = {}
-        held: list[BulkCard] = []
+        place_of: dict[int, np.ndarray] = {}
+        supported: list[BulkCard] = []
         for card in self._all("GRID"):
             number = card.whole(0, "a node number")
             x = np.array([card.real(k, "a coordinate", 0.0) for k in (2, 3, 4)])
             x = systems.in_basic(card, 1, x)
-            if number in found and not np.array_equal(found[number], x):
+            if number in place_of and not np.array_equal(place_of[number], x):
                 raise card.error(f"node {number} is there twice, at different places")
-            found[number] = x
+            place_of[number] = x
             if card.at(6).strip("0"):
-                held.append(card)
+                supported.append(card)
             if card.at(5).strip("0"):
                 self._turned.add(number)
-        if not found:
+        if not place_of:
             raise ModelError(f"{self._path} has no GRID")
-        if held:
-            self._note(held, "its supports are " + MODEL_FILE)
-        self._numbers = np.array(sorted(found), dtype=np.int64)
-        self._nodes = np.array([found[n] for n in self._numbers])
+        if supported:
+            self._note(supported, "its supports are " + MODEL_FILE)
+        self._numbers = np.array(sorted(place_of), dtype=np.int64)
+        self._nodes = np.array([place_of[n] for n in self._numbers])
 
     def _places(self, card: BulkCard, numbers: list[int]) -> np.ndarray:
         """Of node numbers; ModelError about one that there is not."""
-        wanted = np.array(numbers, dtype=np.int64)
-        at = np.minimum(np.searchsorted(self._numbers, wanted), len(self._numbers) - 1)
-        wrong = self._numbers[at] != wanted
+        node_numbers = np.array(numbers, dtype=np.int64)
+        at = np.minimum(np.searchsorted(self._numbers, node_numbers), len(self._numbers) - 1)
+        wrong = self._numbers[at] != node_numbers
         if wrong.any():
-            raise card.error(f"there is no node {wanted[wrong][0]}")
+            raise card.error(f"there is no node {node_numbers[wrong][0]}")
         return at
 
     def _solids(self) -> tuple[tuple[ElementBlock, ...], dict[str, np.ndarray]]:
@@ -264,21 +265,21 @@ class _Deck:
         plain = self._plain_bricks()
         self._middles = Middles(len(self._numbers))
         rows: dict[str, list[tuple[int, int, np.ndarray]]] = {}
-        seen: set[int] = set()
+        labels: set[int] = set()
         for card in self._all(*CORNERS):
-            label, own = card.whole(0, "an element number"), card.whole(1, "a property", -1)
-            if label in seen:
+            label, pid = card.whole(0, "an element number"), card.whole(1, "a property", -1)
+            if label in labels:
                 raise card.error(f"element {label} is there twice")
-            seen.add(label)
+            labels.add(label)
             words = card.fields[2:]
             while words and not words[-1]:
                 words.pop()
             least, most = sorted(n for name, n in SOLIDS if name == card.name)
             count = least if len(words) <= least else most
             if not least <= len(words) <= most or not all(words[:least]):
-                given = len([w for w in words if w])
+                count = len([w for w in words if w])
                 raise card.error(
-                    f"element {label}: expected {least} or {most} nodes, found {given}"
+                    f"element {label}: expected {least} or {most} nodes, found {count}"
                 )
             name, _, order = SOLIDS[card.name, count]
             there = [k for k in range(count) if card.at(2 + k).strip("0")]
@@ -287,28 +288,30 @@ class _Deck:
             nodes = np.full(count, LACKING)
             numbers = [card.whole(2 + k, "a node number") for k in there]
             nodes[there] = self._places(card, numbers)
-            wanted = self._wanted[name]
-            if name == BRICK and own in plain and BRICK not in self._asked:
-                wanted = "C3D8"
-            nodes = self._middles.filled(FORMULATIONS[wanted].shape, nodes[list(order)])
-            rows.setdefault(wanted, []).append((label, label if own < 0 else own, nodes))
+            formulation = self._wanted[name]
+            if name == BRICK and pid in plain and BRICK not in self._asked:
+                formulation = "C3D8"
+            nodes = self._middles.filled(FORMULATIONS[formulation].shape, nodes[list(order)])
+            rows.setdefault(formulation, []).append((label, label if pid < 0 else pid, nodes))
         if not rows and not self._points:
             raise ModelError(f"{self._path} has no solid element: CTETRA, CPYRAM, CPENTA or CHEXA")
         self._nodes, self._numbers = self._middles.added(self._nodes, self._numbers)
         blocks = tuple(
-            ElementBlock(name, np.array([n for *_, n in own]), np.array([e for e, *_ in own]))
-            for name, own in rows.items()
+            ElementBlock(
+                k, np.array([n for *_, n in elements]), np.array([e for e, *_ in elements])
+            )
+            for k, elements in rows.items()
         )
-        return blocks, {name: np.array([p for _, p, _ in own]) for name, own in rows.items()}
+        return blocks, {k: np.array([p for _, p, _ in elements]) for k, elements in rows.items()}
 
     def _plain_bricks(self) -> set[int]:
         """Properties whose bricks are standard isoparametric elements (PSOLID, ISOP = FULL)."""
-        found: set[int] = set()
+        plain: set[int] = set()
         without: list[BulkCard] = []
         for card in self._all("PSOLID"):
             points, scheme = (card.at(k).upper() for k in (3, 5))
             if points not in BUBBLE and scheme in FULL:
-                found.add(card.whole(0, "a property"))
+                plain.add(card.whole(0, "a property"))
             elif points not in BUBBLE:
                 without.append(card)
         if without:
@@ -317,28 +320,30 @@ class _Deck:
                 "IN: bricks without bubble functions and with reduced shear are no element here, "
                 "they are read as C3D8I",
             )
-        return found
+        return plain
 
     # -- sets and couplings ----------------------------------------------------------------------
     def _sets(self) -> dict[str, np.ndarray]:
-        found: dict[str, np.ndarray] = {}
+        node_sets: dict[str, np.ndarray] = {}
         for card in self._all("SET1"):
             name = f"SET{card.whole(0, 'a number of the set')}"
-            if name in found:
+            if name in node_sets:
                 raise card.error(f"there is a {name} already")
-            found[name] = np.unique(self._places(card, card.listed(1, "a node")))
-        return found
+            node_sets[name] = np.unique(self._places(card, card.listed(1, "a node")))
+        return node_sets
 
     # -- materials -------------------------------------------------------------------------------
     def _with_materials(self, mesh: SolidMesh, property_of: np.ndarray) -> SolidMesh:
         read = BulkMaterials(self._all, self._weight, self._temperature, self._note)
         for card in self._all("PSOLID"):
-            own = card.whole(0, "a property")
-            if (property_of == own).any():
+            property_number = card.whole(0, "a property")
+            if (property_of == property_number).any():
                 if card.at(6).upper() == "PFLUID":
-                    raise card.error(f"PFLUID: the elements of PID{own} are a fluid's", 6)
+                    raise card.error(
+                        f"PFLUID: the elements of PID{property_number} are a fluid's", 6
+                    )
                 name, elastic = read.read(card)
-                mesh = mesh.with_material(name, elastic, f"PID{own}")
+                mesh = mesh.with_material(name, elastic, f"PID{property_number}")
         return mesh
 
     def _with_discrete(self, mesh: SolidMesh) -> SolidMesh:
@@ -351,11 +356,11 @@ class _Deck:
         read = BulkDiscrete(self._all, place, self._turned, mesh.nodes, turning, self._systems)
         bare = mesh.bare
         constraints = (*mesh.constraints, *read.equations(self._above, bare))
-        found = tuple(read.springs_and_masses(self._weight))
-        mesh = replace(mesh, constraints=constraints, discrete=found)
+        springs_and_masses = tuple(read.springs_and_masses(self._weight))
+        mesh = replace(mesh, constraints=constraints, discrete=springs_and_masses)
         ground = bare.copy()
         ground[mesh.references] = False
-        for spring in found:
+        for spring in springs_and_masses:
             if ground[spring.nodes].any():
                 named = mesh.nodes_named(spring.nodes[ground[spring.nodes]])
                 raise mesh.error(f"{spring.name}: {named}: no element has what it joins")
@@ -385,9 +390,9 @@ class _Deck:
 def _refuse_selections(above: list[Line], ignored: set[str]) -> None:
     """ModelError about a matrix that case control adds to those of the elements."""
     for line in above:
-        found = SELECTS.match(line.text)
-        if found is not None and found[1].upper() not in ignored:
-            name = found[1].upper()
+        match = SELECTS.match(line.text)
+        if match is not None and match[1].upper() not in ignored:
+            name = match[1].upper()
             raise line.error(
                 f"{name} adds a matrix of DMIG to those of the elements, which is not supported: "
                 f"give the whole as K and M in the model file, or name {name} in pass_over where "

@@ -42,8 +42,8 @@ class FreedomsOf:
         place = np.minimum(np.searchsorted(ordered, nodes), len(ordered) - 1)
         turns, axis = np.divmod(directions - 1, 3)
         freedom = 3 * (self._order[place] + turns * len(ordered)) + axis
-        found = np.where(ordered[place] == nodes, freedom, -1)
-        return found.astype(np.int64)
+        freedoms = np.where(ordered[place] == nodes, freedom, -1)
+        return freedoms.astype(np.int64)
 
     @property
     def count(self) -> int:
@@ -81,7 +81,7 @@ def read_map(path: Path, freedoms: FreedomsOf) -> np.ndarray:
         raise ModelError(f"{path} cannot be read: {error.strerror or error}") from None
     ansys = path.suffix.lower() == MAPPING
     rows: dict[int, int] = {}
-    seen: dict[int, int] = {}
+    line_of: dict[int, int] = {}
     modal = freedoms.count
     for at, row, node, direction in _equations(path, lines) if ansys else _lines(path, lines):
         where = f"{path.name}, line {at}"
@@ -94,11 +94,11 @@ def read_map(path: Path, freedoms: FreedomsOf) -> np.ndarray:
         (freedom,) = freedoms.at(np.array([node]), np.array([direction]))
         if freedom < 0:
             raise ModelError(f"{where}: {freedoms.unknown(node)}")
-        if freedom in seen:
-            raise ModelError(f"{where}: {node}.{direction} is in line {seen[freedom]} already")
+        if freedom in line_of:
+            raise ModelError(f"{where}: {node}.{direction} is in line {line_of[freedom]} already")
         if row in rows:
             raise ModelError(f"{where}: equation {row} is there already")
-        seen[int(freedom)], rows[row] = at, int(freedom)
+        line_of[int(freedom)], rows[row] = at, int(freedom)
     missing = next((i for i in range(1, len(rows) + 1) if i not in rows), None)
     if missing is not None:
         raise ModelError(f"{path.name} has {len(rows)} equations, but none with number {missing}")
@@ -114,13 +114,13 @@ def _lines(path: Path, lines: list[str]) -> Iterator[tuple[int, int, int, int]]:
             if text.strip().lower() == MODAL_LINE:
                 yield at, row, 0, MODAL
                 continue
-            found = LINE.fullmatch(text)
-            if found is None:
-                given = text.strip()[:40]
+            match = LINE.fullmatch(text)
+            if match is None:
+                excerpt = text.strip()[:40]
                 raise ModelError(
-                    f"{path.name}, line {at}: expected 'node.direction' or 'modal', got '{given}'"
+                    f"{path.name}, line {at}: expected 'node.direction' or 'modal', got '{excerpt}'"
                 )
-            yield at, row, int(found[1]), int(found[2])
+            yield at, row, int(match[1]), int(match[2])
 
 
 def _equations(path: Path, lines: list[str]) -> Iterator[tuple[int, int, int, int]]:
@@ -130,11 +130,11 @@ def _equations(path: Path, lines: list[str]) -> Iterator[tuple[int, int, int, in
         titles = titles and not NUMBERED.match(text)
         if titles or not text.strip():
             continue
-        found, given = EQUATION.fullmatch(text), text.strip()[:40]
+        match, excerpt = EQUATION.fullmatch(text), text.strip()[:40]
         where = f"{path.name}, line {at}"
-        if found is None:
-            raise ModelError(f"{where}: expected equation, node and UX ... ROTZ, got '{given}'")
-        label = found[3].upper()
+        if match is None:
+            raise ModelError(f"{where}: expected equation, node and UX ... ROTZ, got '{excerpt}'")
+        label = match[3].upper()
         if label not in DISPLACEMENTS:
             raise ModelError(f"{where}: {label}: expected one of {', '.join(DISPLACEMENTS)}")
-        yield at, int(found[1]), int(found[2]), DISPLACEMENTS.index(label) + 1
+        yield at, int(match[1]), int(match[2]), DISPLACEMENTS.index(label) + 1

@@ -63,14 +63,14 @@ def near_facets(slave: Facets, master: Facets, search: float) -> Neighbours:
     """
     normal, spread = slave.directions
     sizes = np.floor(np.log2(master.radii))
-    owner, found = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
+    owner, neighbours = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
     for size in np.unique(sizes):
         some = np.flatnonzero(sizes == size)
         tree = cKDTree(master.centres[some])
         reach = CURVED_RADIUS_FACTOR * (slave.radii + master.radii[some].max()) + search
         counts = tree.query_ball_point(slave.centres, reach, return_length=True)
-        held = np.cumsum(counts) // AT_ONCE
-        for part in np.split(np.arange(len(counts)), np.flatnonzero(np.diff(held)) + 1):
+        batch = np.cumsum(counts) // AT_ONCE
+        for part in np.split(np.arange(len(counts)), np.flatnonzero(np.diff(batch)) + 1):
             lists = tree.query_ball_point(slave.centres[part], reach[part])
             i = np.repeat(part, counts[part])
             m = some[np.concatenate([np.asarray(x, dtype=int) for x in lists])]
@@ -78,10 +78,10 @@ def near_facets(slave: Facets, master: Facets, search: float) -> Neighbours:
             height = np.sum(away * normal[i], axis=1)
             off = np.linalg.norm(away - height[:, None] * normal[i], axis=1)
             extent = CURVED_RADIUS_FACTOR * (slave.radii[i] + master.radii[m])
-            kept = (abs(height) <= extent + search) & (off <= extent + spread[i] * abs(height))
-            owner.append(i[kept])
-            found.append(m[kept])
-    i, m = np.concatenate(owner), np.concatenate(found)
+            in_reach = (abs(height) <= extent + search) & (off <= extent + spread[i] * abs(height))
+            owner.append(i[in_reach])
+            neighbours.append(m[in_reach])
+    i, m = np.concatenate(owner), np.concatenate(neighbours)
     order = np.lexsort((m, i))
     start = np.searchsorted(i[order], np.arange(len(slave.kinds) + 1))
     return Neighbours(start, m[order])
@@ -93,15 +93,15 @@ def gauss_points(
     """The Gauss points of the slave's facets that are in reach."""
     surface, group = slave.gauss_points(points_per_side)
     facet, same_way, gap, values = _projected(surface, group, neighbours, master, search)
-    kept = facet >= 0
+    has_facet = facet >= 0
     return Opposite(
-        surface.points[kept],
-        surface.normal[kept],
-        surface.area[kept],
-        surface.shape[kept],
-        master.rows(facet[kept], values[kept]),
-        gap[kept],
-        float(surface.area[same_way & ~kept].sum()),
+        surface.points[has_facet],
+        surface.normal[has_facet],
+        surface.area[has_facet],
+        surface.shape[has_facet],
+        master.rows(facet[has_facet], values[has_facet]),
+        gap[has_facet],
+        float(surface.area[same_way & ~has_facet].sum()),
     )
 
 

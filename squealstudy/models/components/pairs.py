@@ -109,26 +109,26 @@ def pair(
     _check(search, quadrature, initial_gap, points_per_side, pieces, degree)
     neighbours = near_facets(slave, master, search)
     if quadrature == "gauss":
-        found = gauss_points(slave, master, neighbours, search, points_per_side)
+        opposite = gauss_points(slave, master, neighbours, search, points_per_side)
     else:
         settings = Segments(points_per_side, pieces, degree, search)
-        found = segment_means(slave, master, neighbours, settings)
+        opposite = segment_means(slave, master, neighbours, settings)
     names = f"{slave.name} on {master.name}"
-    if found.same_way > found.area.sum():
+    if opposite.same_way > opposite.area.sum():
         raise ModelError(
             f"{names}: the normals of the two surfaces point the same way; facets are numbered so "
             "that normals point out of the body, or one surface is the far side of its body"
         )
-    in_reach = min(1.0, found.area.sum() / slave.areas.sum())  # round-off may add a hair
-    covered, gaps = (in_reach, found.gap) if in_reach >= WHOLE else survey(slave, master)
-    if not len(found.area):
+    in_reach = min(1.0, opposite.area.sum() / slave.areas.sum())  # round-off may add a hair
+    covered, gaps = (in_reach, opposite.gap) if in_reach >= WHOLE else survey(slave, master)
+    if not len(opposite.area):
         raise ModelError(f"{names}: nothing lies within {search:.3g} m; {_where(covered, gaps)}")
-    gaps = np.concatenate([gaps, found.gap])
+    gaps = np.concatenate([gaps, opposite.gap])
     return Pair(
-        slave=Surface(found.points, found.area, found.normal, found.slave),
-        master=Surface(found.points, found.area, -found.normal, found.master),
-        gap0=_initial(initial_gap, found),
-        geometric_gap=found.gap,
+        slave=Surface(opposite.points, opposite.area, opposite.normal, opposite.slave),
+        master=Surface(opposite.points, opposite.area, -opposite.normal, opposite.master),
+        gap0=_initial(initial_gap, opposite),
+        geometric_gap=opposite.gap,
         in_reach=float(in_reach),
         covered=float(max(covered, in_reach)),
         gap_range=(float(gaps.min()), float(gaps.max())),

@@ -37,8 +37,8 @@ def part_alone(
         An ending that no format has; there is no such file.
     """
     if path.suffix.lower() not in FORMATS:
-        known = ", ".join(FORMATS)
-        raise ModelError(f"{path}: expected a model file (.toml) or a mesh: one of {known}")
+        endings = ", ".join(FORMATS)
+        raise ModelError(f"{path}: expected a model file (.toml) or a mesh: one of {endings}")
     if not path.is_file():
         raise ModelError(f"there is no file {path}")
     name = re.sub(r"\W", "_", path.stem)
@@ -62,14 +62,14 @@ def inspect_parts(
     Geometry or None
         Of the components that can be used; None where there is none.
     """
-    found = Inspection()
+    inspection = Inspection()
     usable = []
     for name, table in brake.file.components.items():
         try:
             body_of(brake, name)
             usable.append(name)
         except ModelError as error:
-            found.doubts.append(f"{name}: {error}")
+            inspection.doubts.append(f"{name}: {error}")
             if table.mesh is None:
                 continue
             try:
@@ -77,27 +77,27 @@ def inspect_parts(
             except ModelError:
                 continue  # the doubt says why
             kinds = ", ".join(f"{len(b.labels):,} {b.formulation}" for b in mesh.blocks)
-            found.tell(name, f"{mesh.origin.name}: {len(mesh.nodes):,} nodes, {kinds}")
+            inspection.tell(name, f"{mesh.origin.name}: {len(mesh.nodes):,} nodes, {kinds}")
             unit = UNITS[brake.file.units][0]
-            found.tell("", between_corners(mesh.nodes, unit))
-            _sets(found, mesh, unit, 1.0)
+            inspection.tell("", between_corners(mesh.nodes, unit))
+            _sets(inspection, mesh, unit, 1.0)
     geometry = _geometry(brake, usable)
     if geometry is not None:
         size = LENGTH.factor(brake.file.units)
         for body in geometry.bodies.values():
-            component_facts(found, geometry, body, given)
-            _sets(found, body.mesh, UNITS[brake.file.units][0], size)
+            component_facts(inspection, geometry, body, given)
+            _sets(inspection, body.mesh, UNITS[brake.file.units][0], size)
         for number, pair in enumerate(geometry.contacts):
             table_of = brake.file.contact[number]
-            found.tell(
+            inspection.tell(
                 brake.file.name_of("contact", number),
                 f"{table_of.kind}: {table_of.slave} on {table_of.master}, "
                 f"{plural(len(pair.gap0), 'point')}, {100 * pair.in_reach:.1f} % of the slave",
             )
     lacking = [key for key in NEEDED if not brake.file.at((key,))]
     if lacking:
-        found.tell("not yet", ", ".join(lacking))
-    return found, geometry
+        inspection.tell("not yet", ", ".join(lacking))
+    return inspection, geometry
 
 
 def _geometry(brake: Brake, usable: Sequence[str]) -> Geometry | None:
@@ -106,9 +106,9 @@ def _geometry(brake: Brake, usable: Sequence[str]) -> Geometry | None:
         return None
     if len(usable) == len(brake.file.components):
         return geometry_of(brake)
-    own = {name: brake.file.components[name] for name in usable}
+    components = {name: brake.file.components[name] for name in usable}
     empty: dict[str, object] = dict.fromkeys(BESIDE, ())
-    file = brake.file.model_copy(update={**empty, "components": own, "rotation": None})
+    file = brake.file.model_copy(update={**empty, "components": components, "rotation": None})
     return geometry_of(replace(brake, file=file, identity=f"{brake.identity} {usable}"))
 
 
@@ -120,12 +120,12 @@ def _sets(found: Inspection, mesh: SolidMesh, unit: str, size: float) -> None:
         area = Facets(mesh.nodes, groups, name).gauss_points(2)[0].area.sum()
         count = plural(len(faces), "facet")
         surfaces.append(f"{name} ({count}, {area / size**2:.4g} {unit}2)")
-    told = [
+    names_by_kind = [
         ("surfaces", surfaces),
         ("node sets", [f"{n} ({len(s):,})" for n, s in mesh.node_sets.items()]),
         ("element sets", [f"{n} ({len(s):,})" for n, s in mesh.element_sets.items()]),
     ]
-    for what, names in told:
+    for what, names in names_by_kind:
         more = [f"and {len(names) - MOST} more"] if len(names) > MOST else []
         if names:
             found.tell("", f"{what}: {', '.join([*names[:MOST], *more])}")

@@ -129,17 +129,17 @@ def _bodies(mesh: SolidMesh) -> np.ndarray:
     one, other = np.vstack(ends).T
     n = len(mesh.nodes)
     graph = sp.coo_matrix((np.ones(len(one)), (one, other)), (n, n))
-    found: np.ndarray = connected_components(graph, directed=False)[1]
-    return found
+    body_of: np.ndarray = connected_components(graph, directed=False)[1]
+    return body_of
 
 
 def _shortest_edge(mesh: SolidMesh) -> float:
-    found = np.inf
+    shortest = np.inf
     for block in mesh.blocks:
         for a, b in block.kind.shape.edges:
             edge = mesh.nodes[block.nodes[:, a]] - mesh.nodes[block.nodes[:, b]]
-            found = min(found, float(np.linalg.norm(edge, axis=1).min()))
-    return found
+            shortest = min(shortest, float(np.linalg.norm(edge, axis=1).min()))
+    return shortest
 
 
 class _Copies:
@@ -150,11 +150,11 @@ class _Copies:
     ) -> None:
         self._sector, self._turns, self._node_at = mesh, turns, node_at
         self._count = len(turns)
-        own = np.diff(mesh.starts)
+        counts = np.diff(mesh.starts)
         new_starts = self._count * mesh.starts
-        block_of = np.repeat(np.arange(len(own)), own)
+        block_of = np.repeat(np.arange(len(counts)), counts)
         first = new_starts[block_of] + np.arange(mesh.n_elements) - mesh.starts[block_of]
-        self._element_at = first + np.arange(self._count)[:, None] * own[block_of]  # (count, e)
+        self._element_at = first + np.arange(self._count)[:, None] * counts[block_of]  # (count, e)
 
     def mesh(self, everywhere: np.ndarray) -> SolidMesh:
         """The whole body, but for cyclic ties."""
@@ -194,27 +194,27 @@ class _Copies:
         return replace(whole, surfaces=self._surfaces(whole))
 
     def _of_elements(self, values: np.ndarray) -> np.ndarray:
-        found = np.empty(values.size * self._count, dtype=object)
-        found[self._element_at] = values
-        return found
+        repeated = np.empty(values.size * self._count, dtype=object)
+        repeated[self._element_at] = values
+        return repeated
 
     def _orientations(self) -> tuple[dict[str, Orientation], np.ndarray]:
         """Material axes turn with the sectors, the global ones of directional materials too."""
         m = self._sector
-        own = m.orientation.astype(object)
+        names = m.orientation.astype(object)
         named: dict[str, Orientation] = dict(m.orientations)
         directional = [name for name, e in m.materials.items() if isinstance(e, Orthotropic)]
         directional += list(m.unfinished)
-        bare = (own == "") & np.isin(m.material, directional)
+        bare = (names == "") & np.isin(m.material, directional)
         if bare.any():
             named["SECTOR"] = Orientation("rectangular", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-            own = np.where(bare, "SECTOR", own)
-        found: dict[str, Orientation] = {}
-        of = np.empty(own.size * self._count, dtype=object)
+            names = np.where(bare, "SECTOR", names)
+        turned_axes: dict[str, Orientation] = {}
+        of = np.empty(names.size * self._count, dtype=object)
         for k, (R, shift) in enumerate(self._turns):
-            of[self._element_at[k]] = [f"{name}@{k + 1}" if name else "" for name in own]
-            found |= {f"{name}@{k + 1}": o.moved(R, shift) for name, o in named.items()}
-        return found, of
+            of[self._element_at[k]] = [f"{name}@{k + 1}" if name else "" for name in names]
+            turned_axes |= {f"{name}@{k + 1}": o.moved(R, shift) for name, o in named.items()}
+        return turned_axes, of
 
     def _faces(self, faces: np.ndarray, k: int) -> np.ndarray:
         return np.column_stack([self._element_at[k][faces[:, 0]], faces[:, 1]])
@@ -222,15 +222,15 @@ class _Copies:
     def _surfaces(self, whole: SolidMesh) -> dict[str, np.ndarray]:
         """Those of all sectors, without faces that lie between sectors now."""
         here, now = ({tuple(f) for f in boundary(mesh).tolist()} for mesh in (self._sector, whole))
-        found = {}
+        surfaces = {}
         for name, faces in self._sector.surfaces.items():
-            own = [self._faces(faces, k) for k in range(self._count)]
+            copies = [self._faces(faces, k) for k in range(self._count)]
             was_outer = np.array([tuple(f) in here for f in faces.tolist()] * self._count)
-            is_outer = np.array([tuple(f) in now for f in np.vstack(own).tolist()])
-            kept = np.vstack(own)[is_outer | ~was_outer]
-            if len(kept):
-                found[name] = np.unique(kept, axis=0)
-        return found
+            is_outer = np.array([tuple(f) in now for f in np.vstack(copies).tolist()])
+            outer_faces = np.vstack(copies)[is_outer | ~was_outer]
+            if len(outer_faces):
+                surfaces[name] = np.unique(outer_faces, axis=0)
+        return surfaces
 
     def _constraints(self, k: int) -> Iterator[Constraint]:
         at = self._node_at[k]
@@ -293,16 +293,16 @@ def _check_sides(mesh: SolidMesh, whole: SolidMesh, how: Repetition) -> None:
     from scipy.spatial import cKDTree
 
     outer = {tuple(f) for f in boundary(whole).tolist()}
-    own = mesh.n_elements
+    n_elements = mesh.n_elements
     # of the first sector: its elements come first in each block
     starts, size = whole.starts[:-1], np.diff(mesh.starts)
     first = np.concatenate([s + np.arange(n) for s, n in zip(starts, size, strict=True)])
-    element = dict(zip(range(own), first.tolist(), strict=True))
-    left = np.array([f for f in boundary(mesh).tolist() if (element[f[0]], f[1]) in outer])
-    if not len(left):
+    element = dict(zip(range(n_elements), first.tolist(), strict=True))
+    free_faces = np.array([f for f in boundary(mesh).tolist() if (element[f[0]], f[1]) in outer])
+    if not len(free_faces):
         return
     middles, normals, sizes = [], [], []
-    for group in facet_groups(mesh, left.reshape(-1, 2)):
+    for group in facet_groups(mesh, free_faces.reshape(-1, 2)):
         corners = 4 if group.nodes.shape[1] in (4, 8) else 3
         x = mesh.nodes[group.nodes[:, :corners]]
         across = np.cross(x[:, 1] - x[:, 0], x[:, -1] - x[:, 0])
@@ -324,7 +324,7 @@ def _check_sides(mesh: SolidMesh, whole: SolidMesh, how: Repetition) -> None:
             f"{facing} facets of a side of the sector lie on those of the next sector, but have "
             "other nodes: mesh both sides alike"
         )
-    if len(left) == len(boundary(mesh)):  # nodes on the axis alone are those of others
+    if len(free_faces) == len(boundary(mesh)):  # nodes on the axis alone are those of others
         raise mesh.error(
             f"a turn by 360/{how.count} degrees brings no facet of the sector onto another: {APART}"
         )

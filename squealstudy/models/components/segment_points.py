@@ -60,8 +60,8 @@ def segment_means(
     parts = []
     for three in (True, False):
         family = np.flatnonzero(np.isin(slave.kinds, TRIANGLES) == three)
-        held = np.cumsum(np.diff(neighbours.start)[family])
-        cuts = np.flatnonzero(np.diff(held // AT_ONCE)) + 1
+        work_so_far = np.cumsum(np.diff(neighbours.start)[family])
+        cuts = np.flatnonzero(np.diff(work_so_far // AT_ONCE)) + 1
         functions = lagrange(three, settings.points_per_side)
         parts += [
             _means(slave, master, some, neighbours.of(some), functions, settings)
@@ -121,11 +121,11 @@ def _means(
     drawn = _drawn(terms.area @ functions.T, whole[:, None] * share)[:, None, None]
     functions = (1 - drawn) * functions + drawn * constant  # (facets, points, terms)
     area = np.einsum("spt,st->sp", functions, terms.area)
-    kept = whole > NOTHING * slave.areas[some]
-    functions[kept] /= area[kept, :, None]
-    n = np.count_nonzero(kept) * len(share)
+    is_covered = whole > NOTHING * slave.areas[some]
+    functions[is_covered] /= area[is_covered, :, None]
+    n = np.count_nonzero(is_covered) * len(share)
     number = np.full(len(some), -1)
-    number[kept] = np.arange(np.count_nonzero(kept))
+    number[is_covered] = np.arange(np.count_nonzero(is_covered))
 
     def rows(facets: Facets, which: np.ndarray, of: np.ndarray, M: np.ndarray) -> sp.csr_matrix:
         """Rows from the integrals M of the facets `which`, each over a part of slave `of`."""
@@ -133,21 +133,21 @@ def _means(
         row = number[of][:, None] * len(share) + np.arange(len(share))
         columns = np.broadcast_to(facets.table[which][:, None], values.shape)
         entries = values.ravel(), (np.repeat(row.ravel(), MAX_FACET_NODES), columns.ravel())
-        made = sp.csr_matrix(entries, shape=(n, len(facets.coordinates)))
-        made.eliminate_zeros()
-        return made
+        matrix = sp.csr_matrix(entries, shape=(n, len(facets.coordinates)))
+        matrix.eliminate_zeros()
+        return matrix
 
     owner = np.repeat(np.arange(len(some)), np.diff(near.start))
-    met = kept[owner] & terms.master.any(axis=(1, 2))
-    of_slave = rows(slave, some[kept], np.flatnonzero(kept), terms.slave[kept])
-    normal = (functions[kept] @ terms.normal[kept]).reshape(-1, 3)
+    met = is_covered[owner] & terms.master.any(axis=(1, 2))
+    of_slave = rows(slave, some[is_covered], np.flatnonzero(is_covered), terms.slave[is_covered])
+    normal = (functions[is_covered] @ terms.normal[is_covered]).reshape(-1, 3)
     return Opposite(
         points=of_slave @ slave.coordinates,
         normal=normal / np.linalg.norm(normal, axis=1, keepdims=True),
-        area=area[kept].ravel(),
+        area=area[is_covered].ravel(),
         slave=of_slave,
         master=rows(master, near.candidates[met], owner[met], terms.master[met]),
-        gap=np.einsum("spt,st->sp", functions[kept], terms.gap[kept]).ravel(),
+        gap=np.einsum("spt,st->sp", functions[is_covered], terms.gap[is_covered]).ravel(),
         same_way=float(terms.left_out[:, 1].sum()),
     )
 

@@ -13,7 +13,7 @@ T = TypeVar("T")
 
 def has_name(of: Mapping[str, T], name: str) -> bool:
     """Whether a name is there, in whatever capitals."""
-    return any(known.casefold() == name.casefold() for known in of)
+    return any(existing.casefold() == name.casefold() for existing in of)
 
 
 def found_name(of: Mapping[str, T], name: str, what: str, origin: Path) -> T:
@@ -23,8 +23,8 @@ def found_name(of: Mapping[str, T], name: str, what: str, origin: Path) -> T:
     """
     if name in of:
         return of[name]
-    alike: Sequence[str] = [known for known in of if known.casefold() == name.casefold()]
+    alike: Sequence[str] = [existing for existing in of if existing.casefold() == name.casefold()]
     if len(alike) != 1:
-        known = ", ".join(sorted(of)) or "none"
-        raise ModelError(f"{origin} has no {what} '{name}'; it has {known}")
+        existing = ", ".join(sorted(of)) or "none"
+        raise ModelError(f"{origin} has no {what} '{name}'; it has {existing}")
     return of[alike[0]]

@@ -46,8 +46,8 @@ def stress_stiffness(mesh: SolidMesh, u: np.ndarray) -> sp.csr_matrix:
     for part, rows, X in chunks(mesh, parts):
         sigma, weight, slopes = _stresses(mesh, part, rows, X, u)
         pulled = np.matmul(slopes, sigma) * weight[..., None, None]  # (e, q, k, 3)
-        own = np.einsum("eqni,eqmi->enm", pulled, slopes, optimize=True)
-        sums.add(part, rows, ((own + own.transpose(0, 2, 1)) / 2)[..., None])
+        stiffness = np.einsum("eqni,eqmi->enm", pulled, slopes, optimize=True)
+        sums.add(part, rows, ((stiffness + stiffness.transpose(0, 2, 1)) / 2)[..., None])
     return sp.kron(sums.matrix(), sp.eye(3), format="csr")
 
 
@@ -60,10 +60,10 @@ def _stresses(
     N, dN = kind.shape.functions(integration(kind.stiffness).points)
     _, J = jacobians(mesh, part.start, rows, X, dN)
     B, weight = strain_rows(mesh, part, rows, X)
-    moved = u[part.block.nodes[rows]].reshape(len(rows), -1)
+    element_motion = u[part.block.nodes[rows]].reshape(len(rows), -1)
     if kind.condensed:
-        moved = inner_freedoms(B, weight, C, moved)
-    six = np.einsum("ij,eqjm,em->eqi", C, B, moved, optimize=True)
+        element_motion = inner_freedoms(B, weight, C, element_motion)
+    six = np.einsum("ij,eqjm,em->eqi", C, B, element_motion, optimize=True)
     sigma = np.empty((*six.shape[:2], 3, 3))
     for row, (i, j) in enumerate(STRAINS):
         sigma[..., i, j] = sigma[..., j, i] = six[..., row]

@@ -92,16 +92,16 @@ def coupled(
     moves = [node.observe(axis) for axis in np.eye(3)]
     if table.kind == "distributing":
         mean = rigid_motion(surface, at)
-        moved = [rows((one, moves[a]), (other, -mean[a])) for a in range(3)]
+        translation_rows = [rows((one, moves[a]), (other, -mean[a])) for a in range(3)]
         of_face = turn_of(geometry, table.face, surface, (*keys, "face"))
         turned = turn_rows((one, turn.by_turns)) - rows((other, of_face.by_displacements))
         moment = surface.area @ (np.sum(arm**2, axis=1)[:, None] - arm**2)
         stiffness = np.append(np.full(3, surface.area.sum()), moment)
-        return Coupled(sp.vstack([*moved, turned]).tocsr(), bedding * stiffness)
-    found = []
+        return Coupled(sp.vstack([*translation_rows, turned]).tocsr(), bedding * stiffness)
+    relative_rows = []
     for axis, e in enumerate(np.eye(3)):
         whole = sp.csr_matrix(np.ones((len(arm), 1)))
         by_turn = sp.csr_matrix(np.cross(arm, e)) @ turn.by_turns  # (turn x arm) . e
         relative = rows((one, whole @ moves[axis]), (other, -surface.observe(e)))
-        found.append(relative + turn_rows((one, by_turn)))
-    return Coupled(sp.vstack(found).tocsr(), np.tile(bedding * surface.area, 3))
+        relative_rows.append(relative + turn_rows((one, by_turn)))
+    return Coupled(sp.vstack(relative_rows).tocsr(), np.tile(bedding * surface.area, 3))

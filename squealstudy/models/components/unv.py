@@ -68,13 +68,13 @@ def read_unv(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidM
 
 
 def _treated(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
-    found = {name: name for name, _ in SOLIDS.values()}
+    formulation_of = {name: name for name, _ in SOLIDS.values()}
     for old, new in treat_as.items():
-        if old not in found or new not in FORMULATIONS:
-            known = ", ".join(found)
-            raise ModelError(f"{path}: treat_as {old} = '{new}': expected one of {known}")
-        found[old] = new
-    return found
+        if old not in formulation_of or new not in FORMULATIONS:
+            names = ", ".join(formulation_of)
+            raise ModelError(f"{path}: treat_as {old} = '{new}': expected one of {names}")
+        formulation_of[old] = new
+    return formulation_of
 
 
 class _Reader:
@@ -140,10 +140,10 @@ class _Reader:
 
     @staticmethod
     def _whole(line: Line, least: int) -> list[int]:
-        found = [line.whole(word, "a whole number") for word in line.text.split()]
-        if len(found) < least:
-            raise line.error(f"expected {least} whole numbers, found {len(found)}")
-        return found
+        numbers = [line.whole(word, "a whole number") for word in line.text.split()]
+        if len(numbers) < least:
+            raise line.error(f"expected {least} whole numbers, found {len(numbers)}")
+        return numbers
 
     def _read_nodes(self, lines: list[Line]) -> None:
         if len(lines) % 2:
@@ -158,7 +158,7 @@ class _Reader:
 
     def _read_elements(self, lines: list[Line]) -> None:
         rest = iter(lines)
-        seen: set[int] = set()
+        labels: set[int] = set()
         for head in rest:
             label, kind, *_, count = self._whole(head, 6)[:6]
             if kind in BEAMS:
@@ -169,16 +169,16 @@ class _Reader:
                 if line is None:
                     raise head.error(f"element {label}: expected {count} nodes, found {len(nodes)}")
                 nodes += self._whole(line, 1)
-            if label in seen:
+            if label in labels:
                 raise head.error(f"element {label} is there twice")
-            seen.add(label)
+            labels.add(label)
             if kind in SOLIDS:
                 name, order = SOLIDS[kind]
                 if len(nodes) != len(order):
                     text = f"element {label}: expected {len(order)} nodes, found {len(nodes)}"
                     raise head.error(text)
-                own = [nodes[k] for k in order]
-                self._rows.setdefault(self._names[name], []).append((label, own, head))
+                ordered_nodes = [nodes[k] for k in order]
+                self._rows.setdefault(self._names[name], []).append((label, ordered_nodes, head))
             elif kind in PLATES:
                 self._plates[label] = [nodes[k] for k in PLATES[kind] if k < len(nodes)], head
             else:
@@ -244,8 +244,8 @@ class _Reader:
             if nodes:
                 node_sets[name] = np.union1d(node_sets.get(name, []), nodes).astype(np.int64)
             if elements:
-                own = np.union1d(element_sets.get(name, []), elements)
-                element_sets[name] = own.astype(np.int64)
+                merged = np.union1d(element_sets.get(name, []), elements)
+                element_sets[name] = merged.astype(np.int64)
             corners = [[at[n] for n in c if n in at] for c, _ in plates]
             corners = [c + [-1] * (4 - len(c)) for c in corners if len(c) >= 3]
             if corners:
