@@ -14,11 +14,11 @@ from squealstudy.models.parameter_names import StudyParameter
 def laws_with(name: str) -> dict[str, list[str]]:
     """Laws that have a parameter of that name, by the option of [model] that chooses them."""
     sorts = ((CONTACT_OPTION, CONTACT_LAWS), (FRICTION_OPTION, FRICTION_CURVES))
-    found = {
+    by_option = {
         option.name: [law.name for law in laws if name in {p.name for p in law.parameters}]
         for option, laws in sorts
     }
-    return {option: laws for option, laws in found.items() if laws}
+    return {option: laws for option, laws in by_option.items() if laws}
 
 
 def law_choices(laws: Mapping[str, list[str]]) -> str:

@@ -75,11 +75,11 @@ class ComponentCells:
         for kind, nodes in self.blocks:
             padded = np.column_stack([nodes, np.full(len(nodes), NONE)])
             faces.append(padded[:, _face_places(kind)].reshape(-1, 8))
-        found = np.concatenate(faces)
+        all_facets = np.concatenate(faces)
         _, first, count = np.unique(
-            np.sort(found[:, :4], axis=1), axis=0, return_index=True, return_counts=True
+            np.sort(all_facets[:, :4], axis=1), axis=0, return_index=True, return_counts=True
         )
-        return found[np.sort(first[count == 1])]
+        return all_facets[np.sort(first[count == 1])]
 
 
 def _face_places(kind: str) -> np.ndarray:

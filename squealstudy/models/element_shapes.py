@@ -47,12 +47,12 @@ class Shape:
     @property
     def edges(self) -> set[tuple[int, int]]:
         """Pairs of corners with an edge between them."""
-        found = set()
+        corner_pairs = set()
         for face in self.faces:
             corners = [i for i in face if self.is_corner(i)]
             ends = zip(corners, [*corners[1:], corners[0]], strict=True)
-            found |= {(min(a, b), max(a, b)) for a, b in ends}
-        return found
+            corner_pairs |= {(min(a, b), max(a, b)) for a, b in ends}
+        return corner_pairs
 
     @cached_property
     def ends(self) -> dict[int, tuple[int, int]]:

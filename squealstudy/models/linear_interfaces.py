@@ -51,8 +51,8 @@ class SpringInterface:
 
     def energy(self, u: np.ndarray) -> float:
         """u^H K u of displacements (n_dof,)."""
-        moved = self.B @ u
-        return float(self.stiffness @ (moved.real**2 + moved.imag**2))
+        relative_motion = self.B @ u
+        return float(self.stiffness @ (relative_motion.real**2 + relative_motion.imag**2))
 
 
 @dataclass(frozen=True)
@@ -91,8 +91,8 @@ class DamperInterface:
 
     def loss(self, u: np.ndarray) -> float:
         """u^H C u of displacements (n_dof,)."""
-        moved = self.B @ u
-        return float(self.damping @ (moved.real**2 + moved.imag**2))
+        relative_motion = self.B @ u
+        return float(self.damping @ (relative_motion.real**2 + relative_motion.imag**2))
 
 
 @dataclass(frozen=True)

@@ -95,15 +95,17 @@ def stacked_mass(
     """
     still = np.zeros((1, 2, 2))
     area = _rows(stiffness) / LAW.value(STIFFNESS.name)
-    held = still if springs is None else np.stack(np.broadcast_arrays(*map(_rows, springs)), axis=1)
+    spring_rates = (
+        still if springs is None else np.stack(np.broadcast_arrays(*map(_rows, springs)), axis=1)
+    )
     nc = len(N)
     return StackedAssembly(
         components=("mass",),
         offsets=np.array([0, 2]),
         M=np.atleast_1d(np.asarray(mass, dtype=float))[:, None, None] * np.eye(2),
         K=still,
-        springs=held,
-        static_springs=held,
+        springs=spring_rates,
+        static_springs=spring_rates,
         C=None,
         N=N[None].astype(float),
         T=T[None].astype(float),

@@ -58,8 +58,8 @@ class ModelPoint:
         """The values that name the design point: without parameters of others' laws not in use."""
         used = {p.name for p in CONTACT_LAWS[self.law_kind].parameters}
         used |= {p.name for p in FRICTION_CURVES[self.curve_kind].parameters}
-        left = (CONTACT_LAWS.names_outside() | FRICTION_CURVES.names_outside()) - used
-        return {k: v for k, v in self.values.items() if k not in left}
+        unused = (CONTACT_LAWS.names_outside() | FRICTION_CURVES.names_outside()) - used
+        return {k: v for k, v in self.values.items() if k not in unused}
 
     @property
     def curve_kind(self) -> str:

@@ -181,12 +181,12 @@ class OperatingPoint:
         dmu/ds is the slope by the velocity along T either way. Contact that pulls (p < 0) has no
         friction, as in time. Floats where friction is the same at all points, else (nc,).
         """
-        found = self.curve.at(self.friction, self.speed_at(speed_factor), p)
+        friction = self.curve.at(self.friction, self.speed_at(speed_factor), p)
         if (p < 0.0).any():
-            found = Friction(*(np.where(p < 0.0, 0.0, part) for part in found))
+            friction = Friction(*(np.where(p < 0.0, 0.0, part) for part in friction))
         if self.direction > 0:
-            return found
-        return found._replace(mu=-found.mu, by_pressure=-found.by_pressure)
+            return friction
+        return friction._replace(mu=-friction.mu, by_pressure=-friction.by_pressure)
 
     def friction_slopes(self, p: np.ndarray, speed_factor: np.ndarray) -> np.ndarray:
         """Derivatives of `friction_at` (k, 3, 1 or nc), in the order of `FrictionCurve.slopes`.
@@ -288,10 +288,10 @@ class DesignState:
             A damped mode beyond the `n`.
         """
         zeta = np.full(n, self.damping_ratio)
-        for mode, value in self.assembly_damping.items():
+        for mode, ratio in self.assembly_damping.items():
             if not 1 <= mode <= n:
                 raise ParameterError(
                     f"modes[{mode}].damping_ratio", f"the assembly has modes 1 to {n} here"
                 )
-            zeta[mode - 1] = value
+            zeta[mode - 1] = ratio
         return zeta

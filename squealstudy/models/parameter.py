@@ -62,12 +62,12 @@ class Assumption:
     def values(self, columns: Mapping[str, float | np.ndarray], count: int) -> np.ndarray:
         """The group (count,) at design points whose values are numbers or arrays (count,)."""
         try:
-            found = np.asarray(self.group(columns), dtype=float)
+            assumed = np.asarray(self.group(columns), dtype=float)
         except (TypeError, ValueError):
             varied = {k: x for k, x in columns.items() if isinstance(x, np.ndarray)}
-            own = ({k: float(x[i]) for k, x in varied.items()} for i in range(count))
-            found = np.array([self.group({**columns, **values}) for values in own], dtype=float)
-        return np.broadcast_to(found, count)
+            rows = ({k: float(x[i]) for k, x in varied.items()} for i in range(count))
+            assumed = np.array([self.group({**columns, **values}) for values in rows], dtype=float)
+        return np.broadcast_to(assumed, count)
 
 
 @dataclass(frozen=True)
@@ -98,21 +98,23 @@ class ParameterTable:
         """
         columns = np.broadcast_arrays(*(np.asarray(given[name], float) for name in self.over))
         count = columns[0].size
-        found = np.array(self.values).reshape([len(at) for at in self.at])
-        found = np.broadcast_to(found[..., None], (*found.shape, count))
+        entries = np.array(self.values).reshape([len(at) for at in self.at])
+        entries = np.broadcast_to(entries[..., None], (*entries.shape, count))
         for at, column in zip(reversed(self.at), reversed(columns), strict=True):
             x, knots = column.reshape(count), np.array(at)
-            left = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
-            share = (x - knots[left]) / (knots[left + 1] - knots[left])
-            found = (1.0 - share) * _at(found, left) + share * _at(found, left + 1)
-        return found.reshape(columns[0].shape) if columns[0].ndim else float(found[0])
+            lower_knot = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
+            share = (x - knots[lower_knot]) / (knots[lower_knot + 1] - knots[lower_knot])
+            entries = (1.0 - share) * _at(entries, lower_knot) + share * _at(
+                entries, lower_knot + 1
+            )
+        return entries.reshape(columns[0].shape) if columns[0].ndim else float(entries[0])
 
 
 def _at(table: np.ndarray, place: np.ndarray) -> np.ndarray:
     """The entries (..., count) of a table (..., knots, count) at a knot of each column."""
-    wanted = np.broadcast_to(place, (*table.shape[:-2], 1, len(place)))
-    found: np.ndarray = np.take_along_axis(table, wanted, axis=-2)[..., 0, :]
-    return found
+    knots = np.broadcast_to(place, (*table.shape[:-2], 1, len(place)))
+    entries: np.ndarray = np.take_along_axis(table, knots, axis=-2)[..., 0, :]
+    return entries
 
 
 @dataclass(frozen=True)
@@ -215,11 +217,11 @@ class ModelDefinition:
 
         Where what it is over is as `before`, a value stays as it is given.
         """
-        found = dict(values)
+        all_values = dict(values)
         for table in self.tables:
             if before is None or any(before[name] != values[name] for name in table.over):
-                found[table.name] = table.value(values)
-        return found
+                all_values[table.name] = table.value(values)
+        return all_values
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -230,19 +232,19 @@ class ModelDefinition:
         ModelError
             A law has a parameter of a name that means another one in this model.
         """
-        own = {p.name: p for p in self.declared if isinstance(p, Parameter)}
-        known: dict[str, Parameter] = {}
+        own_parameters = {p.name: p for p in self.declared if isinstance(p, Parameter)}
+        by_name: dict[str, Parameter] = {}
         for declared in self.declared:
             for parameter in (declared,) if isinstance(declared, Parameter) else declared():
-                mine = own.get(parameter.name, parameter)
+                mine = own_parameters.get(parameter.name, parameter)
                 if mine is not parameter and replace(mine, default=parameter.default) != parameter:
                     raise ModelError(
                         f"'{parameter.name}' is a parameter of the model {self.name}: the one of "
                         f"that name that a law from outside has needs another, such as "
                         f"'law.{parameter.name}'"
                     )
-                known.setdefault(parameter.name, mine)
-        return tuple(known.values())
+                by_name.setdefault(parameter.name, mine)
+        return tuple(by_name.values())
 
     @property
     def meshed(self) -> bool:
@@ -260,10 +262,10 @@ class ModelDefinition:
 
     def defaults(self, version: str | None = None) -> dict[str, float]:
         """Default value of every parameter, in a `version` of squealstudy; None: in this one."""
-        found = {p.name: p.default for p in self.parameters}
+        defaults = {p.name: p.default for p in self.parameters}
         for change in self.changed_since(version):
-            found |= change.defaults
-        return found
+            defaults |= change.defaults
+        return defaults
 
     def changed_since(self, version: str | None) -> tuple[ModelChange, ...]:
         """Changes that are later than a version, the latest first; none for None."""

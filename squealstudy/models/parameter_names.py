@@ -156,10 +156,10 @@ def check_disjoint(parameters: Iterable[StudyParameter]) -> None:
 
 
 def _parse_mode_parameter(name: str, model: ModelDefinition) -> ModeParameter:
-    found = MODE_NAME.fullmatch(name)
-    if found is None:
+    match = MODE_NAME.fullmatch(name)
+    if match is None:
         raise ParameterError(name, f"expected a name like {EXAMPLE}, got '{name}'")
-    component, quantity = found["component"] or "", found["quantity"]
+    component, quantity = match["component"] or "", match["quantity"]
     if component and component not in model.components:
         raise ParameterError(
             name,
@@ -174,22 +174,22 @@ def _parse_mode_parameter(name: str, model: ModelDefinition) -> ModeParameter:
         raise ParameterError(
             name,
             f"modes of the assembly have {DAMPING_RATIO} only, their frequencies follow from the "
-            f"components: expected '<component>.modes[{found['modes']}].{quantity}'",
+            f"components: expected '<component>.modes[{match['modes']}].{quantity}'",
         )
-    return ModeParameter(name, component, _parse_modes(name, found["modes"]), quantity)
+    return ModeParameter(name, component, _parse_modes(name, match["modes"]), quantity)
 
 
 def _parse_modes(name: str, text: str) -> tuple[int, ...]:
     """Mode numbers of ``3,7-9``, ascending."""
     modes: set[int] = set()
     for part in text.split(","):
-        found = MODE_RANGE.fullmatch(part.strip())
-        if found is None:
+        match = MODE_RANGE.fullmatch(part.strip())
+        if match is None:
             raise ParameterError(
                 name,
                 f"expected mode numbers from 1 like [13], [12-14] or [3,7-9], got '[{text}]'",
             )
-        first, last = int(found[1]), int(found[2] or found[1])
+        first, last = int(match[1]), int(match[2] or match[1])
         if first < 1 or last > LARGEST_MODE:
             raise ParameterError(
                 name, f"expected mode numbers from 1 to {LARGEST_MODE}, got '{part.strip()}'"

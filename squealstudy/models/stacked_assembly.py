@@ -63,15 +63,15 @@ class StackedAssembly:
         """Its arrays with a row a structure, by name."""
         named = {f.name: getattr(self, f.name) for f in fields(self)}
         return {
-            name: value
-            for name, value in named.items()
-            if isinstance(value, np.ndarray) and name != "offsets"
+            name: array
+            for name, array in named.items()
+            if isinstance(array, np.ndarray) and name != "offsets"
         }
 
     def at(self, rows: np.ndarray) -> StackedAssembly:
         """Some of the structures, each as often as it is named."""
-        own: dict[str, Any] = {name: _rows(value, rows) for name, value in self.arrays.items()}
-        return replace(self, **own)
+        selected: dict[str, Any] = {name: _rows(array, rows) for name, array in self.arrays.items()}
+        return replace(self, **selected)
 
     @staticmethod
     def of(assemblies: Sequence[Assembly]) -> StackedAssembly:
@@ -94,7 +94,10 @@ class StackedAssembly:
             components=first.component_names,
             offsets=ends,
             C=np.stack([zero if c is None else c for c in C]) if damped else None,
-            **{name: np.stack([own[name] for own in columns]) for name in columns[0]},
+            **{
+                name: np.stack([arrays_of_one[name] for arrays_of_one in columns])
+                for name in columns[0]
+            },
         )
 
 

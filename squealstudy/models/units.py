@@ -107,11 +107,11 @@ class Unit:
         factors += [(word.strip(), -1) for word in below]
         size, powers = Fraction(1), PURE
         for word, sign in factors:
-            found = FACTOR.fullmatch(word)
-            if found is None or found["name"] not in UNITS:
+            match = FACTOR.fullmatch(word)
+            if match is None or match["name"] not in UNITS:
                 raise KeyError(word)
-            power = int(found["power"] or 1)
-            factor, dimension = UNITS[found["name"]]
+            power = int(match["power"] or 1)
+            factor, dimension = UNITS[match["name"]]
             size *= Fraction(factor**power) ** sign
             powers = _product(powers, dimension, sign * power)
         return cls(text, size, powers)
@@ -139,32 +139,34 @@ def in_unit_of(text: str, unit: str, difference: bool = False) -> float:
     ValueError
         What is wrong with it, to go behind the parameter's name.
     """
-    wanted = f"is in {unit}" if unit else "is a pure number"
-    found = QUANTITY.fullmatch(text)
-    if found is None:
-        raise ValueError(f"{wanted}: expected a number and its unit, got {shown(text)}")
+    expectation = f"is in {unit}" if unit else "is a pure number"
+    match = QUANTITY.fullmatch(text)
+    if match is None:
+        raise ValueError(f"{expectation}: expected a number and its unit, got {shown(text)}")
     try:
-        own = Unit.named(unit)
+        target = Unit.named(unit)
     except KeyError:  # such as Pa/m^n, of an exponent that is a parameter itself
-        raise ValueError(f"{wanted}: expected a number, got {shown(text)}") from None
+        raise ValueError(f"{expectation}: expected a number, got {shown(text)}") from None
     try:
-        given = Unit.named(found["unit"])
+        written = Unit.named(match["unit"])
     except KeyError as error:
         word = str(error.args[0])
         fitting = UNITS  # of a product or a quotient any unit may be meant
-        if word == found["unit"]:
-            fitting = {k: v for k, v in UNITS.items() if v[1] == own.powers} or UNITS
+        if word == match["unit"]:
+            fitting = {k: v for k, v in UNITS.items() if v[1] == target.powers} or UNITS
         hint = did_you_mean(word, fitting) if word.isalpha() else ""
-        raise ValueError(f"{wanted}: got {shown(text)}, whose unit is not known{hint}") from None
-    if given.powers != own.powers:
-        raise ValueError(f"{wanted}: got {shown(text)}")
-    value = Fraction(found["number"]) * given.size
+        raise ValueError(
+            f"{expectation}: got {shown(text)}, whose unit is not known{hint}"
+        ) from None
+    if written.powers != target.powers:
+        raise ValueError(f"{expectation}: got {shown(text)}")
+    size_in_si = Fraction(match["number"]) * written.size
     if not difference:
-        value += ZERO_CELSIUS * ((given.name in CELSIUS) - (own.name in CELSIUS))
+        size_in_si += ZERO_CELSIUS * ((written.name in CELSIUS) - (target.name in CELSIUS))
     try:
-        return float(value / own.size)
+        return float(size_in_si / target.size)
     except OverflowError:
-        raise ValueError(f"{wanted}: got {shown(text)}, a number too large") from None
+        raise ValueError(f"{expectation}: got {shown(text)}, a number too large") from None
 
 
 def with_bare_unit(value: Any, parameter: Parameter) -> Any:

@@ -28,11 +28,11 @@ def model_names() -> tuple[str, ...]:
 
 
 def _read_folder() -> None:
-    for found in iter_modules(__path__):
-        module = import_module(f"{__name__}.{found.name}")
-        for value in vars(module).values():
-            if isinstance(value, ModelDefinition):
-                register_model(value)
+    for module_info in iter_modules(__path__):
+        module = import_module(f"{__name__}.{module_info.name}")
+        for definition in vars(module).values():
+            if isinstance(definition, ModelDefinition):
+                register_model(definition)
 
 
 _read_folder()

@@ -53,11 +53,11 @@ class CylindricalMesh:
         x, y, z = points.T
         turns = np.floor((np.arctan2(y, x) - self.lines[1][0]) / (2 * np.pi))
         theta = np.arctan2(y, x) - 2 * np.pi * turns
-        found, inside = [], np.ones(len(points), dtype=bool)
+        indices, inside = [], np.ones(len(points), dtype=bool)
         for c, line in zip((np.hypot(x, y), theta, z), self.lines, strict=True):
             inside &= (c >= line[0]) & (c <= line[-1])
-            found.append(np.clip(np.searchsorted(line, c, side="right") - 1, 0, len(line) - 2))
-        return np.where(inside, self.numbers[tuple(found)], -1)
+            indices.append(np.clip(np.searchsorted(line, c, side="right") - 1, 0, len(line) - 2))
+        return np.where(inside, self.numbers[tuple(indices)], -1)
 
 
 @dataclass(frozen=True)

@@ -68,16 +68,16 @@ def sample_surface(solid: Solid, keep: FacetFilter, points_per_side: int = 3) ->
     `points_per_side` 3 gives 3 x 3 points a facet. Corner-node lumping is not offered: the
     corner weights of an 8-node face are negative. Raises ModelError where no facet is kept.
     """
-    mesh, kept = solid.grid.mesh, kept_facets(solid, keep)
-    mapping, cells = mesh.mapping(), mesh.f2t[0, kept]
+    mesh, facets = solid.grid.mesh, kept_facets(solid, keep)
+    mapping, cells = mesh.mapping(), mesh.f2t[0, facets]
     X, weights = get_quadrature(mesh.brefdom, 2 * points_per_side - 1)
-    points = mapping.G(X, find=kept)
+    points = mapping.G(X, find=facets)
     local = _local_coordinates(solid.basis, points, cells)
     S = _values(solid.basis, local, cells)
     S.data[np.abs(S.data) < 1e-14] = 0.0  # nodes off the facet
     S.eliminate_zeros()
-    normals = mapping.normals(local, cells, kept, mesh.t2f)
-    area = np.abs(mapping.detDG(X, find=kept)) * weights
+    normals = mapping.normals(local, cells, facets, mesh.t2f)
+    area = np.abs(mapping.detDG(X, find=facets)) * weights
     return Surface(points.reshape(3, -1).T, area.ravel(), normals.reshape(3, -1).T, S)
 
 
@@ -86,10 +86,10 @@ def kept_facets(solid: Solid, keep: FacetFilter) -> np.ndarray:
     mesh = solid.grid.mesh
     facets = mesh.boundary_facets()
     x, y, z = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
-    kept: np.ndarray = facets[keep(np.hypot(x, y), np.arctan2(y, x), z)]
-    if not len(kept):
+    passing: np.ndarray = facets[keep(np.hypot(x, y), np.arctan2(y, x), z)]
+    if not len(passing):
         raise ModelError("a surface selects no facet of its component")
-    return kept
+    return passing
 
 
 def facing_surface(solid: Solid, surface: Surface) -> Surface:

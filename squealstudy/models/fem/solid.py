@@ -110,10 +110,10 @@ def orthotropic_stiffness(
         raise ModelError(f"moduli are too small to be divided by, got E={E}, G={G}")
     compliances = np.linalg.eigvalsh(S)
     if compliances[0] <= SINGULAR_COMPLIANCE_RATIO * compliances[-1]:
-        told = "; ".join(
+        constants = "; ".join(
             f"{n} {', '.join(f'{v:g}' for v in of)}" for n, of in (("E", E), ("nu", nu))
         )
-        raise ModelError(f"elastic constants {told} give no positive definite stiffness")
+        raise ModelError(f"elastic constants {constants} give no positive definite stiffness")
     return np.linalg.inv(S)
 
 
@@ -186,8 +186,11 @@ class CellEnergies:
     def __call__(self, u: np.ndarray) -> np.ndarray:
         """Twice the energies u^H K u (n_cells,) [J] of displacements u (3 n_nodes,) [m]."""
         basis = CellBasis(self.grid.mesh, ElementHexS2(), intorder=self.order)
-        own = u.reshape(-1, 3)[basis.element_dofs]  # (20, n_cells, 3)
-        slope = sum(np.einsum("ei,keq->eqik", own[a], f[0].grad) for a, f in enumerate(basis.basis))
+        element_motion = u.reshape(-1, 3)[basis.element_dofs]  # (20, n_cells, 3)
+        slope = sum(
+            np.einsum("ei,keq->eqik", element_motion[a], f[0].grad)
+            for a, f in enumerate(basis.basis)
+        )
         strain = np.empty((*slope.shape[:2], 6), dtype=u.dtype)
         for i, k in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)):
             shear = slope[..., i, k] + slope[..., k, i]

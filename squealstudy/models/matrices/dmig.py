@@ -74,18 +74,18 @@ def read_dmig(path: Path, name: str | None = None, square: bool = False) -> Labe
         if scaled is not None and not _is_one(scaled["factor"]):
             what = scaled["name"] or scaled["command"]
             raise text.error(k, f"{what.upper()} multiplies matrices: they are read as they stand")
-    found: dict[str, _Matrix] = {}
+    matrices: dict[str, _Matrix] = {}
     for card in _cards(text):
-        _add(text, card, found)
-    listed = ", ".join(found) or "none"
-    if not found:
+        _add(text, card, matrices)
+    listed = ", ".join(matrices) or "none"
+    if not matrices:
         raise ModelError(f"{path} has no DMIG card")
-    if name is None and len(found) > 1:
+    if name is None and len(matrices) > 1:
         raise ModelError(f"{path} holds the matrices {listed}: expected the name of one")
-    chosen = next(iter(found)) if name is None else name.upper()
-    if chosen not in found:
+    chosen = next(iter(matrices)) if name is None else name.upper()
+    if chosen not in matrices:
         raise ModelError(f"{path} has no matrix '{name}'; its matrices are {listed}")
-    matrix = found[chosen]
+    matrix = matrices[chosen]
 
     def refused(k: int, message: str) -> ModelError:
         return text.error(matrix.lines[k], message)
@@ -100,11 +100,11 @@ def read_dmig(path: Path, name: str | None = None, square: bool = False) -> Labe
 
 def _is_one(factor: str | None) -> bool:
     """Whether a factor, None for one in front of a name, is 1."""
-    found = NUMBER.fullmatch(factor or "")
+    match = NUMBER.fullmatch(factor or "")
     return (
-        found is not None
-        and float(found["digits"]) == 1
-        and not int(found["power"] or found["bare"] or 0)
+        match is not None
+        and float(match["digits"]) == 1
+        and not int(match["power"] or match["bare"] or 0)
     )
 
 
@@ -201,10 +201,10 @@ def _whole_number(text: TextFile, card: _Card, place: int, expected: str) -> int
 def _real(text: TextFile, card: _Card, place: int) -> float:
     """A number as Nastran writes it: 1.5-3 and 1.5D-3 are 0.0015."""
     word = card.at(place)
-    found = NUMBER.fullmatch(word)
-    if found is None:
+    match = NUMBER.fullmatch(word)
+    if match is None:
         raise text.error(card.line(place), f"expected a number, found '{shortened(word)}'")
-    value = float(f"{found['digits']}e{found['power'] or found['bare'] or 0}")
-    if not np.isfinite(value):
+    number = float(f"{match['digits']}e{match['power'] or match['bare'] or 0}")
+    if not np.isfinite(number):
         raise text.error(card.line(place), f"a number too large: '{shortened(word)}'")
-    return value
+    return number

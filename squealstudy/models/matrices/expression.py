@@ -144,7 +144,7 @@ class Expression:
             Division by zero, overflow, a function outside its domain: no finite real number.
         """
         try:
-            result = float(self._read[0](values))
+            number = float(self._read[0](values))
         except ZeroDivisionError:
             reason = "division by zero"
         except OverflowError:
@@ -152,9 +152,9 @@ class Expression:
         except ValueError:
             reason = "a function or power outside its domain"
         else:
-            if math.isfinite(result):
-                return result
-            reason = f"the result is {result}"
+            if math.isfinite(number):
+                return number
+            reason = f"the result is {number}"
         at = ", ".join(f"{name} = {values[name]:g}" for name in self.names)
         raise ExpressionError(f"'{self.text}' has no value{at and f' at {at}'}: {reason}")
 
@@ -166,18 +166,21 @@ class Expression:
         ExpressionError
             As `value`, about the first place that has none.
         """
-        own = {name: np.asarray(values[name], dtype=float) for name in self.names}
+        arrays = {name: np.asarray(values[name], dtype=float) for name in self.names}
         try:
             with np.errstate(all="ignore"):  # told below
-                found = np.asarray(self._of_arrays(own), dtype=float)
+                evaluated = np.asarray(self._of_arrays(arrays), dtype=float)
         except (ArithmeticError, ValueError):  # of its constants alone
-            found = np.asarray(np.nan)
-        bad = np.flatnonzero(~np.isfinite(found))
+            evaluated = np.asarray(np.nan)
+        bad = np.flatnonzero(~np.isfinite(evaluated))
         if len(bad):
-            at = {n: float(np.broadcast_to(v, found.shape).flat[bad[0]]) for n, v in own.items()}
+            at = {
+                n: float(np.broadcast_to(v, evaluated.shape).flat[bad[0]])
+                for n, v in arrays.items()
+            }
             self.value(at)
             raise ExpressionError(f"'{self.text}' has no finite value")
-        return found
+        return evaluated
 
 
 def _check_text(text: str) -> None:
@@ -224,8 +227,8 @@ class _Reader:
             return self._call(tree, depth)
         if isinstance(tree, ast.BinOp) and type(tree.op) in self.operators:
             apply = self.operators[type(tree.op)]
-            left, right = self.node(tree.left, depth + 1), self.node(tree.right, depth + 1)
-            return lambda values: apply(left(values), right(values))
+            left_operand, right = self.node(tree.left, depth + 1), self.node(tree.right, depth + 1)
+            return lambda values: apply(left_operand(values), right(values))
         if isinstance(tree, ast.UnaryOp) and isinstance(tree.op, ast.USub | ast.UAdd):
             operand = self.node(tree.operand, depth + 1)
             return operand if isinstance(tree.op, ast.UAdd) else lambda values: -operand(values)
@@ -235,12 +238,12 @@ class _Reader:
         if isinstance(tree.value, bool) or not isinstance(tree.value, int | float):
             raise self._error(tree, f"{self._source(tree)} is no real number")
         try:
-            value = float(tree.value)
+            number = float(tree.value)
         except OverflowError:
-            value = math.inf
-        if not math.isfinite(value):
+            number = math.inf
+        if not math.isfinite(number):
             raise self._error(tree, "a number too large")
-        return value
+        return number
 
     def _name(self, tree: ast.Name) -> Evaluation:
         if tree.id in CONSTANTS:
@@ -257,10 +260,10 @@ class _Reader:
             raise self._error(tree, f"{what}, expected one of {', '.join(FUNCTIONS)}")
         if tree.keywords:
             raise self._error(tree, f"'{name}' takes no named arguments")
-        given, several = len(tree.args), name in SEVERAL
-        if given != 1 if not several else given < 2:
-            wanted = "two arguments or more" if several else "one argument"
-            raise self._error(tree, f"'{name}' takes {wanted}, got {given}")
+        n_arguments, several = len(tree.args), name in SEVERAL
+        if n_arguments != 1 if not several else n_arguments < 2:
+            expected = "two arguments or more" if several else "one argument"
+            raise self._error(tree, f"'{name}' takes {expected}, got {n_arguments}")
         function, parts = self.functions[name], [self.node(part, depth + 1) for part in tree.args]
         return lambda values: function(*(part(values) for part in parts))
 

@@ -129,8 +129,10 @@ def _reader(path: Path) -> Reader:
     for endings, reader in READERS.items():
         if name.endswith(endings):
             return reader
-    known = " ".join([*(ending for endings in READERS for ending in endings), *NASTRAN])
-    raise ModelError(f"{path}: unknown format '{path.suffix}', expected an ending of {known}")
+    endings_read = " ".join([*(ending for endings in READERS for ending in endings), *NASTRAN])
+    raise ModelError(
+        f"{path}: unknown format '{path.suffix}', expected an ending of {endings_read}"
+    )
 
 
 def _matrix_market(path: Path, variable: str | None) -> Any:
@@ -149,24 +151,24 @@ def _calculix(path: Path, variable: str | None) -> Any:
 
 
 def _matlab(path: Path, variable: str | None) -> Any:
-    data = read_whole(path)
-    version = version_of(data)
+    content_bytes = read_whole(path)
+    version = version_of(content_bytes)
     if version is None:  # before 5
         import scipy.io
 
         with np.errstate(invalid="ignore"):  # of indices that are none: refused below
-            content = scipy.io.loadmat(io.BytesIO(data))
+            content = scipy.io.loadmat(io.BytesIO(content_bytes))
         return _chosen({k: v for k, v in content.items() if not k.startswith("__")}, path, variable)
     if version == HDF5:
         raise ModelError(f"{path}: a MATLAB 7.3 file; save it with '-v7'")
     if version != MATLAB_5:
         raise ValueError(f"unknown version {version} of MATLAB's format")
-    found: dict[str, Variable] = {}
-    for one in variables(data):
-        if one.name in found:
+    variable_of: dict[str, Variable] = {}
+    for one in variables(content_bytes):
+        if one.name in variable_of:
             raise ModelError(f"{path} has two variables '{one.name}'")
-        found[one.name] = one
-    return _chosen(found, path, variable).matrix()
+        variable_of[one.name] = one
+    return _chosen(variable_of, path, variable).matrix()
 
 
 def _npz(path: Path, variable: str | None) -> Any:
@@ -197,8 +199,10 @@ def _op4(path: Path, variable: str | None) -> Any:
     names, matrices, _, _ = op4.load(str(path), into="list", sparse=True)
     if len(set(names)) < len(names):
         raise ModelError(f"{path} has two matrices of one name")
-    wanted = None if variable is None else variable.lower()  # its reader's names are in small ones
-    return _chosen(dict(zip(names, matrices, strict=True)), path, wanted)
+    small_name = (
+        None if variable is None else variable.lower()
+    )  # its reader's names are in small ones
+    return _chosen(dict(zip(names, matrices, strict=True)), path, small_name)
 
 
 def _op2(path: Path, variable: str | None) -> Any:
@@ -209,11 +213,11 @@ def _op2(path: Path, variable: str | None) -> Any:
         raise ModelError(f"{path}: OP2 needs pyyeti: pip install 'squealstudy[op4]'") from None
     file = op2.OP2(str(path))
     blocks = [block for block in file.dblist if block.dbtype == 1]
-    found = {block.name: block for block in blocks}
-    if len(found) < len(blocks):
+    block_of = {block.name: block for block in blocks}
+    if len(block_of) < len(blocks):
         raise ModelError(f"{path} has two matrices of one name")
-    wanted = None if variable is None else variable.upper()
-    block = _chosen(found, path, wanted)
+    capital_name = None if variable is None else variable.upper()
+    block = _chosen(block_of, path, capital_name)
     check_size(*block.size)  # its reader makes room for all entries, zeros among them
     if (rows := block.size[0]) > MOST_ROWS_OP2:
         raise ModelError(

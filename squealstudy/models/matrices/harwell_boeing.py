@@ -40,13 +40,13 @@ class FortranFormat:
     @classmethod
     def read(cls, text: TextFile, description: str) -> FortranFormat:
         """From text like ``10I8`` or ``1P,3D25.16``; ModelError about the line of formats."""
-        found = FORMAT.fullmatch(description)
-        repeat, width = (int(found[k] or 1) if found else 0 for k in ("repeat", "width"))
-        if found is None or not repeat or not width:
+        match = FORMAT.fullmatch(description)
+        repeat, width = (int(match[k] or 1) if match else 0 for k in ("repeat", "width"))
+        if match is None or not repeat or not width:
             what = f"expected a format like 10I8, 3E25.16, found '{shortened(description)}'"
             raise text.error(FORMAT_LINE, what)
-        scaled = int(found["scale"] or 0) != 0
-        return cls(repeat, width, found["letter"].upper() == "I", scaled)
+        scaled = int(match["scale"] or 0) != 0
+        return cls(repeat, width, match["letter"].upper() == "I", scaled)
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,8 @@ def read_harwell_boeing(path: Path) -> sp.csr_matrix:
     lines = _counts(text, COUNTS_LINE, 4, "numbers of lines")[1:]
     formats = re.findall(r"\(([^()]*)\)", text.line(FORMAT_LINE))
     if len(formats) < 3:
-        found = shortened(text.line(FORMAT_LINE))
-        raise text.error(FORMAT_LINE, f"expected three formats in brackets, found '{found}'")
+        excerpt = shortened(text.line(FORMAT_LINE))
+        raise text.error(FORMAT_LINE, f"expected three formats in brackets, found '{excerpt}'")
     first = FORMAT_LINE + 1 + _has_right_sides(text)
     blocks: list[CardBlock] = []
     for count, taken, description in zip(
@@ -109,8 +109,8 @@ def read_harwell_boeing(path: Path) -> sp.csr_matrix:
 def _symmetry(text: TextFile) -> Symmetry:
     kind = text.line(TYPE_LINE)[:3].lower()
     if len(kind) != 3 or kind[0] not in "rip" or kind[1] not in SYMMETRIES or kind[2] != "a":
-        wanted = "a real assembled matrix (RSA, RUA, RZA)"
-        raise text.error(TYPE_LINE, f"expected {wanted}, found type '{kind}'")
+        expected = "a real assembled matrix (RSA, RUA, RZA)"
+        raise text.error(TYPE_LINE, f"expected {expected}, found type '{kind}'")
     if kind[0] == "p":
         raise text.error(TYPE_LINE, "a pattern without values")
     return SYMMETRIES[kind[1]]
@@ -143,15 +143,15 @@ def _card_block(
     """So many numbers from a line on."""
     fields: list[str] = []
     pattern = WHOLE_NUMBER if form.whole else REAL
-    wanted = "a whole number" if form.whole else "a number with a decimal point"
+    expected = "a whole number" if form.whole else "a number with a decimal point"
     if whole and not form.whole:
         raise text.error(FORMAT_LINE, "expected formats of whole numbers (I) for the places")
     for place in range(first, first + -(-count // form.repeat)):
-        left = min(form.repeat, count - len(fields))
-        for k, field in enumerate(_fields(text, place, left, form), start=1):
+        n_fields = min(form.repeat, count - len(fields))
+        for k, field in enumerate(_fields(text, place, n_fields, form), start=1):
             if not pattern.fullmatch(field) or (form.scaled and "E" not in field):
-                found = shortened(field)
-                raise text.error(place, f"expected {wanted} in field {k}, found '{found}'")
+                excerpt = shortened(field)
+                raise text.error(place, f"expected {expected} in field {k}, found '{excerpt}'")
             fields.append(field)
     return CardBlock(text, first, form, _numbers(text, first, fields, form))
 
@@ -182,11 +182,11 @@ def _numbers(text: TextFile, first: int, fields: list[str], form: FortranFormat)
 
 def _columns(pointers: CardBlock, entries: int) -> np.ndarray:
     """The column, from 1, of each entry; ModelError where pointers do not ascend to the end."""
-    found = pointers.numbers
-    fits = np.append(found[0] == 1, found[1:] >= found[:-1])
-    fits[-1] &= found[-1] == entries + 1
+    starts = pointers.numbers
+    fits = np.append(starts[0] == 1, starts[1:] >= starts[:-1])
+    fits[-1] &= starts[-1] == entries + 1
     if not fits.all():
         k = int(fits.argmin())
-        what = f"pointers that ascend from 1 to {entries + 1}, found {found[k]}"
+        what = f"pointers that ascend from 1 to {entries + 1}, found {starts[k]}"
         raise pointers.error(k, f"expected {what} for column {k + 1}")
-    return np.repeat(np.arange(1, len(found)), np.diff(found))
+    return np.repeat(np.arange(1, len(starts)), np.diff(starts))

@@ -67,15 +67,15 @@ def labelled_matrix(
         Nodes and directions that are none, supports, an entry that is there twice, a
         matrix that is not symmetric, no entries.
     """
-    known = (*DIRECTIONS, 0) if scalars else DIRECTIONS
+    allowed_directions = (*DIRECTIONS, 0) if scalars else DIRECTIONS
     for node, direction in ((0, 1), (2, 3)):
         _check(places[:, node] < 1, refused, places[:, node], "a node of the mesh (internal ones "
                "of a connector, contact or rigid body cannot be taken over)")  # fmt: skip
-        _check(~np.isin(places[:, direction], known), refused, places[:, direction],
+        _check(~np.isin(places[:, direction], allowed_directions), refused, places[:, direction],
                "a direction 1 to 6 (no modal coordinates)")  # fmt: skip
-    held = np.abs(values) >= ABAQUS_CONSTRAINT_DIAGONAL
-    if held.any():
-        k = int(held.argmax())
+    is_constrained = np.abs(values) >= ABAQUS_CONSTRAINT_DIAGONAL
+    if is_constrained.any():
+        k = int(is_constrained.argmax())
         raise refused(
             k,
             f"{values[k]:g} stands for a boundary condition: write the matrices without, and hold "
@@ -85,13 +85,13 @@ def labelled_matrix(
         raise ValueError("it has no entries")
     numbers, place = np.unique(places[:, [0, 2]], return_inverse=True)
     freedom = SLOTS_PER_NODE * place.reshape(-1, 2) + places[:, [1, 3]]
-    found, number = np.unique(freedom, return_inverse=True)
+    freedoms, number = np.unique(freedom, return_inverse=True)
     row, column = number.reshape(-1, 2).T
     if square:
-        matrix = square_of_entries(row, column, values, len(found), refused)
+        matrix = square_of_entries(row, column, values, len(freedoms), refused)
     else:
-        matrix = symmetric_of_pairs(row, column, values, len(found), refused, whole)
-    nodes, directions = np.divmod(found, SLOTS_PER_NODE)
+        matrix = symmetric_of_pairs(row, column, values, len(freedoms), refused, whole)
+    nodes, directions = np.divmod(freedoms, SLOTS_PER_NODE)
     return LabelledMatrix(numbers[nodes], directions, matrix)
 
 
@@ -99,13 +99,13 @@ def together(matrices: Sequence[LabelledMatrix]) -> list[sp.csr_matrix]:
     """Matrices over the freedoms of all of them, in ascending order of nodes and directions."""
     freedoms = [SLOTS_PER_NODE * m.nodes + m.directions for m in matrices]
     every = np.unique(np.concatenate(freedoms))
-    found = []
-    for own, labelled in zip(freedoms, matrices, strict=True):
+    over_all = []
+    for own_freedoms, labelled in zip(freedoms, matrices, strict=True):
         A = labelled.matrix.tocoo()
-        at = np.searchsorted(every, own)
+        at = np.searchsorted(every, own_freedoms)
         shape = (len(every), len(every))
-        found.append(sp.csr_matrix((A.data, (at[A.row], at[A.col])), shape=shape))
-    return found
+        over_all.append(sp.csr_matrix((A.data, (at[A.row], at[A.col])), shape=shape))
+    return over_all
 
 
 def _check(wrong: np.ndarray, refused: Refusal, given: np.ndarray, expected: str) -> None:
@@ -130,8 +130,8 @@ def read_abaqus(path: Path) -> LabelledMatrix | sp.csr_matrix:
         raise text.error(0, "expected entries of a matrix, the file has none")
     for i in places:
         if text.lines[i].lstrip().startswith("*"):
-            found = shortened(text.lines[i])
-            raise text.error(i, f"expected entries of a matrix alone, found '{found}'")
+            excerpt = shortened(text.lines[i])
+            raise text.error(i, f"expected entries of a matrix alone, found '{excerpt}'")
     words = len(text.lines[places[0]].replace(",", " ").split())
     names = LABEL_COLUMNS if words == len(LABEL_COLUMNS) + 1 else ("row", "column")
     table = read_table(text, places, names, commas=True)

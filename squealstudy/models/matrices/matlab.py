@@ -43,8 +43,8 @@ class Variable:
     def matrix(self) -> Any:
         """An ndarray or csc_matrix; ValueError where it is none of real numbers, or is damaged."""
         if self.kind != SPARSE and self.kind not in NUMERIC:
-            found = OTHER_CLASSES.get(self.kind, "something else")
-            raise ValueError(f"expected a matrix of numbers, found {found}")
+            class_name = OTHER_CLASSES.get(self.kind, "something else")
+            raise ValueError(f"expected a matrix of numbers, found {class_name}")
         if self.complex:
             raise ValueError("expected real values, found complex ones")
         if len(self.shape) != 2:
@@ -70,8 +70,8 @@ class Variable:
             raise ValueError(f"expected {columns + 1} column pointers that ascend from 0")
         entries = int(pointers[-1])
         if len(rows) < entries or len(values) < entries:
-            found = min(len(rows), len(values))
-            raise ValueError(f"expected {entries} entries, found {found}")
+            n_read = min(len(rows), len(values))
+            raise ValueError(f"expected {entries} entries, found {n_read}")
         return sp.csc_matrix((values[:entries], rows[:entries], pointers), self.shape)
 
 
@@ -145,8 +145,8 @@ def variables(data: bytes) -> Iterator[Variable]:
             inner.check_end()
         if kind != MATRIX:
             raise ValueError(f"expected a variable, found an element of type {kind}")
-        if found := _variable(Elements(content, order)):
-            yield found
+        if variable := _variable(Elements(content, order)):
+            yield variable
 
 
 def _inflated(content: bytes | memoryview, order: Order) -> bytes:

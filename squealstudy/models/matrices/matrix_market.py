@@ -37,10 +37,10 @@ def read_matrix_market(path: Path) -> sp.csr_matrix:
     while text.line(at).startswith("%") or not text.line(at).strip():
         at += 1
     words = text.line(at).split()
-    wanted = "rows, columns and entries" if layout == "coordinate" else "rows and columns"
+    expected = "rows, columns and entries" if layout == "coordinate" else "rows and columns"
     if len(words) != (3 if layout == "coordinate" else 2):
-        raise text.error(at, f"expected {wanted}, found '{shortened(text.line(at))}'")
-    rows, columns, *entries = text.counts(at, words, wanted)
+        raise text.error(at, f"expected {expected}, found '{shortened(text.line(at))}'")
+    rows, columns, *entries = text.counts(at, words, expected)
     check_size(rows, columns)
     places = [i for i in range(at + 1, len(text.lines)) if text.lines[i].strip()]
     stored = entries[0] if entries else _stored(rows, symmetry)
@@ -62,22 +62,22 @@ def read_matrix_market(path: Path) -> sp.csr_matrix:
 def _banner(text: TextFile) -> tuple[str, str, Symmetry]:
     """Layout, type of the values and symmetry, as the first line says."""
     first = text.line(0)
-    found = BANNER.fullmatch(first)
-    if found is None:
-        wanted = "%%MatrixMarket matrix, layout, type and symmetry"
-        raise text.error(0, f"expected {wanted}, found '{shortened(first)}'")
-    layout, kind, symmetry = (word.lower() for word in found.groups())
+    match = BANNER.fullmatch(first)
+    if match is None:
+        expected = "%%MatrixMarket matrix, layout, type and symmetry"
+        raise text.error(0, f"expected {expected}, found '{shortened(first)}'")
+    layout, kind, symmetry = (word.lower() for word in match.groups())
     if kind == "pattern":
         raise text.error(0, "a pattern without values")
     if kind == "complex" or symmetry == "hermitian":
         raise text.error(0, f"expected real values, found {kind} {symmetry} ones")
-    for word, known in (
+    for word, allowed in (
         (layout, tuple(INDEX_COLUMNS)),
         (kind, TYPES),
         (symmetry, ("general", "symmetric", "skew-symmetric")),
     ):
-        if word not in known:
-            raise text.error(0, f"expected {' or '.join(known)}, found '{shortened(word)}'")
+        if word not in allowed:
+            raise text.error(0, f"expected {' or '.join(allowed)}, found '{shortened(word)}'")
     return layout, kind, cast("Symmetry", symmetry)
 
 

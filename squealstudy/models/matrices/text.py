@@ -71,12 +71,12 @@ class TextFile:
 
 def _unpacked(handle: IO[str]) -> str:
     """The text of a compressed file, as long as there is room for it."""
-    found, letters = [], 0
+    pieces, letters = [], 0
     while letters <= MAX_LETTERS and (part := handle.read(LETTERS_PER_PART)):
-        found.append(part)
+        pieces.append(part)
         letters += len(part)
         expect_room(OF_TEXT * letters)
-    return "".join(found)
+    return "".join(pieces)
 
 
 def shortened(text: str) -> str:
@@ -122,12 +122,12 @@ def read_table(
         return np.zeros(0, fields)
     words = [*(WHOLE_NUMBER for _ in before), WHOLE_NUMBER if whole else NUMBER]
     pattern = re.compile((r"(?:\s*,\s*|\s+)" if commas else r"\s+").join(words), re.ASCII)
-    wanted = " and ".join([*before, "an integer" if whole else "a value"])
+    expected = " and ".join([*before, "an integer" if whole else "a value"])
 
     def check() -> None:
         for i in places:
             if not pattern.fullmatch(text.lines[i].strip()):
-                raise text.error(i, f"expected {wanted}, found '{shortened(text.lines[i])}'")
+                raise text.error(i, f"expected {expected}, found '{shortened(text.lines[i])}'")
 
     if commas:
         check()  # NumPy would not see two of them side by side
@@ -135,12 +135,12 @@ def read_table(
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # such as an integer read by way of a float
             lines = (text.lines[i].translate(COMMAS if commas else FORTRAN) for i in places)
-            found = np.loadtxt(lines, np.dtype(fields), comments=None, ndmin=1)
+            numbers = np.loadtxt(lines, np.dtype(fields), comments=None, ndmin=1)
     except (ValueError, DeprecationWarning, OverflowError):
         check()
         raise
-    finite = np.isfinite(found["value"])
+    finite = np.isfinite(numbers["value"])
     if not finite.all():
         i = places[int((~finite).argmax())]
         raise text.error(i, f"expected a finite value, found '{shortened(text.lines[i])}'")
-    return found
+    return numbers

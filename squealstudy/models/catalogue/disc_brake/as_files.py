@@ -29,12 +29,12 @@ def brake_meshes(
 ) -> dict[str, SolidMesh]:
     """The four meshes of 20-node hexahedra, m, kg, s, with surfaces named in capitals."""
     mesher = BrakeMesher(values, DENSITIES[str(options["mesh"])])
-    faces, found = brake_faces(mesher), {}
+    faces, meshes = brake_faces(mesher), {}
     for name in COMPONENTS:
         mesh = mesh_of_grid(name, mesher.component(name).grid, mesher.materials(name), "C3D20R")
         surfaces = {face: _faces_passing(mesh, keep) for face, keep in faces[name].items()}
-        found[name] = replace(mesh, surfaces=surfaces)
-    return found
+        meshes[name] = replace(mesh, surfaces=surfaces)
+    return meshes
 
 
 def _faces_passing(mesh: SolidMesh, keep: FacetFilter) -> np.ndarray:
@@ -44,8 +44,8 @@ def _faces_passing(mesh: SolidMesh, keep: FacetFilter) -> np.ndarray:
     corners = [[i for i in f if block.kind.shape.is_corner(i)] for f in block.kind.shape.faces]
     nodes = block.nodes[faces[:, :1], np.array(corners)[faces[:, 1] - 1]]
     x, y, z = mesh.nodes[nodes].mean(axis=1).T
-    found: np.ndarray = faces[keep(np.hypot(x, y), np.arctan2(y, x), z)]
-    return found
+    passing: np.ndarray = faces[keep(np.hypot(x, y), np.arctan2(y, x), z)]
+    return passing
 
 
 def brake_tables(
@@ -62,8 +62,8 @@ def brake_tables(
 
     def layer(name: str, one: str, other: str, **more: Any) -> dict[str, Any]:
         normal = v[f"{name}.stiffness"]
-        found = {"name": name, "between": [one, other], "quadrature": "gauss"}
-        return found | {"normal": normal, "tangential": ratio * normal} | more
+        contact_table = {"name": name, "between": [one, other], "quadrature": "gauss"}
+        return contact_table | {"normal": normal, "tangential": ratio * normal} | more
 
     ears = [2 * v[f"abutment.{d}_stiffness"] for d in ("radial", "tangential", "axial")]
     guides = [v["guides.stiffness"]] * 2 + [v["guides.axial_stiffness"]]

@@ -251,10 +251,13 @@ class BrakeMesher:
         of cells changes where a sweep makes them meet or part, for the shape does.
         """
         beyond = [near, *sorted(angles)]
-        kept = [beyond[0], *(b for a, b in pairwise(beyond) if b - a > MIN_BREAK_DISTANCE_M_OR_RAD)]
-        between = [self.density.caliper_angles] * (len(kept) - 1)
+        distinct = [
+            beyond[0],
+            *(b for a, b in pairwise(beyond) if b - a > MIN_BREAK_DISTANCE_M_OR_RAD),
+        ]
+        between = [self.density.caliper_angles] * (len(distinct) - 1)
         between[-1] = replace(between[-1], high=())
         half = graded_lines(
-            [0.0, *kept], [self.density.caliper_middle, *between], self.density.split[1]
+            [0.0, *distinct], [self.density.caliper_middle, *between], self.density.split[1]
         )
         return np.concatenate([-half[:0:-1], half])
