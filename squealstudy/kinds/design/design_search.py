@@ -115,18 +115,18 @@ class DesignSearch(EvaluatedDesigns):
 
     def _holds(self, proven: np.ndarray) -> bool:
         """Whether a proven design has what others were shown to lack."""
-        asked, self.state.demands = (
+        pending_demands, self.state.demands = (
             self.state.demands,
             [e.at_proven_level for e in self.state.demands],
         )
         constraints = self.constraints(proven, self.state.active_points, None)
-        self.state.demands = asked
+        self.state.demands = pending_demands
         return constraints is not None and constraints.worst >= 0.0
 
     def _saves(self, design: np.ndarray, proven: np.ndarray) -> bool:
         """Whether a design costs less than one that is proven."""
-        own, before = (self.box.price(self.change(x)) for x in (design, proven))
-        return own < (1.0 - MIN_REL_COST_SAVING) * before
+        cost, before = (self.box.price(self.change(x)) for x in (design, proven))
+        return cost < (1.0 - MIN_REL_COST_SAVING) * before
 
     def _proven(self, design: np.ndarray) -> str:
         """What the proof of a design comes to."""
@@ -143,14 +143,14 @@ class DesignSearch(EvaluatedDesigns):
         today = self.study.nominal
         self._move(self.targets)
         self._search(self._starts(worst), "target")
-        found = self._cheapest()
-        target = self._nearest() if found is None else found
+        cheapest = self._cheapest()
+        target = self._nearest() if cheapest is None else cheapest
         self._move(~self.targets)
         rows = [self.rows[self.evaluation(p, today)] for p in self.state.active_points]
         names = [v.name for v in self.study.variables]
         z, matched = nearest(rows, names, self.ranges, self.change(target), self.box)
         begun = self.values(z)
-        self.state.realisation = Realisation(target, found is not None, begun, matched)
+        self.state.realisation = Realisation(target, cheapest is not None, begun, matched)
         return self._distinct([self.change(begun), *self._starts(worst)])
 
     def _move(self, kept: np.ndarray) -> None:
@@ -164,9 +164,9 @@ class DesignSearch(EvaluatedDesigns):
     def _scanned(self) -> int:
         if self.goal.scan is not None:
             return self.goal.scan
-        moved = [v for v, kept in zip(self.study.variables, self.kept, strict=True) if kept]
-        costly = self.reduced and any(v.parameter.structural for v in moved)
-        return 0 if costly else SCAN_DESIGNS_PER_VARIABLE * len(moved)
+        moving = [v for v, kept in zip(self.study.variables, self.kept, strict=True) if kept]
+        costly = self.reduced and any(v.parameter.structural for v in moving)
+        return 0 if costly else SCAN_DESIGNS_PER_VARIABLE * len(moving)
 
     def _starts(self, worst: Sequence[int]) -> list[np.ndarray]:
         """Today's design, and the best of a scan that lie apart."""
@@ -180,22 +180,22 @@ class DesignSearch(EvaluatedDesigns):
         z = unit.random_base2((count - 1).bit_length())[:count]
         z = np.vstack([self._corners(), self.box.low + z * (self.box.high - self.box.low)])
         looked = [p for p in worst if p in self.state.active_points][:SCAN_POINTS]
-        designs = [self.values(own) for own in z]
-        found = []
+        designs = [self.values(scaled) for scaled in z]
+        constraints = []
         for design in designs:
             self.register_design(design, "scan")
-            found.append(self.constraints(design, looked, self.plain))
+            constraints.append(self.constraints(design, looked, self.plain))
         if self.pending:
             raise RowsPending
         weight = 1e2 * float(self.box.cost.sum())
         merits = [
             np.inf if j is None else self.box.price(self.change(x)) + weight * max(0.0, -j.worst)
-            for x, j in zip(designs, found, strict=True)
+            for x, j in zip(designs, constraints, strict=True)
         ]
         ordered = [self.change(designs[i]) for i in np.argsort(merits, kind="stable")]
         signs: dict[bytes, np.ndarray] = {}  # the cost has no kink where signs do not change
-        for own in ordered:
-            signs.setdefault(np.sign(own).tobytes(), own)
+        for scaled in ordered:
+            signs.setdefault(np.sign(scaled).tobytes(), scaled)
         return self._distinct([today, *signs.values(), *ordered])
 
     def _corners(self) -> np.ndarray:
@@ -204,35 +204,35 @@ class DesignSearch(EvaluatedDesigns):
         if d > MOST_CORNERS:
             return np.zeros((0, d))
         ends = np.column_stack([self.box.low, self.box.high])
-        found = np.unique(np.array(list(itertools.product(*ends))), axis=0)
-        return found[np.abs(found).max(axis=1) > 0]
+        corners = np.unique(np.array(list(itertools.product(*ends))), axis=0)
+        return corners[np.abs(corners).max(axis=1) > 0]
 
     def _distinct(self, designs: Iterable[np.ndarray]) -> list[np.ndarray]:
         """The first so many that lie apart."""
-        kept: list[np.ndarray] = []
+        apart: list[np.ndarray] = []
         for z in designs:
-            if all(np.abs(z - other).max() >= MIN_START_DISTANCE for other in kept):
-                kept.append(z)
-        return kept[: self.goal.starts]
+            if all(np.abs(z - other).max() >= MIN_START_DISTANCE for other in apart):
+                apart.append(z)
+        return apart[: self.goal.starts]
 
     def _search(self, starts: Sequence[np.ndarray], role: str) -> list[np.ndarray]:
         """Where the searches from all starts end; raises where rows are missing."""
         ends, most = [], self._limit()
         for number, start in enumerate(starts, start=1):
             run = descend(self.box, start, self.margin, self.memory.steps)
-            asked = next(run)
+            trial = next(run)
             try:
                 while True:
-                    design = self.values(asked)
+                    design = self.values(trial)
                     if design.tobytes() not in self.state.designs:
                         if len(self.state.designs) >= most:
-                            ends.append(asked)
+                            ends.append(trial)
                             break
                         self.register_design(design, f"{role} {number}")
                     constraints = self.constraints(design, self.state.active_points)
                     if self._lacks(design):
                         break
-                    asked = run.send(constraints)
+                    trial = run.send(constraints)
             except StopIteration as end:
                 ends.append(end.value)
         if self.pending:
@@ -245,9 +245,11 @@ class DesignSearch(EvaluatedDesigns):
     def _evaluated(self) -> list[tuple[np.ndarray, Constraints]]:
         """Designs of the variables that move which are known at all active points."""
         fixed = self.study.nominal[~self.kept]
-        own = [x for x in self.state.designs.values() if np.array_equal(x[~self.kept], fixed)]
-        known = ((x, self.constraints(x, self.state.active_points, None)) for x in own)
-        return [(x, constraints) for x, constraints in known if constraints is not None]
+        same_fixed = [
+            x for x in self.state.designs.values() if np.array_equal(x[~self.kept], fixed)
+        ]
+        judged = ((x, self.constraints(x, self.state.active_points, None)) for x in same_fixed)
+        return [(x, constraints) for x, constraints in judged if constraints is not None]
 
     def _cheapest(self) -> np.ndarray | None:
         """The design of least cost that meets what is asked at the active points."""
@@ -256,10 +258,14 @@ class DesignSearch(EvaluatedDesigns):
 
     def _nearest(self) -> np.ndarray:
         """The design of largest margin at the active points."""
-        found = max(self._evaluated(), key=lambda item: item[1].worst, default=None)
-        if found is not None:
-            return found[0]
-        known = (self.finished_modes(p, self.study.nominal) for p in self.state.active_points)
-        failed = (own[1] for own in known if own is not None and own[1]["status"] != "ok")
+        best = max(self._evaluated(), key=lambda item: item[1].worst, default=None)
+        if best is not None:
+            return best[0]
+        solved = (self.finished_modes(p, self.study.nominal) for p in self.state.active_points)
+        failed = (
+            finished[1]
+            for finished in solved
+            if finished is not None and finished[1]["status"] != "ok"
+        )
         self.state.failure = next((str(row["message"] or row["status"]) for row in failed), "")
         return self.study.nominal

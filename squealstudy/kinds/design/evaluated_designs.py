@@ -74,22 +74,22 @@ class EvaluatedDesigns:
 
     def row(self, asked: Evaluation) -> Mapping[str, Any] | None:
         """The row of what was asked; None, and it joins what is wanted, where there is none."""
-        found = self.rows.get(asked)
-        if found is None:
+        row = self.rows.get(asked)
+        if row is None:
             self.pending.append(asked)
-        return found
+        return row
 
     def rows_of(self, evaluations: Iterable[Evaluation]) -> list[Mapping[str, Any]]:
         """Rows of all; raises where one is missing."""
-        found = [self.row(a) for a in evaluations]
+        rows = [self.row(a) for a in evaluations]
         if self.pending:
             raise RowsPending
-        return [r for r in found if r is not None]
+        return [r for r in rows if r is not None]
 
     def values(self, z: np.ndarray) -> np.ndarray:
         """Values (d,) of the variables at a change in units of their ranges."""
-        found = self.study.nominal + np.clip(z, self.box.low, self.box.high) * self.ranges
-        return np.array([float(f"{v:.9g}") for v in found])
+        exact = self.study.nominal + np.clip(z, self.box.low, self.box.high) * self.ranges
+        return np.array([float(f"{v:.9g}") for v in exact])
 
     def change(self, design: np.ndarray) -> np.ndarray:
         """The other way."""
@@ -131,23 +131,23 @@ class EvaluatedDesigns:
         excess, slopes, whole = [], [], True
         for p in points:
             if analysis is None:
-                found = self.finished_modes(p, design)
+                evaluated = self.finished_modes(p, design)
             else:
-                asked = self.evaluation(p, design, analysis)
-                row = self.row(asked)
-                found = None if row is None else (asked, row)
-            if found is None or found[1]["status"] != "ok":
+                evaluation_here = self.evaluation(p, design, analysis)
+                row = self.row(evaluation_here)
+                evaluated = None if row is None else (evaluation_here, row)
+            if evaluated is None or evaluated[1]["status"] != "ok":
                 whole = False
                 continue
-            seen = self._seen(*found)
-            needed = self.margin + self.state.safety * seen.scatter
+            damping = self._seen(*evaluated)
+            needed = self.margin + self.state.safety * damping.scatter
             for demand in self.state.demands:
                 if demand.point == p:
                     more = np.maximum(needed, demand.damping_ratio)
-                    needed = np.where(demand.near(seen.hz), more, needed)
-            gone = np.array([m["damping_ratio"] for m in self.modes_moved_out(p, found[1])])
-            excess += [seen.zeta - needed, gone - min(self.margin, 0.0)]
-            slopes += [seen.slopes, np.zeros((len(gone), len(self.ranges)))]
+                    needed = np.where(demand.near(damping.hz), more, needed)
+            gone = np.array([m["damping_ratio"] for m in self.modes_moved_out(p, evaluated[1])])
+            excess += [damping.zeta - needed, gone - min(self.margin, 0.0)]
+            slopes += [damping.slopes, np.zeros((len(gone), len(self.ranges)))]
         if not whole or not excess:
             return None
         return Constraints(np.concatenate(excess), np.concatenate(slopes))
@@ -156,21 +156,21 @@ class EvaluatedDesigns:
         """Growing modes beside the band, beyond those of today's design there, else anywhere."""
         nominal = self.study.nominal
         points = [point] if self.finished_modes(point, nominal) else range(self.state.n_matrix)
-        today = [own[1] for p in points if (own := self.finished_modes(p, nominal))]
+        today = [finished[1] for p in points if (finished := self.finished_modes(p, nominal))]
         return modes_moved_out(row, today, self.study.definition.modes.band)
 
     def _seen(self, asked: Evaluation, row: Mapping[str, Any]) -> ModeDamping:
-        seen = self.memory.seen
-        if asked not in seen:
-            seen[asked] = mode_damping_of(row, self.study, self.ranges, self.sigmas)
-        return seen[asked]
+        remembered = self.memory.seen
+        if asked not in remembered:
+            remembered[asked] = mode_damping_of(row, self.study, self.ranges, self.sigmas)
+        return remembered[asked]
 
     def by_margin(self, design: np.ndarray, points: Iterable[int]) -> list[int]:
         """Points by what a design has there, least first; those that failed come first."""
-        found = []
+        margin_and_point = []
         for p in points:
             row = self.rows[self.margin_evaluation(p, design)]
             ok = row["status"] == "ok" and np.isfinite(row["min_damping_ratio"])
             none = np.inf if row["status"] == "ok" else -np.inf
-            found.append((row["min_damping_ratio"] if ok else none, p))
-        return [p for _, p in sorted(found)]
+            margin_and_point.append((row["min_damping_ratio"] if ok else none, p))
+        return [p for _, p in sorted(margin_and_point)]

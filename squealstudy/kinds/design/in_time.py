@@ -66,18 +66,18 @@ def runs_in_time(
     starts: list[tuple[str, MotionPoint]] = []
     near: list[float] = []
     for name, design in today.items():
-        found = vibrations(_Today.of(design), asked)
-        near += found.near
-        for how, q, v in found.lasting:
+        vibrating = vibrations(_Today.of(design), asked)
+        near += vibrating.near
+        for how, q, v in vibrating.lasting:
             words, other = f"{name}{how}", design.structure != point.structure
             if other:
                 whole = v @ v
                 q, v = carried(np.column_stack([q, v]), design.structure, point.structure, asked).T
-                kept = 100 * float(v @ v / whole)
-                words += f", brought to this structure with {kept:.0f} % of its kinetic energy"
+                share = 100 * float(v @ v / whole)
+                words += f", brought to this structure with {share:.0f} % of its kinetic energy"
             starts.append((words, replace(contact.point, q0=q, v0=v, continued=not other)))
     starts += _kicks(contact, near, asked)
-    return steady, [found for found, _ in _runs(contact, starts, asked)]
+    return steady, [ended for ended, _ in _runs(contact, starts, asked)]
 
 
 def _runs(
@@ -111,11 +111,11 @@ def carried(x: np.ndarray, old: str, new: str, asked: CyclesRequest) -> np.ndarr
     ndarray (n', k)
         Modal coordinates of the new one, by least squares over `PreparedModel.sensor_shapes`.
     """
-    phi, known = asked.reference(old).phi, prepared_model(old)
-    seen = known.sensor_shapes @ (known.shape_rows @ (phi @ x))
-    phi, known = asked.reference(new).phi, prepared_model(new)
-    found, *_ = la.lstsq(known.sensor_shapes, seen)
-    coordinates: np.ndarray = phi.T @ (known.shape_basis @ found)
+    phi, prepared = asked.reference(old).phi, prepared_model(old)
+    sensor_motion = prepared.sensor_shapes @ (prepared.shape_rows @ (phi @ x))
+    phi, prepared = asked.reference(new).phi, prepared_model(new)
+    coefficients, *_ = la.lstsq(prepared.sensor_shapes, sensor_motion)
+    coordinates: np.ndarray = phi.T @ (prepared.shape_basis @ coefficients)
     return coordinates
 
 
@@ -128,8 +128,8 @@ class _Today:
 
     @classmethod
     def of(cls, point: DesignPoint) -> _Today:
-        told = (point.values, point.options)
-        return cls(point, (point.structure, *(tuple(sorted(one.items())) for one in told)))
+        described = (point.values, point.options)
+        return cls(point, (point.structure, *(tuple(sorted(one.items())) for one in described)))
 
 
 class _Vibrations(NamedTuple):
@@ -152,10 +152,10 @@ def vibrations(today: _Today, asked: CyclesRequest) -> _Vibrations:
         starts = [
             ("", perturbed(was.system, was.point, START_VELOCITY_RATIO * abs(was.point.speed)))
         ]
-    found = [own for own in _runs(was, starts, asked) if own[0].goes_on]
-    by_mode = {f"{told.mode_hz:.3g}": (told, motion) for told, motion in reversed(found)}
-    near += [told.mode_hz for told, _ in by_mode.values() if np.isfinite(told.mode_hz)]
-    return _Vibrations(near, [(told.start, m.q, m.v) for told, m in by_mode.values()])
+    lasting_runs = [run for run in _runs(was, starts, asked) if run[0].goes_on]
+    by_mode = {f"{ended.mode_hz:.3g}": (ended, motion) for ended, motion in reversed(lasting_runs)}
+    near += [ended.mode_hz for ended, _ in by_mode.values() if np.isfinite(ended.mode_hz)]
+    return _Vibrations(near, [(ended.start, m.q, m.v) for ended, m in by_mode.values()])
 
 
 def _kicks(
@@ -167,10 +167,10 @@ def _kicks(
     if not len(inside):
         return
     zeta, hz = -lam.real / np.abs(lam), np.abs(lam) / TURN
-    wanted = [int(inside[np.argmin(np.abs(hz[inside] - f))]) for f in near]
-    wanted += [int(k) for k in inside[np.argsort(zeta[inside], kind="stable")]]
+    mode_rows = [int(inside[np.argmin(np.abs(hz[inside] - f))]) for f in near]
+    mode_rows += [int(k) for k in inside[np.argsort(zeta[inside], kind="stable")]]
     largest = asked.section.reach * abs(contact.point.speed)
-    for k in list(dict.fromkeys(wanted))[:MAX_KICKED_MODES]:
+    for k in list(dict.fromkeys(mode_rows))[:MAX_KICKED_MODES]:
         # the phase at which the velocity is largest: the displacement is then small
         x = psi[:, k] * np.exp(-0.5j * np.angle(np.sum((lam[k] * psi[:, k]) ** 2)))
         q, v = x.real, (lam[k] * x).real

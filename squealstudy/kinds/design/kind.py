@@ -145,15 +145,15 @@ class Design(ModelKind):
                 self.check(other)
             except StudyFileError as error:
                 raise of_variant(study, number, error) from error
-        asked = asked_parameters(_design_plan(plan).design_study)
+        parameters = asked_parameters(_design_plan(plan).design_study)
         try:
             for key, point in plan.structures.items():
                 if is_prepared(key):
                     model = load_prepared(key).model
                     plan.check_assembly_modes(model.n)
-                    for parameter in state_parameters(asked, component_frequencies(model)):
+                    for parameter in state_parameters(parameters, component_frequencies(model)):
                         parameter.value(point.state())
-            if names := structural_names(asked):
+            if names := structural_names(parameters):
                 structure = design_structure(plan.tasks[0], plan.settings, sizes(study))
                 check_structural(structure, names)
         except ParameterError as error:
@@ -197,10 +197,12 @@ class Design(ModelKind):
 
     def grown(self, plan: Plan, store: Store) -> Plan:
         """With what the search needs next; the plan itself where points of it are not finished."""
-        own = _design_plan(plan)
-        while (search := self.search(own, store)) is not None and search.pending:
-            own = DesignPlan(own.design_study, [*own.evaluations, *search.pending], own)
-        return own
+        design_plan = _design_plan(plan)
+        while (search := self.search(design_plan, store)) is not None and search.pending:
+            design_plan = DesignPlan(
+                design_plan.design_study, [*design_plan.evaluations, *search.pending], design_plan
+            )
+        return design_plan
 
     def search(self, plan: DesignPlan, store: Store) -> DesignSearch | None:
         """The search as far as the rows go; None where points of the plan are not finished."""
@@ -216,7 +218,7 @@ class Design(ModelKind):
 
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[DesignTask]:
         """Tasks of consecutive design points."""
-        asked = request(plan)
+        design_request = request(plan)
         if any(a.analysis == IN_TIME for a in _design_plan(plan).evaluations):
             warm_kernels()
         analyses = dict(
@@ -227,7 +229,9 @@ class Design(ModelKind):
             )
         )
         for part in workers.pace.parts(points, workers.jobs):
-            yield DesignTask(asked, part, tuple(analyses[name] for name in part.ids.tolist()))
+            yield DesignTask(
+                design_request, part, tuple(analyses[name] for name in part.ids.tolist())
+            )
 
     def solve(self, task: DesignTask) -> Solved:
         """Solve one chunk in a worker."""
@@ -252,10 +256,10 @@ class Design(ModelKind):
         """Write points, designs, margins, slopes and the proof; the verdict for the manifest."""
         from squealstudy.kinds.design.tables import build_tables
 
-        own = _design_plan(plan)
-        search = self.search(own, store)
+        design_plan = _design_plan(plan)
+        search = self.search(design_plan, store)
         assert search is not None
-        return build_tables(own, store, search)
+        return build_tables(design_plan, store, search)
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
         """The goal."""
@@ -293,10 +297,10 @@ class DesignTask:
 
 def asked_parameters(study: DesignStudy) -> tuple[RequestedParameter, ...]:
     """Variables, what scatters, and the uniform damping where the model has it."""
-    found = {s.name: s.parameter for s in study.sweeps[study.n_operating :]}
+    by_name = {s.name: s.parameter for s in study.sweeps[study.n_operating :]}
     if DAMPING.name in {p.name for p in study.model.parameters}:
-        found.setdefault(DAMPING.name, parse_parameter(DAMPING.name, study.model))
-    return tuple(RequestedParameter(name, p, every=False) for name, p in found.items())
+        by_name.setdefault(DAMPING.name, parse_parameter(DAMPING.name, study.model))
+    return tuple(RequestedParameter(name, p, every=False) for name, p in by_name.items())
 
 
 def request(plan: Plan) -> DesignRequest:
@@ -333,9 +337,13 @@ def todays_structures(plan: DesignPlan) -> dict[tuple[float, ...], str]:
     study = plan.design_study
     if not sizes(study):
         return {}
-    own = slice(study.n_operating, study.n_operating + len(study.variables))
+    variable_columns = slice(study.n_operating, study.n_operating + len(study.variables))
     nominal = tuple(study.nominal)
-    points = [plan.tasks[k] for k, asked in enumerate(plan.evaluations) if asked.of(own) == nominal]
+    points = [
+        plan.tasks[k]
+        for k, evaluation in enumerate(plan.evaluations)
+        if evaluation.of(variable_columns) == nominal
+    ]
     return {tuple(p.structural_values().values()): p.structure for p in points}
 
 

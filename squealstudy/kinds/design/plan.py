@@ -63,7 +63,7 @@ class AnalysisNames(PlannedNames):
     @cached_property
     def ids(self) -> np.ndarray:
         """Id (n,) of each point, 16 bytes."""
-        found = np.empty(len(self._analyses), dtype=ID_TYPE)
+        ids = np.empty(len(self._analyses), dtype=ID_TYPE)
         key_of, hash_of = self._makers
         for analysis in np.unique(self._analyses).tolist():
             rows = np.flatnonzero(self._analyses == analysis)
@@ -72,8 +72,8 @@ class AnalysisNames(PlannedNames):
                 more = self._begins if analysis == IN_TIME else ()
                 return content_hash([analysis, hash_of(key), *more])
 
-            found[rows] = PlannedNames(self._all.at(rows), key_of, own).ids
-        return found
+            ids[rows] = PlannedNames(self._all.at(rows), key_of, own).ids
+        return ids
 
     def name(self, number: int) -> str:
         """Id of one of the points."""
@@ -135,8 +135,13 @@ class DesignPlan(Plan):
         if any(s.parameter.structural for s in swept):
             return shared_range(study, MAX_STRUCTURES)
         matrix = operating_points(study)
-        own = [k for k, s in enumerate(study.operation.sweeps) if s.parameter.structural]
-        return shared_range(study, len(np.unique(matrix[:, own], axis=0)) if own else 1)
+        structural_columns = [
+            k for k, s in enumerate(study.operation.sweeps) if s.parameter.structural
+        ]
+        return shared_range(
+            study,
+            len(np.unique(matrix[:, structural_columns], axis=0)) if structural_columns else 1,
+        )
 
     @property
     def grid_shape(self) -> None:
@@ -145,8 +150,8 @@ class DesignPlan(Plan):
 
     def ends(self, name: str) -> tuple[float, float]:
         """Ends of the study's ranges: bases do not change as designs are added."""
-        found = next(((s.low, s.high) for s in self.study.sweeps if s.name == name), None)
-        low, high = found or (self.study.values[name],) * 2
+        swept_ends = next(((s.low, s.high) for s in self.study.sweeps if s.name == name), None)
+        low, high = swept_ends or (self.study.values[name],) * 2
         return float(low), float(high)
 
     def error(self, parameter: str, message: str) -> StudyFileError:

@@ -72,16 +72,16 @@ class Proof:
         """Whether a design meets the margin at some points; the others become active."""
         evaluations = [self.designs.margin_evaluation(p, design) for p in points]
         rows = self.designs.rows_of(evaluations)
-        found = [
+        constraints = [
             self.designs.constraints(design, [p], a.analysis)
             for p, a in zip(points, evaluations, strict=True)
         ]
-        excess = np.array([-1.0 if j is None else j.worst for j in found])
+        excess = np.array([-1.0 if j is None else j.worst for j in constraints])
         least = np.array([r["min_damping_ratio"] for r in rows if r["status"] == "ok"])
         bad = [points[i] for i in np.argsort(excess, kind="stable") if excess[i] < 0]
         text = f"{len(points) - len(bad)} of {len(points)} operating points have what is asked"
-        value = float(np.nanmin(least)) if np.isfinite(least).any() else np.nan
-        self._told(kind, design, evaluations, not bad, value, text)
+        least_excess = float(np.nanmin(least)) if np.isfinite(least).any() else np.nan
+        self._told(kind, design, evaluations, not bad, least_excess, text)
         self.designs.state.active_points = sorted(
             {*self.designs.state.active_points, *bad[:MAX_POINTS_ADDED]}
         )
@@ -102,11 +102,11 @@ class Proof:
             refined = range(state.n_matrix, len(state.points))
             if len(refined) and not self._over("refined", design, refined):
                 return False
-            known = np.array(state.points).reshape(len(state.points), -1)
+            existing = np.array(state.points).reshape(len(state.points), -1)
             new: dict[bytes, np.ndarray] = {}
             for p in self._worst(design, N_POINTS_REFINED):
-                new |= {m.tobytes(): m for m in midpoints(known, p, matrix)}
-            new = {key: m for key, m in new.items() if not (known == m).all(axis=1).any()}
+                new |= {m.tobytes(): m for m in midpoints(existing, p, matrix)}
+            new = {key: m for key, m in new.items() if not (existing == m).all(axis=1).any()}
             if not new:
                 return True
             if len(refined):
@@ -123,25 +123,25 @@ class Proof:
         evaluations = [self.designs.evaluation(p, design, FULL) for p in points]
         rows = self.designs.rows_of(evaluations)
         good: bool | None = True
-        value, lost = np.inf, ""
+        least_damping, lost = np.inf, ""
         for p, row in zip(points, rows, strict=True):
             if row["status"] != "ok":
                 good, lost = None if good else good, f"; {row['message']}"
                 continue
-            own, full = (
+            reduced, full = (
                 self.designs.rows[self.designs.margin_evaluation(p, design)]["min_damping_ratio"],
                 row["min_damping_ratio"],
             )
-            value = min(value, full)
+            least_damping = min(least_damping, full)
             if full < self.designs.margin:
                 good = False
                 self.designs.state.demands.append(
-                    DampingDemand(p, self.designs.margin + SHORTFALL_FACTOR * (own - full))
+                    DampingDemand(p, self.designs.margin + SHORTFALL_FACTOR * (reduced - full))
                 )
                 self.designs.state.active_points = sorted({*self.designs.state.active_points, p})
-        least = f"{value:.4g}" if np.isfinite(value) else "not known"
+        least = f"{least_damping:.4g}" if np.isfinite(least_damping) else "not known"
         text = f"least damping ratio {least} at {plural(len(points), 'operating point')}{lost}"
-        self._told("full_order", design, evaluations, good, value, text)
+        self._told("full_order", design, evaluations, good, least_damping, text)
         return good is not False
 
     def _cycles(self, design: np.ndarray) -> bool:
@@ -154,33 +154,41 @@ class Proof:
         evaluations = [self.designs.evaluation(p, design, CYCLES) for p in points]
         rows = self.designs.rows_of(evaluations)
         verdicts: dict[str, int] = {}
-        value, good = -np.inf, True
+        most_missing, good = -np.inf, True
         for p, row in zip(points, rows, strict=True):
             name = row["verdict"] if row["status"] == "ok" else "failed"
             verdicts[name] = verdicts.get(name, 0) + 1
             missing = row["missing_damping"]
             if row["status"] != "ok" or not np.isfinite(missing):
                 continue
-            value = max(value, missing)
+            most_missing = max(most_missing, missing)
             if missing > 0 or name in (SQUEALS, IF_KICKED):
                 good = False
                 hz = float(row["frequency_hz"])
-                own = self._damping_near(
+                small_motion_damping = self._damping_near(
                     self.designs.rows[self.designs.margin_evaluation(p, design)], hz
                 )
                 lack = max(missing, LEAST_LACK)
-                beyond = max(lack + min(own, 0.0), LEAST_LACK)  # what small motions lack is known
-                more = own + lack + (SHORTFALL_FACTOR - 1.0) * beyond
+                beyond = max(
+                    lack + min(small_motion_damping, 0.0), LEAST_LACK
+                )  # what small motions lack is known
+                more = small_motion_damping + lack + (SHORTFALL_FACTOR - 1.0) * beyond
                 self.designs.state.demands.append(DampingDemand(p, more, hz))
                 self.designs.state.active_points = sorted({*self.designs.state.active_points, p})
-        known = good and set(verdicts) <= {NO_CYCLE}
+        is_decided = good and set(verdicts) <= {NO_CYCLE}
         text = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in verdicts.items())
         if NO_CYCLE in verdicts:
             text += " (on the curves searched; a cycle apart from them is not excluded)"
-        if value > 0:
-            text += f"; up to {100 * value:.2g} % of critical damping is missing at some amplitude"
+        if most_missing > 0:
+            percent = f"{100 * most_missing:.2g} %"
+            text += f"; up to {percent} of critical damping is missing at some amplitude"
         self._told(
-            LIMIT_CYCLES, design, evaluations, known or (None if good else False), value, text
+            LIMIT_CYCLES,
+            design,
+            evaluations,
+            is_decided or (None if good else False),
+            most_missing,
+            text,
         )
         return good
 
@@ -189,9 +197,9 @@ class Proof:
         designs = self.designs
         if not designs.cyclic or not designs.goal.in_time:
             return True
-        own = self._worst(design, designs.goal.in_time)
+        of_design = self._worst(design, designs.goal.in_time)
         was = designs.by_margin(designs.study.nominal, range(designs.state.n_matrix))
-        both = dict.fromkeys(p for pair in zip(own, was, strict=False) for p in pair)
+        both = dict.fromkeys(p for pair in zip(of_design, was, strict=False) for p in pair)
         points = list(both)[: designs.goal.in_time]
         evaluations = [designs.evaluation(p, design, IN_TIME) for p in points]
         rows = designs.rows_of(evaluations)
@@ -206,7 +214,7 @@ class Proof:
             designs.state.demands = [e for e in designs.state.demands if e is not before]
             designs.state.demands.append(before.increased(near))
             designs.state.active_points = sorted({*designs.state.active_points, p})
-        known = len(ok) == len(rows) and all(r["verdict"] == DECAYS for r in rows)
+        is_decided = len(ok) == len(rows) and all(r["verdict"] == DECAYS for r in rows)
         runs = sum(r["n_modes"] for r in ok)
         decayed = runs - sum(r["n_unstable"] for r in ok)
         today = sum(TODAY in r["reason"] for r in ok)
@@ -220,22 +228,24 @@ class Proof:
             lost = next(r["message"] for r in rows if r["status"] != "ok")
             text += f"; {plural(len(rows) - len(ok), 'point')} could not be run: {lost}"
         share = decayed / runs if runs else np.nan
-        self._told(IN_TIME, design, evaluations, known or (None if good else False), share, text)
+        self._told(
+            IN_TIME, design, evaluations, is_decided or (None if good else False), share, text
+        )
         return good
 
     @staticmethod
     def _damping_near(row: Mapping[str, Any], hz: float) -> float:
         """Least damping ratio of the modes near a frequency."""
         about = DampingDemand(0, 0.0, hz)
-        own = [m["damping_ratio"] for m in row["modes"] if about.near(m["frequency_hz"])]
-        return float(min(own, default=row["min_damping_ratio"]))
+        ratios_near = [m["damping_ratio"] for m in row["modes"] if about.near(m["frequency_hz"])]
+        return float(min(ratios_near, default=row["min_damping_ratio"]))
 
     def _scatter(self, design: np.ndarray) -> bool:
         """The share of samples that meet the margin at the points of least margin."""
-        asked = self.designs.goal.margin.probability
-        if asked is None:
+        probability = self.designs.goal.margin.probability
+        if probability is None:
             return True
-        points, scatter = self._worst(design, self.designs.goal.sampled), self._samples(asked)
+        points, scatter = self._worst(design, self.designs.goal.sampled), self._samples(probability)
         evaluations = [
             [
                 evaluation(self.designs.study, self.designs.state.points[p], design, ROOTS, u)
@@ -243,22 +253,22 @@ class Proof:
             ]
             for u in scatter
         ]
-        rows = self.designs.rows_of(a for own in evaluations for a in own)
+        rows = self.designs.rows_of(a for of_sample in evaluations for a in of_sample)
         least = np.array([r["min_damping_ratio"] for r in rows])
-        left = [
+        moved_out = [
             self.designs.modes_moved_out(p, r)
             for p, r in zip(points * len(scatter), rows, strict=True)
         ]
-        ok = np.array([r["status"] == "ok" and not m for r, m in zip(rows, left, strict=True)])
+        ok = np.array([r["status"] == "ok" and not m for r, m in zip(rows, moved_out, strict=True)])
         met = ok & ~(least < self.designs.margin)  # without a mode in the band none misses it
         good = int(met.reshape(len(scatter), -1).all(axis=1).sum())
         low, high = probability_interval(good, len(scatter), PROBABILITY_CONFIDENCE)
         text = (
             f"{good} of {len(scatter)} samples meet the margin at {len(points)} operating points: "
-            f"probability {low:.4g} to {high:.4g}, {asked:g} asked"
+            f"probability {low:.4g} to {high:.4g}, {probability:g} asked"
         )
-        flat = [a for own in evaluations for a in own]
-        passed = low >= asked
+        flat = [a for of_sample in evaluations for a in of_sample]
+        passed = low >= probability
         self._told("scatter", design, flat, passed, good / len(scatter), text)
         if not passed:
             self.designs.state.safety = max(self.designs.state.safety, 1.0) * SCATTER_INCREASE
@@ -274,8 +284,8 @@ class Proof:
         unit = qmc.Sobol(len(self.designs.study.uncertain), scramble=True, seed=rng)
         u = unit.random_base2((count - 1).bit_length())[:count]
         columns = [
-            s.distribution.quantiles(own)
-            for s, own in zip(self.designs.study.uncertain, u.T, strict=True)
+            s.distribution.quantiles(column)
+            for s, column in zip(self.designs.study.uncertain, u.T, strict=True)
             if s.distribution is not None
         ]
         return np.column_stack(columns)
@@ -287,18 +297,18 @@ def midpoints(points: np.ndarray, number: int, matrix: np.ndarray) -> list[np.nd
     None in what is 1 / GRID_STEP_SUBDIVISIONS or less of the gap between values of the matrix
     (n, k) that it is in.
     """
-    found = []
+    middles = []
     here = points[number]
     for k in range(points.shape[1]):
         values, ends = np.unique(points[:, k]), np.unique(matrix[:, k])
         for side in (values[values < here[k]][-1:], values[values > here[k]][:1]):
-            for value in side:
+            for neighbour in side:
                 middle = here.copy()
-                middle[k] = float(f"{(here[k] + value) / 2:.9g}")
+                middle[k] = float(f"{(here[k] + neighbour) / 2:.9g}")
                 after = int(np.searchsorted(ends, middle[k]))
                 if (
-                    abs(value - here[k])
+                    abs(neighbour - here[k])
                     > (ends[after] - ends[after - 1]) * ROUND_OFF_FACTOR / GRID_STEP_SUBDIVISIONS
                 ):
-                    found.append(middle)
-    return found
+                    middles.append(middle)
+    return middles

@@ -158,9 +158,9 @@ def design_row(
         if analysis == CYCLES:
             return _of_cycles(point, request, gaps)
         if analysis == IN_TIME:
-            found = _in_time(point, request, gaps)
+            cells = _in_time(point, request, gaps)
         else:
-            found = (
+            cells = (
                 _full(point, request)
                 if analysis == FULL
                 else _modes(point, analysis, request, gaps)
@@ -171,7 +171,7 @@ def design_row(
     except FAILURES as error:
         wall_s = time.perf_counter() - started
         return failed_row(SCHEMA, point.point_id, *reason(error), wall_s)
-    return {**head(point.point_id, time.perf_counter() - started), **found}
+    return {**head(point.point_id, time.perf_counter() - started), **cells}
 
 
 def _summary(lam: np.ndarray, tolerance: float) -> dict[str, Any]:
@@ -208,9 +208,9 @@ def _modes(
     point: DesignPoint, analysis: str, request: DesignRequest, gaps: NewGaps
 ) -> dict[str, Any]:
     prepared, state = prepared_model(point.structure), point.state()
-    known = known_gap(point.structure, point)
-    steady, system = linearised_point(prepared, state, known)
-    if known is None:
+    cached_gap = known_gap(point.structure, point)
+    steady, system = linearised_point(prepared, state, cached_gap)
+    if cached_gap is None:
         gaps.add(point.structure, point, steady.gap)
     low, high = angular_band(request.band_hz)
     wider = low / (BAND_WIDENING if request.band_hz[0] else 1.0), high * BAND_WIDENING
@@ -218,17 +218,17 @@ def _modes(
     inside = (np.abs(lam) >= low) & (np.abs(lam) <= high)
     limit = min(request.margin, -request.tolerance)
     beside = _growing_outside_band(lam[~inside & _judged(lam)], limit)
-    kept = inside & _judged(lam)
-    lam, psi, error = lam[kept], psi[:, kept], error[kept]
-    found = {**_summary(lam, request.tolerance), **working_point_cells(steady), "modes": []}
-    found["beside"] = beside
+    in_band = inside & _judged(lam)
+    lam, psi, error = lam[in_band], psi[:, in_band], error[in_band]
+    cells = {**_summary(lam, request.tolerance), **working_point_cells(steady), "modes": []}
+    cells["beside"] = beside
     order = np.argsort(figures(lam)[2], kind="stable")
     oscillating = [int(k) for k in order if lam[k].imag > 0]
     if not oscillating:
-        return found
+        return cells
     energies = reduced_energy_shares(prepared.model, system.weights, psi)
     names = [*point.model.components, "interfaces"]
-    found["main_component"] = names[int(np.argmax(energies[:, oscillating[0]]))]
+    cells["main_component"] = names[int(np.argmax(energies[:, oscillating[0]]))]
     zeta = figures(lam)[2]
     near = [
         k
@@ -237,21 +237,21 @@ def _modes(
     ]
     real = _RealModes.of(system)
     for k in near:
-        own: dict[str, Any] = {"mode": k + 1, **_figures(lam[k])}
-        own["damping_error"] = float(error[k] / np.abs(lam[k]))
-        own["main_component"] = names[int(np.argmax(energies[:, k]))]
-        own["main_share"] = float(energies[:, k].max())
-        found["modes"].append({**own, **real.pair(psi[:, k]), "slopes": []})
+        mode_cells: dict[str, Any] = {"mode": k + 1, **_figures(lam[k])}
+        mode_cells["damping_error"] = float(error[k] / np.abs(lam[k]))
+        mode_cells["main_component"] = names[int(np.argmax(energies[:, k]))]
+        mode_cells["main_share"] = float(energies[:, k].max())
+        cells["modes"].append({**mode_cells, **real.pair(psi[:, k]), "slopes": []})
     if analysis == MODES:
         families = tuple(known_mode(system.pencil, complex(lam[k]), psi[:, k]) for k in near)
         chosen = ChosenModes(prepared, state, steady, system, families)
-        for own, slopes in zip(found["modes"], _slopes(point, chosen, request), strict=True):
-            own["slopes"] = slopes
-    return found
+        for mode_cells, slopes in zip(cells["modes"], _slopes(point, chosen, request), strict=True):
+            mode_cells["slopes"] = slopes
+    return cells
 
 
 def _figures(root: complex) -> dict[str, float]:
-    values = (float(own[0]) for own in figures(np.array([root])))
+    values = (float(column[0]) for column in figures(np.array([root])))
     return dict(zip(("growth_rate", "frequency_hz", "damping_ratio"), values, strict=True))
 
 
@@ -310,36 +310,36 @@ def _slopes(
     point: DesignPoint, chosen: ChosenModes, request: DesignRequest
 ) -> list[list[dict[str, Any]]]:
     """What every parameter does to each chosen mode, first order."""
-    asked, top = request.parameters, request.band_hz[1]
-    parameters = state_parameters(asked, component_frequencies(chosen.prepared.model))
+    requested, top = request.parameters, request.band_hz[1]
+    parameters = state_parameters(requested, component_frequencies(chosen.prepared.model))
     modes = point_sensitivities(chosen, parameters, 1e-3, top, reanalysis=False)
-    names = structural_names(asked)
+    names = structural_names(requested)
     builder = design_structure(point, request.settings, request.sizes)
     if request.basis:
         structural = tuple(p.name for p in point.model.parameters if p.structural)
         build = BuiltOnBasis(builder.build, request.basis, structural)
         builder = replace(builder, build=build)
     more: Sequence[Any] = structural_sensitivities(chosen, builder, names, 1e-3, reanalysis=False)
-    found = []
-    for mode, own in zip(modes, more, strict=True):
+    slope_rows = []
+    for mode, of_parts in zip(modes, more, strict=True):
         rows = []
-        for s in (*mode.sensitivities, *own):
+        for s in (*mode.sensitivities, *of_parts):
             slopes = figure_slopes(np.array([mode.lam]), np.array([s.derivative]))
             growth, hz, zeta = (float(d[0]) for d in slopes)
             cells = (s.step.name, zeta, growth, hz)
             rows.append(dict(zip((n for n, _ in SLOPE_FIELDS), cells, strict=True)))
-        found.append(rows)
-    return found
+        slope_rows.append(rows)
+    return slope_rows
 
 
 def _full(point: DesignPoint, request: DesignRequest) -> dict[str, Any]:
     """The roots of the unreduced model."""
     nothing = np.zeros(0, dtype=complex)
     task = FullOrderTask(point, nothing, request.settings, request.band_hz)
-    result = check_reference(task)
-    if result["status"] != "ok":
-        raise ValueError(result["message"])
-    lam, _ = reference_roots(result)
+    reference = check_reference(task)
+    if reference["status"] != "ok":
+        raise ValueError(reference["message"])
+    lam, _ = reference_roots(reference)
     summary = _summary(lam[_judged(lam)], request.tolerance)
     return {**summary, **working_point_cells(None), "modes": [], "beside": []}
 
@@ -348,8 +348,8 @@ def _in_time(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[
     """Whether all runs of a design decay; modes are starts here, unstable those that do not."""
     today: dict[str, DesignPoint] = {}
     values = {**point.values, **request.today}
-    for name, own in ((TODAY, values), (ELSEWHERE, {**values, **request.operation})):
-        was = point.with_values(own)
+    for name, todays_values in ((TODAY, values), (ELSEWHERE, {**values, **request.operation})):
+        was = point.with_values(todays_values)
         if was.values == point.values or any(was.values == k.values for k in today.values()):
             continue
         key = was.structure or request.structures.get(tuple(was.structural_values().values()), "")

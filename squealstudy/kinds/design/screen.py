@@ -47,12 +47,12 @@ class DesignScreen(KindScreen):
         """Verdict, modes of today's design, designs that meet the margin, checks."""
         facts = results.fact("design_study")
         modes = squealing_modes(results)
-        found: list[RenderableType] = [facts["verdict"]]
+        findings: list[RenderableType] = [facts["verdict"]]
         if len(variants := results.table("variants")):
-            found = [f"{facts['choice']} The file's own design: {facts['verdict']}"]
-            found += _variants(variants)
-        found += _modes(modes.head(N_RANKING_ROWS)) if len(modes) else []
-        return [*found, *_checks(results)]
+            findings = [f"{facts['choice']} The file's own design: {facts['verdict']}"]
+            findings += _variants(variants)
+        findings += _modes(modes.head(N_RANKING_ROWS)) if len(modes) else []
+        return [*findings, *_checks(results)]
 
     def facts(self, results: ResultTables) -> Rows:
         """How much was evaluated, and how far the modes of the table may be off."""
@@ -95,8 +95,8 @@ def _of_reduction(results: ResultTables) -> str:
 def today_rows(results: ResultTables) -> pd.DataFrame:
     """Points of today's design over the matrix of operation."""
     facts, points = results.fact("design_study"), results.points
-    own = (points["design"] == facts["today"]) & (points["analysis"] == "modes")
-    return points[own.to_numpy(bool)].iloc[: facts["n_operating_points"]]
+    is_today = (points["design"] == facts["today"]) & (points["analysis"] == "modes")
+    return points[is_today.to_numpy(bool)].iloc[: facts["n_operating_points"]]
 
 
 def squealing_modes(results: ResultTables) -> pd.DataFrame:
@@ -119,14 +119,14 @@ def squealing_modes(results: ResultTables) -> pd.DataFrame:
     facts = results.fact("design_study")
     today = today_rows(results)
     margins = results.table("margins")
-    own = margins[margins["point_id"].isin(today["point_id"])]
-    own = own[(own["damping_ratio"] < facts["margin"]).to_numpy(bool)]
-    if not len(own):
+    mode_margins = margins[margins["point_id"].isin(today["point_id"])]
+    mode_margins = mode_margins[(mode_margins["damping_ratio"] < facts["margin"]).to_numpy(bool)]
+    if not len(mode_margins):
         return pd.DataFrame(columns=list(COLUMNS))
     solved = today.set_index("point_id")["occurrence"]
     solved = solved[(today["status"] == "ok").to_numpy(bool)]
     slopes = results.table("slopes")
-    parts = (part for _, part in own.groupby("main_component"))
+    parts = (part for _, part in mode_margins.groupby("main_component"))
     rows = [
         _mode(group, solved, slopes, facts)
         for part in parts
@@ -146,8 +146,8 @@ def same_modes(hz: np.ndarray) -> np.ndarray:
         return np.ones(len(hz), dtype=int)
     values, most = np.log(hz), np.log1p(SAME_MODE)
     if len(hz) <= MAX_EXACT_GROUPING:
-        found: np.ndarray = fcluster(linkage(values[:, None], "complete"), most, "distance")
-        return found
+        group_numbers: np.ndarray = fcluster(linkage(values[:, None], "complete"), most, "distance")
+        return group_numbers
     rounded, place = np.unique(np.round(values / LOG_FREQUENCY_ROUNDING), return_inverse=True)
     if len(rounded) < 2:
         return np.ones(len(hz), dtype=int)
@@ -181,9 +181,11 @@ def _mode(
 ) -> dict[str, Any]:
     worst = group.iloc[int(group["damping_ratio"].to_numpy(float).argmin())]
     unstable = group.loc[(group["growth_rate"] > 0).to_numpy(bool), "point_id"].unique()
-    own = slopes[(slopes["point_id"] == worst["point_id"]) & (slopes["mode"] == worst["mode"])]
-    by = dict(zip(own["parameter"], own["d_damping_ratio"], strict=True))
-    growth = dict(zip(own["parameter"], own["d_growth_rate"], strict=True))
+    mode_slopes = slopes[
+        (slopes["point_id"] == worst["point_id"]) & (slopes["mode"] == worst["mode"])
+    ]
+    by = dict(zip(mode_slopes["parameter"], mode_slopes["d_damping_ratio"], strict=True))
+    growth = dict(zip(mode_slopes["parameter"], mode_slopes["d_growth_rate"], strict=True))
     ranges = facts["ranges"]
     effects = [(abs(by[n] * r), n, by[n] * r) for n, r in ranges.items() if n in by]
     effects.sort(reverse=True)
@@ -201,7 +203,7 @@ def _mode(
         "pair_share": worst["pair_share"],
         "damping_without_friction": worst["damping_without_friction"],
         "changes": CHANGE_SEPARATOR.join(
-            f"{n} {value:+.3g}" for _, n, value in effects[:PER_RANGE]
+            f"{n} {effect:+.3g}" for _, n, effect in effects[:PER_RANGE]
         ),
         "growth_by_damping": growth.get(DAMPING.name, np.nan),
     }
@@ -209,11 +211,11 @@ def _mode(
 
 def _by_damping(table: pd.DataFrame) -> str:
     """Whether more damping of the whole brake destabilises; empty where that is not known."""
-    known = table[table["growth_by_damping"].notna().to_numpy(bool)]
-    if not len(known):
+    with_slope = table[table["growth_by_damping"].notna().to_numpy(bool)]
+    if not len(with_slope):
         return ""
-    raised = known.loc[(known["growth_by_damping"] > 0).to_numpy(bool), "name"].tolist()
-    of = "" if len(known) == len(table) else f" of the {len(known)} whose slope is known"
+    raised = with_slope.loc[(with_slope["growth_by_damping"] > 0).to_numpy(bool), "name"].tolist()
+    of = "" if len(with_slope) == len(table) else f" of the {len(with_slope)} whose slope is known"
     names = ", ".join(raised) if raised else f"no mode{of}"
     return f"more uniform damping raises the growth of {names}: first order, at the worst points"
 

@@ -129,14 +129,14 @@ def _step(
     rows = np.hstack([-here.slopes, here.slopes, -np.ones((len(here.slopes), 1))])
     bound = here.excess - aim - here.slopes @ z
     turn = np.hstack([np.eye(d), -np.eye(d), np.zeros((d, 1))])
-    found = linprog(
+    solution = linprog(
         np.concatenate([box.cost, box.cost, [weight]]),
         A_ub=np.vstack([rows, turn, -turn]),
         b_ub=np.concatenate([bound, high, -low]),
         bounds=[(0.0, None)] * (2 * d + 1),
         method="highs",
     )
-    if found.x is None:  # nothing moves
+    if solution.x is None:  # nothing moves
         return z, np.inf
-    step = np.clip(found.x[:d] - found.x[d : 2 * d], low, high)
-    return step, float(found.fun)
+    step = np.clip(solution.x[:d] - solution.x[d : 2 * d], low, high)
+    return step, float(solution.fun)

@@ -139,11 +139,11 @@ class VariableSection(Section):
     @model_validator(mode="after")
     def _one_kind(self) -> VariableSection:
         kinds = ("parameter", "added_mass", "stiffener")
-        given = [k for k in kinds if getattr(self, k) is not None]
-        if len(given) != 1:
-            got = " and ".join(given) or "none"
+        named_kinds = [k for k in kinds if getattr(self, k) is not None]
+        if len(named_kinds) != 1:
+            got = " and ".join(named_kinds) or "none"
             raise ValueError(f"expected one of parameter, added_mass and stiffener, got {got}")
-        if (self.bounds is None) == (given == ["parameter"]):
+        if (self.bounds is None) == (named_kinds == ["parameter"]):
             raise ValueError("expected bounds of a parameter, and of nothing else")
         return self
 
@@ -304,9 +304,11 @@ class DesignStudyDefinition(LimitCyclesDefinition):
 
     def added_parts(self, source: SourceText) -> tuple[AddedPart, ...]:
         """The masses and springs among the variables, and masses that are named elsewhere."""
-        own = tuple(v.added.part(source, i) for i, v in enumerate(self.variable) if v.added)
-        known = {part.name for part in own}
-        return (*own, *(p for p in super().added_parts(source) if p.name not in known))
+        of_variables = tuple(
+            v.added.part(source, i) for i, v in enumerate(self.variable) if v.added
+        )
+        names = {part.name for part in of_variables}
+        return (*of_variables, *(p for p in super().added_parts(source) if p.name not in names))
 
 
 DEFINITION = DesignStudyDefinition

@@ -66,8 +66,12 @@ class DampingDemand:
 
     def reduced(self) -> DampingDemand:
         """After a proof that succeeded with it: halfway to what lasts, until the two are near."""
-        own = replace(self, decays=self.damping_ratio)
-        return own if own.is_settled else replace(own, damping_ratio=(own.lasts + own.decays) / 2)
+        after_proof = replace(self, decays=self.damping_ratio)
+        return (
+            after_proof
+            if after_proof.is_settled
+            else replace(after_proof, damping_ratio=(after_proof.lasts + after_proof.decays) / 2)
+        )
 
     @property
     def is_settled(self) -> bool:
@@ -80,8 +84,10 @@ class DampingDemand:
         """At the level that is proven: with which runs decay, else just above what lasted."""
         if not np.isfinite(self.lasts):
             return self
-        known = np.isfinite(self.decays)
-        return replace(self, damping_ratio=self.decays if known else self.lasts * JUST_ABOVE_FACTOR)
+        is_proven = np.isfinite(self.decays)
+        return replace(
+            self, damping_ratio=self.decays if is_proven else self.lasts * JUST_ABOVE_FACTOR
+        )
 
 
 @dataclass(frozen=True)
@@ -181,11 +187,13 @@ def mode_damping_of(
     """What a row holds of them; steady sliding that diverges stands as a mode of 0 Hz."""
     zeta, hz, scatter, slopes = [], [], [], []
     for mode in row["modes"]:
-        own = {s["parameter"]: s["d_damping_ratio"] for s in mode["slopes"]}
-        by = np.nan_to_num([own.get(v.name, 0.0) for v in study.variables], posinf=0.0, neginf=0.0)
+        slope_of = {s["parameter"]: s["d_damping_ratio"] for s in mode["slopes"]}
+        by = np.nan_to_num(
+            [slope_of.get(v.name, 0.0) for v in study.variables], posinf=0.0, neginf=0.0
+        )
         zeta.append(mode["damping_ratio"])
         hz.append(mode["frequency_hz"])
-        scatter.append(np.sqrt(sum((own.get(n, 0.0) * s) ** 2 for n, s in sigmas.items())))
+        scatter.append(np.sqrt(sum((slope_of.get(n, 0.0) * s) ** 2 for n, s in sigmas.items())))
         slopes.append(by * ranges)
     if row["frequency_hz"] == 0.0:
         zeta, hz, scatter = [*zeta, row["min_damping_ratio"]], [*hz, 0.0], [*scatter, 0.0]
@@ -205,17 +213,17 @@ def modes_moved_out(
 
     Those nearest to the band: a change that moves a mode out of the band has not silenced it.
     """
-    found: list[Mapping[str, float]] = []
+    moved_out: list[Mapping[str, float]] = []
     if not here["beside"]:
-        return found
+        return moved_out
     for side, edge in zip((-1.0, 1.0), band_hz, strict=True):
-        own, *others = (
+        growing, *others = (
             [m for m in row["beside"] if side * (m["frequency_hz"] - edge) > 0]
             for row in (here, *today)
         )
-        own.sort(key=lambda m: side * m["frequency_hz"])
-        found += own[: max(len(own) - max(map(len, others), default=0), 0)]
-    return found
+        growing.sort(key=lambda m: side * m["frequency_hz"])
+        moved_out += growing[: max(len(growing) - max(map(len, others), default=0), 0)]
+    return moved_out
 
 
 @dataclass(frozen=True)

@@ -143,9 +143,9 @@ class DesignStudy(ResolvedStudy):
         matrix = design_points(self.operation)
         weight = np.ones(len(matrix))
         for column, sweep in zip(matrix.T, self.sweeps, strict=False):
-            if (own := self.goal.occurrence.get(sweep.name)) is not None:
-                places = [sweep.values.index(value) for value in column.tolist()]
-                weight = weight * (np.array(own) / max(own))[places]
+            if (shares := self.goal.occurrence.get(sweep.name)) is not None:
+                places = [sweep.values.index(swept_value) for swept_value in column.tolist()]
+                weight = weight * (np.array(shares) / max(shares))[places]
         share: np.ndarray = weight / weight.sum()
         return share
 
@@ -168,7 +168,11 @@ class DesignStudy(ResolvedStudy):
         named += [("variable", i, v.name, v.key) for i, v in enumerate(definition.variable)]
         scatter = enumerate(definition.uncertain)
         named += [("uncertain", i, s.parameter, "parameter") for i, s in scatter]
-        return [(table, number, key) for table, number, own, key in named if own == name]
+        return [
+            (table, number, key)
+            for table, number, parameter_name, key in named
+            if parameter_name == name
+        ]
 
 
 def read_study(source: SourceText, tables: Mapping[str, Any]) -> DesignStudy:
@@ -179,10 +183,10 @@ def read_study(source: SourceText, tables: Mapping[str, Any]) -> DesignStudy:
     StudyFileError
         As `design_study`; a variant of which one of these is said.
     """
-    found = design_study(resolve_study(source, tables))
-    sections = cast("DesignStudyDefinition", found.definition).variant
-    alternatives = tuple(_alternative(found, i, s, tables) for i, s in enumerate(sections))
-    return replace(found, alternatives=alternatives)
+    study = design_study(resolve_study(source, tables))
+    sections = cast("DesignStudyDefinition", study.definition).variant
+    alternatives = tuple(_alternative(study, i, s, tables) for i, s in enumerate(sections))
+    return replace(study, alternatives=alternatives)
 
 
 def _alternative(
@@ -190,12 +194,15 @@ def _alternative(
 ) -> Alternative:
     """The study of a variant: the file with some keys changed, and with no variants."""
     keys = ("variant", number)
-    own = {**tables, "study": {**tables["study"], "name": f"{study.name}_{section.name}"}}
+    changed_tables = {
+        **tables,
+        "study": {**tables["study"], "name": f"{study.name}_{section.name}"},
+    }
     if section.description:
-        own["study"]["description"] = section.description
-    del own["variant"]
+        changed_tables["study"]["description"] = section.description
+    del changed_tables["variant"]
     other = {"name", "file"} & section.model.keys()
-    own["model"] = {**({} if other else tables["model"]), **section.model}
+    changed_tables["model"] = {**({} if other else tables["model"]), **section.model}
     try:
         changes = _by_name(section.parameters)
     except ValueError as error:
@@ -207,24 +214,24 @@ def _alternative(
         how = "scatters" if name in {s.name for s in study.uncertain} else "is swept"
         text = f"'{name}' {how}, alike in every variant: it cannot differ"
         raise study.error((*keys, PARAMETERS), text)
-    own[PARAMETERS] = {**_by_name(tables.get(PARAMETERS, {})), **changes}
-    source = SourceText(study.source.path, toml_text(own))
+    changed_tables[PARAMETERS] = {**_by_name(tables.get(PARAMETERS, {})), **changes}
+    source = SourceText(study.source.path, toml_text(changed_tables))
     try:
-        found = design_study(resolve_study(source, own))
+        changed_study = design_study(resolve_study(source, changed_tables))
     except StudyFileError as error:
         raise of_variant(study, number, error) from error
-    return Alternative(section.name, section.cost, found)
+    return Alternative(section.name, section.cost, changed_study)
 
 
 def _by_name(parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Values, and tables that are followed, by parameter; ValueError for one given twice."""
-    left, followed = take_tables({PARAMETERS: parameters})
-    found = flat_keys(left[PARAMETERS])
+    remaining, followed = take_tables({PARAMETERS: parameters})
+    by_name = flat_keys(remaining[PARAMETERS])
     for _, name, table in followed:
-        if name in found:
+        if name in by_name:
             raise ValueError(f"'{name}' is given twice")
-        found[name] = {TABLE: table}
-    return found
+        by_name[name] = {TABLE: table}
+    return by_name
 
 
 def of_variant(study: DesignStudy, number: int, error: StudyFileError) -> StudyFileError:
@@ -262,28 +269,28 @@ def design_study(study: ResolvedStudy) -> DesignStudy:
         read_sweep(s, SCATTERS, study.model, study.source, ("uncertain", i))
         for i, s in enumerate(definition.uncertain)
     )
-    asked = definition.goal.margin.probability
-    if asked is not None and not uncertain:
+    probability = definition.goal.margin.probability
+    if probability is not None and not uncertain:
         raise study.error(
             ("goal", "margin", "probability"), "nothing scatters: [[uncertain]] says what does"
         )
-    if asked is None and uncertain:
+    if probability is None and uncertain:
         raise study.error(
             ("goal",), "the scatter of [[uncertain]] needs margin.probability, how surely it is met"
         )
-    moved = [
+    variable_sweeps = [
         Sweep(v.parameter, (), v.nominal + v.low, v.nominal + v.high, "linear") for v in variables
     ]
-    own = {f.name: getattr(study, f.name) for f in fields(ResolvedStudy)}
-    found = DesignStudy(
-        **{**own, "sweeps": (*study.sweeps, *moved, *uncertain)},
+    resolved = {f.name: getattr(study, f.name) for f in fields(ResolvedStudy)}
+    study_with_variables = DesignStudy(
+        **{**resolved, "sweeps": (*study.sweeps, *variable_sweeps, *uncertain)},
         variables=variables,
         uncertain=uncertain,
     )
-    _check_names(found)
-    _check_scatter(found)
-    _check_occurrence(found)
-    return found
+    _check_names(study_with_variables)
+    _check_scatter(study_with_variables)
+    _check_occurrence(study_with_variables)
+    return study_with_variables
 
 
 def one_sigma(sweep: Sweep) -> tuple[float, float]:
@@ -295,14 +302,14 @@ def one_sigma(sweep: Sweep) -> tuple[float, float]:
 
 def _check_scatter(study: DesignStudy) -> None:
     """What scatters does so about its value in [parameters], where the search has it."""
-    for number, (sweep, value) in enumerate(
+    for number, (sweep, nominal) in enumerate(
         zip(study.uncertain, study.uncertain_nominal, strict=True)
     ):
         low, high = one_sigma(sweep)
-        if not low <= value <= high:
+        if not low <= nominal <= high:
             text = (
-                f"expected a scatter about {sweep.name} = {value:g} of [parameters], got one that "
-                f"is from {low:.4g} to {high:.4g} in two thirds of all cases"
+                f"expected a scatter about {sweep.name} = {nominal:g} of [parameters], got one "
+                f"that is from {low:.4g} to {high:.4g} in two thirds of all cases"
             )
             raise study.error(("uncertain", number), text)
 
@@ -358,13 +365,13 @@ def _variable(study: ResolvedStudy, number: int, section: VariableSection) -> Va
 def _check_names(study: DesignStudy) -> None:
     """Each parameter once, all of them acting on complex modes."""
     design = DesignPoint(study.model, study.options, {})
-    seen: set[str] = set()
+    names: set[str] = set()
     for sweep in study.sweeps:
         name = sweep.name
-        if name in seen:
+        if name in names:
             text = f"'{name}' is swept, variable or uncertain already"
             raise study.error(study.last_place(name), text)
-        seen.add(name)
+        names.add(name)
         if sweep in study.sweeps[study.n_operating :]:
             _expect_free(study, name)
         if name in IN_TIME_ONLY:
@@ -375,8 +382,8 @@ def _check_names(study: DesignStudy) -> None:
         except ParameterError as error:
             raise study.error(study.place(name), error.message) from None
     used: list[StudyParameter] = [s.parameter for s in study.sweeps]
-    given = (parse_parameter(n, study.model) for n in study.definition.parameters)
+    parameters = (parse_parameter(n, study.model) for n in study.definition.parameters)
     try:
-        check_disjoint([*(p for p in given if isinstance(p, ModeParameter)), *used])
+        check_disjoint([*(p for p in parameters if isinstance(p, ModeParameter)), *used])
     except ParameterError as error:
         raise study.error(study.place(error.key), error.message) from None

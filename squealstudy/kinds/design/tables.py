@@ -66,12 +66,12 @@ def build_tables(
     rows = planned_rows(plan, store, SCHEMA)
     numbers = {key: n for n, key in enumerate(search.state.designs)}
     start = plan.design_study.n_operating
-    own = slice(start, start + len(plan.design_study.variables))
-    place = [numbers.get(np.array(a.of(own)).tobytes()) for a in plan.evaluations]
+    variable_columns = slice(start, start + len(plan.design_study.variables))
+    place = [numbers.get(np.array(a.of(variable_columns)).tobytes()) for a in plan.evaluations]
     shares = _shares(plan)
-    for row, asked, number in zip(rows, plan.evaluations, place, strict=True):
-        share = shares.get(asked.of(slice(start)), np.nan)
-        row |= {"design": number, "analysis": asked.analysis, "occurrence": share}
+    for row, evaluation, number in zip(rows, plan.evaluations, place, strict=True):
+        share = shares.get(evaluation.of(slice(start)), np.nan)
+        row |= {"design": number, "analysis": evaluation.analysis, "occurrence": share}
     designs = design_rows(plan, search)
     names = [v.name for v in plan.design_study.variables]
     fields = [*DESIGN_FIELDS[:3], *((n, REAL) for n in names), *DESIGN_FIELDS[3:]]
@@ -100,14 +100,14 @@ def build_tables(
         for c in search.state.checks
     ]
     _write(store, PROOF, checks, PROOF_FIELDS)
-    told = facts(plan, search, designs)
-    variants = variant_rows(plan, store, told)
+    verdict_facts = facts(plan, search, designs)
+    variants = variant_rows(plan, store, verdict_facts)
     _write(store, VARIANTS, variants, VARIANT_FIELDS)
-    told["choice"] = choice(variants)
-    found = tabled(rows, (*OWN_FIELDS, *SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
-    points = write_points(plan, store, found)
-    told["verdict"] += beyond_validity(points, told["chosen"])
-    return points, {"design_study": told}
+    verdict_facts["choice"] = choice(variants)
+    point_table = tabled(rows, (*OWN_FIELDS, *SUMMARY_FIELDS, *WORKING_POINT_FIELDS))
+    points = write_points(plan, store, point_table)
+    verdict_facts["verdict"] += beyond_validity(points, verdict_facts["chosen"])
+    return points, {"design_study": verdict_facts}
 
 
 def _shares(plan: DesignPlan) -> dict[tuple[float, ...], float]:
@@ -135,14 +135,16 @@ def design_rows(plan: DesignPlan, search: DesignSearch) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for key, design in state.designs.items():
         role, number = state.roles[key]
-        found = {p: search.finished_modes(p, design) for p in range(len(state.points))}
-        asked = {p: own[0] for p, own in found.items() if own is not None}
-        known = [(p, search.rows[a]) for p, a in asked.items()]
-        ok = [(p, r) for p, r in known if r["status"] == "ok"]
+        finished_at = {p: search.finished_modes(p, design) for p in range(len(state.points))}
+        evaluation_at = {
+            p: finished[0] for p, finished in finished_at.items() if finished is not None
+        }
+        solved_rows = [(p, search.rows[a]) for p, a in evaluation_at.items()]
+        ok = [(p, r) for p, r in solved_rows if r["status"] == "ok"]
         worst = least_damped(ok)
-        constraints = search.constraints(design, [p for p, _ in known], None)
+        constraints = search.constraints(design, [p for p, _ in solved_rows], None)
         margin = np.nan if constraints is None else constraints.worst
-        everywhere = {p for p, _ in known} >= set(state.active_points)
+        everywhere = {p for p, _ in solved_rows} >= set(state.active_points)
         z = search.change(design)
         rows.append(
             {
@@ -151,16 +153,18 @@ def design_rows(plan: DesignPlan, search: DesignSearch) -> list[dict[str, Any]]:
                 "round": number,
                 **dict(zip((v.name for v in study.variables), map(float, design), strict=True)),
                 "cost": search.box.price(z),
-                "n_points": len(known),
-                "n_failed": sum(r["status"] != "ok" for _, r in known),
+                "n_points": len(solved_rows),
+                "n_failed": sum(r["status"] != "ok" for _, r in solved_rows),
                 "n_unstable": sum(r["n_unstable"] > 0 for _, r in ok),
                 "unstable_share": unstable_share(search, dict(ok)),
                 "min_damping_ratio": np.nan if worst is None else worst[1]["min_damping_ratio"],
                 "frequency_hz": np.nan if worst is None else worst[1]["frequency_hz"],
                 "main_component": "" if worst is None else worst[1]["main_component"],
-                "worst_point": "" if worst is None else ids.get(asked[worst[0]], ""),
+                "worst_point": "" if worst is None else ids.get(evaluation_at[worst[0]], ""),
                 "margin": margin,
-                "meets_margin": False if margin < 0 or len(ok) < len(known) else everywhere or None,
+                "meets_margin": False
+                if margin < 0 or len(ok) < len(solved_rows)
+                else everywhere or None,
                 "chosen": key == chosen,
             }
         )

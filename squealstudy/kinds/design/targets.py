@@ -75,25 +75,25 @@ def nearest(
 
     S = slopes_of_roots(rows, names) * ranges
     free = np.flatnonzero(box.high > box.low)
-    wanted = S @ target
-    size = float(np.linalg.norm(wanted))
+    effect = S @ target
+    size = float(np.linalg.norm(effect))
     z = np.zeros(len(ranges))
     if not size:
         return z, np.nan
-    found = lsq_linear(S[:, free], wanted, (box.low[free], box.high[free]))
-    z[free] = found.x
-    return z, 1.0 - float(np.linalg.norm(S @ z - wanted)) / size
+    solution = lsq_linear(S[:, free], effect, (box.low[free], box.high[free]))
+    z[free] = solution.x
+    return z, 1.0 - float(np.linalg.norm(S @ z - effect)) / size
 
 
 def slopes_of_roots(rows: Iterable[Mapping[str, Any]], names: list[str]) -> np.ndarray:
     """Derivatives (2 m, d) of growth rates and frequencies by parameters, relative to |lambda|."""
-    found = []
+    rel_slopes = []
     for row in rows:
         for mode in row["modes"]:
             by = {s["parameter"]: s for s in mode["slopes"]}
             size = 2.0 * np.pi * mode["frequency_hz"]
             none = {"d_growth_rate": 0.0, "d_frequency_hz": 0.0}
-            own = [by.get(name, none) for name in names]
-            found.append([s["d_growth_rate"] / size for s in own])
-            found.append([s["d_frequency_hz"] / mode["frequency_hz"] for s in own])
-    return np.nan_to_num(np.array(found).reshape(-1, len(names)), posinf=0.0, neginf=0.0)
+            slopes = [by.get(name, none) for name in names]
+            rel_slopes.append([s["d_growth_rate"] / size for s in slopes])
+            rel_slopes.append([s["d_frequency_hz"] / mode["frequency_hz"] for s in slopes])
+    return np.nan_to_num(np.array(rel_slopes).reshape(-1, len(names)), posinf=0.0, neginf=0.0)

@@ -63,9 +63,11 @@ def variant_rows(plan: DesignPlan, store: Store, facts: Mapping[str, Any]) -> li
     for one in study.alternatives:
         folder = f"{FOLDER}/{one.name}"
         manifest = {} if reasons.get(folder) else read_manifest(store.directory / folder) or {}
-        found = manifest.get("design_study")
-        row = _row(one.name, one.study, one.cost, folder, found, str(reasons.get(folder, "")))
-        if found and row["outcome"] in PROVEN and _moved_out(found, facts):
+        variant_facts = manifest.get("design_study")
+        row = _row(
+            one.name, one.study, one.cost, folder, variant_facts, str(reasons.get(folder, ""))
+        )
+        if variant_facts and row["outcome"] in PROVEN and _moved_out(variant_facts, facts):
             row["outcome"] = MOVED_OUT
         rows.append(row)
     return rows
@@ -92,14 +94,14 @@ def _row(
     }
     if facts is None:
         none = dict.fromkeys(name for name, _ in VARIANT_FIELDS)
-        told = {"outcome": FAILED, "change": "", "text": reason or "it has no results"}
-        return {**none, **head, **told}
-    own = facts["cost"]
+        cells = {"outcome": FAILED, "change": "", "text": reason or "it has no results"}
+        return {**none, **head, **cells}
+    change_cost = facts["cost"]
     return {
         **head,
         **{key: facts[key] for key in OF_FACTS},
-        "change_cost": own,
-        "cost": None if own is None else cost + own,
+        "change_cost": change_cost,
+        "cost": None if change_cost is None else cost + change_cost,
         "text": facts["verdict"],
     }
 

@@ -78,24 +78,24 @@ def facts(
 
 def _counts_outside_band(search: DesignSearch, design: np.ndarray | None) -> list[int]:
     """How many modes grow beside the band, at every operating point where a design was solved."""
-    known = (
+    finished_points = (
         None if design is None else search.finished_modes(p, design)
         for p in range(search.state.n_matrix)
     )
-    return [0 if own is None else len(own[1]["beside"]) for own in known]
+    return [0 if finished is None else len(finished[1]["beside"]) for finished in finished_points]
 
 
 def _targets(search: DesignSearch) -> dict[str, Any] | None:
     """What targets alone come to, and the nearest changes; None where they were not searched."""
-    found = search.state.realisation
-    if found is None:
+    realisation = search.state.realisation
+    if realisation is None:
         return None
     return {
-        "change": change_text(changed(search, found.target)),
-        "cost": search.box.price(search.change(found.target)),
-        "enough": found.enough,
-        "nearest": change_text(changed(search, found.begun)),
-        "matched": found.matched if np.isfinite(found.matched) else None,
+        "change": change_text(changed(search, realisation.target)),
+        "cost": search.box.price(search.change(realisation.target)),
+        "enough": realisation.enough,
+        "nearest": change_text(changed(search, realisation.begun)),
+        "matched": realisation.matched if np.isfinite(realisation.matched) else None,
     }
 
 
@@ -107,13 +107,12 @@ def _target_text(search: DesignSearch) -> str:
     what = facts["change"] or "no change"
     met = "would meet the margin at the points in view, unproven"
     come = met if facts["enough"] else "comes nearest to the margin, and misses it"
-    told = f" Of targets alone, which nobody can build, {what} {come}"
+    opening = f" Of targets alone, which nobody can build, {what} {come}"
     if not facts["nearest"] or facts["matched"] is None:
-        return f"{told}."
+        return f"{opening}."
     part = f"{100 * facts['matched']:.3g} %"
-    return (
-        f"{told}; nearest to them, with {part} of their first-order effect, is {facts['nearest']}."
-    )
+    nearest = f"nearest to them, with {part} of their first-order effect, is {facts['nearest']}"
+    return f"{opening}; {nearest}."
 
 
 def _reductions(plan: DesignPlan) -> dict[str, int]:
@@ -122,9 +121,9 @@ def _reductions(plan: DesignPlan) -> dict[str, int]:
         return {"n_structures": 0, "n_reductions": 0}
     alone = list(plan.structures.values())
     shared = shared_facts(plan).get("shared_basis", {"used": False})
-    held = plan.shared_range
-    if held is not None and shared["used"]:
-        alone = [point for point in alone if not held.holds(point.values)]
+    common_range = plan.shared_range
+    if common_range is not None and shared["used"]:
+        alone = [point for point in alone if not common_range.holds(point.values)]
     return {
         "n_structures": len(plan.structures),
         "n_reductions": len(alone) + (shared["reductions"] if shared["used"] else 0),
@@ -139,11 +138,11 @@ def changed(search: DesignSearch, design: np.ndarray) -> list[dict[str, Any]]:
         {
             "parameter": v.name,
             "from": v.nominal,
-            "to": float(value),
+            "to": float(new_value),
             "unit": units.get(v.name, ""),
             "at_bound": bool(ends[k]),
         }
-        for k, (v, value) in enumerate(zip(study.variables, design, strict=True))
+        for k, (v, new_value) in enumerate(zip(study.variables, design, strict=True))
         if abs(z[k]) > BOUND_REL_TOLERANCE
     ]
 
@@ -170,8 +169,8 @@ def beyond_validity(points: pd.DataFrame, design: int | None) -> str:
 
     `points` is the table with its validity; None of design is today's.
     """
-    own = points[(points["design"] == (design or 0)).to_numpy(bool)]
-    outside, solved, rules = validity_counts(own)
+    of_design = points[(points["design"] == (design or 0)).to_numpy(bool)]
+    outside, solved, rules = validity_counts(of_design)
     if not outside:
         return ""
     which = "the chosen design" if design else "today's design"
@@ -194,9 +193,11 @@ def _where(plan: DesignPlan, search: DesignSearch, p: int) -> str:
 
 def _solved(search: DesignSearch, design: np.ndarray) -> list[Solved]:
     """The points at which a design was solved, with their rows."""
-    found = ((p, search.finished_modes(p, design)) for p in range(len(search.state.points)))
-    known = [(p, own[1]) for p, own in found if own is not None]
-    return [(p, r) for p, r in known if r["status"] == "ok"]
+    finished_points = (
+        (p, search.finished_modes(p, design)) for p in range(len(search.state.points))
+    )
+    with_rows = [(p, finished[1]) for p, finished in finished_points if finished is not None]
+    return [(p, r) for p, r in with_rows if r["status"] == "ok"]
 
 
 def least_damped(found: Sequence[Solved]) -> Solved | None:
@@ -213,9 +214,9 @@ def _mode_text(plan: DesignPlan, search: DesignSearch, design: np.ndarray) -> st
         where = _where(plan, search, p)
         return f" at {where}" if where else ""
 
-    text, found = "no mode in the band where it was solved", least_damped(solved)
-    if found is not None:
-        p, row = found
+    text, least = "no mode in the band where it was solved", least_damped(solved)
+    if least is not None:
+        p, row = least
         hz, zeta = row["frequency_hz"], row["min_damping_ratio"]
         text = f"least damping ratio {zeta:.4g}, mode at {hz:.5g} Hz ({row['main_component']})"
         text = f"{text if hz else 'steady sliding diverges without oscillation'}{at(p)}"
@@ -259,8 +260,8 @@ def _proof(search: DesignSearch) -> str:
         check = last[kind]
         passed = {True: "", False: "FAILED, ", None: "undecided, "}[check.passed]
         parts.append(f"{word}: {passed}{check.text}")
-    asked = ["limit_cycles", "in_time", *(["full_order"] if search.reduced else [])]
-    missing = [words[k] for k in asked if k not in last]
+    checks = ["limit_cycles", "in_time", *(["full_order"] if search.reduced else [])]
+    missing = [words[k] for k in checks if k not in last]
     none = f"; not checked: {', '.join(missing)}" if missing else ""
     return "; ".join(parts) + none
 
@@ -291,8 +292,8 @@ def sentence(plan: DesignPlan, search: DesignSearch, designs: Sequence[Mapping[s
         return f"{today}; {text} of {margin:g}: {mode}. {proof}: {_proof(search)}. {searched}."
     if state.outcome == NONE_FOUND:
         nearest = change_text(changes) or "today's design"
-        seen = len(state.active_points)
-        where = "" if seen >= len(state.points) else f", of {seen} operating points in view"
+        n_active = len(state.active_points)
+        where = "" if n_active >= len(state.points) else f", of {n_active} operating points in view"
         ends = at_bounds(search, chosen)
         bound = [v.name for v, end in zip(search.study.variables, ends, strict=True) if end]
         binds = f"; at their bounds: {', '.join(bound)}" if bound else "; no variable at a bound"

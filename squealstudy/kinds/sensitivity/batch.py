@@ -48,15 +48,17 @@ def solve_batch(task: BatchTask) -> Solved:
         parts = batch_sensitivities(
             points.model, points.options, points.columns, len(points), task.request.of_batch
         )
-        for rows, found in parts:
-            tables.append(_table(points.at(rows), found, len(rows), len(points), started))
+        for rows, batch_part in parts:
+            tables.append(_table(points.at(rows), batch_part, len(rows), len(points), started))
             numbers.append(rows)
-            left = rows[found.left]
-            if len(left):
-                own = [_alone(points[int(i)], task.request) for i in left]
-                whole = tables[-1].filter(pa.array(~found.left))
-                tables[-1] = pa.concat_tables([whole, pa.Table.from_pylist(own, schema=SCHEMA)])
-                numbers[-1] = np.concatenate([rows[~found.left], left])
+            unserved = rows[batch_part.left]
+            if len(unserved):
+                alone_rows = [_alone(points[int(i)], task.request) for i in unserved]
+                whole = tables[-1].filter(pa.array(~batch_part.left))
+                tables[-1] = pa.concat_tables(
+                    [whole, pa.Table.from_pylist(alone_rows, schema=SCHEMA)]
+                )
+                numbers[-1] = np.concatenate([rows[~batch_part.left], unserved])
     except FAILURES as error:
         if len(points) > 1:
             raise
@@ -78,8 +80,8 @@ def seconds_a_point(plan: Plan, request: SensitivityRequest) -> float | None:
         parts = batch_sensitivities(
             points.model, points.options, points.columns, len(points), request.of_batch
         )
-        for _, found in parts:
-            failed += len(found.system.failures)
+        for _, batch_part in parts:
+            failed += len(batch_part.system.failures)
     except FAILURES:
         return None
     seconds = (time.perf_counter() - started) / len(points)
@@ -93,7 +95,7 @@ def _table(
     system, sliding = found.system, found.system.sliding
     solved = np.ones(count, dtype=bool)
     solved[list(system.failures)] = False
-    told = [system.failures.get(i, ("ok", "")) for i in range(count)]
+    outcomes = [system.failures.get(i, ("ok", "")) for i in range(count)]
     figures = (
         sliding.residual,
         sliding.open_share,
@@ -103,8 +105,8 @@ def _table(
     named = zip((name for name, _ in WORKING_POINT_FIELDS), figures, strict=True)
     columns = {
         "point_id": pa.array(points.ids.astype(str)),
-        "status": pa.array([status for status, _ in told]),
-        "message": pa.array([message for _, message in told]),
+        "status": pa.array([status for status, _ in outcomes]),
+        "message": pa.array([message for _, message in outcomes]),
         "wall_s": pa.array(np.full(count, (time.perf_counter() - started) / all_points)),
         **{name: pa.array(np.where(solved, values, np.nan)) for name, values in named},
         "modes": _lists(_modes(found), np.bincount(found.owner, minlength=count)),
@@ -115,7 +117,7 @@ def _table(
 def _modes(found: StackedSensitivities) -> pa.StructArray:
     """Modes one after the other, with the fields of MODE_FIELDS."""
     n, parts = found.energies.shape
-    own = {
+    columns = {
         "re": pa.array(found.lam.real),
         "im": pa.array(found.lam.imag),
         "condition": pa.array(found.condition),
@@ -124,7 +126,7 @@ def _modes(found: StackedSensitivities) -> pa.StructArray:
         "energies": _lists(pa.array(found.energies.ravel()), np.full(n, parts)),
         "sensitivities": _lists(_sensitivities(found), np.full(n, len(found.names))),
     }
-    return _structs(own, MODE_FIELDS)
+    return _structs(columns, MODE_FIELDS)
 
 
 def _sensitivities(found: StackedSensitivities) -> pa.StructArray:
@@ -143,10 +145,10 @@ def _sensitivities(found: StackedSensitivities) -> pa.StructArray:
         "validity_range": found.validity,
         "near_coalescence": found.near_coalescence,
     }
-    own = {name: pa.array(np.ravel(column)) for name, column in values.items()}
-    own["parameter"] = names.take(np.tile(np.arange(len(names)), len(found.lam)))
-    own["reason"] = pa.array(found.reason.ravel(), pa.string())
-    return _structs(own, SENSITIVITY_FIELDS)
+    columns = {name: pa.array(np.ravel(column)) for name, column in values.items()}
+    columns["parameter"] = names.take(np.tile(np.arange(len(names)), len(found.lam)))
+    columns["reason"] = pa.array(found.reason.ravel(), pa.string())
+    return _structs(columns, SENSITIVITY_FIELDS)
 
 
 def _structs(columns: dict[str, pa.Array], fields: Any) -> pa.StructArray:

@@ -64,19 +64,24 @@ class Sensitivities(ModelKind):
 
     def identity(self, plan: Plan) -> list[Any]:
         """What is asked; StudyFileError for a name unknown."""
-        asked = asked_parameters(plan.study, plan.first)
+        parameters = asked_parameters(plan.study, plan.first)
         section = plan.study.section.model_dump(mode="json", exclude={"parameters"})
         tolerance = plan.study.definition.modes.stability_tolerance
-        return [section, [item.name for item in asked], tolerance, source_hash(SOURCES)]
+        return [
+            section,
+            [parameter.name for parameter in parameters],
+            tolerance,
+            source_hash(SOURCES),
+        ]
 
     def check(self, plan: Plan) -> None:
         """Parameters must be held by every basis, modes of one name equal, geometry left out."""
-        asked = request(plan).asked
+        parameters = request(plan).asked
         try:
             for model, point in _prepared(plan):
                 plan.check_assembly_modes(model.n)
-                _check_state(point, model, asked)
-            names = structural_names(asked)
+                _check_state(point, model, parameters)
+            names = structural_names(parameters)
             if names:
                 check_structural(design_structure(plan.tasks[0], plan.settings), names)
         except ParameterError as error:
@@ -94,10 +99,15 @@ class Sensitivities(ModelKind):
         self, plan: Plan, points: DesignPoints, workers: Workers
     ) -> Iterator[SensitivityTask | BatchTask]:
         """Tasks of consecutive design points; of a small model those of a batch."""
-        asked = request(plan)
+        sensitivity_request = request(plan)
         if plan.stacked:
-            return (BatchTask(part, asked) for part in batch_parts(points, workers.jobs))
-        return (SensitivityTask(asked, part) for part in workers.pace.parts(points, workers.jobs))
+            return (
+                BatchTask(part, sensitivity_request) for part in batch_parts(points, workers.jobs)
+            )
+        return (
+            SensitivityTask(sensitivity_request, part)
+            for part in workers.pace.parts(points, workers.jobs)
+        )
 
     def solve(self, task: SensitivityTask | BatchTask) -> Solved:
         """Solve one chunk in a worker."""

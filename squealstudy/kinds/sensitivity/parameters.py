@@ -31,13 +31,13 @@ def asked_parameters(study: ResolvedStudy, design: DesignPoint) -> tuple[Request
     section = study.section
     if not section.parameters:
         return tuple(requested(name, design) for name in default_names(design))
-    found = []
+    parameters = []
     for number, name in enumerate(section.parameters):
         try:
-            found.append(requested(name, design))
+            parameters.append(requested(name, design))
         except ParameterError as error:
             raise study.error(("sensitivity", "parameters", number), error.message) from None
-    return tuple(found)
+    return tuple(parameters)
 
 
 def mode_choice(section: SensitivitySection, stability_tolerance: float) -> ModeChoice:

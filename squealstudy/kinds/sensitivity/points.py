@@ -71,12 +71,12 @@ class SensitivityTask:
 
 def solve_points(task: SensitivityTask) -> Solved:
     """Rows of the points of a task, one after the other."""
-    rows, known = [], 0
+    rows, n_cached_gaps = [], 0
     for point in task.points:
         gap = known_gap(point.structure, point)
-        known += gap is not None
+        n_cached_gaps += gap is not None
         rows.append(point_row(point, task.request, partial(prepared_model, point.structure), gap))
-    return Solved(rows, known=known)
+    return Solved(rows, known=n_cached_gaps)
 
 
 def point_row(
@@ -88,11 +88,11 @@ def point_row(
     """Row of one design point; what makes its prepared model, and known gaps (nc,) or None."""
     started = time.perf_counter()
     try:
-        found, modes = design_sensitivities(point, request, prepared(), gap)
+        cells, modes = design_sensitivities(point, request, prepared(), gap)
     except FAILURES as error:
         wall_s = time.perf_counter() - started
         return failed_row(SCHEMA, point.point_id, *reason(error), wall_s)
-    return solved_row(point.point_id, time.perf_counter() - started, found, modes)
+    return solved_row(point.point_id, time.perf_counter() - started, cells, modes)
 
 
 def design_sensitivities(

@@ -48,9 +48,9 @@ class SensitivityScreen(KindScreen):
     def facts(self, results: ResultTables) -> Rows:
         """How far derivatives and reanalysis agree, where the derivative is said to hold."""
         table = results.sensitivities
-        held = table[~table["near_coalescence"].to_numpy(bool)]
-        off = held["disagreement"].dropna()
-        text = f"{len(table) - len(held)} of {len(table)} sensitivities near coalescence"
+        away = table[~table["near_coalescence"].to_numpy(bool)]
+        off = away["disagreement"].dropna()
+        text = f"{len(table) - len(away)} of {len(table)} sensitivities near coalescence"
         if len(off):
             text = (
                 f"change of the root to first order within {100 * off.median():.2g} % of the "
@@ -90,9 +90,11 @@ def _why_no_mode(results: ResultTables) -> str:
     solved = int((results.points["status"] == "ok").sum())
     if not solved:
         return "No design point is solved"
-    asked = results.manifest.get("sensitivity", {}).get("modes", UNSTABLE)
+    choice = results.manifest.get("sensitivity", {}).get("modes", UNSTABLE)
     which = (
-        "that oscillates in the band is unstable" if asked == UNSTABLE else "oscillates in the band"
+        "that oscillates in the band is unstable"
+        if choice == UNSTABLE
+        else "oscillates in the band"
     )
     return f"No mode {which} at {any_of(solved, 'solved point')}"
 

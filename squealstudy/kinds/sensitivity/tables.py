@@ -91,11 +91,11 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
     np.fmax.at(growth, point, modes.field("re").to_numpy(zero_copy_only=False))
     failed = pc.not_equal(rows["status"], "ok").to_numpy()
     counts = np.bincount(point, minlength=len(rows)).astype(np.int32)
-    found = {name: rows[name] for name, _ in (*HEAD, *WORKING_POINT_FIELDS)}
-    found["n_modes"] = pa.array(counts, WHOLE_NUMBER, mask=failed)
-    found["max_growth_rate"] = pa.array(growth)
+    columns = {name: rows[name] for name, _ in (*HEAD, *WORKING_POINT_FIELDS)}
+    columns["n_modes"] = pa.array(counts, WHOLE_NUMBER, mask=failed)
+    columns["max_growth_rate"] = pa.array(growth)
     schema = pa.schema([*HEAD, *SUMMARY_FIELDS, *WORKING_POINT_FIELDS])
-    return write_points(plan, store, pa.table([found[n] for n in schema.names], schema=schema))
+    return write_points(plan, store, pa.table([columns[n] for n in schema.names], schema=schema))
 
 
 def _items(lists: pa.ListArray) -> tuple[np.ndarray, np.ndarray, pa.Array]:
@@ -113,15 +113,15 @@ def _sensitivities(plan: Plan, rows: pa.Table) -> pd.DataFrame:
     owner, part, energies = _items(modes.field("energies"))
     shares = np.full((len(modes), max(len(names), int(part.max(initial=0)) + 1)), -np.inf)
     shares[owner, part] = energies.to_numpy(zero_copy_only=False)
-    mode, _, found = _items(modes.field("sensitivities"))
-    own = {
+    mode, _, fields = _items(modes.field("sensitivities"))
+    root_columns = {
         **{name: modes.field(name) for name, _ in MODE_FIELDS[:5]},
         "point_id": rows["point_id"].combine_chunks().take(point),
         "mode": pa.array(number + 1, WHOLE_NUMBER),
         "main_component": names.take(shares.argmax(axis=1)),
     }
-    columns = [own[name].take(mode) for name in RAW.names[: len(own)]]
-    columns += [found.field(name) for name, _ in SENSITIVITY_FIELDS]
+    columns = [root_columns[name].take(mode) for name in RAW.names[: len(root_columns)]]
+    columns += [fields.field(name) for name, _ in SENSITIVITY_FIELDS]
     frame = pa.table(columns, schema=RAW).to_pandas()
     return _columns(frame, units, plan.study.definition.modes.stability_tolerance)
 
@@ -154,13 +154,15 @@ def _columns(raw: pd.DataFrame, units: Mapping[str, str], tolerance: float) -> p
     )
     quantities = ("growth", "frequency", "damping")
     slopes = figure_slopes(lam, slope)
-    moved = [b - a for a, b in zip((growth, frequency, zeta), figures(lam + finite), strict=True)]
+    finite_changes = [
+        b - a for a, b in zip((growth, frequency, zeta), figures(lam + finite), strict=True)
+    ]
     for name, d in zip(("growth_rate", "frequency_hz", "damping_ratio"), slopes, strict=True):
         table[f"d_{name}"] = d
     for name, d in zip(quantities, slopes, strict=True):
         table[f"{name}_per_percent"] = d * reference * PERCENT
     table["change"] = change
-    for name, d, actual in zip(quantities, slopes, moved, strict=True):
+    for name, d, actual in zip(quantities, slopes, finite_changes, strict=True):
         table[f"predicted_{name}_change"] = d * change
         table[f"finite_{name}_change"] = actual
     table["disagreement"] = _disagreement(lam, slope * change, finite)
@@ -172,8 +174,10 @@ def _columns(raw: pd.DataFrame, units: Mapping[str, str], tolerance: float) -> p
 def _disagreement(lam: np.ndarray, predicted: np.ndarray, finite: np.ndarray) -> np.ndarray:
     """|predicted - finite| / |finite| of the change of lambda; NaN where nothing changes."""
     size = np.abs(finite)
-    seen = size > CHANGE_ROUND_OFF * np.abs(lam)
-    return np.where(seen, np.abs(predicted - finite) / np.where(seen, size, 1.0), np.nan)
+    above_round_off = size > CHANGE_ROUND_OFF * np.abs(lam)
+    return np.where(
+        above_round_off, np.abs(predicted - finite) / np.where(above_round_off, size, 1.0), np.nan
+    )
 
 
 def _arrow(table: pd.DataFrame) -> pa.Table:
