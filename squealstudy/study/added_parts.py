@@ -116,8 +116,8 @@ def with_parts(
         places[part.kind, len(tables[part.kind]) - 1] = part
         paths = tuple(f"{part.kind}.{name}.{key}" for key in part.keys)
         parameters[part.name] = ParameterTable(path=paths, default=0.0)
-    own = {kind: tuple(found) for kind, found in tables.items()}
-    return file.model_copy(update={**own, "parameters": parameters}), places
+    all_tables = {kind: tuple(rows) for kind, rows in tables.items()}
+    return file.model_copy(update={**all_tables, "parameters": parameters}), places
 
 
 def with_added(model: ModelDefinition, parts: Sequence[AddedPart]) -> ModelDefinition:
@@ -128,8 +128,8 @@ def with_added(model: ModelDefinition, parts: Sequence[AddedPart]) -> ModelDefin
     StudyFileError
         A set that the model does not have; two springs between the same; ground twice.
     """
-    known, declared = {p.name for p in model.parameters}, list(model.declared)
-    parts = [part for part in parts if not (part.by_name and part.name in known)]
+    names, declared = {p.name for p in model.parameters}, list(model.declared)
+    parts = [part for part in parts if not (part.by_name and part.name in names)]
     for part in parts:
         if not model.sets:
             text = f"model '{model.name}' has no named sets: disc_brake and model files have"
@@ -141,9 +141,9 @@ def with_added(model: ModelDefinition, parts: Sequence[AddedPart]) -> ModelDefin
                 raise part.error(f"model '{model.name}' has no set '{name}'{hint}")
         if not part.sets or len(set(part.sets)) < len(part.sets):
             raise part.error("expected two sets, or one and ground")
-        if part.name in known:
+        if part.name in names:
             raise part.error(f"there is a parameter '{part.name}' already")
-        known.add(part.name)
+        names.add(part.name)
         unit = "N/m" if isinstance(part.table, SpringTable) else "kg"
         what = f"added on {' and '.join(part.sets)}"
         declared.append(Parameter(part.name, 0.0, unit, what, minimum=0.0, structural=True))
@@ -162,13 +162,13 @@ def _built(
     values: Mapping[str, float],
 ) -> Assembly:
     """The assembly with the parts; StudyFileError about one that cannot be, whatever its size."""
-    found = build(options, values)
+    assembly = build(options, values)
     for number, part in enumerate(parts, start=1):
         try:
-            found = _with_part(found, part, f"added_{number}", values[part.name])
+            assembly = _with_part(assembly, part, f"added_{number}", values[part.name])
         except ModelError as error:
             raise part.error(str(error)) from error
-    return found
+    return assembly
 
 
 def _with_part(assembly: Assembly, part: AddedPart, name: str, size: float) -> Assembly:

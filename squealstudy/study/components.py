@@ -72,8 +72,8 @@ def read_model(
         raise placed(error, source) from error
     digests = _digests(file, source)
     file, added = with_parts(file, parts)
-    own = (*digests, *(part.identity for part in parts))
-    brake = Brake(path, file, hashlib.sha256("".join(own).encode()).hexdigest())
+    identities = (*digests, *(part.identity for part in parts))
+    brake = Brake(path, file, hashlib.sha256("".join(identities).encode()).hexdigest())
     places = file_places(file, source)
     declared = file_parameters(file, source, places)
     stressed, laws = stressed_point(file), law_defaults(declared)
@@ -91,7 +91,7 @@ def read_model(
         in_place=_in_place,
         effective_radius=build.effective_radius,
         path=str(path.resolve()),
-        files=own,
+        files=identities,
     )
 
 
@@ -114,8 +114,8 @@ def inspected(model: FileDefinition) -> tuple[Inspection, Geometry | None]:
             return inspect_parts(build.brake, build.given(values))
     assembly = build({option.name: option.choices[0] for option in model.options}, values)
     with build.told(values):
-        found = inspect(build.brake, assembly, values[PRESSURE.name], build.given(values))
-        return found, geometry_of(build.brake)
+        inspection = inspect(build.brake, assembly, values[PRESSURE.name], build.given(values))
+        return inspection, geometry_of(build.brake)
 
 
 def free_motions(model: FileDefinition) -> list[str]:
@@ -132,12 +132,12 @@ def free_motions(model: FileDefinition) -> list[str]:
     from squealstudy.models.components.geometry import geometry_of
     from squealstudy.models.components.inspection import unheld
 
-    build, values, found = build_of(model), model.defaults(), Inspection()
+    build, values, inspection = build_of(model), model.defaults(), Inspection()
     options = {option.name: option.choices[0] for option in model.options}
     assembly = replace(build, stressed=None)(options, values)
     with build.told(values):
-        unheld(found, geometry_of(build.brake), assembly)
-    return found.doubts
+        unheld(inspection, geometry_of(build.brake), assembly)
+    return inspection.doubts
 
 
 def inspected_part(
@@ -245,15 +245,15 @@ class _Build:
 
         if _digests(self.brake.file, self.source) != self.digests:
             raise ModelError(f"{self.source.path}, or a file that it reads, has changed meanwhile")
-        given = self.given(values)
+        in_file = self.given(values)
         law = ContactLaw.from_values(str(options[CONTACT_OPTION.name]), values)
         with self.told(values):
-            found = build_assembly(self.brake, law, given)
+            assembly = build_assembly(self.brake, law, in_file)
         with self.told(values):
-            found = self._worn(found, self._law(options), given)
+            assembly = self._worn(assembly, self._law(options), in_file)
         if self.stressed is None:
-            return found
-        return self._stiffened(found, replace(self.stressed, law=self._law(options)), given)
+            return assembly
+        return self._stiffened(assembly, replace(self.stressed, law=self._law(options)), in_file)
 
     def _worn(self, found: Assembly, law: ContactLaw, given: Mapping[KeyPath, float]) -> Assembly:
         """The assembly with gaps that have worn; under the law at its defaults."""
@@ -280,15 +280,15 @@ class _Build:
         except PlacedError as error:
             if part := self.added.get(error.keys[:2]):
                 raise part.error(error.message + did_you_mean(error.word, error.known)) from error
-            own = self._owners((error.keys,)) if self.brake.file.at(error.keys) is None else []
-            if own:
-                error.keys = ("parameters", own[0], "path")
+            owners = self._owners((error.keys,)) if self.brake.file.at(error.keys) is None else []
+            if owners:
+                error.keys = ("parameters", owners[0], "path")
             raise placed(error, self.source) from error
         except ValuesError as error:
-            own = self._owners(error.keys)
-            what = f"{listed([f'{n} = {values[n]:g}' for n in own])} (SI): {error.message}"
-            if all(values[name] == self.defaults[name] for name in own):
-                raise self.source.error(("parameters", own[0], "default"), what) from error
+            owners = self._owners(error.keys)
+            what = f"{listed([f'{n} = {values[n]:g}' for n in owners])} (SI): {error.message}"
+            if all(values[name] == self.defaults[name] for name in owners):
+                raise self.source.error(("parameters", owners[0], "default"), what) from error
             raise ModelError(f"{self.source.path}: {what}") from error
 
     def _owners(self, keys: Sequence[KeyPath]) -> list[str]:
@@ -317,14 +317,14 @@ def placed(error: PlacedError, source: SourceText) -> StudyFileError:
 
 def _digests(file: ModelFile, source: SourceText) -> tuple[str, ...]:
     """Hashes of a model file and of all that it reads; StudyFileError where one is absent."""
-    found = [hashlib.sha256(source.text.encode()).hexdigest()]
+    digests = [hashlib.sha256(source.text.encode()).hexdigest()]
     for keys, path in read_files(file, source.path):
         if not path.is_file():
             folder = path.parent
             what = f"no file {path.name} in {folder}" if folder.is_dir() else f"no folder {folder}"
             raise source.error(keys, f"there is {what}")
-        found.append(_digest(path))
-    return tuple(found)
+        digests.append(_digest(path))
+    return tuple(digests)
 
 
 _file_hashes: dict[
@@ -334,8 +334,8 @@ _file_hashes: dict[
 
 def _digest(path: Path) -> str:
     stat = path.stat()
-    seen = (stat.st_size, stat.st_mtime_ns)
-    if path not in _file_hashes or _file_hashes[path][0] != seen:
+    size_and_mtime = (stat.st_size, stat.st_mtime_ns)
+    if path not in _file_hashes or _file_hashes[path][0] != size_and_mtime:
         with path.open("rb") as handle:
-            _file_hashes[path] = seen, hashlib.file_digest(handle, "sha256").hexdigest()
+            _file_hashes[path] = size_and_mtime, hashlib.file_digest(handle, "sha256").hexdigest()
     return _file_hashes[path][1]

@@ -89,9 +89,11 @@ class ResolvedStudy:
     @property
     def doubts(self) -> list[str]:
         """What to warn of: values, swept ones too, that may be in other units than they should."""
-        ends: dict[str, tuple[float, ...]] = {name: (value,) for name, value in self.values.items()}
+        ends: dict[str, tuple[float, ...]] = {
+            name: (number,) for name, number in self.values.items()
+        }
         ends |= {s.name: tuple({s.low, s.high}) for s in self.sweeps}
-        said = (p.doubt(value) for p in self.model.parameters for value in sorted(ends[p.name]))
+        said = (p.doubt(number) for p in self.model.parameters for number in sorted(ends[p.name]))
         return [f"{text}: are the units right?" for text in said if text]
 
     @property
@@ -149,28 +151,28 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStud
 
     extensions = extensions_of(source, tables)
     kind = _kind(source, tables)
-    tables, found = take_tables(named_by_content(tables, source))
-    tables = with_numbers(tables, partial(_model_with_units, tables, source, found), source)
+    tables, given_tables = take_tables(named_by_content(tables, source))
+    tables = with_numbers(tables, partial(_model_with_units, tables, source, given_tables), source)
     definition = validate(kind.definition, source, tables)
     model = _model(definition, source)
-    followed = read_parameter_tables(with_temperature(model, found), found, source)
+    followed = read_parameter_tables(with_temperature(model, given_tables), given_tables, source)
     if any(TEMPERATURE in table.over for table in followed):
-        model = with_temperature(model, found)
+        model = with_temperature(model, given_tables)
     model = replace(model, tables=followed)
     options = _options(definition.model, model, source)  # a law first, then its parameters
     values = model.defaults()
     used: list[tuple[KeyPath, StudyParameter]] = []
-    for name, value in definition.parameters.items():
+    for name, written in definition.parameters.items():
         keys = ("parameters", name)
         try:
             parameter = parse_parameter(name, model)
-            values[name] = parameter.check(value)
+            values[name] = parameter.check(written)
         except ParameterError as e:
             raise source.error(keys, e.message) from None
         used.append((keys, parameter))
     expect_values(followed, values, source)
     values = model.followed(values)
-    for place, name, _ in found:
+    for place, name, _ in given_tables:
         used.append((place[:-1], parse_parameter(name, model)))
         if name in definition.parameters:
             raise source.error(place, f"'{name}' is given twice")
@@ -210,10 +212,10 @@ def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelStudyKind:
                 raise source.error(
                     (name,), f'a [{name}] section needs kind = "{other.name}", this is {kind.name}'
                 )
-    found = model_kind(kind.name)
-    if "fidelity" in tables and not found.has_fidelity:
+    study_kind = model_kind(kind.name)
+    if "fidelity" in tables and not study_kind.has_fidelity:
         raise source.error(("fidelity",), f"a {kind.name} study has no [fidelity] section")
-    return found
+    return study_kind
 
 
 def _model_with_units(
@@ -230,8 +232,8 @@ def _model_with_units(
         from squealstudy.study.model_files import read_model_file
 
         return with_temperature(read_model_file(source.path.parent / file), found)
-    known = MODELS.get(name) if isinstance(name, str) else None
-    return known if known is None else with_temperature(known, found)
+    registered = MODELS.get(name) if isinstance(name, str) else None
+    return registered if registered is None else with_temperature(registered, found)
 
 
 def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:
@@ -268,19 +270,25 @@ def _options(
     options = {option.name: option for option in model.options}
     values = {option.name: option.choices[0] for option in model.options}
     foreign = () if isinstance(model, FamilyDefinition) else section.family_keys
-    for name, value in (dict.fromkeys(foreign) | section.options).items():
+    for name, written in (dict.fromkeys(foreign) | section.options).items():
         keys = ("model", name)
         if name not in options:
             its = f"its options are {', '.join(options)}" if options else "it has no options"
             hint = did_you_mean(name, options) or f"; {its}"
             raise source.error(keys, f"unknown key of model '{model.name}'{hint}")
         choices = options[name].choices
-        if not isinstance(value, str | int) or isinstance(value, bool) or value not in choices:
+        if (
+            not isinstance(written, str | int)
+            or isinstance(written, bool)
+            or written not in choices
+        ):
             allowed = " or ".join(shown(choice) for choice in choices)
-            own = not_registered(source.tables, value) if callable(options[name].allowed) else ""
-            own += did_you_mean(str(value), map(str, choices))
-            raise source.error(keys, f"expected {allowed}, got {shown(value)}{own}")
-        values[name] = value
+            advice = (
+                not_registered(source.tables, written) if callable(options[name].allowed) else ""
+            )
+            advice += did_you_mean(str(written), map(str, choices))
+            raise source.error(keys, f"expected {allowed}, got {shown(written)}{advice}")
+        values[name] = written
     return values
 
 

@@ -54,7 +54,7 @@ def _folder() -> Path:
 @cache
 def examples() -> Mapping[str, Example]:
     """The shipped studies by name: those of the top folder first, then folder by folder."""
-    folder, found = _folder(), {}
+    folder, by_name = _folder(), {}
     paths = (p.relative_to(folder) for p in folder.rglob("*.toml"))
     for path in sorted(paths, key=lambda p: (p.parent.as_posix(), p.stem)):
         if path.parts[0] == NOT_SHIPPED:
@@ -63,8 +63,8 @@ def examples() -> Mapping[str, Example]:
         if study := tables.get("study"):
             about = study["kind"], study.get("description", "")
             after = tuple(dict.fromkeys(_results_of(tables)))
-            found[path.stem] = Example(path.stem, folder / path, *about, after)
-    return found
+            by_name[path.stem] = Example(path.stem, folder / path, *about, after)
+    return by_name
 
 
 def list_examples() -> dict[str, str]:
@@ -93,13 +93,13 @@ def write_example(name: str, folder: Path | str | None = None) -> list[Path]:
     SquealstudyError
         No such study; files that are there already.
     """
-    known = examples()
-    if name not in known:
+    shipped = examples()
+    if name not in shipped:
         raise SquealstudyError(
-            f"there is no example '{name}'{did_you_mean(name, known)}; 'squealstudy examples' "
+            f"there is no example '{name}'{did_you_mean(name, shipped)}; 'squealstudy examples' "
             "lists them"
         )
-    files = list(dict.fromkeys(_with_named_files(known[name].path)))
+    files = list(dict.fromkeys(_with_named_files(shipped[name].path)))
     if folder is None:
         folder = "." if len(files) == 1 else name
     top = _common_folder(files)

@@ -82,8 +82,8 @@ def family_of(definition: StudyDefinition, source: SourceText) -> FamilyDefiniti
             f"got '{kind.name}'",
         )
     for name in section.options:
-        known = did_you_mean(name, ("term", "folder")) or "; its options are term, folder"
-        raise source.error(("model", name), f"unknown key of model '{NAME}'{known}")
+        hint = did_you_mean(name, ("term", "folder")) or "; its options are term, folder"
+        raise source.error(("model", name), f"unknown key of model '{NAME}'{hint}")
     _check_letters(section, source)
     expressions = [_expression(term, i, source) for i, term in enumerate(section.term)]
     folder = data_folder(section, source.path)
@@ -124,18 +124,18 @@ def read_family(model: FamilyDefinition, source: SourceText) -> MatrixFamily:
     StudyFileError
         With the line of the term whose file cannot be used, or whose size differs from the first.
     """
-    found: list[sp.csr_matrix | LabelledMatrix] = []
+    term_matrices: list[sp.csr_matrix | LabelledMatrix] = []
     for i, term in enumerate(model.sources):
         keys: KeyPath = ("model", "term", i, "file" if term.variable is None else "variable")
         if not term.path.is_file():
             raise _absent(term, i, source)
         try:
-            found.append(read_term_matrix(term.path, term.variable))
+            term_matrices.append(read_term_matrix(term.path, term.variable))
         except ModelError as error:
             raise source.error(keys, str(error)) from error
-    labelled = [matrix for matrix in found if isinstance(matrix, LabelledMatrix)]
+    labelled = [matrix for matrix in term_matrices if isinstance(matrix, LabelledMatrix)]
     placed = iter(together(labelled) if labelled else [])
-    matrices = [next(placed) if isinstance(m, LabelledMatrix) else m for m in found]
+    matrices = [next(placed) if isinstance(m, LabelledMatrix) else m for m in term_matrices]
     for i, (term, matrix) in enumerate(zip(model.sources, matrices, strict=True)):
         if matrix.shape != matrices[0].shape:
             n, first = matrix.shape[0], matrices[0].shape[0]

@@ -38,7 +38,7 @@ OPERATING = (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING, STIFFNESS_DAMPING)
 
 def file_places(file: ModelFile, source: SourceText) -> dict[str, tuple[KeyPath, ...]]:
     """Where each parameter stands that points into the file."""
-    found: dict[str, tuple[KeyPath, ...]] = {}
+    places_of: dict[str, tuple[KeyPath, ...]] = {}
     owner: dict[KeyPath, str] = {}
     for name, table in file.parameters.items():
         places = []
@@ -52,8 +52,8 @@ def file_places(file: ModelFile, source: SourceText) -> dict[str, tuple[KeyPath,
                 raise source.error(("parameters", name, "path"), text)
             places.append(keys)
         if places:
-            found[name] = tuple(places)
-    return found
+            places_of[name] = tuple(places)
+    return places_of
 
 
 def file_parameters(
@@ -61,7 +61,7 @@ def file_parameters(
 ) -> Declared:
     """Parameters of the operating point, with the file's defaults, and those of the file."""
     operating = {p.name: p for p in (*OPERATING, *friction_parameters(), *contact_parameters())}
-    own = []
+    of_file = []
     for name, table in file.parameters.items():
         keys = ("parameters", name)
         if name in operating:
@@ -72,10 +72,10 @@ def file_parameters(
             hint = did_you_mean(name, operating) or "; or one of the operating point"
             raise source.error(keys, f'expected path = "..." of the number that it is{hint}')
         else:
-            own.append(_parameter(name, table, file, source, places[name]))
+            of_file.append(_parameter(name, table, file, source, places[name]))
     first = [operating[p.name] for p in OPERATING]
     changed = [operating[name] for name in file.parameters if name in operating]
-    return (*first, *changed, friction_parameters, contact_parameters, *own)
+    return (*first, *changed, friction_parameters, contact_parameters, *of_file)
 
 
 def _changed(
@@ -99,9 +99,9 @@ def _size(unit: str, own: str, source: SourceText, keys: KeyPath) -> float:
     if unit == own:  # some are known to no table of units, such as Pa/m^n
         return 1.0
     with contextlib.suppress(KeyError):
-        given, wanted = Unit.named(unit), Unit.named(own or "1")
-        if given.powers == wanted.powers:
-            return float(given.size / wanted.size)
+        written, target = Unit.named(unit), Unit.named(own or "1")
+        if written.powers == target.powers:
+            return float(written.size / target.size)
     expected = f"a unit like '{own}'" if own else "no unit"
     raise source.error((*keys, "unit"), f"expected {expected}, got '{unit}'")
 

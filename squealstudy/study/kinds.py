@@ -30,7 +30,9 @@ _registered: dict[str, StudyKind] = {}
 def _folders() -> tuple[str, ...]:
     """Kinds of the package: a folder each, imported when it is asked for."""
     return tuple(
-        found.name for found in iter_modules(import_module(FOLDER).__path__) if found.ispkg
+        module_info.name
+        for module_info in iter_modules(import_module(FOLDER).__path__)
+        if module_info.ispkg
     )
 
 
@@ -41,8 +43,8 @@ def kind_names() -> tuple[str, ...]:
 
 def register_kind(kind: StudyKind) -> None:
     """Add a kind from outside the package; ValueError where another one has its name."""
-    known = _registered.get(kind.name, kind)
-    if kind.name in _folders() or type(known) is not type(kind):
+    registered = _registered.get(kind.name, kind)
+    if kind.name in _folders() or type(registered) is not type(kind):
         raise ValueError(f"there is a kind of study '{kind.name}' already")
     _registered[kind.name] = kind
     register_columns(kind.name, kind.columns)

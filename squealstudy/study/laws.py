@@ -47,11 +47,13 @@ def check_outside_laws(
         places: list[tuple[KeyPath, Mapping[str, float]]] = [(("model", option), {})]
         for number, sweep in numbered:
             places += [(("sweep", number), {sweep.name: end}) for end in (sweep.low, sweep.high)]
-        for keys, moved in places:
+        for keys, changes in places:
             try:
-                tried(design.with_values({**design.values, **moved}).operating_point())
+                tried(design.with_values({**design.values, **changes}).operating_point())
             except ModelError as error:
-                where = "".join(f", with {name} = {value:g}" for name, value in moved.items())
+                where = "".join(
+                    f", with {name} = {tried_value:g}" for name, tried_value in changes.items()
+                )
                 raise error_at(keys, f"{error}{where}") from None
 
 

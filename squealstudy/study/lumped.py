@@ -68,14 +68,14 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
     with _with_file_and_key(source):
         check_tables(file)
     operating = _operating(file)
-    own = tuple(name for name in file.parameters if name not in operating)
+    file_names = tuple(name for name in file.parameters if name not in operating)
     with _with_file_and_key(source):
-        check_used(file, own)
-    declared = _declared(file, source, operating, own)
-    build = LumpedBuild(str(source.path), file, own)
+        check_used(file, file_names)
+    declared = _declared(file, source, operating, file_names)
+    build = LumpedBuild(str(source.path), file, file_names)
     defaults = {p.name: p.default for p in declared if isinstance(p, Parameter)}
     with _with_file_and_key(source):
-        check_held(file, parts_of(file, {name: defaults[name] for name in own}))
+        check_held(file, parts_of(file, {name: defaults[name] for name in file_names}))
     return LumpedDefinition(
         name=NAME,
         description=file.description or DESCRIPTION,
@@ -132,8 +132,8 @@ def _declared(
 
 
 def _table(file: LumpedFile, name: str) -> ParameterTable:
-    found = file.parameters[name]
-    return found if isinstance(found, ParameterTable) else ParameterTable(default=found)
+    entry = file.parameters[name]
+    return entry if isinstance(entry, ParameterTable) else ParameterTable(default=entry)
 
 
 def _changed(parameter: Parameter, file: LumpedFile, source: SourceText) -> Parameter:
@@ -182,11 +182,11 @@ def _unit(table: ParameterTable, source: SourceText, keys: KeyPath) -> str:
     """The unit of a parameter, one of SI or deg: expressions are in it."""
     unit = table.unit or ""
     try:
-        known = Unit.named(unit or "1")
+        parsed = Unit.named(unit or "1")
     except KeyError as error:
         text = f"'{unit}': the unit '{error.args[0]}' is not known"
         raise source.error((*keys, "unit"), text) from None
-    if known.size != 1 and unit not in ANGLES:
+    if parsed.size != 1 and unit not in ANGLES:
         text = f"expected a unit of SI, in which expressions are, or deg; got '{unit}'"
         raise source.error((*keys, "unit"), f'{text}: default = "7 kN/mm" is converted to it')
     return unit

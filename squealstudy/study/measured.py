@@ -44,7 +44,7 @@ def measured_values(
 
     if not isinstance(model, FileDefinition) or not model.meshed:
         return {}
-    own = {
+    given_names = {
         (p.component, mode, p.quantity)
         for p in given
         if isinstance(p, ModeParameter)
@@ -57,9 +57,9 @@ def measured_values(
                 FREQUENCY_SCALE: mode.frequency_scale,
                 DAMPING_RATIO: mode.damping_ratio,
             }
-            for quantity, value in quantities.items():
-                if value is not None and (name, mode.number, quantity) not in own:
-                    values[f"{name}.modes[{mode.number}].{quantity}"] = value
+            for quantity, factor in quantities.items():
+                if factor is not None and (name, mode.number, quantity) not in given_names:
+                    values[f"{name}.modes[{mode.number}].{quantity}"] = factor
     return values
 
 

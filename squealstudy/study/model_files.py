@@ -27,11 +27,11 @@ def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefini
         With line and key: of the study where there is no such file, of the model file for all that
         is wrong there.
     """
-    given = definition.model.file
-    if given is None:
+    file_name = definition.model.file
+    if file_name is None:
         text = f"model '{OF_MESHES}' is what a file describes: expected file = \"...\""
         raise source.error(("model", "name"), text)
-    path = source.path.parent / given
+    path = source.path.parent / file_name
     if not path.is_file():
         raise source.error(("model", "file"), f"there is no file {path}")
     for name in definition.model.family_keys:

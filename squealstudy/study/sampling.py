@@ -92,9 +92,9 @@ def _sampled(study: ResolvedStudy, number: int, u: np.ndarray) -> np.ndarray:
     if sweep.distribution is None:
         raise ValueError(f"sweep '{sweep.name}' has no distribution")
     values = sweep.distribution.quantiles(u)
-    for value in (values.min(), values.max()):
+    for extreme in (values.min(), values.max()):
         try:
-            sweep.parameter.check(float(value))
+            sweep.parameter.check(float(extreme))
         except ParameterError as e:
             message = f"{sweep.name}: {beyond_range_text(sweep.distribution, e.message)}"
             raise study.error(("sweep", number, "distribution"), message) from None
@@ -108,13 +108,15 @@ def distinct_rows(columns: Sequence[np.ndarray], count: int) -> np.ndarray:
     """
     index = np.zeros(count, dtype=np.int64)
     for column in columns:
-        _, own = np.unique(column, return_inverse=True)
-        _, index = np.unique(index * (int(own.max()) + 1) + own, return_inverse=True)
+        _, column_rows = np.unique(column, return_inverse=True)
+        _, index = np.unique(
+            index * (int(column_rows.max()) + 1) + column_rows, return_inverse=True
+        )
     _, first, index = np.unique(index, return_index=True, return_inverse=True)
     place = np.empty(len(first), dtype=np.int32)
     place[np.argsort(first)] = np.arange(len(first))
-    found: np.ndarray = place[index]
-    return found
+    row_numbers: np.ndarray = place[index]
+    return row_numbers
 
 
 def farthest_points(X: np.ndarray, count: int) -> list[int]:

@@ -23,22 +23,22 @@ def flat_keys(tables: Mapping[str, Any]) -> dict[str, Any]:
     flat: dict[str, Any] = {}
     pending = [(str(k), v) for k, v in reversed([*tables.items()])]
     while pending:
-        name, value = pending.pop()
-        if value == {}:
+        name, entry = pending.pop()
+        if entry == {}:
             raise ValueError(f"'{name}' is an empty table, expected a value")
-        if isinstance(value, dict):
-            pending.extend((f"{name}.{k}", v) for k, v in reversed(value.items()))
+        if isinstance(entry, dict):
+            pending.extend((f"{name}.{k}", v) for k, v in reversed(entry.items()))
         elif name in flat:
             raise ValueError(f"'{name}' is given twice")
         else:
-            flat[name] = value
+            flat[name] = entry
     return flat
 
 
 def _two(band: object) -> object:
     if not isinstance(band, list | tuple) or len(band) != 2:
-        found = f"{len(band)} values" if isinstance(band, list) else shown(band)
-        raise ValueError(f"expected two frequencies [low, high] in Hz, got {found}")
+        described = f"{len(band)} values" if isinstance(band, list) else shown(band)
+        raise ValueError(f"expected two frequencies [low, high] in Hz, got {described}")
     return band
 
 

@@ -38,10 +38,10 @@ def _seconds(value: object) -> object:
     """``"5 min"`` in seconds."""
     if not isinstance(value, str):
         return value
-    found = DURATION.fullmatch(value)
-    if found is None or found[1].count(".") > 1 or found[1] == ".":
+    match = DURATION.fullmatch(value)
+    if match is None or match[1].count(".") > 1 or match[1] == ".":
         raise ValueError(f"expected a time like '90 s', '5 min' or '2 h', got '{value}'")
-    return float(found[1]) * SECONDS[found[2]]
+    return float(match[1]) * SECONDS[match[2]]
 
 
 class FidelitySection(Section):
@@ -162,10 +162,10 @@ class ModelSection(Section):
 
 def _rung(name: str) -> str:
     """A rung that there is, or the choice of one."""
-    known = (AUTO, *rung_names())
-    if name not in known:
-        listed = ", ".join(shown(one) for one in known)
-        raise ValueError(f"expected one of {listed}, got {shown(name)}{did_you_mean(name, known)}")
+    names = (AUTO, *rung_names())
+    if name not in names:
+        listed = ", ".join(shown(one) for one in names)
+        raise ValueError(f"expected one of {listed}, got {shown(name)}{did_you_mean(name, names)}")
     return name
 
 
@@ -327,10 +327,10 @@ class StudyDefinition(Section):
         name = _inside(data, "model", "name")
         if name is None and _inside(data, "model", "file"):
             name = OF_FILE
-        given: dict[str, Any] = {k: dict(v) for k, v in cls.other_defaults.items()}
+        defaults: dict[str, Any] = {k: dict(v) for k, v in cls.other_defaults.items()}
         if isinstance(name, str) and name in BANDS:
-            given["modes"] = {"band": BANDS[name]}
-        usable = {k: v for k, v in given.items() if isinstance(data.get(k, {}), dict)}
+            defaults["modes"] = {"band": BANDS[name]}
+        usable = {k: v for k, v in defaults.items() if isinstance(data.get(k, {}), dict)}
         return {**data, **{k: {**v, **data.get(k, {})} for k, v in usable.items()}}
 
 

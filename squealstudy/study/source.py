@@ -122,9 +122,9 @@ def changed(
     A value of None takes the key out of the file.
     """
     copied = copy.deepcopy(dict(tables))
-    for key, value in changes.items():
+    for key, new_value in changes.items():
         try:
-            _set_key(copied, key, value)
+            _set_key(copied, key, new_value)
         except KeyError as error:
             message = f"'{error.args[0]}' is no table of single keys in this file"
             raise StudyFileError(message, source.path, key) from None
@@ -163,14 +163,14 @@ def extensions_of(source: SourceText, tables: Mapping[str, Any]) -> tuple[str, .
     names = section.get("extensions", ()) if isinstance(section, Mapping) else ()
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         return ()  # none, or validation says what is wrong
-    found = []
+    hashes = []
     for number, name in enumerate(names):
         try:
-            found.append(load_extension(source.path.parent / name))
+            hashes.append(load_extension(source.path.parent / name))
         except ExtensionError as error:
             keys = ("study", "extensions", number)
             raise source.error(keys, f"'{name}': {error.message}") from error
-    return tuple(found)
+    return tuple(hashes)
 
 
 def not_registered(tables: Mapping[str, Any], name: object) -> str:
@@ -199,8 +199,8 @@ def validate(kind: type[Model], source: SourceText, data: Mapping[str, Any]) -> 
     for keys in others[:MOST_LISTED]:
         line = f"line {lines[keys]}, " if lines[keys] else ""
         said.append(f"{line}key '{dotted(keys)}': {_wording(kind, problems[keys])}")
-    if left := len(problems) - len(said):
-        said.append(f"and {left} more")
+    if n_unsaid := len(problems) - len(said):
+        said.append(f"and {n_unsaid} more")
     raise source.error(first, "\n".join(said))
 
 
@@ -218,32 +218,32 @@ def _key_path(data: Any, loc: KeyPath) -> KeyPath:
 
 def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
     """What one pydantic error means, for somebody who wrote the file."""
-    loc, found, context = problem["loc"], problem["input"], problem.get("ctx", {})
+    loc, written, context = problem["loc"], problem["input"], problem.get("ctx", {})
     if problem["type"] == "value_error":
         return str(context["error"])
     if problem["type"] == "missing":
         whole = not isinstance(loc[-1], int)
-        return _missing(kind, loc) if whole else _too_few(kind, loc, found)
+        return _missing(kind, loc) if whole else _too_few(kind, loc, written)
     if problem["type"] == "extra_forbidden":
-        known = list((_section(kind, loc[:-1]) or kind).model_fields)
+        keys = list((_section(kind, loc[:-1]) or kind).model_fields)
         if where := _elsewhere(kind, str(loc[-1])):
             return f"it belongs in {where}"
-        closest = did_you_mean(str(loc[-1]), known)
-        return f"unknown key{closest or '; expected one of ' + ', '.join(known)}"
-    if problem["type"] == "tuple_type" and isinstance(found, dict):
+        closest = did_you_mean(str(loc[-1]), keys)
+        return f"unknown key{closest or '; expected one of ' + ', '.join(keys)}"
+    if problem["type"] == "tuple_type" and isinstance(written, dict):
         return f"expected [[{loc[-1]}]] with two brackets: there can be several"
-    if problem["type"] == "model_type" and isinstance(found, list):
-        if not all(isinstance(one, dict) for one in found) and (of := _section(kind, loc)):
+    if problem["type"] == "model_type" and isinstance(written, list):
+        if not all(isinstance(one, dict) for one in written) and (of := _section(kind, loc)):
             return f"expected a table {{{' = ..., '.join(of.model_fields)} = ...}}"
         return f"expected [{loc[-1]}] with one bracket: there is only one"
     expected = expectation(problem["type"], context)
     if not expected:
-        return f"{problem['msg']}, got {shown(found)}"
+        return f"{problem['msg']}, got {shown(written)}"
     hint = ""
     if problem["type"] == "literal_error":
-        hint = did_you_mean(str(found), re.findall(r"'([^']*)'", expected))
+        hint = did_you_mean(str(written), re.findall(r"'([^']*)'", expected))
         expected = expected if " or " not in expected else f"one of {expected}"
-    return f"expected {expected}, got {shown(found)}{hint}"
+    return f"expected {expected}, got {shown(written)}{hint}"
 
 
 def _too_few(kind: type[BaseModel], loc: KeyPath, found: object) -> str:
@@ -288,8 +288,8 @@ def _elsewhere(kind: type[BaseModel], key: str) -> str:
 
     if key in (CONTACT_OPTION.name, FRICTION_OPTION.name):
         return "[model]" if "model" in kind.model_fields else "[model] of the study"
-    found = list(dict.fromkeys(_tables_with(kind, key, "")))
-    return " or ".join(found[:MOST_NAMED]) if len(found) <= MOST_NAMED else ""
+    table_names = list(dict.fromkeys(_tables_with(kind, key, "")))
+    return " or ".join(table_names[:MOST_NAMED]) if len(table_names) <= MOST_NAMED else ""
 
 
 def _tables_with(kind: type[BaseModel], key: str, path: str) -> Iterator[str]:

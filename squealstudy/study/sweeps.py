@@ -137,21 +137,22 @@ class _SweepReader:
             start, stop = min(ends), max(ends)
         mean, std = (getattr(section, k) for k in KEYS[name][:2])
         scale: Scale = "log" if name == "lognormal" else section.scale
-        found = (
+        distribution = (
             Distribution(name, start=start, stop=stop, scale=scale, zero=zero_of(parameter))
             if name == UNIFORM
             else Distribution(name, mean, std, start, stop, scale, zero_of(parameter))
         )
-        low, high = found.range
+        low, high = distribution.range
         for end in (low, high):
             try:
                 parameter.check(end)
             except ParameterError as e:
                 raise self._error(
-                    "distribution", f"{parameter.name}: {beyond_range_text(found, e.message)}"
+                    "distribution",
+                    f"{parameter.name}: {beyond_range_text(distribution, e.message)}",
                 ) from None
         self._check_range(parameter, low, high, "distribution" if start == -math.inf else "stop")
-        return Sweep(parameter, (), low, high, scale, found)
+        return Sweep(parameter, (), low, high, scale, distribution)
 
     def _check_range(self, parameter: StudyParameter, low: float, high: float, key: str) -> None:
         try:
@@ -161,19 +162,19 @@ class _SweepReader:
 
     def _check_keys(self) -> None:
         """The keys given are those of a list, of a divided range, or of a distribution."""
-        given = self.section.model_fields_set
+        keys = self.section.model_fields_set
         if self.design.type in RANDOM_DESIGNS:
-            self._check_random_keys(given)
+            self._check_random_keys(keys)
             return
         for key in SCATTER:
-            if key in given:
+            if key in keys:
                 designs = ", ".join(RANDOM_DESIGNS)
                 raise self._error(key, f"only {designs} designs have '{key}'")
-        if "values" in given and self.design.type == BOUNDARY:
+        if "values" in keys and self.design.type == BOUNDARY:
             raise self._error("values", "a boundary design halves a range: give start, stop, num")
-        if "values" in given:
+        if "values" in keys:
             for key in ("start", "stop", "num", "scale"):
-                if key in given:
+                if key in keys:
                     raise self._error(key, f"give either values or start, stop and num; not {key}")
             return
         choice = "start, stop and num"
@@ -189,20 +190,20 @@ class _SweepReader:
             raise self._error("values", f"a {kind} design samples a range: give start and stop")
         if "num" in given:
             raise self._error("num", "'samples' in [design] counts the points of a random design")
-        wanted = KEYS[name]
-        self._check_present(wanted, " and ".join(wanted))
-        allowed = {"parameter", "distribution", *wanted, *(["scale"] if name == UNIFORM else [])}
+        needed = KEYS[name]
+        self._check_present(needed, " and ".join(needed))
+        allowed = {"parameter", "distribution", *needed, *(["scale"] if name == UNIFORM else [])}
         for key in SweepSection.model_fields:
             if key in given and key not in allowed:
                 hint = "; truncated_normal has ends" if key in ("start", "stop") else ""
                 raise self._error(
-                    key, f"a {name} distribution has {' and '.join(wanted)}, not '{key}'{hint}"
+                    key, f"a {name} distribution has {' and '.join(needed)}, not '{key}'{hint}"
                 )
 
     def _check_present(self, wanted: tuple[str, ...], choice: str) -> None:
-        given = self.section.model_fields_set
-        missing = [key for key in wanted if key not in given]
-        if missing and not given & set(wanted):
+        keys = self.section.model_fields_set
+        missing = [key for key in wanted if key not in keys]
+        if missing and not keys & set(wanted):
             raise self._error("", f"the sweep is empty: give {choice}")
         if missing:
             what = "a swept range" if self.section.distribution == UNIFORM else "the distribution"

@@ -43,22 +43,22 @@ def take_tables(tables: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[Give
     parameters = tables.get(SECTION)
     if not isinstance(parameters, Mapping):
         return tables, []
-    found: list[GivenTable] = []
-    left = _without(parameters, (SECTION,), found)
-    return ({**tables, SECTION: left} if found else tables), found
+    given_tables: list[GivenTable] = []
+    remaining = _without(parameters, (SECTION,), given_tables)
+    return ({**tables, SECTION: remaining} if given_tables else tables), given_tables
 
 
 def _without(table: Mapping[str, Any], keys: KeyPath, found: list[GivenTable]) -> dict[str, Any]:
-    left: dict[str, Any] = {}
-    for key, value in table.items():
+    remaining: dict[str, Any] = {}
+    for key, entry in table.items():
         here = (*keys, key)
-        if not isinstance(value, Mapping) or len(keys) > MAX_NESTING:
-            left[key] = value
-        elif set(value) == {TABLE}:
-            found.append(((*here, TABLE), ".".join(map(str, here[1:])), value[TABLE]))
+        if not isinstance(entry, Mapping) or len(keys) > MAX_NESTING:
+            remaining[key] = entry
+        elif set(entry) == {TABLE}:
+            found.append(((*here, TABLE), ".".join(map(str, here[1:])), entry[TABLE]))
         else:
-            left[key] = _without(value, here, found)
-    return left
+            remaining[key] = _without(entry, here, found)
+    return remaining
 
 
 def with_temperature(model: ModelDefinition, found: Sequence[GivenTable]) -> ModelDefinition:
@@ -68,15 +68,15 @@ def with_temperature(model: ModelDefinition, found: Sequence[GivenTable]) -> Mod
     number of a file in K.
     """
     over = [name for _, name, table in found if isinstance(table, Mapping) and TEMPERATURE in table]
-    known = {p.name: p for p in model.parameters}
-    if TEMPERATURE in known or not found:
+    by_name = {p.name: p for p in model.parameters}
+    if TEMPERATURE in by_name or not found:
         return model
-    structural = any(name in known and known[name].structural for name in over)
+    structural = any(name in by_name and by_name[name].structural for name in over)
     least = -float(ZERO_CELSIUS)
-    own = Parameter(
+    temperature = Parameter(
         TEMPERATURE, math.nan, "degC", ABOUT, above=least, structural=structural, bare="K"
     )
-    return replace(model, declared=(*model.declared, own))
+    return replace(model, declared=(*model.declared, temperature))
 
 
 def read_parameter_tables(
@@ -101,20 +101,22 @@ def _read(
     if not isinstance(table, Mapping):
         text = f"expected a table of values over a parameter, got {shown(table)}"
         raise source.error(keys, text)
-    own = _plain(model, name, keys, source)
-    over = [key for key in table if key not in (VALUE, own.name)]
-    if VALUE not in table and own.name not in table:
-        raise source.error(keys, f"expected a list '{VALUE}' of values of {own.name}")
-    if VALUE in table and own.name in table:
-        raise source.error((*keys, VALUE), f"'{VALUE}' and '{own.name}' are the same: give one")
+    parameter = _plain(model, name, keys, source)
+    over = [key for key in table if key not in (VALUE, parameter.name)]
+    if VALUE not in table and parameter.name not in table:
+        raise source.error(keys, f"expected a list '{VALUE}' of values of {parameter.name}")
+    if VALUE in table and parameter.name in table:
+        raise source.error(
+            (*keys, VALUE), f"'{VALUE}' and '{parameter.name}' are the same: give one"
+        )
     if not over:
-        raise source.error(keys, f"expected a list of values of what {own.name} follows")
+        raise source.error(keys, f"expected a list of values of what {parameter.name} follows")
     at = [
         _knots(_plain(model, key, (*keys, key), source), table[key], keys, source) for key in over
     ]
-    of = VALUE if VALUE in table else own.name
-    values = list(_numbers(own, table[of], (*keys, of), [len(x) for x in at], source))
-    return ParameterTable(own.name, tuple(over), tuple(map(tuple, at)), tuple(values))
+    of = VALUE if VALUE in table else parameter.name
+    values = list(_numbers(parameter, table[of], (*keys, of), [len(x) for x in at], source))
+    return ParameterTable(parameter.name, tuple(over), tuple(map(tuple, at)), tuple(values))
 
 
 def _plain(model: ModelDefinition, name: str, keys: KeyPath, source: SourceText) -> Parameter:
@@ -133,10 +135,10 @@ def _knots(parameter: Parameter, given: Any, keys: KeyPath, source: SourceText) 
     if not isinstance(given, list) or len(given) < LEAST_KNOTS:
         text = f"expected a list of {LEAST_KNOTS} or more values, got {shown(given)}"
         raise source.error(here, text)
-    found = [_number(parameter, value, (*here, k), source) for k, value in enumerate(given)]
-    if any(b <= a for a, b in pairwise(found)):
+    knots = [_number(parameter, number, (*here, k), source) for k, number in enumerate(given)]
+    if any(b <= a for a, b in pairwise(knots)):
         raise source.error(here, f"expected values of {parameter.name} that ascend")
-    return found
+    return knots
 
 
 def _numbers(
@@ -150,8 +152,8 @@ def _numbers(
         size = " lists of ".join(map(str, shape))
         got = f"{len(given)}" if isinstance(given, list) else shown(given)
         raise source.error(keys, f"expected {size} values of {parameter.name}, got {got}")
-    for k, value in enumerate(given):
-        yield from _numbers(parameter, value, (*keys, k), shape[1:], source)
+    for k, entry in enumerate(given):
+        yield from _numbers(parameter, entry, (*keys, k), shape[1:], source)
 
 
 def _number(parameter: Parameter, value: Any, keys: KeyPath, source: SourceText) -> float:
@@ -199,7 +201,7 @@ def _expect_within(
     keys: KeyPath,
     source: SourceText,
 ) -> None:
-    for value in values:
-        if not at[0] <= value <= at[-1]:
-            text = f"the table of {table.name} is from {at[0]:g} to {at[-1]:g}, got {value:g}"
+    for knot in values:
+        if not at[0] <= knot <= at[-1]:
+            text = f"the table of {table.name} is from {at[0]:g} to {at[-1]:g}, got {knot:g}"
             raise source.error(keys, text)

@@ -48,10 +48,10 @@ def _lines(tables: Mapping[str, Any], path: str) -> list[str]:
     """Single keys first, as TOML asks for, then the tables."""
     nested = {k: v for k, v in tables.items() if isinstance(v, Mapping) or _is_tables(v)}
     lines = [f"{toml_key(k)} = {toml_value(v)}" for k, v in tables.items() if k not in nested]
-    for key, value in nested.items():
+    for key, entry in nested.items():
         name = f"{path}{toml_key(key)}"
-        several = isinstance(value, list | tuple)
-        for table in value if several else [value]:
+        several = isinstance(entry, list | tuple)
+        for table in entry if several else [entry]:
             lines += ["", f"[[{name}]]" if several else f"[{name}]", *_lines(table, f"{name}.")]
     return lines
 

@@ -52,19 +52,23 @@ def with_numbers(
     of = model() if texts else None
     if of is None:
         return tables
-    known: dict[str, StudyParameter] = {}
+    by_name: dict[str, StudyParameter] = {}
     copied: dict[KeyPath, Any] = {(): dict(tables)}
     for keys, name, text in texts:
         try:
-            own = known.get(name) or known.setdefault(name, _parameter(name, of))
+            parameter = by_name.get(name) or by_name.setdefault(name, _parameter(name, of))
         except ParameterError as error:
             raise source.error(_parameter_key(keys), error.message) from None
-        given = with_bare_unit(text, own.parameter) if isinstance(own, PlainParameter) else text
-        if not isinstance(given, str):
+        with_unit = (
+            with_bare_unit(text, parameter.parameter)
+            if isinstance(parameter, PlainParameter)
+            else text
+        )
+        if not isinstance(with_unit, str):
             continue
         try:
             difference = any(key in DIFFERENCES for key in keys)
-            value = in_unit_of(given, own.unit, difference)
+            number = in_unit_of(with_unit, parameter.unit, difference)
         except ValueError as error:
             raise source.error(keys, f"{name} {error}") from None
         for depth in range(1, len(keys)):
@@ -73,9 +77,9 @@ def with_numbers(
                 around, inner = copied[here[:-1]], copied[here[:-1]][here[-1]]
                 copied[here] = list(inner) if isinstance(inner, list) else dict(inner)
                 around[here[-1]] = copied[here]
-        copied[keys[:-1]][keys[-1]] = value
-    found: Mapping[str, Any] = copied[()]
-    return found
+        copied[keys[:-1]][keys[-1]] = number
+    with_numbers_only: Mapping[str, Any] = copied[()]
+    return with_numbers_only
 
 
 def _parameter(name: str, model: ModelDefinition) -> StudyParameter:
@@ -115,16 +119,16 @@ def _texts(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str, object]]:
                     yield (table, number, key), name, sweep[key]
             for key in LISTS:
                 values = sweep.get(key)
-                for place, value in enumerate(values if isinstance(values, list) else ()):
-                    if _is_quantity(value, name):
-                        yield (table, number, key, place), name, value
+                for place, entry in enumerate(values if isinstance(values, list) else ()):
+                    if _is_quantity(entry, name):
+                        yield (table, number, key, place), name, entry
 
 
 def _nested(table: Mapping[str, Any], keys: KeyPath) -> Iterator[tuple[KeyPath, str, object]]:
     """Texts in [parameters], whose names may be written with dots, in quotes or as tables."""
-    for key, value in table.items() if len(keys) <= MAX_NESTING else ():
+    for key, entry in table.items() if len(keys) <= MAX_NESTING else ():
         here = (*keys, key)
-        if isinstance(value, Mapping):
-            yield from _nested(value, here)
-        elif _is_quantity(value, name := ".".join(map(str, here[1:]))):
-            yield here, name, value
+        if isinstance(entry, Mapping):
+            yield from _nested(entry, here)
+        elif _is_quantity(entry, name := ".".join(map(str, here[1:]))):
+            yield here, name, entry
