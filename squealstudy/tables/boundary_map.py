@@ -63,8 +63,8 @@ def full_tables(
     table = full_points(points, axes, levels)[0]
     group = unstable_groups(modes)
     track = modes["track"].to_numpy()
-    kept = (group != 0) | np.isin(track, group[group > 0]) | is_uncertain(modes)
-    rows = np.flatnonzero(kept)
+    is_ranked = (group != 0) | np.isin(track, group[group > 0]) | is_uncertain(modes)
+    rows = np.flatnonzero(is_ranked)
     code = point_codes(points, modes)[rows]
     rows, code = (a[np.argsort(code, kind="stable")] for a in (rows, code))
     owner = pd.Index(points["point_id"]).get_indexer(pd.Index(table["point_id"]))

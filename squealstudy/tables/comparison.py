@@ -96,16 +96,19 @@ def compare(
         time, frequency = time_points.iloc[t], freq_points.iloc[f]
         design = {n: float((time if n in time_parameters else frequency)[n]) for n in names}
         predicted = unstable[(unstable["point_id"] == frequency["point_id"]).to_numpy()]
-        own = growth[(growth["point_id"] == time["point_id"]).to_numpy()]
-        own = own[own["unstable"].to_numpy(bool)]
+        unstable_growth = growth[(growth["point_id"] == time["point_id"]).to_numpy()]
+        unstable_growth = unstable_growth[unstable_growth["unstable"].to_numpy(bool)]
         ids = {"freq_point_id": frequency["point_id"], "time_point_id": time["point_id"]}
-        found = design | ids | {name: time[name] for name in OF_THE_RUN}
-        instabilities = list(_instabilities(predicted, own))
-        rows += [found | row for row in [*instabilities, *_vibration(time, own, instabilities)]]
+        common = design | ids | {name: time[name] for name in OF_THE_RUN}
+        instabilities = list(_instabilities(predicted, unstable_growth))
+        rows += [
+            common | row
+            for row in [*instabilities, *_vibration(time, unstable_growth, instabilities)]
+        ]
     table = pd.DataFrame(rows, columns=[*names, *COLUMNS]).astype(COLUMNS)
     table["deviation"] = table["fitted_growth_rate"] / table["growth_rate"] - 1.0
-    told = table["class"].isin([*SUSTAINED, STABLE])
-    table["expressed"] = table["expressed"].where(told)
+    is_decided = table["class"].isin([*SUSTAINED, STABLE])
+    table["expressed"] = table["expressed"].where(is_decided)
     table.attrs = {
         "points": len(joined),
         "failed_frequency": len(joined) - len(solved),
@@ -124,8 +127,8 @@ def _vibration(
     if not (unexplained or unforeseen):
         return []
     outside = sum(int(run.get(f"n_unstable_{side}", 0)) for side in ("above", "below"))
-    known = int(run["n_unstable"]) + outside <= len(own)
-    return [{"kind": VIBRATION if known else UNFOLLOWED, "track": 0}]
+    all_followed = int(run["n_unstable"]) + outside <= len(own)
+    return [{"kind": VIBRATION if all_followed else UNFOLLOWED, "track": 0}]
 
 
 def join_points(
@@ -187,10 +190,10 @@ def _nominal_text(
 def _instabilities(predicted: pd.DataFrame, own: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Rows of one design point: the frequency study's by growth, then those of time alone."""
     predicted = predicted.sort_values("growth_rate", ascending=False, kind="stable")
-    wanted = (
+    predicted_hz = (
         predicted["frequency_hz"].mask(predicted["track"] == OVERDAMPED_GROUP).to_numpy(dtype=float)
     )
-    partner = _partners(wanted, own["frequency_hz"].to_numpy(dtype=float))
+    partner = _partners(predicted_hz, own["frequency_hz"].to_numpy(dtype=float))
     for row, match in zip(predicted.to_dict("records"), partner, strict=True):
         columns = {n: row[n] for n in ("track", "frequency_hz", "growth_rate")}
         if match < 0:

@@ -90,14 +90,14 @@ class Condition:
         """
         try:
             with np.errstate(all="ignore"):
-                held = self._value(self.tree, table)
+                satisfied = self._value(self.tree, table)
         except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
             raise _unusable(self.text, str(error)) from None
-        if not (isinstance(held, pd.Series) and pd.api.types.is_bool_dtype(held)):
+        if not (isinstance(satisfied, pd.Series) and pd.api.types.is_bool_dtype(satisfied)):
             raise ResultsError(
                 f"query '{self.text}' is no condition: it gives no true or false a row"
             )
-        return held.fillna(False).to_numpy(bool)
+        return satisfied.fillna(False).to_numpy(bool)
 
     def _value(self, node: ast.AST, table: pd.DataFrame) -> Any:
         """Value of a node: a column, a number, a text or a list of those."""
@@ -108,8 +108,8 @@ class Condition:
                 return np.float64(value)  # whose powers overflow at once
             case ast.Name(id=name):
                 column = table[self.marked.get(name, name)]
-                known = pd.api.types.infer_dtype(column, skipna=True) == "boolean"
-                return column.astype("boolean") if known else column
+                is_boolean = pd.api.types.infer_dtype(column, skipna=True) == "boolean"
+                return column.astype("boolean") if is_boolean else column
             case ast.List(elts=parts) | ast.Tuple(elts=parts):
                 return [self._value(part, table) for part in parts]
             case ast.Call(func=ast.Name(id=name), args=[part], keywords=[]) if name in FUNCTIONS:
@@ -158,8 +158,8 @@ def conditions(text: str, known: Collection[str]) -> list[Condition]:
         raise _unusable(text, "expected plain ASCII outside quotes")
     marked: dict[str, str] = {}
 
-    def replaced(found: re.Match[str]) -> str:
-        word = found[0]
+    def replaced(match: re.Match[str]) -> str:
+        word = match[0]
         if word in JOINTS or word[0] in "'\"":
             return JOINTS.get(word, word)
         marked[mark := MARK.format(len(marked))] = word.strip("`")
@@ -170,8 +170,8 @@ def conditions(text: str, known: Collection[str]) -> list[Condition]:
     plain = re.sub("|".join([_QUOTED, *names, "[&|]"]), replaced, text)
     try:
         tree = ast.parse(plain.strip(), mode="eval").body
-        found = [Condition(part, _shortened(text), marked) for part in _conjuncts(tree)]
-        columns = set().union(*(condition.columns for condition in found))
+        parsed = [Condition(part, _shortened(text), marked) for part in _conjuncts(tree)]
+        columns = set().union(*(condition.columns for condition in parsed))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise _unusable(text, getattr(error, "msg", None) or "nested too deeply") from None
     if unknown := [*_dotted(tree, marked), *sorted(columns - set(known))]:
@@ -180,7 +180,7 @@ def conditions(text: str, known: Collection[str]) -> list[Condition]:
         raise ResultsError(
             f"query '{_shortened(text)}' names the unknown column '{_shortened(unknown[0])}'{hint}"
         )
-    return found
+    return parsed
 
 
 def _dotted(tree: ast.expr, marked: Mapping[str, str]) -> Iterator[str]:
@@ -197,7 +197,7 @@ def _dotted(tree: ast.expr, marked: Mapping[str, str]) -> Iterator[str]:
 
 def _conjuncts(tree: ast.expr) -> list[ast.expr]:
     if isinstance(tree, ast.BoolOp) and isinstance(tree.op, ast.And):
-        return [part for value in tree.values for part in _conjuncts(value)]  # noqa: PD011 - of a tree
+        return [part for operand in tree.values for part in _conjuncts(operand)]  # noqa: PD011 - of a tree
     return [tree]
 
 
@@ -206,18 +206,18 @@ def _compared(left: Any, op: ast.cmpop, right: Any) -> Any:
     if isinstance(op, ast.In | ast.NotIn):
         if not isinstance(left, pd.Series) or not isinstance(right, list):
             raise TypeError("expected a column before 'in' and a list in brackets after it")
-        if any(_is_text(left) != _is_text(value) for value in right):
+        if any(_is_text(left) != _is_text(member) for member in right):
             raise TypeError("text and numbers cannot be compared")
-        held = left.isin(right).astype("boolean").mask(left.isna())
-        return held if isinstance(op, ast.In) else ~held
+        satisfied = left.isin(right).astype("boolean").mask(left.isna())
+        return satisfied if isinstance(op, ast.In) else ~satisfied
     if type(op) not in OPERATORS or isinstance(left, list) or isinstance(right, list):
         raise TypeError("a list stands after 'in' alone")
     if _is_text(left) != _is_text(right):
         raise TypeError("text and numbers cannot be compared")
-    held = OPERATORS[type(op)](left, right)
-    if not isinstance(held, pd.Series):
-        return held
-    return held.astype("boolean").mask(pd.isna(left) | pd.isna(right))
+    satisfied = OPERATORS[type(op)](left, right)
+    if not isinstance(satisfied, pd.Series):
+        return satisfied
+    return satisfied.astype("boolean").mask(pd.isna(left) | pd.isna(right))
 
 
 def _number(value: Any) -> Any:

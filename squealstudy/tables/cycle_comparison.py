@@ -52,11 +52,13 @@ def compare_cycles(
         Where no design points join.
     """
     names = list(dict.fromkeys([*time_parameters, *parameters]))
-    own = cycles[(cycles["same_as"] == "").to_numpy(bool) & cycles["stable"].fillna(False)]
+    distinct_cycles = cycles[
+        (cycles["same_as"] == "").to_numpy(bool) & cycles["stable"].fillna(False)
+    ]
     rows = []
     for k, t in join_points(points, time_points, parameters, time_parameters, nominal):
         design, run = points.iloc[k], time_points.iloc[t]
-        stable = own[(own["point_id"] == design["point_id"]).to_numpy()]
+        stable = distinct_cycles[(distinct_cycles["point_id"] == design["point_id"]).to_numpy()]
         values = {n: float((run if n in time_parameters else design)[n]) for n in names}
         ids = {"cycles_point_id": design["point_id"], "time_point_id": run["point_id"]}
         rows.append(values | ids | _verdict(design, len(stable)) | _levels(stable, run))
@@ -80,33 +82,33 @@ def _verdict(design: pd.Series, n_stable: int) -> dict[str, object]:
 
 
 def _levels(stable: pd.DataFrame, run: pd.Series) -> dict[str, object]:
-    found: dict[str, object] = {name: run[name] for name in OF_THE_RUN}
+    row: dict[str, object] = {name: run[name] for name in OF_THE_RUN}
     line = float(run["torque_line_hz"])
-    own = float(run.get("frequency_hz", np.nan))  # results of before have none
-    found["frequency_hz"] = own
-    found |= {"predicted_torque_rms": np.nan, "predicted_frequency_hz": np.nan, "cycle_id": ""}
-    found |= dict.fromkeys(("level_deviation", "level_deviation_error"), np.nan)
-    found["frequency_deviation"] = np.nan
+    run_hz = float(run.get("frequency_hz", np.nan))  # results of before have none
+    row["frequency_hz"] = run_hz
+    row |= {"predicted_torque_rms": np.nan, "predicted_frequency_hz": np.nan, "cycle_id": ""}
+    row |= dict.fromkeys(("level_deviation", "level_deviation_error"), np.nan)
+    row["frequency_deviation"] = np.nan
     if not len(stable):
-        return found
+        return row
     lasts = run["class"] in SUSTAINED
-    hz, level = own if np.isfinite(own) else line, float(run["torque_rms"])
+    hz, level = run_hz if np.isfinite(run_hz) else line, float(run["torque_rms"])
     if lasts and np.isfinite(hz):
         cycle = stable.iloc[int(np.argmin(np.abs(stable["frequency_hz"] / hz - 1.0)))]
     else:
         cycle = stable.iloc[int(np.argmax(stable["torque_rms"]))]
-    found["cycle_id"] = cycle["cycle_id"]
-    found["predicted_torque_rms"] = cycle["torque_rms"]
-    found["predicted_frequency_hz"] = cycle["frequency_hz"]
+    row["cycle_id"] = cycle["cycle_id"]
+    row["predicted_torque_rms"] = cycle["torque_rms"]
+    row["predicted_frequency_hz"] = cycle["frequency_hz"]
     if lasts:
         predicted = float(cycle["torque_rms"])
-        found["level_deviation"] = level / predicted - 1.0
+        row["level_deviation"] = level / predicted - 1.0
         bounds = (float(run.get(f"torque_rms_{end}", np.nan)) for end in ("low", "high"))
         own_error = max(abs(bound - level) for bound in bounds) / predicted
         ratio_error = level / predicted * float(cycle.get("level_error", np.nan))
-        found["level_deviation_error"] = own_error + ratio_error
-        found["frequency_deviation"] = hz / float(cycle["frequency_hz"]) - 1.0
-    return found
+        row["level_deviation_error"] = own_error + ratio_error
+        row["frequency_deviation"] = hz / float(cycle["frequency_hz"]) - 1.0
+    return row
 
 
 def _agreement(verdict: str, run: str) -> str:

@@ -57,15 +57,15 @@ def rank_energy(
     """
     names = transient_parameters(points)
     code = point_codes(points, modes)
-    counted, wanted = selection(points, modes, code, where)
+    counted, selected = selection(points, modes, code, where)
     lasting = counted & points[CLASS].isin(LASTING).to_numpy(bool)
-    rows = np.flatnonzero(wanted & lasting[code])
-    kept = modes.iloc[rows].assign(point=code[rows])
-    table = _summary(points[lasting], kept)
-    worst = _worst(points, kept, names).reindex(table.index)
+    rows = np.flatnonzero(selected & lasting[code])
+    ranked_modes = modes.iloc[rows].assign(point=code[rows])
+    table = _summary(points[lasting], ranked_modes)
+    worst = _worst(points, ranked_modes, names).reindex(table.index)
     table["worst"], table["worst_torque_rms"] = worst["worst"], worst["torque_rms"]
     table["frequency_hz"] = worst["frequency_hz"]
-    energies = kept.groupby("mode")[component_columns(kept)].mean()
+    energies = ranked_modes.groupby("mode")[component_columns(ranked_modes)].mean()
     table = table.join(mode_ranking.main_components(energies))
     table = table.sort_values(["energy_share", "mode"], ascending=[False, True])
     ranking = table.reset_index()[list(COLUMNS)].astype(COLUMNS).iloc[:top]
@@ -99,8 +99,8 @@ def _summary(lasting: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     table["points"] = len(lasting)
     counts = {"dominant": "dominant_mode", "gained": "transfer_to", "lost": "transfer_from"}
     for name, column in counts.items():
-        found = lasting[column].value_counts()
-        table[f"{name}_points"] = found.reindex(table.index).fillna(0)
+        n_points = lasting[column].value_counts()
+        table[f"{name}_points"] = n_points.reindex(table.index).fillna(0)
     return table
 
 

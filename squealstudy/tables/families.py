@@ -52,7 +52,7 @@ def neighbours(points: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
 
     Failed points between two are passed over, as tracks pass over them.
     """
-    found = [np.zeros((0, 2), dtype=int)]
+    pairs = [np.zeros((0, 2), dtype=int)]
     solved = np.flatnonzero((points["status"] == "ok").to_numpy(bool))
     points = points.iloc[solved]
     for name in names:
@@ -60,8 +60,8 @@ def neighbours(points: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
         line = points.groupby(others, dropna=False).ngroup() if others else 0 * points.index
         order = np.lexsort((points[name].to_numpy(float), np.asarray(line)))
         same = np.diff(np.asarray(line)[order]) == 0
-        found.append(solved[np.column_stack([order[:-1][same], order[1:][same]])])
-    return np.vstack(found)
+        pairs.append(solved[np.column_stack([order[:-1][same], order[1:][same]])])
+    return np.vstack(pairs)
 
 
 def exchanged_tracks(
@@ -147,9 +147,11 @@ def families(
             least = {track: low if of == high else of for track, of in least.items()}
     number = pd.Series(least, dtype="int64", index=tracks)
     rows = np.flatnonzero(group)
-    own = pd.DataFrame({"family": number.reindex(group[rows]).to_numpy(), "point": code[rows]})
-    own["track"] = group[rows]
-    at = own.drop_duplicates().groupby(["family", "point"]).size().groupby(level="family")
+    of_family = pd.DataFrame(
+        {"family": number.reindex(group[rows]).to_numpy(), "point": code[rows]}
+    )
+    of_family["track"] = group[rows]
+    at = of_family.drop_duplicates().groupby(["family", "point"]).size().groupby(level="family")
     return pd.DataFrame(
         {
             "family": number,

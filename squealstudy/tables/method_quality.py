@@ -84,10 +84,12 @@ def root_errors(
     missed = 0
     for k, root in enumerate(light):
         zeta = -root.real / abs(root)
-        own = partner[k]
-        if own < 0 or (zeta < -CERTAIN_DAMPING_RATIO and lam[own].real <= 0):
+        partner_row = partner[k]
+        if partner_row < 0 or (zeta < -CERTAIN_DAMPING_RATIO and lam[partner_row].real <= 0):
             missed += zeta < -CERTAIN_DAMPING_RATIO
-        errors += _mode_errors(k + 1, lam[own], root) if own >= 0 else _lost(k + 1, root)
+        errors += (
+            _mode_errors(k + 1, lam[partner_row], root) if partner_row >= 0 else _lost(k + 1, root)
+        )
     taken = set(partner.tolist())
     clearly = lam.real > CERTAIN_DAMPING_RATIO * np.abs(lam)
     spurious = sum(j not in taken for j in np.flatnonzero(clearly))
@@ -121,8 +123,8 @@ def _mode_errors(mode: int, lam: complex, root: complex) -> Iterator[FoundError]
         pairs += [(f"unstable_{name}", x, ref, error) for name, x, ref, error in pairs]
         scale = max(abs(root.real), GROWTH_SCALE_PER_S)
         pairs += [("growth_rate", lam.real, root.real, abs(lam.real - root.real) / scale)]
-    for name, value, truth, error in pairs:
-        yield _plain(name, mode, value, truth, error)
+    for name, measured, truth, error in pairs:
+        yield _plain(name, mode, measured, truth, error)
 
 
 def onset_errors(
@@ -134,10 +136,10 @@ def onset_errors(
     """
     if "onset" not in truth:
         return [], Miscount(0, 0)
-    own, ref = found["onset"], truth["onset"]
-    if own[0] is None or ref[0] is None:
-        return [], Miscount(int(ref[0] is not None), int(own[0] is not None))
-    error = _interval_error("onset", own, ref, ONSET_SCALE_OVER_RANGE * truth["onset_range"])
+    onset, ref = found["onset"], truth["onset"]
+    if onset[0] is None or ref[0] is None:
+        return [], Miscount(int(ref[0] is not None), int(onset[0] is not None))
+    error = _interval_error("onset", onset, ref, ONSET_SCALE_OVER_RANGE * truth["onset_range"])
     return [error] if error is not None else [], Miscount(0, 0)
 
 
@@ -169,8 +171,8 @@ def run_errors(
 
 
 def _upper(finding: Mapping[str, Any], name: str) -> float:
-    value = finding["values"][name][0]
-    return 0.0 if value is None else abs(value)
+    measured = finding["values"][name][0]
+    return 0.0 if measured is None else abs(measured)
 
 
 def _interval_error(
@@ -181,8 +183,8 @@ def _interval_error(
         return None
     if found[0] is None:
         return _plain(name, 0, np.nan, truth[0], 1.0)
-    value, ref = found[0], truth[0]
-    low, high = (value if x is None else x for x in found[1:])
+    measured, ref = found[0], truth[0]
+    low, high = (measured if x is None else x for x in found[1:])
     ref_low, ref_high = (ref if x is None else x for x in truth[1:])
     size = max(abs(ref), scale)
     size = size if size > 0 else 1.0
@@ -192,9 +194,9 @@ def _interval_error(
     return FoundError(
         quantity=name,
         mode=0,
-        value=value,
+        value=measured,
         truth=ref,
-        error=abs(value - ref) / size,
+        error=abs(measured - ref) / size,
         low=nearest,
         high=farthest,
         chance=chance,
@@ -204,7 +206,7 @@ def _interval_error(
 def _share_errors(found: Mapping[str, float], truth: Mapping[str, float]) -> list[FoundError]:
     """Differences of energy shares of all modes that either hears."""
     pairs = [(k, found.get(k, 0.0), truth.get(k, 0.0)) for k in sorted({*found, *truth}, key=int)]
-    return [_plain("energy_share", int(k), own, ref, abs(own - ref)) for k, own, ref in pairs]
+    return [_plain("energy_share", int(k), share, ref, abs(share - ref)) for k, share, ref in pairs]
 
 
 FRONT_COLUMNS = {
@@ -222,11 +224,11 @@ FRONT_COLUMNS = {
 
 def on_front(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
     """Which of some measurements (n,) are not beaten in both; NaN never is on a front."""
-    known = np.isfinite(cost) & np.isfinite(error)
+    is_finite = np.isfinite(cost) & np.isfinite(error)
     front = np.zeros(len(cost), dtype=bool)
     best = np.inf
     for i in np.lexsort((error, cost)):
-        if known[i] and error[i] < best:
+        if is_finite[i] and error[i] < best:
             front[i] = True
             best = error[i]
     return front
@@ -240,8 +242,8 @@ def usable(measurements: pd.DataFrame) -> np.ndarray:
 
 def cost_of(measurements: pd.DataFrame, quantity: str) -> np.ndarray:
     """Seconds (n,) that a quantity costs: of a design point, or its own, as an onset has."""
-    own = f"cost_{quantity}"
-    column = own if own in measurements else "cost"
+    own_column = f"cost_{quantity}"
+    column = own_column if own_column in measurements else "cost"
     return measurements[column].to_numpy(float)
 
 
@@ -270,9 +272,9 @@ def at_tolerances(
 
     good = measurements[usable(measurements) & ~measurements["reference"].to_numpy(bool)]
     rows = []
-    known = [q for q in quantities if good[f"error_{q}"].notna().any()]
+    measured_quantities = [q for q in quantities if good[f"error_{q}"].notna().any()]
     for name in [*quantities, *(["all"] if len(quantities) > 1 else [])]:
-        judged = known if name == "all" else [name]
+        judged = measured_quantities if name == "all" else [name]
         error = good[[f"error_{q}" for q in judged]].max(axis=1, skipna=False).to_numpy(float)
         cost = np.max([cost_of(good, q) for q in judged or quantities], axis=0)
         rows += [
@@ -288,9 +290,9 @@ def _at(
     """The cheapest of the measurements `within` a tolerance, and of the default ones."""
     default = within & good["default"].to_numpy(bool)
     best = _cheapest(good, within, error, cost)
-    own = _cheapest(good, default, error, cost)
+    best_default = _cheapest(good, default, error, cost)
     names = "cheapest", "cost", "error", "default", "default_cost", "default_error"
-    return dict(zip(names, best + own, strict=True)) | {"ratio": own[1] / best[1]}
+    return dict(zip(names, best + best_default, strict=True)) | {"ratio": best_default[1] / best[1]}
 
 
 def _cheapest(

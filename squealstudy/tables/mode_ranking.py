@@ -120,11 +120,11 @@ def rank_modes(
         For an unknown `by` or `along`, or a query that cannot be used.
     """
     (key, ascending), code = _order(points, modes, along, by), point_codes(points, modes)
-    held, wanted = rows_that_count(points, modes, code, where)
-    counted = held & (points["status"] == "ok").to_numpy(bool)
-    group = np.where(wanted & counted[code], unstable_groups(modes), 0)
+    points_selected, modes_selected = rows_that_count(points, modes, code, where)
+    counted = points_selected & (points["status"] == "ok").to_numpy(bool)
+    group = np.where(modes_selected & counted[code], unstable_groups(modes), 0)
     table = _summary(points, modes, group, code, int(counted.sum()))
-    table = table.join(unstable_bounds(modes, group, code, wanted & counted[code]))
+    table = table.join(unstable_bounds(modes, group, code, modes_selected & counted[code]))
     names = [] if scattered else parameter_columns(points, varied=True)
     pairs = same_mode_pairs(table.index, onsets, modes, code, neighbours(points, names))
     table = table.join(families(table.index, pairs, group, code))
@@ -134,9 +134,13 @@ def rank_modes(
         group = np.where(listed & (group >= 0), track, np.minimum(group, 0))
         rows = np.flatnonzero(group)
         line, x = line_codes(points, along), points[along].to_numpy(float)
-        start = np.full(len(points), np.nan) if scattered else _starts(points[along], line, held)
+        start = (
+            np.full(len(points), np.nan)
+            if scattered
+            else _starts(points[along], line, points_selected)
+        )
         refined = _refined_onsets(points, onsets)
-        found = _thresholds(
+        thresholds = _thresholds(
             modes[["damping_ratio", "unstable"]].iloc[rows],
             group[rows],
             code[rows],
@@ -146,8 +150,8 @@ def rank_modes(
             refined,
             scattered,
         )
-        table["threshold"] = found["value"]
-        table["threshold_kind"] = found["kind"].reindex(table.index).fillna("")
+        table["threshold"] = thresholds["value"]
+        table["threshold_kind"] = thresholds["kind"].reindex(table.index).fillna("")
     table["order"] = table[key]
     table["threshold"] = table["threshold"].mask(table["threshold_kind"] == BELOW_RANGE)
     table = table.sort_values(["order", "frequency_hz"], ascending=[ascending, True])
@@ -171,8 +175,8 @@ def _varies(column: pd.Series) -> bool:
     if values.dtype.kind != "f":
         return bool((~column.duplicated()).sum() > 1)
     first = values[:1]
-    known = first == first
-    return bool(((values != first) & ((values == values) | known)).any())
+    has_first = first == first
+    return bool(((values != first) & ((values == values) | has_first)).any())
 
 
 def line_codes(points: pd.DataFrame, along: str) -> np.ndarray:
@@ -216,7 +220,7 @@ def frequency_text(row: Mapping[Hashable, Any]) -> str:
 
 def settings_text(values: Mapping[Hashable, Any]) -> str:
     """Names and values of a design point as rankings have them, ``friction=0.5, ...``."""
-    return ", ".join(f"{name}={value:g}" for name, value in values.items())
+    return ", ".join(f"{name}={number:g}" for name, number in values.items())
 
 
 def settings_of(at: object, units: Mapping[str, str]) -> dict[str, str]:
@@ -313,38 +317,40 @@ def _thresholds(
     Neighbours on a line of scattered points may be far apart: the unstable one is an upper bound.
     """
     zeta, unstable = modes["damping_ratio"].to_numpy(), modes["unstable"].to_numpy(bool)
-    found = line_crossings(group, line[code], x[code], start[code], zeta, unstable)
-    found = found[found["direction"] == INTO]
-    crossed = found["kind"].isin([CROSSING, BRACKETED]).to_numpy()
-    renumbered = found[:0]
+    crossings = line_crossings(group, line[code], x[code], start[code], zeta, unstable)
+    crossings = crossings[crossings["direction"] == INTO]
+    crossed = crossings["kind"].isin([CROSSING, BRACKETED]).to_numpy()
+    renumbered = crossings[:0]
     if refined and crossed.any():
-        ends = (code[found.loc[crossed, side].to_numpy()] for side in ("before", "after"))
-        keys = zip(found.loc[crossed, "track"], *ends, strict=True)
-        pairs = zip(found.index[crossed], keys, strict=True)
+        ends = (code[crossings.loc[crossed, side].to_numpy()] for side in ("before", "after"))
+        keys = zip(crossings.loc[crossed, "track"], *ends, strict=True)
+        pairs = zip(crossings.index[crossed], keys, strict=True)
         better = pd.Series({row: refined[key] for row, key in pairs if key in refined}, dtype=float)
-        renumbered = found.loc[better.index[better.isna()]]
-        found = found.drop(renumbered.index)
+        renumbered = crossings.loc[better.index[better.isna()]]
+        crossings = crossings.drop(renumbered.index)
         better = better.dropna()
-        found.loc[better.index, "value"] = better
-        found.loc[better.index, "kind"] = REFINED
+        crossings.loc[better.index, "value"] = better
+        crossings.loc[better.index, "kind"] = REFINED
     if scattered:
-        between = (found["kind"] == CROSSING).to_numpy()
-        found.loc[between, "value"] = x[code[found.loc[between, "after"].to_numpy()]]
-        found.loc[between, "kind"] = BRACKETED
-    begun = np.flatnonzero(found["kind"] == FIRST_SEEN)
-    ends = code[found["after"].to_numpy()[begun]]
-    keys = zip(found["track"].to_numpy()[begun], itertools.repeat(-1), ends)
+        between = (crossings["kind"] == CROSSING).to_numpy()
+        crossings.loc[between, "value"] = x[code[crossings.loc[between, "after"].to_numpy()]]
+        crossings.loc[between, "kind"] = BRACKETED
+    begun = np.flatnonzero(crossings["kind"] == FIRST_SEEN)
+    ends = code[crossings["after"].to_numpy()[begun]]
+    keys = zip(crossings["track"].to_numpy()[begun], itertools.repeat(-1), ends)
     at_break = begun[np.array([key in refined for key in keys], dtype=bool)]
-    found["value"] = found["value"].mask(found["kind"] == BELOW_RANGE, -np.inf)
-    unsure = found["track"].isin(found["track"].to_numpy()[at_break])
-    unsure &= found["kind"] != BELOW_RANGE  # the least of all lines is a bound then
-    found["kind"] = found["kind"].mask(unsure, BROKEN)
-    found = found.sort_values("value", kind="stable").drop_duplicates("track").set_index("track")
+    crossings["value"] = crossings["value"].mask(crossings["kind"] == BELOW_RANGE, -np.inf)
+    unsure = crossings["track"].isin(crossings["track"].to_numpy()[at_break])
+    unsure &= crossings["kind"] != BELOW_RANGE  # the least of all lines is a bound then
+    crossings["kind"] = crossings["kind"].mask(unsure, BROKEN)
+    crossings = (
+        crossings.sort_values("value", kind="stable").drop_duplicates("track").set_index("track")
+    )
     # an unstable mode took the number on another line before: no crossing is the least of all
     taken = pd.Series(x[code[renumbered["after"].to_numpy()]], renumbered["track"].to_numpy())
-    earlier = taken.groupby(level=0).min().reindex(found.index) <= found["value"]
-    found.loc[earlier, ["value", "kind"]] = np.nan, ""
-    return found
+    earlier = taken.groupby(level=0).min().reindex(crossings.index) <= crossings["value"]
+    crossings.loc[earlier, ["value", "kind"]] = np.nan, ""
+    return crossings
 
 
 def _starts(x: pd.Series, line: np.ndarray, held: np.ndarray) -> np.ndarray:
@@ -363,8 +369,8 @@ def _refined_onsets(
     """
     if onsets is None:
         return {}
-    told = [REFINED, CUBIC, RENUMBERED, BROKEN]
-    kept = onsets[onsets["status"].isin(told) & (onsets["direction"] == INTO)]
+    with_onset = [REFINED, CUBIC, RENUMBERED, BROKEN]
+    refined = onsets[onsets["status"].isin(with_onset) & (onsets["direction"] == INTO)]
     index = pd.Index(points["point_id"])
-    ends = (index.get_indexer(pd.Index(kept[name])) for name in ("point_before", "point_after"))
-    return dict(zip(zip(kept["track"], *ends, strict=True), kept["onset"], strict=True))
+    ends = (index.get_indexer(pd.Index(refined[name])) for name in ("point_before", "point_after"))
+    return dict(zip(zip(refined["track"], *ends, strict=True), refined["onset"], strict=True))

@@ -59,13 +59,16 @@ def occurrence(
     if not whole > 0:
         raise ResultsError("no design point that counts is solved")
     by_id = pd.Series(weight[solved], index=points["point_id"].to_numpy()[solved])
-    own = squeals[squeals["point_id"].isin(by_id.index).to_numpy(bool)]
-    column = np.searchsorted(hz, own["frequency_hz"].to_numpy(float), side="right") - 1
-    row = np.searchsorted(size, own[level].to_numpy(float), side="right") - 1
+    of_points = squeals[squeals["point_id"].isin(by_id.index).to_numpy(bool)]
+    column = np.searchsorted(hz, of_points["frequency_hz"].to_numpy(float), side="right") - 1
+    row = np.searchsorted(size, of_points[level].to_numpy(float), side="right") - 1
     inside = (column >= 0) & (column < len(hz) - 1) & (row >= 0) & (row < len(size) - 1)
-    found = pd.DataFrame({"column": column, "row": row, "id": own["point_id"].to_numpy()})
-    told = found[inside].drop_duplicates().groupby(["column", "row"])["id"]
-    counts, shares = told.count(), told.agg(lambda ids: float(by_id.loc[ids].sum()) / whole)
+    cells = pd.DataFrame({"column": column, "row": row, "id": of_points["point_id"].to_numpy()})
+    points_of_cell = cells[inside].drop_duplicates().groupby(["column", "row"])["id"]
+    counts, shares = (
+        points_of_cell.count(),
+        points_of_cell.agg(lambda ids: float(by_id.loc[ids].sum()) / whole),
+    )
     rows = [
         {
             "frequency_low_hz": hz[k],
@@ -84,7 +87,7 @@ def occurrence(
 
 
 def _edges(name: str, edges: Sequence[float]) -> np.ndarray:
-    found = np.asarray(edges, dtype=float)
-    if found.ndim != 1 or len(found) < 2 or not (np.diff(found) > 0).all():
+    as_array = np.asarray(edges, dtype=float)
+    if as_array.ndim != 1 or len(as_array) < 2 or not (np.diff(as_array) > 0).all():
         raise ResultsError(f"{name}: expected two or more edges that ascend, got {list(edges)}")
-    return found
+    return as_array

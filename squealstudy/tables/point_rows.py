@@ -29,8 +29,8 @@ def row_parts(count: int) -> Iterator[slice]:
 def point_codes(points: pd.DataFrame, modes: pd.DataFrame) -> np.ndarray:
     """Row in `points` of each row of `modes` (n_modes,). ResultsError where one has none."""
     if ROW in modes:
-        known: np.ndarray = modes[ROW].to_numpy()
-        return known
+        row_of: np.ndarray = modes[ROW].to_numpy()
+        return row_of
     if not len(modes):
         return np.zeros(0, dtype=np.int64)
     heads, run = _runs(_texts(modes["point_id"]))
@@ -49,18 +49,18 @@ def rows_in(table: pd.DataFrame, part: pd.DataFrame) -> np.ndarray:
 
 def largest_by_code(values: np.ndarray, code: np.ndarray, count: int) -> np.ndarray:
     """Largest value of each of `count` codes, NaN of one that has none."""
-    found = np.full(count, -np.inf)
-    np.maximum.at(found, code, values)
-    seen = np.zeros(count, dtype=bool)
-    seen[code] = True
-    return np.where(seen, found, np.nan)
+    largest = np.full(count, -np.inf)
+    np.maximum.at(largest, code, values)
+    has_value = np.zeros(count, dtype=bool)
+    has_value[code] = True
+    return np.where(has_value, largest, np.nan)
 
 
 def _texts(column: pd.Series) -> pa.Array:
-    found = pa.array(column)
-    if isinstance(found, pa.ChunkedArray):
-        found = found.combine_chunks()
-    return found.cast(pa.large_string())
+    texts = pa.array(column)
+    if isinstance(texts, pa.ChunkedArray):
+        texts = texts.combine_chunks()
+    return texts.cast(pa.large_string())
 
 
 def _runs(texts: pa.Array) -> tuple[pa.Array, np.ndarray]:

@@ -15,31 +15,31 @@ def selection(
     points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points that count (n_points,) and modes that are wanted (n_modes,), both bool."""
-    held, wanted = rows_that_count(points, modes, code, where)
-    return held & (points["status"] == "ok").to_numpy(bool), wanted
+    points_selected, modes_selected = rows_that_count(points, modes, code, where)
+    return points_selected & (points["status"] == "ok").to_numpy(bool), modes_selected
 
 
 def rows_that_count(
     points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """As `selection`, failed points too."""
-    of_points, wanted = set(points.columns), np.ones(len(modes), dtype=bool)
-    asked = query(where, points.columns, modes.columns)
-    for condition in (one for one in asked if not one.columns <= of_points):
-        own = modes[[c for c in modes if c in condition.columns - of_points]]
+    of_points, modes_selected = set(points.columns), np.ones(len(modes), dtype=bool)
+    parts = query(where, points.columns, modes.columns)
+    for condition in (one for one in parts if not one.columns <= of_points):
+        mode_columns = modes[[c for c in modes if c in condition.columns - of_points]]
         for rows in row_parts(len(modes)):  # of very many all would be there at once
             used = {c: points[c].array.take(code[rows]) for c in condition.columns & of_points}
-            wanted[rows] &= condition.holds(own.iloc[rows].assign(**used))
-    return _points_that_count(points, asked), wanted
+            modes_selected[rows] &= condition.holds(mode_columns.iloc[rows].assign(**used))
+    return _points_that_count(points, parts), modes_selected
 
 
 def _points_that_count(points: pd.DataFrame, asked: Iterable[Condition]) -> np.ndarray:
     """Points (n,) of bool for which the conditions on columns of `points` alone hold."""
-    held = np.ones(len(points), dtype=bool)
+    selected = np.ones(len(points), dtype=bool)
     for condition in asked:
         if condition.columns <= set(points.columns):
-            held &= condition.holds(points)
-    return held
+            selected &= condition.holds(points)
+    return selected
 
 
 def query(where: str | None, points: Collection[str], modes: Collection[str]) -> list[Condition]:
@@ -49,5 +49,5 @@ def query(where: str | None, points: Collection[str], modes: Collection[str]) ->
 
 def counted_points(points: pd.DataFrame, modes: Collection[str], where: str | None) -> np.ndarray:
     """Points (n,) of bool that count within a query; `modes` are the names of that table."""
-    held = _points_that_count(points, query(where, points.columns, modes))
-    return held & (points["status"] == "ok").to_numpy(bool)
+    selected = _points_that_count(points, query(where, points.columns, modes))
+    return selected & (points["status"] == "ok").to_numpy(bool)

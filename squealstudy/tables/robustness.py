@@ -101,15 +101,17 @@ def growth_columns(
     yield column(LARGEST_GROWTH_GROUP, judged, np.ones(len(code), dtype=bool), everywhere, np.nan)
     if diverging.any():
         yield column(OVERDAMPED_GROUP, diverging, real, everywhere, np.nan)
-    seen = unstable & (track > 0)
-    listed = pd.Series(growth[seen]).groupby(track[seen]).agg(["count", "max"])
+    unstable_tracked = unstable & (track > 0)
+    listed = (
+        pd.Series(growth[unstable_tracked]).groupby(track[unstable_tracked]).agg(["count", "max"])
+    )
     standing = _Standing(n, code[~real], track[~real])
     for number in listed.sort_values(["count", "max"], ascending=False).index[:top]:
-        own = track == number
+        is_of_track = track == number
         absent = standing.absent(int(number))
-        fastest = np.flatnonzero(own & unstable)
+        fastest = np.flatnonzero(is_of_track & unstable)
         fastest = fastest[growth[fastest].argmax()]
-        yield column(int(number), own, own, absent, float(hz[fastest]))
+        yield column(int(number), is_of_track, is_of_track, absent, float(hz[fastest]))
 
 
 class _Standing:
@@ -126,8 +128,8 @@ class _Standing:
         Two tracks at one point are two modes. A mode without a track, or of a track that never
         stands beside this one, may be the mode that is sought under another number.
         """
-        own = self._here[:, np.searchsorted(self._tracks, number)]
-        beside = self._here[own].any(axis=0) & (self._tracks > 0)
+        with_track = self._here[:, np.searchsorted(self._tracks, number)]
+        beside = self._here[with_track].any(axis=0) & (self._tracks > 0)
         return np.logical_not(self._here[:, ~beside].any(axis=1))
 
 
@@ -207,8 +209,8 @@ def probability_interval(unstable: int, points: int, confidence: float) -> tuple
     """Clopper-Pearson bounds of a probability of which `unstable` of `points` draws are a case."""
     from scipy.stats import binomtest
 
-    found = binomtest(unstable, points).proportion_ci(confidence, method="exact")
-    return float(found.low), float(found.high)
+    interval = binomtest(unstable, points).proportion_ci(confidence, method="exact")
+    return float(interval.low), float(interval.high)
 
 
 def _row(column: GrowthColumn, solved: np.ndarray, confidence: float) -> dict[str, object]:

@@ -46,11 +46,13 @@ def mode_sensitivities(
         nearest = distance.groupby(modes["point_id"]).transform("min")
         modes = modes[(distance == nearest) & (distance <= MAX_MATCH_REL_DISTANCE * frequency_hz)]
         if not len(modes):
-            known = sorted({in_digits(f) for f in rows["frequency_hz"]}, key=float)
-            raise ResultsError(f"no mode near {frequency_hz:g} Hz, there are {', '.join(known)} Hz")
+            frequencies = sorted({in_digits(f) for f in rows["frequency_hz"]}, key=float)
+            raise ResultsError(
+                f"no mode near {frequency_hz:g} Hz, there are {', '.join(frequencies)} Hz"
+            )
     best = modes.iloc[int(modes["growth_rate"].to_numpy().argmax())]
-    own = (rows["point_id"] == best["point_id"]) & (rows["mode"] == best["mode"])
-    return rows[own.to_numpy()]
+    is_of_mode = (rows["point_id"] == best["point_id"]) & (rows["mode"] == best["mode"])
+    return rows[is_of_mode.to_numpy()]
 
 
 def rank_sensitivities(mode: pd.DataFrame, top: int | None = None) -> pd.DataFrame:
@@ -67,7 +69,7 @@ def parameter_text(row: Mapping[Hashable, Any]) -> str:
 
 def step_text(row: Mapping[Hashable, Any]) -> str:
     """A step in percent of the value; of damping ratios and from zero as it is."""
-    change, value = float(row["change"]), float(row["value"])
-    if value and not str(row["parameter"]).endswith("damping_ratio"):
-        return f"{100 * change / abs(value):+.3g} %"
+    change, nominal = float(row["change"]), float(row["value"])
+    if nominal and not str(row["parameter"]).endswith("damping_ratio"):
+        return f"{100 * change / abs(nominal):+.3g} %"
     return f"{change:+.3g} {row['unit']}".rstrip()

@@ -62,8 +62,10 @@ def grouped(values: np.ndarray, d: int) -> tuple[Groups, int]:
     """Values (n (d + 2),) by role, without the groups in which one is not finite; their number."""
     rows = values.reshape(-1, d + MIXED)
     whole = np.isfinite(rows).all(axis=1)
-    kept = rows[whole]
-    return Groups(kept[:, ROW_A], kept[:, ROW_B], kept[:, MIXED:].T), int((~whole).sum())
+    whole_groups = rows[whole]
+    return Groups(whole_groups[:, ROW_A], whole_groups[:, ROW_B], whole_groups[:, MIXED:].T), int(
+        (~whole).sum()
+    )
 
 
 LEAST_SHARE = 0.5  # of the groups that must be whole
@@ -162,8 +164,8 @@ def _moments(groups: Groups) -> np.ndarray:
     middle = np.concatenate([groups.a, groups.b]).mean()
     a, b, ab = (values - middle for values in groups)
     both = np.stack([a + b, a**2 + b**2]) / 2
-    found: np.ndarray = np.vstack([both, ab - a, b * (ab - a), (a - ab) ** 2]).T
-    return np.ascontiguousarray(found)
+    moments: np.ndarray = np.vstack([both, ab - a, b * (ab - a), (a - ab) ** 2]).T
+    return np.ascontiguousarray(moments)
 
 
 def _from_moments(m: np.ndarray) -> np.ndarray:
@@ -173,8 +175,8 @@ def _from_moments(m: np.ndarray) -> np.ndarray:
     variance = square - mean**2
     if variance <= 1e-12 * square:  # rounding: all values of this resample are equal
         return np.zeros((2, len(step)))
-    found: np.ndarray = np.stack([product - mean * step, distance / 2]) / variance
-    return found
+    indices: np.ndarray = np.stack([product - mean * step, distance / 2]) / variance
+    return indices
 
 
 def _enough(whole: int, dropped: int) -> bool:
@@ -193,10 +195,12 @@ def _indices(groups: Groups, confidence: float) -> pd.DataFrame:
     def resampled(rows: np.ndarray) -> np.ndarray:
         return _from_moments(np.bincount(rows, minlength=n) @ moments / n)
 
-    value = saltelli_estimate(a, b, ab)
-    if n & (n - 1) == 0 and value.any():  # nothing was dropped, or by chance a power of two is left
-        found = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": ab[:, None]}, n=n)
-        value = np.stack([found.first_order, found.total_order])
+    estimates = saltelli_estimate(a, b, ab)
+    if (
+        n & (n - 1) == 0 and estimates.any()
+    ):  # nothing was dropped, or by chance a power of two is left
+        checked = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": ab[:, None]}, n=n)
+        estimates = np.stack([checked.first_order, checked.total_order])
     interval = bootstrap(
         [np.arange(n)],
         resampled,
@@ -209,7 +213,7 @@ def _indices(groups: Groups, confidence: float) -> pd.DataFrame:
     ).confidence_interval
     table = pd.DataFrame()
     for k, name in enumerate(("first", "total")):
-        table[name] = value[k]
+        table[name] = estimates[k]
         table[f"{name}_low"], table[f"{name}_high"] = interval.low[k], interval.high[k]
     return table
 

@@ -15,8 +15,8 @@ def is_uncertain(modes: pd.DataFrame) -> np.ndarray:
     """
     if "stability" not in modes:
         return np.zeros(len(modes), dtype=bool)
-    found: np.ndarray = (modes["stability"] == UNCERTAIN).to_numpy(bool)
-    return found
+    uncertain: np.ndarray = (modes["stability"] == UNCERTAIN).to_numpy(bool)
+    return uncertain
 
 
 def unstable_bounds(
@@ -46,8 +46,8 @@ def unstable_bounds(
     sides = {"low": np.where(uncertain, 0, group), "high": np.where(maybe != 0, maybe, group)}
     table = pd.DataFrame(index=pd.Index(groups, name="track"))
     for side, numbers in sides.items():
-        kept = np.flatnonzero(np.isin(numbers, groups))
-        place, point = np.searchsorted(groups, numbers[kept]), code[kept]
+        ranked_rows = np.flatnonzero(np.isin(numbers, groups))
+        place, point = np.searchsorted(groups, numbers[ranked_rows]), code[ranked_rows]
         span = int(point.max(initial=0)) + 1
         pairs = np.unique(place * span + point)  # one number a group and point
         table[f"unstable_points_{side}"] = np.bincount(pairs // span, minlength=len(groups))
@@ -56,12 +56,16 @@ def unstable_bounds(
 
 def _own_group(modes: pd.DataFrame, group: np.ndarray) -> np.ndarray:
     """Group (m,) to which each row would belong were it unstable; 0 for none."""
-    own = np.where(modes["overdamped"].to_numpy(bool), -1, np.maximum(modes["track"].to_numpy(), 0))
-    hz, loose = modes["frequency_hz"].to_numpy(float), own == 0
+    group_of_row = np.where(
+        modes["overdamped"].to_numpy(bool), -1, np.maximum(modes["track"].to_numpy(), 0)
+    )
+    hz, loose = modes["frequency_hz"].to_numpy(float), group_of_row == 0
     for number in np.unique(group[group < -1]):
         ends = hz[group == number]
-        own = np.where(loose & (hz >= ends.min()) & (hz <= ends.max()), number, own)
-    return own
+        group_of_row = np.where(
+            loose & (hz >= ends.min()) & (hz <= ends.max()), number, group_of_row
+        )
+    return group_of_row
 
 
 def uncertain_points(modes: pd.DataFrame, code: np.ndarray, counted: np.ndarray) -> int:
@@ -136,13 +140,13 @@ def line_crossings(
     ] <= DAMPING_ROUND_OFF_RATIO * np.abs(growing)
     undamped = (part == 0) & undamped_before
     part[undamped] = 1.0
-    value = np.where(out[at], x1 + part * (x0 - x1), x0 + part * (x1 - x0))
+    crossing = np.where(out[at], x1 + part * (x0 - x1), x0 + part * (x1 - x0))
     below = first[at] & (x1 == start[at]) & (group[at] > 0)
     return pd.DataFrame(
         {
             "track": group[at],
             "line": line[at],
-            "value": np.where(first[at], x1, value),
+            "value": np.where(first[at], x1, crossing),
             "kind": np.select(
                 [below, first[at], undamped], [BELOW_RANGE, FIRST_SEEN, BRACKETED], CROSSING
             ),
