@@ -62,9 +62,9 @@ def check(
 ) -> Rows:
     """What is known of a study before it runs; SquealstudyError where it is not valid."""
     path, directory = study.source.path, output or study.directory
-    found = check_owner(directory, study.owner)
+    manifest = check_owner(directory, study.owner)
     members = _members(scheduler)
-    jobs = len(members) or worker_count(jobs, found, warning)
+    jobs = len(members) or worker_count(jobs, manifest, warning)
     if study.resolved.kind.of_methods:
         if of_mesh:
             raise SquealstudyError(
@@ -83,7 +83,7 @@ def check(
         with progress() as tell:
             chosen = resolve(study.resolved, jobs, tell)
         plan, facts = chosen.plan, chosen.facts
-    if found and found.get("basis_enriched"):  # as it was solved
+    if manifest and manifest.get("basis_enriched"):  # as it was solved
         plan = Plan(plan.study, plan.swept, True)
     if text := check_shapes(plan):
         warning(text)
@@ -103,7 +103,7 @@ def check(
         missing -= int(np.isin(plan.tasks.ids, done).sum())
     rows = [*_facts(plan, directory, missing, jobs, estimate(plan), members), *_cluster(members)]
     rows += _mesh_error(plan, jobs) if of_mesh else []
-    if text := outdated(directory, found):
+    if text := outdated(directory, manifest):
         warning(f"{text}; all design points will be solved again")
     for text in [*plan.study.doubts, *solver.warnings(plan)]:
         warning(text)
@@ -181,8 +181,12 @@ def _memory(each: float, workers: int, members: Sequence[Worker]) -> str:
         few = sum(limit < each for limit in limits)
         short = f", but {few} of {len(members)} workers may use less" if few else ""
         return f"about {each:.1f} GB a worker, and here{short}"
-    left = available_memory_mb() / 1024
-    short = f", but only {left:.1f} GB are left: give fewer --jobs" if each * workers > left else ""
+    free_gb = available_memory_mb() / 1024
+    short = (
+        f", but only {free_gb:.1f} GB are left: give fewer --jobs"
+        if each * workers > free_gb
+        else ""
+    )
     return f"about {each:.1f} GB a process, {workers + 1} processes{short}"
 
 
@@ -208,32 +212,34 @@ def _cluster(members: Sequence[Worker]) -> Rows:
 
 def _validity(plan: Plan) -> Rows:
     """Design points whose parameters break an assumption; what only their results tell is open."""
-    found = parameter_reasons(plan)
-    if not found:
+    broken_by_rule = parameter_reasons(plan)
+    if not broken_by_rule:
         return []
-    outside = len(np.unique(np.concatenate([broken.rows for broken in found])))
+    outside = len(np.unique(np.concatenate([broken.rows for broken in broken_by_rule])))
     text = f"{outside} of {len(plan.tasks)} points will be outside: "
-    return [("validity", text + broken_rules(points_by_rule(found)))]
+    return [("validity", text + broken_rules(points_by_rule(broken_by_rule)))]
 
 
 def _mesh_error(plan: Plan, jobs: int) -> Rows:
     """What the next finer mesh changes; it is solved for this."""
     from squealstudy.engine.forecast import mesh_error
 
-    found = mesh_error(plan, jobs)
-    mesh, finer = found.meshes
+    difference = mesh_error(plan, jobs)
+    mesh, finer = difference.meshes
     text = f"{mesh} against {finer} at the values of [parameters], in the band: "
-    if len(found.frequency):
+    if len(difference.frequency):
         text += (
-            f"frequencies differ by {100 * found.frequency.max():.2f} % at most "
-            f"({100 * np.median(found.frequency):.2f} % in the median), damping ratios by "
-            f"{100 * found.damping.max():.3f} % of critical at most, over "
-            f"{plural(len(found.frequency), 'mode')} of |damping| < 5 %; "
+            f"frequencies differ by {100 * difference.frequency.max():.2f} % at most "
+            f"({100 * np.median(difference.frequency):.2f} % in the median), damping ratios by "
+            f"{100 * difference.damping.max():.3f} % of critical at most, over "
+            f"{plural(len(difference.frequency), 'mode')} of |damping| < 5 %; "
         )
-    if found.unpaired:
-        text += f"{plural(found.unpaired, 'more mode')} of {finer} without a counterpart; "
-    text += f"unstable are {found.unstable[0]} on {mesh}, {found.unstable[1]} on {finer}"
-    cost = f"{duration(found.seconds[0])} on {mesh}, {duration(found.seconds[1])} on {finer}"
+    if difference.unpaired:
+        text += f"{plural(difference.unpaired, 'more mode')} of {finer} without a counterpart; "
+    text += f"unstable are {difference.unstable[0]} on {mesh}, {difference.unstable[1]} on {finer}"
+    cost = (
+        f"{duration(difference.seconds[0])} on {mesh}, {duration(difference.seconds[1])} on {finer}"
+    )
     return [("mesh error", f"{text} ({cost})")]
 
 
@@ -261,14 +267,14 @@ def _ranges(study: ResolvedStudy) -> Rows:
 def _constant(study: ResolvedStudy) -> Rows:
     """The operating point as far as it is not swept, defaults too, and the laws."""
     swept = {sweep.name for sweep in study.sweeps}
-    told = [
+    texts = [
         setting(p.name, study.values[p.name], p.unit)
         for p in (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING)
         if p.name in study.values and p.name not in swept
     ]
     laws = (CONTACT_OPTION.name, FRICTION_OPTION.name)
-    told += [f"{name} = {study.options[name]}" for name in laws if name in study.options]
-    return [("  constant", ", ".join(told))] if told else []
+    texts += [f"{name} = {study.options[name]}" for name in laws if name in study.options]
+    return [("  constant", ", ".join(texts))] if texts else []
 
 
 def _range(study: ResolvedStudy, sweep: Sweep) -> str:
@@ -304,5 +310,5 @@ def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:
 
 def schema(kind: str | None, tables: bool) -> str:
     """The JSON Schema of study files, of a kind that measures methods or of model files."""
-    found = schema_of(kind)
-    return key_tables(found) if tables else json.dumps(found, indent=2) + "\n"
+    json_schema = schema_of(kind)
+    return key_tables(json_schema) if tables else json.dumps(json_schema, indent=2) + "\n"

@@ -47,8 +47,8 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
         manifest = {}  # `Store.faults` tells
     if not manifest and not store.journal.begun:
         raise ResultsError(f"{directory}: holds no results of squealstudy")
-    told = tuple(str(manifest.get(key, "unknown")) for key in ("name", "kind", "model"))
-    name, kind, model = told if manifest else store.journal.owner or told
+    identity = tuple(str(manifest.get(key, "unknown")) for key in ("name", "kind", "model"))
+    name, kind, model = identity if manifest else store.journal.owner or identity
     misfits = _misfits(store, manifest)
     rows: Rows = [("study", f"{name}: {kind} of {model}")]
     rows += [*_run(store, manifest, misfits), *_sizes(store)]
@@ -78,8 +78,8 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
     whole = faults.keys() <= harmless
     for folder, reason in manifest.get(SIDE_STUDIES, {}).items():
         if not reason:
-            held, good = _of_beside(directory / folder)
-            rows += [(f"{folder}: {name}", text) for name, text in held]
+            facts, good = _of_beside(directory / folder)
+            rows += [(f"{folder}: {name}", text) for name, text in facts]
             whole &= good
     verdict = "yes" if whole else "no: run the study again, which makes anew what is not"
     return [*rows, ("whole", verdict)], whole
@@ -96,16 +96,16 @@ def _of_beside(directory: Path) -> tuple[Rows, bool]:
 def _misfits(store: Store, manifest: Mapping[str, Any]) -> dict[str, str]:
     """Why tables that are whole are none that a run of the kind writes, by their files."""
     kind = str(manifest.get("kind"))
-    found: dict[str, str] = {}
+    reasons: dict[str, str] = {}
     for name in kind_named(kind).tables if kind in kind_names() else ():
         if not store.fault(name):
             try:
                 schema, n_rows = store.shape_of(name)
                 units, table = manifest.get("units", {}), name.removesuffix(".parquet")
-                found[name] = misfit(schema, kind, table, units, n_rows)
+                reasons[name] = misfit(schema, kind, table, units, n_rows)
             except ResultsError as error:
-                found[name] = str(error)
-    return {name: why for name, why in found.items() if why}
+                reasons[name] = str(error)
+    return {name: why for name, why in reasons.items() if why}
 
 
 def _run(store: Store, manifest: Mapping[str, Any], misfits: Collection[str]) -> Rows:
@@ -116,19 +116,19 @@ def _run(store: Store, manifest: Mapping[str, Any], misfits: Collection[str]) ->
     rows = [("run", f"{status}, by squealstudy {version_of(dict(manifest))}")]
     if kind not in kind_names():  # of an extension
         return rows
-    found = kind_named(kind)
+    study_kind = kind_named(kind)
     total, points = int(manifest.get("n_points", 0)), []
-    first = found.tables[0]
+    first = study_kind.tables[0]
     if status == "complete" and not store.fault(first) and first not in misfits:
         points = [store.read_table(first, ["status"])]
     if sum(map(len, points)) != total:  # the table is of something else than the points
-        points = list(store.chunks(found.schema, ["status"]))
+        points = list(store.chunks(study_kind.schema, ["status"]))
     statuses = pa.chunked_array(
         [c.cast(pa.string()) for t in points for c in t["status"].chunks], pa.string()
     )
     counts = [f"{status_counts(statuses).get('ok', 0)} ok", failure_counts(statuses)]
     counts.append(f"{max(0, total - len(statuses))} missing")
-    return [*rows, (f"{found.row_word}s", f"{total}: {', '.join(filter(None, counts))}")]
+    return [*rows, (f"{study_kind.row_word}s", f"{total}: {', '.join(filter(None, counts))}")]
 
 
 def _sizes(store: Store) -> Rows:
@@ -144,15 +144,15 @@ def _sizes(store: Store) -> Rows:
 
 def _in_no_journal(store: Store, manifest: Mapping[str, Any]) -> dict[str, list[str]]:
     """Files that no run has finished: of our own making, and of others."""
-    known = {*store.journal.entries, MANIFEST, LOCK, JOURNAL, *manifest.get(PICTURES, [])}
-    own = set(store.unfinished())
+    named_files = {*store.journal.entries, MANIFEST, LOCK, JOURNAL, *manifest.get(PICTURES, [])}
+    unfinished = set(store.unfinished())
     if manifest.get("kind") in kind_names():
-        own |= {*kind_named(manifest["kind"]).tables} - known
-    found: dict[str, list[str]] = {}
+        unfinished |= {*kind_named(manifest["kind"]).tables} - named_files
+    by_origin: dict[str, list[str]] = {}
     elsewhere = tuple(f"{folder}/" for folder in (SET_ASIDE, *manifest.get(SIDE_STUDIES, {})))
     for path in sorted(p for p in store.directory.rglob("*") if p.is_file()):
         name = path.relative_to(store.directory).as_posix()
-        if name not in known and not name.startswith(elsewhere):
-            ours = name in own or path.match(TEMPORARY)
-            found.setdefault(UNFINISHED if ours else FOREIGN, []).append(name)
-    return found
+        if name not in named_files and not name.startswith(elsewhere):
+            ours = name in unfinished or path.match(TEMPORARY)
+            by_origin.setdefault(UNFINISHED if ours else FOREIGN, []).append(name)
+    return by_origin

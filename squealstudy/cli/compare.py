@@ -74,9 +74,9 @@ def cycle_comparison(table: pd.DataFrame) -> list[RenderableType]:
         ),
     )
     counts = table["agreement"].value_counts()
-    told = ", ".join(f"{counts[n]} {text}" for n, text in AGREEMENTS.items() if n in counts)
+    counts_text = ", ".join(f"{counts[n]} {text}" for n, text in AGREEMENTS.items() if n in counts)
     bistable, unknown = int(table["bistable"].sum()), int(table["bistable"].isna().sum())
-    text = f"{plural(len(table), 'design point')} compared: {told}; {bistable} bistable"
+    text = f"{plural(len(table), 'design point')} compared: {counts_text}; {bistable} bistable"
     text += f", {unknown} cannot be told" if unknown else ""
     legend = notes(
         "RMS, Hz: of the stable cycle nearest in frequency to a run that lasts, else of the "
@@ -145,23 +145,25 @@ def _unforeseen(table: pd.DataFrame) -> list[str]:
     others = table[table["kind"].isin([BOTH, PREDICTED, TIME])]
     foreseen = rows["time_point_id"].isin(others["time_point_id"]).to_numpy(bool)
     waits = int((table["kind"] == UNFOLLOWED).sum())
-    told = (
+    counted_texts = (
         (int((lasts & ~foreseen).sum()), "vibrate in time with no mode predicted"),
         (int((lasts & foreseen).sum()), "vibrate in time otherwise than predicted"),
         (int((~lasts).sum()), "grow or are undecided in time with no mode predicted"),
         (waits, "vibrate while unstable modes are not followed (above the band, or too many)"),
     )
-    return [f"{plural(number, 'design point')}: {text}." for number, text in told if number]
+    return [
+        f"{plural(number, 'design point')}: {text}." for number, text in counted_texts if number
+    ]
 
 
 def _cells(row: dict[Hashable, Any]) -> list[str]:
-    known = row["frequency_hz"] == row["frequency_hz"]
+    has_frequency = row["frequency_hz"] == row["frequency_hz"]
     bounds = f"{row['low']:.4g} to {row['high']:.4g}" if row["low"] == row["low"] else "-"
     lives = "?" if pd.isna(row["expressed"]) else "yes" if row["expressed"] else "no"
     moves = row["kind"] in (VIBRATION, UNFOLLOWED)
     return [
         _mode(int(row["track"])),
-        figure(row["frequency_hz"] if known else row["predicted_frequency_hz"], ".0f"),
+        figure(row["frequency_hz"] if has_frequency else row["predicted_frequency_hz"], ".0f"),
         figure(row["growth_rate"]),
         figure(row["predicted_growth_rate"]),
         figure(row["fitted_growth_rate"]),

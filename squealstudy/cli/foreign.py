@@ -25,10 +25,14 @@ def on_results(command: Callable[..., None]) -> Callable[..., None]:
         except PASSED:
             raise
         except Exception as error:
-            given = signature(command).bind(*arguments, **options).arguments
+            arguments_by_name = signature(command).bind(*arguments, **options).arguments
             names = ("results", "frequency", "time")
-            found = [given[name] for name in names if name in given]
-            listed = [one for part in found for one in (part if isinstance(part, list) else [part])]
+            results_given = [arguments_by_name[name] for name in names if name in arguments_by_name]
+            listed = [
+                one
+                for part in results_given
+                for one in (part if isinstance(part, list) else [part])
+            ]
             raise ContradictionError(
                 f"{', '.join(map(str, listed))}: what the files say does not fit together "
                 f"({type(error).__name__}: {error}): they are not as a run of this version writes "

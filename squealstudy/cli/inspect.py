@@ -94,11 +94,13 @@ def draw_modes(geometry: Geometry, path: Path) -> list[Path]:
         hz, vectors = first_elastic(K, M, MAX_DRAWN_MODES)
         if not len(hz):
             continue
-        moved = [(body.expansion.E @ v).reshape(-1, 3) for v in vectors.T]
+        displacements = [(body.expansion.E @ v).reshape(-1, 3) for v in vectors.T]
         titles = [f"{name}: {f:.1f} Hz" for f in hz]
-        figure_of = draw_free_modes(body.nodes, outer, list(zip(titles, moved, strict=True)))
-        own = f"_{name}" if len(geometry.bodies) > 1 else ""
-        written.append(path.with_name(f"{path.stem}{own}_modes{path.suffix}"))
+        figure_of = draw_free_modes(
+            body.nodes, outer, list(zip(titles, displacements, strict=True))
+        )
+        suffix = f"_{name}" if len(geometry.bodies) > 1 else ""
+        written.append(path.with_name(f"{path.stem}{suffix}_modes{path.suffix}"))
         save_figure(figure_of, written[-1])
     return written
 
@@ -121,12 +123,14 @@ def inspected(
     picture: Path | None,
 ) -> bool:
     """Show measured modes beside computed ones, and draw them; whether something is in doubt."""
-    found = compared(read_model(model), component, path, unit, tolerance)
-    show(*correlation_lines(*found))
+    measured_and_correlation = compared(read_model(model), component, path, unit, tolerance)
+    show(*correlation_lines(*measured_and_correlation))
     if picture is not None:
-        save_figure(correlation_figure(*found, f"{component}: {path.name}"), picture)
+        save_figure(
+            correlation_figure(*measured_and_correlation, f"{component}: {path.name}"), picture
+        )
         show(f"\npicture: {picture}")
-    in_doubt = doubts(*found)
+    in_doubt = doubts(*measured_and_correlation)
     for text in in_doubt:
         warning(text)
     return bool(in_doubt)
@@ -164,12 +168,12 @@ def compared(
 def _length(text: str, option: str) -> float:
     """A length in m."""
     try:
-        value = in_unit_of(text, "m")
+        length_m = in_unit_of(text, "m")
     except ValueError as error:
         raise ModelError(f"{option} {error}") from None
-    if not value > 0:
+    if not length_m > 0:
         raise ModelError(f"{option}: expected a positive length, got '{text}'")
-    return value
+    return length_m
 
 
 def correlation_lines(measured: Measured, found: Correlation) -> list[RenderableType]:
@@ -181,11 +185,11 @@ def correlation_lines(measured: Measured, found: Correlation) -> list[Renderable
         titles.insert(N_COLUMNS_TO_DAMPING, "hysteretic %")
         for row, ratio in zip(rows, measured.hysteretic, strict=True):
             row.insert(N_COLUMNS_TO_DAMPING, figure(100 * ratio, ".3f"))
-    used, seen = found.used, measured.seen[found.used]
+    used, seen_dof = found.used, measured.seen[found.used]
     far = np.flatnonzero(~used)
     where = "in the assembly" if found.placed else "in its mesh's file"
     text = f"{used.sum()} of {plural(len(used), 'point')} have a node of the part as it is {where}"
-    text += f", at most {1e3 * found.distance[used].max():.3g} mm away; {seen.sum()} freedoms"
+    text += f", at most {1e3 * found.distance[used].max():.3g} mm away; {seen_dof.sum()} freedoms"
     lines: Rows = [("compared", text)]
     if len(far):
         apart = 1e3 * found.distance[far]
@@ -209,14 +213,14 @@ def _row(measured: Measured, found: Correlation, mode: int, group: int | None) -
         nearest = int(found.mac[mode].argmax())
         text = f"{found.mac[mode, nearest]:.2f} at most, of {_name(found, nearest)}"
         return [*first, "-", "-", "-", text]
-    own = found.frequency_hz[group]
-    off = f"{100 * (own / hz - 1):+.2f}" if hz > 0 else "-"
-    return [*first, _name(found, group), f"{own:.1f}", off, f"{found.mac[mode, group]:.3f}"]
+    computed_hz = found.frequency_hz[group]
+    off = f"{100 * (computed_hz / hz - 1):+.2f}" if hz > 0 else "-"
+    return [*first, _name(found, group), f"{computed_hz:.1f}", off, f"{found.mac[mode, group]:.3f}"]
 
 
 def _name(found: Correlation, group: int) -> str:
-    own = found.groups[group]
-    return f"{own[0]}-{own[-1]}" if len(own) > 1 else str(own[0])
+    group_modes = found.groups[group]
+    return f"{group_modes[0]}-{group_modes[-1]}" if len(group_modes) > 1 else str(group_modes[0])
 
 
 def _unpaired(found: Correlation) -> list[str]:
@@ -224,9 +228,9 @@ def _unpaired(found: Correlation) -> list[str]:
     taken = [sum(j == g for _, j in found.pairs) for g in range(len(found.groups))]
     return [
         f"{_name(found, g)} at {found.frequency_hz[g]:.1f} Hz"
-        + (f" ({len(own) - count} of {len(own)})" if count > 0 else "")
-        for g, (own, count) in enumerate(zip(found.groups, taken, strict=True))
-        if count < len(own)
+        + (f" ({len(group_modes) - count} of {len(group_modes)})" if count > 0 else "")
+        for g, (group_modes, count) in enumerate(zip(found.groups, taken, strict=True))
+        if count < len(group_modes)
     ]
 
 
@@ -246,10 +250,10 @@ def doubts(measured: Measured, found: Correlation) -> list[str]:
             f"the part has {plural(found.n_rigid, 'rigid mode')} of {N_RIGID_MODES}: it is not free"
         )
     if found.alike:
-        i, j, value = max(found.alike, key=lambda row: row[2])
+        i, j, mac = max(found.alike, key=lambda row: row[2])
         texts.append(
             f"the measured points tell modes {_name(found, j)} and {_name(found, i)} apart badly "
-            f"(their MAC there is {value:.2f}): more points or directions are needed"
+            f"(their MAC there is {mac:.2f}): more points or directions are needed"
         )
     if not found.used.all():
         far = [str(n) for n in measured.numbers[~found.used]]
@@ -260,14 +264,14 @@ def doubts(measured: Measured, found: Correlation) -> list[str]:
 def correlation_figure(measured: Measured, found: Correlation, title: str) -> Figure:
     """The matrix of MAC, a row a measured mode; pairs are framed."""
     m, g = found.mac.shape
-    made = new_figure(min(2.6 + 0.55 * g, 14.0), min(2.0 + 0.42 * m, 10.0))
-    axes = made.add_subplot()
+    figure = new_figure(min(2.6 + 0.55 * g, 14.0), min(2.0 + 0.42 * m, 10.0))
+    axes = figure.add_subplot()
     image = axes.imshow(found.mac, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
-    made.colorbar(image, ax=axes, label="MAC", pad=0.02)
+    figure.colorbar(image, ax=axes, label="MAC", pad=0.02)
     if max(m, g) <= MAX_MODES_WITH_FIGURES:
-        for (i, j), value in np.ndenumerate(found.mac):
-            ink = "white" if value > 0.6 else "0.3"
-            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=8, color=ink)
+        for (i, j), mac in np.ndenumerate(found.mac):
+            ink = "white" if mac > 0.6 else "0.3"
+            axes.text(j, i, f"{mac:.2f}", ha="center", va="center", fontsize=8, color=ink)
     for i, j in found.pairs:
         axes.plot(
             [j - 0.5, j + 0.5, j + 0.5, j - 0.5, j - 0.5],
@@ -286,4 +290,4 @@ def correlation_figure(measured: Measured, found: Correlation, title: str) -> Fi
     finish(axes, "Computed mode", "Measured mode")
     axes.grid(False)
     head(axes, title, "framed: pairs")
-    return made
+    return figure

@@ -100,12 +100,12 @@ def _frequencies(assembly: Assembly) -> Rows:
     root = 1.0 / np.sqrt(assembly.M.diagonal())
     springs = assembly.K_springs().toarray()
     closed = springs + assembly.K_contact(PER_AREA).toarray()
-    found: Rows = []
+    rows: Rows = []
     for name, K in (("springs alone", springs), ("contact closed", closed)):
         squares = np.linalg.eigvalsh(root[:, None] * K * root)
         hz = np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
         free = int((hz <= RIGID_FREQUENCY_RATIO * hz.max()).sum())
-        told = [f"{free} free"] if free else []
-        told += [f"{in_digits(f, 1)} Hz" for f in hz[free:]]
-        found.append((name, ", ".join(told)))
-    return found
+        texts = [f"{free} free"] if free else []
+        texts += [f"{in_digits(f, 1)} Hz" for f in hz[free:]]
+        rows.append((name, ", ".join(texts)))
+    return rows

@@ -74,11 +74,11 @@ def inspect(
 
     if model.suffix.lower() == ".toml":
         read = read_model(model, unfinished=True)
-        found, geometry = inspected(read)
-        facts, parameters = part_tables(read, found)
+        inspection, geometry = inspected(read)
+        facts, parameters = part_tables(read, inspection)
     else:
-        found, geometry = inspected_part(model, units, part, pass_over or ())
-        facts, parameters = [("units", units), *found.facts], []
+        inspection, geometry = inspected_part(model, units, part, pass_over or ())
+        facts, parameters = [("units", units), *inspection.facts], []
     screen.show(screen.facts(facts))
     if parameters:
         screen.show("\nparameters", screen.facts(parameters))
@@ -90,9 +90,9 @@ def inspect(
         if not geometry.file.contact:
             for written in draw_modes(geometry, picture):
                 screen.show(f"free modes: {written}")
-    for text in found.doubts:
+    for text in inspection.doubts:
         screen.warning(text)
-    if found.doubts:
+    if inspection.doubts:
         raise typer.Exit(FAULT)
 
 

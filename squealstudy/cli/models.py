@@ -97,9 +97,9 @@ def _parameters(model: Model) -> Iterator[list[str]]:
 
 
 def _components(modes: pd.DataFrame) -> Iterator[list[str]]:
-    for (name, n_dof), own in modes.groupby(["component", "n_dof"], sort=False):
-        rigid = int(own["rigid"].sum())
-        elastic = own[~own["rigid"]]
+    for (name, n_dof), component_modes in modes.groupby(["component", "n_dof"], sort=False):
+        rigid = int(component_modes["rigid"].sum())
+        elastic = component_modes[~component_modes["rigid"]]
         pairs = zip(elastic["mode"], elastic["frequency_hz"], strict=True)
         listed = [f"1-{rigid}: rigid" if rigid > 1 else "1: rigid"] if rigid else []
         listed += [", ".join(f"{number}: {in_digits(hz)}" for number, hz in pairs)]

@@ -46,7 +46,7 @@ def rank(
     from squealstudy import face, screen
     from squealstudy.cli.run import outside
 
-    found = face.open_results(results)
+    opened = face.open_results(results)
     if names or why:
         from squealstudy.cli.shape import names as named
         from squealstudy.cli.shape import reasons
@@ -54,18 +54,18 @@ def rank(
         from squealstudy.paths import usable_cache
 
         with usable_cache(screen.warning):
-            ranking = found.rank(by, top or N_RANKING_ROWS, where)
+            ranking = opened.rank(by, top or N_RANKING_ROWS, where)
             if "track" not in ranking:
-                text = f"--names and --why are of modes, these are results of kind {found.kind}"
+                text = f"--names and --why are of modes, these are results of kind {opened.kind}"
                 raise ResultsError(f"{results}: {text}")
-            told = (reasons if why else named)(found, ranking["track"])
-        screen.show(screen.facts(told))
+            mode_facts = (reasons if why else named)(opened, ranking["track"])
+        screen.show(screen.facts(mode_facts))
         return
     if csv:
-        screen.show_csv(found.rank(by, top, where))
+        screen.show_csv(opened.rank(by, top, where))
         return
-    screen.show(*found.screen.ranking(found, by, top, where))
-    screen.show(*outside(found, "of the whole study: " if where else ""))
+    screen.show(*opened.screen.ranking(opened, by, top, where))
+    screen.show(*outside(opened, "of the whole study: " if where else ""))
 
 
 @on_results
@@ -84,20 +84,26 @@ def robust(
     from squealstudy.kinds.complex_modes import random_screen
     from squealstudy.study.sweeps import SOBOL_INDICES
 
-    found = face.open_results(results)
+    opened = face.open_results(results)
     if csv:
-        screen.show_csv(found.sobol_indices(top) if indices else found.robust())
+        screen.show_csv(opened.sobol_indices(top) if indices else opened.robust())
         return
-    kept, sampled, names = top or N_RANKING_ROWS, found.design == SOBOL_INDICES, found.track_names
+    n_rows, sampled, names = (
+        top or N_RANKING_ROWS,
+        opened.design == SOBOL_INDICES,
+        opened.track_names,
+    )
     if not indices:
-        table = found.robust().iloc[: kept + 1]
+        table = opened.robust().iloc[: n_rows + 1]
         screen.show(
-            *random_screen.probabilities(table, sampled, names, found.units, found.fact("band_hz"))
+            *random_screen.probabilities(
+                table, sampled, names, opened.units, opened.fact("band_hz")
+            )
         )
         screen.show(*([""] if sampled else []))
     if indices or sampled:
-        screen.show(*random_screen.indices(found.sobol_indices(kept), names))
-    screen.show(*outside(found))
+        screen.show(*random_screen.indices(opened.sobol_indices(n_rows), names))
+    screen.show(*outside(opened))
 
 
 @on_results
@@ -148,8 +154,8 @@ def explore(
     """One page of HTML to click through: map, modes, tracks, cycles or runs; needs no network."""
     from squealstudy import face, screen
 
-    found = face.open_results(results).explore(where)
-    screen.show(str(found.save(output)))
+    explorer = face.open_results(results).explore(where)
+    screen.show(str(explorer.save(output)))
 
 
 @on_results
@@ -189,8 +195,8 @@ def shape(
 
     with usable_cache(screen.warning):
         kinds = (picture, page, vtu, uff)
-        found = shapes(face.open_results(results), point, mode, track, output, kinds)
-    screen.show(screen.facts(found))
+        facts = shapes(face.open_results(results), point, mode, track, output, kinds)
+    screen.show(screen.facts(facts))
 
 
 @on_results
@@ -212,15 +218,15 @@ def compare(
     from squealstudy.engine.comparison import in_order
     from squealstudy.engine.manifest import outdated
 
-    found = in_order(face.open_results(frequency), face.open_results(time))
-    for results in found:
+    pair = in_order(face.open_results(frequency), face.open_results(time))
+    for results in pair:
         if text := outdated(results.directory, results.manifest):
             screen.warning(f"{text}; run that study again")
-    table = found[0].compare(found[1])
+    table = pair[0].compare(pair[1])
     if csv:
         screen.show_csv(table)
         return
     cycles = "agreement" in table
-    screen.show(*(cycle_comparison(table) if cycles else comparison(table, found[0].track_names)))
-    for name, results in zip((found[0].kind.replace("_", " "), "time"), found, strict=True):
+    screen.show(*(cycle_comparison(table) if cycles else comparison(table, pair[0].track_names)))
+    for name, results in zip((pair[0].kind.replace("_", " "), "time"), pair, strict=True):
         screen.show(*outside(results, f"{name} study: "))

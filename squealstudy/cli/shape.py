@@ -63,16 +63,16 @@ def shapes(
         if modes is not None or track is not None:
             raise ResultsError("runs in time have a motion at their end: expected no mode or track")
         motion = results.end_motion(_row_or_id(results, point))
-        found, rows = [motion.shape], [*_told_motion(motion.shape), *_mode_rows(motion)]
+        chosen, rows = [motion.shape], [*_told_motion(motion.shape), *_mode_rows(motion)]
         signals = _signals(results, motion.shape.label.point_id) if kinds[-1] else []
     else:
-        found = _shapes(results, point, modes, track)
-        rows = [row for shape in found for row in _shape_rows(shape)]
+        chosen = _shapes(results, point, modes, track)
+        rows = [row for shape in chosen for row in _shape_rows(shape)]
     folder = output or results.directory / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     picture, moving, vtu, uff = kinds
     written: list[Path] = []
-    for shape in found:
+    for shape in chosen:
         label = shape.label
         path = folder / label.file_name
         if picture:
@@ -81,22 +81,22 @@ def shapes(
         written += write_vtu(shape, path.with_suffix(".vtu")) if vtu else []
         written += write_uff(shape, path.with_suffix(".uff"), signals) if uff else []
     if moving:
-        label = found[0].label
-        name = label.file_name if len(found) == 1 else f"modes_{label.point_id}"
+        label = chosen[0].label
+        name = label.file_name if len(chosen) == 1 else f"modes_{label.point_id}"
         written.append(folder / f"{name}.html")
-        write_text(written[-1], page(found))
+        write_text(written[-1], page(chosen))
     return [*rows, *(("written", f"{path}, {_size(path)}") for path in written)]
 
 
 def _signals(results: Results, point_id: str) -> list[Signal]:
     """What was kept over time of a run but the energies and amplitudes of modes; or nothing."""
     try:
-        kept = results.history(point_id)
+        history = results.history(point_id)
     except ResultsError:
         return []
-    time, units = kept["time"].to_numpy(), kept.attrs["units"]
-    names = [n for n in kept.columns if n != "time" and "_mode_" not in n]
-    return [Signal(n, units.get(n, ""), time, kept[n].to_numpy()) for n in names]
+    time, units = history["time"].to_numpy(), history.attrs["units"]
+    names = [n for n in history.columns if n != "time" and "_mode_" not in n]
+    return [Signal(n, units.get(n, ""), time, history[n].to_numpy()) for n in names]
 
 
 def _shapes(
@@ -108,20 +108,24 @@ def _shapes(
         raise ResultsError("expected --mode or --track, got both")
     if modes is None or modes in (ALL, UNSTABLE):
         row, numbers = chosen_modes(results, place, None, track)
-        own = results.modes[results.modes["point_id"] == results.points["point_id"].iloc[row]]
+        point_modes = results.modes[
+            results.modes["point_id"] == results.points["point_id"].iloc[row]
+        ]
         if modes == UNSTABLE:
-            numbers = [n for n in numbers if n in set(own.loc[own["unstable"], "mode"])]
+            numbers = [
+                n for n in numbers if n in set(point_modes.loc[point_modes["unstable"], "mode"])
+            ]
             if not numbers:
                 raise ResultsError(f"design point {row} has no unstable mode that oscillates")
         numbers = numbers[:1] if modes is None else sorted(numbers)
     else:
-        asked = modes.split(",")
-        if not all(text.strip().isdigit() for text in asked):
+        mode_texts = modes.split(",")
+        if not all(text.strip().isdigit() for text in mode_texts):
             raise ResultsError(
                 f"expected --mode as numbers like 12 or 12,14, '{UNSTABLE}' or '{ALL}', "
                 f"got '{modes}'"
             )
-        numbers = list(dict.fromkeys(map(int, asked)))
+        numbers = list(dict.fromkeys(map(int, mode_texts)))
         for number in numbers:
             row, _ = chosen_modes(results, place, number)
     source = point_shapes(results, row)
@@ -248,17 +252,17 @@ def names(results: Results, tracks: Iterable[int]) -> Rows:
     ResultsError
         As `Results.shape`.
     """
-    wanted = [int(track) for track in tracks if track >= 0]
-    table = track_names(results.names(wanted), results.modes)
+    tracked = [int(track) for track in tracks if track >= 0]
+    table = track_names(results.names(tracked), results.modes)
     rows: Rows = []
-    found = table.to_dict("index")
-    for track in wanted:
-        row, shape = found[track], results.shape(track=track)
+    row_of = table.to_dict("index")
+    for track in tracked:
+        row, shape = row_of[track], results.shape(track=track)
         text = f"{row['name']}, at {row['n_named']} of {plural(row['n_points'], 'point')} looked at"
         text += f"; changes: {row['others']}" if row["changes"] else ""
         rows.append((track_number(track), text))
-        own = f"design point {shape.label.row}, {shape.frequency_hz:.0f} Hz"
-        rows.append(("", f"{own}: {name_of(shape).text}; {figures_of(shape)}"))
+        place = f"design point {shape.label.row}, {shape.frequency_hz:.0f} Hz"
+        rows.append(("", f"{place}: {name_of(shape).text}; {figures_of(shape)}"))
     keep_track_names(results.store, table)
     return rows
 

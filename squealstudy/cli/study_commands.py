@@ -76,13 +76,13 @@ def check(
     from squealstudy.paths import usable_cache
 
     if path.is_dir():
-        held, whole = check_results(path)
-        screen.show(screen.facts(held))
+        facts, whole = check_results(path)
+        screen.show(screen.facts(facts))
         raise typer.Exit(DONE if whole else FAULT)
     _expect_one_place(jobs, scheduler)
     with usable_cache(screen.warning):
-        found = checked(face.read_study(path), output, jobs, build, mesh_error, scheduler)
-    screen.show(screen.facts(found))
+        study_facts = checked(face.read_study(path), output, jobs, build, mesh_error, scheduler)
+    screen.show(screen.facts(study_facts))
 
 
 def sensitivity(
@@ -106,14 +106,14 @@ def sensitivity(
     )
 
     if path.is_dir():
-        found = face.open_results(path)
+        opened = face.open_results(path)
     else:
         study = face.read_study(path).sensitivities()
-        found = face.run(study, jobs=jobs, warn=screen.warning)
+        opened = face.run(study, jobs=jobs, warn=screen.warning)
     if csv:
-        screen.show_csv(rank_sensitivities(mode_sensitivities(found.sensitivities, mode), top))
+        screen.show_csv(rank_sensitivities(mode_sensitivities(opened.sensitivities, mode), top))
         return
-    screen.show(*sensitivities(found, mode, top), *outside(found))
+    screen.show(*sensitivities(opened, mode, top), *outside(opened))
 
 
 def export(
