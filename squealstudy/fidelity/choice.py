@@ -173,7 +173,7 @@ def pays(points: float, trial: float) -> bool:
 def _combinations(
     tried: Mapping[str, Sequence[TriedSetting]], base_error: float, base_cost: float, fixed: float
 ) -> list[Combination]:
-    found = []
+    combinations = []
     for rungs in itertools.product(*tried.values()):
         cost = base_cost
         for rung, ladder in zip(rungs, tried.values(), strict=True):
@@ -183,8 +183,8 @@ def _combinations(
             changes |= rung.changes
         error = base_error + sum(rung.error for rung in rungs)
         labels = tuple(r.label for r in rungs if r.label)
-        found.append(Combination(labels, changes, error, fixed + cost))
-    return found
+        combinations.append(Combination(labels, changes, error, fixed + cost))
+    return combinations
 
 
 def _front(combinations: Sequence[Combination]) -> list[Combination]:

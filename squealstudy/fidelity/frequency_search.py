@@ -48,7 +48,7 @@ def search_modes(fidelity: FidelityStudy) -> Choice:
     chosen = choose(tried, search.method_error, first.cost, fidelity.tolerance, section.budget)
     rungs = ladder if ladder is not None else search.small_rungs
     if rungs:
-        labels = [t.label for found in tried.values() for t in found]
+        labels = [t.label for settings in tried.values() for t in settings]
         chosen = chosen.with_untried(rungs, labels)
     return chosen.with_changes(search.common).with_failures(fidelity.failed)
 
@@ -77,19 +77,19 @@ class ModeSearch:
     def attempt(self, rung: Setting) -> TriedSetting:
         """Solve the pilots without reanalysis; the error is that against full order."""
         fidelity, changes = self.fidelity, {**self.common, **rung.changes}
-        own = self.method.name
+        method = self.method.name
         if self.method.rung.over_a_basis:  # whose own error is another share
-            own = self.method.exact
-        solved = {**changes, "modes.method": own}
+            method = self.method.exact
+        solved = {**changes, "modes.method": method}
         if not self.points:
             candidates = reference_choice(fidelity.plan, fidelity.section.pilots + N_RESERVE_PILOTS)
             self.points = fidelity.pilots(solved, candidates)
             # whose reduction is there: the working points that it gives are those of any other
             self.truth = {**changes, "modes.method": self.exact}
-        made = fidelity.measure(solved, self.points)
-        self.making = made.reduction_seconds
-        error = 0.0 if own == self.exact else self._error(made, solved)
-        return TriedSetting(rung.label, rung.changes, error, self.study_seconds(made))
+        measurement = fidelity.measure(solved, self.points)
+        self.making = measurement.reduction_seconds
+        error = 0.0 if method == self.exact else self._error(measurement, solved)
+        return TriedSetting(rung.label, rung.changes, error, self.study_seconds(measurement))
 
     @property
     def small_rungs(self) -> tuple[Setting, ...]:
@@ -116,20 +116,22 @@ class ModeSearch:
         if any(s.parameter.structural for s in sweeps):
             return []
         scope = Scope(reduced=True, varied=len(sweeps), points=int(points / SMALL_MODEL_SHARE))
-        found = []
+        settings = []
         for rung in self.small_rungs[:-1]:
             if not rung_named(rung.label).offer(scope).pays:
                 continue
             try:
-                made = fidelity.measure({**self.common, **rung.changes}, self.points)
+                measurement = fidelity.measure({**self.common, **rung.changes}, self.points)
             except FAILURES:  # no basis over this box, or damping that they do not know
                 continue
             exact = fidelity.measure({**self.common, "modes.method": self.exact}, self.points)
-            error = REANALYSIS_TOLERANCE_SHARE * fidelity.tolerance + fidelity.error(made, exact)
-            seconds = made.reduction_seconds + made.setup_seconds
-            cost = seconds + made.seconds * points / fidelity.jobs
-            found.append(TriedSetting(rung.label, rung.changes, error, cost))
-        return found
+            error = REANALYSIS_TOLERANCE_SHARE * fidelity.tolerance + fidelity.error(
+                measurement, exact
+            )
+            seconds = measurement.reduction_seconds + measurement.setup_seconds
+            cost = seconds + measurement.seconds * points / fidelity.jobs
+            settings.append(TriedSetting(rung.label, rung.changes, error, cost))
+        return settings
 
     def _error(self, made: Measurement, changes: Mapping[str, Any]) -> float:
         """Largest at the pilots, one by one until one is beyond the whole tolerance.

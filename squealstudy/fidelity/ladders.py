@@ -47,14 +47,14 @@ Ladder = tuple[Setting, ...]  # settings of one kind, cheapest first
 def free_ladders(study: ResolvedStudy) -> dict[str, Ladder]:
     """The ladders of a study whose keys the file leaves out; explicit settings always win."""
     if not study.kind.chooses_rung:
-        wanted = _time_ladders(study)
+        ladders = _time_ladders(study)
     else:
-        wanted = {REDUCTION: _reductions()} if has_mesh(study) else {}
-    given = given_keys(study)
+        ladders = {REDUCTION: _reductions()} if has_mesh(study) else {}
+    keys = given_keys(study)
     return {
         name: rungs
-        for name, rungs in wanted.items()
-        if not any(key in given for rung in rungs for key in rung.changes)
+        for name, rungs in ladders.items()
+        if not any(key in keys for rung in rungs for key in rung.changes)
     }
 
 
@@ -99,10 +99,10 @@ def training_step(study: ResolvedStudy) -> dict[str, float]:
 
     The file's own where it gives one; nothing where it says how to train.
     """
-    given, usable = given_keys(study), _usable_steps(study)
-    if "transient.pod_step" in given:
+    keys, usable = given_keys(study), _usable_steps(study)
+    if "transient.pod_step" in keys:
         return {}
-    if "transient.step" in given or len(usable) < 2:
+    if "transient.step" in keys or len(usable) < 2:
         return {"transient.pod_step": study.section.step}
     return {"transient.pod_step": usable[min(TRIAL_STEP, len(usable) - 1)]}
 
@@ -121,8 +121,8 @@ def _bases(study: ResolvedStudy) -> Ladder:
 
 def _saturations(study: ResolvedStudy) -> Ladder:
     """Sliding speeds below which points stick, of all design points, softest friction first."""
-    own = REGULARISATION_SHARE * slowest_speed(study)
-    speeds = [factor * own for factor in SATURATION_CANDIDATES]
+    stick_speed = REGULARISATION_SHARE * slowest_speed(study)
+    speeds = [factor * stick_speed for factor in SATURATION_CANDIDATES]
     key = f"parameters.{REGULARISATION_SPEED.name}"
     return tuple(Setting(f"sticking below {s:.3g} m/s", {key: s}) for s in speeds)
 

@@ -88,9 +88,9 @@ class FidelityStudy:
     @property
     def measuring(self) -> Measuring:
         """How settings are timed and compared."""
-        found = as_kind(self.study.kind).measuring()
-        assert found is not None
-        return found
+        measuring = as_kind(self.study.kind).measuring()
+        assert measuring is not None
+        return measuring
 
     @property
     def _workers(self) -> Workers:
@@ -109,8 +109,8 @@ class FidelityStudy:
         if name not in self.measured:
             plan = self.variant(changes, self.plan.swept)
             together = not self.in_time and plan.method.rung.shares_work
-            wanted = None if together else {plan.tasks[i].structure for i in points}
-            failures = build_structures(plan, self._workers, wanted)
+            structures = None if together else {plan.tasks[i].structure for i in points}
+            failures = build_structures(plan, self._workers, structures)
             self.measured[name] = self._measured(plan, points, failures)
             self.report("pilot runs", len(self.measured), len(self.measured) + 1)
         return self.measured[name]
@@ -124,19 +124,21 @@ class FidelityStudy:
         if not built:
             raise SquealstudyError(f"{self.study.source.path}: {reasons[0]}")
         try:
-            made = self.measuring.measure(plan, built, MeasurementRequest())
+            measurement = self.measuring.measure(plan, built, MeasurementRequest())
         except SquealstudyError:
             raise
         except FAILURES as error:  # nobody foresaw it: the settings do not work
             raise SquealstudyError(
                 f"{self.study.source.path}: settings cannot be tried: {unforeseen(error)[1]}"
             ) from error
-        own = iter(made.findings.values())
+        measured_findings = iter(measurement.findings.values())
         findings = {
-            str(n): {"status": "structure", "message": reason} if reason else next(own)
+            str(n): {"status": "structure", "message": reason}
+            if reason
+            else next(measured_findings)
             for n, reason in enumerate(reasons)
         }
-        return replace(made, findings=findings)
+        return replace(measurement, findings=findings)
 
     def pilots(self, changes: Mapping[str, Any], candidates: Sequence[int]) -> list[int]:
         """The first design points, as many as the section asks for, at which settings work.
@@ -149,21 +151,23 @@ class FidelityStudy:
             Where none of the candidates works: nothing can be chosen by them.
         """
         count = self.section.pilots
-        kept, waiting = list(candidates[:count]), list(candidates[count:])
+        chosen, waiting = list(candidates[:count]), list(candidates[count:])
         first = ""
-        while kept:
+        while chosen:
             try:
-                found = self.measure(changes, kept).findings
+                findings = self.measure(changes, chosen).findings
             except SquealstudyError as error:  # none of their structures can be made
-                found = {str(p): {"status": "structure", "message": str(error)} for p in kept}
-            good = [p for p, f in zip(kept, found.values(), strict=True) if f["status"] == "ok"]
-            if len(good) == len(kept):
-                return kept
-            bad = next(f for f in found.values() if f["status"] != "ok")
+                findings = {str(p): {"status": "structure", "message": str(error)} for p in chosen}
+            good = [
+                p for p, f in zip(chosen, findings.values(), strict=True) if f["status"] == "ok"
+            ]
+            if len(good) == len(chosen):
+                return chosen
+            bad = next(f for f in findings.values() if f["status"] != "ok")
             first = first or f"{bad['status']}: {bad['message']}"
-            self.failed.update(set(kept) - set(good))
+            self.failed.update(set(chosen) - set(good))
             missing = count - len(good)
-            kept, waiting = good + waiting[:missing], waiting[missing:]
+            chosen, waiting = good + waiting[:missing], waiting[missing:]
         raise SquealstudyError(
             f"{self.study.source.path}: every pilot design point failed, the first with {first}; "
             "without [fidelity] the study runs as its settings say"

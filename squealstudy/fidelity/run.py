@@ -110,7 +110,7 @@ def run_resolved(
     the last round is said there and in a warning.
     """
     fidelity = resolved.fidelity
-    asked = fidelity.section.tolerance
+    tolerance = fidelity.section.tolerance
     doubtful: set[int] = set()
     errors: list[float | None] = []
     for number in range(MOST_ROUNDS):
@@ -126,27 +126,28 @@ def run_resolved(
         )
         changes = resolved.choice.chosen.changes
         points = sorted(doubtful | set(drawn_points(fidelity, number)))
-        found = audit(fidelity, resolved.plan, directory, changes, points)
-        errors.append(found.error)
-        doubtful |= set(found.points)  # once audited, always: another draw must not hide an error
-        passed = found.error is None or found.error <= asked
-        audited = _audited(found, passed) | {"errors_of_rounds": errors}
+        outcome = audit(fidelity, resolved.plan, directory, changes, points)
+        errors.append(outcome.error)
+        doubtful |= set(outcome.points)  # always audited from now on: no draw hides an error
+        passed = outcome.error is None or outcome.error <= tolerance
+        audited = _audited(outcome, passed) | {"errors_of_rounds": errors}
         facts = resolved.facts | {"audit": audited, "rounds": number + 1}
         manifest = done.manifest | {"fidelity": facts}
         write_manifest(directory, manifest)
         if passed or number + 1 == MOST_ROUNDS:
             break
-        stricter = 0.5 * resolved.fidelity.tolerance * asked / max(found.error or asked, asked)
+        half = 0.5 * resolved.fidelity.tolerance
+        stricter = half * tolerance / max(outcome.error or tolerance, tolerance)
         again = resolve(fidelity.study, fidelity.jobs, report, stricter, fidelity.cluster)
         if _deciding(again.choice) == _deciding(resolved.choice):
             break
         warn(
-            f"fidelity: the audit found an error of {found.error:.1e}, more than {asked:g}: once "
-            f"more with {again.choice.chosen.text}"
+            f"fidelity: the audit found an error of {outcome.error:.1e}, more than {tolerance:g}: "
+            f"once more with {again.choice.chosen.text}"
         )
         resolved = again
     if not passed:
-        warn(f"fidelity: the audit found an error of {found.error:.1e}, more than {asked:g}")
+        warn(f"fidelity: the audit found an error of {outcome.error:.1e}, more than {tolerance:g}")
     return RunReport(done.directory, manifest, done.n_solved, done.n_reused)
 
 
@@ -203,18 +204,18 @@ def audit(
     more contact points and all modes. Points that failed are left out.
     """
     better, against = _better(fidelity, changes)
-    found = _own_findings(fidelity, plan, directory, points)
-    usable = [i for i in points if found[i]["status"] == "ok"]
+    own_findings = _own_findings(fidelity, plan, directory, points)
+    usable = [i for i in points if own_findings[i]["status"] == "ok"]
     if not usable:
         return Audit(None, (), against)
     quiet = QUIET if fidelity.in_time else {}
     truth = fidelity.measure({**changes, **better, **quiet}, usable).findings
     pairs = [(i, truth[str(n)]) for n, i in enumerate(usable)]
-    kept = [(i, true) for i, true in pairs if true["status"] == "ok"]
-    if not kept:
+    judged = [(i, true) for i, true in pairs if true["status"] == "ok"]
+    if not judged:
         return Audit(None, (), against)
-    error = max(fidelity.point_error(found[i], true) for i, true in kept)
-    return Audit(error, tuple(i for i, _ in kept), against)
+    error = max(fidelity.point_error(own_findings[i], true) for i, true in judged)
+    return Audit(error, tuple(i for i, _ in judged), against)
 
 
 def _own_findings(
@@ -238,12 +239,12 @@ def _better(fidelity: FidelityStudy, changes: Mapping[str, Any]) -> tuple[dict[s
     words_of = []
     for name, ladder in free_ladders(fidelity.study).items():
         keys = {key for rung in ladder for key in rung.changes}
-        own = {k: changes[k] for k in keys if k in changes}
+        chosen_here = {k: changes[k] for k in keys if k in changes}
         if name == BASIS:
-            better |= ALL_MODES if own else {}
-            words_of += ["all modes"] if own else []
+            better |= ALL_MODES if chosen_here else {}
+            words_of += ["all modes"] if chosen_here else []
             continue
-        at = [dict(r.changes) for r in ladder].index(own)
+        at = [dict(r.changes) for r in ladder].index(chosen_here)
         if at + 1 < len(ladder):
             better |= ladder[at + 1].changes
             words_of.append(ladder[at + 1].label)

@@ -50,10 +50,10 @@ def search_runs(fidelity: FidelityStudy) -> Choice:
             attempt(search.ladders[name])
     section = fidelity.section
     cost, fixed = search.study_seconds()
-    given = search.given_error()
-    chosen = choose(search.tried, given, cost, fidelity.tolerance, section.budget, fixed)
-    for name, found in search.tried.items():
-        chosen = chosen.with_untried(search.ladders[name], [t.label for t in found])
+    given_error = search.given_error()
+    chosen = choose(search.tried, given_error, cost, fidelity.tolerance, section.budget, fixed)
+    for name, settings in search.tried.items():
+        chosen = chosen.with_untried(search.ladders[name], [t.label for t in settings])
     return chosen.with_changes(search.always).with_failures(fidelity.failed)
 
 
@@ -90,15 +90,15 @@ class RunSearch:
         """Smaller bases against all modes, until one is within its share."""
         *small, whole = ladder
         truth = self.measure({})
-        found = []
+        settings = []
         for rung in small:
-            made = self.measure(rung.changes)
-            error = self.fidelity.error(made, truth)
-            found.append(TriedSetting(rung.label, rung.changes, error, made.seconds))
+            measurement = self.measure(rung.changes)
+            error = self.fidelity.error(measurement, truth)
+            settings.append(TriedSetting(rung.label, rung.changes, error, measurement.seconds))
             if error <= self.share:
                 break
-        found.append(TriedSetting(whole.label, whole.changes, 0.0, truth.seconds))
-        self._keep(BASIS, found)
+        settings.append(TriedSetting(whole.label, whole.changes, 0.0, truth.seconds))
+        self._keep(BASIS, settings)
 
     def try_contact_points(self, ladder: Ladder) -> None:
         """More points against fewer: the error of a rung is the change to the next."""
@@ -117,21 +117,21 @@ class RunSearch:
         From twice the step of the trials on; longer ones are tried where that pays.
         """
         at = max(0, min(TRIAL_STEP, len(ladder) - 1) - 1)
-        found = self._refined(ladder[at:], RICHARDSON_FACTOR)
-        while at > 0 and found[0].error <= self.share and self._pays(ladder[at].changes):
+        settings = self._refined(ladder[at:], RICHARDSON_FACTOR)
+        while at > 0 and settings[0].error <= self.share and self._pays(ladder[at].changes):
             at -= 1
             longer, shorter = (self.measure(ladder[k].changes) for k in (at, at + 1))
             error = RICHARDSON_FACTOR * self.fidelity.error(longer, shorter)
-            found.insert(
+            settings.insert(
                 0, TriedSetting(ladder[at].label, ladder[at].changes, error, longer.seconds)
             )
-        self._keep(STEP, found)
+        self._keep(STEP, settings)
 
     def _pays(self, changes: Mapping[str, Any]) -> bool:
         """Whether a try of twice the step may save the study more than the try takes."""
-        made = self.measure(changes)
-        study = made.seconds * len(self.fidelity.plan.tasks) / self.fidelity.jobs
-        trial = made.seconds * len(self.points) + made.setup_seconds
+        measurement = self.measure(changes)
+        study = measurement.seconds * len(self.fidelity.plan.tasks) / self.fidelity.jobs
+        trial = measurement.seconds * len(self.points) + measurement.setup_seconds
         return pays(study, trial)
 
     def _refined(self, ladder: Ladder, factor: float) -> list[TriedSetting]:
@@ -139,16 +139,16 @@ class RunSearch:
 
         What is left after the last one tried is taken for a quarter of the change that led to it.
         """
-        found: list[TriedSetting] = []
+        settings: list[TriedSetting] = []
         coarse = self.measure(ladder[0].changes)
         for rung, finer in pairwise(ladder):
             fine = self.measure(finer.changes)
             error = factor * self.fidelity.error(coarse, fine)
-            found.append(TriedSetting(rung.label, rung.changes, error, coarse.seconds))
+            settings.append(TriedSetting(rung.label, rung.changes, error, coarse.seconds))
             coarse = fine
             if error <= self.share:
                 break
-        return [*found, TriedSetting(finer.label, finer.changes, error / 4, coarse.seconds)]
+        return [*settings, TriedSetting(finer.label, finer.changes, error / 4, coarse.seconds)]
 
     def _keep(self, name: str, found: list[TriedSetting]) -> None:
         """Go on with the cheapest of a ladder that is good enough, else with its best."""
@@ -174,11 +174,11 @@ class RunSearch:
 
     def study_seconds(self) -> tuple[float, float]:
         """Seconds of all points with the first rung of every ladder, and of what they share."""
-        made = self.measure({})
-        cost = made.seconds * len(self.fidelity.plan.tasks) / self.fidelity.jobs
+        measurement = self.measure({})
+        cost = measurement.seconds * len(self.fidelity.plan.tasks) / self.fidelity.jobs
         for name, best in self.kept.items():
             cost *= self.tried[name][0].cost / best.cost if best.cost > 0 else 1.0
-        return cost, made.reduction_seconds + made.setup_seconds
+        return cost, measurement.reduction_seconds + measurement.setup_seconds
 
 
 def interior_pilots(plan: Plan, count: int) -> list[int]:
