@@ -183,6 +183,12 @@ def figure(value: float, form: str = ".4g", unknown: str = UNKNOWN) -> str:
     return f"{value:{form}}" if value == value else unknown
 
 
+def small_percent(share: float) -> str:
+    """A relative error in percent, in two digits; what nobody asks for is ``< .001``."""
+    least = 0.001  # %
+    return f"< {least:g}" if 0.0 <= 100 * share < least else figure(100 * share, ".2g")
+
+
 def units_of(names: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:
     """Unit of each column that has one, empty for pure numbers.
 

@@ -185,7 +185,7 @@ def test_cycles_from_onset(tmp_path):
     assert onset["value"] == pytest.approx(0.30127, abs=3e-5)
     assert onset["criticality"] == "supercritical"
     facts = dict(SCREEN.facts(found))
-    assert "H at 0.3013 (supercritical)" in facts["branch"]
+    assert "Hopf point at 0.3013 (supercritical)" in facts["branch"]
 
 
 def test_verdict_map(tmp_path):

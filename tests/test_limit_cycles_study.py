@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from study_runs import plan_of, solved
+from study_runs import load_plan, plan_of, solved
 
 import squealstudy as sq
 from squealstudy.cycles.projection import Projection
+from squealstudy.engine.forecast import Estimate, run_seconds
 from squealstudy.errors import ConvergenceError, ResultsError, StudyFileError
 
 STUDY = Path(__file__).parents[1] / "studies" / "kicked_squeal.toml"
@@ -132,7 +133,7 @@ def test_silent_designs_and_outside_validity(tmp_path):
     }
     quiet = solved(plan_of(study([0.2], **changes), STUDY), tmp_path / "quiet").points.iloc[0]
     assert quiet["verdict"] == "no_cycle_found"
-    assert "up to 0.2" in quiet["reason"]  # a step further
+    assert "velocity of 0.2" in quiet["reason"]  # a step further
     assert "with up to 7 harmonics" in quiet["reason"]
 
 
@@ -231,10 +232,21 @@ def test_cycles_of_which_more_harmonics_are_lost_are_inaccurate(tmp_path, monkey
     assert len(results.table("cycles")) == 0
     assert results.table("verdicts")["n_lost"].sum() > 0
     assert results.points["verdict"].tolist() == ["squeals_if_kicked"]  # by a run in time
-    assert "the motion that lacks least damping" in results.points["reason"].iloc[0]
+    assert "the motion nearest to growing" in results.points["reason"].iloc[0]
 
 
 def test_a_model_that_is_too_large_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("squealstudy.kinds.limit_cycles.designs.MAX_COORDINATES", 1)
     with pytest.raises(ResultsError, match="has 2 coordinates, limit cycles are for 1 at most"):
         solved(plan_of(study([0.6]), STUDY), tmp_path / "large")
+
+
+@pytest.mark.parametrize(
+    ("name", "point_s", "measured_s"),  # of the timed points; of the run, on one idle core
+    [("verdict_map", 0.22, 27.0), ("kicked_squeal", 0.33, 10.5), ("cycles_from_onset", 0.09, 3.1)],
+)
+def test_time_tells_branches_and_borders_too(name, point_s, measured_s):
+    plan = load_plan(Path(__file__).parents[1] / "studies" / f"{name}.toml")
+    cost = Estimate(0, None, point_s, None, None, "")
+    low, high = run_seconds(plan, cost, len(plan.tasks), 1)
+    assert low < measured_s < high < 4.0 * measured_s

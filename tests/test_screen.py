@@ -88,7 +88,7 @@ def test_every_class_and_verdict_has_a_letter_of_its_own():
 
 
 def test_a_reason_that_stands_often_is_a_footnote():
-    long = "mode 1: a stable cycle beside a stable mode"
+    long = "mode 1: steady sliding is stable, and so is a cycle beside it"
     assert footnotes([long, "short", long]) == {long: "a", "short": "b"}
     assert footnotes([long, "another"]) == {long: long, "another": "another"}
     assert footnotes(["short", "short"]) == {"short": "short"}

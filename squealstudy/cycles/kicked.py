@@ -158,8 +158,12 @@ def decided_in_time(
         if len(own) == len(tried) or _lasting(own):
             family = _decided(family, own)
         else:
-            left = f"a run from {own[0].start} does not last, others" if own else "runs in time"
-            why = f"{left} were not tried, for the design squeals if kicked"
+            left = (
+                f"a run in time from {own[0].start} does not last; others"
+                if own
+                else "runs in time"
+            )
+            why = f"{left} were not tried, as the design squeals if kicked by another mode"
             family = replace(family, reason=f"{family.reason}; {why}")
         decided.append((k, family))
     return found._replace(families=decided)
@@ -191,7 +195,7 @@ def _with_level(
         point = replace(contact.point, q0=q, v0=v, continued=name == CYCLE)
         (motion,) = run_on(contact, [point], band)
         run = with_regularisation(contact, ended(name, motion, band), motion, band)
-        reason = f"{family.reason}; a run from {name} came to nothing that can be named"
+        reason = f"{family.reason}; {run.nothing_told}"
         if run.outcome == LASTS and family.verdict == SQUEALS:
             reason = f"unstable mode; level of a run in time from {name}"
         elif run.outcome == LASTS:
@@ -219,17 +223,17 @@ def _starts(
     if family.cycles:
         cycle = max(family.cycles, key=lambda c: c.levels["contact_velocity"])
         above = cycle.attracts is False
-        name = "above the unstable cycle" if above else CYCLE
+        name = f"{ABOVE:g} times the unstable cycle" if above else CYCLE
         yield name, state_of(cycle.motion, ABOVE if above else 1.0)
         return
     if family.look is not None:
         open_ = [*family.look.open, *(p.motion for piece in family.look.pieces for p in piece)]
         if open_:
-            yield "the motion that lacks least damping", state_of(max(open_, key=lambda m: m.mu))
+            yield "the motion nearest to growing", state_of(max(open_, key=lambda m: m.mu))
     if family.largest is not None:
         velocity = contact.contact_velocity(family.largest)
         for size, theta in itertools.product(LARGER, TURNS):
-            name = f"the curve's largest motion, made as large as {size * reach:.3g} m/s"
+            name = f"the curve's largest motion, scaled to {size * reach:.3g} m/s"
             yield name, state_of(family.largest, size * reach / velocity, theta)
 
 
@@ -239,17 +243,18 @@ def _decided(family: Family, ends: Sequence[Ended]) -> Family:
         return family
     if lasting := _lasting(ends):
         run = max(lasting, key=lambda run: np.nan_to_num(run.torque_rms))
-        reason = f"a run in time from {run.start} lasts beside a stable mode; no threshold: "
+        reason = (
+            f"steady sliding is stable, but a run in time from {run.start} lasts; no threshold: "
+        )
         return replace(family, run=run, verdict=IF_KICKED, reason=reason + family.reason)
     run = next((run for run in ends if run.outcome != DECAYS), ends[0])
     if run.outcome != DECAYS:
-        reason = f"{family.reason}; a run from {run.start} came to nothing that can be named"
-        return replace(family, run=run, reason=reason)
+        return replace(family, run=run, reason=f"{family.reason}; {run.nothing_told}")
     names = " and ".join(dict.fromkeys(run.start for run in ends))
-    count = "a run" if len(ends) == 1 else f"each of {len(ends)} runs"
+    count = "a run in time" if len(ends) == 1 else f"each of {len(ends)} runs in time"
     reason = f"{family.reason}; {count} from {names} decays"
     if family.cut_short and family.largest is not None:
-        reason += "; a cycle apart from the curve and from these is not excluded"
+        reason += "; cycles apart from the curve and these runs were not searched"
         return replace(family, run=run, verdict=NO_CYCLE, reason=reason)
     return replace(family, run=run, reason=reason)
 

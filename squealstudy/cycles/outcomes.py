@@ -24,6 +24,13 @@ def class_of(run: Motion) -> str:
     return UNDECIDED if name in LASTING and _undamped(run) else name
 
 
+def undecided_because(run: Motion) -> str:
+    """Why the class of a finished run is undecided."""
+    if run_verdict(run, moving_energy(run)).name in LASTING:
+        return "it lasts, but without damping any motion does"
+    return f"{run.time:.3g} s were too short to tell whether it lasts"
+
+
 def known_so_far(run: Motion, duration: float, tolerance: float) -> str:
     """`known_outcome`, or ``settled`` of a motion that repeats, in which nothing else rises.
 

@@ -16,7 +16,7 @@ from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.friction_steps import longest_step, rounds_off
 from squealstudy.cycles.harmonics import series_at
-from squealstudy.cycles.outcomes import class_of, known_so_far
+from squealstudy.cycles.outcomes import class_of, known_so_far, undecided_because
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
@@ -133,6 +133,8 @@ class Ended:
         The level is that of the torque within the band alone.
     level : Level or None
         The same level with its parts: of the window, of the step, of regularisation.
+    why : str
+        Of a run that failed, or whose outcome is not known: why, in words.
     """
 
     start: str
@@ -147,6 +149,7 @@ class Ended:
     regularisation: float = np.nan
     band: bool = False
     level: Level | None = None
+    why: str = ""
 
     @property
     def outcome(self) -> str:
@@ -164,7 +167,17 @@ class Ended:
         if self.outcome == DECAYS:
             return f"{self.start}: {DECAYS}"
         at = f" near {self.mode_hz:.4g} Hz" if np.isfinite(self.mode_hz) else ""
-        return f"{self.start}: {self.found.replace('_', ' ')}{at}"
+        why = f" ({self.why})" if self.why else ""
+        return f"{self.start}: {self.found.replace('_', ' ')}{at}{why}"
+
+    @property
+    def nothing_told(self) -> str:
+        """Of a run that tells neither a level nor decay, as a clause: what became of it."""
+        if self.outcome == DECAYS:
+            return f"a run in time from {self.start} decays"
+        if self.found == FAILED:
+            return f"a run in time from {self.start} fails: {self.why}"
+        return f"a run in time from {self.start} is undecided: {self.why}"
 
 
 def run_on(
@@ -267,7 +280,7 @@ def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -
     within the band.
     """
     if motion.outcome != "ok":
-        return Ended(start, FAILED)
+        return Ended(start, FAILED, why=motion.message)
     by_step = motion.by_step if isinstance(motion, Refined) else OF_THE_WINDOW
     summary = summarise(motion)
     point, found = summary.point, class_of(motion)
@@ -275,7 +288,8 @@ def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -
     outside = point.get("energy_outside_share", 0.0) > OUTSIDE
     mode = np.nan if outside else max(shares, key=lambda hz: shares[hz], default=np.nan)
     if found not in SUSTAINED:
-        return Ended(start, found, mode_hz=mode)
+        why = undecided_because(motion) if found == UNDECIDED else ""
+        return Ended(start, found, mode_hz=mode, why=why)
     line = point["torque_line_hz"]
     error = point["frequency_error"] + by_step.frequency
     hz, error = told_frequency(point["frequency_hz"], error)

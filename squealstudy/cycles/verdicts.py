@@ -13,14 +13,32 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from squealstudy.cycles.curve import CurveMotion
+from squealstudy.cycles.curve import BASIS, LOST, CurveMotion
 from squealstudy.cycles.cycle import OK, Cycle, same_cycle
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.growth import DAMPED, FAR, SecondLook
+from squealstudy.cycles.growth import (
+    DAMPED,
+    FAR,
+    OTHER,
+    RETRACED,
+    SHRUNK,
+    STILL,
+    SecondLook,
+)
 from squealstudy.cycles.trials import Ended
 from squealstudy.wording import IF_KICKED, NEUTRAL, NO_CYCLE, SQUEALS, UNDECIDED, plural
 
 NOT_FOLLOWED = "not_followed"  # end of a curve that was not asked for
+CURVE_ENDS = {  # why a curve ended before it was followed as far as asked, in words
+    OTHER: "the motion became that of another resonance",
+    SHRUNK: "the motion came back to no amplitude",
+    STILL: "the frequency of the motion went to zero",
+    RETRACED: "the curve turned back on its own path",
+    BASIS: "more vectors would be needed than are used",
+    LOST: "the equations did not converge",
+    "steps": "it took too many steps",
+    "no_contact_motion": "the mode does not move the contact",
+}
 SEARCHED = (FAR, DAMPED)  # ends of curves that were followed as far as there is hope
 HOPELESS = 0.02  # damping ratio missing, beyond small motions', at which large models are left
 VAGUE = 0.05  # error of a contact velocity beyond which it is no threshold, and has no share
@@ -158,21 +176,25 @@ def judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
         threshold, why = None, "another mode is unstable"
         if not any_unstable:
             threshold, why = _threshold(family, stable)
-        reason = "a stable cycle beside a stable mode" + (f"; no threshold: {why}" if why else "")
+        reason = "steady sliding is stable, and so is a cycle beside it" + (
+            f"; no threshold: {why}" if why else ""
+        )
         return replace(family, verdict=IF_KICKED, reason=reason, threshold=threshold)
     if family.undamped and family.cut_short and family.end in SEARCHED:
         return replace(family, verdict=NEUTRAL, reason=_neutral(family))
     if inexact:
-        reason = f"{inexact} cycles whose stability or level cannot be told"
+        count = plural(inexact, "cycle")
+        reason = f"{count} found, too inexactly to tell whether stable or how loud"
     elif family.cycles:
-        reason = "unstable cycles alone: what is beyond them was not found"
+        reason = "only unstable cycles found; what larger motions come to is open"
     elif family.end not in SEARCHED:
-        reason = f"growth over amplitude was lost at {family.reached:.3g} m/s: {family.end}"
+        why = CURVE_ENDS.get(family.end, family.end)
+        reason = f"followed up to a contact velocity of {family.reached:.3g} m/s only: {why}"
     elif family.look is None or family.look.grows:
-        reason = "grows at some amplitude, no cycle found"
+        reason = "motions of some amplitude grow, but no cycle was found"
     elif family.look.open:
         count = plural(len(family.look.open), "amplitude")
-        reason = f"{count} at which more harmonics leave growth open"
+        reason = f"{count} at which more harmonics do not tell whether motions grow"
     else:
         return replace(family, verdict=NO_CYCLE, reason=_searched(family, family.look))
     return replace(family, reason=reason)
@@ -181,22 +203,22 @@ def judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
 def _neutral(family: Family) -> str:
     """What becomes of kicks of a mode without damping."""
     small = family.undamped
-    larger = f", larger ones decay up to {family.reached:.3g} m/s" if small < family.reached else ""
+    larger = f"; larger ones, up to {family.reached:.3g} m/s, decay"
     return (
-        f"without damping: motions up to {small:.3g} m/s neither grow nor decay{larger}; "
-        "as large as a kick makes it, and no cycle"
+        f"no damping: motions up to a contact velocity of {small:.3g} m/s stay as large as a kick "
+        f"makes them{larger if small < family.reached else ''}"
     )
 
 
 def _searched(family: Family, look: SecondLook) -> str:
     """What was searched where no cycle was found."""
-    left = f" (left there, {100 * HOPELESS:g} % of damping missing)" if family.end == DAMPED else ""
-    places = f"{plural(look.checked, 'place')} of it with up to {look.harmonics} harmonics"
-    at = f" at {family.origin}, a design nearby," if family.origin else ""
-    here = " here" if family.origin else ""
+    left = f" (not further: {100 * HOPELESS:g} % of damping missing)" * (family.end == DAMPED)
+    on = f" on the curve of {family.origin}, a design nearby" if family.origin else ""
+    places = plural(look.checked, "amplitude")
     return (
-        f"none on this mode's curve{at} up to {family.reached:.3g} m/s{left}, {places}{here}; "
-        "a cycle apart from it is not excluded"
+        f"no cycle up to a contact velocity of {family.reached:.3g} m/s{on}{left}, checked at "
+        f"{places} with up to {look.harmonics} harmonics; cycles apart from this curve were not "
+        "searched"
     )
 
 
@@ -219,10 +241,12 @@ def alone(number: int, family: Family, found: Sequence[tuple[int, Family]]) -> F
 def _threshold(family: Family, stable: Cycle) -> tuple[Cycle | None, str]:
     """The only cycle below the stable one, if it is a saddle; why there is none."""
     below = family.cycles[: family.cycles.index(stable)]
-    if family.lost or len(below) != 1:
-        return None, "not one cycle between them"
+    if family.lost:
+        return None, "other cycles below the stable one may be missing"
+    if len(below) != 1:
+        return None, f"it would be the only cycle below the stable one, found {len(below)}"
     if below[0].status != OK or below[0].velocity_error > VAGUE:
-        return None, "the cycle between them is inaccurate"
+        return None, "the cycle below the stable one is inexact"
     if not below[0].multipliers.saddle:
-        return None, "the cycle between them has not just one unstable direction for certain"
+        return None, "the cycle below the stable one may have no or several unstable directions"
     return below[0], ""

@@ -23,7 +23,7 @@ OUTCOMES = {
 def outcome_of(status: int, time: float) -> tuple[str, str]:
     """Outcome and message of a run with a kernel's status that got to a time [s]."""
     outcome, reason = OUTCOMES[status]
-    return outcome, f"t = {time:.9g} s: {reason}" if reason else ""
+    return outcome, f"t = {time:.4g} s: {reason}" if reason else ""
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from squealstudy.motion.integrator import Integrator, KernelIntegrator
 from squealstudy.motion.motion import EnergyBalance, Motion, outcome_of
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint
+from squealstudy.wording import plural
 
 
 @dataclass(frozen=True)
@@ -223,11 +224,29 @@ def _paused(counts: np.ndarray) -> list[int]:
 
 
 def _judged(system: ModalSystem, motion: Motion) -> Motion:
-    """The motion, with its outcome and message where it blew up."""
-    if not blown_up(motion, system):
+    """The motion, with its outcome and message where it blew up or failed."""
+    if blown_up(motion, system):
+        outcome, message = outcome_of(layout.BLOWN_UP, motion.time)
+        motion = replace(motion, outcome=outcome, message=message, stopped="")
+    if motion.outcome == "ok" or not (contact := failing_contact(system, motion)):
         return motion
-    outcome, message = outcome_of(layout.BLOWN_UP, motion.time)
-    return replace(motion, outcome=outcome, message=message, stopped="")
+    return replace(motion, message=f"{motion.message}; {contact}")
+
+
+def failing_contact(system: ModalSystem, motion: Motion) -> str:
+    """What the contact of a motion that failed was like at its end; empty where it was closed.
+
+    Beyond where the tangent of a softening spring changes sign nothing holds a motion: it runs
+    away.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        gap = motion.point.points(system)[POINT_GAP] + system.N @ motion.q
+        given_way = np.flatnonzero(motion.point.contact.evaluate(gap)[1] < 0.0)
+    if len(given_way):
+        points = plural(len(gap), "contact point")
+        return f"a softening contact spring has given way at {len(given_way)} of {points}"
+    open_ = not motion.point.contact.definition.pulls and bool((gap > 0.0).all())
+    return "the whole contact was open" if open_ and len(gap) else ""
 
 
 def blown_up(motion: Motion, system: ModalSystem) -> bool:

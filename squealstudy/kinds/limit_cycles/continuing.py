@@ -374,7 +374,7 @@ def _judge_again(
                 verdict["reason"] = f"unstable mode, with a stable cycle: {came}"
         elif stable:
             if verdict["verdict"] != IF_KICKED:
-                verdict["reason"] = f"{came} is stable beside a stable mode; no threshold"
+                verdict["reason"] = f"{came} is stable, and so is steady sliding; no threshold"
             verdict["verdict"] = IF_KICKED
         elif verdict["verdict"] == NO_CYCLE:
             if cycle is not None:

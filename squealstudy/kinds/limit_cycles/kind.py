@@ -20,7 +20,7 @@ from squealstudy.engine.cache import NewGaps, is_prepared, load_prepared
 from squealstudy.engine.cycle_states import cycle_file
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
-from squealstudy.engine.model_kind import OFTEN_CHANGED, Columns, ModelKind
+from squealstudy.engine.model_kind import OFTEN_CHANGED, Columns, ModelKind, Solves
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import failed_row
 from squealstudy.engine.store import (
@@ -72,6 +72,11 @@ CONTINUED = (
 )
 POINTS_PER_TASK, MIN_TASKS = 8, 6  # design points of a task, if there are so many tasks
 MOST_ORDERED = 5000  # design points that are put in an order: it takes the square of that
+# of the time of points, at most: families of 66 brakes took .6 to 2.1 times the median's CPU time
+LEAST_OF_POINTS, MOST_OF_POINTS = 0.6, 2.0
+# design points, at most: what a line of branches, and a plane of their borders, cost beside them
+# (cycles_from_onset 5, kicked_squeal 10, verdict_map 8 a line; verdict_map 20 a plane)
+BRANCH_POINTS, BORDER_POINTS = 10.0, 25.0
 SOURCES = ("kinds/limit_cycles", "kinds/transient", "cycles")  # the code that decides rows
 
 
@@ -167,6 +172,19 @@ class LimitCycles(ModelKind):
         text = f"harmonic balance, {count}, levels to {100 * section.tolerance:g} %"
         return [("method", text)]
 
+    def solves(self, plan: Plan) -> Solves:
+        """Designs differ much; branches and borders are followed after them, where asked for."""
+        section: LimitCyclesSection = plan.study.section
+        further = 0.0
+        if section.follow is not None:
+            n_lines = len(_lines(plan, section.follow))
+            further = BRANCH_POINTS * n_lines
+        if section.borders_over is not None:
+            n_planes = len(_lines(plan, section.follow, section.borders_over))
+            further += BORDER_POINTS * n_planes
+        longest = MOST_OF_POINTS + further / len(plan.tasks)
+        return Solves(least=LEAST_OF_POINTS, longest=longest)
+
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
         """Seconds of one design point alone."""
         cycles_row(task, request(plan), NewGaps())  # kernels are compiled
@@ -205,6 +223,14 @@ def by_nearness(points: DesignPoints) -> np.ndarray:
             here, left = left[k], np.delete(left, k)
             found.append(int(here))
     return np.array(found)
+
+
+def _lines(plan: Plan, *along: str | None) -> np.ndarray:
+    """What is constant on each line or plane of design points along these parameters (n, ..)."""
+    columns = [k for k, sweep in enumerate(plan.study.sweeps) if sweep.name not in along]
+    constant = np.column_stack([plan.swept[:, columns], plan.tasks.structure_index])
+    found: np.ndarray = np.unique(constant, axis=0)
+    return found
 
 
 def _not_followed(study: ResolvedStudy, name: str | None) -> str:

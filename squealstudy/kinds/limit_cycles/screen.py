@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.cycles.branch import CLOSED
+from squealstudy.cycles.branch import CLOSED, RANGE, SHRUNK
+from squealstudy.cycles.growth import FAR
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, grid, notes
@@ -24,6 +25,8 @@ from squealstudy.wording import (
     figure,
     motion_frequency,
     plural,
+    setting,
+    small_percent,
     with_unit,
 )
 
@@ -36,6 +39,18 @@ MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is ne
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 MOST_BRANCHES, MOST_EVENTS = 6, 6  # listed
 EVENTS = {"F": "folds", "H": "Hopf points"}
+EVENT_WORDS = {
+    "H": "Hopf point",
+    "F": "fold",
+    "NS": "torus bifurcation",
+    "PD": "period doubling",
+    "BP": "branch point",
+}
+BRANCH_ENDS = {
+    SHRUNK: "where the cycle shrinks to steady sliding",
+    RANGE: "at the end of the sweep",
+    FAR: "beyond 'reach'",
+}
 MOST_COLUMNS = 2  # parameters with a column of their own
 
 
@@ -59,6 +74,7 @@ class LimitCyclesScreen(KindScreen):
         own = varied if len(varied) <= MOST_COLUMNS else []
         listed = points.head(MOST_POINTS)
         unit = units.get(TORQUE, "N m")
+        force = "force of friction" if unit == "N" else "torque"
         columns = ("growth 1/s", f"RMS {unit}", "+- %", "Hz", "kick m/s", "kick %")
         words = points["verdict"].where(points["status"] == "ok", FAILED).tolist()
         letters = (
@@ -80,18 +96,26 @@ class LimitCyclesScreen(KindScreen):
         legend = notes(
             *(f"{letter}: {reason}" for reason, letter in why.items() if letter != reason),
             f"{more} more in the points table" if more else "",
-            "growth: fastest complex mode that was followed; RMS, Hz: of the loudest stable cycle, "
-            "or of a run in time that lasts (x2: it is loudest at twice that; ~: its "
-            "loudest line, the motion does not repeat); kick: contact velocity of the unstable "
-            "cycle that a disturbance must exceed, share of that of the loudest stable one",
-            "no cycle found: none on the curves of growth over amplitude of the modes followed"
-            f"{_served(results)}, looked at again with more harmonics; cycles on a branch apart "
-            "from these curves are not excluded, and a kick may start squeal"
+            "growth: of the followed mode that grows fastest or decays slowest",
+            f"RMS: of the {force}, about its mean; +-: its error; Hz: its frequency (x2: loudest "
+            "at twice that; ~: loudest line of a motion that does not repeat); all of the loudest "
+            "stable cycle, or of a run in time that lasts",
+            "kick m/s: a disturbance must move a contact point faster than this to start squeal "
+            "(the unstable cycle); kick %: as share of the speed in the stable cycle"
+            if points["threshold_velocity"].notna().any()
+            else "",
+            "no cycle found: steady sliding is stable, and what was searched leads to no cycle"
+            f"{_served(results)}; others are not excluded: a kick may still start squeal"
             if (points["verdict"] == NO_CYCLE).any()
             else "",
         )
         if not len(listed):
-            return [self.verdict(results), "", *letters, notes("levels: the points table")]
+            return [
+                self.verdict(results),
+                "",
+                *letters,
+                notes("levels and reasons: the points table"),
+            ]
         return [self.verdict(results), "", *letters, *([""] if letters else []), shown, legend]
 
     def verdict(self, results: ResultTables) -> str:
@@ -103,21 +127,25 @@ class LimitCyclesScreen(KindScreen):
         return f"{plural(len(points), 'design')}, of modes {band}: {told}."
 
     def facts(self, results: ResultTables) -> Rows:
-        """Families and cycles; what the levels err by."""
+        """Modes that were followed, and cycles; what the levels err by."""
         cycles, verdicts = results.table("cycles"), results.table("verdicts")
         own = cycles[(cycles["same_as"] == "").to_numpy(bool)]
         counts = verdicts["verdict"].value_counts()
         text = ", ".join(f"{n} {str(name).replace('_', ' ')}" for name, n in counts.items())
-        rows = [("families", text or "none followed")]
+        rows = [("modes", f"followed, over all designs: {text}" if text else "none followed")]
         if len(own):
             bad = int((own["status"] != "ok").sum())
             error = own.loc[own["status"] == "ok", "level_error"].max()
             said = plural(len(own), "cycle")
-            said += f", levels to {100 * error:.2g} % at worst" if bad < len(own) else ""
+            said += (
+                f", error of their levels {small_percent(error)} % at most"
+                if bad < len(own)
+                else ""
+            )
             if bad:
-                said += f"; {bad} inaccurate"
+                said += f"; {bad} too inexact to use"
             rows.append(("cycles", said))
-        rows += _branches(results.table("branches"), results.units)
+        rows += _branches(results)
         return [*rows, *_borders(results.table("borders"))]
 
 
@@ -125,28 +153,39 @@ def _served(results: ResultTables) -> str:
     """Of how many families the curve is that of a design nearby; empty where of none."""
     named = results.table("verdicts").get("curve_of")  # results of before have none
     served = 0 if named is None else int((named != "").sum())
-    return f" (of {served} of all families that of a design nearby, `curve_of`)" if served else ""
+    return (
+        f" ({plural(served, 'mode')} by the curve of a design nearby: `curve_of`)" if served else ""
+    )
 
 
-def _branches(branches: pd.DataFrame, units: Mapping[str, str]) -> Rows:
+def _branches(results: ResultTables) -> Rows:
     """Where each branch has its events."""
-    rows = []
+    branches, units, rows = results.table("branches"), results.units, []
+    points = results.points.set_index("point_id")
+    varied = [p for p in results.parameters if len(set(points[p])) > 1]
     for _, branch in branches.groupby("cycle_id", sort=False):
         along = str(branch["along"].iloc[0])
+        line = points.loc[branch["point_id"].iloc[0]]
+        others = [setting(p, line[p], units.get(p, "")) for p in varied if p != along]
+        at = f" at {', '.join(others)}" if others else ""
         events = branch[(branch["event"] != "").to_numpy(bool)]
         told = [
-            f"{e['event']} at {amount(e['value'], units.get(along, ''))}"
+            f"{EVENT_WORDS.get(e['event'], e['event'])} at "
+            + amount(e["value"], units.get(along, ""))
             + (f" ({e['criticality']})" if e["criticality"] else "")
             for e in events.head(MOST_EVENTS).to_dict("records")
         ]
         more = len(events) - len(told)
         text = ", ".join(told) or "no event"
         ends = [str(v) for v in branch["branch_end"] if v]
-        ended = CLOSED if CLOSED in ends else f"ends: {' and '.join(ends)}"
+        words = [BRANCH_ENDS.get(end, end.replace("_", " ")) for end in dict.fromkeys(ends)]
+        ended = "comes back to its start" if CLOSED in ends else f"ends {' and '.join(words)}"
         rows.append(
             (
                 "branch",
-                f"along {along}: {text}" + (f", {more} more" if more > 0 else "") + f"; {ended}",
+                f"along {along}{at}: {text}"
+                + (f", {more} more" if more > 0 else "")
+                + f"; {ended}",
             )
         )
     if (left := len(rows) - MOST_BRANCHES) > 0:
@@ -167,7 +206,8 @@ def _borders(borders: pd.DataFrame) -> Rows:
     return [
         (
             "borders",
-            over + (f"; of lines they differ by {apart:.1g} at most" if apart == apart else ""),
+            over
+            + f"; where they meet branches they differ by {apart:.1g} at most" * (apart == apart),
         )
     ]
 
@@ -195,7 +235,7 @@ def _cells(row: dict[Hashable, Any], own: list[str], why: Mapping[str, str]) -> 
         str(row["verdict"]).replace("_", " "),
         figure(row["max_growth_rate"]),
         figure(row["torque_rms"]),
-        figure(100 * row["level_error"], ".2g"),
+        small_percent(row["level_error"]),
         hz,
         figure(row["threshold_velocity"]),
         figure(100 * row["threshold_share"], ".0f"),
