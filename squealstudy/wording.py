@@ -43,6 +43,7 @@ UNKNOWN = "-"  # in place of a number that is not known
 
 PREFIXES = (("G", 1e-9), ("M", 1e-6), ("k", 1e-3))
 PREFIXED = ("Pa", "N")  # units that take a prefix
+MAX_PREFIXED = 1e6  # of a number before one: 5.4e17 Pa/m3 is no 5.4e8 GPa/m3
 
 TORQUE = "torque"  # key of the units of a study: of its columns torque_*, N m or N
 TORQUE_COLUMN = re.compile(
@@ -213,7 +214,8 @@ def units_of(names: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:
 
 def prefixed(unit: str, largest: float) -> tuple[str, float]:
     """Unit in which values up to `largest` are shown, and the factor from SI to it."""
-    fitting = ((p, f) for p, f in PREFIXES if largest * f >= 1.0 and unit.startswith(PREFIXED))
+    fits = unit.startswith(PREFIXED)
+    fitting = ((p, f) for p, f in PREFIXES if fits and 1.0 <= largest * f < MAX_PREFIXED)
     prefix, factor = next(fitting, ("", 1.0))
     return prefix + unit, factor
 

@@ -206,6 +206,10 @@ def test_verdict_map(tmp_path):
     border = found.table("borders")
     (own,) = border[border["line_difference"].notna().to_numpy(bool)].to_dict("records")
     assert own["value"] == pytest.approx(0.797, abs=1e-3)
+    facts = SCREEN.facts(found)
+    branches = [text for name, text in facts if name == "branch"]
+    assert any("along friction at contact.cubic_stiffness = -5.4e+17 Pa/m3:" in t for t in branches)
+    assert "where they meet branches they differ by" in dict(facts)["borders"]
     title = found.plot.cycle_levels(along="friction").get_suptitle()
     assert "contact.cubic_stiffness" not in title, "of several lines the title names none"
     figure = found.plot.verdict_map()

@@ -15,6 +15,7 @@ from squealstudy.wording import (
     UNDECIDED,
     VERDICT_LETTERS,
     VERDICTS,
+    amount,
     by_ranges,
 )
 
@@ -92,3 +93,9 @@ def test_a_reason_that_stands_often_is_a_footnote():
     assert footnotes([long, "short", long]) == {long: "a", "short": "b"}
     assert footnotes([long, "another"]) == {long: long, "another": "another"}
     assert footnotes(["short", "short"]) == {"short": "short"}
+
+
+def test_a_prefix_leaves_a_number_that_can_be_read():
+    assert amount(1.2e6, "Pa") == "1.2 MPa"
+    assert amount(5e11, "Pa/m") == "500 GPa/m"
+    assert amount(-5.4e17, "Pa/m3") == "-5.4e+17 Pa/m3"

@@ -207,7 +207,8 @@ def _borders(borders: pd.DataFrame) -> Rows:
         (
             "borders",
             over
-            + f"; where they meet branches they differ by {apart:.1g} at most" * (apart == apart),
+            + f"; where they meet branches they differ by {apart:.1g} at most"
+            * bool(apart == apart),
         )
     ]
 
