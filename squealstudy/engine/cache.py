@@ -67,15 +67,17 @@ def is_whole(folder: Path) -> bool:
         files = {folder / name: sha256 for name, sha256 in meta["files"].items()}
         if not all(map(is_plain_file, files)):  # a device might never end
             return False
-        seen = [(p.stat().st_size, p.stat().st_mtime_ns) for p in (folder / META, *files)]
-        if _verified.get(folder) != seen:
+        sizes_and_times = [
+            (p.stat().st_size, p.stat().st_mtime_ns) for p in (folder / META, *files)
+        ]
+        if _verified.get(folder) != sizes_and_times:
             if meta["format"] != FORMAT or any(file_hash(p) != h for p, h in files.items()):
                 return False
             check_classes(meta["value"])
             if not array_names(meta["value"]) <= set(meta["files"]):
                 return False
             unpacked(meta["value"], folder, thoroughly=True)
-            _verified[folder] = seen
+            _verified[folder] = sizes_and_times
     except OSError as error:
         if error.errno in NO_MORE_FILES:  # of the process or the machine, not the value's fault
             raise
@@ -173,24 +175,24 @@ _watching: list[set[Path]] = []
 @contextmanager
 def touched() -> Iterator[set[Path]]:
     """Folders of values and files of working points that what runs inside writes, or finds."""
-    found: set[Path] = set()
-    _watching.append(found)
+    places: set[Path] = set()
+    _watching.append(places)
     try:
-        yield found
+        yield places
     finally:
-        _watching.remove(found)
+        _watching.remove(places)
 
 
 def _touch(place: Path) -> None:
-    for found in _watching:
-        found.add(place)
+    for watched in _watching:
+        watched.add(place)
 
 
 def folders_of(key: str) -> list[Path]:
     """Folders of the prepared model of a key and of what was made of it; its own comes first."""
-    own = prepared_path(key)
-    found = [own, *sorted(p.parent for p in own.glob(f"[!.]*/[!.]*/{META}"))]
-    return [folder for folder in found if is_whole(folder)]
+    model_folder = prepared_path(key)
+    folders = [model_folder, *sorted(p.parent for p in model_folder.glob(f"[!.]*/[!.]*/{META}"))]
+    return [folder for folder in folders if is_whole(folder)]
 
 
 def contents(place: Path) -> dict[str, bytes]:
@@ -274,20 +276,20 @@ def prepared_model(key: str) -> PreparedModel:
 # -- working points, for later studies of the same model ----------------------------------------
 @lru_cache(maxsize=4)
 def _gaps(key: str) -> dict[str, np.ndarray]:
-    found: dict[str, np.ndarray] = {}
+    gap_of: dict[str, np.ndarray] = {}
     if _links(_gap_folder(key)):  # files there may be anybody's
-        return found
+        return gap_of
     for file in sorted(_gap_folder(key).glob(f"[!.]*{GAPS}")):
         with contextlib.suppress(ValueError, KeyError, OSError, TypeError):
             content = read_whole(file) if is_plain_file(file) else b""
             if hashlib.sha256(content).hexdigest() != file.stem:
                 file.unlink(missing_ok=True)  # damaged, or of a version that named it otherwise
                 continue
-            data = read_arrays(io.BytesIO(content))
-            keys, gaps = data["keys"], data["gaps"]
+            arrays = read_arrays(io.BytesIO(content))
+            keys, gaps = arrays["keys"], arrays["gaps"]
             if gaps.ndim == 2 and gaps.dtype == float and np.isfinite(gaps).all():
-                found.update(zip(keys.tolist(), gaps, strict=True))
-    return found
+                gap_of.update(zip(keys.tolist(), gaps, strict=True))
+    return gap_of
 
 
 def _gap_folder(key: str) -> Path:

@@ -79,10 +79,10 @@ def solve_chunk(kind: Kind, task: Any) -> ChunkRows:
 
 
 def _solved(kind: Kind, task: Any) -> tuple[pa.Table, Solved]:
-    found = kind.solve(task)
-    if found.table is not None:
-        return found.table, found
-    return pa.Table.from_pylist(list(found.rows), schema=kind.schema), found
+    solved = kind.solve(task)
+    if solved.table is not None:
+        return solved.table, solved
+    return pa.Table.from_pylist(list(solved.rows), schema=kind.schema), solved
 
 
 def _solved_or_failed(kind: Kind, task: Any) -> tuple[pa.Table, Solved]:
@@ -110,7 +110,12 @@ def unforeseen(error: Exception) -> tuple[str, str]:
     if isinstance(error, SquealstudyError):
         return status, message
     lines = extract_tb(error.__traceback__)
-    own = [line for line in lines if PACKAGE in Path(line.filename).parents] or list(lines)
-    if not own:
+    package_lines = [line for line in lines if PACKAGE in Path(line.filename).parents] or list(
+        lines
+    )
+    if not package_lines:
         return status, message
-    return status, f"{message} ({Path(own[-1].filename).name}, line {own[-1].lineno})"
+    return (
+        status,
+        f"{message} ({Path(package_lines[-1].filename).name}, line {package_lines[-1].lineno})",
+    )

@@ -142,14 +142,14 @@ class Cluster:
         while not threads:
             time.sleep(0.2)
             threads = self._threads()
-        found = self.client.run(cluster_worker.facts, on_error="return")
-        for address, told in found.items():
-            if isinstance(told, Exception):
+        facts_of = self.client.run(cluster_worker.facts, on_error="return")
+        for address, facts in facts_of.items():
+            if isinstance(facts, Exception):
                 raise MachineError(
-                    f"worker {address} cannot be used ({type(told).__name__}: {told}): "
+                    f"worker {address} cannot be used ({type(facts).__name__}: {facts}): "
                     f"{SAME_VERSIONS_ADVICE}"
                 )
-            if text := difference(cluster_worker.versions(), told["versions"]):
+            if text := difference(cluster_worker.versions(), facts["versions"]):
                 raise MachineError(f"worker {address} has {text}: {SAME_VERSIONS_ADVICE}")
         several = [n for n in threads.values() if n > 1]
         if several:
@@ -157,7 +157,7 @@ class Cluster:
                 f"{plural(len(several), 'worker')} of {len(threads)} have several threads, of "
                 "which one is used: start more workers of one thread each (--nthreads 1)"
             )
-        return [Worker(a, threads.get(a, 1), **told) for a, told in sorted(found.items())]
+        return [Worker(a, threads.get(a, 1), **facts) for a, facts in sorted(facts_of.items())]
 
     # -- tasks -----------------------------------------------------------------------------------
     def each(
@@ -192,7 +192,7 @@ class Cluster:
                     begin(tasks, TASKS_IN_FLIGHT_PER_WORKER * self.size)  # workers may have come
                     continue
                 try:
-                    found = self._result(future)
+                    answer_ = self._result(future)
                 except _DiedError:
                     suspects.append(begun[future])
                     self._cancel([future])
@@ -201,22 +201,22 @@ class Cluster:
                     continue
                 del begun[future], future
                 begin(tasks, TASKS_IN_FLIGHT_PER_WORKER * self.size)
-                yield found
+                yield answer_
             for task in suspects:  # others ended with a task only because they were beside it
                 begin(iter([task]), 1, ALONE)
                 (future,) = begun
                 try:
                     while self._next(ended) is not future:
                         pass
-                    found = self._result(future)
+                    answer_ = self._result(future)
                 except _DiedError as error:
                     if lost is None:
                         raise MachineError(str(error)) from None
-                    found = lost(task, str(error))
+                    answer_ = lost(task, str(error))
                 self._cancel([future])  # errors of others may keep this frame, and it with it
                 begun.clear()
                 del future
-                yield found
+                yield answer_
         finally:
             if begun:
                 self._cancel([*begun])
@@ -235,7 +235,7 @@ class Cluster:
         from distributed import KilledWorker
 
         try:
-            made: Answer = future.result()
+            answer: Answer = future.result()
         except KilledWorker as error:
             last = getattr(error.last_worker, "address", "")
             raise _DiedError(f"{ALL_DIED}, the last at {last}: out of memory, or killed") from error
@@ -246,10 +246,10 @@ class Cluster:
                 text = f"{self.name}: tasks of this run were cancelled there"
                 raise MachineError(text) from error
             raise
-        for name, files in made.made.items():
+        for name, files in answer.made.items():
             keep_contents(prepared_path(name), files)
             self._models.setdefault(name.partition("/")[0], _Model()).held.add(name)
-        return made.found
+        return answer.found
 
     def _cancel(self, futures: list[Future]) -> None:
         with contextlib.suppress(Exception):  # where the scheduler is gone, so are the tasks
@@ -264,9 +264,9 @@ class Cluster:
     def _submit(self, function: Callable[[TaskT], ResultT], task: TaskT, kind: str = "") -> Future:
         call = _pickled((function, task))
         models = [self._model(key) for key in _keys(call) & self._present]
-        held = frozenset().union(*(model.held for model in models))
+        cached_keys = frozenset().union(*(model.held for model in models))
         parcels = [parcel for model in models for parcel in model.parcels]
-        return self._send(answer, self._shared, parcels, held, call, kind=kind)
+        return self._send(answer, self._shared, parcels, cached_keys, call, kind=kind)
 
     def _common(self) -> Future:
         """What all tasks have in common; extensions may have come."""
@@ -302,10 +302,10 @@ class Cluster:
 
 def _keys(call: bytes) -> set[str]:
     """What may be a key among what a pickle holds, in texts or in arrays of them."""
-    found: set[str] = set()
+    keys: set[str] = set()
     for run in KEY.findall(call.replace(b"\0", b"")):
-        found.update(run[i : i + HASH_DIGITS].decode() for i in range(len(run) - HASH_DIGITS + 1))
-    return found
+        keys.update(run[i : i + HASH_DIGITS].decode() for i in range(len(run) - HASH_DIGITS + 1))
+    return keys
 
 
 def _pickled(call: Any) -> bytes:
@@ -347,13 +347,13 @@ def connected(client: Client | str | Path, warn: Callable[[str], None]) -> Itera
             yield cluster
         return
     with quiet():
-        own = client_of(str(client))
+        own_client = client_of(str(client))
         try:
-            with _checked(own, warn) as cluster:
+            with _checked(own_client, warn) as cluster:
                 yield cluster
         finally:
             with contextlib.suppress(Exception):  # of a scheduler that is gone
-                own.close(timeout=CLOSE_TIMEOUT_S)
+                own_client.close(timeout=CLOSE_TIMEOUT_S)
 
 
 @contextlib.contextmanager

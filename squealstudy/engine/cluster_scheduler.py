@@ -43,10 +43,10 @@ def client_of(scheduler: str) -> Client:
         raise MachineError(
             f"{scheduler}: expected the address of a scheduler, tcp://host:8786, or its file"
         )
-    given: dict[str, Any] = {"scheduler_file": scheduler} if place.is_file() else {}
+    by_file: dict[str, Any] = {"scheduler_file": scheduler} if place.is_file() else {}
     try:
         return Client(
-            **given or {"address": scheduler},
+            **by_file or {"address": scheduler},
             timeout=CONNECT_TIMEOUT_S,
             set_as_default=False,
             name=NAME,
@@ -83,8 +83,8 @@ def _suspicion(run: str, deaths: int, alone: str) -> SchedulerPlugin:
         def update_graph(self, scheduler: Any, *, tasks: list[str], **_: Any) -> None:
             for key in tasks:
                 if str(key).startswith(run):
-                    left = 1 if str(key).endswith(alone) else deaths
-                    begin = max(0, scheduler.allowed_failures + 1 - left)
+                    deaths_left = 1 if str(key).endswith(alone) else deaths
+                    begin = max(0, scheduler.allowed_failures + 1 - deaths_left)
                     task = scheduler.tasks[key]
                     task.suspicious = max(task.suspicious, begin)
 

@@ -63,8 +63,10 @@ class Answer:
 def versions() -> dict[str, str]:
     """Versions on which numbers rest; of squealstudy the hash of its source as well."""
     python = ".".join(platform.python_version_tuple()[:2])
-    own = f"{__version__} (source {source_hash(('.',))})"
-    return {"squealstudy": own, "python": python} | {name: version(name) for name in PACKAGES}
+    version_text = f"{__version__} (source {source_hash(('.',))})"
+    return {"squealstudy": version_text, "python": python} | {
+        name: version(name) for name in PACKAGES
+    }
 
 
 def facts(dask_worker: Any) -> dict[str, Any]:
@@ -107,14 +109,14 @@ def answer(
         function, task = pickle.loads(call)
         with threadpool_limits(1), touched() as places:
             try:
-                found = function(task)
+                task_result = function(task)
             except Exception as error:
                 if _portable(error):
                     raise
                 raise MachineError(f"{type(error).__name__}: {error}") from None
         models = prepared_path("")
         names = {place.relative_to(models).as_posix(): place for place in places}
-        return Answer(found, {name: contents(names[name]) for name in names.keys() - held})
+        return Answer(task_result, {name: contents(names[name]) for name in names.keys() - held})
 
 
 def _portable(error: Exception) -> bool:

@@ -51,9 +51,9 @@ def misfit(
         return f"{n_rows:,} rows of {len(schema):,} columns are more than a table has"
     if len(set(schema.names)) < len(schema):
         return "two columns have one name"
-    known = frozenset(parameters)
+    parameter_names = frozenset(parameters)
     for field in schema:
-        column = column_of(kind, table, field.name, known)
+        column = column_of(kind, table, field.name, parameter_names)
         holds = column.holds if column else ""
         plain = not of.is_nested(field.type) or of.is_list(field.type)
         if not plain or (holds and not (FITS[holds](field.type) or not n_rows)):

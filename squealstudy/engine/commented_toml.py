@@ -23,13 +23,13 @@ def table_lines(
 ) -> Iterator[str]:
     """A table that is given, with `more` of its keys as comments; one that is not, as a comment."""
     yield head if given is not None else f"# {head}"
-    for key, found in fields.items():
+    for key, field in fields.items():
         here = given is not None and key in given
         if not here and not more:
             continue
         if comments:
-            yield from comment_lines(described(found))
-        yield f"{key} = {toml_value((given or {})[key])}" if here else default_line(key, found)
+            yield from comment_lines(described(field))
+        yield f"{key} = {toml_value((given or {})[key])}" if here else default_line(key, field)
     yield ""
 
 
@@ -42,9 +42,9 @@ def section_lines(
 ) -> Iterator[str]:
     """A section with the keys that are given, and those at their defaults that are `shown`."""
     yield f"# [{name}]" if commented else f"[{name}]"
-    for key, found in type(section).model_fields.items():
+    for key, field in type(section).model_fields.items():
         if shown is None or key in shown or key in given:
-            yield from key_lines(key, getattr(section, key), described(found), given)
+            yield from key_lines(key, getattr(section, key), described(field), given)
     yield ""
 
 
@@ -71,8 +71,8 @@ def key_lines(
 def default_line(key: str, found: FieldInfo) -> str:
     """A key at its default, as a comment."""
     default = found.get_default(call_default_factory=True)
-    known = default is not None and not found.is_required()
-    return f"# {key} = {toml_value(default) if known else '...'}"
+    has_default = default is not None and not found.is_required()
+    return f"# {key} = {toml_value(default) if has_default else '...'}"
 
 
 def described(found: FieldInfo) -> str:

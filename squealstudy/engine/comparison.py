@@ -45,8 +45,8 @@ def compare_results(first: ResultTables, second: ResultTables) -> pd.DataFrame:
     one, two = (r.manifest.get("options", {}) for r in (frequency, transient))
     odd = sorted(k for k in one.keys() | two.keys() if one.get(k) != two.get(k))
     if odd:
-        told = ", ".join(f"{k} {one.get(k)} and {two.get(k)}" for k in odd)
-        raise ResultsError(f"the two studies differ in the options of their model: {told}")
+        differences = ", ".join(f"{k} {one.get(k)} and {two.get(k)}" for k in odd)
+        raise ResultsError(f"the two studies differ in the options of their model: {differences}")
     one, two = (_followed(r) for r in (frequency, transient))
     if odd := sorted(k for k in one.keys() | two.keys() if one.get(k) != two.get(k)):
         raise ResultsError(
@@ -88,9 +88,9 @@ def in_order(first: AnyTables, second: AnyTables) -> tuple[AnyTables, AnyTables]
         predicts = {"onsets", LIMIT_CYCLES} & set(frequency.tables)
         if predicts and "growth" in transient.tables:
             return frequency, transient
-    told = ", ".join(f"{r.directory} is {r.kind}" for r in (first, second))
+    kinds = ", ".join(f"{r.directory} is {r.kind}" for r in (first, second))
     raise ResultsError(
-        f"expected results of kind complex_modes or limit_cycles and of kind transient, but {told}"
+        f"expected results of kind complex_modes or limit_cycles and of kind transient, but {kinds}"
     )
 
 

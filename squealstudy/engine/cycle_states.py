@@ -66,24 +66,24 @@ def stored_cycles(store: Store) -> Iterator[CycleSeries]:
 def stored_cycle(store: Store, cycle_id: str) -> CycleSeries:
     """One of them; ResultsError where there is none."""
     names = store.names(STATES)
-    own = f"{STATES}/{cycle_id.partition('-')[0]}.npz"
-    for name in sorted(names, key=lambda n: n != own):
-        for found in _read(store, name):
-            if found.cycle_id == cycle_id:
-                return found
+    own_file = f"{STATES}/{cycle_id.partition('-')[0]}.npz"
+    for name in sorted(names, key=lambda n: n != own_file):
+        for series in _read(store, name):
+            if series.cycle_id == cycle_id:
+                return series
     raise ResultsError(f"{store.directory}: no cycle '{cycle_id}'")
 
 
 def _read(store: Store, name: str) -> list[CycleSeries]:
     path = store.whole(name)
     try:
-        data = read_arrays(path)
-        ids, omega = np.atleast_1d(data["cycle_id"]), data["omega"]
+        arrays = read_arrays(path)
+        ids, omega = np.atleast_1d(arrays["cycle_id"]), arrays["omega"]
         expect_numbers(omega, ids.shape)
-        series = [data[f"series_{k}"] for k in range(len(ids))]
+        series = [arrays[f"series_{k}"] for k in range(len(ids))]
         for Q in series:
             expect_numbers(Q, (2 * (len(Q) // 2) + 1, Q.shape[1]))
-        key = str(data["prepared_key"])
+        key = str(arrays["prepared_key"])
         return [
             CycleSeries(str(cycle_id), key, Q, frequency)
             for cycle_id, Q, frequency in zip(ids, series, omega.tolist(), strict=True)

@@ -229,24 +229,24 @@ class PlannedNames:
     @cached_property
     def ids(self) -> np.ndarray:
         """Id (n,) of each point, 16 bytes."""
-        found = np.empty(self._values.count, dtype=ID_TYPE)
+        ids = np.empty(self._values.count, dtype=ID_TYPE)
         for number, rows in _groups(self.structure_index, len(self.structures)):
             part = self._naming.at(rows)
-            own = self._hashes[number]
-            found[rows] = point_ids(own, part.common, part.varied, part.count)
+            structure_hash = self._hashes[number]
+            ids[rows] = point_ids(structure_hash, part.common, part.varied, part.count)
         for i, draw in self._again.items():
-            found[i] = self._drawn_again(str(found[i], "ascii"), draw)
-        return found
+            ids[i] = self._drawn_again(str(ids[i], "ascii"), draw)
+        return ids
 
     def name(self, number: int) -> str:
         """Id of one of the points, without the others' where they are not made."""
         if "ids" in self.__dict__:
             return str(self.ids[number], "ascii")
         part = self._naming.at(slice(number, number + 1))
-        own = self._hashes[self.structure_index[number]]
-        found = str(point_ids(own, part.common, part.varied, 1)[0], "ascii")
+        structure_hash = self._hashes[self.structure_index[number]]
+        name = str(point_ids(structure_hash, part.common, part.varied, 1)[0], "ascii")
         draw = self._again.get(number, 1)
-        return found if draw == 1 else self._drawn_again(found, draw)
+        return name if draw == 1 else self._drawn_again(name, draw)
 
     @staticmethod
     def _drawn_again(name: str, draw: int) -> str:
@@ -368,6 +368,6 @@ class DesignPoints(Sequence[DesignPoint]):
             places = self.structure_index[rows].tolist()
             columns = [x[rows].tolist() for x in v.varied.values()]
             for i, (name, place) in enumerate(zip(names, places, strict=True)):
-                own = {k: x[i] for k, x in zip(v.varied, columns, strict=True)}
-                values = {**v.common, **own}
+                varied_values = {k: x[i] for k, x in zip(v.varied, columns, strict=True)}
+                values = {**v.common, **varied_values}
                 yield DesignPoint(v.model, v.options, values, name.decode(), keys[place])

@@ -66,5 +66,5 @@ def _longest_entry(entries: Any, count: int) -> float | None:
     if rest or each < LENGTH_BYTES:
         return None
     entry = np.dtype({"names": ["length"], "formats": ["<u4"], "itemsize": each})
-    told = np.frombuffer(entries, entry)["length"]
-    return float(each - LENGTH_BYTES) if (told == each - LENGTH_BYTES).all() else None
+    stated_lengths = np.frombuffer(entries, entry)["length"]
+    return float(each - LENGTH_BYTES) if (stated_lengths == each - LENGTH_BYTES).all() else None

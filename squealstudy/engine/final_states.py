@@ -21,15 +21,15 @@ class FinalState(NamedTuple):
 
 def read_state(path: Path) -> FinalState:
     """The final state in a file; OSError, ValueError where it holds none."""
-    data = read_arrays(path)
+    arrays = read_arrays(path)
     try:
-        q, v = data["q"], data["v"]
-        told = [str(data[name]) for name in ("prepared_key", "representation")]
+        q, v = arrays["q"], arrays["v"]
+        texts = [str(arrays[name]) for name in ("prepared_key", "representation")]
     except KeyError as error:
         raise ValueError(f"it holds no {error}") from None
     expect_numbers(q, (len(q),) if q.ndim else ())
     expect_numbers(v, q.shape)
-    return FinalState(q, v, *told)
+    return FinalState(q, v, *texts)
 
 
 def expect_numbers(values: np.ndarray, shape: tuple[int, ...]) -> None:

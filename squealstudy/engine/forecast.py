@@ -82,8 +82,8 @@ def run_seconds(
     build = cost.n_missing_structures * (cost.structure_s or 0.0)
     build /= 1 if cost.n_missing_structures == 1 else min(jobs, max(cost.n_missing_structures, 1))
     build += solves.checks * cost.point_s / jobs
-    own, first = solves.point * cost.point_s, solves.shared * cost.point_s
-    points = [n * own / min(jobs, n) + first for n in (missing, most or missing)]
+    point_s, first = solves.point * cost.point_s, solves.shared * cost.point_s
+    points = [n * point_s / min(jobs, n) + first for n in (missing, most or missing)]
     least, longest = solves.least * points[0], solves.longest * points[1]
     return build + least + RUN_OVERHEAD_S[0], build + longest + RUN_OVERHEAD_S[1]
 
@@ -194,19 +194,19 @@ def mesh_error(plan: Plan, threads: int) -> MeshError:
         raise SquealstudyError(f"the error of the mesh cannot be told: {what}")
     options = {**plan.study.options, MESH_OPTION: FINER_MESH[mesh]}
     finer_plan = Plan(replace(plan.study, options=options), plan.swept)
-    own, own_shapes, own_s = _nominal_modes(plan, threads)
+    this_mesh, own_shapes, own_s = _nominal_modes(plan, threads)
     finer, finer_shapes, finer_s = _nominal_modes(finer_plan, threads)
-    partner = pair_modes(finer.lam, finer_shapes, own.lam, own_shapes).partner
+    partner = pair_modes(finer.lam, finer_shapes, this_mesh.lam, own_shapes).partner
     light = (np.abs(finer.lam.real) < LIGHT_DAMPING * np.abs(finer.lam)) & ~finer.overdamped
     paired = light & (partner >= 0)
-    a, b = own.lam[partner[paired]], finer.lam[paired]
+    a, b = this_mesh.lam[partner[paired]], finer.lam[paired]
     tolerance = plan.study.definition.modes.stability_tolerance
     return MeshError(
         (mesh, FINER_MESH[mesh]),
         np.abs(np.abs(a) / np.abs(b) - 1.0),
         np.abs(_damping(a) - _damping(b)),
         int((light & (partner < 0)).sum()),
-        (_unstable(own, tolerance), _unstable(finer, tolerance)),
+        (_unstable(this_mesh, tolerance), _unstable(finer, tolerance)),
         (own_s, finer_s),
     )
 

@@ -16,6 +16,6 @@ if TYPE_CHECKING:
 
 def history_file(point_id: str, frame: pd.DataFrame) -> dict[str, pa.Table]:
     """A history by its path in the results; time in double precision, the rest in single."""
-    kept = frame.astype({name: "float32" for name in frame.columns if name != "time"})
-    table = pa.Table.from_pandas(kept, preserve_index=False)
+    single_precision = frame.astype({name: "float32" for name in frame.columns if name != "time"})
+    table = pa.Table.from_pandas(single_precision, preserve_index=False)
     return {f"{HISTORIES}/{point_id}.parquet": table}

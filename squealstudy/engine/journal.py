@@ -125,13 +125,13 @@ class Journal:
     def add(self, names: Sequence[str]) -> None:
         """Files that are whole on disk, and belong together."""
         paths = {name: self._directory / name for name in names}
-        found = {name: (path.stat().st_size, file_hash(path)) for name, path in paths.items()}
-        self._append(Line(files=found))
+        facts = {name: (path.stat().st_size, file_hash(path)) for name, path in paths.items()}
+        self._append(Line(files=facts))
 
     def withdraw(self, names: Sequence[str]) -> None:
         """Files that are about to be replaced or removed; those in no line are passed over."""
-        if known := [name for name in names if name in self.entries]:
-            self._append(Line(gone=known))
+        if recorded := [name for name in names if name in self.entries]:
+            self._append(Line(gone=recorded))
 
     def _append(self, line: Line) -> None:
         if self._path.exists() and self._path.stat().st_nlink > 1:  # of a backup, or not ours
@@ -177,12 +177,12 @@ MIN_TIMESTAMP_AGE_NS = (
 
 def _hash_of(path: Path, state: os.stat_result) -> str:
     """SHA-256 of a file, read once a process while its size and its time stay as they are."""
-    seen = state.st_size, state.st_mtime_ns
-    known, sha256 = _hashes.get(path, ((0, 0), ""))
-    if known != seen or not sha256:
+    size_and_time = state.st_size, state.st_mtime_ns
+    hashed_state, sha256 = _hashes.get(path, ((0, 0), ""))
+    if hashed_state != size_and_time or not sha256:
         sha256 = file_hash(path)
         if time.time_ns() - state.st_mtime_ns > MIN_TIMESTAMP_AGE_NS:
-            _hashes[path] = seen, sha256
+            _hashes[path] = size_and_time, sha256
     return sha256
 
 

@@ -54,11 +54,11 @@ def _table(
     deeper: list[str] = []
     for one in inner:
         lines += ["", *_rows(one["properties"], one.get("required", ()), schema)]
-        for key, found in one["properties"].items():
-            for nested in _inner(found, schema):
+        for key, entry in one["properties"].items():
+            for nested in _inner(entry, schema):
                 plain = heading.strip("[]")
-                inside = f"{plain}.{key}{_table_suffix(found)}"
-                deeper += [f"### `{inside}`", "", sentence(found.get("description", "")), ""]
+                inside = f"{plain}.{key}{_table_suffix(entry)}"
+                deeper += [f"### `{inside}`", "", sentence(entry.get("description", "")), ""]
                 deeper += _rows(nested["properties"], nested.get("required", ()), schema)
                 for key2, found2 in nested["properties"].items():
                     for third in _inner(found2, schema):
@@ -72,12 +72,12 @@ def _rows(
 ) -> list[str]:
     lines = ["| key | type | unit | default | meaning |", "|---|---|---|---|---|"]
     examples: list[str] = []
-    for key, found in properties.items():
-        default = "*required*" if key in required else _default(found)
-        meaning = sentence(found.get("description", ""))
-        cells = (f"`{key}`", _type(found, schema), found.get("unit", ""), default, meaning)
+    for key, entry in properties.items():
+        default = "*required*" if key in required else _default(entry)
+        meaning = sentence(entry.get("description", ""))
+        cells = (f"`{key}`", _type(entry, schema), entry.get("unit", ""), default, meaning)
         lines.append("| " + " | ".join(cell(c) for c in cells) + " |")
-        examples += [f"{_bare(key)} = {toml_value(e)}" for e in found.get("examples", ())]
+        examples += [f"{_bare(key)} = {toml_value(e)}" for e in entry.get("examples", ())]
     if examples:
         lines += ["", "```toml", *examples, "```"]
     return [*lines, ""]

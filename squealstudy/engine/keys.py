@@ -86,12 +86,12 @@ def point_ids(
     head, tail = hashlib.sha256((first % ()).encode()), "".join(f"%s{text}" for text in others)
     if not columns:
         return np.full(count, head.hexdigest()[:HASH_DIGITS], dtype=ID_TYPE)
-    found = np.empty(count, dtype=ID_TYPE)
+    ids = np.empty(count, dtype=ID_TYPE)
     for start in range(0, count, IDS_PER_BLOCK):
         rows = slice(start, start + IDS_PER_BLOCK)
         texts = zip(*(map(float.hex, x[rows].tolist()) for x in columns), strict=True)
-        found[rows] = [_ended(head, tail % own) for own in texts]
-    return found
+        ids[rows] = [_ended(head, tail % text_values) for text_values in texts]
+    return ids
 
 
 def _ended(head: hashlib._Hash, text: str) -> str:

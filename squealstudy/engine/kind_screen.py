@@ -83,8 +83,8 @@ class KindScreen:
 
     def verdict(self, results: ResultTables) -> str:
         """What a study came to, in a sentence: by default the first words of its findings."""
-        told = next((part for part in self.findings(results) if isinstance(part, str)), "")
-        return told or f"{plural(results.n_points, self.row_word)}."
+        first_text = next((part for part in self.findings(results) if isinstance(part, str)), "")
+        return first_text or f"{plural(results.n_points, self.row_word)}."
 
     def counted(self, results: ResultTables, words: Sequence[str]) -> str:
         """What became of the design points, a word each: by ranges of the parameter that varies.
@@ -93,11 +93,11 @@ class KindScreen:
         """
         points, words = results.points, [str(word).replace("_", " ") for word in words]
         varied = [p for p in results.parameters if len(set(points[p].tolist())) > 1]
-        told = ""
+        ranges_text = ""
         if len(varied) == 1:
             (name,) = varied
-            told = by_ranges(name, results.units.get(name, ""), points[name].tolist(), words)
-        return told or ", ".join(f"{n} {word}" for word, n in Counter(words).most_common())
+            ranges_text = by_ranges(name, results.units.get(name, ""), points[name].tolist(), words)
+        return ranges_text or ", ".join(f"{n} {word}" for word, n in Counter(words).most_common())
 
     def mapped(
         self, results: ResultTables, words: Sequence[str], letters: Mapping[str, str]

@@ -86,5 +86,5 @@ def file_beside(study: Path) -> Path:
 
 def lumped_start(study: Path) -> LumpedDefinition:
     """The model of that file, which need not be there yet."""
-    found = lumped_of(SourceText(file_beside(study), TEXT))
-    return replace(found, start=START)
+    definition = lumped_of(SourceText(file_beside(study), TEXT))
+    return replace(definition, start=START)

@@ -133,16 +133,16 @@ def _model_file(model: ModelDefinition) -> dict[str, Any]:
 
 def model_of(manifest: Mapping[str, Any]) -> ModelDefinition:
     """The model of results: its parameters, their defaults, its components."""
-    found = manifest.get("model_file")
-    if found is None:
+    model_facts = manifest.get("model_file")
+    if model_facts is None:
         if (model := str(manifest["model"])) not in MODELS:
             raise ResultsError(f"results of a model '{model}', which is not known here")
         return MODELS[model]
-    parameters = tuple(Parameter(n, float(v), "", "") for n, v in found["defaults"].items())
-    components = tuple(found["components"])
+    parameters = tuple(Parameter(n, float(v), "", "") for n, v in model_facts["defaults"].items())
+    components = tuple(model_facts["components"])
     name = str(manifest["model"])
     sort = LumpedDefinition if name == LUMPED else FileDefinition
-    return sort(name, "", (), parameters, components, _not_built, path=found["path"])
+    return sort(name, "", (), parameters, components, _not_built, path=model_facts["path"])
 
 
 def _not_built(
@@ -171,13 +171,13 @@ def check_owner(
     _expect_no_way_out(directory)
     begun_by = (journal or Journal(directory)).owner
     try:
-        found = read_manifest(directory)
+        manifest = read_manifest(directory)
     except ResultsError as error:
         if begun_by is None:
             raise ResultsError(f"{error}; choose another directory with --output") from error
-        found = None  # the journal tells whose it is
-    if found is not None:
-        theirs = found["name"], found["kind"], found["model"]
+        manifest = None  # the journal tells whose it is
+    if manifest is not None:
+        theirs = manifest["name"], manifest["kind"], manifest["model"]
     elif begun_by is not None:
         theirs = begun_by
     elif directory.is_dir() and (foreign := sorted(filter(_foreign, directory.iterdir()))):
@@ -192,7 +192,7 @@ def check_owner(
             f"{directory}: belongs to study '{theirs[0]}' ({theirs[1]}, {theirs[2]}), not to "
             f"'{mine[0]}' ({mine[1]}, {mine[2]}); choose another with --output"
         )
-    return found
+    return manifest
 
 
 def _expect_no_way_out(directory: Path) -> None:

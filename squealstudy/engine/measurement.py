@@ -50,7 +50,7 @@ class Measurement:
     @property
     def n_failed(self) -> int:
         """Measured points without a result."""
-        return sum(found["status"] != "ok" for found in self.findings.values())
+        return sum(finding["status"] != "ok" for finding in self.findings.values())
 
 
 @dataclass(frozen=True)

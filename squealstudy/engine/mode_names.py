@@ -46,17 +46,17 @@ def mode_names(
     """
     expect_complex_modes(results)
     modes = results.modes[~results.modes["overdamped"].to_numpy(bool)]
-    known = set(modes.loc[modes["track"] >= 0, "track"])
+    tracks_there = set(modes.loc[modes["track"] >= 0, "track"])
     if tracks is None:
         tracks = modes.loc[modes["unstable"] & (modes["track"] >= 0), "track"].unique()
-    wanted = [int(track) for track in tracks]
-    if missing := [track for track in wanted if track not in known]:
+    asked_tracks = [int(track) for track in tracks]
+    if missing := [track for track in asked_tracks if track not in tracks_there]:
         raise ResultsError(f"{results.directory}: no mode of track {missing[0]}")
-    chosen = [_chosen(modes[modes["track"] == track], most) for track in wanted]
+    chosen = [_chosen(modes[modes["track"] == track], most) for track in asked_tracks]
     rows = pd.concat([modes.iloc[:0], *chosen])
     place = {point_id: row for row, point_id in enumerate(results.points["point_id"])}
     order = rows["point_id"].map(place).to_numpy()
-    found = []
+    name_rows = []
     with progress() as tell:
         for done, row in enumerate(np.unique(order)):
             tell("names", done, len(np.unique(order)))
@@ -66,7 +66,7 @@ def mode_names(
                 name = name_of(shape)
                 waves = name.waves
                 (first_hz, first_share), (second_hz, second_share) = shape.pair
-                found.append(
+                name_rows.append(
                     {
                         "point_id": results.points["point_id"].iloc[int(row)],
                         "mode": mode,
@@ -83,7 +83,7 @@ def mode_names(
                     }
                 )
         tell("names", len(np.unique(order)), len(np.unique(order)))
-    return pd.DataFrame(found, columns=list(COLUMNS)).astype(COLUMNS)
+    return pd.DataFrame(name_rows, columns=list(COLUMNS)).astype(COLUMNS)
 
 
 COLUMNS = {"point_id": "str", "mode": "int64", "track": "int64", "name": "str"} | {
@@ -129,21 +129,21 @@ def track_names(names: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
         count); `others`, these with their counts.
     """
     grown = names.merge(modes[["point_id", "mode", "growth_rate"]], on=["point_id", "mode"])
-    found = {}
+    row_of = {}
     grown["name"] = _in_one_order(grown["name"])
-    for track, own in grown.groupby("track", sort=False):
-        counts = own.groupby("name")["growth_rate"].agg(["size", "max"])
+    for track, track_rows in grown.groupby("track", sort=False):
+        counts = track_rows.groupby("name")["growth_rate"].agg(["size", "max"])
         fastest = counts["max"].idxmax()
         others = counts["size"].drop(fastest).sort_values(ascending=False, kind="stable")
-        found[track] = {
+        row_of[track] = {
             "name": fastest,
-            "n_points": len(own),
-            "n_named": int((own["name"] == fastest).sum()),
+            "n_points": len(track_rows),
+            "n_named": int((track_rows["name"] == fastest).sum()),
             "changes": len(others) > 0,
             "others": ", ".join(f"{name} at {size}" for name, size in others.items()),
         }
     columns = ["name", "n_points", "n_named", "changes", "others"]
-    return pd.DataFrame.from_dict(found, orient="index", columns=columns).rename_axis("track")
+    return pd.DataFrame.from_dict(row_of, orient="index", columns=columns).rename_axis("track")
 
 
 def _in_one_order(names: pd.Series) -> pd.Series:

@@ -83,30 +83,36 @@ def chosen_modes(
     """
     expect_complex_modes(results)
     points, modes = results.points, results.modes
-    told = modes[~modes["overdamped"]]
+    oscillating = modes[~modes["overdamped"]]
     if mode is not None and point is None:
         raise ResultsError("modes are numbered at a design point: name it beside the mode")
     if track is not None:
-        told = told[told["track"] == track]
-        if told.empty:
-            known = modes.loc[modes["track"] >= 0, "track"]
-            which = f"tracks are 0 to {known.max()}" if len(known) else "modes were not tracked"
+        oscillating = oscillating[oscillating["track"] == track]
+        if oscillating.empty:
+            track_numbers = modes.loc[modes["track"] >= 0, "track"]
+            which = (
+                f"tracks are 0 to {track_numbers.max()}"
+                if len(track_numbers)
+                else "modes were not tracked"
+            )
             raise ResultsError(f"{results.directory}: no mode of track {track}; {which}")
-    if point is None and told.empty:
+    if point is None and oscillating.empty:
         raise ResultsError(f"{results.directory}: no mode oscillates at any design point")
     if point is None:
-        point = str(told["point_id"].iloc[int(told["growth_rate"].to_numpy().argmax())])
+        point = str(
+            oscillating["point_id"].iloc[int(oscillating["growth_rate"].to_numpy().argmax())]
+        )
     row = results.row_of(point)
-    found = points.iloc[row]
-    if found["status"] == "failed" or not (modes["point_id"] == found["point_id"]).any():
-        reason = f"{found['status']}: {found['message']}"
-        raise ResultsError(f"design point {row} ({found['point_id']}) has no modes: {reason}")
-    own = told[told["point_id"] == found["point_id"]]
+    point_row = points.iloc[row]
+    if point_row["status"] == "failed" or not (modes["point_id"] == point_row["point_id"]).any():
+        reason = f"{point_row['status']}: {point_row['message']}"
+        raise ResultsError(f"design point {row} ({point_row['point_id']}) has no modes: {reason}")
+    of_point = oscillating[oscillating["point_id"] == point_row["point_id"]]
     if mode is not None:
-        own = own[own["mode"] == mode]
-    if own.empty:
-        raise _no_mode(modes[modes["point_id"] == found["point_id"]], row, mode, track)
-    return row, own.sort_values("growth_rate", ascending=False)["mode"].tolist()
+        of_point = of_point[of_point["mode"] == mode]
+    if of_point.empty:
+        raise _no_mode(modes[modes["point_id"] == point_row["point_id"]], row, mode, track)
+    return row, of_point.sort_values("growth_rate", ascending=False)["mode"].tolist()
 
 
 def expect_complex_modes(results: ResultTables) -> None:
@@ -186,11 +192,11 @@ class PointShapes:
 
     def shape(self, mode: int) -> Shape:
         """The shape of a mode by its number at the point; ResultsError where there is none."""
-        found = self._modes[self._modes["mode"] == mode]
-        if found.empty:
+        mode_rows = self._modes[self._modes["mode"] == mode]
+        if mode_rows.empty:
             raise _no_mode(self._modes, self._row, mode, None)
         i = self._partner(mode)
-        track = int(found["track"].iloc[0])
+        track = int(mode_rows["track"].iloc[0])
         return shape_of(
             self._assembly,
             self._expansion,
@@ -209,19 +215,19 @@ class PointShapes:
 
     def has_model(self, prepared_key: str, n: int) -> bool:
         """Whether coordinates of a run are those in which shapes are found: of the same basis."""
-        own = self._expansion.model
-        if prepared_key != self._design.structure or own.n != n:
+        own_model = self._expansion.model
+        if prepared_key != self._design.structure or own_model.n != n:
             return False
-        return same_coordinates(own, load_prepared(prepared_key).model)
+        return same_coordinates(own_model, load_prepared(prepared_key).model)
 
     def _label(self, mode: int, track: int | None) -> Label:
-        results, found = self._results, self._results.points.iloc[self._row]
+        results, point_row = self._results, self._results.points.iloc[self._row]
         names = results.parameters
         return Label(
             study=str(results.manifest["name"]),
-            point_id=str(found["point_id"]),
+            point_id=str(point_row["point_id"]),
             row=self._row,
-            values={name: float(found[name]) for name in names},
+            values={name: float(point_row[name]) for name in names},
             units={name: results.units.get(name, "") for name in names},
             mode=mode,
             track=track,
@@ -230,9 +236,11 @@ class PointShapes:
 
     def _fastest_hz(self, track: int) -> float:
         """Frequency of a followed mode at the design point where it grows fastest."""
-        told = self._results.modes
-        own = told[(told["track"] == track).to_numpy() & ~told["overdamped"].to_numpy(bool)]
-        return float(own["frequency_hz"].iloc[int(own["growth_rate"].to_numpy().argmax())])
+        modes = self._results.modes
+        of_track = modes[(modes["track"] == track).to_numpy() & ~modes["overdamped"].to_numpy(bool)]
+        return float(
+            of_track["frequency_hz"].iloc[int(of_track["growth_rate"].to_numpy().argmax())]
+        )
 
     def _partner(self, mode: int) -> int:
         """Which of the roots found now is that of the table."""
@@ -245,15 +253,15 @@ class PointShapes:
         share = FULL_ORDER_REL_DISTANCE if row["method"] == FULL else SAME_ROOT_REL_DISTANCE
         allowed = share * abs(roots[i]) + ERROR_ALLOWANCE * np.nan_to_num(row["error_rung"])
         distance = np.abs(self.lam - roots[i])
-        found = int(distance.argmin()) if len(distance) else -1
-        if found < 0 or distance[found] > allowed or self._other(roots, found) != i:
-            now = f"{abs(self.lam[found]) / (2 * np.pi):.6g} Hz" if found >= 0 else "none"
+        partner = int(distance.argmin()) if len(distance) else -1
+        if partner < 0 or distance[partner] > allowed or self._other(roots, partner) != i:
+            now = f"{abs(self.lam[partner]) / (2 * np.pi):.6g} Hz" if partner >= 0 else "none"
             raise ResultsError(
                 f"{self._results.directory}: mode {mode} of design point {self._row} is at "
                 f"{row['frequency_hz']:.6g} Hz in the table, the nearest of this version of "
                 f"squealstudy is {now}: run the study again"
             )
-        return found
+        return partner
 
     def _other(self, roots: np.ndarray, found: int) -> int:
         """Which root of the table is nearest to one found now."""
@@ -319,11 +327,11 @@ def expansion(plan: Plan, row: int, tell: Progress) -> Expansion:
     key = design.structure
     folder = prepared_path(key) / EXPANSION
     if is_prepared(key) and is_whole(folder):
-        kept: Expansion = load_value(folder)
-        return kept
+        cached: Expansion = load_value(folder)
+        return cached
     task = build_task(plan, design, cores())
     assert isinstance(task, BuildTask)
-    if known := is_prepared(key):
+    if is_cached := is_prepared(key):
         stage, space = "basis of shapes, once for each structure", load_prepared(key).space
         if not task.enriching:  # no finer model has a part in the basis
             task = replace(task, top_hz=None)
@@ -334,9 +342,9 @@ def expansion(plan: Plan, row: int, tell: Progress) -> Expansion:
         prepared, blocks = reduced_with_basis(task, space)
     except SquealstudyError as error:
         raise ResultsError(f"{plan.study.source.path}: {error}") from error
-    if not known:
+    if not is_cached:
         save_prepared(key, prepared)
-    made = Expansion(prepared.model, blocks)
-    save_value(folder, made)
+    made_now = Expansion(prepared.model, blocks)
+    save_value(folder, made_now)
     tell(stage, 1, 1)
-    return made
+    return made_now

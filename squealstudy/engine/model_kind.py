@@ -157,9 +157,9 @@ class ModelKind(Kind):
         check_component_modes(plan)
         failures = self.build(plan, workers)
         if (shared := shared_facts(plan)) and not shared["shared_basis"]["used"]:
-            found = shared["shared_basis"]
+            facts = shared["shared_basis"]
             warn(
-                f"no basis of {found['reductions']} reductions serves {found['range']}: each value "
+                f"no basis of {facts['reductions']} reductions serves {facts['range']}: each value "
                 "has a reduction of its own"
             )
         self.check(plan)
@@ -219,8 +219,8 @@ class ModelKind(Kind):
 
     def place(self, plan: Plan, workers: Workers) -> Workers:
         """Workers of this machine where tasks read its files."""
-        own = isinstance(plan.study.model, FileDefinition)
-        return workers.at_home if own and self.reads_meshes(plan) else workers
+        has_files = isinstance(plan.study.model, FileDefinition)
+        return workers.at_home if has_files and self.reads_meshes(plan) else workers
 
     # -- what is said of it ----------------------------------------------------------------------
     def manifest(self, plan: Plan) -> dict[str, Any]:
@@ -231,11 +231,11 @@ class ModelKind(Kind):
         """Seconds of each stage of a structure when it was made, the mean over structures."""
         if plan.stacked:
             return {}
-        kept = [key for key in plan.structures if key not in failures]
-        found = [load_any(key).timings for key in kept]
+        made_keys = [key for key in plan.structures if key not in failures]
+        of_structures = [load_any(key).timings for key in made_keys]
         return {
-            f"structure_{name}": float(np.mean([t[name] for t in found if name in t]))
-            for name in {name: None for timings in found for name in timings}
+            f"structure_{name}": float(np.mean([t[name] for t in of_structures if name in t]))
+            for name in {name: None for timings in of_structures for name in timings}
         }
 
 

@@ -87,20 +87,20 @@ def end_motion(results: ResultTables, row: int) -> EndMotion:
         other coordinates, or results that this version cannot make again.
     """
     _expect_runs(results)
-    found = results.points.iloc[row]
-    hz = float(found[FREQUENCY])
-    if found["status"] != "ok" or not hz > 0:
-        reason = found["message"] or "it has no dominant frequency: nothing vibrates"
+    point_row = results.points.iloc[row]
+    hz = float(point_row[FREQUENCY])
+    if point_row["status"] != "ok" or not hz > 0:
+        reason = point_row["message"] or "it has no dominant frequency: nothing vibrates"
         raise ResultsError(
-            f"design point {row} ({found['point_id']}) has no motion to show: {reason}"
+            f"design point {row} ({point_row['point_id']}) has no motion to show: {reason}"
         )
     shapes = PointShapes(results, row)
-    q, v = _state(results, str(found["point_id"]), shapes)
+    q, v = _state(results, str(point_row["point_id"]), shapes)
     system, omega = shapes.system, 2 * np.pi * hz
     U = q - 1j * v / omega
     w2, phi = la.eigh(system.K_sym)
-    kept = np.flatnonzero(shapes.lam.imag > 0)
-    lam, psi = shapes.lam[kept], shapes.psi[:, kept]
+    oscillating_rows = np.flatnonzero(shapes.lam.imag > 0)
+    lam, psi = shapes.lam[oscillating_rows], shapes.psi[:, oscillating_rows]
     scale = np.sqrt(np.maximum(w2, 0.0))
     rows, overlap = mode_planes(w2, lam, phi.T @ psi)
     at = coordinates(rows @ (phi.T @ q), rows @ (phi.T @ v))
@@ -110,7 +110,7 @@ def end_motion(results: ResultTables, row: int) -> EndMotion:
     size = (np.abs(psi) ** 2).sum(axis=0) * np.vdot(U, U).real
     return EndMotion(
         shape=shapes.motion(U, 1j * omega, END),
-        number=kept + 1,
+        number=oscillating_rows + 1,
         lam=lam,
         mac=np.abs(psi.conj().T @ U) ** 2 / size,
         share=(at**2).sum(axis=1) / total,

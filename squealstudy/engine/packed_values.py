@@ -79,8 +79,8 @@ def check_classes(content: Any) -> None:
 def array_names(content: Any) -> set[str]:
     """Files of the arrays that packed content names."""
     if isinstance(content, dict):
-        own = {f"{content['array']}.npy"} if "array" in content else set()
-        return own.union(*map(array_names, content.values()))
+        own_name = {f"{content['array']}.npy"} if "array" in content else set()
+        return own_name.union(*map(array_names, content.values()))
     return set().union(*map(array_names, content)) if isinstance(content, list) else set()
 
 

@@ -145,9 +145,9 @@ def register_plot(pictures: Pictures = once, **needs: Sequence[str]) -> Callable
 
     def registered(draw: Draw) -> Draw:
         name = draw.__name__
-        known = _REGISTERED.get(name)
-        if known is not None and known.draw.__module__ != draw.__module__:
-            raise ValueError(f"there is a plot '{name}' already, in {known.draw.__module__}")
+        earlier = _REGISTERED.get(name)
+        if earlier is not None and earlier.draw.__module__ != draw.__module__:
+            raise ValueError(f"there is a plot '{name}' already, in {earlier.draw.__module__}")
         _REGISTERED[name] = Plot(name, draw, needs, pictures)
         note_registered(draw.__module__)
         return draw
@@ -201,11 +201,11 @@ def _method(plot: Plot, results: ResultTables) -> Draw:
         return plot(results, *arguments, **choices)
 
     whole = inspect.signature(plot.draw)
-    own = list(whole.parameters.values())[1:]
+    parameters_but_results = list(whole.parameters.values())[1:]
     method.__name__ = method.__qualname__ = plot.name
     method.__module__ = plot.draw.__module__
     method.__doc__ = _without_results(inspect.getdoc(plot.draw) or "")
-    method.__signature__ = whole.replace(parameters=own)  # type: ignore[attr-defined]
+    method.__signature__ = whole.replace(parameters=parameters_but_results)  # type: ignore[attr-defined]
     return method
 
 
@@ -222,20 +222,20 @@ def pictures(results: ResultTables) -> Iterable[tuple[str, Plot, Choices]]:
     for name, plot in sorted(plots().items()):
         if not plot.missing(results):
             with plot.named():
-                wanted = list(plot.pictures(results))
-            for suffix, choices in wanted:
+                choices_of_plot = list(plot.pictures(results))
+            for suffix, choices in choices_of_plot:
                 yield name + suffix, plot, choices
 
 
 def draw_pictures(results: ResultTables, directory: Path | None) -> list[Path]:
     """Draw every picture that results allow, as `Results.draw`."""
-    wanted = list(pictures(results))
-    paths = [(directory or results.directory) / f"{name}.png" for name, _, _ in wanted]
+    to_draw = list(pictures(results))
+    paths = [(directory or results.directory) / f"{name}.png" for name, _, _ in to_draw]
     if directory is None and paths:  # first, so that none is there that is not known
         results.manifest[PICTURES] = sorted(path.name for path in paths)
         write_manifest(results.directory, results.manifest)
     failed: list[ExtensionError] = []
-    for path, (_, plot, choices) in zip(paths, wanted, strict=True):
+    for path, (_, plot, choices) in zip(paths, to_draw, strict=True):
         try:
             with plot.named():
                 save_figure(plot(results, **choices), path)

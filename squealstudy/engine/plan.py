@@ -152,8 +152,8 @@ class Plan:
         for sweep in self.study.sweeps:
             name = sweep.name
             if name in trained:
-                for value in sorted(set(self.ends(name))):
-                    design = nominal.with_values({**self.study.values, name: value})
+                for end in sorted(set(self.ends(name))):
+                    design = nominal.with_values({**self.study.values, name: end})
                     points.append(design.operating_point())
         return tuple(points)
 
@@ -168,8 +168,8 @@ class Plan:
 
         Complete bases have none, and runs in time tell theirs by other means.
         """
-        asked = self.kind.tells_reduction or self.study.definition.reduction.residual_responses
-        return self.band_hz[1] if asked and has_mesh(self.study) else None
+        is_asked = self.kind.tells_reduction or self.study.definition.reduction.residual_responses
+        return self.band_hz[1] if is_asked and has_mesh(self.study) else None
 
     @cached_property
     def trained_scales(self) -> tuple[dict[ModeKey, float], ...]:
@@ -179,13 +179,13 @@ class Plan:
     def _extreme_scales(self) -> tuple[dict[ModeKey, float], ...]:
         """All factors at their least, then all at their largest; not those that change nothing."""
         swept = [p for p in self.first.mode_parameters() if p.quantity == FREQUENCY_SCALE]
-        found: list[dict[ModeKey, float]] = []
+        extremes: list[dict[ModeKey, float]] = []
         for end in (0, 1):
             ends = {p: self.ends(p.name)[end] for p in swept}
             scale = {(p.component, mode): ends[p] for p in swept for mode in p.modes}
-            if any(factor != 1.0 for factor in scale.values()) and scale not in found:
-                found.append(scale)
-        return tuple(found)
+            if any(factor != 1.0 for factor in scale.values()) and scale not in extremes:
+                extremes.append(scale)
+        return tuple(extremes)
 
     @property
     def enriching(self) -> int:
@@ -324,8 +324,8 @@ class Plan:
         neutral = {s.name: s.parameter.default for s in self.study.sweeps}
         uniform = self.study.values.get("damping_ratio", 0.0)
         modal = {p.name: uniform for p in self.first.assembly_parameters()}
-        found = self._resolved({**neutral, **modal, **self.study.values})
-        return {name: float(value) for name, value in found.items()}
+        resolved = self._resolved({**neutral, **modal, **self.study.values})
+        return {name: float(number) for name, number in resolved.items()}
 
     @cached_property
     def coordinates(self) -> np.ndarray:
@@ -336,9 +336,9 @@ class Plan:
         ]
         if not any(logs):
             return self.swept
-        found = self.swept.copy(order="F")
-        found[:, logs] = np.log(found[:, logs])
-        return found
+        coordinates = self.swept.copy(order="F")
+        coordinates[:, logs] = np.log(coordinates[:, logs])
+        return coordinates
 
     @property
     def grid_shape(self) -> tuple[int, ...] | None:

@@ -75,8 +75,8 @@ def execute_recorded(manifest: Mapping[str, Any], directory: Path) -> tuple[str,
 
 def code_of(manifest: Mapping[str, Any], directory: Path) -> list[tuple[str, bool]]:
     """Names of the files of code that results were made with, and whether commands execute them."""
-    told = [_name_and_hash(record, directory) for record in manifest.get(RECORDS, [])]
-    return [(name, _listed_file(source) is not None) for name, source in told]
+    names_and_hashes = [_name_and_hash(record, directory) for record in manifest.get(RECORDS, [])]
+    return [(name, _listed_file(source) is not None) for name, source in names_and_hashes]
 
 
 def _name_and_hash(record: Mapping[str, Any], directory: Path) -> tuple[str, str]:
@@ -89,8 +89,10 @@ def _name_and_hash(record: Mapping[str, Any], directory: Path) -> tuple[str, str
 
 def _list() -> Path:
     """The user's own list, in which nobody else can write."""
-    given = cache_directory()
-    return (user_cache() if given.is_dir() and others_may_write(given) else given) / LIST
+    cache_folder = cache_directory()
+    return (
+        user_cache() if cache_folder.is_dir() and others_may_write(cache_folder) else cache_folder
+    ) / LIST
 
 
 def _listed_file(source: str) -> Path | None:

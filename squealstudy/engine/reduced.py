@@ -136,7 +136,7 @@ def _reduced(
     task: BuildTask, assembly: AnyAssembly, space: ContactSpace | SpaceOf | None
 ) -> tuple[PreparedModel, ComponentBasis]:
     """The prepared model of an assembly, with its finer one where it is asked for."""
-    made = reduced(
+    record = reduced(
         assembly,
         task.nominal,
         task.settings,
@@ -146,7 +146,7 @@ def _reduced(
         task.enriching,
         space,
     )
-    return made.prepared, made.basis
+    return record.prepared, record.basis
 
 
 def _by_shared(
@@ -159,7 +159,9 @@ def _by_shared(
     projection_s = time.perf_counter() - started
     space = known or (lambda modes: shared.space(small, mode_shapes(small, modes)))
     prepared, basis = _reduced(task, small, space)
-    blocks = tuple(block @ own for block, own in zip(V, basis.blocks, strict=True))
+    blocks = tuple(
+        block @ component_block for block, component_block in zip(V, basis.blocks, strict=True)
+    )
     timings = {"projection_s": projection_s, **prepared.timings}
     prepared = replace(prepared, basis_error=shared.error, n_dof=assembly.n_dof, timings=timings)
     return prepared, blocks
@@ -168,11 +170,11 @@ def _by_shared(
 # -- the basis of a range --------------------------------------------------------------------------
 def shared_task(plan: Plan, point: DesignPoint) -> SharedTask | None:
     """The range that the structure of a design point has one basis with; None where it has none."""
-    found = plan.shared_range
-    if found is None or not found.holds(point.values):
+    common_range = plan.shared_range
+    if common_range is None or not common_range.holds(point.values):
         return None
-    places = [plan.design({**point.values, **place}) for place in found.places()]
-    return SharedTask(plan.shared_key(point), tuple(places), found.tests)
+    places = [plan.design({**point.values, **place}) for place in common_range.places()]
+    return SharedTask(plan.shared_key(point), tuple(places), common_range.tests)
 
 
 def shared_key(plan: Plan) -> str:
@@ -266,8 +268,8 @@ def _shared_of(task: BuildTask, shared: SharedTask) -> SharedBasis:
 
 @lru_cache(maxsize=1)
 def _loaded(key: str) -> SharedBasis:
-    found: SharedBasis = load_value(prepared_path(key))
-    return found
+    basis: SharedBasis = load_value(prepared_path(key))
+    return basis
 
 
 def _make_shared_basis(task: BuildTask, shared: SharedTask) -> SharedBasis:
@@ -277,13 +279,13 @@ def _make_shared_basis(task: BuildTask, shared: SharedTask) -> SharedBasis:
     first: Assembly | None = None
     stiffness, count, failure = 0.0, 0, None
     for point in shared.places:
-        own = replace(task, point=point, shared=None, coarse_key="")
+        task_here = replace(task, point=point, shared=None, coarse_key="")
         try:
             assembly = point.assembly()
             if first is None:
                 stiffness = mean_contact_stiffness(assembly, task.nominal)
             snapshot = Snapshot(assembly)
-            prepared, basis = _reduced(own, assembly, _Told(assembly, stiffness, snapshot))
+            prepared, basis = _reduced(task_here, assembly, _Told(assembly, stiffness, snapshot))
         except (ConvergenceError, ModelError) as error:
             failure = error  # moduli that no material has together, or no steady sliding
             continue
@@ -292,12 +294,12 @@ def _make_shared_basis(task: BuildTask, shared: SharedTask) -> SharedBasis:
         wider = joined(first, blocks, snapshot)
         if count > 1:
             states = task.record(assembly, {}, task.band_hz[1]).states
-            found, again = (
-                _by_shared(own, shared_basis(assembly, V, stiffness, count), assembly)[0]
+            before, again = (
+                _by_shared(task_here, shared_basis(assembly, V, stiffness, count), assembly)[0]
                 for V in (blocks, wider)
             )
             others = (again, prepared)
-            lacking, apart = (root_distances(found, o, states, task.band_hz) for o in others)
+            lacking, apart = (root_distances(before, o, states, task.band_hz) for o in others)
             tests.append((lacking, apart))
         blocks, count = wider, count + 1
         if within(*_worst(tests, shared.tests)):

@@ -149,10 +149,10 @@ class ResultTables(NamedTables):
         Of `modes` the column ROW (tables.point_rows) is there too: the row of its point.
         """
         plain = [column for column in columns if column != ROW]
-        found = self._loaded.get(name)
-        if found is None and name in self.tables:
+        loaded = self._loaded.get(name)
+        if loaded is None and name in self.tables:
             self._expect_fit(name)
-        for batch in batches(found, self.store, f"{name}.parquet", plain):
+        for batch in batches(loaded, self.store, f"{name}.parquet", plain):
             if ROW in columns:
                 batch = batch.assign(**{ROW: self.point_rows[batch.index]})
             yield batch[list(columns)]
@@ -168,8 +168,8 @@ class ResultTables(NamedTables):
         keep : callable or None
             (batch of the rows) -> which of them are wanted (n,) of bool; None: all.
         """
-        known = {*self.columns(name), ROW}
-        return chosen_rows(self.batches(name, [c for c in columns if c in known]), keep)
+        names = {*self.columns(name), ROW}
+        return chosen_rows(self.batches(name, [c for c in columns if c in names]), keep)
 
     @cached_property
     def point_rows(self) -> np.ndarray:
@@ -250,8 +250,8 @@ class ResultTables(NamedTables):
         if "growth" not in self.tables:
             raise ResultsError(f"{self.directory}: a {self.kind} study has no histories")
         row = self.points.iloc[self.row_of(point)]
-        found = self.store.history(str(row["point_id"]), str(row["status"]))
-        return self._give_units(found)
+        history = self.store.history(str(row["point_id"]), str(row["status"]))
+        return self._give_units(history)
 
     @property
     def n_points(self) -> int:

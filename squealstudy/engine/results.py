@@ -64,7 +64,7 @@ class Results(ResultTables):
 
     def __dir__(self) -> list[str]:
         """What is for users, and of it what these results have."""
-        known = (name for name in self.tables if hasattr(type(self), name))
+        tables_there = (name for name in self.tables if hasattr(type(self), name))
         random = self.design in RANDOM_DESIGNS and "onsets" in self.tables
         of_some = {
             ("names", "shape"): "onsets" in self.tables,
@@ -77,8 +77,8 @@ class Results(ResultTables):
             ("explore",): self.kind in EXPLORED,
             ("boundary",): self.design == BOUNDARY,
         }
-        own = (name for names, there in of_some.items() if there for name in names)
-        return sorted({*PUBLIC, *known, *own})
+        methods_there = (name for names, there in of_some.items() if there for name in names)
+        return sorted({*PUBLIC, *tables_there, *methods_there})
 
     def __repr__(self) -> str:
         """Directory, kind, model, what varies and how many points there are, on one line."""
@@ -118,16 +118,16 @@ class Results(ResultTables):
         manifest = read_manifest(directory)
         if manifest is None:
             raise ResultsError(f"{directory}: no manifest.json here, so no results of squealstudy")
-        found = cls(directory, manifest)
-        stale = not found.screen.unfinished and manifest.get("status") != "complete"
-        faults = {name: found.store.fault(f"{name}.parquet", False) for name in found.tables}
+        opened = cls(directory, manifest)
+        stale = not opened.screen.unfinished and manifest.get("status") != "complete"
+        faults = {name: opened.store.fault(f"{name}.parquet", False) for name in opened.tables}
         if stale or {MISSING, UNFINISHED} & set(faults.values()):
             raise ResultsError(
                 f"{directory}: the run is not finished; run the study again to go on"
             )
         for name in (name for name, fault in faults.items() if fault):
-            found.store.whole(f"{name}.parquet")
-        return found
+            opened.store.whole(f"{name}.parquet")
+        return opened
 
     def shape(
         self, point: str | int | None = None, mode: int | None = None, track: int | None = None
@@ -195,8 +195,10 @@ class Results(ResultTables):
         ResultsError
             Another kind, no Bokeh, too many design points or none, a query that cannot be used.
         """
-        found: Exploration = import_module(EXPLORE).explore(self, where)  # a layer above this one
-        return found
+        exploration: Exploration = import_module(EXPLORE).explore(
+            self, where
+        )  # a layer above this one
+        return exploration
 
     def draw(self, directory: Path | None = None) -> list[Path]:
         """Draw every picture that the tables allow, beside them or elsewhere; their paths.
@@ -216,8 +218,8 @@ class Results(ResultTables):
         shown = self.n_points
         if self.design == BOUNDARY and self.boundary is not None:
             shown = self.boundary["full_grid_points"]
-        kept = self.solved == 0 and shown >= KEEP_PICTURES
-        return paths if kept and all(path.is_file() for path in paths) else []
+        are_kept = self.solved == 0 and shown >= KEEP_PICTURES
+        return paths if are_kept and all(path.is_file() for path in paths) else []
 
     def file_word(self, parameter: str) -> str:
         """A parameter's name as it stands in names of files."""
@@ -238,9 +240,9 @@ class Results(ResultTables):
             A kind of study without such a ranking, an unknown `by`, a query that cannot be used.
         """
         table = self.screen.rank(self, by, top, where)
-        kept = dict(table.attrs)
+        attrs = dict(table.attrs)
         self._give_units(table)
-        table.attrs |= kept
+        table.attrs |= attrs
         return table
 
     def occurrence(
@@ -272,8 +274,10 @@ class Results(ResultTables):
                 lambda modes: (modes["unstable"] & ~modes["overdamped"]).to_numpy(bool),
             )
         elif self.kind == "transient":
-            level, own = "torque_rms", points[points["class"].isin(SUSTAINED).to_numpy(bool)]
-            squeals = own.assign(frequency_hz=own["torque_line_hz"])  # where it is loudest
+            level, sustained = "torque_rms", points[points["class"].isin(SUSTAINED).to_numpy(bool)]
+            squeals = sustained.assign(
+                frequency_hz=sustained["torque_line_hz"]
+            )  # where it is loudest
             open_ = int(points["class"].isin((GROWING, UNDECIDED)).sum())
         else:
             raise ResultsError(
@@ -339,5 +343,5 @@ class Results(ResultTables):
         from squealstudy.tables.sobol import sobol_table
 
         modes = self.rows("modes", GROWTH)
-        found = sobol_table(self.points, modes, self.swept, top, confidence)
-        return self._give_units(found)
+        indices = sobol_table(self.points, modes, self.swept, top, confidence)
+        return self._give_units(indices)

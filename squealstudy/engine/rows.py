@@ -68,11 +68,11 @@ def planned_rows(plan: Plan, store: Store, schema: pa.Schema) -> list[dict[str, 
         Where a point of the plan is in no chunk.
     """
     ids = plan.tasks.ids.astype(str).tolist()
-    found = store.rows(ids, schema)
-    missing = sum(i not in found for i in ids)
+    row_of = store.rows(ids, schema)
+    missing = sum(i not in row_of for i in ids)
     if missing:
         raise store.unsolved(missing, len(ids))
-    return [found[i] for i in ids]
+    return [row_of[i] for i in ids]
 
 
 def planned_table(plan: Plan, store: Store, schema: pa.Schema) -> pa.Table:
@@ -85,19 +85,19 @@ def planned_table(plan: Plan, store: Store, schema: pa.Schema) -> pa.Table:
     """
     ids = plan.tasks.ids
     parts = list(store.chunks(schema))
-    found = pa.concat_tables(parts) if parts else schema.empty_table()
-    order = rows_of(found["point_id"], ids)
+    table = pa.concat_tables(parts) if parts else schema.empty_table()
+    order = rows_of(table["point_id"], ids)
     if missing := int((order < 0).sum()):
         raise store.unsolved(missing, len(ids))
-    return found.take(order).combine_chunks()
+    return table.take(order).combine_chunks()
 
 
 def rows_of(point_ids: pa.ChunkedArray, wanted: Sequence[str] | np.ndarray) -> np.ndarray:
     """Row of each wanted id, -1 where it has none; the last of several."""
     n = len(point_ids)
     backwards = pa.array(point_ids.take(np.arange(n)[::-1]).combine_chunks())
-    found = pc.index_in(pa.array(np.asarray(wanted)).cast(pa.string()), value_set=backwards)
-    rows: np.ndarray = n - 1 - found.fill_null(n).to_numpy()
+    from_the_end = pc.index_in(pa.array(np.asarray(wanted)).cast(pa.string()), value_set=backwards)
+    rows: np.ndarray = n - 1 - from_the_end.fill_null(n).to_numpy()
     return rows
 
 
@@ -113,7 +113,7 @@ def structs(fields: Fields) -> pa.DataType:
 
 def nested(rows: Sequence[Mapping[str, Any]], name: str, fields: Fields) -> pa.Table:
     """The items of a column of lists as a table, each with the id of its design point."""
-    flat = [{"point_id": row["point_id"], **item} for row in rows for item in row[name]]
+    flat = [{"point_id": row["point_id"], **entry} for row in rows for entry in row[name]]
     return pa.Table.from_pylist(flat, schema=pa.schema([("point_id", TEXT), *fields]))
 
 
@@ -134,8 +134,8 @@ def points_table(plan: Plan, found: pa.Table) -> pa.Table:
     parameters = [pa.field(p, REAL) for p in plan.study.shown_parameters]
     followed = [t.name for t in plan.study.model.tables]
     columns += [pa.array(plan.tasks.column(p), REAL) for p in followed]
-    known = list(found.schema)
-    fields = [*known[: len(HEAD)], *parameters, *known[len(HEAD) :]]
+    names = list(found.schema)
+    fields = [*names[: len(HEAD)], *parameters, *names[len(HEAD) :]]
     fields += [pa.field(p, REAL) for p in followed]
     return pa.Table.from_arrays(columns, schema=with_dtypes(pa.schema(fields)))
 

@@ -114,13 +114,13 @@ def run_study(
     plan, failures = kind.ready(plan, workers, warn)
     prepared_s = time.perf_counter() - started
     with locked(directory), reading_earlier_files(store := Store(directory)):
-        found = check_owner(directory, plan.owner, store.journal)
-        pictures, left = _pictures(found), _left_beside(plan, directory)
-        if fresh and (found or store.journal.begun):
+        manifest_before = check_owner(directory, plan.owner, store.journal)
+        pictures, beside_left = _pictures(manifest_before), _left_beside(plan, directory)
+        if fresh and (manifest_before or store.journal.begun):
             store.clear(plan.owner, [*kind.tables, *pictures])
-            found = None
-            while left:
-                _remove(left.pop(), kind.tables)
+            manifest_before = None
+            while beside_left:
+                _remove(beside_left.pop(), kind.tables)
         store.journal.begin(plan.owner)
         whole = store.repair(warn)
         options = _Options(jobs, yes, progress, warn, fresh, cluster)
@@ -128,16 +128,16 @@ def run_study(
         if (further := kind.grown(plan, store)) is not plan:
             plan = further
             failures |= kind.build(plan, workers)
-        if found and whole and not changed and _is_complete(found, plan, store):
-            told = store.read_table(kind.tables[0], ["status", "message"])
-            if len(told):
-                _expect_solved(plan, directory, told.to_pandas())
-                return RunReport(directory, found, 0, len(plan.tasks))
-        if text := outdated(directory, found):
+        if manifest_before and whole and not changed and _is_complete(manifest_before, plan, store):
+            statuses = store.read_table(kind.tables[0], ["status", "message"])
+            if len(statuses):
+                _expect_solved(plan, directory, statuses.to_pandas())
+                return RunReport(directory, manifest_before, 0, len(plan.tasks))
+        if text := outdated(directory, manifest_before):
             warn(f"{text}; all {kind.rows_word} are solved again")
         if text := _left_over(plan, store, done := store.finished_points(kind.schema)):
             warn(text)
-        for other in left:
+        for other in beside_left:
             warn(f"{other}: it belongs to this study no more (--fresh removes it)")
         for name in pictures:  # of tables that are made anew
             (directory / name).unlink(missing_ok=True)
@@ -183,10 +183,10 @@ def _run_beside(plan: Planned, directory: Path, options: _Options) -> tuple[dict
     failures, changed = {}, False
     for folder, other in as_kind(plan.kind).beside(plan).items():
         expect_inside(directory, folder)
-        own = replace(options, progress=partial(_told_of, options.progress, folder))
+        options_there = replace(options, progress=partial(_told_of, options.progress, folder))
         failures[folder] = ""
         try:
-            report = run_study(other, directory / folder, **vars(own))
+            report = run_study(other, directory / folder, **vars(options_there))
         except (StudyFileError, MachineError):
             raise
         except SquealstudyError as error:
@@ -200,9 +200,9 @@ def _run_beside(plan: Planned, directory: Path, options: _Options) -> tuple[dict
 def _left_beside(plan: Planned, directory: Path) -> list[Path]:
     """Results of studies that were run beside one, and are no more: their journals tell whose."""
     name, kind, _ = plan.owner
-    known = {directory / folder for folder in as_kind(plan.kind).beside(plan)}
-    found = {path.parent for path in directory.glob(f"*/*/{JOURNAL}")} - known
-    begun = {p for p in found if not leads_out(directory, p.relative_to(directory).as_posix())}
+    planned = {directory / folder for folder in as_kind(plan.kind).beside(plan)}
+    folders = {path.parent for path in directory.glob(f"*/*/{JOURNAL}")} - planned
+    begun = {p for p in folders if not leads_out(directory, p.relative_to(directory).as_posix())}
     return [p for p in sorted(begun) if _begun_by(p)[:2] == (f"{name}_{p.name}", kind)]
 
 
@@ -216,8 +216,8 @@ def _remove(directory: Path, tables: Sequence[str]) -> None:
     owner = store.journal.owner
     assert owner is not None
     with locked(directory):
-        found = check_owner(directory, owner, store.journal)
-        store.clear(owner, [*tables, *_pictures(found)])
+        manifest = check_owner(directory, owner, store.journal)
+        store.clear(owner, [*tables, *_pictures(manifest)])
         (directory / JOURNAL).unlink()
     (directory / LOCK).unlink(missing_ok=True)
     for folder in (directory, directory.parent):
@@ -282,7 +282,7 @@ def _solve_points(
     lost = np.isin(plan.tasks.ids[pending], np.array(list(why), dtype=ID_TYPE))
     solvable = plan.tasks.at(pending[~lost])
     tasks = kind.tasks(plan, solvable, workers) if len(solvable) else []
-    total, done, known = len(plan.tasks), len(plan.tasks) - len(solvable), 0
+    total, done, gaps_reused = len(plan.tasks), len(plan.tasks) - len(solvable), 0
     failed = len(rows)
     workers.report(kind.rows_word, done, total, failed)
     busy, peak = 0.0, manifest.get("peak_memory_mb", {}).get("largest_worker", 0.0)
@@ -293,7 +293,7 @@ def _solve_points(
             workers.pace.took(len(chunk.table), chunk.wall_s)
             done += len(chunk.table)
             failed += sum(s not in SOLVED for s in chunk.table["status"].to_pylist())
-            known += chunk.known
+            gaps_reused += chunk.known
             busy += chunk.wall_s
             peak = max(peak, chunk.peak_mb)
             workers.report(kind.rows_word, done, total, failed)
@@ -302,11 +302,11 @@ def _solve_points(
         "points_s": time.perf_counter() - started,
         "points_worker_s": busy,
         "points_solved": len(solvable),
-        "working_points_reused": known,
+        "working_points_reused": gaps_reused,
     }
     timings = manifest["timings"]
-    for name, value in spent.items():  # of all rounds together
-        timings[name] = timings.get(name, 0) + value
+    for name, seconds in spent.items():  # of all rounds together
+        timings[name] = timings.get(name, 0) + seconds
     return len(pending)
 
 

@@ -66,8 +66,8 @@ def study_schema() -> dict[str, Any]:
     """JSON Schema of a study file, with the names and options of the models of the catalogue."""
     from squealstudy.models.catalogue import MODELS, model_names
 
-    found = {name: definition_of(name) for name in kind_names()}
-    of_models = {name: d for name, d in found.items() if issubclass(d, StudyDefinition)}
+    definitions = {name: definition_of(name) for name in kind_names()}
+    of_models = {name: d for name, d in definitions.items() if issubclass(d, StudyDefinition)}
     whole = create_model(
         "StudyDefinition",
         __base__=tuple(sorted(set(of_models.values()), key=lambda d: -len(d.__mro__))),
@@ -78,9 +78,9 @@ def study_schema() -> dict[str, Any]:
     model["properties"]["name"]["enum"] = list(model_names())
     choices: dict[str, list[str | int]] = {}
     for option in (option for m in MODELS.values() for option in m.options):
-        known = choices.setdefault(option.name, [])
-        known.extend(c for c in option.choices if c not in known)
-        model["properties"][option.name] = {"enum": known, "description": option.description}
+        allowed = choices.setdefault(option.name, [])
+        allowed.extend(c for c in option.choices if c not in allowed)
+        model["properties"][option.name] = {"enum": allowed, "description": option.description}
     model["additionalProperties"] = False
     model["anyOf"] = [{"required": [key]} for key in ("name", "file")]  # one of both
     del model["required"]
@@ -127,22 +127,22 @@ def _annotate(
     units: Mapping[str, str],
 ) -> None:
     """Give the keys of a table, and of tables in it, their units and examples."""
-    for key, found in node.get("properties", {}).items():
+    for key, entry in node.get("properties", {}).items():
         path = (*keys, key)
         if unit := units.get(".".join(path), units.get(key if keys else "")):
-            found["unit"] = unit
+            entry["unit"] = unit
         if key not in example:
             continue
-        value = example[key]
-        inner = [tables[name] for name in table_names(found)]
-        one = value[0] if inner and isinstance(value, list) else value
-        if inner and isinstance(one, dict) and NAMED & found.keys():
+        shown = example[key]
+        inner = [tables[name] for name in table_names(entry)]
+        one = shown[0] if inner and isinstance(shown, list) else shown
+        if inner and isinstance(one, dict) and NAMED & entry.keys():
             one = next(iter(one.values()))  # a table of tables by name
         for table in inner:
             if isinstance(one, dict):
                 _annotate(table, tables, one, path, units)
         if keys or not inner:
-            found["examples"] = [value]
+            entry["examples"] = [shown]
 
 
 def table_names(node: Any) -> list[str]:
@@ -163,13 +163,13 @@ def table_names(node: Any) -> list[str]:
 def _without_null(node: Any) -> Any:
     """The schema without `null`, which TOML does not have: such keys are left out instead."""
     if isinstance(node, list):
-        return [_without_null(item) for item in node]
+        return [_without_null(entry) for entry in node]
     if not isinstance(node, dict):
         return node
-    kept = {k: _without_null(v) for k, v in node.items() if v is not None}
-    types = kept.get("anyOf", [])
+    with_values = {k: _without_null(v) for k, v in node.items() if v is not None}
+    types = with_values.get("anyOf", [])
     if {"type": "null"} not in types:
-        return kept
+        return with_values
     others = [t for t in types if t != {"type": "null"}]
-    rest = {k: v for k, v in kept.items() if k != "anyOf"}
+    rest = {k: v for k, v in with_values.items() if k != "anyOf"}
     return {**others[0], **rest} if len(others) == 1 else {**rest, "anyOf": others}

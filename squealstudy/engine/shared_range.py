@@ -106,7 +106,7 @@ def shared_range(study: ResolvedStudy, structures: int) -> SharedRange | None:
     swept = [s for s in study.sweeps if s.name in in_place and s.low < s.high]
     if not all(in_place[s.name] for s in swept):
         return None
-    found = SharedRange(
+    candidate = SharedRange(
         tuple(s.name for s in swept), tuple(s.low for s in swept), tuple(s.high for s in swept)
     )
-    return found if swept and structures >= found.worth else None
+    return candidate if swept and structures >= candidate.worth else None

@@ -80,10 +80,10 @@ def column_units(
 
     `table` is the file of the table, where it is one of the results.
     """
-    known = dict(manifest.get("units", {}))
-    along = known.get(onset_parameter(manifest.get("sweeps", [])) or "", "")
-    found = units_of(columns, {**known, **OWN_UNITS.get(table, {})})
-    return {name: along if unit == OF_THE_ONSET else unit for name, unit in found.items()}
+    parameter_units = dict(manifest.get("units", {}))
+    along = parameter_units.get(onset_parameter(manifest.get("sweeps", [])) or "", "")
+    units = units_of(columns, {**parameter_units, **OWN_UNITS.get(table, {})})
+    return {name: along if unit == OF_THE_ONSET else unit for name, unit in units.items()}
 
 
 class Store:
@@ -127,8 +127,8 @@ class Store:
             (self.directory / old).unlink(missing_ok=True)
         if len(rows) == 1 and folder.is_dir():
             folder.rmdir()
-        for path, own in zip(names, rows, strict=True):
-            write_atomic(self.directory / path, _parquet(self._described(part(own), name)))
+        for path, part_rows in zip(names, rows, strict=True):
+            write_atomic(self.directory / path, _parquet(self._described(part(part_rows), name)))
         self.journal.add(names)
 
     def _described(self, table: pa.Table, name: str) -> pa.Table:
@@ -139,10 +139,10 @@ class Store:
         stem, fields = name.split("/")[0].removesuffix(".parquet"), []
         for field in table.schema:
             column = column_of(kind, stem, field.name, parameters)
-            told = dict(field.metadata or {}) | (column.metadata if column else {})
+            metadata = dict(field.metadata or {}) | (column.metadata if column else {})
             if field.name in units:
-                told[UNIT] = units[field.name].encode()
-            fields.append(field.with_metadata(told) if told else field)
+                metadata[UNIT] = units[field.name].encode()
+            fields.append(field.with_metadata(metadata) if metadata else field)
         return table.cast(pa.schema(fields, metadata=table.schema.metadata))
 
     def parts(self, name: str) -> list[str]:
@@ -178,8 +178,8 @@ class Store:
         for name, content in contents.items():
             path = self.directory / name
             if isinstance(content, pa.Table):
-                told = content if name.startswith(CHUNKS) else self._described(content, name)
-                write_atomic(path, _parquet(told))
+                table = content if name.startswith(CHUNKS) else self._described(content, name)
+                write_atomic(path, _parquet(table))
             elif isinstance(content, str):
                 write_text(path, content)
             else:
@@ -204,10 +204,10 @@ class Store:
         faults = self.faults()
         for fault, names in faults.items():
             self._give_up(names, fault == DAMAGED)
-            kept = f", now in {self.directory / SET_ASIDE}" if fault == DAMAGED else ""
+            aside = f", now in {self.directory / SET_ASIDE}" if fault == DAMAGED else ""
             warn(
-                f"{self.directory}: {fault}{kept}: {listed(sorted(names))}; what was in it is made "
-                "again"
+                f"{self.directory}: {fault}{aside}: {listed(sorted(names))}; what was in it is "
+                "made again"
             )
         for name in self.unfinished():
             (self.directory / name).unlink()
@@ -231,15 +231,15 @@ class Store:
 
     def faults(self) -> dict[str, list[str]]:
         """Files that are not as the journal or their seal says, by what is wrong with them."""
-        found: dict[str, list[str]] = {}
+        by_fault: dict[str, list[str]] = {}
         for name in self.journal.entries:
             if fault := self.journal.fault(name):
-                found.setdefault(fault, []).append(name)
+                by_fault.setdefault(fault, []).append(name)
         try:
             read_manifest(self.directory)
         except ResultsError:
-            found.setdefault(DAMAGED, []).append(MANIFEST)
-        return found
+            by_fault.setdefault(DAMAGED, []).append(MANIFEST)
+        return by_fault
 
     def _give_up(self, names: Iterable[str], keep: bool) -> None:
         """Files, and with them the files that they belong together with."""
@@ -256,8 +256,10 @@ class Store:
         """Files of our own making that stand in no journal."""
         folders = (p for p in self.directory.iterdir() if p.is_dir() and not p.is_symlink())
         names = (f"{p.name}/{file.name}" for p in folders for file in p.iterdir())
-        own = (n for n in names if RUN_FILES.fullmatch(n) and not (self.directory / n).is_dir())
-        return [name for name in own if name not in self.journal.entries]
+        run_files = (
+            n for n in names if RUN_FILES.fullmatch(n) and not (self.directory / n).is_dir()
+        )
+        return [name for name in run_files if name not in self.journal.entries]
 
     def unsolved(self, missing: int, asked: int) -> MachineError:
         """The error of design points that are in no chunk file, though all were solved."""
@@ -304,9 +306,9 @@ class Store:
     def shape_of(self, name: str) -> tuple[pa.Schema, int]:
         """Schema and number of rows of a table; ResultsError where it is not as it was written."""
         with readable(self.whole(name)):
-            found = [pq.ParquetFile(self.directory / part) for part in self.parts(name)]
-            rows = sum(part.metadata.num_rows for part in found)
-            return found[0].schema_arrow, rows
+            files = [pq.ParquetFile(self.directory / part) for part in self.parts(name)]
+            rows = sum(part.metadata.num_rows for part in files)
+            return files[0].schema_arrow, rows
 
     def batches(self, name: str, columns: Sequence[str], rows: int) -> Iterator[pa.Table]:
         """Columns of a table, so many rows at a time; ResultsError as of `read_table`."""
@@ -333,8 +335,8 @@ class Store:
 
     def finished_points(self, schema: pa.Schema) -> np.ndarray:
         """Ids (n,) of all points in chunk files, each once, ascending."""
-        found = [ids_of(table["point_id"]) for table in self.chunks(schema, ["point_id"])]
-        return np.unique(np.concatenate([np.zeros(0, ID_TYPE), *found]))
+        chunk_ids = [ids_of(table["point_id"]) for table in self.chunks(schema, ["point_id"])]
+        return np.unique(np.concatenate([np.zeros(0, ID_TYPE), *chunk_ids]))
 
     def rows(self, wanted: Collection[str], schema: pa.Schema) -> dict[str, dict[str, Any]]:
         """Rows of the wanted points by id; a point that stands twice is taken once."""
@@ -348,17 +350,17 @@ class Store:
         So are those that no run of the kind writes.
         """
         owner = self.journal.owner
-        facts, found = facts_of(owner[1]) if owner else None, dict[str, dict[str, Any]]()
+        facts, checks = facts_of(owner[1]) if owner else None, dict[str, dict[str, Any]]()
         for name in (name for name in self.names(REFERENCES) if not self.fault(name)):
             try:
-                result = json.loads(read_whole(self.directory / name, OF_JSON))
+                check = json.loads(read_whole(self.directory / name, OF_JSON))
                 if facts:
-                    facts.model_validate({"reference": [result]})
-                if result["point_id"] == Path(name).stem:
-                    found[result["point_id"]] = result
+                    facts.model_validate({"reference": [check]})
+                if check["point_id"] == Path(name).stem:
+                    checks[check["point_id"]] = check
             except (ValueError, RecursionError, LookupError, TypeError):
                 continue
-        return found
+        return checks
 
     def kept_histories(self) -> set[str]:
         """Ids of the design points whose histories were kept."""
@@ -377,8 +379,8 @@ class Store:
             path = self.directory / name
             if status != "ok":
                 raise ResultsError(f"{path}: no history, for the point failed: {status}")
-            if kept := len(self.kept_histories()):
-                raise ResultsError(f"{path}: no history of this point, but of {kept} others")
+            if n_histories := len(self.kept_histories()):
+                raise ResultsError(f"{path}: no history of this point, but of {n_histories} others")
             raise ResultsError(
                 f"{path}: the study kept no histories; [transient] save_every above 0 keeps them"
             )

@@ -46,8 +46,8 @@ def build_structures(
     SquealstudyError
         Where no structure of the study can be made.
     """
-    asked = plan.structures if wanted is None else plan.structures.keys() & wanted
-    missing = [p for key, p in plan.structures.items() if key in asked and not is_prepared(key)]
+    keys = plan.structures if wanted is None else plan.structures.keys() & wanted
+    missing = [p for key, p in plan.structures.items() if key in keys and not is_prepared(key)]
     if not missing:
         return {}
     workers = with_files(plan, workers)
@@ -57,8 +57,8 @@ def build_structures(
     tasks = [build_task(plan, point, threads) for point in missing]
     failures = _make_shared(tasks, workers)
     tasks = [task for task in tasks if task.point.structure not in failures]
-    made = workers.each(build_structure, tasks, "reduction")
-    failures |= {key: reason for key, reason in made if reason}
+    outcomes = workers.each(build_structure, tasks, "reduction")
+    failures |= {key: reason for key, reason in outcomes if reason}
     if len(failures) == len(plan.structures):
         raise SquealstudyError(f"{plan.study.source.path}: {next(iter(failures.values()))}")
     return failures
@@ -73,8 +73,8 @@ def _make_shared(tasks: Sequence[BuildTask | FamilyTask], workers: Workers) -> d
     if not of_range:
         return {}
     alone = [replace(t, threads=workers.threads(len(of_range))) for t in of_range.values()]
-    made = workers.each(make_shared, alone, "basis over a range")
-    lost = {key: reason for key, reason in made if reason}
+    outcomes = workers.each(make_shared, alone, "basis over a range")
+    lost = {key: reason for key, reason in outcomes if reason}
     return {
         t.point.structure: lost[t.shared.key]
         for t in tasks
@@ -121,15 +121,15 @@ def check_shapes(plan: Plan) -> str:
     """
     model = plan.study.model
     values = [point.plain_values() for point in plan.structures.values()]
-    found = [(pair, v) for v in values if (pair := model.vanishing(v))]
-    if not found:
+    vanishing = [(pair, v) for v in values if (pair := model.vanishing(v))]
+    if not vanishing:
         return ""
-    (smaller, larger), first = found[0]
+    (smaller, larger), first = vanishing[0]
     text = f"expected {smaller} ({first[smaller]:g}) below {larger} ({first[larger]:g})"
-    if len(found) < len(values):
-        return f"{len(found)} of {len(values)} geometries cannot be built; the first: {text}"
-    given = {*plan.study.definition.parameters, *(s.name for s in plan.study.sweeps)}
-    raise plan.error(larger if larger in given else smaller, f"{text}: a part would vanish")
+    if len(vanishing) < len(values):
+        return f"{len(vanishing)} of {len(values)} geometries cannot be built; the first: {text}"
+    named = {*plan.study.definition.parameters, *(s.name for s in plan.study.sweeps)}
+    raise plan.error(larger if larger in named else smaller, f"{text}: a part would vanish")
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ def _prepared_family(task: FamilyTask) -> PreparedFamily:
         with threadpool_limits(task.threads):
             prepared = prepare_family(family, model.defaults(), angular_band(task.band_hz))
     except SquealstudyError as error:
-        values = ", ".join(f"{name} = {value:g}" for name, value in model.defaults().items())
+        values = ", ".join(f"{name} = {default:g}" for name, default in model.defaults().items())
         raise SquealstudyError(f"at the values of [parameters], {values}: {error}") from error
     return replace(prepared, timings={"read_s": read_s, **prepared.timings})
 
@@ -204,11 +204,11 @@ def mode_counts(plan: Plan) -> dict[str, int]:
     Assembles the first structure, but makes no reduction: a few seconds.
     """
     design = plan.tasks[0]
-    wanted = {p.component for p in design.mode_parameters()}
+    components = {p.component for p in design.mode_parameters()}
     assembly = design.assembly()
     cutoff = plan.settings.component_cutoff
     return {
         c.name: len(real_modes(c.M, c.K, cutoff)[0])
         for c in assembly.components
-        if c.name in wanted
+        if c.name in components
     }

@@ -48,8 +48,10 @@ def read_file(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     # texts are written out only here, once a row, from those that are there: half the time
     for place, field in enumerate(table.schema):
         if pa.types.is_dictionary(field.type):
-            own = file.schema_arrow.field(field.name)
-            table = table.set_column(place, own, table.column(place).cast(own.type))
+            stored_field = file.schema_arrow.field(field.name)
+            table = table.set_column(
+                place, stored_field, table.column(place).cast(stored_field.type)
+            )
     return table
 
 
@@ -118,17 +120,17 @@ def _side_by_side(schema: pa.Schema) -> list[str]:
 def _counted(file: pq.ParquetFile, schema: pa.Schema) -> bool:
     """Whether lists that stand side by side have as many values in the file, as its footer says."""
     counts: dict[int, int] = {}
-    told = _side_by_side(schema)
-    for _, column, values, _ in _column_parts(file, told, 0) if told else ():
+    list_columns = _side_by_side(schema)
+    for _, column, values, _ in _column_parts(file, list_columns, 0) if list_columns else ():
         counts[column] = counts.get(column, 0) + values
     return len(set(counts.values())) < 2
 
 
 def _fits(table: pa.Table, schema: pa.Schema) -> bool:
     """Whether they are of one length in each row."""
-    told = _side_by_side(schema)
-    lengths = [pc.list_value_length(table[n]) for n in told if n in table.column_names]
-    return all(own.equals(lengths[0]) for own in lengths[1:])
+    list_columns = _side_by_side(schema)
+    lengths = [pc.list_value_length(table[n]) for n in list_columns if n in table.column_names]
+    return all(column_lengths.equals(lengths[0]) for column_lengths in lengths[1:])
 
 
 def expect_room(
@@ -150,13 +152,13 @@ def _column_parts(
     file: pq.ParquetFile, columns: Collection[str] | None, rows: int
 ) -> Iterator[ColumnPart]:
     """Group, column, number of values and facts of each part of a column that is read."""
-    told, schema = file.metadata, file.schema
+    metadata, schema = file.metadata, file.schema
     for column in range(len(schema)):
         leaf = schema.column(column)
         if columns is not None and leaf.path.split(".")[0] not in columns:
             continue
-        for group in range(told.num_row_groups):
-            part = told.row_group(group).column(column)
+        for group in range(metadata.num_row_groups):
+            part = metadata.row_group(group).column(column)
             plain = rows and not leaf.max_repetition_level  # a row of lists has any number
             yield group, column, min(part.num_values, rows) if plain else part.num_values, part
 
@@ -192,10 +194,10 @@ def _letters(path: Path, file: pq.ParquetFile, texts: Sequence[ColumnPart]) -> f
 def _length(coded: pq.ParquetFile, group: int, name: str) -> float:
     """Letters of the longest text in the dictionary of a part of a column; 0 without one."""
     for batch in coded.iter_batches(1, [group], [name], use_threads=False):
-        found = batch.column(0)
-        while hasattr(found, "flatten") and not hasattr(found, "dictionary"):
-            found = found.flatten()
-        if hasattr(found, "dictionary"):
-            return float(pc.max(pc.binary_length(found.dictionary)).as_py() or 0)
+        array = batch.column(0)
+        while hasattr(array, "flatten") and not hasattr(array, "dictionary"):
+            array = array.flatten()
+        if hasattr(array, "dictionary"):
+            return float(pc.max(pc.binary_length(array.dictionary)).as_py() or 0)
         break
     return 0.0

@@ -52,19 +52,19 @@ def batches(
         return
     first = 0
     for batch in store.batches(file, columns, point_rows.ROWS_PER_BATCH):
-        found = batch.to_pandas()
-        found.index = pd.RangeIndex(first, first + len(found))
-        first += len(found)
-        yield found
+        frame = batch.to_pandas()
+        frame.index = pd.RangeIndex(first, first + len(frame))
+        first += len(frame)
+        yield frame
     if not first:
         yield store.read_table(file, columns).to_pandas()
 
 
 def chosen_rows(found: Iterable[pd.DataFrame], keep: Keep | None) -> pd.DataFrame:
     """The rows of some batches that are wanted, as one table (`ResultTables.rows`)."""
-    kept = [part if keep is None else part[np.asarray(keep(part), dtype=bool)] for part in found]
-    names = [str(name) for name in kept[0]]  # one after the other: all would be there twice else
-    return pd.DataFrame({name: pd.concat([part.pop(name) for part in kept]) for name in names})
+    chosen = [part if keep is None else part[np.asarray(keep(part), dtype=bool)] for part in found]
+    names = [str(name) for name in chosen[0]]  # one after the other: all would be there twice else
+    return pd.DataFrame({name: pd.concat([part.pop(name) for part in chosen]) for name in names})
 
 
 def mode_points(points: pd.DataFrame, modes: Iterable[pd.DataFrame]) -> np.ndarray:
@@ -73,7 +73,7 @@ def mode_points(points: pd.DataFrame, modes: Iterable[pd.DataFrame]) -> np.ndarr
     ResultsError where one has none.
     """
     ids, first = points[["point_id"]], 0
-    found = [np.zeros(0, dtype=np.int32)]
+    batch_rows = [np.zeros(0, dtype=np.int32)]
     for batch in modes:
         try:  # modes stand in the order of their points
             rows = first + point_codes(
@@ -81,9 +81,9 @@ def mode_points(points: pd.DataFrame, modes: Iterable[pd.DataFrame]) -> np.ndarr
             )
         except ResultsError:  # in tables of other making they need not
             rows = point_codes(ids, batch)
-        found.append(rows.astype(np.int32))
+        batch_rows.append(rows.astype(np.int32))
         first = int(rows[-1]) if len(rows) else first
-    return np.concatenate(found)
+    return np.concatenate(batch_rows)
 
 
 def ranked_modes(results: Tables, where: str | None = None) -> pd.DataFrame:
@@ -91,15 +91,15 @@ def ranked_modes(results: Tables, where: str | None = None) -> pd.DataFrame:
 
     These are unstable ones, those of tracks that are unstable somewhere, and uncertain ones.
     """
-    known, tracks = results.columns("modes"), np.zeros(0, dtype=np.int64)
+    names, tracks = results.columns("modes"), np.zeros(0, dtype=np.int64)
     for batch in results.batches("modes", ["track", "unstable"]):
         tracks = np.union1d(tracks, batch["track"].to_numpy()[batch["unstable"].to_numpy(bool)])
     tracks = tracks[tracks > 0]
-    asked = set().union(*(c.columns for c in query(where, results.columns("points"), known)))
+    in_query = set().union(*(c.columns for c in query(where, results.columns("points"), names)))
 
     def counts(batch: pd.DataFrame) -> np.ndarray:
-        own = np.isin(batch["track"].to_numpy(), tracks)
-        return own | batch["unstable"].to_numpy(bool) | is_uncertain(batch)
+        is_ranked_track = np.isin(batch["track"].to_numpy(), tracks)
+        return is_ranked_track | batch["unstable"].to_numpy(bool) | is_uncertain(batch)
 
-    columns = {*RANKED, *energy_columns(known), *asked}
-    return results.rows("modes", [ROW, *(c for c in known if c in columns)], counts)
+    columns = {*RANKED, *energy_columns(names), *in_query}
+    return results.rows("modes", [ROW, *(c for c in names if c in columns)], counts)

@@ -134,8 +134,8 @@ def new_study(
     name = f"{kind}.schema.json" if kind in OF_METHODS else SCHEMA_FILE
     beside = path.with_name(name)
     if schema:
-        found = methods_schema(kind) if kind in OF_METHODS else study_schema()
-        write_text(beside, json.dumps(found, indent=2) + "\n")
+        json_schema = methods_schema(kind) if kind in OF_METHODS else study_schema()
+        write_text(beside, json.dumps(json_schema, indent=2) + "\n")
     if beside.is_file():
         written[path] = f"#:schema ./{name}\n{text}"
     for file, content in written.items():
@@ -145,19 +145,21 @@ def new_study(
 
 def study_text(name: str, kind: str, model: str | None, whole: bool = False) -> str:
     """The text of such a file; raises as `new_study`."""
-    known = new_kinds()
-    if kind not in known:
+    kinds = new_kinds()
+    if kind not in kinds:
         raise SquealstudyError(
-            f"kind '{kind}': expected {', '.join(known)}{did_you_mean(kind, known)}"
+            f"kind '{kind}': expected {', '.join(kinds)}{did_you_mean(kind, kinds)}"
         )
     if kind == OF_METHODS[1]:
         if model is not None:
             raise SquealstudyError(f"a {kind} study has a minimal model of its own: no model")
         return METHOD_STABILITY.format(name=_name(name))
-    asked = lumped_start(Path(f"{name}.toml")) if model == LUMPED else _known_model(model)
+    chosen_model = lumped_start(Path(f"{name}.toml")) if model == LUMPED else _known_model(model)
     if kind == OF_METHODS[0]:
-        return WORK_PRECISION.format(name=_name(name), base=f"{name}{BASE}.toml", model=asked.name)
-    begun = _begun(_name(name), kind, asked, whole)
+        return WORK_PRECISION.format(
+            name=_name(name), base=f"{name}{BASE}.toml", model=chosen_model.name
+        )
+    begun = _begun(_name(name), kind, chosen_model, whole)
     return "\n".join(_lines(begun, kind)).rstrip() + "\n"
 
 
@@ -186,22 +188,22 @@ def _known_model(model: str | None) -> ModelDefinition:
 
 def _begun(name: str, kind: str, model: ModelDefinition, whole: bool) -> Begun:
     """What such a study says: of the model, of the kind, and what is swept."""
-    asked = model_kind(OF_ROBUST if kind == ROBUST else kind)
+    study_kind = model_kind(OF_ROBUST if kind == ROBUST else kind)
     defaults = {p.name: p.default for p in model.parameters}
-    mine, theirs = dict(model.start), dict(asked.start)
+    mine, theirs = dict(model.start), dict(study_kind.start)
     swept = {**_range(model), **mine.pop("sweep", {}), **theirs.pop("sweep", {})}
     tables: dict[str, Any] = {
-        "study": {"name": name, "kind": asked.name},
+        "study": {"name": name, "kind": study_kind.name},
         "model": {"name": model.name, **mine.pop("model", {})},
-        "parameters": {k: v for k, v in asked.begins_with.items() if defaults.get(k) == 0.0},
+        "parameters": {k: v for k, v in study_kind.begins_with.items() if defaults.get(k) == 0.0},
         "sweep": [swept],
     }
     if kind == ROBUST:
         tables |= _scatter(swept, defaults)
     for section in (*theirs, *(s for s in mine if s not in theirs)):
-        if section in asked.definition.model_fields:
+        if section in study_kind.definition.model_fields:
             tables[section] = _joined(theirs.get(section), mine.get(section))
-    return Begun(asked, model, tables, asked.definition.model_validate(tables), whole)
+    return Begun(study_kind, model, tables, study_kind.definition.model_validate(tables), whole)
 
 
 def _joined(kinds: Any, models: Any) -> Any:
@@ -260,33 +262,33 @@ def _lines(begun: Begun, kind: str) -> Iterator[str]:
     yield from _parameters(begun)
     yield from _sweeps(begun)
     if begun.whole or "design" in begun.tables:
-        given, design = begun.tables.get("design"), definition.design
+        design_table, design = begun.tables.get("design"), definition.design
         yield from section_lines(
-            "design", design, given or {}, begun.shown("design"), given is None
+            "design", design, design_table or {}, begun.shown("design"), design_table is None
         )
-    for section, found in type(definition).model_fields.items():
+    for section, field in type(definition).model_fields.items():
         if section in BY_HAND or (section == "fidelity" and not begun.kind.has_fidelity):
             continue
-        yield from _of_kind(begun, section, found)
+        yield from _of_kind(begun, section, field)
 
 
 def _of_kind(begun: Begun, section: str, found: FieldInfo) -> Iterator[str]:
     """One of the other sections, if it is written."""
-    given, shown = begun.tables.get(section), begun.shown(section)
-    if not begun.whole and given is None and not shown:
+    begun_with, shown = begun.tables.get(section), begun.shown(section)
+    if not begun.whole and begun_with is None and not shown:
         return
-    value = getattr(begun.definition, section)
+    section_value = getattr(begun.definition, section)
     yield from comment_lines(found.description or "")
-    if isinstance(given, list):
-        for number, table in enumerate(given):
+    if isinstance(begun_with, list):
+        for number, table in enumerate(begun_with):
             more = begun.whole and number == 0
             yield from table_lines(f"[[{section}]]", section_fields(found), table, more)
-    elif value is None or value == ():
+    elif section_value is None or section_value == ():
         yield from table_lines(
-            f"[[{section}]]" if value == () else f"[{section}]", section_fields(found)
+            f"[[{section}]]" if section_value == () else f"[{section}]", section_fields(found)
         )
     else:
-        yield from section_lines(section, value, given or {}, shown)
+        yield from section_lines(section, section_value, begun_with or {}, shown)
 
 
 def _study(begun: Begun) -> Iterator[str]:
@@ -304,7 +306,7 @@ def _study(begun: Begun) -> Iterator[str]:
 
 
 def _model(begun: Begun) -> Iterator[str]:
-    given = begun.tables["model"]
+    begun_with = begun.tables["model"]
     yield "[model]"
     if isinstance(begun.model, FileDefinition):
         yield f"file = {toml_value(Path(begun.model.path).name)}"
@@ -315,23 +317,23 @@ def _model(begun: Begun) -> Iterator[str]:
         choices = f" ({' | '.join(map(str, option.choices))})" if others else ""
         if not begun.whole and not others:
             continue
-        yield from key_lines(option.name, default, option.description + choices, given)
+        yield from key_lines(option.name, default, option.description + choices, begun_with)
     yield ""
 
 
 def _parameters(begun: Begun) -> Iterator[str]:
-    given = begun.tables["parameters"]
+    begun_with = begun.tables["parameters"]
     shown = begun.shown("parameters")
     yield "[parameters]"
     for parameter in begun.model.parameters:
         matters = (
             shown is None or parameter.name in shown or _is_of_the_model(parameter, begun.model)
         )
-        if not matters and parameter.name not in given:
+        if not matters and parameter.name not in begun_with:
             continue
         described = parameter.description + (f" [{parameter.unit}]" if parameter.unit else "")
-        described += f" ({parameter.default:g} by default)" if parameter.name in given else ""
-        yield from key_lines(parameter.name, parameter.default, described, given)
+        described += f" ({parameter.default:g} by default)" if parameter.name in begun_with else ""
+        yield from key_lines(parameter.name, parameter.default, described, begun_with)
     yield ""
 
 

@@ -26,8 +26,8 @@ FILE = "names.json"
 def keep_track_names(store: Store, table: pd.DataFrame) -> None:
     """Write the names of tracks beside the tables, for the legends of pictures."""
     named = {str(track): [str(r["name"]), bool(r["changes"])] for track, r in table.iterrows()}
-    kept = {str(t): list(v) for t, v in read_track_names(store).items()}
-    content = {"modes": _identity(store), "tracks": kept | named}
+    names_before = {str(t): list(v) for t, v in read_track_names(store).items()}
+    content = {"modes": _identity(store), "tracks": names_before | named}
     write_text(store.directory / FILE, sealed(content))
 
 

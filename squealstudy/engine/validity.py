@@ -67,8 +67,8 @@ class Broken:
 
     def texts(self) -> Iterator[tuple[int, str]]:
         """Position and reason of each of them."""
-        for row, value in zip(self.rows.tolist(), self.values.tolist(), strict=True):
-            yield row, f"{self.rule}: {value:.4g}"
+        for row, number in zip(self.rows.tolist(), self.values.tolist(), strict=True):
+            yield row, f"{self.rule}: {number:.4g}"
 
 
 def parameter_reasons(plan: Plan) -> list[Broken]:
@@ -78,7 +78,7 @@ def parameter_reasons(plan: Plan) -> list[Broken]:
     """
     points = plan.tasks
     columns, count = points.columns, len(points)
-    found = [
+    broken_rules = [
         _beyond_limit(a.rule, a.values(columns, count), a.most)
         for a in plan.study.model.assumptions
     ]
@@ -92,16 +92,16 @@ def parameter_reasons(plan: Plan) -> list[Broken]:
     ):
         damped = [points.column(p.name) for p in parameters if p.quantity == DAMPING_RATIO]
         if damped:
-            found.append(_beyond_limit(rule, np.maximum.reduce(damped), most))
-    found.append(_damped_modes(plan))
+            broken_rules.append(_beyond_limit(rule, np.maximum.reduce(damped), most))
+    broken_rules.append(_damped_modes(plan))
     for table in plan.study.model.tables:
         for name, at in zip(table.over, table.at, strict=True):
             low, high = at[0], at[-1]
             rule = f"the table of {table.name} is over {name} from {low:g} to {high:g}, {name}"
             values, slack = points.column(name), TABLE_END_SLACK * (high - low)
             rows = np.flatnonzero(~((values >= low - slack) & (values <= high + slack)))
-            found.append(Broken(rule, rows, values[rows]))
-    return [broken for broken in found if len(broken.rows)]
+            broken_rules.append(Broken(rule, rows, values[rows]))
+    return [broken for broken in broken_rules if len(broken.rows)]
 
 
 def _beyond_limit(rule: str, values: np.ndarray, most: float) -> Broken:
@@ -114,7 +114,7 @@ def points_by_rule(found: Sequence[Broken]) -> list[tuple[str, int]]:
     rows: dict[str, list[np.ndarray]] = {}
     for broken in found:
         rows.setdefault(broken.rule, []).append(broken.rows)
-    counts = [(rule, len(np.unique(np.concatenate(own)))) for rule, own in rows.items()]
+    counts = [(rule, len(np.unique(np.concatenate(row_sets)))) for rule, row_sets in rows.items()]
     return sorted(counts, key=lambda item: -item[1])
 
 
@@ -184,8 +184,8 @@ def motion_reason(law_kind: str, share: float) -> str:
 def _reasons(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
     """Row of a point and what it breaks: found by a worker, known before, told by its findings."""
     if "invalid_reason" in points:
-        found = points["invalid_reason"].fillna("").to_numpy(object)
-        yield from ((int(row), found[row]) for row in np.flatnonzero(found != ""))
+        by_worker = points["invalid_reason"].fillna("").to_numpy(object)
+        yield from ((int(row), by_worker[row]) for row in np.flatnonzero(by_worker != ""))
     for broken in parameter_reasons(plan):
         yield from broken.texts()
     if not isinstance(plan.study.model, FamilyDefinition):
@@ -197,9 +197,9 @@ def _of_findings(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
     kind = plan.first.law_kind
     in_time = "class" in points  # steady sliding is told by its worker
     share = _numbers(points, "open_share_max" if in_time else "open_share")
-    told = motion_reason if in_time else open_reason
+    reason_of = motion_reason if in_time else open_reason
     for row in np.flatnonzero(share > 0).tolist():
-        if text := told(kind, share[row]):
+        if text := reason_of(kind, share[row]):
             yield row, text
     distance = _numbers(points, "perturbation")
     for row in np.flatnonzero(np.isfinite(distance)).tolist():
@@ -236,10 +236,13 @@ def _damped_modes(plan: Plan) -> Broken:
             part = points.at(rows)
             hz = natural_frequencies_of_batch(part.model, part.options, part.columns, len(part))
             inside = np.where((hz >= low) & (hz <= high), hz, 0.0).max(axis=1)
-            own = np.broadcast_to(zeta, len(points))[rows]
+            damping_ratio = np.broadcast_to(zeta, len(points))[rows]
             at = np.flatnonzero(inside > 0)
-            own = own[at] + np.pi * np.broadcast_to(beta, len(points))[rows[at]] * inside[at]
-            ratio[rows[at]] = own
+            damping_ratio = (
+                damping_ratio[at]
+                + np.pi * np.broadcast_to(beta, len(points))[rows[at]] * inside[at]
+            )
+            ratio[rows[at]] = damping_ratio
             return _beyond_limit(
                 OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL_DAMPING_RATIO, 0.0))
             )

@@ -79,13 +79,13 @@ class Pace:
 
         Where that is less than `least`, nearly so many, of even parts.
         """
-        left = len(points)
+        n_left = len(points)
         for _, rows in points.of_structures():
             start, even = 0, math.ceil(len(rows) / math.ceil(len(rows) / least))
             while start < len(rows):
-                size = min(max(self.size(left, jobs), even), len(rows) - start)
+                size = min(max(self.size(n_left, jobs), even), len(rows) - start)
                 yield points.at(rows[start : start + size])
-                start, left = start + size, left - size
+                start, n_left = start + size, n_left - size
 
 
 # tasks a worker that are drawn: one at work, others wait for it to be free
@@ -172,14 +172,14 @@ class Workers:
             Where a worker process dies, or none can start; in a cluster where the scheduler is
             lost, or such a task has no result.
         """
-        known = len(tasks) if isinstance(tasks, Sized) else 0
-        total = known if total is None else total
+        n_known = len(tasks) if isinstance(tasks, Sized) else 0
+        total = n_known if total is None else total
         if stage and total:
             self.report(stage, 0, total)
-        for done, found in enumerate(self._found(function, iter(tasks), lost), start=1):
+        for done, answer in enumerate(self._found(function, iter(tasks), lost), start=1):
             if stage:
                 self.report(stage, done, max(done, total))
-            yield found
+            yield answer
 
     def _found(
         self,
@@ -323,8 +323,8 @@ def worker_count(
     or what this process has taken so far. `warn` is told where memory
     decides, or where more were asked for.
     """
-    known = (found or {}).get("peak_memory_mb", {})
-    earlier = float(known.get("largest_worker", 0.0))
+    peak_memory = (found or {}).get("peak_memory_mb", {})
+    earlier = float(peak_memory.get("largest_worker", 0.0))
     each, available, allowed = max(earlier, peak_memory_mb()), available_memory_mb(), cores()
     fit = max(1, int(available / each))
     short = f"each needs about {in_digits(each)} MB, and {in_digits(available)} MB are left"
