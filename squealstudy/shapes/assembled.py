@@ -44,11 +44,11 @@ def eight(nodes: np.ndarray) -> np.ndarray:
     """Facets of 3, 4, 6 or 8 nodes (p, k) with places for eight: corners, middles, NONE."""
     n, k = nodes.shape
     corners = 3 if k in (3, 6) else 4
-    found = np.full((n, 8), NONE)
-    found[:, :corners] = nodes[:, :corners]
+    eight_nodes = np.full((n, 8), NONE)
+    eight_nodes[:, :corners] = nodes[:, :corners]
     if k > corners:
-        found[:, 4 : 4 + corners] = nodes[:, corners:]
-    return found
+        eight_nodes[:, 4 : 4 + corners] = nodes[:, corners:]
+    return eight_nodes
 
 
 def draw_assembly(bodies: Mapping[str, Body], axis: np.ndarray) -> Figure:
@@ -70,19 +70,19 @@ def draw_assembly(bodies: Mapping[str, Body], axis: np.ndarray) -> Figure:
         points, values, facets = [], [], []
         start = 0
         for number, (name, body) in enumerate(bodies.items()):
-            moved = body.nodes + apart * order.index(name) * axis
+            moved_apart = body.nodes + apart * order.index(name) * axis
             coloured = [
                 (eight(nodes), len(greys) + names.index(face))
                 for face, groups in body.faces.items()
                 for nodes in groups
             ]
             rest = _without(body.facets, [f for f, _ in coloured])
-            for own, colour in [(rest, number), *coloured]:
-                used = np.where(own == NONE, NONE, own + start)
+            for part_facets, colour in [(rest, number), *coloured]:
+                used = np.where(part_facets == NONE, NONE, part_facets + start)
                 facets.append(used)
-                points.append(moved)
-                values.append(np.full(len(moved), colour + 0.5))
-                start += len(moved)
+                points.append(moved_apart)
+                values.append(np.full(len(moved_apart), colour + 0.5))
+                start += len(moved_apart)
         _draw(axes, np.vstack(points), np.concatenate(values), np.vstack(facets), mapped, view)
     handles = [Patch(color=c, label=n) for c, n in zip([*greys, *bright], [*bodies, *names])]  # noqa: B905
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9)
@@ -92,8 +92,8 @@ def draw_assembly(bodies: Mapping[str, Body], axis: np.ndarray) -> Figure:
 def _without(facets: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
     """Facets that are not among others, by their corners."""
     taken = {tuple(sorted(corners)) for other in others for corners in other[:, :4].tolist()}
-    kept = [tuple(sorted(corners)) not in taken for corners in facets[:, :4].tolist()]
-    return facets[np.array(kept, dtype=bool)]
+    is_other = [tuple(sorted(corners)) not in taken for corners in facets[:, :4].tolist()]
+    return facets[np.array(is_other, dtype=bool)]
 
 
 def _draw(
@@ -108,8 +108,8 @@ def _draw(
     surface = triangles(facets, len(points))
     points, values = with_middles(facets, points), with_middles(facets, values, smooth=smooth)
     camera = Camera.at(*view)
-    seen = camera.seen(points[np.unique(surface.nodes)])[:, :2]
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    on_screen = camera.seen(points[np.unique(surface.nodes)])[:, :2]
+    low, high = on_screen.min(axis=0), on_screen.max(axis=0)
     edge = 0.02 * float((high - low).max())
     window = (low[0] - edge, high[0] + edge, low[1] - edge, high[1] + edge)
     image = picture(points, surface, values, camera, window, SAMPLES_PER_PIXEL * PIXEL_COLUMNS)
@@ -141,10 +141,10 @@ def draw_free_modes(
     panels = figure.subplots(rows, MODES_PER_ROW, squeeze=False).ravel()
     for axes in panels[len(modes) :]:
         axes.set_axis_off()
-    for axes, (title, moved) in zip(panels, modes, strict=False):
-        far = np.linalg.norm(moved, axis=1)
+    for axes, (title, displacements) in zip(panels, modes, strict=False):
+        far = np.linalg.norm(displacements, axis=1)
         share = far / far.max()
-        deformed = nodes + DISPLACEMENT_OVER_DIAGONAL * diagonal * moved / far.max()
+        deformed = nodes + DISPLACEMENT_OVER_DIAGONAL * diagonal * displacements / far.max()
         _draw(axes, deformed, share, facets, colours, VIEW_DEG, smooth=True)
         axes.set_title(title)
     return figure

@@ -80,9 +80,9 @@ def write_vtu(shape: Shape, path: Path) -> list[Path]:
     folder = path.with_name(f"{path.stem}_phases")
     steps = []
     for number in range(N_PHASES):
-        moved = {"displacement": shape.at(2 * np.pi * number / N_PHASES)}
+        displacement = {"displacement": shape.at(2 * np.pi * number / N_PHASES)}
         file = folder / f"{number:02d}.vtu"
-        _write_mesh(_mesh(shape, moved), file)
+        _write_mesh(_mesh(shape, displacement), file)
         steps.append(
             f'<DataSet timestep="{number / N_PHASES:.6f}" file="{folder.name}/{file.name}"/>'
         )
@@ -197,7 +197,7 @@ def _function(signal: Signal, where: str) -> dict[Any, Any]:
     steps = np.diff(signal.time)
     if len(steps) and np.ptp(steps) > EVEN_STEP_TOLERANCE * steps.mean():
         raise ModelError(f"{signal.name}: steps in time are not even")
-    found: dict[Any, Any] = pyuff.prepare_58(
+    dataset: dict[Any, Any] = pyuff.prepare_58(
         binary=0,
         func_type=IN_TIME,
         id1=f"{where}, {signal.name}"[:80],
@@ -228,7 +228,7 @@ def _function(signal: Signal, where: str) -> dict[Any, Any]:
         data=np.asarray(signal.values, dtype=float),
         x=np.asarray(signal.time, dtype=float),
     )
-    return found
+    return dataset
 
 
 def _shells(shape: Shape, kind: int) -> Iterator[dict[str, Any]]:

@@ -91,16 +91,16 @@ def read_measured(path: Path, unit: float = 1.0) -> Measured:
     if missing := [n for n in used if n not in places]:
         raise ModelError(f"{path}: node {missing[0]} has a shape, but no coordinates")
     row = {n: i for i, n in enumerate(used)}
-    found = np.zeros((len(modes), len(used), 3), dtype=complex)
+    mode_shapes = np.zeros((len(modes), len(used), 3), dtype=complex)
     for k, mode in enumerate(modes):
         at = [row[int(n)] for n in mode["node_nums"]]
-        found[k, at] = np.column_stack([mode[name] for name in ("r1", "r2", "r3")])
-    if still := [k for k in range(len(modes)) if not np.abs(found[k]).max() > 0]:
+        mode_shapes[k, at] = np.column_stack([mode[name] for name in ("r1", "r2", "r3")])
+    if still := [k for k in range(len(modes)) if not np.abs(mode_shapes[k]).max() > 0]:
         raise ModelError(f"{path}: mode shape {still[0] + 1} of the file is zero everywhere")
     hz, zeta, hysteretic = np.array([_root(mode) for mode in modes]).T
     points = unit * np.array([places[n] for n in used])
     left_out = functions + len(shapes) - len(modes)
-    return Measured(np.array(used), points, hz, zeta, hysteretic, found, left_out)
+    return Measured(np.array(used), points, hz, zeta, hysteretic, mode_shapes, left_out)
 
 
 def _sets(path: Path) -> list[Mapping[str, Any]]:
@@ -115,9 +115,9 @@ def _sets(path: Path) -> list[Mapping[str, Any]]:
             raise ModelError(f"{path} cannot be read: {error}") from None
     try:
         file = pyuff.UFF(str(path))
-        wanted = (*NODES, UNITS, SHAPE)
+        types_read = (*NODES, UNITS, SHAPE)
         sets = [
-            file.read_sets(i) if kind in wanted else {"type": int(kind)}
+            file.read_sets(i) if kind in types_read else {"type": int(kind)}
             for i, kind in enumerate(file.get_set_types())
         ]
     except Exception as error:  # pyuff raises nothing narrower
@@ -128,19 +128,19 @@ def _sets(path: Path) -> list[Mapping[str, Any]]:
 def _node_places(
     path: Path, sets: Iterable[Mapping[str, Any]]
 ) -> dict[int, tuple[float, float, float]]:
-    found: dict[int, tuple[float, float, float]] = {}
+    place_of: dict[int, tuple[float, float, float]] = {}
     axes: set[float] = set()
     for s in sets:
         axes |= set(s["disp_cs"])
         rows = zip(s["node_nums"], s["x"], s["y"], s["z"], strict=True)
-        found |= {int(n): (float(x), float(y), float(z)) for n, x, y, z in rows}
-    if not found:
+        place_of |= {int(n): (float(x), float(y), float(z)) for n, x, y, z in rows}
+    if not place_of:
         raise ModelError(f"{path}: it has no nodes: expected dataset 15 or 2411")
     if len(axes) > 1:
         raise ModelError(
             f"{path}: nodes have several axes of displacement ({len(axes)}): expected global ones"
         )
-    return found
+    return place_of
 
 
 def _root(mode: Mapping[str, Any]) -> tuple[float, float, float]:
@@ -238,26 +238,26 @@ def correlated(
         no elastic mode in reach.
     """
     turn, shift = placement
-    moved = np.flatnonzero((np.diff(E.indptr) > 0).reshape(-1, 3).all(axis=1))
-    tree = cKDTree(nodes[moved])
+    free_nodes = np.flatnonzero((np.diff(E.indptr) > 0).reshape(-1, 3).all(axis=1))
+    tree = cKDTree(nodes[free_nodes])
     places = (measured.points, measured.points @ turn.T + shift)
-    found = [tree.query(points) for points in places]
-    counts = [int((distance <= tolerance).sum()) for distance, _ in found]
+    nearest_by_place = [tree.query(points) for points in places]
+    counts = [int((distance <= tolerance).sum()) for distance, _ in nearest_by_place]
     placed = counts[0] >= counts[1]
-    distance, nearest = found[0 if placed else 1]
+    distance, nearest = nearest_by_place[0 if placed else 1]
     used = distance <= tolerance
     axes = np.eye(3) if placed else turn
-    rows = _rows(measured, used, moved[nearest], axes, 3 * len(nodes)) @ E
+    rows = _rows(measured, used, free_nodes[nearest], axes, 3 * len(nodes)) @ E
     if (
         rows.shape[0] < MIN_MEASURED_DOF
         or np.ptp(measured.points[used], axis=0).max() < MIN_EXTENT_OVER_TOLERANCE * tolerance
     ):
-        extent, own = (np.ptp(x, axis=0).max() for x in (measured.points, nodes))
+        extent, part_extent = (np.ptp(x, axis=0).max() for x in (measured.points, nodes))
         raise ModelError(
             f"{used.sum()} of {len(used)} measured points lie within {1e3 * tolerance:.3g} mm of a "
             f"node, {rows.shape[0]} measured freedoms: expected at least {MIN_MEASURED_DOF}, over "
             f"at least {MIN_EXTENT_OVER_TOLERANCE} times that distance. The points span "
-            f"{1e3 * extent:.4g} mm, the part {1e3 * own:.4g} mm; the nearest is "
+            f"{1e3 * extent:.4g} mm, the part {1e3 * part_extent:.4g} mm; the nearest is "
             f"{1e3 * distance.min():.3g} mm away"
         )
     omega, phi = real_modes(M, K, BAND_FACTOR * float(measured.frequency_hz.max()))
@@ -269,26 +269,26 @@ def correlated(
             f"frequency, {measured.frequency_hz.max():.4g} Hz"
         )
     places_of = _groups(hz)
-    seen = rows @ phi[:, first:]
+    computed = rows @ phi[:, first:]
     u = np.array([shape[used][measured.seen[used]] for shape in measured.shapes])
-    spans = [np.linalg.qr(seen[:, own])[0] for own in places_of]
+    spans = [np.linalg.qr(computed[:, group])[0] for group in places_of]
     size = np.maximum((np.abs(u) ** 2).sum(axis=1), 1e-300)
     mac = np.column_stack([(np.abs(u @ Q) ** 2).sum(axis=1) / size for Q in spans])
     alike = [
-        (i, j, float(value))
+        (i, j, float(mac_here))
         for i in range(len(spans))
         for j in range(i)
-        if (value := np.linalg.norm(spans[i].T @ spans[j], 2) ** 2) > MAX_INDISTINCT_MAC
+        if (mac_here := np.linalg.norm(spans[i].T @ spans[j], 2) ** 2) > MAX_INDISTINCT_MAC
     ]
     return Correlation(
         n_rigid=first,
         distance=distance,
         used=used,
         placed=placed,
-        groups=tuple(tuple(first + 1 + k for k in own) for own in places_of),
-        frequency_hz=np.array([hz[own].mean() for own in places_of]),
+        groups=tuple(tuple(first + 1 + k for k in group) for group in places_of),
+        frequency_hz=np.array([hz[group].mean() for group in places_of]),
         mac=mac,
-        pairs=_pairs(mac, [len(own) for own in places_of]),
+        pairs=_pairs(mac, [len(group) for group in places_of]),
         alike=tuple(alike),
     )
 
@@ -307,13 +307,13 @@ def _rows(
 
 def _groups(hz: np.ndarray) -> list[list[int]]:
     """Modes whose frequencies are one but for round-off, ascending."""
-    found: list[list[int]] = []
+    groups: list[list[int]] = []
     for k, f in enumerate(hz):
-        if found and f - hz[found[-1][-1]] < SAME_NAME_REL_DISTANCE * f:
-            found[-1].append(k)
+        if groups and f - hz[groups[-1][-1]] < SAME_NAME_REL_DISTANCE * f:
+            groups[-1].append(k)
         else:
-            found.append([k])
-    return found
+            groups.append([k])
+    return groups
 
 
 def _pairs(mac: np.ndarray, sizes: Sequence[int]) -> tuple[tuple[int, int], ...]:

@@ -79,9 +79,9 @@ def name_of(shape: Shape) -> Name:
     for component, share in sorted(shape.kinetic.items(), key=lambda item: -item[1]):
         if share < MIN_NAMED_ENERGY_SHARE:
             break
-        found = waves.get(component)
-        if found and _rigid(shape, component) < MIN_RIGID_SHARE * share:
-            words.append(_rotor(component, found, len(rotors) > 1))
+        component_waves = waves.get(component)
+        if component_waves and _rigid(shape, component) < MIN_RIGID_SHARE * share:
+            words.append(_rotor(component, component_waves, len(rotors) > 1))
         else:
             words.append(_component(shape, component, share))
     return Name(AND.join(words) or MIXED, next(filter(None, waves.values()), None))
@@ -115,18 +115,20 @@ def _rotor(component: str, waves: Waves, several: bool) -> str:
 
 def _component(shape: Shape, component: str, share: float) -> str:
     word = component.replace("_", " ")
-    own = {mode: part for (name, mode), part in shape.participation.items() if name == component}
-    omega = {mode: shape.frequencies.get((component, mode), np.nan) for mode in own}
+    own_parts = {
+        mode: part for (name, mode), part in shape.participation.items() if name == component
+    }
+    omega = {mode: shape.frequencies.get((component, mode), np.nan) for mode in own_parts}
     if _rigid(shape, component) >= MIN_RIGID_SHARE * share:
         return f"rigid {word}"
     groups: list[list[int]] = []
-    for mode in sorted(mode for mode in own if omega[mode] != 0):
+    for mode in sorted(mode for mode in own_parts if omega[mode] != 0):
         near = (
             bool(groups)
             and omega[mode] - omega[groups[-1][-1]] < SAME_NAME_REL_DISTANCE * omega[mode]
         )
         groups = [*groups[:-1], [*groups[-1], mode]] if near else [*groups, [mode]]
-    parts = [sum(own[mode] for mode in group) for group in groups]
+    parts = [sum(own_parts[mode] for mode in group) for group in groups]
     if not parts or max(parts) < MIN_NAMED_SHARE * share:
         return word
     first, *more = groups[int(np.argmax(parts))]
@@ -175,8 +177,8 @@ def _waves(shape: Shape, rotor: str) -> Waves | None:
     size = np.zeros(most + 1)
     for coefficients in fitted:
         for n in range(most + 1):
-            kept = np.where(np.abs(orders)[:, None] == n, coefficients, 0.0).ravel()
-            size[n] += weight @ squared(base @ kept)
+            of_order = np.where(np.abs(orders)[:, None] == n, coefficients, 0.0).ravel()
+            size[n] += weight @ squared(base @ of_order)
     n = int(size.argmax())
     total = sum(float(weight @ squared(v)) for v in used)
     circles = _circles(fitted[0][most + n], fitted[0][most - n]) if out >= MIN_NAMED_SHARE else 0
@@ -202,8 +204,8 @@ def _circles(one: np.ndarray, other: np.ndarray) -> int:
     larger = one if np.linalg.norm(one) >= np.linalg.norm(other) else other
     values = np.polynomial.legendre.legval(np.linspace(-1.0, 1.0, 41), larger)
     real = (values * np.exp(-0.5j * np.angle((values**2).sum()))).real
-    told = real[np.abs(real) > MIN_SIGNED_MOTION * np.abs(real).max(initial=0.0)]
-    return int((np.diff(np.sign(told)) != 0).sum())
+    significant = real[np.abs(real) > MIN_SIGNED_MOTION * np.abs(real).max(initial=0.0)]
+    return int((np.diff(np.sign(significant)) != 0).sum())
 
 
 def _axes(direction: np.ndarray) -> np.ndarray:

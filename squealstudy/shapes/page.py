@@ -51,17 +51,17 @@ def page(shapes: Sequence[Shape]) -> str:
     if len({shape.label.point_id for shape in shapes}) != 1:
         raise ModelError("a page needs shapes of one design point")
     first = shapes[0]
-    kept = _Kept(first)
-    if not len(kept.used):
+    drawn = _Kept(first)
+    if not len(drawn.used):
         raise ModelError("no component of this model has cells: there is no surface to draw")
-    places = kept.of(first.coordinates)
-    seen = Camera.at(*VIEW_DEG).seen(places - _middle(places))[:, :2]
+    places = drawn.of(first.coordinates)
+    on_screen = Camera.at(*VIEW_DEG).seen(places - _middle(places))[:, :2]
     grain = float(np.abs(places).max()) / MAX_INT16
     parts: list[dict[str, Any]] = []
     surfaces: list[np.ndarray] = []
     edges: list[np.ndarray] = []
     for part, shift in zip(first.parts, exploded_shifts(first), strict=True):
-        surface, lines = kept.triangles(part), kept.number[_edges(part.facets)]
+        surface, lines = drawn.triangles(part), drawn.number[_edges(part.facets)]
         parts.append(
             {
                 "name": words(part.name),
@@ -73,29 +73,29 @@ def page(shapes: Sequence[Shape]) -> str:
         surfaces.append(surface)
         edges.append(lines)
     label = first.label
-    data = {
+    contents = {
         "title": f"{label.study}, design point {label.row}",
         "point": " ".join(title(first)[1:]),
         "view": VIEW_DEG,
         "grain": grain,
         "size": float(np.linalg.norm(np.ptp(places, axis=0))),
         "middle": _middle(places).tolist(),
-        "fill": (2 * np.abs(seen).max(axis=0)).tolist(),
+        "fill": (2 * np.abs(on_screen).max(axis=0)).tolist(),
         "places": _packed(np.round(places / grain).astype("<i2")),
         "triangles": _packed(np.concatenate(surfaces).astype("<u4")),
         "edges": _packed(np.concatenate(edges).astype("<u4")),
         "colours": _packed(np.vstack([_colours(AMPLITUDE_COLOURS), _colours(DENSITY_COLOURS)])),
         "parts": parts,
-        "modes": [_mode(shape, kept) for shape in shapes],
+        "modes": [_mode(shape, drawn) for shape in shapes],
     }
-    return _filled(data)
+    return _filled(contents)
 
 
 def made_again(text: str) -> str:
     """The page with the numbers of another one, which may come from anybody; empty of no page."""
-    held = DATA_SCRIPT.search(text)
+    match = DATA_SCRIPT.search(text)
     try:
-        return _filled(json.loads(held[1])) if held else ""
+        return _filled(json.loads(match[1])) if match else ""
     except (ValueError, RecursionError):
         return ""
 
@@ -141,8 +141,8 @@ class _Kept:
 
 
 def _middle(places: np.ndarray) -> np.ndarray:
-    found: np.ndarray = (places.min(axis=0) + places.max(axis=0)) / 2
-    return found
+    middle: np.ndarray = (places.min(axis=0) + places.max(axis=0)) / 2
+    return middle
 
 
 def _mode(shape: Shape, kept: _Kept) -> dict[str, Any]:
@@ -178,8 +178,8 @@ def _edges(facets: np.ndarray) -> np.ndarray:
 
 def _colours(colours: Colormap) -> np.ndarray:
     """A colour map (256, 3) as bytes."""
-    found: np.ndarray = colours(np.linspace(0.0, 1.0, 256), bytes=True)[:, :3]
-    return found
+    colour_bytes: np.ndarray = colours(np.linspace(0.0, 1.0, 256), bytes=True)[:, :3]
+    return colour_bytes
 
 
 def _packed(array: np.ndarray) -> str:

@@ -49,10 +49,10 @@ def parts_of(
         parts.append(part := _shape_part(component, nodes, u[nodes], elastic))
         first = 0
         for _, cells in part.blocks:
-            own = slice(first, first + len(cells))
+            own_cells = slice(first, first + len(cells))
             for total, values in ((energy, part.cell_energy), (volume, part.volumes)):
-                np.add.at(total, cells.ravel(), np.repeat(values[own], cells.shape[1]))
-            first = own.stop
+                np.add.at(total, cells.ravel(), np.repeat(values[own_cells], cells.shape[1]))
+            first = own_cells.stop
     density = np.divide(energy, volume, out=np.full(len(u), np.nan), where=volume > 0)
     return tuple(parts), density
 

@@ -51,8 +51,8 @@ def draw(shape: Shape) -> Figure:
         upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=[6.4, 4.0])[:, 0]
     else:
         upper, lower = figure, None
-    left, right = upper.subplots(1, 2)
-    _amplitude(left, shape)
+    left_axes, right = upper.subplots(1, 2)
+    _amplitude(left_axes, shape)
     _density(right, shape)
     if pairs:
         _contact(lower, shape, pairs)
@@ -63,7 +63,7 @@ def title(shape: Shape) -> list[str]:
     """Mode, frequency, growth and damping; values of the design point, where there are any."""
     label = shape.label
     values = ", ".join(
-        setting(name, value, label.units.get(name, "")) for name, value in label.values.items()
+        setting(name, number, label.units.get(name, "")) for name, number in label.values.items()
     )
     figures = f"{shape.frequency_hz:.1f} Hz"
     if not label.motion:
@@ -108,8 +108,8 @@ def words(name: str) -> str:
 def deformed(shape: Shape) -> np.ndarray:
     """Places of the nodes (n_nodes, 3) at the largest real part, displacements as drawn, m."""
     size = DISPLACEMENT_OVER_DIAGONAL * float(np.linalg.norm(np.ptp(shape.coordinates, axis=0)))
-    moved: np.ndarray = shape.coordinates + size * shape.at(0.0)
-    return moved
+    places: np.ndarray = shape.coordinates + size * shape.at(0.0)
+    return places
 
 
 def exploded_shifts(shape: Shape) -> np.ndarray:
@@ -188,8 +188,8 @@ def _surface(
     surface = triangles(facets, len(points))
     points, values = with_middles(facets, points), with_middles(facets, values, smooth=False)
     camera = Camera.at(*VIEW_DEG)
-    seen = camera.seen(points[np.unique(surface.nodes)])[:, :2]
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    on_screen = camera.seen(points[np.unique(surface.nodes)])[:, :2]
+    low, high = on_screen.min(axis=0), on_screen.max(axis=0)
     edge = 0.02 * float((high - low).max())
     window = (low[0] - edge, high[0] + edge, low[1] - edge, high[1] + edge)
     image = picture(points, surface, values, camera, window, SAMPLES_PER_PIXEL * PIXEL_COLUMNS)
@@ -247,17 +247,17 @@ def _contact(figure: Any, shape: Shape, pairs: list[str]) -> None:
     for column, (label, values, colours, signed) in enumerate(drawn):
         high = float(np.abs(values).max()) or 1.0
         norm = TwoSlopeNorm(0.0, -high, high) if signed else Normalize(0.0, high)
-        own = [grid[len(pairs) * column + k] for k in range(len(pairs))]
-        for axes, pair in zip(own, pairs, strict=True):
+        column_axes = [grid[len(pairs) * column + k] for k in range(len(pairs))]
+        for axes, pair in zip(column_axes, pairs, strict=True):
             here = np.array([name == pair for name in contact.pairs])
             _points(
                 axes, contact.points[here] @ across, contact.area[here], values[here], norm, colours
             )
             axes.set_title(words(pair), fontsize=10)
-        own[0].set_ylabel("y [mm]", fontsize=8)
+        column_axes[0].set_ylabel("y [mm]", fontsize=8)
         figure.colorbar(
             ScalarMappable(norm, colours),
-            ax=own,
+            ax=column_axes,
             orientation="horizontal",
             label=label,
             shrink=0.85,
@@ -268,8 +268,8 @@ def _contact(figure: Any, shape: Shape, pairs: list[str]) -> None:
 
 def _plane(points: np.ndarray) -> np.ndarray:
     """The two axes (3, 2) in which the contact points spread most, of x, y, z."""
-    kept = np.sort(np.argsort(np.ptp(points, axis=0))[1:])
-    return np.eye(3)[:, kept]
+    widest = np.sort(np.argsort(np.ptp(points, axis=0))[1:])
+    return np.eye(3)[:, widest]
 
 
 def _points(

@@ -55,8 +55,8 @@ def mean_square_form(component: Component, block: np.ndarray) -> np.ndarray:
     facets, n = component.cells.facets, len(component.coordinates)
     surface = triangles(facets, n).nodes
     points = with_middles(facets, component.coordinates)
-    moved = component.at_nodes(block).reshape(n, 3, -1)
-    moved = with_middles(facets, moved)
+    displacements = component.at_nodes(block).reshape(n, 3, -1)
+    displacements = with_middles(facets, displacements)
     G = np.zeros((block.shape[1],) * 2)
     for first in range(0, len(surface), TRIANGLES_PER_CHUNK):
         nodes = surface[first : first + TRIANGLES_PER_CHUNK]
@@ -64,9 +64,11 @@ def mean_square_form(component: Component, block: np.ndarray) -> np.ndarray:
         twice = np.cross(b - a, c - a)
         area = 0.5 * np.linalg.norm(twice, axis=1)
         normal = twice / np.maximum(2.0 * area, 1e-300)[:, None]
-        seen = np.einsum("md,mcdk->mck", normal, moved[nodes])
-        seen = np.concatenate([seen, seen.sum(axis=1, keepdims=True)], axis=1)
-        rows = (np.sqrt(area / 12.0)[:, None, None] * seen).reshape(-1, G.shape[0])
+        normal_motion = np.einsum("md,mcdk->mck", normal, displacements[nodes])
+        normal_motion = np.concatenate(
+            [normal_motion, normal_motion.sum(axis=1, keepdims=True)], axis=1
+        )
+        rows = (np.sqrt(area / 12.0)[:, None, None] * normal_motion).reshape(-1, G.shape[0])
         G += rows.T @ rows
     return G
 
@@ -85,5 +87,5 @@ def place(component: Component, block: np.ndarray, at: tuple[float, ...] | int) 
         return Place(block[at - 1 : at])
     away = np.linalg.norm(component.coordinates - np.array(at), axis=1)
     node = int(np.argmin(away))
-    moved = component.at_nodes(block).reshape(len(away), 3, -1)
-    return Place(moved[node], float(away[node]))
+    displacements = component.at_nodes(block).reshape(len(away), 3, -1)
+    return Place(displacements[node], float(away[node]))

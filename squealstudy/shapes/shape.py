@@ -213,8 +213,8 @@ class Shape:
         """Parts of the growth rate, 1/s: friction of each pair of surfaces, and ``damping``."""
         fed = dict.fromkeys(self.contact.pairs, 0.0)
         for name in fed:
-            own = (s for s in self.sources if s.of_friction and s.where == name)
-            fed[name] = sum(s.growth_rate for s in own)
+            of_pair = (s for s in self.sources if s.of_friction and s.where == name)
+            fed[name] = sum(s.growth_rate for s in of_pair)
         return fed | {DAMPING: sum(s.growth_rate for s in self.sources if not s.of_friction)}
 
     @property
@@ -224,8 +224,8 @@ class Shape:
 
     def at(self, phase: float) -> np.ndarray:
         """Displacements (n_nodes, 3) at a phase [rad] of the cycle."""
-        moved: np.ndarray = (self.displacement * np.exp(1j * phase)).real
-        return moved
+        displacements: np.ndarray = (self.displacement * np.exp(1j * phase)).real
+        return displacements
 
     def mac(self, other: Shape) -> float:
         """Modal assurance criterion with a shape of the same nodes, 0 to 1.
@@ -244,8 +244,8 @@ def amplitudes(u: np.ndarray) -> np.ndarray:
     THEORY.md eq. (107).
     """
     size, round_ = squared(u).sum(axis=1), np.abs((u**2).sum(axis=1))
-    found: np.ndarray = np.sqrt((size + round_) / 2)
-    return found
+    half_axes: np.ndarray = np.sqrt((size + round_) / 2)
+    return half_axes
 
 
 def turned(u: np.ndarray) -> complex:
@@ -344,12 +344,12 @@ def _pair(system: LinearisedModel, x: np.ndarray) -> dict[str, Any]:
 
 def free_frequencies(assembly: Assembly, model: ReducedModel) -> dict[ModeKey, float]:
     """Frequency [rad/s] of every free-free mode of the basis, 0 of rigid ones."""
-    found = component_frequencies(model)
+    omega_of = component_frequencies(model)
     for c in assembly.components:
-        omega = np.array([w for (name, _), w in found.items() if name == c.name])
+        omega = np.array([w for (name, _), w in omega_of.items() if name == c.name])
         rigid = rigid_modes(c.M, c.K, omega)
-        found |= {(c.name, j + 1): 0.0 for j in range(rigid)}
-    return found
+        omega_of |= {(c.name, j + 1): 0.0 for j in range(rigid)}
+    return omega_of
 
 
 def _rubbed(assembly: Assembly) -> dict[str, np.ndarray]:

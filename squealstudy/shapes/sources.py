@@ -117,20 +117,20 @@ def sources_of(
         On the assembly.
     """
     weights, opening = system.weights, squared(model.N @ x)
-    found = [
+    parts = [
         (kind, where, growth)
         for where in dict.fromkeys(pairs)
         for kind, of_points in friction.items()
         for growth in [float(of_points[_mask(pairs, where)].sum())]
     ]
-    own = np.broadcast_to(weights.elastic_damping, model.n) * squared(x)
+    modal_damping = np.broadcast_to(weights.elastic_damping, model.n) * squared(x)
     if model.C_el is not None:  # block diagonal: x^H C x of each component alone
-        own = own + weights.own_damping * (x.conj() * (model.C_el @ x)).real
+        modal_damping = modal_damping + weights.own_damping * (x.conj() * (model.C_el @ x)).real
     damping = [
         *(
             (COMPONENT, name, part)
             for name, part in zip(
-                model.components, np.add.reduceat(own, model.offsets[:-1]), strict=True
+                model.components, np.add.reduceat(modal_damping, model.offsets[:-1]), strict=True
             )
         ),
         *(
@@ -143,10 +143,10 @@ def sources_of(
         ),
         (ASSEMBLY, "", _modal(system, x)),
     ]
-    found += [(kind, where, float(balance.growth(part))) for kind, where, part in damping]
+    parts += [(kind, where, float(balance.growth(part))) for kind, where, part in damping]
     return tuple(
         Source(kind, where, growth, float(balance.power(growth)))
-        for kind, where, growth in found
+        for kind, where, growth in parts
         if growth
     )
 
@@ -163,9 +163,9 @@ def interface_energies(
     total = float(np.vdot(x, system.K_sym @ x).real)
     weights = system.weights
     contact = _by_pair(pairs, weights.normal * squared(model.N @ x))
-    found = {(CONTACT, pair): part for pair, part in contact}
-    found |= {(LAYER, n): weights.springs * part for n, part in _layer_energies(assembly, u)}
-    return {key: float(part / total) for key, part in found.items()}
+    energies = {(CONTACT, pair): part for pair, part in contact}
+    energies |= {(LAYER, n): weights.springs * part for n, part in _layer_energies(assembly, u)}
+    return {key: float(part / total) for key, part in energies.items()}
 
 
 def _modal(system: LinearisedModel, x: np.ndarray) -> float:
@@ -178,8 +178,8 @@ def _modal(system: LinearisedModel, x: np.ndarray) -> float:
 def _layer_energies(assembly: Assembly, u: np.ndarray) -> Iterator[tuple[str, float]]:
     """Name of each spring or layer, and u^H K u of all of that name."""
     for name in dict.fromkeys(s.name for s in assembly.springs):
-        own = (s for s in assembly.springs if s.name == name)
-        yield name, sum(s.energy(u) for s in own)
+        of_name = (s for s in assembly.springs if s.name == name)
+        yield name, sum(s.energy(u) for s in of_name)
 
 
 def _by_pair(pairs: tuple[str, ...], values: np.ndarray) -> Iterator[tuple[str, float]]:

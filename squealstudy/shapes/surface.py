@@ -49,8 +49,8 @@ def middles(facets: np.ndarray) -> np.ndarray:
 
     Without it the triangles of a long thin facet on a curved surface would look in all directions.
     """
-    found: np.ndarray = (facets[:, 3] != NONE) & (facets[:, 4] != NONE)
-    return found
+    has_middle: np.ndarray = (facets[:, 3] != NONE) & (facets[:, 4] != NONE)
+    return has_middle
 
 
 def with_middles(facets: np.ndarray, values: np.ndarray, smooth: bool = True) -> np.ndarray:
@@ -59,23 +59,23 @@ def with_middles(facets: np.ndarray, values: np.ndarray, smooth: bool = True) ->
     By the functions of the 8-node facet, which may go beyond the values at the nodes; without
     `smooth` the mean of those at its four nearest nodes.
     """
-    own = facets[middles(facets)]
-    nearest = values[own[:, 4:]].mean(axis=1)
+    with_middle = facets[middles(facets)]
+    nearest = values[with_middle[:, 4:]].mean(axis=1)
     if smooth:
-        nearest = 2.0 * nearest - values[own[:, :4]].mean(axis=1)
+        nearest = 2.0 * nearest - values[with_middle[:, :4]].mean(axis=1)
     return np.concatenate([values, nearest])
 
 
 def triangles(facets: np.ndarray, n_nodes: int) -> Triangles:
     """Triangles of facets (n, 8), as `ComponentCells.facets` has them, for `with_middles`."""
     four, halved = facets[:, 3] != NONE, facets[:, 4] != NONE
-    own = middles(facets)
+    has_middle = middles(facets)
     middle = np.full(len(facets), NONE)
-    middle[own] = n_nodes + np.arange(own.sum())
+    middle[has_middle] = n_nodes + np.arange(has_middle.sum())
     places = np.column_stack([facets, middle])
     nodes, lines = [np.zeros((0, 3), dtype=int)], [np.zeros((0, 3), dtype=bool)]
     for chosen, (split, edges) in (
-        (own, QUADRATIC_QUAD),
+        (has_middle, QUADRATIC_QUAD),
         (four & ~halved, QUAD),
         (~four & halved, QUADRATIC_TRIANGLE),
         (~four & ~halved, TRIANGLE),
@@ -117,8 +117,8 @@ class Camera:
 
     def seen(self, points: np.ndarray) -> np.ndarray:
         """Points (..., 3) as right, up and back."""
-        found: np.ndarray = points @ np.column_stack([self.right, self.up, self.back])
-        return found
+        in_view: np.ndarray = points @ np.column_stack([self.right, self.up, self.back])
+        return in_view
 
 
 @dataclass(frozen=True)
@@ -170,14 +170,16 @@ def picture(
     columns : int
         Pixels from left to right.
     """
-    left, right, bottom, top = window
-    scale = columns / (right - left)
+    left_edge, right, bottom, top = window
+    scale = columns / (right - left_edge)
     rows = max(1, round((top - bottom) * scale))
-    seen = camera.seen(points)
-    screen = np.column_stack([(seen[:, 0] - left) * scale, (top - seen[:, 1]) * scale, -seen[:, 2]])
+    in_view = camera.seen(points)
+    screen = np.column_stack(
+        [(in_view[:, 0] - left_edge) * scale, (top - in_view[:, 1]) * scale, -in_view[:, 2]]
+    )
     normals = smooth_normals(points, surface.nodes)
     depth = np.full((rows, columns), FAR)
-    value, light = (np.full((rows, columns), np.nan) for _ in range(2))
+    pixels, light = (np.full((rows, columns), np.nan) for _ in range(2))
     draw_triangles(
         screen[surface.nodes],
         values[surface.nodes],
@@ -185,10 +187,10 @@ def picture(
         surface.lines,
         LINE_HALF_WIDTH_PIXELS,
         depth,
-        value,
+        pixels,
         light,
     )
-    return Image(value, light)
+    return Image(pixels, light)
 
 
 def _lit(normals: np.ndarray, camera: Camera) -> np.ndarray:
