@@ -22,14 +22,14 @@ def contact_slopes(operating: StackedOperating, gap: np.ndarray) -> list[Slope]:
     law, values = operating.law, operating.law_values
     if law.slopes is None:
         size = np.abs(gap).max(axis=1, keepdims=True)
-        found = [_central(lambda h: np.array(operating.contact(gap + h)), 0.0 * size, size)]
-        for parameter, value in zip(law.parameters, values, strict=True):
+        pairs = [_central(lambda h: np.array(operating.contact(gap + h)), 0.0 * size, size)]
+        for parameter, parameter_value in zip(law.parameters, values, strict=True):
 
             def moved(x: np.ndarray, name: str = parameter.name) -> np.ndarray:
                 return np.array(operating.with_value(name, x[:, 0]).contact(gap))
 
-            found.append(_central(moved, value))
-        return [(dp, dkappa) for dp, dkappa in found]
+            pairs.append(_central(moved, parameter_value))
+        return [(dp, dkappa) for dp, dkappa in pairs]
     if law.in_package:
         slopes = law.slopes(gap, *values)
         return [(np.broadcast_to(a, gap.shape), np.broadcast_to(b, gap.shape)) for a, b in slopes]
@@ -53,19 +53,19 @@ def friction_slope(
         number = 3 + [parameter.name for parameter in curve.parameters].index(name)
     constant = curve.constant is not None and np.all(curve.constant(*operating.curve_values))
     if constant and number in (0, 2):
-        found = np.zeros((3, *p.shape))
-        found[0] = 1.0 if number == 2 else 0.0
+        slopes = np.zeros((3, *p.shape))
+        slopes[0] = 1.0 if number == 2 else 0.0
     else:
-        found = _curve_slope(operating, number, p, speed_factor)
-    return _signed(operating, found, number, p, speed_factor)
+        slopes = _curve_slope(operating, number, p, speed_factor)
+    return _signed(operating, slopes, number, p, speed_factor)
 
 
 def friction_by_pressure(
     operating: StackedOperating, p: np.ndarray, speed_factor: np.ndarray
 ) -> np.ndarray:
     """The same by the pressure of each point itself."""
-    found = _curve_slope(operating, 1, p, speed_factor)
-    return _signed(operating, found, 1, p, speed_factor)
+    slopes = _curve_slope(operating, 1, p, speed_factor)
+    return _signed(operating, slopes, 1, p, speed_factor)
 
 
 def _curve_slope(
@@ -77,17 +77,17 @@ def _curve_slope(
     at = p if curve.pressure_dependent else np.zeros((len(p), 1))
     arguments = [speeds, at, operating.friction[:, None], *operating.curve_values]
     if (slopes := curve.slopes) is not None:
-        found = at_points(lambda *x: slopes(*x)[number], 3, *arguments)
+        slope = at_points(lambda *x: slopes(*x)[number], 3, *arguments)
     else:
-        own = arguments[number]
-        size = np.abs(own).max(axis=1, keepdims=True)
+        argument = arguments[number]
+        size = np.abs(argument).max(axis=1, keepdims=True)
         before, behind = arguments[:number], arguments[number + 1 :]
 
         def moved(h: np.ndarray) -> np.ndarray:
-            return at_points(curve.mu, 3, *before, own + h, *behind)
+            return at_points(curve.mu, 3, *before, argument + h, *behind)
 
-        found = _central(moved, 0.0 * size, size)
-    return np.broadcast_to(found, (3, *p.shape)).copy()
+        slope = _central(moved, 0.0 * size, size)
+    return np.broadcast_to(slope, (3, *p.shape)).copy()
 
 
 def _signed(

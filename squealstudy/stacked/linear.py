@@ -106,8 +106,8 @@ def linearised(
 def computable(A: np.ndarray) -> np.ndarray:
     """Which rows (m,) of arrays (m, ...) have squares and sums of them that are finite."""
     rows = np.abs(A).reshape(len(A), -1)
-    held: np.ndarray = (rows <= MAX_SQUARABLE_ENTRY).all(axis=1)  # no NaN is
-    return held
+    is_computable: np.ndarray = (rows <= MAX_SQUARABLE_ENTRY).all(axis=1)  # no NaN is
+    return is_computable
 
 
 def modal_damping(K_sym: np.ndarray, zeta: np.ndarray) -> np.ndarray:
@@ -120,5 +120,5 @@ def modal_damping(K_sym: np.ndarray, zeta: np.ndarray) -> np.ndarray:
 
 def quadratic(left: np.ndarray, weights: np.ndarray, right: np.ndarray) -> np.ndarray:
     """left^T diag(weights) right (m, n, n)."""
-    found: np.ndarray = left.swapaxes(1, 2) @ (weights[:, :, None] * right)
-    return found
+    product: np.ndarray = left.swapaxes(1, 2) @ (weights[:, :, None] * right)
+    return product

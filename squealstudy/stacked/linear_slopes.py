@@ -73,8 +73,8 @@ class SlidingSlopes:
         normal = self.area * (p + e.k_c * (gap - gap0))
         drag = self.area * self.friction.mu * self.frictional * p
         forces = np.concatenate([normal, -drag, np.ones((len(p), 1))], axis=1)
-        moved: np.ndarray = np.einsum("mij,mj->mi", e.moved, forces)
-        return moved
+        displacement: np.ndarray = np.einsum("mij,mj->mi", e.moved, forces)
+        return displacement
 
     def gaps(self, imbalance: np.ndarray) -> np.ndarray:
         """Motion of the gaps (m, c) from derivatives of their equations at fixed gaps."""
@@ -187,9 +187,9 @@ class ModalSlopes:
             return None
         phi = self._real[1]
         back = phi.swapaxes(1, 2)
-        moved = np.zeros(phi.shape)
+        mode_change = np.zeros(phi.shape)
         for factor, matrix in zip(self._factors, (by.K_sym, by.M), strict=True):
             if matrix is not None:
-                moved = moved + factor * (back @ matrix @ phi)
-        damping: np.ndarray = phi @ moved @ back
+                mode_change = mode_change + factor * (back @ matrix @ phi)
+        damping: np.ndarray = phi @ mode_change @ back
         return damping

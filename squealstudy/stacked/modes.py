@@ -62,14 +62,14 @@ class StackedSystem:
         n = linear.K.shape[1]
         K = np.where(solved[:, None, None], linear.K, np.eye(n))
         C = np.where(solved[:, None, None], linear.C, 0.0)
-        found = stacked_roots(C, K, angular_band(band_hz))
-        moved = 0.5 * self.sliding.tangent_error[:, None] * np.abs(found.lam)
+        all_roots = stacked_roots(C, K, angular_band(band_hz))
+        root_shift = 0.5 * self.sliding.tangent_error[:, None] * np.abs(all_roots.lam)
         return StackedRoots(
-            count=np.where(solved, found.count, 0),
-            lam=found.lam,
-            psi=found.psi,
-            error=found.error + np.where(solved[:, None], moved, 0.0),
-            residual=found.residual,
+            count=np.where(solved, all_roots.count, 0),
+            lam=all_roots.lam,
+            psi=all_roots.psi,
+            error=all_roots.error + np.where(solved[:, None], root_shift, 0.0),
+            residual=all_roots.residual,
         )
 
     def energies(self, psi: np.ndarray) -> np.ndarray:
@@ -88,9 +88,9 @@ class StackedSystem:
 
     def shapes(self, psi: np.ndarray) -> np.ndarray:
         """Unit shapes (m, k, s) complex64 as the sensors of the structures see them."""
-        seen = (self.structures.sensors @ psi).swapaxes(1, 2)
-        size = np.maximum(np.linalg.norm(seen, axis=2, keepdims=True), 1e-300)
-        unit: np.ndarray = (seen / size).astype(np.complex64)
+        sensor_motion = (self.structures.sensors @ psi).swapaxes(1, 2)
+        size = np.maximum(np.linalg.norm(sensor_motion, axis=2, keepdims=True), 1e-300)
+        unit: np.ndarray = (sensor_motion / size).astype(np.complex64)
         return unit
 
 
@@ -115,9 +115,9 @@ def stacked_assembly(
     names = [p.name for p in model.parameters if p.structural]
     varied = [name for name in names if np.ndim(columns[name])]
     if model.stack is not None:
-        own = {p.name: columns[p.name] for p in model.parameters}
+        model_columns = {p.name: columns[p.name] for p in model.parameters}
         with np.errstate(all="ignore"):  # what overflows is told by its point
-            return _checked(model.stack(options, own), count)
+            return _checked(model.stack(options, model_columns), count)
     values = np.column_stack([columns[name] for name in varied]) if varied else np.zeros((1, 0))
     distinct, place = np.unique(values, axis=0, return_inverse=True)
     common = {p.name: _first(columns[p.name]) for p in model.parameters}
@@ -157,7 +157,7 @@ def stacked_system(
         Where no point has an assembly, or a mode is named that the model does not have.
     """
     assembly, failures = stacked_assembly(model, options, columns, count)
-    point = ModelPoint(model, options, {name: _first(value) for name, value in columns.items()})
+    point = ModelPoint(model, options, {name: _first(column) for name, column in columns.items()})
     structures = structures_of(assembly)
     operating = StackedOperating.of(point.law_kind, point.curve_kind, columns, count)
     damping = _damping(point, structures, columns, count)
@@ -262,12 +262,12 @@ def _damping(
             if not 1 <= mode <= n:
                 raise ParameterError(parameter.name, f"the assembly has modes 1 to {n} here")
             ratio[:, mode - 1] = _column(columns[parameter.name], count)
-    scale, own = np.ones((1, n)), np.zeros((1, n))
+    scale, damping_ratio = np.ones((1, n)), np.zeros((1, n))
     changed, named = point.mode_parameters(), set[int]()
     if changed:
-        scale, own = np.ones((count, n)), np.zeros((count, n))
+        scale, damping_ratio = np.ones((count, n)), np.zeros((count, n))
     for parameter in changed:
-        target = scale if parameter.quantity == FREQUENCY_SCALE else own
+        target = scale if parameter.quantity == FREQUENCY_SCALE else damping_ratio
         for mode in parameter.modes:
             try:
                 place = structures.coordinate(parameter.component, mode)
@@ -280,7 +280,7 @@ def _damping(
         damping_ratio=ratio,
         stiffness_damping=_column(columns.get("stiffness_damping", 0.0), count),
         scale=scale,
-        component_ratio=own,
+        component_ratio=damping_ratio,
         uniform_ratio=uniform,
         named_modes=tuple({m - 1 for p in point.assembly_parameters() for m in p.modes}),
         named_coordinates=tuple(sorted(named)),
@@ -301,19 +301,19 @@ def _contradictions(
     failures: Mapping[int, tuple[str, str]],
 ) -> dict[int, tuple[str, str]]:
     """Points at which a law from outside contradicts itself."""
-    found: dict[int, tuple[str, str]] = {}
+    contradictions: dict[int, tuple[str, str]] = {}
     for i in range(len(sliding.gap)):
         if i in failures:
             continue
-        own = {
+        arrays = {
             name: array[0 if len(array) == 1 else i]
             for name in ("area", "frictional", "speed_factor")
             for array in [getattr(structures, name)]
         }
         gap, p, kappa = sliding.gap[i], sliding.pressure[i], sliding.tangent[i]
-        state = working_point_result(own["area"], gap, p, kappa, 0, 0.0, np.zeros_like(gap))
+        state = working_point_result(arrays["area"], gap, p, kappa, 0, 0.0, np.zeros_like(gap))
         try:
-            expect_consistent_laws(SimpleNamespace(**own), operating.point_at(i), state)
+            expect_consistent_laws(SimpleNamespace(**arrays), operating.point_at(i), state)
         except ConvergenceError as error:
-            found[i] = (error.status, str(error))
-    return found
+            contradictions[i] = (error.status, str(error))
+    return contradictions

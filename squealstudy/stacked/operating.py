@@ -84,9 +84,9 @@ class StackedOperating:
             pressure=self.pressure[rows],
             sliding_speed=self.sliding_speed[rows],
             law=self.law,
-            law_values=tuple(value[rows] for value in self.law_values),
+            law_values=tuple(column[rows] for column in self.law_values),
             curve=self.curve,
-            curve_values=tuple(value[rows] for value in self.curve_values),
+            curve_values=tuple(column[rows] for column in self.curve_values),
         )
 
     def law_at(self, row: int) -> ContactLaw:
@@ -107,8 +107,8 @@ class StackedOperating:
     def value(self, name: str) -> np.ndarray:
         """Values (m,) of a parameter of theirs; KeyError of another."""
         if name in OPERATING_NAMES:
-            own: np.ndarray = getattr(self, name)
-            return own
+            column: np.ndarray = getattr(self, name)
+            return column
         for law, values in ((self.curve, self.curve_values), (self.law, self.law_values)):
             names = [p.name for p in law.parameters]
             if name in names:
@@ -120,8 +120,10 @@ class StackedOperating:
         changed: dict[str, Any] = {name: value} if name in OPERATING_NAMES else {}
         for field, law in (("law_values", self.law), ("curve_values", self.curve)):
             before = getattr(self, field)
-            known = zip(law.parameters, before, strict=True)
-            changed[field] = tuple(value[:, None] if p.name == name else x for p, x in known)
+            parameters_and_values = zip(law.parameters, before, strict=True)
+            changed[field] = tuple(
+                value[:, None] if p.name == name else x for p, x in parameters_and_values
+            )
         return replace(self, **changed)
 
     def contact(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -136,14 +138,14 @@ class StackedOperating:
         """Gaps (m,) [m] at which the pressures are p (m,) > 0 [Pa]."""
         if self.law.gap_at is None:
             return np.array([self.law_at(i).gap_at(float(x)) for i, x in enumerate(p)])
-        values = (value[:, 0] for value in self.law_values)
+        values = (column[:, 0] for column in self.law_values)
         return _mapped(self.law.gap_at, p, *values)
 
     def gap_scale(self, p: np.ndarray) -> np.ndarray:
         """Changes of gap (m,) [m] over which the law at pressures p (m,) changes by its size."""
         if self.law.gap_scale is None:
             return np.array([self.law_at(i).gap_scale(float(x)) for i, x in enumerate(p)])
-        values = (value[:, 0] for value in self.law_values)
+        values = (column[:, 0] for column in self.law_values)
         return np.maximum(_mapped(self.law.gap_scale, p, *values), 1e-300)
 
     def rubbing(self, p: np.ndarray, speed_factor: np.ndarray) -> StackedFriction:
@@ -151,26 +153,28 @@ class StackedOperating:
         curve, values = self.curve, self.curve_values
         mu = np.broadcast_to(self.friction[:, None], p.shape)
         nothing = np.zeros(p.shape)
-        found = StackedFriction(mu, nothing, nothing)
+        friction = StackedFriction(mu, nothing, nothing)
         if curve.constant is None or not np.all(curve.constant(*values)):
             speeds = np.abs(self.sliding_speed)[:, None] * speed_factor
             at = p if curve.pressure_dependent else 0.0
             arguments = (speeds, at, self.friction[:, None], *values)
-            own = at_points(curve.mu, 3, *arguments)
-            found = StackedFriction(*(np.broadcast_to(x, p.shape) for x in own))
+            curve_values = at_points(curve.mu, 3, *arguments)
+            friction = StackedFriction(*(np.broadcast_to(x, p.shape) for x in curve_values))
         if (pulling := p < 0.0).any():
-            parts = (found.mu, found.by_speed, found.by_pressure)
-            found = StackedFriction(*(np.where(pulling, 0.0, part) for part in parts))
+            parts = (friction.mu, friction.by_speed, friction.by_pressure)
+            friction = StackedFriction(*(np.where(pulling, 0.0, part) for part in parts))
         sign = np.copysign(1.0, self.sliding_speed)[:, None]
         if (sign < 0).any():
-            return StackedFriction(sign * found.mu, found.by_speed, sign * found.by_pressure)
-        return found
+            return StackedFriction(
+                sign * friction.mu, friction.by_speed, sign * friction.by_pressure
+            )
+        return friction
 
 
 def _mapped(function: Callable[..., float], *arrays: np.ndarray) -> np.ndarray:
     """A function of floats at every place of arrays (m,); at once where plain arithmetic is all."""
     try:
-        found = np.asarray(function(*arrays), dtype=float)
+        mapped = np.asarray(function(*arrays), dtype=float)
     except (TypeError, ValueError):  # of `math`, or a branch
         return np.asarray(at_points(function, 1, *arrays)[0])
-    return np.broadcast_to(found, arrays[0].shape).copy()
+    return np.broadcast_to(mapped, arrays[0].shape).copy()

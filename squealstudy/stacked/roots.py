@@ -51,8 +51,8 @@ class StackedRoots:
     @property
     def held(self) -> np.ndarray:
         """Which places (m, k) hold a root."""
-        held: np.ndarray = np.arange(self.lam.shape[1]) < self.count[:, None]
-        return held
+        is_root: np.ndarray = np.arange(self.lam.shape[1]) < self.count[:, None]
+        return is_root
 
 
 def stacked_roots(C: np.ndarray, K: np.ndarray, band: tuple[float, float]) -> StackedRoots:
@@ -65,19 +65,21 @@ def stacked_roots(C: np.ndarray, K: np.ndarray, band: tuple[float, float]) -> St
     inside = (lam.imag >= 0) & (size >= band[0]) & (size <= band[1])
     lam, psi, count = _gathered(lam, psi, inside, np.where(inside, size, np.inf))
     psi = psi / np.where(norms := np.linalg.norm(psi, axis=1), norms, 1.0)[:, None, :]
-    held = np.arange(lam.shape[1]) < count[:, None]
-    error, round_off = _errors(C, K, lam, psi, held)
+    is_root = np.arange(lam.shape[1]) < count[:, None]
+    error, round_off = _errors(C, K, lam, psi, is_root)
     size = np.abs(lam)
-    told = held & ((size > MIN_SIGNAL_TO_ROUND_OFF * round_off) | (size > RIGID_BELOW * band[1]))
-    late = np.where(told, (lam.imag == 0).astype(int), 2)  # oscillating, overdamped, none
+    resolved = is_root & (
+        (size > MIN_SIGNAL_TO_ROUND_OFF * round_off) | (size > RIGID_BELOW * band[1])
+    )
+    late = np.where(resolved, (lam.imag == 0).astype(int), 2)  # oscillating, overdamped, none
     order = by_modulus(lam, late)
-    count = told.sum(axis=1)
+    count = resolved.sum(axis=1)
     width = int(count.max(initial=0))
     order = order[:, :width]
-    held = np.arange(width) < count[:, None]
-    lam = np.where(held, np.take_along_axis(lam, order, 1), 0.0)
-    psi = np.where(held[:, None, :], np.take_along_axis(psi, order[:, None, :], 2), 0.0)
-    error = np.where(held, np.take_along_axis(error, order, 1), 0.0)
+    is_root = np.arange(width) < count[:, None]
+    lam = np.where(is_root, np.take_along_axis(lam, order, 1), 0.0)
+    psi = np.where(is_root[:, None, :], np.take_along_axis(psi, order[:, None, :], 2), 0.0)
+    error = np.where(is_root, np.take_along_axis(error, order, 1), 0.0)
     error = np.maximum(error, REL_ROUND_OFF * np.abs(lam))
     return StackedRoots(count, lam, psi, error, _backward_errors(C, K, lam, psi))
 
@@ -104,10 +106,10 @@ def _gathered(
     count = chosen.sum(axis=1)
     width = int(count.max(initial=0))
     order = np.argsort(key, axis=1, kind="stable")[:, :width]
-    held = np.arange(width) < count[:, None]
-    lam = np.where(held, np.take_along_axis(lam, order, 1), 0.0)
+    is_root = np.arange(width) < count[:, None]
+    lam = np.where(is_root, np.take_along_axis(lam, order, 1), 0.0)
     psi = np.take_along_axis(psi, order[:, None, :], 2)
-    return lam, np.where(held[:, None, :], psi, 0.0), count
+    return lam, np.where(is_root[:, None, :], psi, 0.0), count
 
 
 def _errors(
@@ -122,26 +124,26 @@ def _errors(
     slope = np.maximum(slope, 2 * size * mass)
     energy = size**2 * mass + size * _energies(C, a) + _energies(K, a)
     with np.errstate(over="ignore", invalid="ignore"):
-        moved = conditions(lam, psi, held) / np.maximum(slope, TINY)
-        round_off = EPS * energy * moved
-        error = np.einsum("mij,mij->mj", a, np.abs(r)) * moved + round_off
+        shift_per_residual = conditions(lam, psi, held) / np.maximum(slope, TINY)
+        round_off = EPS * energy * shift_per_residual
+        error = np.einsum("mij,mij->mj", a, np.abs(r)) * shift_per_residual + round_off
     return tuple(np.where(np.isnan(x), np.inf, x) for x in (error, round_off))  # type: ignore[return-value]
 
 
 def _energies(A: np.ndarray, a: np.ndarray) -> np.ndarray:
-    found: np.ndarray = np.einsum("mij,mij->mj", a, np.abs(A) @ a)
-    return found
+    energies: np.ndarray = np.einsum("mij,mij->mj", a, np.abs(A) @ a)
+    return energies
 
 
 def conditions(lam: np.ndarray, psi: np.ndarray, held: np.ndarray) -> np.ndarray:
     """Condition (m, k) of each root among those of its point, as `root_error.conditions`."""
-    found = np.ones(lam.shape)
+    condition = np.ones(lam.shape)
     if not lam.shape[1]:
-        return found
+        return condition
     back = psi.conj().swapaxes(1, 2)
     H, S = back @ psi, psi.swapaxes(1, 2) @ psi
-    own = np.einsum("mii->mi", H).real
-    unit = 1.0 / np.sqrt(np.where(own > 0, own, 1.0))
+    energies = np.einsum("mii->mi", H).real
+    unit = 1.0 / np.sqrt(np.where(energies > 0, energies, 1.0))
     both = unit[:, :, None] * unit[:, None, :]
     H, S = H * both, S * both
     level = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(TIME_SCALE_RATIO))
@@ -155,9 +157,9 @@ def conditions(lam: np.ndarray, psi: np.ndarray, held: np.ndarray) -> np.ndarray
         diagonal = np.arange(G.shape[1])
         G[:, diagonal, diagonal] += EPS * count[:, None]  # two states may be parallel
         inverse = np.einsum("mii->mi", np.linalg.inv(G)).real[:, : lam.shape[1]]
-        told = np.sqrt(np.maximum(inverse, 1.0))
-        found[rows] = np.where(members[rows], told, found[rows])
-    return found
+        condition_numbers = np.sqrt(np.maximum(inverse, 1.0))
+        condition[rows] = np.where(members[rows], condition_numbers, condition[rows])
+    return condition
 
 
 def _gram(
@@ -165,20 +167,20 @@ def _gram(
 ) -> np.ndarray:
     """Gram matrices (m, 2k, 2k) of unit states and of conjugates of paired ones; else identity."""
     bar = lam.conj()
-    own = H * (1.0 + bar[:, :, None] * lam[:, None, :])
+    gram = H * (1.0 + bar[:, :, None] * lam[:, None, :])
     across = S.conj() * (1.0 + bar[:, :, None] * bar[:, None, :])
     G = np.concatenate(
         [
-            np.concatenate([own, across], axis=2),
-            np.concatenate([across.conj().swapaxes(1, 2), own.conj()], axis=2),
+            np.concatenate([gram, across], axis=2),
+            np.concatenate([across.conj().swapaxes(1, 2), gram.conj()], axis=2),
         ],
         axis=1,
     )
     there = np.concatenate([held, held & paired], axis=1)
     size = np.sqrt(np.maximum(np.einsum("mii->mi", G).real, TINY))
     G = G / (size[:, :, None] * size[:, None, :])
-    kept = there[:, :, None] & there[:, None, :]
-    unit: np.ndarray = np.where(kept, G, np.eye(G.shape[1]))
+    both_there = there[:, :, None] & there[:, None, :]
+    unit: np.ndarray = np.where(both_there, G, np.eye(G.shape[1]))
     return unit
 
 

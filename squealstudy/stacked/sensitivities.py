@@ -119,35 +119,37 @@ def stacked_sensitivities(
     solved[list(whole.failures)] = False
     band = angular_band(asked.band_hz)
     pairs = right_pairs(*_matrices(whole))
-    left = solved & drowned_rows(pairs[0], band[1])
+    is_left = solved & drowned_rows(pairs[0], band[1])
     owner, place = chosen_modes(pairs[0], band, asked.choice)
-    kept = (solved & ~left)[owner]
-    owner, place = owner[kept], place[kept]
+    is_served = (solved & ~is_left)[owner]
+    owner, place = owner[is_served], place[is_served]
     rows = np.unique(owner)  # of the others no changed design is solved
-    part, own = whole, columns
+    part, part_columns = whole, columns
     if len(rows) < count:
-        own = {k: np.asarray(x)[rows] if np.ndim(x) else x for k, x in columns.items()}
+        part_columns = {k: np.asarray(x)[rows] if np.ndim(x) else x for k, x in columns.items()}
         pairs = (pairs[0][rows], pairs[1][rows])
         owner = np.searchsorted(rows, owner)
         if len(rows):
-            part = stacked_system(model, options, own, len(rows))
+            part = stacked_system(model, options, part_columns, len(rows))
     batch = _SensitivityBatch(part, families(*_matrices(part), pairs, owner, place), len(rows))
     slopes = StateSlopes(part)
     for parameter in asked.state if len(rows) else ():
         batch.by_state(slopes, parameter, asked)
-    structure = StructureSlopes(model, options, own, slopes)
+    structure = StructureSlopes(model, options, part_columns, slopes)
     for name in asked.structural if len(rows) else ():
         batch.by_structure(structure, name, asked.change)
     names = (*(p.name for p in asked.state), *asked.structural)
-    return batch.told(whole, names, rows, left)
+    return batch.told(whole, names, rows, is_left)
 
 
 def _matrices(system: StackedSystem) -> tuple[np.ndarray, np.ndarray]:
     """C and K (m, n, n); of design points that failed 0 and the identity."""
     linear, solved = system.linear, np.ones(len(system.linear.K), dtype=bool)
     solved[list(system.failures)] = False
-    held = solved[:, None, None]
-    return np.where(held, linear.C, 0.0), np.where(held, linear.K, np.eye(linear.K.shape[1]))
+    is_solved = solved[:, None, None]
+    return np.where(is_solved, linear.C, 0.0), np.where(
+        is_solved, linear.K, np.eye(linear.K.shape[1])
+    )
 
 
 class _SensitivityBatch:
@@ -186,20 +188,20 @@ class _SensitivityBatch:
     def _add(
         self, step: StackedStep, slopes: StateSlopes, by: MatrixSlope | None, changed: Changed
     ) -> None:
-        own = self._modes.owner
-        size = step.size[own]
-        nothing = np.full(len(own), np.nan)
+        owner = self._modes.owner
+        size = step.size[owner]
+        nothing = np.full(len(owner), np.nan)
         derivative, validity = nothing.astype(complex), nothing
         if by is not None:
             products = self._products(slopes, by)
             derivative, validity = _slope_and_validity(self._modes, *products, size)
         finite, match, reason = self._finite(changed)
         condition = self._modes.condition
-        found = {
-            "value": step.value[own],
-            "reference": step.reference[own],
+        columns = {
+            "value": step.value[owner],
+            "reference": step.reference[owner],
             "change": size,
-            "component_hz": step.component_hz[own],
+            "component_hz": step.component_hz[owner],
             "derivative": derivative,
             "finite": finite,
             "match": match,
@@ -207,23 +209,23 @@ class _SensitivityBatch:
             "near_coalescence": (validity < np.abs(size)) | ~(condition < CONDITION_LIMIT),
             "reason": reason,
         }
-        for name, values in found.items():
+        for name, values in columns.items():
             self._columns[name].append(values)
 
     def _products(
         self, slopes: StateSlopes, by: MatrixSlope
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """First column and first row (N, q) of `change_products`, and y^H M_theta x (N,)."""
-        modes, own = self._modes, self._modes.owner
+        modes, owner = self._modes, self._modes.owner
         x, y, lam = modes.X[:, :, :1], modes.Y[:, :, :1].conj().swapaxes(1, 2), modes.lam
         first = lam[:, :1, None]
-        K, C = by.K[own], by.C[own]
+        K, C = by.K[owner], by.C[owner]
         right = K @ x + first * (C @ x)
-        left, by_damping = y @ K, y @ C
-        mass = np.zeros(len(own), dtype=complex)
-        row = (left @ modes.X)[:, 0] + lam * (by_damping @ modes.X)[:, 0]
+        by_stiffness, by_damping = y @ K, y @ C
+        mass = np.zeros(len(owner), dtype=complex)
+        row = (by_stiffness @ modes.X)[:, 0] + lam * (by_damping @ modes.X)[:, 0]
         if by.M is not None:
-            M = by.M[own]
+            M = by.M[owner]
             right = right + first**2 * (M @ x)
             by_mass = (y @ M @ modes.X)[:, 0]
             row = row + lam[:, :1] * lam * by_mass
@@ -231,26 +233,26 @@ class _SensitivityBatch:
         column = np.einsum("Nij,Ni->Nj", modes.Y.conj(), right[:, :, 0])
         modal = slopes.modal.following(by)
         if modal is not None:
-            column[:, 0] += lam[:, 0] * (y @ modal[own] @ x)[:, 0, 0]
+            column[:, 0] += lam[:, 0] * (y @ modal[owner] @ x)[:, 0, 0]
         return column, row, mass
 
     def _finite(self, changed: Changed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Finite change (N,), its match (N,), and why there is none (N,)."""
-        own = self._modes.owner
-        finite, match = np.full(len(own), complex(np.nan, np.nan)), np.full(len(own), np.nan)
+        owner = self._modes.owner
+        finite, match = np.full(len(owner), complex(np.nan, np.nan)), np.full(len(owner), np.nan)
         try:
             system, turned = changed()
         except SquealstudyError as error:
-            return finite, match, np.full(len(own), str(error), dtype=object)
+            return finite, match, np.full(len(owner), str(error), dtype=object)
         roots, X = right_pairs(*_matrices(system))
         if turned is not None:
             X = turned @ X
-        moved, matched = followed(self._C, self._modes, (roots, X))
+        root_change, matched = followed(self._C, self._modes, (roots, X))
         texts = np.full(len(self._left), "", dtype=object)
         for i, (_, message) in system.failures.items():
             texts[i] = message
-        lost = texts[own] != ""
-        return np.where(lost, finite, moved), np.where(lost, match, matched), texts[own]
+        lost = texts[owner] != ""
+        return np.where(lost, finite, root_change), np.where(lost, match, matched), texts[owner]
 
     def told(
         self,
@@ -261,41 +263,41 @@ class _SensitivityBatch:
     ) -> StackedSensitivities:
         """What was found, of those that are not left; `rows` are its design points in `whole`."""
         modes, shape = self._modes, (len(self._modes.owner), len(names))
-        kept = ~self._left[modes.owner]
+        is_served = ~self._left[modes.owner]
         left = left.copy()
         left[rows[self._left]] = True
 
         def table(name: str) -> np.ndarray:
             columns = self._columns[name]
             if columns:
-                return np.stack(columns, axis=1)[kept]
-            return np.zeros((int(kept.sum()), len(names)), dtype=PER_PARAMETER[name])
+                return np.stack(columns, axis=1)[is_served]
+            return np.zeros((int(is_served.sum()), len(names)), dtype=PER_PARAMETER[name])
 
         energies = np.zeros((shape[0], 0))
         if shape[0]:
             energies = self._energies()
-        owner = rows[modes.owner[kept]] if len(rows) else modes.owner[kept]
+        owner = rows[modes.owner[is_served]] if len(rows) else modes.owner[is_served]
         return StackedSensitivities(
             names=names,
             system=whole,
             left=left,
             owner=owner,
-            lam=modes.lam[kept, 0] if shape[0] else np.zeros(0, dtype=complex),
-            condition=modes.condition[kept] if shape[0] else np.zeros(0),
-            residual=modes.residual[kept],
-            biorthogonality=biorthogonality(self._C, modes)[kept],
-            energies=energies[kept],
+            lam=modes.lam[is_served, 0] if shape[0] else np.zeros(0, dtype=complex),
+            condition=modes.condition[is_served] if shape[0] else np.zeros(0),
+            residual=modes.residual[is_served],
+            biorthogonality=biorthogonality(self._C, modes)[is_served],
+            energies=energies[is_served],
             **{name: table(name) for name in PER_PARAMETER},
         )
 
     def _energies(self) -> np.ndarray:
         """Energy shares (N, components + 1)."""
-        modes, own = self._modes, self._modes.owner
-        rank = np.arange(len(own)) - np.searchsorted(own, own)
+        modes, owner = self._modes, self._modes.owner
+        rank = np.arange(len(owner)) - np.searchsorted(owner, owner)
         psi = np.zeros((len(self._left), modes.X.shape[1], int(rank.max()) + 1), dtype=complex)
-        psi[own, :, rank] = modes.X[:, :, 0]
-        found: np.ndarray = self._system.energies(psi).swapaxes(1, 2)[own, rank]
-        return found
+        psi[owner, :, rank] = modes.X[:, :, 0]
+        energies: np.ndarray = self._system.energies(psi).swapaxes(1, 2)[owner, rank]
+        return energies
 
 
 PER_PARAMETER: Mapping[str, type] = {

@@ -129,8 +129,8 @@ def gap_equations(
         np.broadcast_arrays(structures.N.swapaxes(1, 2), structures.T.swapaxes(1, 2)), axis=2
     )
     columns = np.concatenate([np.broadcast_to(right, (m, *right.shape[1:])), load[..., None]], 2)
-    moved, held = _solved(K0, columns)
-    opened = structures.N @ moved
+    responses, is_regular = _solved(K0, columns)
+    opened = structures.N @ responses
     c = area.shape[1]
     equations = GapEquations(
         structures=structures,
@@ -140,9 +140,9 @@ def gap_equations(
         by_load=opened[:, :, 2 * c],
         k_c=k_c,
         area=area,
-        moved=moved,
+        moved=responses,
     )
-    return equations, held
+    return equations, is_regular
 
 
 def _mean_pressure_of_loads(
@@ -164,18 +164,18 @@ def _solved(K0: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray
     b = np.random.default_rng(0).standard_normal((K0.shape[1], 1))
     both = np.concatenate([columns, np.broadcast_to(b, (len(K0), *b.shape))], axis=2)
     try:
-        found = np.linalg.solve(K0, both)
+        solutions = np.linalg.solve(K0, both)
     except np.linalg.LinAlgError:
-        found = np.full(both.shape, np.nan)
+        solutions = np.full(both.shape, np.nan)
         for i, (K, B) in enumerate(zip(K0, both, strict=True)):
             try:
-                found[i] = np.linalg.solve(K, B)
+                solutions[i] = np.linalg.solve(K, B)
             except np.linalg.LinAlgError:
                 continue
     with np.errstate(invalid="ignore", over="ignore"):
-        wrong = np.linalg.norm((K0 @ found[..., -1:] - b)[..., 0], axis=1)
-        held = finite & (wrong < HELD * np.linalg.norm(b))
-    return np.where(held[:, None, None], found[..., :-1], 0.0), held
+        wrong = np.linalg.norm((K0 @ solutions[..., -1:] - b)[..., 0], axis=1)
+        is_accurate = finite & (wrong < HELD * np.linalg.norm(b))
+    return np.where(is_accurate[:, None, None], solutions[..., :-1], 0.0), is_accurate
 
 
 def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
@@ -194,11 +194,13 @@ def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
             if not len(open_rows):
                 break
             part = equations.at(open_rows)
-            g, own = gap[open_rows], part.area
+            g, areas = gap[open_rows], part.area
             rows = PointRows(part, gap0[open_rows], open_rows)
             F, p, kappa = rows.imbalance(g)
             step = -rows.newton(F, p, kappa)
-            level = np.maximum(estimate[open_rows], np.abs((own * p).sum(axis=1) / own.sum(axis=1)))
+            level = np.maximum(
+                estimate[open_rows], np.abs((areas * p).sum(axis=1) / areas.sum(axis=1))
+            )
             share = _damping(part.operating, level, g, step)
             g = g + share[:, None] * step
             F, p, kappa = rows.imbalance(g)
@@ -238,12 +240,12 @@ def _closing_pressure(equations: GapEquations) -> np.ndarray:
         closing = opened + (area * preloaded).sum(axis=1)
         closing = closing / np.maximum(unit, SMALLEST_POSITIVE)
     # of nothing an exponential law has no gap
-    known = np.isfinite(closing) & (closing > SMALLEST_POSITIVE)
-    closing = np.where(known, closing, 1.0)
+    is_finite = np.isfinite(closing) & (closing > SMALLEST_POSITIVE)
+    closing = np.where(is_finite, closing, 1.0)
     operating = equations.operating
     borne = operating.contact(operating.gap_at(closing)[:, None])[0][:, 0]
-    held = np.where(borne > 0.99 * closing, closing, GIVEN_WAY * borne)
-    return np.where(known & np.isfinite(held), held, 0.0)
+    pressure = np.where(borne > 0.99 * closing, closing, GIVEN_WAY * borne)
+    return np.where(is_finite & np.isfinite(pressure), pressure, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,8 +270,8 @@ class PointRows:
         speed_factor = self._of(e.structures.speed_factor)
         drag = e.operating.rubbing(p, speed_factor).mu * p * e.area * self._frictional
         normal = e.area * (p + e.k_c * (g - self.gap0))
-        moved = _times(e.by_normal, normal) - _times(e.by_sliding, drag) + e.by_load
-        return g - self.gap0 - moved, p, kappa
+        gap_change = _times(e.by_normal, normal) - _times(e.by_sliding, drag) + e.by_load
+        return g - self.gap0 - gap_change, p, kappa
 
     def newton(self, F: np.ndarray, p: np.ndarray, kappa: np.ndarray) -> np.ndarray:
         """(dF/dg)^-1 F (m, c); NaN where the matrix is singular or not finite."""
@@ -289,15 +291,15 @@ def solved_rows(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     A = np.where(bad[:, None, None], np.eye(A.shape[1]), A)
     b = np.where(bad[:, None], np.nan, b)
     try:
-        found: np.ndarray = np.linalg.solve(A, b[..., None])[..., 0]
+        solutions: np.ndarray = np.linalg.solve(A, b[..., None])[..., 0]
     except np.linalg.LinAlgError:
-        found = np.full(b.shape, np.nan)
+        solutions = np.full(b.shape, np.nan)
         for i in range(len(A)):
             try:
-                found[i] = np.linalg.solve(A[i], b[i])
+                solutions[i] = np.linalg.solve(A[i], b[i])
             except np.linalg.LinAlgError:
                 continue
-    return found
+    return solutions
 
 
 def _times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -327,7 +329,7 @@ def _tangent_error(area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.nda
     pressed, size = np.abs(p) > 0, np.abs(kappa)
     weight = np.where(pressed, area * size, 0.0)
     with np.errstate(over="ignore", invalid="ignore"):
-        moved = AMPLIFIED * np.abs(F) * size / np.where(pressed, np.abs(p), 1.0)
-        total = np.where(pressed, weight * moved, 0.0).sum(axis=1)
-    found: np.ndarray = total / np.maximum(weight.sum(axis=1), SMALLEST_POSITIVE)
-    return found
+        rel_change = AMPLIFIED * np.abs(F) * size / np.where(pressed, np.abs(p), 1.0)
+        total = np.where(pressed, weight * rel_change, 0.0).sum(axis=1)
+    error: np.ndarray = total / np.maximum(weight.sum(axis=1), SMALLEST_POSITIVE)
+    return error

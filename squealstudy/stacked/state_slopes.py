@@ -65,12 +65,12 @@ class StateSlopes:
         """Values (m,) of a parameter, and at which points (m,) its modes have one in common."""
         damping, count = self.system.damping, len(self.system.linear.K)
         if not parameter.modes:
-            own = np.ones(count, dtype=bool)
+            is_common = np.ones(count, dtype=bool)
             if parameter.name == DAMPING.name:
-                return damping.uniform_ratio, own
+                return damping.uniform_ratio, is_common
             if parameter.name == STIFFNESS_DAMPING.name:
-                return damping.stiffness_damping, own
-            return self.system.operating.value(parameter.name), own
+                return damping.stiffness_damping, is_common
+            return self.system.operating.value(parameter.name), is_common
         values = self._of_modes(parameter)[:, self.places(parameter)]
         values = np.broadcast_to(values, (count, values.shape[1]))
         return values[:, 0], (values == values[:, :1]).all(axis=1)
@@ -83,23 +83,23 @@ class StateSlopes:
 
     def step(self, parameter: StateParameter, change: float, top_hz: float) -> StackedStep:
         """The finite change: upwards, or downwards where that leaves the parameter's range."""
-        value, _ = self.value(parameter)
-        size = np.abs(value)
+        values, _ = self.value(parameter)
+        size = np.abs(values)
         reference = np.where(size > 0, size, 1.0)
         if DAMPING.name in (parameter.name, parameter.quantity):
-            reference = np.ones(len(value))
+            reference = np.ones(len(values))
         elif parameter.name == STIFFNESS_DAMPING.name:
             reference = np.where(size > 0, size, 1.0 / (math.pi * top_hz))
         change_by = change * reference
-        hz = np.full(len(value), np.nan)
+        hz = np.full(len(values), np.nan)
         if parameter.component and len(parameter.modes) == 1:
             place = self.places(parameter)[0]
-            hz = np.broadcast_to(self._scaled[:, place], len(value)) / (2 * math.pi)
+            hz = np.broadcast_to(self._scaled[:, place], len(values)) / (2 * math.pi)
         return StackedStep(
             name=parameter.name,
-            value=value,
+            value=values,
             reference=reference,
-            size=np.where(value + change_by <= parameter.maximum, change_by, -change_by),
+            size=np.where(values + change_by <= parameter.maximum, change_by, -change_by),
             component_hz=hz,
         )
 
@@ -128,8 +128,8 @@ class StateSlopes:
             damping = replace(damping, **changed)  # type: ignore[arg-type]
         elif parameter.name == DAMPING.name:
             ratio = np.repeat(value[:, None], damping.damping_ratio.shape[1], axis=1)
-            kept = list(damping.named_modes)
-            ratio[:, kept] = damping.damping_ratio[:, kept]
+            named = list(damping.named_modes)
+            ratio[:, named] = damping.damping_ratio[:, named]
             damping = replace(damping, damping_ratio=ratio, uniform_ratio=value)
         elif parameter.name == STIFFNESS_DAMPING.name:
             damping = replace(damping, stiffness_damping=value)
@@ -194,5 +194,5 @@ class StateSlopes:
 
 
 def _diagonal(values: np.ndarray) -> np.ndarray:
-    found: np.ndarray = values[:, :, None] * np.eye(values.shape[1])
-    return found
+    diagonal: np.ndarray = values[:, :, None] * np.eye(values.shape[1])
+    return diagonal

@@ -58,16 +58,16 @@ class StructureSlopes:
 
     def step(self, name: str, change: float) -> StackedStep:
         """The finite change, relative; absolute where the value is zero."""
-        value = self.value(name)
-        reference = np.where(value != 0, np.abs(value), 1.0)
-        nothing = np.full(len(value), np.nan)
-        return StackedStep(name, value, reference, change * reference, nothing)
+        values = self.value(name)
+        reference = np.where(values != 0, np.abs(values), 1.0)
+        nothing = np.full(len(values), np.nan)
+        return StackedStep(name, values, reference, change * reference, nothing)
 
     def _assembly(self, name: str, value: np.ndarray) -> tuple[StackedAssembly, Mapping[int, str]]:
         """With another value of a parameter, and why some design points have none."""
         columns = {**self.columns, name: value}
-        found, failures = stacked_assembly(self.model, self.options, columns, self._count)
-        return found, {i: message for i, (_, message) in failures.items()}
+        assembly, failures = stacked_assembly(self.model, self.options, columns, self._count)
+        return assembly, {i: message for i, (_, message) in failures.items()}
 
     def moved(self, name: str, value: np.ndarray) -> tuple[StackedSystem, np.ndarray]:
         """The changed design points, and their coordinates (m, n, n) in those of the unchanged.
@@ -78,10 +78,10 @@ class StructureSlopes:
             Where no design point has a structure then.
         """
         assembly, failures = self._assembly(name, value)
-        own, system = structures_of(assembly), self.slopes.system
-        told = {i: (OVERFLOW, text) for i, text in failures.items()}
-        found = system_about_sliding(own, system.operating, system.damping, told)
-        return found, np.linalg.solve(system.structures.phi, own.phi)
+        changed, system = structures_of(assembly), self.slopes.system
+        outcomes = {i: (OVERFLOW, text) for i, text in failures.items()}
+        changed_system = system_about_sliding(changed, system.operating, system.damping, outcomes)
+        return changed_system, np.linalg.solve(system.structures.phi, changed.phi)
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def by(self, name: str) -> tuple[MatrixSlope | None, np.ndarray]:
@@ -90,11 +90,11 @@ class StructureSlopes:
         There are none where an end has no structure, where geometry moves, or where a changed
         component mode turns: the way point by point says why.
         """
-        system, value = self.slopes.system, self.value(name)
-        step = RELATIVE_STEP * np.where(value != 0, np.abs(value), 1.0)
+        system, values = self.slopes.system, self.value(name)
+        step = RELATIVE_STEP * np.where(values != 0, np.abs(values), 1.0)
         parameter = next(p for p in self.model.parameters if p.name == name)
         least = 0.0 if parameter.positive else parameter.minimum
-        low, high = np.where(value - step >= least, value - step, value), value + step
+        low, high = np.where(values - step >= least, values - step, values), values + step
         try:
             (first, lost), (second, other) = (self._assembly(name, x) for x in (high, low))
         except SquealstudyError:
@@ -145,8 +145,8 @@ class StructureSlopes:
 
 def _along(rows: np.ndarray, forces: np.ndarray) -> np.ndarray:
     """rows^T forces (m, n) of observations (m or 1, c, n)."""
-    found: np.ndarray = (rows.swapaxes(1, 2) @ forces[:, :, None])[:, :, 0]
-    return found
+    observed: np.ndarray = (rows.swapaxes(1, 2) @ forces[:, :, None])[:, :, 0]
+    return observed
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,14 +159,14 @@ class _ChangedModes:
 
 
 def _changed_modes(assembly: StackedAssembly, system: StackedSystem) -> _ChangedModes:
-    own, damping = structures_of(assembly), system.damping
-    rows = own.phi.swapaxes(1, 2) @ assembly.M @ system.structures.phi
-    omega = np.sqrt(np.maximum(own.k_el, 0.0))
-    stiffness = (damping.scale**2 - 1.0) * own.k_el
+    changed, damping = structures_of(assembly), system.damping
+    rows = changed.phi.swapaxes(1, 2) @ assembly.M @ system.structures.phi
+    omega = np.sqrt(np.maximum(changed.k_el, 0.0))
+    stiffness = (damping.scale**2 - 1.0) * changed.k_el
     dampers = 2.0 * damping.component_ratio * damping.scale * omega
     back = rows.swapaxes(1, 2)
     return _ChangedModes(
-        own.phi, back @ (stiffness[:, :, None] * rows), back @ (dampers[:, :, None] * rows)
+        changed.phi, back @ (stiffness[:, :, None] * rows), back @ (dampers[:, :, None] * rows)
     )
 
 

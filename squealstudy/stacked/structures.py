@@ -72,8 +72,8 @@ class StackedStructures:
         k_el = np.zeros((m, a.n))
         for i, j in zip(a.offsets, a.offsets[1:], strict=False):
             block = slice(int(i), int(j))
-            k, own = free_modes(a.M[:, block, block], a.K[:, block, block])
-            k_el[:, block], phi[:, block, block] = k, own
+            k, block_modes = free_modes(a.M[:, block, block], a.K[:, block, block])
+            k_el[:, block], phi[:, block, block] = k, block_modes
         back = phi.swapaxes(1, 2)
         loads = np.stack(np.broadcast_arrays(a.load, a.constant_load), axis=2)
         return StackedStructures(

@@ -54,8 +54,8 @@ class StackedFamilies:
         """Eigenvalue conditions (N,), as of `ModeNeighbourhood`."""
         size = np.abs(self.norm[:, 0])
         with np.errstate(divide="ignore"):
-            found = 2.0 * np.abs(self.lam[:, 0]) / size
-        return np.where(size > 0, found, np.inf)
+            condition = 2.0 * np.abs(self.lam[:, 0]) / size
+        return np.where(size > 0, condition, np.inf)
 
 
 def right_pairs(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -111,8 +111,8 @@ def families(
     lam, X = pairs
     mu, Y = right_pairs(C.swapaxes(1, 2), K.swapaxes(1, 2))
     mu = mu.conj()  # Q(conj mu)^T y = 0 is y^H Q(mu) = 0
-    own = lam[owner, place]
-    order = _nearest_first(lam[owner], own, place)[:, :NEIGHBOURS]
+    roots = lam[owner, place]
+    order = _nearest_first(lam[owner], roots, place)[:, :NEIGHBOURS]
     near = np.take_along_axis(lam[owner], order, 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.abs(near[:, :, None] - mu[owner][:, None, :]) / np.abs(near)[:, :, None]
@@ -125,16 +125,18 @@ def families(
     twice = (both & (partner[:, :, None] == partner[:, None, :])).any(axis=(1, 2))
     rows = owner[:, None]
     # (N, q, n): one advanced index before and after the slice puts it last
-    right, left = X[rows, :, order].swapaxes(1, 2), Y[rows, :, partner].swapaxes(1, 2)
+    right, left_vectors = X[rows, :, order].swapaxes(1, 2), Y[rows, :, partner].swapaxes(1, 2)
     damping = C[owner]
     slope = 2.0 * near[:, None, :] * right + damping @ right
-    norm = np.einsum("Nij,Nij->Nj", left.conj(), slope)
+    norm = np.einsum("Nij,Nij->Nj", left_vectors.conj(), slope)
     residual = np.maximum(
-        _residual(C[owner], K[owner], own, right[:, :, 0]),
-        _residual(C[owner].swapaxes(1, 2), K[owner].swapaxes(1, 2), own.conj(), left[:, :, 0]),
+        _residual(C[owner], K[owner], roots, right[:, :, 0]),
+        _residual(
+            C[owner].swapaxes(1, 2), K[owner].swapaxes(1, 2), roots.conj(), left_vectors[:, :, 0]
+        ),
     )
-    told = there[:, 0] & ~twice
-    return StackedFamilies(owner, near, right, left, norm, there, told, residual)
+    is_served = there[:, 0] & ~twice
+    return StackedFamilies(owner, near, right, left_vectors, norm, there, is_served, residual)
 
 
 def _nearest_first(lam: np.ndarray, own: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -149,8 +151,8 @@ def _residual(C: np.ndarray, K: np.ndarray, lam: np.ndarray, x: np.ndarray) -> n
     lam = lam[:, None]
     parts = (lam**2 * x, lam * (C @ x[:, :, None])[:, :, 0], (K @ x[:, :, None])[:, :, 0])
     size = sum(np.linalg.norm(part, axis=1) for part in parts)
-    found: np.ndarray = np.linalg.norm(sum(parts), axis=1) / np.maximum(size, 1e-300)
-    return found
+    residual: np.ndarray = np.linalg.norm(sum(parts), axis=1) / np.maximum(size, 1e-300)
+    return residual
 
 
 def biorthogonality(C: np.ndarray, found: StackedFamilies) -> np.ndarray:
@@ -191,9 +193,9 @@ def followed(
     roots, X = changed[0][found.owner], changed[1][found.owner]
     X = X / np.maximum(np.linalg.norm(X, axis=1), 1e-300)[:, None, :]
     by_damping = np.einsum("Ni,Nij->Nj", y, C[found.owner])
-    seen = (lam[:, None] + roots) * np.einsum("Ni,Nij->Nj", y, X)
-    seen += np.einsum("Ni,Nij->Nj", by_damping, X)
-    match = np.abs(seen) / np.maximum(np.abs(found.norm[:, 0]), 1e-300)[:, None]
+    product = (lam[:, None] + roots) * np.einsum("Ni,Nij->Nj", y, X)
+    product += np.einsum("Ni,Nij->Nj", by_damping, X)
+    match = np.abs(product) / np.maximum(np.abs(found.norm[:, 0]), 1e-300)[:, None]
     distance = np.abs(roots - (lam * (1.0 + OFFSET))[:, None])
     order = np.argsort(distance, axis=1)[:, :CANDIDATES]
     best = np.take_along_axis(match, order, 1).argmax(axis=1)
