@@ -44,8 +44,8 @@ def column_of(kind: str, table: str, name: str, parameters: frozenset[str]) -> C
         Of the study: columns of their names hold their values, where the table has no other number
         of that name (the damping ratio of a mode).
     """
-    known = COLUMNS.get(kind, {}).get(table, ())
-    given = None
+    columns = COLUMNS.get(kind, {}).get(table, ())
+    default_column = None
     if name in parameters:
-        given = VARIABLE if table == "designs" else PARAMETER
-    return next((column for column in known if column.fits(name)), given)
+        default_column = VARIABLE if table == "designs" else PARAMETER
+    return next((column for column in columns if column.fits(name)), default_column)

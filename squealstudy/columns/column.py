@@ -48,9 +48,9 @@ class Column:
     @property
     def metadata(self) -> dict[bytes, bytes]:
         """As it stands in the metadata of a Parquet field."""
-        found = {DEFINITION: self.definition, ERROR: ", ".join(self.errors)}
-        found[LEAVES_OUT] = self.leaves_out
-        return {key: text.encode() for key, text in found.items() if text}
+        texts = {DEFINITION: self.definition, ERROR: ", ".join(self.errors)}
+        texts[LEAVES_OUT] = self.leaves_out
+        return {key: text.encode() for key, text in texts.items() if text}
 
 
 Tables = Mapping[str, Sequence[Column]]  # of a kind, by the file's name without ending
@@ -84,8 +84,8 @@ def flag(name: str, definition: str) -> Column:
 
 def same_in(columns: Sequence[Column], *names: str) -> tuple[Column, ...]:
     """Those of the columns that have these names."""
-    known = {c.name: c for c in columns}
-    return tuple(known[name] for name in names)
+    by_name = {c.name: c for c in columns}
+    return tuple(by_name[name] for name in names)
 
 
 def unit_of(column: str) -> str | None:

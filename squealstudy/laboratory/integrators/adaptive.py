@@ -63,8 +63,10 @@ class Adaptive(OneByOne):
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # what solvers warn of is in the outcome
             try:
-                made = self.solver(equations.rate, 0.0, y0, end, rtol=self.rtol, atol=atol, **extra)
-                outcome, reason = course.march(made, self.max_evaluations)
+                solver = self.solver(
+                    equations.rate, 0.0, y0, end, rtol=self.rtol, atol=atol, **extra
+                )
+                outcome, reason = course.march(solver, self.max_evaluations)
             except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
                 outcome, reason = "solver_failed", str(error) or "the solver raised an error"
         return course.motion(outcome, reason)

@@ -54,13 +54,13 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     to = np.array([knobs["anchor"] + knobs["step"]])
     with np.errstate(all="ignore"):
         anchor = make_anchor(problem, np.array([knobs["anchor"]]), REACH)
-        found = perturbed_roots(problem, anchor, to, 2)
-        assert isinstance(found, EstimatedRoots)  # every friction has a working point
+        estimated = perturbed_roots(problem, anchor, to, 2)
+        assert isinstance(estimated, EstimatedRoots)  # every friction has a working point
         estimate = ESTIMATE_SAFETY_FACTOR * float(
-            (found.error / np.abs(found.lam)).max(initial=0.0)
+            (estimated.error / np.abs(estimated.lam)).max(initial=0.0)
         )
     exact = exact_roots(to[0], knobs["damping_ratio"])
-    error = distance(found.lam, exact)
+    error = distance(estimated.lam, exact)
     tolerance = knobs["tolerance"]
     return judged(
         not error <= tolerance,

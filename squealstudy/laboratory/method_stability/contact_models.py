@@ -69,8 +69,8 @@ def single_point() -> tuple[ModalSystem, np.ndarray]:
     k = float(area[0] * p[0] * REFERENCE_LAMBDA)
     mass = k / (2 * np.pi * 1e3) ** 2
     rows = np.array([[[1.0, 0.0]], [[0.0, 1.0]], [[0.0, 0.0]]]) / np.sqrt(mass)
-    own = (2 * np.pi * 1e3) ** 2
-    return pressed(np.array([own + k / mass, own]), rows, area, p), p
+    omega_squared = (2 * np.pi * 1e3) ** 2
+    return pressed(np.array([omega_squared + k / mass, omega_squared]), rows, area, p), p
 
 
 def pressed(
@@ -108,9 +108,9 @@ def rough_state(values: Mapping[str, float]) -> ContactState:
     share = np.ones(N_POINTS)
     share[list(NEARLY_OPEN)] = NEARLY_OPEN_PRESSURE_SHARE
     design = _design(system, p_ref * share, values)
-    held = np.vstack([system.T1[list(STUCK_POINTS)], system.T2[list(STUCK_POINTS)]])
+    stuck_rows = np.vstack([system.T1[list(STUCK_POINTS)], system.T2[list(STUCK_POINTS)]])
     stop = np.repeat([-values["sliding_speed"], 0.0], len(STUCK_POINTS))
-    v0 = np.linalg.lstsq(held, stop, rcond=None)[0]
+    v0 = np.linalg.lstsq(stuck_rows, stop, rcond=None)[0]
     return ContactState(system, replace(design, v0=v0))
 
 

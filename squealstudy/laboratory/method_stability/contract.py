@@ -132,13 +132,13 @@ class StabilityCase:
 
 def checked(knobs: Mapping[str, Knob], values: Mapping[str, float]) -> dict[str, float]:
     """Values of all knobs; ParameterError for unknown names and values outside the bounds."""
-    for name, value in values.items():
+    for name, setting in values.items():
         if name not in knobs:
             raise ParameterError(name, f"is none of {', '.join(knobs)}")
         knob = knobs[name]
-        if not (np.isfinite(value) and knob.low <= value <= knob.high):
+        if not (np.isfinite(setting) and knob.low <= setting <= knob.high):
             raise ParameterError(
-                name, f"must be from {knob.low:g} to {knob.high:g} {knob.unit}, got {value:g}"
+                name, f"must be from {knob.low:g} to {knob.high:g} {knob.unit}, got {setting:g}"
             )
     return {name: float(values.get(name, knob.default)) for name, knob in knobs.items()}
 
@@ -147,6 +147,8 @@ def checked(knobs: Mapping[str, Knob], values: Mapping[str, float]) -> dict[str,
 def known_cases() -> Mapping[str, StabilityCase]:
     """All cases by name: those of the files of this folder."""
     folder = import_module(__package__)
-    names = [found.name for found in iter_modules(folder.__path__, f"{folder.__name__}.")]
-    values = [value for name in names for value in vars(import_module(name)).values()]
+    names = [
+        module_info.name for module_info in iter_modules(folder.__path__, f"{folder.__name__}.")
+    ]
+    values = [member for name in names for member in vars(import_module(name)).values()]
     return {case.name: case for case in values if isinstance(case, StabilityCase)}

@@ -51,16 +51,16 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     state = rough_state(knobs)
     settings = chain_settings(knobs["step"])
     with np.errstate(over="ignore", invalid="ignore"):
-        result = run(state, settings)
+        run_result = run(state, settings)
         predicted = predict(state, knobs["step"])
-        measured = result.max_iterations / settings.max_iterations
-        cost = result.mean_iterations
-        if result.outcome != "ok":
-            return failed(result.outcome, predicted=predicted, measured=measured, cost=cost)
-        error = deviation(state, settings, result)
-        by = help_needed(state, settings, result)
+        measured = run_result.max_iterations / settings.max_iterations
+        cost = run_result.mean_iterations
+        if run_result.outcome != "ok":
+            return failed(run_result.outcome, predicted=predicted, measured=measured, cost=cost)
+        error = deviation(state, settings, run_result)
+        by = help_needed(state, settings, run_result)
     outcome = RECOVERED if by else SLOW if cost > SLOW_PASSES else CONVERGED
-    flagged = not energy_drift(result) <= ExactFreeMotion.drift_limit
+    flagged = not energy_drift(run_result) <= ExactFreeMotion.drift_limit
     if error > MAX_REL_STATE_ERROR:
         outcome, by = WRONG, ENERGY if flagged else by
     return CaseResult(

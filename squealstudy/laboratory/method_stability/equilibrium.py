@@ -76,20 +76,20 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     start = np.array([uniform + knobs["start"] / lam])
     try:
         with np.errstate(all="ignore"):
-            found = working_point(space, point, start)
+            steady = working_point(space, point, start)
     except ConvergenceError as reason:
         return failed(reason.status, predicted=predicted, measured=np.inf, cost=MAX_ITERATIONS)
     exact = equilibrium_gap(lam, load, knobs["friction"])
-    error = lam * abs(float(found.gap[0]) - exact) if np.isfinite(exact) else np.inf
-    slow = found.iterations > SLOW_FROM
+    error = lam * abs(float(steady.gap[0]) - exact) if np.isfinite(exact) else np.inf
+    slow = steady.iterations > SLOW_FROM
     outcome = WRONG if not error < MAX_GAP_ERROR else SLOW if slow else CONVERGED
-    diverges = outcome == WRONG and leaves(float(found.tangent[0]), knobs["friction"])
+    diverges = outcome == WRONG and leaves(float(steady.tangent[0]), knobs["friction"])
     return CaseResult(
         outcome=outcome,
         predicted=predicted,
-        measured=found.iterations / MAX_ITERATIONS,
+        measured=steady.iterations / MAX_ITERATIONS,
         error=error,
-        cost=found.iterations,
+        cost=steady.iterations,
         by=DIVERGES if diverges else "",
         flagged=diverges,
     )

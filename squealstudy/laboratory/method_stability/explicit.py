@@ -53,16 +53,16 @@ KNOBS = (
 def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is the growth of the amplitude a step, 1 where it is bounded."""
     with np.errstate(all="ignore"):
-        result = swing(knobs)
-        growth = rate(result)
-        drift = energy_drift(result)
+        motion = swing(knobs)
+        growth = rate(motion)
+        drift = energy_drift(motion)
     numbers = {
         "predicted": limit_number(knobs),
         "measured": growth,
-        "cost": result.mean_iterations,
+        "cost": motion.mean_iterations,
     }
-    if result.outcome != "ok":
-        return failed(result.outcome, **numbers)
+    if motion.outcome != "ok":
+        return failed(motion.outcome, **numbers)
     wrong = growth > 1.0 + MIN_GROWTH_PER_STEP
     return judged(wrong, alarm("energy drift", drift, DRIFT_LIMIT) if wrong else "", **numbers)
 

@@ -180,8 +180,10 @@ def rate(e: np.ndarray) -> float:
 
     They no longer do where they have grown or shrunk too far: round-off, or other branches.
     """
-    left = np.flatnonzero((e >= GROWN_RESIDUAL_RATIO * e[0]) | (e <= SHRUNK_RESIDUAL_RATIO * e[0]))
-    last = max(int(left[0]) - 1 if len(left) else len(e) - 1, 1)
+    out_of_range = np.flatnonzero(
+        (e >= GROWN_RESIDUAL_RATIO * e[0]) | (e <= SHRUNK_RESIDUAL_RATIO * e[0])
+    )
+    last = max(int(out_of_range[0]) - 1 if len(out_of_range) else len(e) - 1, 1)
     middle = last // 2
     return float((e[last] / e[middle]) ** (1.0 / (last - middle)))
 

@@ -62,16 +62,16 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     # the contact force of the discrete gradient is its potential's difference: exact
     predicted = 0.0 if knobs["gradient"] >= 0.5 else peak_number(knobs) / STEP_LIMIT
     with np.errstate(over="ignore", invalid="ignore"):
-        result = fly(knobs)
-    cost = result.mean_iterations
-    if result.outcome != "ok":
-        return failed(result.outcome, predicted=predicted, cost=cost)
-    free = result.history["normal_force"] < P_0
-    stored = result.history["stored"]
+        motion = fly(knobs)
+    cost = motion.mean_iterations
+    if motion.outcome != "ok":
+        return failed(motion.outcome, predicted=predicted, cost=cost)
+    free = motion.history["normal_force"] < P_0
+    stored = motion.history["stored"]
     ratio = float(stored[free].max() / stored[0])
     error = float(np.abs(stored[free] / stored[0] - 1.0).max())
     limit = (ExactFreeMotion if knobs["exact"] >= 0.5 else Newmark).drift_limit
-    said = alarm("energy drift", energy_drift(result), limit)
+    said = alarm("energy drift", energy_drift(motion), limit)
     return judged(
         error > MAX_REL_ENERGY_GAIN,
         said,
@@ -85,10 +85,10 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
 def peak_number(knobs: Mapping[str, float]) -> float:
     """H omega_peak at the deepest penetration, for a mass of 1 kg."""
     lam, energy = knobs["lambda"], knobs["velocity"] ** 2 / 2
-    own = (2 * np.pi * knobs["frequency"]) ** 2
+    omega_squared = (2 * np.pi * knobs["frequency"]) ** 2
 
     def missing(depth: float) -> float:
-        return P_0 / lam * np.expm1(lam * depth) + own * depth**2 / 2 - energy
+        return P_0 / lam * np.expm1(lam * depth) + omega_squared * depth**2 / 2 - energy
 
     deepest = np.log1p(energy * lam / P_0) / lam
     depth = brentq(missing, 0.0, deepest, xtol=1e-9 / lam)

@@ -84,8 +84,8 @@ def predicted_error(C: np.ndarray, K: np.ndarray, exact: np.ndarray) -> float:
     scale = np.sqrt(np.linalg.norm(K) / np.sqrt(n))
     companion = size_c + size_k / scale + scale
     change = tiny * (companion * scale + size * companion + size**2)
-    moved = change / np.maximum(gap, np.sqrt(change))  # a double root moves by the square root
-    return float((np.maximum(moved, tiny * companion) / size).max())
+    root_shift = change / np.maximum(gap, np.sqrt(change))  # a double root moves by the square root
+    return float((np.maximum(root_shift, tiny * companion) / size).max())
 
 
 def estimated(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) -> float:
@@ -93,8 +93,8 @@ def estimated(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) ->
     slope = np.einsum("ij,ij->j", psi, 2 * lam * psi + C @ psi)
     Y = psi.conj() / np.where(slope == 0, 1e-300, slope.conj())
     problem = SmallProblem(C, K, np.zeros_like(K))
-    _, moved = residuals(problem, problem.weights(np.zeros(1)), Eigenpairs(lam, psi, Y))
-    return float((bounded(moved, lam) / np.maximum(np.abs(lam), 1e-300)).max())
+    _, root_shift = residuals(problem, problem.weights(np.zeros(1)), Eigenpairs(lam, psi, Y))
+    return float((bounded(root_shift, lam) / np.maximum(np.abs(lam), 1e-300)).max())
 
 
 LINEARISATION = StabilityCase(

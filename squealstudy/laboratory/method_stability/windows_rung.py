@@ -64,18 +64,20 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     theta = np.concatenate([[-away, away], np.linspace(-BOX_SHARE, BOX_SHARE, N_NEIGHBOUR_POINTS)])[
         :, None
     ]
-    found = Windows(problem, basis, tolerance).solve(
+    outcomes = Windows(problem, basis, tolerance).solve(
         Box(-np.ones(1), np.ones(1)), theta / BOX_SHARE
     )
-    both = {row: outcome for row, outcome in found if row < 2}
-    own = {row: p for row, p in both.items() if not isinstance(p, ConvergenceError)}
+    both = {row: outcome for row, outcome in outcomes if row < 2}
+    solved = {row: p for row, p in both.items() if not isinstance(p, ConvergenceError)}
     predicted = predict(away) / (ESTIMATE_SAFETY_FACTOR * tolerance)
-    if len(own) < len(both):
+    if len(solved) < len(both):
         return failed("working point", predicted=predicted, cost=len(theta))
-    error = max(distance(p.lam, problem.exact_roots(theta[i] / BOX_SHARE)) for i, p in own.items())
-    estimate = max(float((p.error / np.abs(p.lam)).max(initial=0.0)) for p in own.values())
-    rungs = sorted({p.method for p in own.values()} - {RUNG.name})
-    flagged = not (estimate <= tolerance and all(p.complete for p in own.values()))
+    error = max(
+        distance(p.lam, problem.exact_roots(theta[i] / BOX_SHARE)) for i, p in solved.items()
+    )
+    estimate = max(float((p.error / np.abs(p.lam)).max(initial=0.0)) for p in solved.values())
+    rungs = sorted({p.method for p in solved.values()} - {RUNG.name})
+    flagged = not (estimate <= tolerance and all(p.complete for p in solved.values()))
     outcome = (
         WRONG if error > ESTIMATE_SAFETY_FACTOR * tolerance else RECOVERED if rungs else CONVERGED
     )
