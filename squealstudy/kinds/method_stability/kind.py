@@ -122,15 +122,15 @@ class MethodStability(Kind):
     def manifest(self, plan: MethodsPlan) -> dict[str, Any]:
         """The file, the case and its knobs."""
         case, knobs, fixed = plan.content
-        known = [case.knobs[name] for name in knobs]
+        case_knobs = [case.knobs[name] for name in knobs]
         return {
             "study": plan.study.source.text,
             "case": case.name,
             "title": case.title,
             "boundary": case.boundary,
             "knobs": list(knobs),
-            "units": {k.name: k.unit for k in known},
-            "words": {k.name: k.description for k in known},
+            "units": {k.name: k.unit for k in case_knobs},
+            "words": {k.name: k.description for k in case_knobs},
             "values": fixed,
         }
 
@@ -148,25 +148,25 @@ class MethodStability(Kind):
 
 def _checked(study: StabilityFile) -> tuple[StabilityCase, tuple[str, str], tuple[np.ndarray, ...]]:
     """Case, names and values of both knobs; StudyFileError for what they cannot be."""
-    section, given = study.definition.method_stability, study.definition.knob
-    known = known_cases()
-    if section.case not in known:
-        hint = did_you_mean(section.case, known)
-        text = f"expected one of {', '.join(known)}, got '{section.case}'{hint}"
+    section, knobs = study.definition.method_stability, study.definition.knob
+    cases = known_cases()
+    if section.case not in cases:
+        hint = did_you_mean(section.case, cases)
+        text = f"expected one of {', '.join(cases)}, got '{section.case}'{hint}"
         raise study.error(("method_stability", "case"), text)
-    if len(given) != 2:
-        raise study.error(("knob",), f"expected two [[knob]] tables, got {len(given)}")
-    case, (first, second) = known[section.case], (k.name for k in given)
+    if len(knobs) != 2:
+        raise study.error(("knob",), f"expected two [[knob]] tables, got {len(knobs)}")
+    case, (first, second) = cases[section.case], (k.name for k in knobs)
     if first == second:
         raise study.error(("knob", 1, "name"), f"'{second}' is both axes")
-    axes = tuple(k.axis() for k in given)
+    axes = tuple(k.axis() for k in knobs)
     for i, (name, axis) in enumerate(zip((first, second), axes, strict=True)):
-        for value in (axis.min(), axis.max()):
-            _allow(study, case, {name: float(value)}, ("knob", i))
+        for setting in (axis.min(), axis.max()):
+            _allow(study, case, {name: float(setting)}, ("knob", i))
         if name in section.set:
             raise study.error(("method_stability", "set", name), f"'{name}' is an axis of the map")
-    for name, value in section.set.items():
-        _allow(study, case, {name: value}, ("method_stability", "set", name))
+    for name, setting in section.set.items():
+        _allow(study, case, {name: setting}, ("method_stability", "set", name))
     return case, (first, second), axes
 
 
@@ -184,11 +184,11 @@ def _row(task: LineTask, cell: Run) -> dict[str, Any]:
     started = time.perf_counter()
     place = {axis: cell.content[name] for axis, name in zip("xy", task.knobs, strict=True)}
     try:
-        found, status, message = asdict(known_cases()[task.case].evaluate(cell.content)), "ok", ""
+        cells, status, message = asdict(known_cases()[task.case].evaluate(cell.content)), "ok", ""
     except FAILURES as error:
-        found, (status, message) = FAILED_ROW, reason(error)
+        cells, (status, message) = FAILED_ROW, reason(error)
     wall = time.perf_counter() - started
-    return head(cell.point_id, wall, status, message) | place | found
+    return head(cell.point_id, wall, status, message) | place | cells
 
 
 KIND = MethodStability()

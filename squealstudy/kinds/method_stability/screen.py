@@ -22,13 +22,13 @@ class MethodStabilityScreen(KindScreen):
 
     def findings(self, results: ResultTables) -> list[RenderableType]:
         """Outcomes, how many cells are as predicted, and the cells that nothing warns of."""
-        found = results.manifest
-        share, silent = found["agreement"], found["unflagged_wrong"]
-        agreed = "-" if share is None else f"{100 * share:.2f} % of {found['judged']}"
+        manifest = results.manifest
+        share, silent = manifest["agreement"], manifest["unflagged_wrong"]
+        agreed = "-" if share is None else f"{100 * share:.2f} % of {manifest['judged']}"
         rows = [
-            ("case", found["title"]),
-            ("boundary", found["boundary"]),
-            ("outcomes", ", ".join(f"{k} {n}" for k, n in found["counts"].items())),
+            ("case", manifest["title"]),
+            ("boundary", manifest["boundary"]),
+            ("outcomes", ", ".join(f"{k} {n}" for k, n in manifest["counts"].items())),
             ("as predicted", f"{agreed} cells that are 2 % or more away from the boundary"),
             ("wrong, unflagged", str(silent) if silent else "none"),
         ]

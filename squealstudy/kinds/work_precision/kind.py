@@ -124,10 +124,10 @@ class WorkPrecision(Kind):
         variant, _ = run.content
         started, failure = time.perf_counter(), ("ok", "")
         try:
-            made = _measured(study, variant)
+            measurement = _measured(study, variant)
         except FAILURES as error:
-            made, failure = Measurement(), reason(error)
-        row = measurement_row(run, time.perf_counter() - started, made, failure)
+            measurement, failure = Measurement(), reason(error)
+        row = measurement_row(run, time.perf_counter() - started, measurement, failure)
         if variant.reference and row["status"] != "ok":
             raise ResultsError(f"the reference '{variant.method}' failed: {row['message']}")
         return Solved([row])
@@ -156,10 +156,10 @@ class WorkPrecision(Kind):
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Write measurements and errors."""
         study, variants = plan.study, plan.content
-        found = store.rows([run.point_id for run in plan.tasks], self.schema)
+        row_of = store.rows([run.point_id for run in plan.tasks], self.schema)
         by_variant: dict[str, list[Mapping[str, Any]]] = {v.identity: [] for v in variants}
         for run in plan.tasks:
-            by_variant[run.content[0].identity].append(found[run.point_id])
+            by_variant[run.content[0].identity].append(row_of[run.point_id])
         measured, errors = measurement_tables(
             variants, by_variant, quantities(study), _over(study), _measuring(study)
         )
@@ -169,9 +169,9 @@ class WorkPrecision(Kind):
 
 
 def _measuring(study: PrecisionFile) -> Measuring:
-    found = as_kind(study.base.kind).measuring()
-    assert found is not None
-    return found
+    measuring = as_kind(study.base.kind).measuring()
+    assert measuring is not None
+    return measuring
 
 
 def quantities(study: PrecisionFile) -> tuple[str, ...]:
@@ -188,8 +188,10 @@ def _measured(study: PrecisionFile, variant: Variant) -> Measurement:
     if not all(is_prepared(key) for key in variant.plan.structures):
         raise ConvergenceError("structure", "no reduction of its model can be made")
     method = integrator(variant.integrator, variant.options) if variant.integrator else None
-    asked = MeasurementRequest(variant.lines, method, study.definition.work_precision.starts)
-    return _measuring(study).measure(variant.plan, variant.measured, asked)
+    measurement_request = MeasurementRequest(
+        variant.lines, method, study.definition.work_precision.starts
+    )
+    return _measuring(study).measure(variant.plan, variant.measured, measurement_request)
 
 
 KIND = WorkPrecision()

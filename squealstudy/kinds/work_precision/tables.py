@@ -39,11 +39,11 @@ def measurement_row(
 ) -> dict[str, Any]:
     """Chunk row of a measurement; `failure` is status and message of one that found nothing."""
     variant, number = run.content
-    found = [(f["status"], f.get("message", "")) for f in made.findings.values()]
-    status, message = next((one for one in found if one[0] != "ok"), failure)
+    outcomes = [(f["status"], f.get("message", "")) for f in made.findings.values()]
+    status, message = next((one for one in outcomes if one[0] != "ok"), failure)
     measured = {name: getattr(made, name) for name, _ in MEASURED}
-    own = {"variant": variant.identity, "round": number, "findings": json.dumps(made.findings)}
-    return head(run.point_id, wall_s, str(status), str(message)) | measured | own
+    identity = {"variant": variant.identity, "round": number, "findings": json.dumps(made.findings)}
+    return head(run.point_id, wall_s, str(status), str(message)) | measured | identity
 
 
 def measurement_tables(
@@ -82,18 +82,20 @@ def measurement_tables(
     structures = {tuple(v.plan.structures) for v in variants}
     reduced = len(structures) > 1  # else the reduction is the same for all
     for variant in variants:
-        found = _findings(rows[variant.identity])
-        own, count = _errors(found, truth, measuring)
-        errors += [{"label": variant.label, **row} for row in own]
+        findings = _findings(rows[variant.identity])
+        variant_errors, count = _errors(findings, truth, measuring)
+        errors += [{"label": variant.label, **row} for row in variant_errors]
         measured.append(
-            _measurement(variant, rows[variant.identity], own, count, quantities, over, reduced)
+            _measurement(
+                variant, rows[variant.identity], variant_errors, count, quantities, over, reduced
+            )
         )
     return pd.DataFrame(measured), pd.DataFrame(errors)
 
 
 def _findings(rows: Rows) -> dict[str, dict[str, Any]]:
-    found: dict[str, dict[str, Any]] = json.loads(rows[0]["findings"])
-    return found
+    findings: dict[str, dict[str, Any]] = json.loads(rows[0]["findings"])
+    return findings
 
 
 def _errors(
@@ -167,16 +169,16 @@ def _summary(quantity: str, errors: Sequence[Mapping[str, Any]]) -> dict[str, fl
 
     Also what the intervals of that one explain, and whether those of all explain all errors.
     """
-    own = [e for e in errors if e["quantity"] == quantity]
-    if not own:
+    of_quantity = [e for e in errors if e["quantity"] == quantity]
+    if not of_quantity:
         names = ("error", "low", "high", "median", "chance")
         return {**{f"{name}_{quantity}": np.nan for name in names}, f"within_{quantity}": False}
-    worst = max(own, key=lambda e: e["error"])
+    worst = max(of_quantity, key=lambda e: e["error"])
     return {
         f"error_{quantity}": worst["error"],
         f"low_{quantity}": worst["low"],
         f"high_{quantity}": worst["high"],
-        f"median_{quantity}": float(np.median([e["error"] for e in own])),
+        f"median_{quantity}": float(np.median([e["error"] for e in of_quantity])),
         f"chance_{quantity}": worst["chance"],
-        f"within_{quantity}": all(0 < e["chance"] >= e["error"] for e in own),
+        f"within_{quantity}": all(0 < e["chance"] >= e["error"] for e in of_quantity),
     }

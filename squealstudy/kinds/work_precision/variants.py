@@ -83,11 +83,13 @@ class Variant:
     @cached_property
     def identity(self) -> str:
         """Hash of all that decides what it finds, and of its name: each is run on its own."""
-        wanted = [*self.measured, *(i for line in self.lines.values() for i in line)]
-        ids = [self.plan.tasks[i].point_id for i in wanted]
-        own = [self.reference, self.method, repr(self.value)]
+        rows = [*self.measured, *(i for line in self.lines.values() for i in line)]
+        ids = [self.plan.tasks[i].point_id for i in rows]
+        method_facts = [self.reference, self.method, repr(self.value)]
         code = source_hash(("kinds",))
-        return content_hash([ids, self.integrator, sorted(self.options.items()), own, code])
+        return content_hash(
+            [ids, self.integrator, sorted(self.options.items()), method_facts, code]
+        )
 
     @property
     def label(self) -> str:
@@ -104,9 +106,9 @@ def make_variants(study_file: PrecisionFile) -> list[Variant]:
     return [
         _variant(study_file, reference, None, points, lines, (REFERENCE,)),
         *(
-            _variant(study_file, method, value, points, lines, ("method", i))
+            _variant(study_file, method, setting, points, lines, ("method", i))
             for i, method in enumerate(study_file.definition.method)
-            for value in method.values or (None,)
+            for setting in method.values or (None,)
         ),
     ]
 
@@ -220,13 +222,13 @@ def common_study(study_file: PrecisionFile) -> ResolvedStudy:
 def measured_points(study_file: PrecisionFile) -> list[SweptValues]:
     """Swept values of the design points at which errors are measured."""
     section, study = study_file.definition.work_precision, common_study(study_file)
-    own = _swept_values(study)
+    study_points = _swept_values(study)
     if not section.points or not study.sweeps:
-        return own
+        return study_points
     rng = np.random.default_rng(section.seed)
     if study.definition.design.type == "zip":
-        return [_between(own, study, rng) for _ in range(section.points)]
-    return [_in_box(own, study, rng) for _ in range(section.points)]
+        return [_between(study_points, study, rng) for _ in range(section.points)]
+    return [_in_box(study_points, study, rng) for _ in range(section.points)]
 
 
 def _in_box(
@@ -265,8 +267,8 @@ def check_file(study_file: PrecisionFile, variants: Sequence[Variant]) -> None:
     definition, base_kind = study_file.definition, study_file.base.kind
     measuring = as_kind(base_kind).measuring()
     if measuring is None:
-        known = (as_kind(kind_named(name)) for name in kind_names())
-        kinds = [kind.name for kind in known if kind.measuring() is not None]
+        study_kinds = (as_kind(kind_named(name)) for name in kind_names())
+        kinds = [kind.name for kind in study_kinds if kind.measuring() is not None]
         raise study_file.error(
             ("work_precision", "base"),
             f"expected a study of kind {' or '.join(kinds)}, got {base_kind.name}",
@@ -307,8 +309,8 @@ def _check_integrator(study_file: PrecisionFile, variant: Variant) -> None:
     try:
         integrator(variant.integrator, variant.options)
     except ParameterError as error:
-        own = error.key != "integrator"
-        place = "options" if own else "integrator"
+        is_option = error.key != "integrator"
+        place = "options" if is_option else "integrator"
         raise study_file.error(
-            (*variant.keys, place), f"{error.key}: {error.message}" if own else error.message
+            (*variant.keys, place), f"{error.key}: {error.message}" if is_option else error.message
         ) from None
