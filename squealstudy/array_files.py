@@ -35,8 +35,8 @@ def read_arrays(source: Path | IO[bytes]) -> dict[str, np.ndarray]:
     """
     try:
         expect_room(source)
-        with np.load(source, allow_pickle=False) as data:
-            return {name: data[name] for name in data.files}
+        with np.load(source, allow_pickle=False) as stored:
+            return {name: stored[name] for name in stored.files}
     except (zipfile.BadZipFile, EOFError, KeyError, NotImplementedError) as error:
         raise ValueError(str(error)) from error
 
@@ -58,9 +58,9 @@ def expect_room(source: Path | IO[bytes]) -> None:
 
 def expect_memory(needed: float) -> None:
     """Raise ValueError where so many bytes are not left."""
-    if needed > MAX_UNCHECKED_BYTES and needed > (left := available_memory_mb() * BYTES_PER_MB):
+    if needed > MAX_UNCHECKED_BYTES and needed > (free := available_memory_mb() * BYTES_PER_MB):
         raise ValueError(
-            f"it would take {needed / 1e9:,.3g} GB of memory, and {left / 1e9:.3g} GB are left"
+            f"it would take {needed / 1e9:,.3g} GB of memory, and {free / 1e9:.3g} GB are left"
         )
 
 

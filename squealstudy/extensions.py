@@ -59,8 +59,8 @@ def load_extension(path: str | Path) -> str:
             spec.loader.exec_module(module)
         except Exception as error:
             del sys.modules[name]
-            known = isinstance(error, SquealstudyError)
-            text = str(error) if known else f"{type(error).__name__}: {error}"
+            is_ours = isinstance(error, SquealstudyError)
+            text = str(error) if is_ours else f"{type(error).__name__}: {error}"
             raise ExtensionError(path, text) from error
         if len(_registered) == before:
             del sys.modules[name]
@@ -135,14 +135,14 @@ def sources_of(path: Path) -> dict[str, bytes]:
 
     By their names in that folder; the file itself comes first.
     """
-    found: dict[Path, bytes] = {}
+    content_of: dict[Path, bytes] = {}
     pending = [path]
     while pending:
         file = pending.pop(0)
-        if file not in found:
-            found[file] = _content(file)
-            pending += _helpers(found[file], path.parent)
-    return {file.relative_to(path.parent).as_posix(): text for file, text in found.items()}
+        if file not in content_of:
+            content_of[file] = _content(file)
+            pending += _helpers(content_of[file], path.parent)
+    return {file.relative_to(path.parent).as_posix(): text for file, text in content_of.items()}
 
 
 def _content(path: Path) -> bytes:
@@ -164,11 +164,11 @@ def _helpers(text: bytes, folder: Path) -> list[Path]:
         return []
     names = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
     names |= {str(n.module) for n in nodes if isinstance(n, ast.ImportFrom) and not n.level}
-    found: list[Path] = []
+    files: list[Path] = []
     for name in sorted({name.partition(".")[0] for name in names}):
         module = folder / f"{name}.py"
-        found += [module] if module.is_file() else sorted((folder / name).rglob("*.py"))
-    return found
+        files += [module] if module.is_file() else sorted((folder / name).rglob("*.py"))
+    return files
 
 
 def _was_executed(path: Path, source: str) -> bool:

@@ -115,24 +115,26 @@ class Study:
             )
         options = {option.name for option in self.resolved.model.options}
         sweeps = list(tables.get("sweep", ()))
-        for name, value in values.items():
+        for name, setting in values.items():
             if name in options:
-                tables["model"] = {**tables["model"], name: value}
+                tables["model"] = {**tables["model"], name: setting}
                 continue
-            given = value.tolist() if hasattr(value, "tolist") else value  # of numpy and pandas
+            plain = (
+                setting.tolist() if hasattr(setting, "tolist") else setting
+            )  # of numpy and pandas
             place = next((i for i, s in enumerate(sweeps) if s.get("parameter") == name), None)
-            if isinstance(given, list | tuple):
-                swept = [{"parameter": name, "values": list(given)}]
+            if isinstance(plain, list | tuple):
+                swept = [{"parameter": name, "values": list(plain)}]
                 at = len(sweeps) if place is None else place
                 sweeps[at : at + 1] = swept
                 continue
             if place is not None:
                 del sweeps[place]
-            own = dict(tables.get("parameters", {}))
-            if name in own or "[" in name:
-                tables["parameters"] = {**own, name: given}
+            parameters = dict(tables.get("parameters", {}))
+            if name in parameters or "[" in name:
+                tables["parameters"] = {**parameters, name: plain}
             else:
-                tables = changed(self.source, tables, {f"parameters.{name}": given})
+                tables = changed(self.source, tables, {f"parameters.{name}": plain})
         tables.pop("sweep", None)
         return {**tables, "sweep": sweeps} if sweeps else tables
 
@@ -233,7 +235,7 @@ def run(
 
     directory = Path(output or study.directory)
     resolved = study.resolved
-    found = check_owner(directory, study.owner)
+    manifest = check_owner(directory, study.owner)
     resolved.kind.check_count(resolved, yes)
     plan = study.plan()
     with (
@@ -242,7 +244,7 @@ def run(
         progress() as tell,
         _place(client, warn) as place,
     ):
-        jobs = place.size if place is not None else worker_count(jobs, found, warn)
+        jobs = place.size if place is not None else worker_count(jobs, manifest, warn)
         if isinstance(resolved, ResolvedStudy) and resolved.definition.fidelity is not None:
             from squealstudy.fidelity.run import resolve, run_resolved
 

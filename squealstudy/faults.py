@@ -100,5 +100,5 @@ def _code(error: Exception) -> int | None:
         return int(code)
     if not isinstance(error, SPEAKING):
         return None
-    told = str(error).lower()
-    return next((code for text, code in TEXTS.items() if text.lower() in told), None)
+    message = str(error).lower()
+    return next((code for text, code in TEXTS.items() if text.lower() in message), None)

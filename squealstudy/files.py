@@ -38,8 +38,8 @@ def _host() -> str:
 def abandoned(path: Path) -> bool:
     """Whether the process that used a temporary name of this machine is gone."""
     parts = path.name.removesuffix(".tmp").rpartition(".")[2].split("-")
-    known = len(parts) == 3 and parts[0] == _host() and parts[1].isdigit()
-    return known and not is_running(int(parts[1]))
+    is_of_this_host = len(parts) == 3 and parts[0] == _host() and parts[1].isdigit()
+    return is_of_this_host and not is_running(int(parts[1]))
 
 
 def write_atomic(path: Path, write: Callable[[Path], None]) -> None:

@@ -73,11 +73,11 @@ class Parameter:
             raise ParameterError(
                 self.name, f"expected at most {self.maximum:g}{self._unit()}, got {value:g}"
             )
-        for bound, word, kept in (
+        for bound, word, is_within in (
             (self.above, "above", value > self.above),
             (self.below, "below", value < self.below),
         ):
-            if not kept:
+            if not is_within:
                 raise ParameterError(
                     self.name, f"expected a value {word} {bound:g}{self._unit()}, got {value:g}"
                 )

@@ -26,8 +26,8 @@ def cache_directory() -> Path:
 
     Raises OSError where no home directory is known.
     """
-    given = os.environ.get(ENVIRONMENT)
-    return Path(given) if given else user_cache()
+    from_environment = os.environ.get(ENVIRONMENT)
+    return Path(from_environment) if from_environment else user_cache()
 
 
 def user_cache() -> Path:
@@ -70,18 +70,19 @@ def compiled_base() -> Path:
     Loading them executes them. Where others may write too, they are kept in the user's own cache,
     or in a temporary directory for this process and its workers; a warning says so.
     """
-    given = os.environ.get(ENVIRONMENT)
+    from_environment = os.environ.get(ENVIRONMENT)
     return _safe_kernel_folder(
-        os.environ.get(COMPILED) or (str(Path(given, KERNELS)) if given else "")
+        os.environ.get(COMPILED)
+        or (str(Path(from_environment, KERNELS)) if from_environment else "")
     )
 
 
 @cache
 def _safe_kernel_folder(wanted: str) -> Path:
     reasons = []
-    for own in (False, True) if wanted else (True,):
+    for is_users in (False, True) if wanted else (True,):
         try:
-            path = user_cache() / KERNELS if own else Path(wanted)
+            path = user_cache() / KERNELS if is_users else Path(wanted)
             path.mkdir(mode=0o700, parents=True, exist_ok=True)
             if not others_may_write(path):
                 _try_writing(path)
@@ -106,10 +107,10 @@ def others_may_write(path: Path) -> bool:
     if not hasattr(os, "geteuid"):
         return False
     for place in (path.resolve(), *path.resolve().parents):
-        found = place.stat()
-        others = stat.S_IWOTH | (stat.S_IWGRP if found.st_gid != found.st_uid else 0)
-        kept = place != path.resolve() and found.st_mode & stat.S_ISVTX  # as /tmp
-        if found.st_uid not in (0, os.geteuid()) or (found.st_mode & others and not kept):
+        state = place.stat()
+        others = stat.S_IWOTH | (stat.S_IWGRP if state.st_gid != state.st_uid else 0)
+        is_sticky = place != path.resolve() and state.st_mode & stat.S_ISVTX  # as /tmp
+        if state.st_uid not in (0, os.geteuid()) or (state.st_mode & others and not is_sticky):
             return True
     return False
 

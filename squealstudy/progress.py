@@ -105,16 +105,16 @@ class OneLine:
     def __call__(self, stage: str, done: int, total: int, failed: int = 0) -> None:
         """See `Progress`."""
         now = self._clock()
-        known = self._stages.get(stage)
-        if known is None or done < known.told:
-            known = self._stages[stage] = _Stage(now, done, now, done)
-        known.told = done
+        state = self._stages.get(stage)
+        if state is None or done < state.told:
+            state = self._stages[stage] = _Stage(now, done, now, done)
+        state.told = done
         text = f"{stage}: {done:,} of {total:,} done" if total > 1 else stage
         if done == total:
-            text = f"{stage}: done in {duration(now - known.began)}"
-        elif done > known.at_first:
-            left = (now - known.began) / (done - known.at_first) * (total - done)
-            text += f", {duration(left)} left"
+            text = f"{stage}: done in {duration(now - state.began)}"
+        elif done > state.at_first:
+            seconds_left = (now - state.began) / (done - state.at_first) * (total - done)
+            text += f", {duration(seconds_left)} left"
         self._text = text + (f", {failed:,} failed" if failed else "")
         if self._display is not None and (
             now - self._told_at >= MIN_UPDATE_INTERVAL_S or done == total
@@ -167,8 +167,8 @@ def _bars() -> Iterator[Progress]:
     def report(stage: str, done: int, total: int, failed: int = 0) -> None:
         if stage not in tasks:
             tasks[stage] = bars.add_task(stage, total=total, failed="")
-        told = f"{failed} failed" if failed else ""
-        bars.update(tasks[stage], completed=done, total=total, failed=told)
+        failed_text = f"{failed} failed" if failed else ""
+        bars.update(tasks[stage], completed=done, total=total, failed=failed_text)
 
     with _later(bars):
         yield report
@@ -206,19 +206,19 @@ class Lines:
     def __call__(self, stage: str, done: int, total: int, failed: int = 0) -> None:
         """See `Progress`."""
         now = self._clock()
-        known = self._stages.get(stage)
-        if known is None or done < known.told:  # a new one, or the same once more
-            known = self._stages[stage] = _Stage(now, done, now, done)
+        state = self._stages.get(stage)
+        if state is None or done < state.told:  # a new one, or the same once more
+            state = self._stages[stage] = _Stage(now, done, now, done)
             text = "begins" + (f", {done:,} of {total:,} done" if total > 1 else "")
-        elif done == total and known.told < total:
+        elif done == total and state.told < total:
             count = f"{total:,} " if total > 1 else ""
-            text = f"{count}done in {duration(now - known.began)}"
-        elif done < total and self._due(known, now, done, total):
-            left = f"{duration(self._left(known, now, done, total))} left"
-            text = f"{done:,} of {total:,} done, {self._rate(known, now, done)}, {left}"
+            text = f"{count}done in {duration(now - state.began)}"
+        elif done < total and self._due(state, now, done, total):
+            left_text = f"{duration(self._left(state, now, done, total))} left"
+            text = f"{done:,} of {total:,} done, {self._rate(state, now, done)}, {left_text}"
         else:
             return
-        known.told_at, known.told = now, done
+        state.told_at, state.told = now, done
         self._write(f"{stage}: {text}" + (f", {failed:,} failed" if failed else ""))
 
     @staticmethod

@@ -65,23 +65,23 @@ def partners(distance: np.ndarray, limit: float = np.inf) -> np.ndarray:
     beyond the `limit`, which make no pair, counting as that: one mode that is missing must not
     shift its neighbours' partners by one each, as the sum of the distances themselves allows.
     """
-    found = np.full(len(distance), -1)
+    partner = np.full(len(distance), -1)
     if not distance.size:
-        return found
+        return partner
     rows, columns = least_assignment(np.sqrt(np.minimum(distance, limit)))
     near = distance[rows, columns] < limit
-    found[rows[near]] = columns[near]
-    return found
+    partner[rows[near]] = columns[near]
+    return partner
 
 
 def partner_distances(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Distance (m,) of each root to its partner among others, infinite where there is none."""
     distance = np.abs(lam[:, None] - others[None, :])
     partner = partners(distance)
-    found = np.full(len(lam), np.inf)
+    distances = np.full(len(lam), np.inf)
     paired = partner >= 0
-    found[paired] = distance[paired, partner[paired]]
-    return found
+    distances[paired] = distance[paired, partner[paired]]
+    return distances
 
 
 class FullOrderPairs(NamedTuple):
@@ -137,12 +137,12 @@ def paired_with_full_order(
     `error` (n,) is that of the full-order roots themselves.
     """
     judged = (np.abs(full.real) < LIGHT_DAMPING * np.abs(full)) | (full.real > 0)
-    full, own = full[judged], np.broadcast_to(error, judged.shape)[judged]
+    full, errors = full[judged], np.broadcast_to(error, judged.shape)[judged]
     distance = np.abs(full[:, None] - lam[None, :])
     partner = partners(distance / np.abs(full)[:, None], MAX_PAIR_REL_DISTANCE)
-    kept = partner >= 0
-    row, full, own = partner[kept], full[kept], own[kept]
-    resolved = np.abs(full - lam[row]) > MIN_DISTANCE_TO_ERROR * own
+    is_paired = partner >= 0
+    row, full, errors = partner[is_paired], full[is_paired], errors[is_paired]
+    resolved = np.abs(full - lam[row]) > MIN_DISTANCE_TO_ERROR * errors
     return FullOrderPairs(
-        row=row, lam=lam[row], full=full, resolved=resolved, missed=int((~kept).sum())
+        row=row, lam=lam[row], full=full, resolved=resolved, missed=int((~is_paired).sum())
     )

@@ -79,12 +79,14 @@ def show_csv(table: pd.DataFrame) -> None:
 
     A text that a spreadsheet would compute (``=1+1``) begins with an apostrophe.
     """
-    told = table.copy()
-    for name in told.columns:
-        if told[name].dtype.kind not in "biufM":
-            told[name] = [_no_formula(v) if isinstance(v, str) else v for v in told[name]]
-    told.columns = [_no_formula(str(name)) for name in told.columns]
-    write(told.to_csv(index=False))
+    table_to_write = table.copy()
+    for name in table_to_write.columns:
+        if table_to_write[name].dtype.kind not in "biufM":
+            table_to_write[name] = [
+                _no_formula(v) if isinstance(v, str) else v for v in table_to_write[name]
+            ]
+    table_to_write.columns = [_no_formula(str(name)) for name in table_to_write.columns]
+    write(table_to_write.to_csv(index=False))
 
 
 def _no_formula(text: str) -> str:
@@ -150,7 +152,7 @@ def letter_map(
         What is found at each point; keys of `letters`.
     letters : mapping of str -> str
     """
-    x, y = (sorted(set(map(float, own))) for own in values)
+    x, y = (sorted(set(map(float, axis_values))) for axis_values in values)
     at = {(float(a), float(b)): w for a, b, w in zip(*values, words, strict=True)}
     whole = len(at) == len(words) == len(x) * len(y)
     if not whole or len(x) > MOST_ACROSS or len(y) > MOST_UP or set(words) - set(letters):
@@ -174,8 +176,8 @@ def facts(rows: Iterable[tuple[str, str]]) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
-    for name, value in rows:
-        table.add_row(plain(name), plain(value))
+    for name, text in rows:
+        table.add_row(plain(name), plain(text))
     return table
 
 

@@ -39,9 +39,9 @@ def lock(path: Path, wait: bool = True) -> Iterator[None]:
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_symlink():  # a lock empties the file that it opens
         raise MachineError(f"{path}: a link, where a lock file is expected: remove it")
-    held = FileLock(path, fallback_to_soft=False)  # a soft lock outlives its process
+    file_lock = FileLock(path, fallback_to_soft=False)  # a soft lock outlives its process
     try:
-        held.acquire(blocking=wait)
+        file_lock.acquire(blocking=wait)
     except Timeout:
         raise HeldError(str(path)) from None
     except OSError as error:
@@ -54,7 +54,7 @@ def lock(path: Path, wait: bool = True) -> Iterator[None]:
     try:
         yield
     finally:
-        held.release()
+        file_lock.release()
 
 
 def flush(path: Path) -> None:

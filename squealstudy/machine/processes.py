@@ -53,7 +53,7 @@ def interruptible() -> Iterator[None]:
 
     def dropped(what: sys.UnraisableHookArgs) -> None:
         if not isinstance(what.exc_value, InterruptedRun):
-            told(what)
+            previous_hook(what)
             return
         for each in handled:
             signal.signal(each, interrupt)
@@ -62,11 +62,11 @@ def interruptible() -> Iterator[None]:
 
     handled = [each for each in SIGNALS if signal.getsignal(each) != signal.SIG_IGN]  # by nohup
     before = {each: signal.signal(each, interrupt) for each in handled}
-    told, sys.unraisablehook = sys.unraisablehook, dropped
+    previous_hook, sys.unraisablehook = sys.unraisablehook, dropped
     try:
         yield
     finally:
-        sys.unraisablehook = told
+        sys.unraisablehook = previous_hook
         for each, handler in before.items():
             signal.signal(each, handler)
 

@@ -43,10 +43,10 @@ def cores() -> int:
 def _quotas() -> Iterator[int]:
     """Cores that each control group allows, rounded up."""
     for group in _groups("cpu"):
-        found = _first(group, "cpu.max") or " ".join(
+        quota_text = _first(group, "cpu.max") or " ".join(
             (_first(group, "cpu.cfs_quota_us"), _first(group, "cpu.cfs_period_us"))
         )
-        quota, _, period = found.partition(" ")
+        quota, _, period = quota_text.partition(" ")
         if quota.isdigit() and period.isdigit():  # else "max", -1 or nothing: no limit
             yield math.ceil(int(quota) / int(period))
 
@@ -159,12 +159,12 @@ class MemoryAbove:
 @contextlib.contextmanager
 def memory_above() -> Iterator[MemoryAbove]:
     """Watch the memory of what runs inside; Linux only, elsewhere NaN."""
-    found = MemoryAbove()
+    above = MemoryAbove()
     try:
         RESET.write_text("5", encoding="utf-8")  # the peak begins again at the present size
         before = _status_mb("VmRSS")
     except OSError:
-        yield found
+        yield above
         return
-    yield found
-    found.megabytes = max(0.0, _status_mb("VmHWM") - before)
+    yield above
+    above.megabytes = max(0.0, _status_mb("VmHWM") - before)
