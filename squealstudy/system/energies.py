@@ -34,8 +34,8 @@ def energy_shares(
     ndarray (n_components + 1, m)
         Columns sum to one; friction does no elastic work and is left out.
     """
-    own = np.einsum("im,im->m", X.conj(), product(springs, X)).real
-    interfaces = weights.springs * own + weights.normal @ squared(product(N, X))
+    spring_energies = np.einsum("im,im->m", X.conj(), product(springs, X)).real
+    interfaces = weights.springs * spring_energies + weights.normal @ squared(product(N, X))
     total = components.sum(axis=0) + interfaces
     shares: np.ndarray = np.vstack([components, interfaces]) / np.where(total, total, 1.0)
     return shares + 0.0  # without -0

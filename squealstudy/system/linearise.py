@@ -183,7 +183,7 @@ class ContactStructure:
             (U, U),
             (self.N, self.N),
         ]
-        own = (none, none) if self.damping is None else (None, self.damping)
+        of_stiffness = (none, none) if self.damping is None else (None, self.damping)
         terms = (
             Term(MASS, None, self.mass),
             *(Term(STIFFNESS, *sides) for sides in symmetric),
@@ -191,7 +191,7 @@ class ContactStructure:
             *(Term(DAMPING, *sides) for sides in symmetric),
             Term(DAMPING, self.T_perp, self.T_perp),
             Term(DAMPING, self.T, self.T),
-            Term(DAMPING, *own),
+            Term(DAMPING, *of_stiffness),
         )
         return ParametricSystem(self.n, terms)
 
@@ -213,8 +213,8 @@ class ContactStructure:
         if not values:
             return 0.0, 0.0
         weights = np.zeros(self.n if self.shapes is None else self.shapes.shape[0])
-        for key, value in values.items():
-            weights[self.places[key]] = value
+        for key, number in values.items():
+            weights[self.places[key]] = number
         return (weights, 0.0) if self.shapes is None else (0.0, weights)
 
 
@@ -322,8 +322,8 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> L
     beta = state.stiffness_damping
     rest = structure.weights(point, replace(state, stiffness_damping=0.0)) if beta else weights
     C = structure.system.summed(rest, structure.system.numbers(DAMPING)) + beta * K_sym
-    modal, known = assembly_damping(K_sym, state, model.damped_to)
-    return LinearisedModel(C + modal, K, K_sym, weights, modal, known)
+    modal, assembly_modes = assembly_damping(K_sym, state, model.damped_to)
+    return LinearisedModel(C + modal, K, K_sym, weights, modal, assembly_modes)
 
 
 def symmetric_stiffness(structure: ContactStructure, weights: Weights) -> np.ndarray:

@@ -136,13 +136,13 @@ class ParametricSystem:
                 columns.append(rows[d != 0].T)
                 values.append(d[d != 0])
             elif not _vanishes(w):
-                left = one if term.left is None else term.left
+                left_matrix = one if term.left is None else term.left
                 right = one if term.right is None else term.right
                 scaled = right * float(w) if np.ndim(w) == 0 else sp.diags(w) @ right
-                if is_full(right) and left is not one:  # as of a projected assembly
-                    total = total + sp.csr_matrix(left.T.toarray() @ scaled.toarray())
+                if is_full(right) and left_matrix is not one:  # as of a projected assembly
+                    total = total + sp.csr_matrix(left_matrix.T.toarray() @ scaled.toarray())
                 else:
-                    total = total + left.T @ scaled
+                    total = total + left_matrix.T @ scaled
         if not columns:
             return LowRankSum(total)
         return LowRankSum(total, np.hstack(columns), np.concatenate(values))
@@ -169,30 +169,30 @@ class ParametricSystem:
         self, weights: Weights, lam: np.ndarray, X: np.ndarray | Columns, Y: np.ndarray | Columns
     ) -> np.ndarray:
         """y_j^H Q'(lam_j) x_j for every pair of columns (m,)."""
-        right, left = columns(X), columns(Y)
+        right, left_columns = columns(X), columns(Y)
         total = np.zeros(len(lam), dtype=complex)
         system, weights = self.gathered(weights)
         for term, w in zip(system.terms, weights, strict=True):
             if term.order == STIFFNESS or _vanishes(w):
                 continue
-            seen, seen_left = right.through(term.right), left.through(term.left)
-            seen = product(w, seen) if term.dense else _scaled(w, seen)
-            moved = np.einsum("ij,ij->j", seen_left.conj(), seen)
-            total += moved if term.order == DAMPING else 2.0 * lam * moved
+            observed, seen_left = right.through(term.right), left_columns.through(term.left)
+            observed = product(w, observed) if term.dense else _scaled(w, observed)
+            products = np.einsum("ij,ij->j", seen_left.conj(), observed)
+            total += products if term.order == DAMPING else 2.0 * lam * products
         return total
 
     def forms(
         self, weights: Weights, lam: np.ndarray, X: np.ndarray | Columns, Y: np.ndarray | Columns
     ) -> np.ndarray:
         """y_i^H Q(lam_j) x_j of all pairs (k, m), of Y (n, k) and X (n, m)."""
-        right, left = columns(X), columns(Y)
-        total = np.zeros((left.values.shape[1], len(lam)), dtype=complex)
+        right, left_columns = columns(X), columns(Y)
+        total = np.zeros((left_columns.values.shape[1], len(lam)), dtype=complex)
         self._check(weights)
         for term, w in zip(self.terms, weights, strict=True):
             if not _vanishes(w):
-                seen = right.through(term.right)
-                seen = product(w, seen) if term.dense else _scaled(w, seen)
-                total += left.through(term.left).conj().T @ (seen * lam**term.order)
+                observed = right.through(term.right)
+                observed = product(w, observed) if term.dense else _scaled(w, observed)
+                total += left_columns.through(term.left).conj().T @ (observed * lam**term.order)
         return total
 
     def gathered(self, weights: Weights) -> tuple[ParametricSystem, Weights]:
@@ -204,14 +204,24 @@ class ParametricSystem:
         for i, (term, w) in enumerate(zip(self.terms, weights, strict=True)):
             if term.left is None and isinstance(term.right, np.ndarray) and not np.ndim(w):
                 whole[term.order].append(i)
-        many = {order: found for order, found in whole.items() if len(found) > SUM_FIRST_ABOVE}
+        many = {
+            order: term_numbers
+            for order, term_numbers in whole.items()
+            if len(term_numbers) > SUM_FIRST_ABOVE
+        }
         if not many:
             return self, weights
-        summed = {i for found in many.values() for i in found}
-        kept = [i for i in range(len(self.terms)) if i not in summed]
-        totals = [sum(weights[i] * self.terms[i].right for i in found) for found in many.values()]
-        terms = (*(self.terms[i] for i in kept), *(Term(order, dense=True) for order in many))
-        return ParametricSystem(self.n, terms), (*(weights[i] for i in kept), *totals)
+        summed = {i for term_numbers in many.values() for i in term_numbers}
+        term_numbers_kept = [i for i in range(len(self.terms)) if i not in summed]
+        totals = [
+            sum(weights[i] * self.terms[i].right for i in term_numbers)
+            for term_numbers in many.values()
+        ]
+        terms = (
+            *(self.terms[i] for i in term_numbers_kept),
+            *(Term(order, dense=True) for order in many),
+        )
+        return ParametricSystem(self.n, terms), (*(weights[i] for i in term_numbers_kept), *totals)
 
     def _check(self, weights: Weights) -> None:
         if len(weights) != len(self.terms):
