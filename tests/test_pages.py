@@ -21,6 +21,7 @@ LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 CODE = re.compile(r"^```.*?^```$|`[^`\n]*`", re.MULTILINE | re.DOTALL)
 MOST_LINES = 120  # of README.md
 MOST_WORDS = 52_690  # of all pages written by hand: what they had before there was a site
+MOST_WORDS_OF_THE_WAY = 400
 LARGEST = 60_000  # bytes of a picture of the gallery
 
 
@@ -122,6 +123,20 @@ def test_commands_name_files_that_exist(page):
     text = page.read_text(encoding="utf-8")
     for file in re.findall(r"(?<![\w/.])studies/[\w/]+\.(?:toml|py)", text):
         assert file == "studies/NAME.toml" or (ROOT / file).is_file(), file
+
+
+@pytest.mark.parametrize("page", ["docs/explanation/plan-to-row.md", "squealstudy/README.md"])
+def test_files_of_the_way_of_a_design_point_exist(page):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    named = set(re.findall(r"(?<![\w/.])(?:\w+/)+\w+\.py", text))
+    assert {"kinds/complex_modes/tables.py", "engine/chunk_writer.py"} <= named
+    for file in named:
+        assert (ROOT / "squealstudy" / file).is_file() or (ROOT / file).is_file(), file
+
+
+def test_the_page_from_plan_to_row_is_short():
+    page = DOCS / "explanation" / "plan-to-row.md"
+    assert len(page.read_text(encoding="utf-8").split()) <= MOST_WORDS_OF_THE_WAY
 
 
 def test_pictures_of_the_gallery_are_small():
