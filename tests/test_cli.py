@@ -252,6 +252,31 @@ def test_check_says_how_values_are_chosen(shipped, said, capsys, tmp_path):
     assert said in " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "said", "absent"),
+    [
+        ("-5.4e17", "0.0", "cubic (linear, as contact.cubic_stiffness is 0)", ""),
+        ("-5.4e17", "-5.4e17", "friction is the same at all speeds", "linear"),
+        ("sliding_speed = 10.0", '"friction_law.static_ratio" = 1.2\nsliding_speed = 10.0',
+         "friction_law = exponential_fall", "the same at all speeds"),
+    ],
+)  # fmt: skip
+def test_check_says_what_is_left_of_a_law(old, new, said, absent, capsys, tmp_path):
+    text = (STUDIES / "kicked_squeal.toml").read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    (tmp_path / "study.toml").write_text(text.replace(old, new), encoding="utf-8")
+    assert command("check", str(tmp_path / "study.toml")) == 0
+    screen = " ".join(capsys.readouterr().out.split())
+    assert said in screen
+    assert not absent or absent not in screen
+
+
+def test_check_of_a_design_study_says_what_comes_on_top(capsys):
+    assert command("check", str(STUDIES / "kicked_design.toml")) == 0
+    screen = " ".join(capsys.readouterr().out.split())
+    assert "up to 400 designs of the search, and the proof of the one" in screen
+
+
 def test_check_says_why_it_cannot_estimate(study, monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "empty"))
     study.write_text(STUDY.replace('"hulten"', '"disc_brake"').replace("1000.0", "8000.0"))

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from own_blocks import write_blocks
-from study_runs import solved
+from study_runs import command, solved
 
 import squealstudy as sq
+from squealstudy.engine.report import report
 from squealstudy.errors import StudyFileError
 
 RATE = 1e-14  # 1/Pa
@@ -115,3 +116,23 @@ def test_parts_without_a_mode_below_the_cut_off_have_a_steady_state(tmp_path):
     system = sq.model(str(model)).at(friction=0.3, pressure=2e6)
     assert system.steady.status == "ok"
     assert 0 < system.steady.force[:, 0].sum() < 20.0  # N: the guides bear the rest
+
+
+def test_inspect_check_and_report_say_that_faces_are_worn(tmp_path, monkeypatch, capsys):
+    """Depths are the gaps that have opened; a distance of 0 leaves new faces, and says so."""
+    monkeypatch.chdir(tmp_path)
+    path, model = blocks(tmp_path / "worn", distance=1e6)
+    contact, _ = steady(model)
+    new, _ = steady(blocks(tmp_path / "new")[1])
+    depth = 1e3 * (contact.gap0 - new.gap0)  # mm
+    assert command("inspect", str(model)) == 1  # parts so small are doubted
+    screen = " ".join(capsys.readouterr().out.split())
+    assert "1e+06 mm of sliding at 2 MPa and a friction of 0.3 wore off contact_1" in screen
+    assert f"{depth.min():.3g} to {depth.max():.3g} mm" in screen
+    assert command("inspect", str(tmp_path / "new" / "blocks.toml")) == 1
+    assert "the faces are new: the distance of [wear] is 0" in capsys.readouterr().out
+    said = "1000 m of sliding at 2 MPa and a friction of 0.3 have worn the faces"
+    assert command("check", str(path)) == 0
+    assert said in " ".join(capsys.readouterr().out.split())
+    results = solved(sq.read_study(path).plan(), tmp_path / "out")
+    assert said in report([results], shapes=False)

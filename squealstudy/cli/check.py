@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +29,10 @@ from squealstudy.engine.workers import worker_count
 from squealstudy.errors import SquealstudyError
 from squealstudy.face import Study
 from squealstudy.kinds.complex_modes.boundary import most_points
+from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES
+from squealstudy.laws.registry import LawDefinition
 from squealstudy.machine.resources import available_memory_mb
+from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
     CONTACT_OPTION,
@@ -132,6 +135,7 @@ def _facts(
     study, solver = plan.study, as_model_kind(plan.kind)
     kind = study.definition.study.kind
     bound = "; runs end once their outcome is known" if solver.may_end_early(plan) else ""
+    bound += f"; {more} come on top" if (more := solver.solves(plan).not_in_it) else ""
     rows = [
         ("study", f"{study.name}: {kind} on {study.model.name}, valid"),
         ("design", _design(plan, missing, directory)),
@@ -272,9 +276,22 @@ def _constant(study: ResolvedStudy) -> Rows:
         for p in (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING)
         if p.name in study.values and p.name not in swept
     ]
-    laws = (CONTACT_OPTION.name, FRICTION_OPTION.name)
-    texts += [f"{name} = {study.options[name]}" for name in laws if name in study.options]
-    return [("  constant", ", ".join(texts))] if texts else []
+    for option, laws in ((CONTACT_OPTION, CONTACT_LAWS), (FRICTION_OPTION, FRICTION_CURVES)):
+        if option.name in study.options:
+            law = laws[str(study.options[option.name])]
+            texts.append(f"{option.name} = {law.name}{_plain(law, study.values, swept)}")
+    rows = [("  constant", ", ".join(texts))] if texts else []
+    if isinstance(study.model, FileDefinition):
+        rows += [("  model file", text) for text in study.model.prepared]
+    return rows
+
+
+def _plain(law: LawDefinition, values: Mapping[str, float], swept: Collection[str]) -> str:
+    """In brackets, what a law has become by parameters that switch it off; else empty."""
+    if law.plain is None or any(p.name in swept for p in law.parameters):
+        return ""
+    text = law.plain(*(values[p.name] for p in law.parameters))
+    return f" ({text})" if text else ""
 
 
 def _range(study: ResolvedStudy, sweep: Sweep) -> str:

@@ -127,6 +127,7 @@ def _model_file(model: ModelDefinition) -> dict[str, Any]:
         "files": list(model.files),
         "defaults": model.defaults(),
         "components": list(model.components),
+        "prepared": list(model.prepared),
     }
     return {"model_file": content}
 

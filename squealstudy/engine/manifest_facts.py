@@ -53,6 +53,7 @@ class ModelFileFacts(FactGroup):
     files: list[Name]
     defaults: dict[str, Finite]
     components: list[Name]
+    prepared: list[Text] = Field(default_factory=list)  # results of before have none
 
 
 class RotationFacts(FactGroup):

@@ -47,6 +47,8 @@ class Solves:
         What may be solved between them at most, once all are there; part of `longest` or not.
     least, longest : float
         Of the time of the points: how far it may be from that of the timed ones.
+    not_in_it : str
+        What comes on top that nobody can foretell, in words.
     """
 
     point: float = 1.0
@@ -55,6 +57,7 @@ class Solves:
     between: float = 0.0
     least: float = 0.8
     longest: float = 1.6
+    not_in_it: str = ""
 
 
 OFTEN_CHANGED = {

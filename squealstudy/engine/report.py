@@ -284,6 +284,7 @@ def _provenance(one: Results) -> Iterator[str]:
         ("date", str(m.get(FINISHED_AT) or "not known: results of an earlier version")),
         ("study hash", str(m.get("study_hash", ""))),
         ("points", str(one.n_points)),
+        *(("model file", str(t)) for t in (m.get("model_file") or {}).get("prepared", ())),
         ("versions", f"{versions}, Python {m.get('python', '')}"),
         ("machine", machine),
         ("time", duration(seconds) if seconds is not None else "not known"),

@@ -32,6 +32,8 @@ class LawDefinition:
     description : str
     parameters : tuple of Parameter
         In the order in which the functions take their values, behind their other arguments.
+    plain : (..) -> str, or None
+        What is left of the law, in words, at values of its parameters that switch it off; else "".
     """
 
     registry: ClassVar[Registry[Any]]
@@ -40,6 +42,7 @@ class LawDefinition:
     name: str
     description: str
     parameters: tuple[Parameter, ...] = ()
+    plain: Callable[..., str] | None = None
 
     @property
     def functions(self) -> dict[str, Callable[..., Any]]:

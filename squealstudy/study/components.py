@@ -39,6 +39,7 @@ from squealstudy.study.file_parameters import file_parameters, file_places
 from squealstudy.study.source import SourceText, validate
 from squealstudy.study.stresses import (
     law_defaults,
+    preparations,
     stress_assumptions,
     stressed_point,
     with_stresses,
@@ -92,6 +93,7 @@ def read_model(
         effective_radius=build.effective_radius,
         path=str(path.resolve()),
         files=identities,
+        prepared=preparations(file, places),
     )
 
 

@@ -114,6 +114,35 @@ def with_worn_gaps(
     return replace(assembly, contact=replace(assembly.contact, gap0=gap0))
 
 
+def preparations(file: ModelFile, places: Mapping[str, tuple[KeyPath, ...]]) -> tuple[str, ...]:
+    """What stresses and sliding have done to the model of a file, in words, a text each.
+
+    Parameters
+    ----------
+    file : ModelFile
+    places : mapping of name -> keys
+        The numbers of the file that are parameters.
+    """
+    megapascal, texts = STRESS.factor(file.units) / 1e6, []
+    if (table := file.stress_stiffening) is not None:
+        at = f"{table.pressure * megapascal:g} MPa and a friction of {table.friction:g}"
+        texts.append(f"stresses of {at} stiffen what vibrates")
+    if (wear := file.wear) is not None:
+        numbers = Numbers(file, {})
+        owners = {keys: name for name, own in places.items() for keys in own}
+        amounts = {}
+        for key, unit in (("distance", "m"), ("rate", "1/Pa")):
+            owner = owners.get((WEAR, key))
+            amounts[key] = f"'{owner}'" if owner else f"{numbers.at(WEAR, key):g} {unit}"
+        at = f"{wear.pressure * megapascal:g} MPa and a friction of {wear.friction:g}"
+        unworn = " (so they are new)" if amounts["distance"] == "0 m" else ""
+        texts.append(
+            f"{amounts['distance']} of sliding at {at} have worn the faces{unworn}, at a rate of "
+            f"{amounts['rate']}"
+        )
+    return tuple(texts)
+
+
 @dataclass(frozen=True)
 class _Off:
     """How far design points are from where stresses were taken; goes to worker processes."""

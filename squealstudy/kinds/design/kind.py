@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from squealstudy.engine.cache import NewGaps, is_prepared, load_prepared, prepared_model
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.keys import source_hash
-from squealstudy.engine.model_kind import OFTEN_CHANGED, Columns, ModelKind
+from squealstudy.engine.model_kind import OFTEN_CHANGED, Columns, ModelKind, Solves
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.reduced import shared_key
 from squealstudy.engine.store import (
@@ -270,6 +270,14 @@ class Design(ModelKind):
         names = [one.name for one in _design_plan(plan).design_study.alternatives]
         beside = [("variants", f"each searched and proven likewise: {', '.join(names)}")]
         return [("goal", text), *(beside if names else [])]
+
+    def solves(self, plan: Plan) -> Solves:
+        """Only today's design is asked for so far."""
+        goal = _design_plan(plan).design_study.goal
+        return Solves(
+            not_in_it=f"up to {goal.designs:,} designs of the search, and the proof of the one "
+            "that is chosen,"
+        )
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
         """Seconds of one design point, with sensitivities."""

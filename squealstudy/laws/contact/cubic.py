@@ -31,6 +31,11 @@ def pressure(g: float, stiffness: float, cubic: float) -> tuple[float, float]:
     return -(stiffness + cubic * g * g) * g, stiffness + 3.0 * cubic * g * g
 
 
+def plain(_stiffness: float, cubic: float) -> str:
+    """Without its cubic part."""
+    return "" if cubic else f"linear, as {CUBIC.name} is 0"
+
+
 def potential(g: float, stiffness: float, cubic: float) -> float:
     """Stored energy per area, from the closed gap 0."""
     return 0.5 * (stiffness + 0.5 * cubic * g * g) * g * g
@@ -76,6 +81,7 @@ CUBIC_LAW = register(
         name="cubic",
         description="-(k g + c g^3)",
         parameters=(STIFFNESS, CUBIC),
+        plain=plain,
         pressure=pressure,
         potential=potential,
         mean_pressure=mean_pressure,

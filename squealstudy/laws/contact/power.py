@@ -22,6 +22,11 @@ def pressure(g: float, stiffness: float, exponent: float) -> tuple[float, float]
     return p, exponent * p / (-g)
 
 
+def plain(_stiffness: float, exponent: float) -> str:
+    """With an exponent of 1."""
+    return "" if exponent != 1.0 else f"linear where closed, as {EXPONENT.name} is 1"
+
+
 def potential(g: float, stiffness: float, exponent: float) -> float:
     """Stored energy per area."""
     return 0.0 if g >= 0.0 else stiffness * (-g) ** (exponent + 1.0) / (exponent + 1.0)
@@ -73,6 +78,7 @@ POWER = register(
         name="power",
         description="c max(-g, 0)^n",
         parameters=(STIFFNESS, EXPONENT),
+        plain=plain,
         pressure=pressure,
         potential=potential,
         mean_pressure=mean_pressure,

@@ -64,11 +64,18 @@ def slopes(
     ]
 
 
+def plain(static_ratio: float, decay_speed: float) -> str:
+    """Where static friction is the dynamic one."""
+    same = constant(static_ratio, decay_speed)
+    return f"friction is the same at all speeds, as {STATIC_RATIO.name} is 1" if same else ""
+
+
 EXPONENTIAL_FALL = register(
     FrictionCurveDefinition(
         name="exponential_fall",
         description="falls from static to dynamic friction with the sliding speed",
         parameters=(STATIC_RATIO, DECAY_SPEED),
+        plain=plain,
         mu=mu,
         pressure_dependent=False,
         constant=constant,

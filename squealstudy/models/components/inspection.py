@@ -19,7 +19,7 @@ from squealstudy.models.components.component_facts import (
 from squealstudy.models.components.dimensions import LENGTH, STRESS, UNITS
 from squealstudy.models.components.file_tables import GapTable
 from squealstudy.models.components.geometry import Geometry, geometry_of
-from squealstudy.models.components.model_file import ModelFile
+from squealstudy.models.components.model_file import WEAR, ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.wording import duration, listed, plural
@@ -63,6 +63,7 @@ def inspect(
     _rotation(inspection, geometry, assembly)
     _load(inspection, geometry)
     _stresses(inspection, geometry)
+    _wear(inspection, geometry, assembly, given)
     n, points = assembly.n_dof, assembly.contact.n_points
     seconds = SECONDS * (n / FREEDOMS) ** GROWTH
     inspection.tell(
@@ -257,6 +258,44 @@ def _stresses(found: Inspection, geometry: Geometry) -> None:
     text = f"stresses of {megapascal:g} MPa and a friction of {table.friction:g} stiffen {names}"
     without = ", ".join(b.name for b in bodies if b.matrices is not None)
     found.tell("stresses", text + (f"; not {without}, of matrices" if without else ""))
+
+
+def _wear(
+    found: Inspection, geometry: Geometry, assembly: Assembly, given: Mapping[KeyPath, float]
+) -> None:
+    """How deep sliding has worn each contact with friction."""
+    file = geometry.file
+    if file.wear is None:
+        return
+    numbers, size, unit = Numbers(file, given), LENGTH.factor(file.units), UNITS[file.units][0]
+    megapascal = file.wear.pressure * STRESS.factor(file.units) / 1e6
+    at = f"{megapascal:g} MPa and a friction of {file.wear.friction:g}"
+    distance = numbers.at(WEAR, "distance")
+    if not distance:
+        found.tell("wear", "the faces are new: the distance of [wear] is 0")
+        return
+    depth = assembly.contact.gap0 - new_gaps(geometry, numbers)
+    depths, begins = [], np.cumsum([0, *(len(pair.gap0) for pair in geometry.contacts)])
+    for i, pair in enumerate(geometry.contacts):
+        rows = slice(begins[i], begins[i + 1])
+        worn = depth[rows][assembly.contact.frictional[rows] > 0] / size
+        if len(worn):
+            mean = np.average(worn, weights=pair.slave.area)
+            name = file.name_of("contact", i)
+            depths.append(f"{name} {worn.min():.3g} to {worn.max():.3g} {unit} (mean {mean:.3g})")
+    text = "; ".join(depths) or "nothing: no contact has friction"
+    found.tell("wear", f"{distance / size:g} {unit} of sliding at {at} wore off {text}")
+
+
+def new_gaps(geometry: Geometry, numbers: Numbers) -> np.ndarray:
+    """Gaps (n_points,) [m] at rest of contacts that have not worn."""
+    gaps = []
+    for i, (table, pair) in enumerate(zip(geometry.file.contact, geometry.contacts, strict=True)):
+        scale = 1.0 if table.gap_scale is None else numbers.at("contact", i, "gap_scale")
+        given = numbers.given.get(("contact", i, "initial_gap"))
+        gaps.append(pair.gap0 * scale if given is None else np.full_like(pair.gap0, given))
+    all_gaps: np.ndarray = np.concatenate(gaps)
+    return all_gaps
 
 
 def _load(found: Inspection, geometry: Geometry) -> None:
