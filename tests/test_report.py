@@ -191,15 +191,16 @@ def test_of_limit_cycles_it_counts_verdicts():
 
 
 def test_of_limit_cycles_it_tells_events_of_branches_with_units():
-    names = ("cycle_id", "along", "event", "value", "criticality", "branch_end")
-    rows = [("c", "pressure", "fold", 5e5, "", ""), ("c", "pressure", "", 6e5, "", "bound")]
+    names = ("point_id", "cycle_id", "along", "event", "value", "criticality", "branch_end")
+    rows = [("p", "c", "pressure", "F", 5e5, "", ""), ("p", "c", "pressure", "", 6e5, "", "bound")]
     branches = pd.DataFrame(rows, columns=list(names))
     cycles = pd.DataFrame({"same_as": [], "status": [], "level_error": []})
     verdicts = pd.DataFrame({"verdict": ["no_cycle_found"]})
     tables = {"branches": branches, "cycles": cycles, "verdicts": verdicts}
     tables["borders"] = pd.DataFrame()
+    tables["points"] = pd.DataFrame({"point_id": ["p"]})
     results = made(kind="limit_cycles", units={"pressure": "Pa"}, **tables)
-    assert ("branch", "along pressure: fold at 500 kPa; ends: bound") in CYCLES.facts(results)
+    assert ("branch", "along pressure: fold at 500 kPa; ends bound") in CYCLES.facts(results)
     many = pd.concat([branches.assign(cycle_id=f"c{k}") for k in range(8)])
     facts = CYCLES.facts(results.with_tables(**tables | {"branches": many}))
     assert [name for name, _ in facts].count("branch") == 6
@@ -209,7 +210,10 @@ def test_of_limit_cycles_it_tells_events_of_branches_with_units():
     borders = pd.DataFrame([*rows, ("c", "F", "p", "q", np.nan)], columns=list(names))
     facts = CYCLES.facts(results.with_tables(**tables | {"borders": borders}))
     told = "2 curves of folds and 1 curve of Hopf points over p and q"
-    assert facts[-1] == ("borders", f"{told}; of lines they differ by 1e-08 at most")
+    assert facts[-1] == (
+        "borders",
+        f"{told}; where they meet branches they differ by 1e-08 at most",
+    )
 
 
 @pytest.fixture(scope="module")
