@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -108,9 +109,5 @@ def export_reduced(
     content = {k: np.asarray(x) for k, x in content.items()}
     paths = [folder / f"{REDUCED}.npz", folder / f"{REDUCED}.mat"]
     write_arrays(paths[0], content, compressed=True)
-    write_atomic(paths[1], lambda temporary: _savemat(temporary, content))
+    write_atomic(paths[1], partial(savemat, mdict=content, appendmat=False, do_compression=True))
     return paths
-
-
-def _savemat(path: Path, content: dict[str, Any]) -> None:
-    savemat(path, content, appendmat=False, do_compression=True)

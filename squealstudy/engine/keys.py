@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
 from squealstudy.version import PACKAGE_FOLDER
 
@@ -99,13 +98,3 @@ def _ended(head: hashlib._Hash, text: str) -> str:
     digest = head.copy()
     digest.update(text.encode())
     return digest.hexdigest()[:HASH_DIGITS]
-
-
-def ids_of(column: pa.ChunkedArray) -> np.ndarray:
-    """Ids (n,) of a text column, 16 bytes each."""
-    return np.array(column.to_pylist(), dtype=ID_TYPE)
-
-
-def chunk_id(point_ids: Iterable[str]) -> str:
-    """Identity of a chunk: the points in it (which already name their model)."""
-    return content_hash(sorted(point_ids))

@@ -203,11 +203,8 @@ def _left_beside(plan: Planned, directory: Path) -> list[Path]:
     planned = {directory / folder for folder in as_kind(plan.kind).beside(plan)}
     folders = {path.parent for path in directory.glob(f"*/*/{JOURNAL}")} - planned
     begun = {p for p in folders if not leads_out(directory, p.relative_to(directory).as_posix())}
-    return [p for p in sorted(begun) if _begun_by(p)[:2] == (f"{name}_{p.name}", kind)]
-
-
-def _begun_by(directory: Path) -> tuple[str, ...]:
-    return Journal(directory).owner or ()
+    owners = {p: Journal(p).owner or () for p in sorted(begun)}
+    return [p for p, owner in owners.items() if owner[:2] == (f"{name}_{p.name}", kind)]
 
 
 def _remove(directory: Path, tables: Sequence[str]) -> None:

@@ -22,7 +22,7 @@ import pyarrow.parquet as pq
 
 from squealstudy.columns import column_of
 from squealstudy.engine.journal import DAMAGED, JOURNAL, UNFINISHED, Journal, Owner, refused_names
-from squealstudy.engine.keys import ID_TYPE, chunk_id, ids_of
+from squealstudy.engine.keys import ID_TYPE, content_hash
 from squealstudy.engine.manifest_file import read_manifest
 from squealstudy.engine.result_names import (
     CHUNKS,
@@ -335,7 +335,8 @@ class Store:
 
     def finished_points(self, schema: pa.Schema) -> np.ndarray:
         """Ids (n,) of all points in chunk files, each once, ascending."""
-        chunk_ids = [ids_of(table["point_id"]) for table in self.chunks(schema, ["point_id"])]
+        tables = self.chunks(schema, ["point_id"])
+        chunk_ids = [np.array(t["point_id"].to_pylist(), dtype=ID_TYPE) for t in tables]
         return np.unique(np.concatenate([np.zeros(0, ID_TYPE), *chunk_ids]))
 
     def rows(self, wanted: Collection[str], schema: pa.Schema) -> dict[str, dict[str, Any]]:
@@ -389,7 +390,8 @@ class Store:
 
 
 def _chunk_by_name(table: pa.Table) -> dict[str, pa.Table]:
-    return {f"{CHUNKS}/{chunk_id(table['point_id'].to_pylist())}.parquet": table}
+    """Named by the points in it, which already name their model."""
+    return {f"{CHUNKS}/{content_hash(sorted(table['point_id'].to_pylist()))}.parquet": table}
 
 
 def _parquet(table: pa.Table) -> Callable[[Path], None]:

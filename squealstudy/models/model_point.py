@@ -102,18 +102,20 @@ class ModelPoint:
         """The design state: operating point, changes of component modes, modal damping."""
         scale: dict[ModeKey, float] = {}
         damping: dict[ModeKey, float] = {}
-        for parameter in self.mode_parameters():
+        assembly_damping: dict[int, float] = {}
+        for parameter in self._parsed():
+            number = self.values[parameter.name]
+            if not parameter.component:
+                assembly_damping |= dict.fromkeys(parameter.modes, number)
+                continue
             target = scale if parameter.quantity == FREQUENCY_SCALE else damping
-            for mode in parameter.modes:
-                target[parameter.component, mode] = self.values[parameter.name]
+            target |= {(parameter.component, mode): number for mode in parameter.modes}
         return DesignState(
             operating=self.operating_point(),
             frequency_scale=scale,
             mode_damping=damping,
             damping_ratio=self.values.get("damping_ratio", 0.0),
-            assembly_damping={
-                mode: self.values[p.name] for p in self.assembly_parameters() for mode in p.modes
-            },
+            assembly_damping=assembly_damping,
             stiffness_damping=self.values.get("stiffness_damping", 0.0),
         )
 

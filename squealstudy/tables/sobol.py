@@ -124,7 +124,8 @@ def sobol_table(
         if quantity.track < LARGEST_GROWTH_GROUP:  # divergence is part of the largest growth
             continue
         groups, dropped = grouped(quantity.growth, d)
-        enough = _enough(len(groups.a), dropped)
+        n_whole = len(groups.a)
+        enough = n_whole >= LEAST_GROUPS and n_whole >= LEAST_SHARE * (n_whole + dropped)
         if quantity.track == LARGEST_GROWTH_GROUP and not enough:
             raise ResultsError(
                 f"Sobol indices need whole groups of design points: {dropped} of "
@@ -177,10 +178,6 @@ def _from_moments(m: np.ndarray) -> np.ndarray:
         return np.zeros((2, len(step)))
     indices: np.ndarray = np.stack([product - mean * step, distance / 2]) / variance
     return indices
-
-
-def _enough(whole: int, dropped: int) -> bool:
-    return whole >= LEAST_GROUPS and whole >= LEAST_SHARE * (whole + dropped)
 
 
 def _indices(groups: Groups, confidence: float) -> pd.DataFrame:

@@ -230,17 +230,15 @@ class DesignSearch(EvaluatedDesigns):
                             break
                         self.register_design(design, f"{role} {number}")
                     constraints = self.constraints(design, self.state.active_points)
-                    if self._lacks(design):
-                        break
+                    active = self.state.active_points
+                    if any(self.evaluation(p, design) not in self.rows for p in active):
+                        break  # until these are solved
                     trial = run.send(constraints)
             except StopIteration as end:
                 ends.append(end.value)
         if self.pending:
             raise RowsPending
         return ends
-
-    def _lacks(self, design: np.ndarray) -> bool:
-        return any(self.evaluation(p, design) not in self.rows for p in self.state.active_points)
 
     def _evaluated(self) -> list[tuple[np.ndarray, Constraints]]:
         """Designs of the variables that move which are known at all active points."""

@@ -67,15 +67,12 @@ def variant_rows(plan: DesignPlan, store: Store, facts: Mapping[str, Any]) -> li
         row = _row(
             one.name, one.study, one.cost, folder, variant_facts, str(reasons.get(folder, ""))
         )
-        if variant_facts and row["outcome"] in PROVEN and _moved_out(variant_facts, facts):
-            row["outcome"] = MOVED_OUT
+        if variant_facts and row["outcome"] in PROVEN:
+            outside = zip(variant_facts["beside"], facts["today_beside"], strict=True)
+            if any(n > today for n, today in outside):  # modes that grow beside the band
+                row["outcome"] = MOVED_OUT
         rows.append(row)
     return rows
-
-
-def _moved_out(found: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
-    """Whether at some operating point more modes grow beside the band than in the file's own."""
-    return any(n > before for n, before in zip(found["beside"], own["today_beside"], strict=True))
 
 
 def _row(
