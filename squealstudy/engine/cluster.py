@@ -192,7 +192,7 @@ class Cluster:
                     begin(tasks, TASKS_IN_FLIGHT_PER_WORKER * self.size)  # workers may have come
                     continue
                 try:
-                    answer_ = self._result(future)
+                    task_result = self._result(future)
                 except _DiedError:
                     suspects.append(begun[future])
                     self._cancel([future])
@@ -201,22 +201,22 @@ class Cluster:
                     continue
                 del begun[future], future
                 begin(tasks, TASKS_IN_FLIGHT_PER_WORKER * self.size)
-                yield answer_
+                yield task_result
             for task in suspects:  # others ended with a task only because they were beside it
                 begin(iter([task]), 1, ALONE)
                 (future,) = begun
                 try:
                     while self._next(ended) is not future:
                         pass
-                    answer_ = self._result(future)
+                    task_result = self._result(future)
                 except _DiedError as error:
                     if lost is None:
                         raise MachineError(str(error)) from None
-                    answer_ = lost(task, str(error))
+                    task_result = lost(task, str(error))
                 self._cancel([future])  # errors of others may keep this frame, and it with it
                 begun.clear()
                 del future
-                yield answer_
+                yield task_result
         finally:
             if begun:
                 self._cancel([*begun])

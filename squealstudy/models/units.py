@@ -160,11 +160,11 @@ def in_unit_of(text: str, unit: str, difference: bool = False) -> float:
         ) from None
     if written.powers != target.powers:
         raise ValueError(f"{expectation}: got {shown(text)}")
-    size_in_si = Fraction(match["number"]) * written.size
+    in_si = Fraction(match["number"]) * written.size
     if not difference:
-        size_in_si += ZERO_CELSIUS * ((written.name in CELSIUS) - (target.name in CELSIUS))
+        in_si += ZERO_CELSIUS * ((written.name in CELSIUS) - (target.name in CELSIUS))
     try:
-        return float(size_in_si / target.size)
+        return float(in_si / target.size)
     except OverflowError:
         raise ValueError(f"{expectation}: got {shown(text)}, a number too large") from None
 

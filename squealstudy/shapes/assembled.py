@@ -92,8 +92,8 @@ def draw_assembly(bodies: Mapping[str, Body], axis: np.ndarray) -> Figure:
 def _without(facets: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
     """Facets that are not among others, by their corners."""
     taken = {tuple(sorted(corners)) for other in others for corners in other[:, :4].tolist()}
-    is_other = [tuple(sorted(corners)) not in taken for corners in facets[:, :4].tolist()]
-    return facets[np.array(is_other, dtype=bool)]
+    not_among = [tuple(sorted(corners)) not in taken for corners in facets[:, :4].tolist()]
+    return facets[np.array(not_among, dtype=bool)]
 
 
 def _draw(

@@ -88,8 +88,8 @@ class EvaluatedDesigns:
 
     def values(self, z: np.ndarray) -> np.ndarray:
         """Values (d,) of the variables at a change in units of their ranges."""
-        exact = self.study.nominal + np.clip(z, self.box.low, self.box.high) * self.ranges
-        return np.array([float(f"{v:.9g}") for v in exact])
+        unrounded = self.study.nominal + np.clip(z, self.box.low, self.box.high) * self.ranges
+        return np.array([float(f"{v:.9g}") for v in unrounded])
 
     def change(self, design: np.ndarray) -> np.ndarray:
         """The other way."""

@@ -30,9 +30,9 @@ def model_names() -> tuple[str, ...]:
 def _read_folder() -> None:
     for module_info in iter_modules(__path__):
         module = import_module(f"{__name__}.{module_info.name}")
-        for definition in vars(module).values():
-            if isinstance(definition, ModelDefinition):
-                register_model(definition)
+        for member in vars(module).values():
+            if isinstance(member, ModelDefinition):
+                register_model(member)
 
 
 _read_folder()
