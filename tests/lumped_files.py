@@ -112,6 +112,85 @@ contact_stiffness = { default = 1e8, unit = "N/m" }
 
 MINIMAL = {"hulten": HULTEN, "hoffmann": HOFFMANN, "belt": BELT}
 
+# two pads that feed each other: values of `test_run_classes.py` are of runs that do so for long
+TWO_PADS = """\
+[[mass]]
+name = "a"
+mass = "mass_a"
+directions = ["x", "y"]
+
+[[mass]]
+name = "b"
+mass = 1.0
+directions = ["x", "y"]
+
+[[spring]]
+between = ["a", "b"]
+direction = [1, 0.4]
+stiffness = "k_ab"
+
+[[spring]]
+between = ["a", "ground"]
+direction = [1, -0.7]
+stiffness = 2e6
+
+[[spring]]
+between = ["b", "ground"]
+direction = "x"
+stiffness = 8e5
+
+[[damper]]
+between = ["a", "ground"]
+direction = "x"
+damping = 20
+
+[[damper]]
+between = ["a", "ground"]
+direction = "y"
+damping = 20
+
+[[damper]]
+between = ["b", "ground"]
+direction = "x"
+damping = 12
+
+[[damper]]
+between = ["b", "ground"]
+direction = "y"
+damping = 12
+
+[[contact]]
+between = ["a", "disc"]
+normal = "y"
+sliding = "-x"
+stiffness = 2e6
+
+[[contact]]
+between = ["b", "disc"]
+normal = "y"
+sliding = "-x"
+stiffness = 1.2e6
+friction_factor = "factor_b"
+
+[[load]]
+on = "a"
+direction = "-y"
+force = 500
+
+[[load]]
+on = "b"
+direction = "-y"
+force = 300
+
+[parameters]
+"friction_law.static_ratio" = 1.4
+"friction_law.decay_speed" = 0.2
+damping_ratio = 0.0
+mass_a = { default = 2.0, unit = "kg" }
+k_ab = { default = 2e6, unit = "N/m" }
+factor_b = { default = 1.0, unit = "" }
+"""
+
 
 def write_minimal(folder: Path, name: str) -> Path:
     """The file of a minimal model, as a lumped one."""

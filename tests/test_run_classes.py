@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import benchmark
+from lumped_files import TWO_PADS
 from rich.console import Console
 from study_runs import plan_of, solved
 from study_texts import study_text
 
+import squealstudy as sq
 from squealstudy import screen
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
@@ -141,3 +143,37 @@ def test_classes_are_those_of_runs_ten_times_longer():
         assert (open_["undecided_until"] > family.duration).all()
         if family is families[0]:  # the other is too short here for most of its beats to die away
             assert len(decided) >= 0.7 * len(known)
+
+
+@pytest.fixture(scope="module")
+def two_pads(tmp_path_factory):
+    """Runs of 1.5 s by friction, speed, mass, friction of the second pad, and stiffness."""
+    path = tmp_path_factory.mktemp("pads") / "two_pads.toml"
+    path.write_text(TWO_PADS)
+    values = np.array(
+        [
+            (0.39107, 0.45075, 2.72789, 0.80494, 3.07406e6),
+            (0.25764, 0.38352, 1.23654, 0.82816, 3.43540e6),
+            (0.57236, 0.60106, 0.92461, 0.31624, 2.29892e6),
+        ]
+    )
+    names = ("friction", "sliding_speed", "mass_a", "factor_b", "k_ab")
+    more = {"contact.kt": 2.5e8}
+    model = sq.model(str(path), contact_law="unilateral", **more)
+    batch = model.at(**dict(zip(names, values.T, strict=True)))
+    return batch.simulate(duration=1.5, step=1e-5, perturbation=0.01).summary()
+
+
+def test_a_mode_that_feeds_another_is_no_limit_cycle(two_pads):
+    """Energy keeps its level while the torque falls from 39 to 23 N; 49.9 N last from 3 s on."""
+    assert two_pads["class"][0] == "undecided"
+    assert two_pads["undecided_until"][0] == pytest.approx(3.0)
+
+
+def test_levels_are_those_after_the_transient(two_pads):
+    """By Runge and Kutta's method at steps of 2e-6 s over the last .3 of 3 s: 9.905, 26.07 N."""
+    for row, rms in ((1, 9.905), (2, 26.07)):
+        told = two_pads.iloc[row]
+        assert told["class"] == "limit_cycle"
+        assert told["torque_rms"] == pytest.approx(rms, rel=2e-3)
+        assert told["torque_rms_high"] - told["torque_rms_low"] < 0.02 * rms

@@ -15,6 +15,9 @@ JUDGED_SHARE = 0.4  # of a record: the part that is judged
 LEAST_PERIODS = 20.0  # of the dominant line in it, where the record has them
 SUBWINDOW_COUNTS = (20, 10, 5)  # sub-windows of an interval; fewer while neighbours are correlated
 MAX_CORRELATION = 0.1
+N_HALF_BLOCKS = 5  # of each half of the judged part, by whose mean squares a transient is seen
+MIN_REL_TRANSIENT = 0.05  # of the mean square of the second half: less is no transient
+MAX_REST_OVER_TRANSIENT = 0.2  # by which the second half differs within itself, over the transient
 N_QUARTERS = 4  # of a window, by whose peaks it is seen whether these still change
 LEAST_ROWS = 8  # of a period whose peaks are told
 # of the variance of sub-windows, that a straight line holds: a drift, no chance
@@ -65,7 +68,8 @@ class TorqueLevels:
 def last_window(time: np.ndarray, signal: np.ndarray) -> slice:
     """Rows that are judged: the last 40 %, or 20 periods of its dominant line where that is longer.
 
-    The whole record where it is shorter than that.
+    The whole record where it is shorter than that; the last fifth where the last 40 % begin with
+    the end of a transient, and that fifth has 20 periods.
 
     Parameters
     ----------
@@ -78,8 +82,26 @@ def last_window(time: np.ndarray, signal: np.ndarray) -> slice:
         step = (time[-1] - time[0]) / (rows - 1)
         frequency = spectrum(step, signal[rows - count :]).peak()
         if np.isfinite(frequency):
-            count = max(count, int(np.ceil(LEAST_PERIODS / (frequency * step))))
+            least = int(np.ceil(LEAST_PERIODS / (frequency * step)))
+            if least <= count // 2 and _begins_with_transient(signal[rows - count :]):
+                count //= 2
+            count = max(count, least)
     return slice(max(0, rows - count), rows)
+
+
+def _begins_with_transient(signal: np.ndarray) -> bool:
+    """Whether the mean squares of the first half go over to those of the second, which stay."""
+    first, second = np.array_split(block_mean_squares(signal, 2 * N_HALF_BLOCKS), 2)
+    transient = float(np.abs(first - second.mean()).max())
+    return (
+        transient > MIN_REL_TRANSIENT * float(second.mean())
+        and float(np.ptp(second)) <= MAX_REST_OVER_TRANSIENT * transient
+    )
+
+
+def block_mean_squares(signal: np.ndarray, count: int) -> np.ndarray:
+    """Mean squares (count,) of equal blocks of a signal, each about its own mean."""
+    return np.array([float(block.var()) for block in np.array_split(signal, count)])
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.behaviour import RunClass, classify
+from squealstudy.motion.outcome.behaviour import (
+    MAX_LN_DRIFT,
+    TREND_SIGMAS,
+    RunClass,
+    classify,
+)
 from squealstudy.motion.outcome.energies import energy_round_off, level_shares
-from squealstudy.motion.outcome.levels import JUDGED_SHARE
+from squealstudy.motion.outcome.envelope import level_trend
+from squealstudy.motion.outcome.levels import JUDGED_SHARE, block_mean_squares, last_window
 from squealstudy.motion.outcome.repeating import (
     comes_back,
     decided_by,
@@ -28,6 +34,8 @@ MIN_LN_GROWTH = 0.1  # of its logarithm over the window, at least
 MIN_GROWTH_HALF_RATIO = 0.6  # of the rise in the first half, that in the second must be
 SMALLEST_POSITIVE = 1e-300
 MAX_FORECAST_DURATIONS = 1e3  # times a duration: what is later is not foreseen
+N_TORQUE_BLOCKS = 10  # of the judged part, whose levels of torque are compared
+LONGER = 2.0  # times a run whose torque still drifts: the duration that is asked for
 N_LINE_STRETCHES = 4  # stretches of a window in which the line of a mode is measured
 # of its frequency either side: limit cycles are a few per cent off the complex mode
 LINE_REL_HALF_WIDTH = 0.1
@@ -39,7 +47,8 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
     A run that seems to decay is undecided while the motion does not show that all modes of which
     growth is predicted decay too: those that are followed may still be seen to, those that are not
     (above the band, or too many) and those of a run that nothing moved never. A limit cycle is
-    undecided while a mode that is not part of it is seen to rise. Stick-slip that repeats is a
+    undecided while a mode that is not part of it is seen to rise, or while the torque still goes to
+    another level: one mode may feed another at the same energy. Stick-slip that repeats is a
     limit cycle, and linear growth decides nothing of what sticks for most of a period. So is other
     motion that repeats where small motion would have changed.
     """
@@ -53,6 +62,8 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
         found = RunClass(LIMIT_CYCLE) if comes_back(run) else found
     if found.name == LIMIT_CYCLE:
         until = rises_until(run)
+        if not np.isfinite(until) and torque_drifts(run):
+            until = LONGER * float(run.times[-1])
         return RunClass(UNDECIDED, until) if np.isfinite(until) else found
     if found.name != STABLE:
         return found
@@ -61,6 +72,20 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
         return RunClass(UNDECIDED, np.inf)
     until = max((grows_until(run, k) for k in range(modes.n_followed)), default=0.0)
     return RunClass(UNDECIDED, until) if until > 0 else found
+
+
+def torque_drifts(run: Motion) -> bool:
+    """Whether the RMS of the torque has a trend over the judged rows, or their second half."""
+    torque = run.history["torque"]
+    judged = torque[last_window(run.times, torque)]
+    if len(judged) < JUDGED_ROWS:
+        return False
+    squares = block_mean_squares(judged, N_TORQUE_BLOCKS)
+    if not squares.min() > 0:
+        return False
+    levels = np.sqrt(squares)
+    trends = (level_trend(part) for part in (levels, levels[N_TORQUE_BLOCKS // 2 :]))
+    return any(abs(rise) > max(MAX_LN_DRIFT, TREND_SIGMAS * error) for rise, error, _ in trends)
 
 
 def _predicted_pace(run: Motion) -> float:
