@@ -9,9 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.jit import fast_kernel, lean_entry_kernel, part_kernel
+from squealstudy.kernels.jit import fast_kernel, hot_kernel, lean_entry_kernel, part_kernel
 from squealstudy.kernels.newmark_correct import place
-from squealstudy.kernels.newmark_forces import give_forces, pass_one, point_forces, take_points
+from squealstudy.kernels.newmark_forces import (
+    give_forces,
+    is_small,
+    pass_one,
+    point_forces,
+    take_points,
+)
 from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_step import advance
 from squealstudy.kernels.newmark_vector import copy
@@ -86,12 +92,20 @@ def pass_eight(B: np.ndarray, modal: ModalArrays, work: WorkArrays, designs: np.
         from_lane(work.lanes, work.x[designs[d]], d)
 
 
-@fast_kernel
-def running(counts: np.ndarray, designs: np.ndarray) -> int:
-    """List the designs (nb,) that run; how many they are."""
+@hot_kernel
+def goes_on(counts: np.ndarray) -> bool:
+    """Whether a design runs and has not reached the step of its pause; counts (N_COUNT,)."""
+    return counts[at.STATUS] == at.RUNNING and counts[at.STEP] != counts[at.PAUSE]
+
+
+@hot_kernel
+def running(counts: np.ndarray, designs: np.ndarray, first: int, most: int) -> int:
+    """List the designs (nb,) from `first` on that go on, `most` at most; how many they are."""
     n = 0
-    for k in range(counts.shape[0]):
-        if counts[k, at.STATUS] == at.RUNNING:
+    for k in range(first, counts.shape[0]):
+        if n == most:
+            break
+        if goes_on(counts[k]):
             designs[n] = k
             n += 1
     return n
@@ -101,7 +115,7 @@ def running(counts: np.ndarray, designs: np.ndarray) -> int:
 def paused(counts: np.ndarray) -> bool:
     """Whether a design that runs has reached the step of its pause."""
     for k in range(counts.shape[0]):
-        if counts[k, at.STATUS] == at.RUNNING and counts[k, at.STEP] == counts[k, at.PAUSE]:
+        if counts[k, at.STATUS] == at.RUNNING and not goes_on(counts[k]):
             return True
     return False
 
@@ -115,6 +129,8 @@ def newmark_batch(
     A design that needs more iterations falls behind in time and goes on alone in the end. One that
     comes to its pause is RUNNING and stops all, the others where they are: with a later PAUSE the
     next call goes on, and which designs share a pass, and so every rounding, is as without one.
+    Designs of few coordinates and points share none: each goes to its end or pause alone, before
+    the next.
 
     Parameters
     ----------
@@ -123,9 +139,10 @@ def newmark_batch(
     modal, settings, work, saved : newmark_layout tuples
         `work` holds the initial q and v in the rows Q_TRIAL and V_TRIAL as well.
     """
-    listed = work.running
+    listed, first_running, small = work.running, 0, is_small(B)
+    most = 1 if small else listed.size
     while True:
-        n = running(work.counts, listed)
+        n = running(work.counts, listed, first_running, most)
         if n == 0:
             return
         for first in range(0, n, LANES):
@@ -137,7 +154,9 @@ def newmark_batch(
                     pass_one(B, modal, work, k)
         for k in listed[:n]:
             advance(B, modal, settings, work, saved, k)
-        if paused(work.counts):
+        if small:
+            first_running = listed[0]
+        elif paused(work.counts):
             return
 
 

@@ -14,18 +14,23 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.jit import fast_kernel, hot_kernel
 from squealstudy.kernels.newmark_layout import ModalArrays, WorkArrays
 from squealstudy.kernels.newmark_vector import copy, fill, move
 
-ROWS_AT_ONCE = 4  # n is a multiple of it
+ROWS_AT_ONCE = 4
 
 
 @fast_kernel
 def multiply(D: np.ndarray, v: np.ndarray, u: np.ndarray) -> None:
     """U = D v of a symmetric D (n, n) with zeros on the diagonal, by its lower half."""
     fill(u, 0.0)
-    for i in range(0, v.size, ROWS_AT_ONCE):
+    whole = v.size - v.size % ROWS_AT_ONCE
+    for i in range(whole, v.size):
+        for j in range(i):
+            u[i] += D[i, j] * v[j]
+            u[j] += D[i, j] * v[i]
+    for i in range(0, whole, ROWS_AT_ONCE):
         v0, v1, v2, v3 = v[i], v[i + 1], v[i + 2], v[i + 3]
         u0 = D[i + 1, i] * v1 + D[i + 2, i] * v2 + D[i + 3, i] * v3
         u1 = D[i + 1, i] * v0 + D[i + 2, i + 1] * v2 + D[i + 3, i + 1] * v3
@@ -44,7 +49,7 @@ def multiply(D: np.ndarray, v: np.ndarray, u: np.ndarray) -> None:
         u[i + 3] += u3
 
 
-@fast_kernel
+@hot_kernel
 def resist(modal: ModalArrays, work: WorkArrays, k: int) -> bool:
     """Take D q' off row DELTA of design k at its trial state; False where it has no D."""
     place = modal.between_of[k]
@@ -79,7 +84,7 @@ def resisted_work(x: np.ndarray, share: float) -> float:
     return (1.0 + share) * (before + resisted_power(x)) + 2.0 * (1.0 - share) * both
 
 
-@fast_kernel
+@hot_kernel
 def keep_resisted(x: np.ndarray) -> None:
     """The trial state of x (N_ROWS, n) is accepted."""
     copy(x[at.V_SEEN], x[at.V_SEEN_OLD])

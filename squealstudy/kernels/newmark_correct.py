@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.jit import fast_kernel, part_kernel
+from squealstudy.kernels.jit import fast_kernel, hot_kernel, part_kernel
 from squealstudy.kernels.newmark_forces import tangents
 from squealstudy.kernels.newmark_layout import ModalArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_stiff import mock_up
@@ -22,7 +22,7 @@ SHORTEST_NEWTON_STEP = 1e-3
 NOT_FACTORED = -1  # in the first pivot
 
 
-@fast_kernel
+@hot_kernel
 def place(x: np.ndarray, E: np.ndarray) -> None:
     """Trial state of a sub-step E (N_STEP, n) that belongs to the trial pull; x (N_ROWS, n)."""
     for j in range(x.shape[1]):
@@ -30,7 +30,7 @@ def place(x: np.ndarray, E: np.ndarray) -> None:
         x[at.V_TRIAL, j] = x[at.V_BASE, j] + E[at.LAST_V, j] * x[at.PULL_TRIAL, j]
 
 
-@fast_kernel
+@hot_kernel
 def direction(
     B: np.ndarray, modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int
 ) -> bool:

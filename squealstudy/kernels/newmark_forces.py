@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.jit import fast_kernel, hot_kernel
 from squealstudy.kernels.laws import (
     contact_at,
     friction_tangent,
@@ -29,10 +29,10 @@ from squealstudy.kernels.laws import (
 from squealstudy.kernels.newmark_between import resist
 from squealstudy.kernels.newmark_layout import X_START, ModalArrays, WorkArrays
 from squealstudy.kernels.newmark_vector import dot, fill, move
-from squealstudy.kernels.tile import POINTS, observe_one, spread_one
+from squealstudy.kernels.tile import LANES, POINTS, observe_one, spread_one
 
 
-@fast_kernel
+@hot_kernel
 def balance(x: np.ndarray, modes: np.ndarray) -> tuple[float, float]:
     """DELTA = load + FORCE - pull; the squares of it and of its scale: inertia, contact forces."""
     e2 = 0.0
@@ -47,7 +47,7 @@ def balance(x: np.ndarray, modes: np.ndarray) -> tuple[float, float]:
     return e2, scale2
 
 
-@fast_kernel
+@hot_kernel
 def residual(modal: ModalArrays, work: WorkArrays, k: int) -> tuple[float, float]:
     """Force residual of design k into row DELTA; its square and the square of its scale."""
     x = work.x[k]
@@ -77,7 +77,7 @@ def all_forces(modal: ModalArrays, work: WorkArrays, k: int) -> tuple[float, flo
     return residual(modal, work, k)
 
 
-@fast_kernel
+@hot_kernel
 def friction_change(modal: ModalArrays, work: WorkArrays, k: int) -> tuple[float, float]:
     """Squared change of the friction forces since the guess, and the square of their bounds.
 
@@ -115,7 +115,7 @@ def give_forces(point: np.ndarray, tile: np.ndarray, first: int) -> None:
             tile[c * POINTS + i] = point[at.R_N + c, first + i]
 
 
-@fast_kernel
+@hot_kernel
 def observe_panel(panel: np.ndarray, first: int, work: WorkArrays, k: int) -> None:
     """Gaps and velocities of the points of a panel of tiles (.., n, ROWS) at a trial state."""
     x, tiles = work.x[k], work.tiles
@@ -124,7 +124,7 @@ def observe_panel(panel: np.ndarray, first: int, work: WorkArrays, k: int) -> No
         take_points(tiles[t, 0], work.point[k], first + t * POINTS)
 
 
-@fast_kernel
+@hot_kernel
 def spread_panel(panel: np.ndarray, first: int, work: WorkArrays, k: int) -> None:
     """Add the forces of the points of a panel, the first of them `first`, to row FORCE."""
     for t in range(panel.shape[0]):
@@ -132,7 +132,35 @@ def spread_panel(panel: np.ndarray, first: int, work: WorkArrays, k: int) -> Non
         spread_one(panel[t], work.tiles[t, 0], work.x[k, at.FORCE])
 
 
-@fast_kernel
+@hot_kernel
+def is_small(B: np.ndarray) -> bool:
+    """Whether observations are those of few points and coordinates, which fill no tile."""
+    return B.shape[1] < LANES
+
+
+@hot_kernel
+def observe_few(B: np.ndarray, x: np.ndarray, point: np.ndarray, nc: int) -> None:
+    """Gaps and velocities of nc points at the trial state of x (N_ROWS, n), point by point."""
+    for i in range(nc):
+        gap, w1, w2 = 0.0, 0.0, 0.0
+        for j in range(x.shape[1]):
+            gap += B[0, j, i] * x[at.Q_TRIAL, j]
+            w1 += B[0, j, POINTS + i] * x[at.V_TRIAL, j]
+            w2 += B[0, j, 2 * POINTS + i] * x[at.V_TRIAL, j]
+        point[at.OUT_X, i], point[at.OUT_W1, i], point[at.OUT_W2, i] = gap, w1, w2
+
+
+@hot_kernel
+def spread_few(B: np.ndarray, x: np.ndarray, point: np.ndarray, nc: int) -> None:
+    """Add the forces of nc points to row FORCE of x (N_ROWS, n)."""
+    for i in range(nc):
+        N, t1, t2 = point[at.R_N, i], point[at.R_1, i], point[at.R_2, i]
+        for j in range(x.shape[1]):
+            pushed = B[0, j, i] * N + B[0, j, POINTS + i] * t1
+            x[at.FORCE, j] += pushed + B[0, j, 2 * POINTS + i] * t2
+
+
+@hot_kernel
 def pass_one(B: np.ndarray, modal: ModalArrays, work: WorkArrays, k: int) -> None:
     """Contact and friction forces in modal coordinates at the trial state of design k.
 
@@ -146,6 +174,11 @@ def pass_one(B: np.ndarray, modal: ModalArrays, work: WorkArrays, k: int) -> Non
     """
     fill(work.x[k, at.FORCE], 0.0)
     step, nc = work.tiles.shape[0], modal.fixed.shape[2]
+    if is_small(B):
+        observe_few(B, work.x[k], work.point[k], nc)
+        point_forces(modal.points[k], modal.laws[k], work.point[k], 0, nc)
+        spread_few(B, work.x[k], work.point[k], nc)
+        return
     for t in range(0, B.shape[0], step):
         panel = B[t : min(t + step, B.shape[0])]
         first, last = t * POINTS, min((t + panel.shape[0]) * POINTS, nc)
@@ -173,6 +206,11 @@ def pass_gradient(B: np.ndarray, modal: ModalArrays, work: WorkArrays) -> None:
     """As `pass_one` for design 0 with a midpoint in the trial rows."""
     fill(work.x[0, at.FORCE], 0.0)
     step, nc = work.tiles.shape[0], modal.fixed.shape[2]
+    if is_small(B):
+        observe_few(B, work.x[0], work.point[0], nc)
+        gradient_forces(modal.points[0], modal.laws[0], work.point[0], 0, nc)
+        spread_few(B, work.x[0], work.point[0], nc)
+        return
     for t in range(0, B.shape[0], step):
         panel = B[t : min(t + step, B.shape[0])]
         first, last = t * POINTS, min((t + panel.shape[0]) * POINTS, nc)
@@ -181,7 +219,7 @@ def pass_gradient(B: np.ndarray, modal: ModalArrays, work: WorkArrays) -> None:
         spread_panel(panel, first, work, 0)
 
 
-@fast_kernel
+@hot_kernel
 def slide(points: np.ndarray, law: np.ndarray, point: np.ndarray, first: int, last: int) -> None:
     """Friction forces and what is beyond the base state, from the pressures in row OUT_P."""
     area, factor = points[at.POINT_AREA], points[at.POINT_FRICTION]
@@ -190,7 +228,7 @@ def slide(points: np.ndarray, law: np.ndarray, point: np.ndarray, first: int, la
     beyond_base(points, point, first, last)
 
 
-@fast_kernel
+@hot_kernel
 def begin_points(points: np.ndarray, point: np.ndarray, first: int, last: int) -> None:
     """Absolute sliding velocities from those of the motion."""
     speed, w1 = points[at.POINT_SPEED], point[at.OUT_W1]
@@ -198,7 +236,7 @@ def begin_points(points: np.ndarray, point: np.ndarray, first: int, last: int) -
         w1[i] += speed[i]
 
 
-@fast_kernel
+@hot_kernel
 def beyond_base(points: np.ndarray, point: np.ndarray, first: int, last: int) -> None:
     """Rows R_* of the points first to last - 1: forces less those of the base state."""
     for i in range(first, last):
@@ -208,7 +246,7 @@ def beyond_base(points: np.ndarray, point: np.ndarray, first: int, last: int) ->
         point[at.R_2, i] = point[at.OUT_T2, i] - points[at.POINT_T2, i]
 
 
-@fast_kernel
+@hot_kernel
 def point_forces(
     points: np.ndarray, law: np.ndarray, point: np.ndarray, first: int, last: int
 ) -> None:

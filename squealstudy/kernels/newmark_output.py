@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.jit import fast_kernel, part_kernel
+from squealstudy.kernels.jit import fast_kernel, hot_kernel, part_kernel
 from squealstudy.kernels.laws import potential
 from squealstudy.kernels.newmark_between import resisted_work
 from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
@@ -22,7 +22,7 @@ from squealstudy.kernels.row_sums import (
 OPEN_SHARE = 0.01  # a point is open below this share of the mean pressure of steady sliding
 
 
-@fast_kernel
+@hot_kernel
 def add_work(
     modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int, h: float
 ) -> None:
@@ -55,7 +55,7 @@ def add_work(
     real[at.D_DAMPING] += 0.25 * h * damped
 
 
-@fast_kernel
+@hot_kernel
 def contact_work(
     points: np.ndarray, point: np.ndarray, nc: int, share: float
 ) -> tuple[float, float, float]:
@@ -123,7 +123,7 @@ def contact_energy(points: np.ndarray, law: np.ndarray, gaps: np.ndarray) -> flo
     return total
 
 
-@fast_kernel
+@hot_kernel
 def contact_row(
     points: np.ndarray,
     law: np.ndarray,
@@ -193,7 +193,7 @@ def begin_sums(modal: ModalArrays, work: WorkArrays, k: int) -> None:
     clear_sums(sums)
 
 
-@fast_kernel
+@hot_kernel
 def add_sums(
     modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int, h: float
 ) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.jit import fast_kernel, part_kernel
+from squealstudy.kernels.jit import fast_kernel, hot_kernel, part_kernel
 from squealstudy.kernels.newmark_between import keep_resisted
 from squealstudy.kernels.newmark_correct import (
     correct_fixed,
@@ -39,7 +39,7 @@ NEGLIGIBLE_FORCE_RATIO = 1e-12
 GO_ON, BEGIN, CLOSE = 0, 1, 2
 
 
-@fast_kernel
+@hot_kernel
 def predict(x: np.ndarray, E: np.ndarray, ratio: float) -> None:
     """What a sub-step of coefficients E (N_STEP, n) does without the new pull; a trial state.
 
@@ -54,7 +54,7 @@ def predict(x: np.ndarray, E: np.ndarray, ratio: float) -> None:
     place(x, E)
 
 
-@fast_kernel
+@hot_kernel
 def keep_state(x: np.ndarray) -> None:
     """Accept the trial state: it becomes the state that the next step starts from."""
     keep_resisted(x)
@@ -64,7 +64,7 @@ def keep_state(x: np.ndarray) -> None:
         x[at.PULL, j] = x[at.PULL_TRIAL, j]
 
 
-@fast_kernel
+@hot_kernel
 def guess_friction(point: np.ndarray, nc: int, h: float) -> None:
     """Friction forces of nc points (N_POINT, ..) a time h after the accepted ones."""
     for i in range(nc):
@@ -72,7 +72,7 @@ def guess_friction(point: np.ndarray, nc: int, h: float) -> None:
         point[at.GUESS_2, i] = point[at.OLD_T2, i] + h * point[at.RATE_2, i]
 
 
-@fast_kernel
+@hot_kernel
 def open_part(settings: StepSettings, work: WorkArrays, k: int, nc: int, h: float) -> float:
     """Open a sub-step h; its ratio to the last one, to extrapolate the pull by, or 0."""
     counts, real = work.counts[k], work.real[k]
@@ -152,7 +152,7 @@ def begin(modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int, 
     predict(work.x[k], modal.steps[k, work.counts[k, at.HALVING]], ratio)
 
 
-@fast_kernel
+@hot_kernel
 def keep_points(point: np.ndarray, nc: int, h: float) -> None:
     """The trial state of nc points (N_POINT, ..) is accepted; slopes over h, none for h = 0."""
     rate = 1.0 / h if h > 0.0 else 0.0

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.jit import fast_kernel, hot_kernel
 from squealstudy.kernels.laws import mu_at, package_mu_at
 
 
@@ -25,7 +25,7 @@ def regime(law: np.ndarray, factor: float, mu: float, p: float, s: float) -> int
     return at.STICKS if law[at.LAW_SLOPE] * s < factor * mu * p else at.SLIPS
 
 
-@fast_kernel
+@hot_kernel
 def find_regimes(points: np.ndarray, law: np.ndarray, point: np.ndarray, nc: int) -> None:
     """Row OUT_REGIME of the first nc evaluated points; a point without friction never sticks.
 
@@ -45,7 +45,7 @@ def find_regimes(points: np.ndarray, law: np.ndarray, point: np.ndarray, nc: int
         found[i] = regime(law, factor[i], mu, p[i], s)
 
 
-@fast_kernel
+@hot_kernel
 def meets_corner(points: np.ndarray, point: np.ndarray, nc: int) -> bool:
     """Whether one of nc points changes its regime in the evaluated sub-step, or its direction.
 

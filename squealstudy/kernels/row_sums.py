@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.jit import fast_kernel
+from squealstudy.kernels.jit import fast_kernel, hot_kernel
 
 
-@fast_kernel
+@hot_kernel
 def add_row(sums: np.ndarray, row: np.ndarray, h: float) -> None:
     """Add a sub-step h that ends with a row of histories; its columns of contact and energy."""
     torque, stick, opened, energy = (

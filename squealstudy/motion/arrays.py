@@ -27,6 +27,12 @@ def padded(n: int) -> int:
     return -(-n // LANES) * LANES
 
 
+def coordinates(system: ModalSystem) -> int:
+    """Modes rounded up as kernels want them: those of a small model are as many as they are."""
+    small = system.n < LANES and len(system.area) <= POINTS
+    return system.n if small else padded(system.n)
+
+
 def aligned_zeros(*shape: int, dtype: type[np.floating] = np.float64) -> np.ndarray:
     """Zeros whose rows begin at cache lines where the last dimension fills whole ones."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
@@ -37,11 +43,11 @@ def aligned_zeros(*shape: int, dtype: type[np.floating] = np.float64) -> np.ndar
 
 
 def observation(system: ModalSystem, single_storage: bool = False) -> np.ndarray:
-    """B (nt, padded n, ROWS), tile by tile of contact points, mode by mode; made once a system."""
+    """B (nt, n, ROWS) by tiles of contact points, then modes, n rounded up; made once a system."""
     dtype = np.float32 if single_storage else np.float64
     if dtype not in system.tiles:
         nc, P = len(system.area), POINTS
-        tiles = aligned_zeros(-(-nc // P), padded(system.n), ROWS, dtype=dtype)
+        tiles = aligned_zeros(-(-nc // P), coordinates(system), ROWS, dtype=dtype)
         for k, part in enumerate((system.N, system.T1, system.T2)):
             for t in range(len(tiles)):
                 block = part[t * P : (t + 1) * P]
@@ -57,7 +63,7 @@ def modal_arrays(
     integrator: KernelIntegrator,
 ) -> tuple[layout.ModalArrays, bool]:
     """The kernels' arrays, and whether the fixed Jacobian is dense."""
-    n, m, h = padded(system.n), len(system.shapes), settings.step
+    n, m, h = coordinates(system), len(system.shapes), settings.step
     c = _stack([x.c for x in designs], system.n, "c")
     w2 = np.tile(system.omega2.astype(float), (len(designs), 1))
     w2, c = integrator.modes(w2, c, h)
