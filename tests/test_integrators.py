@@ -442,7 +442,7 @@ def test_a_step_far_too_long_is_a_failure(name):
     r = run(name, system, design, settings, 0.0, 1.0, **options)
     assert r.outcome in ("not_converged", "not_finite", "blown_up")
     assert r.outcome == "not_converged" or name in EXPLICIT
-    assert f"t = {r.time:.9g} s" in r.message
+    assert f"t = {r.time:.4g} s" in r.message
     assert r.time < settings.duration
     assert np.isnan(r.energy.stored_end)
     assert len(r.history["time"]) <= r.steps + 1

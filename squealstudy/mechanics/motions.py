@@ -27,7 +27,7 @@ from squealstudy.modes.point import state_working_point
 from squealstudy.motion.integrator import Integrator, integrator
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.summary import summarise
-from squealstudy.motion.point import friction_law, integrated, motion_point, perturbed
+from squealstudy.motion.point import friction_law, motion_point, perturbed
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes, shared_modes
 from squealstudy.motion.simulate import simulate
@@ -59,6 +59,7 @@ def motion_at(
     tolerance: float,
     known: np.ndarray | None = None,
     near: np.ndarray | None = None,
+    settings: MotionSettings | None = None,
 ) -> tuple[WorkingPoint, MotionPoint]:
     """Steady sliding of a design point, and the design about it on shared modes.
 
@@ -74,6 +75,8 @@ def motion_at(
         Gaps of the working point, where they are known.
     near : ndarray (nc,) or None
         Those of a design nearby, to start from.
+    settings : MotionSettings or None
+        Of its run, at whose step followed modes have other roots.
 
     Raises
     ------
@@ -86,7 +89,8 @@ def motion_at(
     steady = state_working_point(prepared, state, known, near)
     slope, saturation = values[SLOPE.name], values[REGULARISATION_SPEED.name]
     friction = friction_law(reference.system, state, steady, slope, saturation, regularisation)
-    return steady, motion_point(reference, steady, state, friction, band_hz, tolerance)
+    made = motion_point(reference, steady, state, friction, band_hz, tolerance, settings)
+    return steady, made
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +158,10 @@ class Runs:
 
 
 def set_up(
-    structures: Structures, regularisation: str, single: bool
+    structures: Structures,
+    regularisation: str,
+    single: bool,
+    run_settings: MotionSettings | None = None,
 ) -> list[tuple[SharedModes, MotionPoint, ModelPoint, WorkingPoint] | Exception]:
     """Every design point on the modes of its structure, or why it is not."""
     values = structures.values  # noqa: PD011 - no frame
@@ -177,7 +184,13 @@ def set_up(
             point = resolved.point(number)
             try:
                 steady, made = motion_at(
-                    reference, prepared, point, regularisation, band, STABILITY_TOLERANCE
+                    reference,
+                    prepared,
+                    point,
+                    regularisation,
+                    band,
+                    STABILITY_TOLERANCE,
+                    settings=run_settings,
                 )
                 found[number] = reference, made, point, steady
             except FAILURES as error:
@@ -201,7 +214,7 @@ def simulated(
     chosen = method if isinstance(method, Integrator) else integrator(method or METHOD)
     tolerance = {"tolerance": chosen.tolerance} if hasattr(chosen, "tolerance") else {}
     settings = MotionSettings(duration, step, save_every, integrator=chosen, **tolerance)
-    ready = set_up(structures, regularisation, single)
+    ready = set_up(structures, regularisation, single, settings)
     found: list[Motion | Exception] = [
         x if isinstance(x, Exception) else ModelError("not run") for x in ready
     ]
@@ -214,8 +227,7 @@ def simulated(
         for number in numbers:
             one = ready[number]
             assert not isinstance(one, Exception)
-            reference, made, point, steady = one
-            made = integrated(made, reference.system, steady, point.state(), settings)
+            reference, made, _, _ = one
             points.append(perturbed(reference.system, made, perturbation))
         assert reference is not None
         system = replace(reference.system, sensed=_sensed(reference, structures.basis.band_hz))

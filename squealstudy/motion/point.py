@@ -11,7 +11,7 @@ from squealstudy.errors import ParameterError
 from squealstudy.laws import FrictionLaw
 from squealstudy.models.assembly import ContactPoints
 from squealstudy.models.operating import DesignState
-from squealstudy.motion.growing_modes import growing_modes
+from squealstudy.motion.growing_modes import GrowingModes, growing_modes
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes
@@ -101,6 +101,7 @@ def motion_point(
     friction: FrictionLaw,
     band_hz: tuple[float, float] | None,
     tolerance: float,
+    settings: MotionSettings | None = None,
 ) -> MotionPoint:
     """Bring a design to the reference's modes: nothing of the observation changes.
 
@@ -118,6 +119,8 @@ def motion_point(
         Where unstable modes are followed; nowhere without one.
     tolerance : float
         Damping ratio below minus which a mode counts as unstable.
+    settings : MotionSettings or None
+        Of its run, at whose step followed modes have the roots of `step_roots`; None for none.
 
     Raises
     ------
@@ -144,30 +147,31 @@ def motion_point(
     if band_hz is None:
         return made
     C, K = tangent(system, made, point, state)
-    return replace(made, growing=growing_modes(C, K, system.omega2, band_hz, tolerance))
+    growing = growing_modes(C, K, system.omega2, band_hz, tolerance)
+    if settings is not None:
+        growing = _integrated(growing, C, K, (system.omega2, made.c), settings)
+    return replace(made, growing=growing)
 
 
-def integrated(
-    made: MotionPoint,
-    system: ModalSystem,
-    point: WorkingPoint,
-    state: DesignState,
+def _integrated(
+    modes: GrowingModes,
+    C: np.ndarray,
+    K: np.ndarray,
+    diagonal: tuple[np.ndarray, np.ndarray],
     settings: MotionSettings,
-) -> MotionPoint:
-    """The design with the roots of its followed modes at the step of a run (`step_roots`).
+) -> GrowingModes:
+    """The modes with their roots at the step of a run (`step_roots`).
 
-    As it is where it follows none, or where the integrator is none of the kernel.
+    As they are where there are none, or where the integrator is none of the kernel.
     """
-    method, modes = settings.integrator, made.growing
+    method = settings.integrator
     if not (len(modes.lam) and isinstance(method, KernelIntegrator)):
-        return made
-    C, K = tangent(system, made, point, state)
-    diagonal = system.omega2, made.c
+        return modes
     roots = [
         integrated_roots(C, K, diagonal, modes.lam, modes.right, method, settings.step, once)
         for once in (False, True)
     ]
-    return replace(made, growing=replace(modes, integrated=np.array(roots)))
+    return replace(modes, integrated=np.array(roots))
 
 
 def shape_terms(reference: SharedModes, state: DesignState) -> tuple[np.ndarray, np.ndarray]:

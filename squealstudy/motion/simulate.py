@@ -102,6 +102,11 @@ def simulate(
     return [_judged(system, replace(run.motion(k), stopped=why)) for k, why in enumerate(stopped)]
 
 
+def _copied(array: np.ndarray) -> np.ndarray:
+    """A copy whose rows are contiguous."""
+    return np.array(array, order="C")
+
+
 @dataclass(frozen=True)
 class KernelRun:
     """What a kernel gets for some design points, and what came of it.
@@ -169,7 +174,7 @@ class KernelRun:
         self.work.counts[k, layout.STATUS] = layout.DONE
         self.work.real[k, layout.STORED_END] = self.saved.history[k, rows - 1, layout.STORED]
 
-    def motion(self, k: int, take: Callable[[np.ndarray], np.ndarray] = np.copy) -> Motion:
+    def motion(self, k: int, take: Callable[[np.ndarray], np.ndarray] = _copied) -> Motion:
         """What design k has done so far; `take` copies arrays or leaves them where they are."""
         system, settings, saved = self.system, self.settings, self.saved
         n, ns = system.n, len(system.sensed) + len(self.designs[k].growing.sensors)
@@ -177,6 +182,7 @@ class KernelRun:
         steps = count[layout.STEP] + count[layout.POSITION] / 2**self.options.levels
         time = float(steps * settings.step)
         rows = int(count[layout.SAVED])
+        columns = take(saved.history[k, :rows].T)
         outcome, message = outcome_of(int(count[layout.STATUS]), time)
         return Motion(
             point=self.designs[k],
@@ -187,9 +193,7 @@ class KernelRun:
             time=time,
             q=take(self.work.x[k, layout.Q, :n]),
             v=take(self.work.x[k, layout.V, :n]),
-            history={
-                name: take(saved.history[k, :rows, i]) for i, name in enumerate(layout.HISTORY)
-            },
+            history=dict(zip(layout.HISTORY, columns, strict=True)),
             displacement=take(saved.sensed[k, :rows, 0, :ns]),
             velocity=take(saved.sensed[k, :rows, 1, :ns]),
             q_history=take(saved.q[k, :rows]),

@@ -11,7 +11,7 @@ error at least, with half the step. Each difference counts twice.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +39,7 @@ SETTLES = np.array([1e-4, 3e-4, 2e-3, 1e-5])
 # ratio of the differences in the second and the first half up to which the level comes to rest, and
 # what it then still goes beyond the second: of a difference that rises as 1 - exp(-t / tau)
 RESTS = ((1.5, 1.15), (2.08, 1.31), (2.45, 1.91))
+OTHER_STEPS = (0.5, 2.0)  # times the step, of runs made again
 MAX_REL_STEP_PART = 0.5  # of the level: a step part beyond it says nothing
 
 
@@ -48,7 +49,11 @@ def has_few_points(system: ModalSystem) -> bool:
 
 
 def step_parts(
-    system: ModalSystem, run: Motion, settings: MotionSettings, lasts: bool = True
+    system: ModalSystem,
+    run: Motion,
+    settings: MotionSettings,
+    lasts: bool = True,
+    again: Sequence[Motion] = (),
 ) -> StepParts:
     """Step parts of a run that lasts, or of one that passes: of many points none are told of these.
 
@@ -60,31 +65,42 @@ def step_parts(
     settings : MotionSettings
         By which it was integrated; rows saved.
     lasts : bool
+    again : sequence of Motion
+        Of few points, what `runs_again` has of it; made here by default.
     """
     if not isinstance(settings.integrator, KernelIntegrator):
         return StepParts.unknown(f"'{settings.integrator.name}' has no step that could be halved")
     if has_few_points(system):
-        return _again(system, run, settings, lasts)
+        others = again or runs_again(system, [run], settings)[0]
+        return _by_other_steps(run, others, lasts)
     if not lasts:
         return NOT_ASKED
     return _from_the_end(system, run, settings)
 
 
-def _again(system: ModalSystem, run: Motion, settings: MotionSettings, lasts: bool) -> StepParts:
-    """The whole run with half the step and, if it can be, twice, over the window of its levels.
-
-    Where corners make levels converge unevenly one of the changes may be small by chance.
-    """
-    window = last_window(run.times, run.history["torque"])
-    rows, found = settings.save_every, []
-    for factor in (0.5, 2.0)[: 1 + (rows % 2 == 0)]:  # at the same rows: what passes has no other
+def runs_again(
+    system: ModalSystem, runs: Sequence[Motion], settings: MotionSettings
+) -> list[tuple[Motion, ...]]:
+    """Whole runs of equal length with half the step and, if it can be, twice: of each these two."""
+    rows, made = settings.save_every, []
+    for factor in OTHER_STEPS[: 1 + (rows % 2 == 0)]:  # at the same rows: what passes has no other
         how = replace(
             settings,
-            duration=run.time,
+            duration=runs[0].time,
             step=factor * settings.step,
             save_every=round(rows / factor),
         )
-        (other,) = simulate(system, [run.point], how)
+        made.append(simulate(system, [run.point for run in runs], how))
+    return list(zip(*made, strict=True))
+
+
+def _by_other_steps(run: Motion, others: Sequence[Motion], lasts: bool) -> StepParts:
+    """From the same run with other steps, over the window of its levels.
+
+    Where corners make levels converge unevenly one of the changes may be small by chance.
+    """
+    window, found = last_window(run.times, run.history["torque"]), []
+    for factor, other in zip(OTHER_STEPS, others, strict=False):
         if other.outcome == "ok" and len(other.times) == len(run.times):
             found.append(_levels(other, window))
         elif factor < 1.0:

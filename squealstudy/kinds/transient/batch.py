@@ -10,7 +10,7 @@ import numpy as np
 
 from squealstudy.engine.cache import load_value, prepared_model, prepared_path
 from squealstudy.engine.keys import content_hash, source_hash
-from squealstudy.engine.plan import Plan
+from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.kinds.transient.plan_facts import (
     TRANSIENT_SOURCES,
     StartState,
@@ -31,6 +31,8 @@ from squealstudy.motion.shared_modes import (
 from squealstudy.study.design import DesignPoint
 
 SAMPLES_A_PERIOD = 8  # of the highest frequency of the band: what summaries need
+MOST_OF_BATCH = 64  # design points of models without a mesh
+MAX_ROWS_OF_BATCH = 100_000  # of the histories of these together: some 50 MB
 TRAINING_KEYS = {"step", "duration", "friction"}
 
 
@@ -162,6 +164,15 @@ def batch_task(
         start=start_of(plan),
         cutoff_hz=plan.settings.assembly_cutoff,
     )
+
+
+def batch_size(plan: Plan) -> int:
+    """Design points of a batch: more where a point costs little beside what its batch costs."""
+    section = plan.study.section
+    if has_mesh(plan.study) or "batch" in section.model_fields_set:
+        return int(section.batch)
+    rows = section.duration / section.step / sampling(section, plan.band_hz)
+    return max(section.batch, min(MOST_OF_BATCH, int(MAX_ROWS_OF_BATCH / rows)))
 
 
 @lru_cache(maxsize=4)

@@ -21,6 +21,7 @@ from squealstudy.errors import ParameterError
 from squealstudy.kinds.transient import preparation
 from squealstudy.kinds.transient.batch import (
     BatchTask,
+    batch_size,
     batch_task,
     mode_keys,
     sampling,
@@ -149,8 +150,7 @@ class Transient(ModelKind):
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[BatchTask]:
         """Batches of points of one structure, of even size over the workers."""
         self.prepare(plan, workers.report)
-        section = plan.study.section
-        size = max(1, min(section.batch, math.ceil(len(points) / workers.jobs)))
+        size = max(1, min(batch_size(plan), math.ceil(len(points) / workers.jobs)))
         return (
             batch_task(plan, tuple(points.at(rows[i : i + size])))
             for _, rows in points.of_structures()

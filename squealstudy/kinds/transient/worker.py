@@ -35,22 +35,19 @@ from squealstudy.mechanics.motions import motion_at
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.hybrid_run import simulate_hybrid
+from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.level_errors import doubts
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.history import history_frame
 from squealstudy.motion.outcome.level import NOT_ASKED, StepParts
 from squealstudy.motion.outcome.settling import known_outcome
 from squealstudy.motion.outcome.summary import summarise
-from squealstudy.motion.point import (
-    integrated,
-    perturbed,
-    stuck,
-)
+from squealstudy.motion.point import perturbed, stuck
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes
 from squealstudy.motion.simulate import Watch, simulate
-from squealstudy.motion.step_errors import has_few_points, step_parts
-from squealstudy.motion.system import MotionPoint, stick_number
+from squealstudy.motion.step_errors import has_few_points, runs_again, step_parts
+from squealstudy.motion.system import ModalSystem, MotionPoint, stick_number
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.hybrid import (
     HybridModel,
@@ -92,7 +89,7 @@ def solve_batch(task: BatchTask) -> Solved:
             raise  # each is tried by itself: one of them is at fault, not its neighbours
         rows += [lost_row(point.point_id, *reason(error)) for point in chosen]
     else:
-        made, steps = [], BatchSteps(task)
+        made, steps = [], BatchSteps(task, motions)
         for point, motion in zip(chosen, motions, strict=True):
             made.append(_row(task, point, motion, steps))
             files |= _files(task, point, motion)
@@ -105,13 +102,15 @@ def solve_batch(task: BatchTask) -> Solved:
 class BatchSteps:
     """What the step does to levels of the runs of a batch.
 
-    Of few contact points each run is made again; of many, one of the batch is gone on with, the
-    first that lasts, and the others err by the same shares of their levels.
+    Of few contact points each run is made again, those of one length together; of many, one of the
+    batch is gone on with, the first that lasts, and the others err by the same shares of their
+    levels.
     """
 
-    def __init__(self, task: BatchTask) -> None:
-        self._task = task
+    def __init__(self, task: BatchTask, motions: Sequence[Motion]) -> None:
+        self._task, self._motions = task, motions
         self._known: StepParts | None = None
+        self._again: dict[int, tuple[Motion, ...]] = {}  # by the identity of the run
 
     def of(self, motion: Motion, lasts: bool) -> StepParts:
         """Of a run that lasts, or of one that passes."""
@@ -121,11 +120,23 @@ class BatchSteps:
                 return NOT_ASKED
             return StepParts.unknown("the hybrid representation is not run with another step")
         system = replace(task.reference.system, sensed=motion.sensed)
-        if has_few_points(system) or not lasts:
-            return step_parts(system, motion, task.settings(), lasts)
+        settings = task.settings()
+        if (few := has_few_points(system)) or not lasts:
+            again = few and isinstance(settings.integrator, KernelIntegrator)
+            others = self._others(system, motion) if again else ()
+            return step_parts(system, motion, settings, lasts, others)
         if self._known is None:
-            self._known = step_parts(system, motion, task.settings())
+            self._known = step_parts(system, motion, settings)
         return self._known
+
+    def _others(self, system: ModalSystem, motion: Motion) -> tuple[Motion, ...]:
+        """The run with other steps, made with all runs of its length and outcome."""
+        if id(motion) not in self._again:
+            kind = motion.outcome, motion.time
+            alike = [m for m in self._motions if (m.outcome, m.time) == kind]
+            made = runs_again(system, alike, self._task.settings())
+            self._again |= {id(m): others for m, others in zip(alike, made, strict=True)}
+        return self._again.pop(id(motion))
 
 
 def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps) -> dict[str, Any]:
@@ -185,12 +196,10 @@ def set_up(task: BatchTask, point: DesignPoint, gaps: NewGaps) -> MotionPoint | 
     """Working point, forecast and perturbed start of a design point, or why there is none."""
     section = task.section
     try:
-        steady, made = steady_motion(
-            task.reference, point, section.friction, task.band_hz, task.tolerance, gaps
+        settings = None if task.hybrid else task.settings()
+        _, made = steady_motion(
+            task.reference, point, section.friction, task.band_hz, task.tolerance, gaps, settings
         )
-        if not task.hybrid:
-            system = task.reference.system
-            made = integrated(made, system, steady, point.state(), task.settings())
     except ParameterError as error:
         return "parameter", f"{error.key}: {error.message}"
     except FAILURES as error:
@@ -211,10 +220,12 @@ def steady_motion(
     band_hz: tuple[float, float] | None,
     tolerance: float,
     gaps: NewGaps,
+    settings: MotionSettings | None = None,
 ) -> tuple[WorkingPoint, MotionPoint]:
     """Working point of a design point, and the design about it on shared modes.
 
-    Without a band its unstable modes are not looked for.
+    Without a band its unstable modes are not looked for; without settings of its run nobody asks
+    how these move at its step.
 
     Raises
     ------
@@ -223,7 +234,9 @@ def steady_motion(
     """
     known = known_gap(point.structure, point)
     prepared = prepared_model(point.structure)
-    steady, made = motion_at(reference, prepared, point, friction_kind, band_hz, tolerance, known)
+    steady, made = motion_at(
+        reference, prepared, point, friction_kind, band_hz, tolerance, known, settings=settings
+    )
     if known is None:
         gaps.add(point.structure, point, steady.gap)
     return steady, made

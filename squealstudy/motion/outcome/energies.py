@@ -108,6 +108,12 @@ def first_window(rows: int) -> slice:
     return slice(0, max(1, round(FIRST_WINDOW_SHARE * rows)))
 
 
+def mean_shares(energies: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """The shares (ns,) of `modal_shares` alone."""
+    mean, whole = energies.mean(axis=0), float(total.mean())
+    return mean / whole if whole > 0 else np.zeros(energies.shape[1])
+
+
 def modal_shares(energies: np.ndarray, total: np.ndarray) -> ModalShares:
     """Ratio of mean energies over a window, with bounds from its sub-windows.
 
@@ -121,10 +127,9 @@ def modal_shares(energies: np.ndarray, total: np.ndarray) -> ModalShares:
         Of all modes, J.
     """
     mean, whole = energies.mean(axis=0), float(total.mean())
+    share = mean_shares(energies, total)
     if not whole > 0:
-        zero = np.zeros(energies.shape[1])
-        return ModalShares(share=zero, low=zero, high=zero, mean=mean, outside=0.0)
-    share = mean / whole
+        return ModalShares(share=share, low=share, high=share, mean=mean, outside=0.0)
     _, low, high = mean_interval((energies - share * total[:, None]) / whole)
     return ModalShares(
         share=share,

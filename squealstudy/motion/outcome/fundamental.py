@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 MAX_PERIODIC_RESIDUAL = 0.05  # RMS of what is left after a period, over that of the motion
 EXACT_PERIOD_RESIDUAL = 0.01  # the same: no longer period is looked for where as little is left
@@ -141,8 +142,9 @@ class _Record:
         """
         rows, longest = len(self.x), self._longest
         size = np.concatenate([[0.0], np.cumsum((self.x**2).sum(axis=1))])
-        spectrum = np.fft.rfft(self.x, 2 * rows, axis=0)
-        product = np.fft.irfft((np.abs(spectrum) ** 2).sum(axis=1), 2 * rows)[: longest + 2]
+        length = next_fast_len(2 * rows, real=True)
+        spectrum = np.fft.rfft(self.x, length, axis=0)
+        product = np.fft.irfft((np.abs(spectrum) ** 2).sum(axis=1), length)[: longest + 2]
         later = np.arange(longest + 2)
         parted = size[rows - later] + size[rows] - size[later] - 2.0 * product
         left = np.sqrt(np.maximum(parted, 0.0) / (rows - later) / (self.variance / rows))

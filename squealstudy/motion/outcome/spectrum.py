@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -63,7 +64,9 @@ def spectrum(step: float, signal: np.ndarray) -> Spectrum:
     return Spectrum(power, 1.0 / (rows * step))
 
 
+@lru_cache(maxsize=16)
 def hann(rows: int) -> np.ndarray:
-    """Weights (rows,) that cut off no part of a period."""
+    """Weights (rows,) that cut off no part of a period; read-only."""
     weight: np.ndarray = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(rows) + 0.5) / rows)
+    weight.flags.writeable = False
     return weight

@@ -14,6 +14,7 @@ from squealstudy.motion.outcome.energies import (
     ModalShares,
     first_window,
     held_energies,
+    mean_shares,
     modal_shares,
     mode_energies,
     moving_energy,
@@ -83,7 +84,7 @@ def summarise(
         **_leader(run, shares),
     }
     growth = growth_rows(run, fits, behaviour["class"], window)
-    return Summary(point, _mode_rows(run, energies, shares), growth)
+    return Summary(point, _mode_rows(run, energies, total, shares), growth)
 
 
 def _course(run: Motion) -> dict[str, Any]:
@@ -279,9 +280,11 @@ def energies_of_steps(run: Motion) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([first, energies]), total
 
 
-def _mode_rows(run: Motion, energies: np.ndarray, shares: ModalShares) -> list[dict[str, Any]]:
+def _mode_rows(
+    run: Motion, energies: np.ndarray, total: np.ndarray, shares: ModalShares
+) -> list[dict[str, Any]]:
     begin = first_window(len(run.times))
-    first = modal_shares(energies[begin], energies_of_steps(run)[1][begin]).share
+    first = mean_shares(energies[begin], total[begin])
     return [
         {
             "mode": int(mode),
