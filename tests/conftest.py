@@ -293,6 +293,20 @@ def brake() -> Brake:
 
 
 @pytest.fixture(scope="session")
+def least_brake() -> Brake:
+    """The same of the smallest meshes."""
+
+    def made() -> Brake:
+        from tiny_meshes import TINY as TINY_MESHES  # which imports most of the package
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setitem(DENSITIES, "coarse", TINY_MESHES)
+            return prepare_brake("coarse")
+
+    return shared("least_brake", made)
+
+
+@pytest.fixture(scope="session")
 def reduced(brake) -> tuple[ReducedModel, ComponentBasis]:
     return shared("reduced", lambda: reduce_brake(brake))
 

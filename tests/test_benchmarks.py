@@ -136,8 +136,9 @@ def printed(run: Run, folder: Path, monkeypatch, capsys) -> str:
 
 
 RARE = {  # that take longest, and whose parts have tests of their own
-    *("contact_pairs", "cycle_verdicts", "hybrid", "integrators", "mode_columns"),
-    *("narrow_tongues", "same_tables", "small_batches", "squeal_judge"),
+    *("contact_pairs", "cycle_verdicts", "hybrid", "integrators", "irregular_levels"),
+    *("level_over_basis", "mesh_convergence", "mode_columns", "narrow_tongues"),
+    *("reduction_errors", "same_tables", "small_batches", "squeal_judge", "transient_kernels"),
 }
 MARKED = [pytest.param(r, marks=[pytest.mark.full_size] * (r.script in RARE)) for r in RUNS]
 
@@ -185,11 +186,13 @@ SHORT_PROOF = "[goal]", "[goal]\nstarts = 1\nscan = 0\nfull_order = 0\nin_time =
 STUDIES: dict[str, list[tuple[str, str]]] = {
     "brake_families": [
         ("samples = 60", "samples = 1"),
-        ('families = "all"', "families = [5]"),
+        ('families = "all"', "families = [2]"),
+        ("8e3", "3e3"),
     ],
     "brake_verdicts": [
         ("num = 20", "num = 1"),
         ("num = 10", "num = 1"),
+        ("2.9e3, 5.3e3", "5e2, 2e3"),
         ("screen = 250.0", "screen = 1.0"),
     ],
     "quiet_brake": [

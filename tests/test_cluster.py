@@ -20,6 +20,7 @@ import pytest
 import scipy.io
 from own_blocks import STUDY as BLOCKS
 from own_blocks import write_blocks
+from study_runs import command
 from study_texts import study_text, sweep_text
 
 import squealstudy as sq
@@ -466,11 +467,11 @@ def test_an_extension_imports_from_its_own_folder_here_and_there(cluster, here, 
     assert (found.points["status"] == "ok").all()
 
 
-def test_check_tells_of_workers_and_memory(cluster, here):
+def test_check_tells_of_workers_and_memory(cluster, here, capsys):
     path = study(here, HULTEN)
-    done = started("check", path, "--scheduler", cluster.file, folder=here)
-    screen, errors = done.communicate(timeout=LONGEST)
-    assert (done.returncode, errors) == (0, "")
+    assert command("check", str(path), "--scheduler", str(cluster.file)) == 0
+    screen, errors = capsys.readouterr()
+    assert errors == ""
     told = " ".join(screen.split())
     assert "GB a worker, and here" in told
     assert f"2 workers of 1.9 to 1.9 GB; all have squealstudy {sq.__version__}" in told
@@ -608,16 +609,14 @@ def test_a_worker_without_squealstudy_is_refused(own, here):
         sq.run(study(here, HULTEN), here / "out", client=own.client)
 
 
-def test_without_the_library_one_sentence_names_the_extra(here):
-    code = (
-        "import sys; sys.modules['distributed'] = None\n"
-        "from squealstudy.cli.app import main; main()"
-    )
-    line = [sys.executable, "-c", code, "run", str(study(here, HULTEN)), "--scheduler", "tcp://x:1"]
-    done = subprocess.run(line, capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert "pip install 'squealstudy[cluster]'" in done.stderr
-    assert done.stderr.count("\n") == 1
+def test_without_the_library_one_sentence_names_the_extra(here, monkeypatch, capsys):
+    for name in [n for n in sys.modules if n.startswith("squealstudy.engine.cluster")]:
+        monkeypatch.delitem(sys.modules, name)  # which import it
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert command("run", str(study(here, HULTEN)), "--scheduler", "tcp://x:1") == 1
+    told = capsys.readouterr().err
+    assert "pip install 'squealstudy[cluster]'" in told
+    assert told.count("\n") == 1
 
 
 @pytest.mark.parametrize("place", ["nowhere.json", "tcp://127.0.0.1:1"])

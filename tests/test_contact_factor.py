@@ -44,27 +44,27 @@ STATES = {
 
 
 @pytest.fixture(scope="module")
-def held(brake):
+def held(least_brake):
     """With a contact that is far stiffer than that of any state."""
-    return HeldStiffness.of(brake.assembly, 3.0 * brake.space.k_c)
+    return HeldStiffness.of(least_brake.assembly, 3.0 * least_brake.space.k_c)
 
 
-def systems(brake, state, held):
+def systems(least_brake, state, held):
     """Without the held stiffness, and with it."""
-    point = working_point(brake.space, state.operating)
-    given = (brake.assembly, brake.modes, point, state, CUTOFF)
+    point = working_point(least_brake.space, state.operating)
+    given = (least_brake.assembly, least_brake.modes, point, state, CUTOFF)
     return full_order_system(*given), full_order_system(*given, held)
 
 
 @pytest.mark.parametrize("name", STATES)
-def test_solves_are_those_of_a_factor_of_the_matrix(brake, held, name):
-    plain, system = systems(brake, STATES[name], held)
+def test_solves_are_those_of_a_factor_of_the_matrix(least_brake, held, name):
+    plain, system = systems(least_brake, STATES[name], held)
     assert abs(plain.K.sparse - system.K.sparse).max() == 0.0
     A = system.K.sparse
     assert system.factor.A is A
     assert system.factor.plain_error < 1e-12
     assert system.factor.lean() == system.factor.solve_once
-    b = np.random.default_rng(0).standard_normal((brake.assembly.n_dof, 5))
+    b = np.random.default_rng(0).standard_normal((least_brake.assembly.n_dof, 5))
     expected = factorise(A).solve(b)
     for solve in (system.factor.solve, system.factor.solve_once):
         np.testing.assert_allclose(solve(b), expected, atol=1e-9 * np.abs(expected).max())
@@ -75,9 +75,9 @@ def test_solves_are_those_of_a_factor_of_the_matrix(brake, held, name):
 
 
 @pytest.mark.full_size
-def test_roots_with_changed_and_damped_modes_are_those_of_a_factor_of_the_matrix(brake, held):
-    plain, system = systems(brake, CHANGED_STATE, held)
-    b = np.random.default_rng(0).standard_normal(brake.assembly.n_dof)
+def test_roots_with_changed_and_damped_modes_are_those_of_a_factor_of_the_matrix(least_brake, held):
+    plain, system = systems(least_brake, CHANGED_STATE, held)
+    b = np.random.default_rng(0).standard_normal(least_brake.assembly.n_dof)
     x = WoodburyFactor(system.K, factor=system.factor).solve(b)  # component modes have rows of U
     np.testing.assert_allclose(system.K @ x, b, atol=1e-8 * np.abs(b).max())
     np.testing.assert_allclose(system.omega, plain.omega, rtol=1e-9)
@@ -101,15 +101,15 @@ def test_meshes_that_do_not_match():
     np.testing.assert_allclose(system.K @ x, b, atol=1e-8 * np.abs(b).max())
 
 
-def test_solves_that_lose_too_much_are_refined(monkeypatch, brake, held):
-    _, system = systems(brake, STATES["strong friction"], held)
+def test_solves_that_lose_too_much_are_refined(monkeypatch, least_brake, held):
+    _, system = systems(least_brake, STATES["strong friction"], held)
     monkeypatch.setattr(contact_factor, "LOOSE", 0.0)
     assert system.factor.lean() == system.factor.solve
 
 
-def test_it_goes_to_other_processes(brake, held):
-    _, system = systems(brake, STATES["strong friction"], held)
-    b = np.random.default_rng(0).standard_normal(brake.assembly.n_dof)
+def test_it_goes_to_other_processes(least_brake, held):
+    _, system = systems(least_brake, STATES["strong friction"], held)
+    b = np.random.default_rng(0).standard_normal(least_brake.assembly.n_dof)
     again = pickle.loads(pickle.dumps(system.factor))
     np.testing.assert_allclose(again.solve(b), system.factor.solve(b), rtol=1e-6, atol=1e-18)
 
@@ -126,15 +126,17 @@ def test_a_singular_stiffness_is_refused():
     assert open_half.solve(np.ones(1)) == pytest.approx(1.0)
 
 
-def test_large_models_hold_one_factor_for_all_points(monkeypatch, brake):
+def test_large_models_hold_one_factor_for_all_points(monkeypatch, least_brake):
     """Of a structure; another one takes its place."""
     made, used = [], []
-    held = HeldStiffness.of(brake.assembly, brake.space.k_c)
+    held = HeldStiffness.of(least_brake.assembly, least_brake.space.k_c)
     monkeypatch.setattr(
         HeldStiffness, "of", staticmethod(lambda assembly, k: (made.append(k), held)[1])
     )
     monkeypatch.setattr(full_order_check, "_held", {})
-    monkeypatch.setattr(full_order_check, "unreduced_assembly", lambda *_: (brake.assembly, {}))
+    monkeypatch.setattr(
+        full_order_check, "unreduced_assembly", lambda *_: (least_brake.assembly, {})
+    )
     monkeypatch.setattr(full_order_check, "full_order_modes", lambda *given: used.append(given[-1]))
     settings = SimpleNamespace(damped_to=CUTOFF)
 
@@ -143,7 +145,7 @@ def test_large_models_hold_one_factor_for_all_points(monkeypatch, brake):
         full_order_check.solve_unreduced(None, point, settings, (500.0, TOP))
 
     solve("a")
-    assert used == [None] or HeldStiffness.pays(brake.assembly)
+    assert used == [None] or HeldStiffness.pays(least_brake.assembly)
     for backend, expected in (("superlu", []), ("pardiso", []), ("cholmod", ["a", "b"])):
         monkeypatch.setattr(contact_factor, "automatic_backend", lambda *_, b=backend, **__: b)
         made.clear()
@@ -159,7 +161,7 @@ def test_large_models_hold_one_factor_for_all_points(monkeypatch, brake):
     monkeypatch.setattr(HeldStiffness, "of", staticmethod(refused))
     solve("c")  # by a factor of each matrix then
     assert used[-1] is None
-    monkeypatch.setattr(full_order_check, "_built", {("b", False): (brake.assembly, {})})
+    monkeypatch.setattr(full_order_check, "_built", {("b", False): (least_brake.assembly, {})})
     full_order_check.forget()
     assert not full_order_check._held
     assert not full_order_check._built

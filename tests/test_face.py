@@ -359,13 +359,13 @@ def test_dir_shows_what_is_public_and_there(results, kind):
 
 
 def test_a_notebook_shows_ranking_and_picture(results):
-    html = results["complex_modes"]._repr_html_()
+    pages = {kind: found._repr_html_() for kind, found in results.items()}
+    html = pages["complex_modes"]
     assert "share of the 13 solved points" in html
     assert "data:image/png;base64," in html
     assert "worst at" in html
-    assert "limit_cycle" in results["transient"]._repr_html_()
-    for found in results.values():
-        assert "<pre>" in found._repr_html_()
+    assert "limit_cycle" in pages["transient"]
+    assert all("<pre>" in page for page in pages.values())
 
 
 def test_what_a_kind_does_not_have_is_told(results):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import platform
 from collections.abc import Iterator, Mapping
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -80,7 +81,13 @@ def identity_facts(plan: Planned) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Versions of squealstudy and of what its numbers rest on."""
-    return {"squealstudy": __version__} | {name: version(name) for name in PACKAGES}
+    return {"squealstudy": __version__} | _installed()
+
+
+@cache
+def _installed() -> dict[str, str]:
+    """Of packages, whose metadata are read once a process."""
+    return {name: version(name) for name in PACKAGES}
 
 
 def model_facts(plan: Plan) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from squealstudy.laboratory.method_stability.windows_rung import WINDOWS_RUNG
 
 @pytest.fixture(scope="module")
 def cells():
-    distances, tolerances = np.geomspace(1e-14, 0.1, 8), np.geomspace(1e-13, 1e-5, 7)
+    distances, tolerances = np.geomspace(1e-14, 0.1, 6), np.geomspace(1e-13, 1e-5, 4)
     return [
         WINDOWS_RUNG.evaluate({"distance": d, "tolerance": t, "damping_ratio": zeta})
         for zeta, t, d in itertools.product((0.0, 0.01), tolerances, distances)
