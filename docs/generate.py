@@ -200,7 +200,7 @@ def _commands() -> str:
 
 def _columns() -> str:
     """Tables of each kind of study, with unit, meaning and error of each column."""
-    from squealstudy.columns import COLUMNS, unit_of
+    from squealstudy.columns import COLUMNS, column_names, unit_of
 
     lines: list[str] = []
     for kind, tables in COLUMNS.items():
@@ -217,16 +217,6 @@ def _columns() -> str:
                 lines.append("| " + " | ".join(cell(c) for c in cells) + " |")
             lines.append("")
     return "\n".join(lines)
-
-
-def column_names(pattern: str) -> list[str]:
-    """The names that a regular expression of columns means, a star for what varies."""
-    found = re.search(r"\(([^()]*)\)", pattern)
-    if found:
-        ends = pattern[: found.start()], pattern[found.end() :]
-        parts = (ends[0] + choice + ends[1] for choice in found[1].split("|"))
-        return [name for part in parts for name in column_names(part)]
-    return [re.sub(r"\\[dw]\+|\.\+", "*", name) for name in pattern.split("|")]
 
 
 def _parameter_rows(parameters: Any) -> list[str]:

@@ -380,6 +380,22 @@ def test_schema_as_tables_to_read(capsys):
     assert text.startswith("## Top of the file")
 
 
+def test_columns_are_told_without_the_site(capsys):
+    """Every page of the reference that is made has a command that prints it."""
+    assert command("columns") == 0
+    assert "limit_cycles points, verdicts" in " ".join(capsys.readouterr().out.split())
+    assert command("columns", "complex_modes", "modes") == 0
+    screen = " ".join(capsys.readouterr().out.split())
+    assert "frequency_hz Hz abs(lambda) / 2 pi of the root lambda; Im lambda / 2 pi is" in screen
+    assert "Its error: error_estimate." in screen
+    for words, said in (
+        (("complex_mode",), "did you mean 'complex_modes'?"),
+        (("transient", "point"), "there is no table of transient 'point'"),
+    ):
+        assert command("columns", *words) != 0
+        assert said in " ".join(capsys.readouterr().err.split())
+
+
 def test_schema_is_json_schema(capsys):
     assert command("schema") == 0
     schema = json.loads(capsys.readouterr().out)

@@ -20,7 +20,16 @@ from typer.main import get_command
 from squealstudy import faults
 from squealstudy.cli.model_commands import inspect, models, warmup
 from squealstudy.cli.options import DONE, FAULT, USAGE_ERROR
-from squealstudy.cli.result_commands import compare, explore, plot, rank, report, robust, shape
+from squealstudy.cli.result_commands import (
+    columns,
+    compare,
+    explore,
+    plot,
+    rank,
+    report,
+    robust,
+    shape,
+)
 from squealstudy.cli.study_commands import check, examples, export, new, run, schema, sensitivity
 from squealstudy.errors import DEBUG, SquealstudyError
 from squealstudy.machine.processes import InterruptedRun, cut_lifeline, interruptible
@@ -86,7 +95,7 @@ def first_sentence(text: str) -> str:
 
 COMMANDS: tuple[Callable[..., None], ...] = (
     *(run, check, rank, robust, sensitivity, plot, explore, shape, report),
-    *(compare, inspect, export, warmup, models, examples, new, schema),
+    *(columns, compare, inspect, export, warmup, models, examples, new, schema),
 )
 for command in COMMANDS:
     app.command(short_help=first_sentence(command.__doc__ or ""))(command)

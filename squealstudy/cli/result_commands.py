@@ -199,6 +199,19 @@ def shape(
     screen.show(screen.facts(facts))
 
 
+def columns(
+    kind: Annotated[
+        str | None, typer.Argument(help="Kind of study, as complex_modes; without, a list.")
+    ] = None,
+    table: Annotated[str | None, typer.Argument(help="One table alone, as points.")] = None,
+) -> None:
+    """What the columns of result tables mean: unit, definition, error."""
+    from squealstudy import screen
+    from squealstudy.cli.columns import described, kinds_and_tables
+
+    screen.show(*(kinds_and_tables() if kind is None else described(kind, table)))
+
+
 @on_results
 def compare(
     frequency: Annotated[

@@ -6,14 +6,22 @@ of it. A kind from outside the package brings its own (`Kind.columns`).
 
 from __future__ import annotations
 
-from squealstudy.columns.column import PARAMETER, Column, Tables, unit_of
+from squealstudy.columns.column import PARAMETER, Column, Tables, column_names, unit_of
 from squealstudy.columns.cycles import LIMIT_CYCLES
 from squealstudy.columns.designs import DESIGN, VARIABLE
 from squealstudy.columns.methods import METHOD_STABILITY, WORK_PRECISION
 from squealstudy.columns.modes import COMPLEX_MODES, SENSITIVITY
 from squealstudy.columns.runs import TRANSIENT
 
-__all__ = ["COLUMNS", "Column", "Tables", "column_of", "register_columns", "unit_of"]
+__all__ = [
+    "COLUMNS",
+    "Column",
+    "Tables",
+    "column_names",
+    "column_of",
+    "register_columns",
+    "unit_of",
+]
 
 COLUMNS: dict[str, Tables] = {
     "complex_modes": COMPLEX_MODES,

@@ -91,3 +91,13 @@ def same_in(columns: Sequence[Column], *names: str) -> tuple[Column, ...]:
 def unit_of(column: str) -> str | None:
     """Unit of a column that is no parameter; None where it has none, empty for a pure number."""
     return units_of([column], {}).get(column)
+
+
+def column_names(pattern: str) -> list[str]:
+    """The names that a regular expression of columns means, a star for what varies."""
+    choices = re.search(r"\(([^()]*)\)", pattern)
+    if choices:
+        ends = pattern[: choices.start()], pattern[choices.end() :]
+        parts = (ends[0] + choice + ends[1] for choice in choices[1].split("|"))
+        return [name for part in parts for name in column_names(part)]
+    return [re.sub(r"\\[dw]\+|\.\+", "*", name) for name in pattern.split("|")]

@@ -52,7 +52,7 @@ DESIGNS = (
 MARGINS = (
     count("design", "Number of the design; today's is 0."),
     MODE,
-    number("frequency_hz", "Modulus of the mode's root over 2 pi.", leaves_out=REDUCED),
+    number("frequency_hz", "abs(lambda) / 2 pi of the mode's root.", leaves_out=REDUCED),
     number("growth_rate", "Real part of the mode's root.", leaves_out=REDUCED),
     number("damping_ratio", "Minus the real part of the root over its modulus.", "damping_error"),
     number(

@@ -9,7 +9,8 @@ EXACT_CHECK = "It is itself an error, found by a sparse solution of the unreduce
 ROOT = (
     number(
         "frequency_hz",
-        "Modulus of the root over 2 pi.",
+        "abs(lambda) / 2 pi of the root lambda; Im lambda / 2 pi is sqrt(1 - damping_ratio^2) of "
+        "it.",
         "error_estimate",
     ),
     number("growth_rate", "Real part of the root; above zero the mode grows.", "error_estimate"),
@@ -116,7 +117,7 @@ SENSITIVITIES = (
     *(
         number(c.name, c.definition, leaves_out="The error of the reduced model, and of the mesh.")
         for c in (
-            number("frequency_hz", "Modulus of the root over 2 pi."),
+            number("frequency_hz", "abs(lambda) / 2 pi of the root."),
             number("growth_rate", "Real part of the root; above zero the mode grows."),
             number("damping_ratio", "Minus the real part of the root over its modulus."),
         )

@@ -1,0 +1,49 @@
+"""What `squealstudy columns` prints: tables of results and what their columns mean."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from rich.console import RenderableType
+
+from squealstudy.columns import COLUMNS, column_names, unit_of
+from squealstudy.errors import SquealstudyError
+from squealstudy.screen import facts, grid
+from squealstudy.wording import did_you_mean, listed
+
+
+def kinds_and_tables() -> Iterator[RenderableType]:
+    """All kinds of study, each with its tables."""
+    yield facts((kind, ", ".join(tables)) for kind, tables in COLUMNS.items())
+    yield "\nsquealstudy columns KIND [TABLE] tells what their columns mean."
+
+
+def described(kind: str, table: str | None) -> Iterator[RenderableType]:
+    """Columns of a kind of study, of one table or of all.
+
+    Raises
+    ------
+    SquealstudyError
+        No such kind or table.
+    """
+    tables = COLUMNS.get(_known(kind, COLUMNS, "kind of study"), {})
+    for name in tables if table is None else (_known(table, tables, f"table of {kind}"),):
+        rows = []
+        for column in tables[name]:
+            names = column_names(column.name)
+            unit = unit_of(names[0].replace("*", "1")) or ""
+            error = (
+                f"Its error: {', '.join(column.errors)}." if column.errors else column.leaves_out
+            )
+            rows.append([", ".join(names), unit, f"{column.definition} {error}".strip()])
+        yield f"{name} of {kind}"
+        yield grid("text:column", "text:unit", "text:meaning, and its error", rows=rows)
+        yield ""
+
+
+def _known(name: str, names: Iterable[str], what: str) -> str:
+    known = list(names)
+    if name not in known:
+        text = f"there is no {what} '{name}': expected one of {listed(known)}"
+        raise SquealstudyError(f"columns: {text}{did_you_mean(name, known)}")
+    return name
