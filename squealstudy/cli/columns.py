@@ -26,8 +26,8 @@ def described(kind: str, table: str | None) -> Iterator[RenderableType]:
     SquealstudyError
         No such kind or table.
     """
-    tables = COLUMNS.get(_known(kind, COLUMNS, "kind of study"), {})
-    for name in tables if table is None else (_known(table, tables, f"table of {kind}"),):
+    tables = COLUMNS.get(_expected(kind, COLUMNS, "kind of study"), {})
+    for name in tables if table is None else (_expected(table, tables, f"table of {kind}"),):
         rows = []
         for column in tables[name]:
             names = column_names(column.name)
@@ -41,9 +41,9 @@ def described(kind: str, table: str | None) -> Iterator[RenderableType]:
         yield ""
 
 
-def _known(name: str, names: Iterable[str], what: str) -> str:
-    known = list(names)
-    if name not in known:
-        text = f"there is no {what} '{name}': expected one of {listed(known)}"
-        raise SquealstudyError(f"columns: {text}{did_you_mean(name, known)}")
+def _expected(name: str, names: Iterable[str], what: str) -> str:
+    expected = list(names)
+    if name not in expected:
+        text = f"there is no {what} '{name}': expected one of {listed(expected)}"
+        raise SquealstudyError(f"columns: {text}{did_you_mean(name, expected)}")
     return name

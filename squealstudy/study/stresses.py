@@ -129,7 +129,7 @@ def preparations(file: ModelFile, places: Mapping[str, tuple[KeyPath, ...]]) -> 
         texts.append(f"stresses of {at} stiffen what vibrates")
     if (wear := file.wear) is not None:
         numbers = Numbers(file, {})
-        owners = {keys: name for name, own in places.items() for keys in own}
+        owners = {keys: name for name, its_keys in places.items() for keys in its_keys}
         amounts = {}
         for key, unit in (("distance", "m"), ("rate", "1/Pa")):
             owner = owners.get((WEAR, key))

@@ -292,8 +292,8 @@ def new_gaps(geometry: Geometry, numbers: Numbers) -> np.ndarray:
     gaps = []
     for i, (table, pair) in enumerate(zip(geometry.file.contact, geometry.contacts, strict=True)):
         scale = 1.0 if table.gap_scale is None else numbers.at("contact", i, "gap_scale")
-        given = numbers.given.get(("contact", i, "initial_gap"))
-        gaps.append(pair.gap0 * scale if given is None else np.full_like(pair.gap0, given))
+        gap_value = numbers.given.get(("contact", i, "initial_gap"))
+        gaps.append(pair.gap0 * scale if gap_value is None else np.full_like(pair.gap0, gap_value))
     all_gaps: np.ndarray = np.concatenate(gaps)
     return all_gaps
 
