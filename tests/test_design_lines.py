@@ -13,6 +13,7 @@ from squealstudy.kinds.complex_modes.design_lines import (
     MOST_DESIGNS,
     design_lines,
     onsets_in_words,
+    other_frequency,
 )
 from squealstudy.screen import as_text
 
@@ -47,7 +48,7 @@ def test_each_design_has_its_first_onset_and_its_fastest_growth(tmp_path):
     assert (lines[2].unstable, lines[2].first, lines[2].fastest) == (0, None, None)
     text = as_text(results.screen.findings(results))
     assert text.startswith("Over all 3 designs 1 mode is unstable between 10 and 1000 Hz: T")
-    assert f"first at friction {lines[1].onset:.4g}." in " ".join(text.split())
+    assert f"first at friction {lines[1].onset:.4g} (91 Hz there)." in " ".join(text.split())
     assert "none to 0.4" in text
     assert "design: frequency_2; as it is: 75 Hz" in text
 
@@ -88,3 +89,16 @@ def test_one_design_or_very_many_have_no_table(tmp_path):
     assert "first at friction 0.2917." in as_text(one.screen.findings(one))
     many = np.linspace(70.0, 80.0, MOST_DESIGNS + 1).tolist()
     assert design_lines(results_of(tmp_path / "many", [0.2, 0.4], many)) == []
+
+
+def test_a_mode_has_the_frequency_of_its_onset_where_it_grows_at_another():
+    """Between onset and fastest growth it may move far: no sentence places the one at the other."""
+    onsets = pd.DataFrame(
+        {"track": [1, 1, 2], "onset": [0.5, 0.4, 0.4], "frequency_hz": [120.0, 116.4, 300.0]}
+    )
+    row = {"track": 1, "threshold": 0.4, "frequency_hz": 75.2}
+    assert other_frequency(row, onsets) == " (116 Hz there)"
+    assert other_frequency(row | {"frequency_hz": 115.0}, onsets) == ""
+    assert other_frequency(row | {"threshold": 0.45}, onsets) == ""  # interpolated: not refined
+    assert other_frequency(row | {"threshold": np.nan}, onsets) == ""
+    assert other_frequency(row, None) == ""

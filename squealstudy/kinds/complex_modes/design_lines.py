@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 GRID = "grid"
 MOST_DESIGNS = 12  # of a table on a screen; each is a ranking of its own
 MOST_MODES = 4  # named in the answer
+SAME_ONSET = 1e-9  # relative: values of an onset in two tables
+OTHER_FREQUENCY = 0.02  # relative, of a mode at its onset: it is told beside that of its growth
 
 Row = Mapping[Hashable, Any]
 
@@ -119,6 +121,19 @@ def first_at(row: Row, along: str, unit: str) -> str:
     return f" first at {along} {about}{amount(value, unit)}"
 
 
+def other_frequency(row: Row, onsets: pd.DataFrame | None) -> str:
+    """The frequency of a mode at its first onset, where it is not that of its fastest growth."""
+    if onsets is None or row["threshold"] != row["threshold"]:
+        return ""
+    of_mode = onsets[(onsets["track"] == row["track"]).to_numpy(bool)]
+    away = (of_mode["onset"] - row["threshold"]).abs().fillna(np.inf)
+    if not len(away) or away.min() > SAME_ONSET * abs(row["threshold"]):
+        return ""
+    hz = float(of_mode["frequency_hz"][away.idxmin()])
+    other = abs(hz - row["frequency_hz"]) > OTHER_FREQUENCY * row["frequency_hz"]
+    return f" ({in_digits(hz)} Hz there)" if other else ""
+
+
 def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     """The modes of a ranking in the order in which they turn unstable; empty without onsets."""
     along = results.along
@@ -131,8 +146,10 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     own = tracked.groupby("family", sort=False).cumcount()  # of tracks that are one mode, one
     tracked = tracked[(own < tracked["family_modes"]).to_numpy(bool)]
     unit = results.units.get(along, "")
+    onsets = results.onsets if "onsets" in results.tables else None
     told = [
         f"{track_number(row['track'])} at {frequency_text(row)} Hz{first_at(row, along, unit)}"
+        f"{other_frequency(row, onsets)}"
         for row in tracked[:MOST_MODES].to_dict("records")
     ]
     left = len(tracked) - len(told)
