@@ -69,7 +69,8 @@ def test_of_complex_modes_it_is_the_ranking(tmp_path):
     (at_onset,) = (in_digits(float(f)) for f in results.onsets["frequency_hz"])
     assert verdict(results) == (
         f"1 mode is unstable between 1 and 16000 Hz: T{row['track']} at {hz} Hz first at friction "
-        f"{row['threshold']:.4g} ({at_onset} Hz there). Most widespread: T{row['track']} at {hz} Hz, "
+        f"{row['threshold']:.4g} ({at_onset} Hz there). Most widespread: "
+        f"T{row['track']} at {hz} Hz, "
         f"at 50 % of the 4 solved points. Fastest: T{row['track']} at {hz} Hz, "
         f"by {growth} 1/s at friction 0.5."
     )
