@@ -242,7 +242,7 @@ def run(
         faults.told(GOES_ON),
         usable_cache(warn),
         progress() as tell,
-        _place(client, warn) as place,
+        _cluster_or_none(client, warn) as place,
     ):
         jobs = place.size if place is not None else worker_count(jobs, manifest, warn)
         if isinstance(resolved, ResolvedStudy) and resolved.definition.fidelity is not None:
@@ -255,7 +255,7 @@ def run(
     return replace(open_results(directory), solved=report.n_solved)
 
 
-def _place(
+def _cluster_or_none(
     client: Client | str | Path | None, warn: Callable[[str], None]
 ) -> contextlib.AbstractContextManager[Cluster | None]:
     """Where design points are solved: a cluster, or None for this machine."""

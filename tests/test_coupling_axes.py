@@ -10,7 +10,7 @@ from component_meshes import STEEL, box
 from test_couplings import REFERENCE, boxes, needs_ccx, read
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.bodies import _moved as moved
+from squealstudy.models.components.bodies import _placed_mesh as moved
 from squealstudy.models.components.body_matrices import freedom_matrices
 from squealstudy.models.components.expansion import expanded
 from squealstudy.models.components.inp import read_inp

@@ -9,7 +9,7 @@ from component_meshes import STEEL, box
 from test_deck_elements import two
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.bodies import _moved as moved
+from squealstudy.models.components.bodies import _placed_mesh as moved
 from squealstudy.models.components.expansion import expanded
 from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.inp_writer import write_inp

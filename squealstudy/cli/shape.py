@@ -187,7 +187,7 @@ def _shape_rows(shape: Shape) -> Rows:
 def _shares(shape: Shape) -> str:
     """Elastic energy of layers and contacts, the largest first."""
     ordered = sorted(shape.interfaces.items(), key=lambda item: -item[1])
-    return ", ".join(f"{_place(*key)} {100 * share:.1f} %" for key, share in ordered if share)
+    return ", ".join(f"{_source_text(*key)} {100 * share:.1f} %" for key, share in ordered if share)
 
 
 def _why(shape: Shape) -> Rows:
@@ -195,7 +195,9 @@ def _why(shape: Shape) -> Rows:
     friction = [s for s in shape.sources if s.of_friction]
     damping = sorted((s for s in shape.sources if not s.of_friction), key=lambda s: s.growth_rate)
     by_kind = ", ".join(f"{s.growth_rate:+.4g} {s.kind} at {words(s.where)}" for s in friction)
-    by_place = ", ".join(f"{s.growth_rate:+.4g} in {_place(s.kind, s.where)}" for s in damping)
+    by_place = ", ".join(
+        f"{s.growth_rate:+.4g} in {_source_text(s.kind, s.where)}" for s in damping
+    )
     fed, taken = (MICROMETRE_M**2 * sum(s.power for s in kind) for kind in (friction, damping))
     return [
         ("friction 1/s", by_kind or "none"),
@@ -216,7 +218,7 @@ def _pair(shape: Shape) -> Rows:
     return [("made of", text)]
 
 
-def _place(kind: str, where: str) -> str:
+def _source_text(kind: str, where: str) -> str:
     """Where damping or energy is, in words; components and layers by their names alone."""
     if kind == ASSEMBLY:
         return "all modes of the assembly"

@@ -285,7 +285,9 @@ def _make_shared_basis(task: BuildTask, shared: SharedTask) -> SharedBasis:
             if first is None:
                 stiffness = mean_contact_stiffness(assembly, task.nominal)
             snapshot = Snapshot(assembly)
-            prepared, basis = _reduced(task_here, assembly, _Told(assembly, stiffness, snapshot))
+            prepared, basis = _reduced(
+                task_here, assembly, _SnapshotSpace(assembly, stiffness, snapshot)
+            )
         except (ConvergenceError, ModelError) as error:
             failure = error  # moduli that no material has together, or no steady sliding
             continue
@@ -320,7 +322,7 @@ def _worst(tests: list[tuple[float, float]], needed: int) -> tuple[float, float]
 
 
 @dataclass(frozen=True)
-class _Told:
+class _SnapshotSpace:
     """Makes the contact space of an assembly and keeps its static responses."""
 
     assembly: Assembly

@@ -37,7 +37,7 @@ UNITS = {  # of keys of study files that have one
     "variable.added_mass.at": "of the model file, else m",
     "variable.stiffener.max": "N/m",
 }
-NAMED = {"additionalProperties", "patternProperties"}  # of a table whose keys are names
+FREE_KEY_TABLES = {"additionalProperties", "patternProperties"}  # of a table whose keys are names
 OF_PARAMETER = "of the parameter"
 for _key in ("values", "start", "stop", "mean", "std", "median"):
     UNITS |= {f"{table}.{_key}": OF_PARAMETER for table in ("sweep", "uncertain")}
@@ -136,7 +136,7 @@ def _annotate(
         shown = example[key]
         inner = [tables[name] for name in table_names(entry)]
         one = shown[0] if inner and isinstance(shown, list) else shown
-        if inner and isinstance(one, dict) and NAMED & entry.keys():
+        if inner and isinstance(one, dict) and FREE_KEY_TABLES & entry.keys():
             one = next(iter(one.values()))  # a table of tables by name
         for table in inner:
             if isinstance(one, dict):

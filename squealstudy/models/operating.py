@@ -130,7 +130,7 @@ ASSUMPTIONS = (FRICTION_RANGE, LIGHTLY_DAMPED)  # of every model with contact
 
 
 # fields of OperatingPoint that are parameters, by their names in study files
-_OWN = {
+_FIELD_OF_PARAMETER = {
     FRICTION.name: "friction",
     PRESSURE.name: "brake_pressure",
     SLIDING_SPEED.name: "sliding_speed",
@@ -218,17 +218,19 @@ class OperatingPoint:
     @property
     def names(self) -> tuple[str, ...]:
         """Its parameters, as in study files; one that both laws have stands once."""
-        return tuple(dict.fromkeys([*_OWN, *self.curve.names, *self.law.names]))
+        return tuple(dict.fromkeys([*_FIELD_OF_PARAMETER, *self.curve.names, *self.law.names]))
 
     def value(self, name: str) -> float:
         """Value of one of its parameters."""
-        if name in _OWN:
-            return float(getattr(self, _OWN[name]))
+        if name in _FIELD_OF_PARAMETER:
+            return float(getattr(self, _FIELD_OF_PARAMETER[name]))
         return self.curve.value(name) if name in self.curve.names else self.law.value(name)
 
     def with_value(self, name: str, value: float) -> OperatingPoint:
         """The point with another value of one of its parameters, in both laws if both have it."""
-        changed: dict[str, Any] = {_OWN[name]: value} if name in _OWN else {}
+        changed: dict[str, Any] = (
+            {_FIELD_OF_PARAMETER[name]: value} if name in _FIELD_OF_PARAMETER else {}
+        )
         if name in self.curve.names:
             changed["curve"] = self.curve.with_value(name, value)
         if name in self.law.names:

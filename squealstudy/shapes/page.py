@@ -51,7 +51,7 @@ def page(shapes: Sequence[Shape]) -> str:
     if len({shape.label.point_id for shape in shapes}) != 1:
         raise ModelError("a page needs shapes of one design point")
     first = shapes[0]
-    drawn = _Kept(first)
+    drawn = _SurfacePoints(first)
     if not len(drawn.used):
         raise ModelError("no component of this model has cells: there is no surface to draw")
     places = drawn.of(first.coordinates)
@@ -105,7 +105,7 @@ def _filled(data: Any) -> str:
     return TEMPLATE.read_text(encoding="utf-8").replace("@DATA@", text)
 
 
-class _Kept:
+class _SurfacePoints:
     """The points of a surface: its nodes, then the middles of its facets.
 
     Attributes
@@ -145,7 +145,7 @@ def _middle(places: np.ndarray) -> np.ndarray:
     return middle
 
 
-def _mode(shape: Shape, kept: _Kept) -> dict[str, Any]:
+def _mode(shape: Shape, kept: _SurfacePoints) -> dict[str, Any]:
     """What the page holds of one mode."""
     label, u = shape.label, kept.of(shape.displacement)
     low, high = density_range(shape)

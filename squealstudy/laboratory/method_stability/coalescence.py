@@ -38,7 +38,7 @@ from squealstudy.system.parametric import (
 
 OMEGA_1, OMEGA_2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
 ESTIMATE_SAFETY_FACTOR = 2.0  # times the estimate, THEORY.md eq. (39)
-REACH = 2.0
+ANCHOR_BAND_FACTOR = 2.0
 
 KNOBS = (
     Knob("anchor", "friction whose modes are known", 0.1, low=0.0, high=2.0),
@@ -53,7 +53,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     problem = flutter_problem(knobs["damping_ratio"])
     to = np.array([knobs["anchor"] + knobs["step"]])
     with np.errstate(all="ignore"):
-        anchor = make_anchor(problem, np.array([knobs["anchor"]]), REACH)
+        anchor = make_anchor(problem, np.array([knobs["anchor"]]), ANCHOR_BAND_FACTOR)
         estimated = perturbed_roots(problem, anchor, to, 2)
         assert isinstance(estimated, EstimatedRoots)  # every friction has a working point
         estimate = ESTIMATE_SAFETY_FACTOR * float(

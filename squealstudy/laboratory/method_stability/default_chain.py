@@ -105,13 +105,13 @@ def help_needed(state: ContactState, settings: MotionSettings, result: Motion) -
     if result.halvings:
         return "halving"
     unaided = chain_settings(settings.step, ExactFreeMotion(mockup="never"))
-    if not _whole(run(state, unaided)):
+    if not _needs_no_help(run(state, unaided)):
         return "mock-up"
     plain = chain_settings(settings.step, ExactFreeMotion(mockup="never", aitken=False))
-    return "" if _whole(run(state, plain)) else "aitken"
+    return "" if _needs_no_help(run(state, plain)) else "aitken"
 
 
-def _whole(result: Motion) -> bool:
+def _needs_no_help(result: Motion) -> bool:
     return result.outcome == "ok" and not result.halvings and not result.newton_steps
 
 

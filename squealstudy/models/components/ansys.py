@@ -18,8 +18,8 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.models.components.ansys_archive import ArchiveBlocks, read_blocks
 from squealstudy.models.components.ansys_commands import (
-    BESIDE,
     ENDS,
+    NON_STRUCTURAL_ELEMENTS,
     PASSED_OVER,
     READ,
     SETTINGS,
@@ -293,8 +293,9 @@ class _Deck:
             kind, count = types[number], int((of == number).sum())
             if kind.element in SOLIDS:
                 continue
-            if kind.element in BESIDE or kind.name in self._ignored:
-                self._note(kind.name, count, None, BESIDE.get(kind.element, "as asked for"))
+            if kind.element in NON_STRUCTURAL_ELEMENTS or kind.name in self._ignored:
+                why = NON_STRUCTURAL_ELEMENTS.get(kind.element, "as asked for")
+                self._note(kind.name, count, None, why)
             else:
                 names.append(kind.name)
                 refused.append(f"{kind.name} ({count})")

@@ -20,7 +20,7 @@ PROGRAM = Path(__file__).with_name("archive_process.py")
 FORMAT = re.compile(r"\s*\((.*)\)\s*")
 FIELD = re.compile(r"\s*(\d{1,2})[ieg](\d{1,2})(?:\.\d+(?:e\d+)?)?\s*", re.I)  # 3i9, 6e21.13e3
 BLOCKS = ("NBLOCK", "EBLOCK", "CMBLOCK")
-LONGEST = 640  # letters of a command, as ANSYS has it
+MAX_COMMAND_CHARACTERS = 640  # letters of a command, as ANSYS has it
 MOST_FIELDS, WIDEST = 40, 40  # of a line of a block; letters of a field
 MOST_SECONDS = 600.0  # an archive of 5 million elements takes about a minute
 
@@ -85,13 +85,13 @@ def _unreadable(text: TextFile, reason: str) -> ModelError:
 
 def _check_widths(text: TextFile) -> None:
     """Raise ModelError for a line of a block that is longer than the format above it allows."""
-    widest = LONGEST
+    widest = MAX_COMMAND_CHARACTERS
     for place, line in enumerate(text.lines):
         command = line.split(",")[0].strip().upper()
         if command in BLOCKS:
             widest = _width(text, place + 1)
         elif command[:1].isalpha() or command[:1] in ("/", "*", "!"):
-            widest = LONGEST
+            widest = MAX_COMMAND_CHARACTERS
         elif (length := len(line.rstrip())) > widest and not FORMAT.fullmatch(line):
             what = f"expected at most {widest} letters by the block's format, found {length}"
             raise text.error(place, what)

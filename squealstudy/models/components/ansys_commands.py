@@ -23,7 +23,7 @@ SOLIDS: dict[int, tuple[int, int, dict[int, str], tuple[int, ...]]] = {
 }
 
 # elements that add neither mass nor stiffness of a component, and why
-BESIDE: dict[int, str] = {
+NON_STRUCTURAL_ELEMENTS: dict[int, str] = {
     200: "elements for meshing alone",
     **dict.fromkeys(range(151, 157), "loads are " + STUDY),
     **dict.fromkeys(range(169, 180), OF_CONTACT),

@@ -15,7 +15,7 @@ SEVERAL = frozenset(
     ("EY", "EZ", "GXZ", "GYZ", "PRXZ", "PRYZ", "NUXZ", "NUYZ")
 )  # of orthotropic ones
 # properties of materials beside these and the density
-OTHERS = {
+OTHER_PROPERTIES = {
     **each("DMPR DMPS BETD ALPD DAMP", "damping is " + MODEL_FILE),
     **each("MU", "friction is " + STUDY),
     **each(
@@ -51,8 +51,8 @@ def materials(
     notes: dict[str, tuple[Line, str]] = {}
     for line, (label, number), words in rows:
         label = label.upper()
-        if label in OTHERS:
-            notes.setdefault(label, (line, OTHERS[label]))
+        if label in OTHER_PROPERTIES:
+            notes.setdefault(label, (line, OTHER_PROPERTIES[label]))
             continue
         if label != "DENS" and label not in ELASTIC:
             raise line.error(f"a property '{label}' of materials is not supported")

@@ -39,7 +39,8 @@ from squealstudy.models.fem.solid import Isotropic
 from squealstudy.models.file_table import KeyPath, PlacedError
 
 INCLUDED = re.compile(r"^\s*\*[^,]*,.*?\bINPUT\s*=\s*\"?([^,\"\n]+?)\"?\s*(?:,|$)", re.I | re.M)
-LARGEST = 100_000_000  # characters of a file that are looked through for others it includes
+# characters of a file that are looked through for others it includes
+MAX_SCANNED_CHARACTERS = 100_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +121,7 @@ def _included(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[Pat
     if path.suffix.lower() != ".inp" or not path.is_file() or path in above:
         return
     with path.open(encoding="utf-8", errors="replace") as handle:
-        text = handle.read(LARGEST)
+        text = handle.read(MAX_SCANNED_CHARACTERS)
     for name in INCLUDED.findall(text):
         included_path = folder / name.strip()
         if included_path.is_file():
@@ -159,9 +160,9 @@ def body_of(brake: Brake, name: str) -> Body:
         mesh, matrices, expansion = placed_matrices(
             brake.path.parent, brake.file.units, name, table, mesh, turn
         )
-        return Body(name, _moved(mesh, turn, shift), matrices, expansion)
+        return Body(name, _placed_mesh(mesh, turn, shift), matrices, expansion)
     try:
-        placed, expansion = expanded(_moved(mesh, turn, shift))
+        placed, expansion = expanded(_placed_mesh(mesh, turn, shift))
     except ModelError as error:
         raise PlacedError(place, str(error)) from error
     return Body(name, placed, None, expansion, partial(_materials_at, brake, name))
@@ -237,7 +238,7 @@ def _scaled(material: Elastic, stress: float, density: float) -> Elastic:
     return replace(material, entries=tuple(stress * e for e in material.entries), density=rho)
 
 
-def _moved(mesh: SolidMesh, turn: np.ndarray, shift: np.ndarray) -> SolidMesh:
+def _placed_mesh(mesh: SolidMesh, turn: np.ndarray, shift: np.ndarray) -> SolidMesh:
     """The placed mesh; its material axes turn with it, the global ones of no orientation too."""
     orientations = {name: o.moved(turn, shift) for name, o in mesh.orientations.items()}
     orientation = mesh.orientation

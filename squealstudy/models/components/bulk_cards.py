@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.inp_cards import DEEPEST
+from squealstudy.models.components.inp_cards import MAX_INCLUDE_DEPTH
 from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.matrices.dmig import NUMBER, fields_of
 from squealstudy.models.matrices.text import COUNT, TextFile, shortened
@@ -149,8 +149,8 @@ def _flattened(file: TextFile, folder: Path, depth: int) -> Iterator[Line]:
         if named is None:
             yield line
             continue
-        if depth == DEEPEST:
-            raise line.error(f"more than {DEEPEST} files include each other")
+        if depth == MAX_INCLUDE_DEPTH:
+            raise line.error(f"more than {MAX_INCLUDE_DEPTH} files include each other")
         name = named["one"] or named["two"] or named["bare"] or ""
         yield from _flattened(_read(folder / name.strip(), line), folder, depth + 1)
 

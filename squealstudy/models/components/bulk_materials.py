@@ -21,9 +21,9 @@ from squealstudy.models.fem.solid import Isotropic
 READ = ("MAT1", "MAT9", "MAT11")
 TABLES = ("TABLEM1", "TABLEM2", "TABLEM3", "TABLEM4")
 OVER_TEMPERATURE = ("MATT1", *TABLES)
-OTHERS = {"MAT9": "MATT9", "MAT11": "MATT11"}  # whose tables are not read
+UNREAD_TABLES = {"MAT9": "MATT9", "MAT11": "MATT11"}  # whose tables are not read
 IN_OURS = (0, 1, 2, 5, 3, 4)  # places of xx, yy, zz, xy, yz, zx in 11 22 33 23 13 12
-SAME = 0.01  # of G: files round
+G_REL_TOLERANCE = 0.01  # of G: files round
 LAST = ("ENDT", "SKIP")
 
 
@@ -66,8 +66,8 @@ class BulkMaterials:
             return name, _isotropic(card, self._weight)
         if section.at(2).strip("0"):
             raise section.error("CORDM: axes of the material are supported in basic ones alone", 2)
-        if self._temperature is not None and self._table_card(OTHERS[card.name], number):
-            raise card.error(f"{OTHERS[card.name]} is not supported: state its moduli there")
+        if self._temperature is not None and self._table_card(UNREAD_TABLES[card.name], number):
+            raise card.error(f"{UNREAD_TABLES[card.name]} is not supported: state its moduli there")
         of = _anisotropic if card.name == "MAT9" else _orthotropic
         return name, of(card, self._weight)
 
@@ -160,7 +160,10 @@ def _isotropic(card: BulkCard, weight: float) -> Isotropic | Unfinished:
         E = 2 * G * (1 + nu)
     elif nu is None and E is not None and G is not None:
         nu = E / (2 * G) - 1
-    elif not (E is None or nu is None or G is None) and abs(G - E / (2 * (1 + nu))) > SAME * G:
+    elif (
+        not (E is None or nu is None or G is None)
+        and abs(G - E / (2 * (1 + nu))) > G_REL_TOLERANCE * G
+    ):
         raise card.error("E, G and NU contradict each other: give two of them")
     rho = card.real(4, "a density", 0.0)
     if E is None or nu is None or not (E > 0 and -1 < nu < 0.5):

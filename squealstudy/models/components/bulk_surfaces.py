@@ -14,8 +14,8 @@ from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
 READ = ("BSURFS", "SURF", "BSURF")
 PLATES = {"CTRIA3": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUAD8": 8}
-NOTHING = np.zeros((0, 2), dtype=np.int64)
-Places = Callable[[BulkCard, list[int]], np.ndarray]
+NO_FACES = np.zeros((0, 2), dtype=np.int64)
+PlacesOfNodes = Callable[[BulkCard, list[int]], np.ndarray]
 
 
 class BulkSurfaces:
@@ -36,7 +36,7 @@ class BulkSurfaces:
         self,
         mesh: SolidMesh,
         cards: Callable[..., Sequence[BulkCard]],
-        places: Places,
+        places: PlacesOfNodes,
         note: Callable[[list[BulkCard], str], None],
     ) -> None:
         self._mesh, self._all, self._places, self._note = mesh, cards, places, note
@@ -171,6 +171,6 @@ class BulkSurfaces:
 
 
 def _add(surfaces: dict[str, np.ndarray], name: str, faces: np.ndarray) -> None:
-    both = np.vstack([surfaces.get(name, NOTHING), faces])
+    both = np.vstack([surfaces.get(name, NO_FACES), faces])
     if len(both):
         surfaces[name] = np.unique(both, axis=0)

@@ -32,7 +32,7 @@ MASSES = (1e-3, 100.0)  # kg of a part of a brake, down to the pin of a rig
 SIZES = (0.01, 1.0)  # m, the longest side of a part of a brake
 SPEEDS = (20.0, 20_000.0)  # m/s of waves in solids, from soft rubber to beyond beryllium
 RIGID = 1e-7  # K R over K and R: rigid motions that cost no energy
-LISTED = 3  # elastic frequencies
+N_LISTED_FREQUENCIES = 3  # elastic frequencies
 DOUBTFUL = 0.2  # of a frequency: measured and computed ones of another mode
 MOTIONS = ("along x", "along y", "along z", "about x", "about y", "about z")
 
@@ -128,7 +128,7 @@ def component_facts(
         found.tell("", text)
     K, M = component_matrices(geometry, name, given)
     _weight(found, geometry.brake, body, M)
-    _place(found, geometry.brake, body)
+    _location(found, geometry.brake, body)
     if body.matrices is None:
         _waves(found, mesh, name, geometry.file.units)
     _rigid(found, body, K, M)
@@ -221,7 +221,7 @@ def _weight(found: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> No
         )
 
 
-def _place(found: Inspection, brake: Brake, body: Body) -> None:
+def _location(found: Inspection, brake: Brake, body: Body) -> None:
     """Where a part is: in its file, as `sets` need it, and where it was moved to."""
     units = brake.file.units
     turn, shift = placement(body.name, brake.file.components[body.name], units)
@@ -256,11 +256,11 @@ def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) ->
     forces = np.linalg.norm(K @ R, axis=0) / max(abs(K).max(), 1e-300)
     costly = [m for m, f in zip(MOTIONS, forces, strict=True) if f > RIGID]
     cutoff, elastic, rigid = first_cutoff(K, M), np.zeros(0), 0
-    while cutoff <= LAST_CUTOFF and len(elastic) < LISTED:
+    while cutoff <= LAST_CUTOFF and len(elastic) < N_LISTED_FREQUENCIES:
         omega, _ = real_modes(M, K, cutoff)
         rigid = rigid_count(K, M, omega)
         elastic, cutoff = omega[rigid:] / (2 * np.pi), 2 * cutoff
-    hz = ", ".join(f"{f:.1f}" if f >= 1.0 else f"{f:.2g}" for f in elastic[:LISTED])
+    hz = ", ".join(f"{f:.1f}" if f >= 1.0 else f"{f:.2g}" for f in elastic[:N_LISTED_FREQUENCIES])
     first = f"first free modes {hz} Hz" if hz else f"no other mode up to {cutoff / 2:g} Hz"
     found.tell("", f"{plural(rigid, 'rigid mode')}, {first}")
     if costly:

@@ -15,7 +15,7 @@ GLOBAL = Orientation("rectangular", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 @dataclass(frozen=True)
-class Kept:
+class MeshSelection:
     """Which nodes and elements of a mesh are kept, and their places then."""
 
     nodes: np.ndarray
@@ -75,7 +75,7 @@ class Tie:
         """The same of a mesh whose points x go to turn x + shift."""
         return self
 
-    def kept(self, kept: Kept) -> Tie | None:
+    def kept(self, kept: MeshSelection) -> Tie | None:
         """The same in a part of the mesh; None where that has nothing of it."""
         of = [*kept.nodes[self.nodes], *kept.elements[self.faces[:, 0]]]
         if not _all_or_none(self.name, of):
@@ -144,7 +144,7 @@ class Coupling:
             return self
         return replace(self, axes=(self.axes or GLOBAL).moved(turn, shift))
 
-    def kept(self, kept: Kept) -> Coupling | None:
+    def kept(self, kept: MeshSelection) -> Coupling | None:
         """The same in a part of the mesh; None where that has nothing of it."""
         if not _all_or_none(self.name, kept.nodes[self.nodes]):
             return None
@@ -193,7 +193,7 @@ class Relation:
         """The same of a mesh whose points x go to turn x + shift."""
         return replace(self, vectors=self.vectors @ turn.T)
 
-    def kept(self, kept: Kept) -> Relation | None:
+    def kept(self, kept: MeshSelection) -> Relation | None:
         """The same in a part of the mesh; None where that has nothing of it."""
         if not _all_or_none(self.name, kept.nodes[self.nodes]):
             return None

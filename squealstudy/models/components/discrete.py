@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.constraints import Kept
+from squealstudy.models.components.constraints import MeshSelection
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Discrete:
         T = np.kron(np.eye(len(self.K) // 3), turn)
         return replace(self, K=T @ self.K @ T.T, M=T @ self.M @ T.T)
 
-    def kept(self, kept: Kept) -> Discrete | None:
+    def kept(self, kept: MeshSelection) -> Discrete | None:
         """The same in a part of the mesh; None where that has nothing of it."""
         there = kept.nodes[self.nodes]
         if not there.any():
@@ -75,7 +75,7 @@ def rigid_mass(
     ModelError
         An inertia that no mass has.
     """
-    if np.linalg.eigvalsh(inertia)[0] < -ROUND_OFF * abs(inertia).max():
+    if np.linalg.eigvalsh(inertia)[0] < -INERTIA_REL_ROUND_OFF * abs(inertia).max():
         raise ModelError(f"{name}: its moments of inertia are not those of a mass")
     x, y, z = offset
     G = np.hstack([np.eye(3), np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])])  # u at the centre
@@ -95,7 +95,7 @@ def spring(name: str, ends: Sequence[tuple[int, np.ndarray]], stiffness: float) 
     return Discrete(name, np.array([node for node, _ in ends]), K, np.zeros_like(K), turns)
 
 
-ROUND_OFF = 1e-9  # of the largest moment of inertia
+INERTIA_REL_ROUND_OFF = 1e-9  # of the largest moment of inertia
 
 
 def matrices(found: Sequence[Discrete], n: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:

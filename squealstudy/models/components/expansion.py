@@ -27,9 +27,9 @@ from squealstudy.models.components.coupled_rows import (
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
 TOLERANCE = 0.05  # of the master's mean facet: how far a tied node may be off, as in Abaqus
-APART = 1e-6  # of a facet: distance that strains nothing in a rigid turn
+MAX_TIE_OFFSET_OVER_FACET = 1e-6  # of a facet: distance that strains nothing in a rigid turn
 COARSER = 1.3  # times as many nodes of the master as are tied to it: the slave is the coarser one
-DEEPEST = 20  # what follows what follows ...
+MAX_FOLLOW_DEPTH = 20  # what follows what follows ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
     E, depth = S, 0
     while abs(E[:, np.flatnonzero(dependent)]).sum() > 0:
         depth += 1
-        if depth > DEEPEST:
+        if depth > MAX_FOLLOW_DEPTH:
             raise mesh.error("ties and couplings follow each other in a circle")
         E = E @ S
     E, turns = E[: 3 * n], E[3 * n :]
@@ -240,10 +240,11 @@ def _adjusted(mesh: SolidMesh) -> SolidMesh:
             note = PassedOver(c.name, mesh.origin, 0, why)
             mesh = replace(mesh, passed_over=(*mesh.passed_over, note))
         size = 2 * facets_of(mesh, c.faces, c.name).radii.mean()
-        if not c.adjusted and off.max() > APART * size:
+        if not c.adjusted and off.max() > MAX_TIE_OFFSET_OVER_FACET * size:
+            far_nodes = mesh.nodes_named(tied[off > MAX_TIE_OFFSET_OVER_FACET * size])
             raise mesh.error(
-                f"{c.name}: {mesh.nodes_named(tied[off > APART * size])} lie off the master and "
-                "are not to be moved (ADJUST=NO): turns of the component would strain it"
+                f"{c.name}: {far_nodes} lie off the master and are not to be moved "
+                "(ADJUST=NO): turns of the component would strain it"
             )
         nodes = mesh.nodes.copy()
         nodes[tied] = np.einsum("ik,ikj->ij", values, mesh.nodes[masters])

@@ -143,7 +143,7 @@ def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: s
         target = {"E": E, "nu": nu, "G": G}[str(key[0])]
         place = int(key[1]) if len(key) > 1 else 0
         if (len(key) > 1) != isinstance(material, Orthotropic) or place >= len(target):
-            text = f"material {name} has {wrong}, not {key[0]}{_shown(key)}"
+            text = f"material {name} has {wrong}, not {key[0]}{_key_text(key)}"
             raise PlacedError(keys, text)
         target[place] = number
     try:
@@ -154,7 +154,7 @@ def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: s
         raise ValuesError(tuple(values), f"material {name}: {error}") from error
 
 
-def _shown(key: tuple[str | int, ...]) -> str:
+def _key_text(key: tuple[str | int, ...]) -> str:
     return f"[{int(key[1]) + 1}]" if len(key) > 1 else ""
 
 

@@ -22,9 +22,9 @@ from squealstudy.models.matrices.labelled import LabelledMatrix
 Matrices = tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix | None]  # K, M, C
 INDEPENDENT = 1e-12  # least eigenvalue of the products of such columns, each of length one
 IDENTITY = 1e-6  # how far a recovery matrix may be off for the nodes of the rows themselves
-ROUND_OFF = 1e-14
+TURN_ROUND_OFF = 1e-14
 DIGITS = 2e-5  # of the highest frequency of a freedom: what ten digits leave of rigid motions
-FEW = 1000  # nodes that are sets of their own
+MAX_NODE_SETS = 1000  # nodes that are sets of their own
 SKEW = 1e-8  # of the largest entry: matrices of files are symmetric to the digits of their texts
 
 
@@ -55,7 +55,7 @@ def placed_matrices(
         except ModelError as error:
             raise PlacedError(place, str(error)) from error
         if isinstance(A, LabelledMatrix):
-            A, rows = A.matrix, _named(path, A, freedoms, table, place, scalars)
+            A, rows = A.matrix, _named_freedoms(path, A, freedoms, table, place, scalars)
         else:
             rows = _freedoms(folder, name, table, mesh, A.shape[0], key, freedoms)
         skew = abs(A - A.T)
@@ -138,7 +138,7 @@ def _with_rows(
         renumbered.append((A, np.where(of_node, there, rows - 6 * n + 6 * count)))
     mesh = mesh.part(np.arange(mesh.n_elements), named)
     points = np.flatnonzero(mesh.bare)
-    if len(points) <= FEW:
+    if len(points) <= MAX_NODE_SETS:
         point_sets = {f"NODE{mesh.numbers[k]}": np.array([k]) for k in points}
         mesh = replace(mesh, node_sets={**point_sets, **mesh.node_sets})
     return mesh, renumbered
@@ -165,7 +165,7 @@ def _turning(
 
 def _rounded(A: sp.spmatrix) -> sp.csr_matrix:
     rounded = sp.csr_matrix(A)
-    rounded.data[abs(rounded.data) < ROUND_OFF] = 0.0
+    rounded.data[abs(rounded.data) < TURN_ROUND_OFF] = 0.0
     rounded.eliminate_zeros()
     return rounded
 
@@ -220,7 +220,7 @@ def _recovered(
     return R.tocsr()
 
 
-def _named(
+def _named_freedoms(
     path: Path,
     A: LabelledMatrix,
     freedoms: FreedomsOf,

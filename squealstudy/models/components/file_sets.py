@@ -13,7 +13,8 @@ from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.set_names import has_name
 from squealstudy.models.file_table import KeyPath, PlacedError
 
-NEAR = 1e-3  # of the longest side of the mesh: how far nodes may be off a plane or a cylinder
+# of the longest side of the mesh: how far nodes may be off a plane or a cylinder
+PLACE_TOLERANCE_OVER_SIDE = 1e-3
 
 
 def with_sets(mesh: SolidMesh, name: str, table: ComponentTable, units: str) -> SolidMesh:
@@ -91,7 +92,7 @@ def _conditions(
     No unit: that of lengths of the model file.
     """
     x = mesh.nodes[nodes]
-    near = NEAR * float(np.ptp(mesh.nodes, axis=0).max())
+    near = PLACE_TOLERANCE_OVER_SIDE * float(np.ptp(mesh.nodes, axis=0).max())
     if own.tolerance is not None:
         near = size * own.tolerance
     conditions = []

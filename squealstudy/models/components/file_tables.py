@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, Strict, model_validator
 
 from squealstudy.models.components.formulations import MassRule
-from squealstudy.models.components.sectors import MOST
+from squealstudy.models.components.sectors import MAX_SECTORS
 from squealstudy.models.file_table import Name, Table, Vector
 
 Texts = Annotated[tuple[str, ...], Strict(False)]
@@ -50,7 +50,7 @@ class RepeatTable(Table):
     """A sector of the component, which repeats about an axis."""
 
     axis: Vector = Field(description="direction of the axis")
-    count: int = Field(ge=2, le=MOST, description="sectors of the whole component")
+    count: int = Field(ge=2, le=MAX_SECTORS, description="sectors of the whole component")
     point: Vector = Field(default=(0.0, 0.0, 0.0), description="a point of the axis")
 
     @model_validator(mode="after")

@@ -24,7 +24,8 @@ from squealstudy.models.components.file_matrices import least_frequency
 from squealstudy.models.file_table import PlacedError
 
 MODE, FREQUENCY, DAMPING_RATIO = COLUMNS = ("mode", "frequency_hz", "damping_ratio")
-FAR = 0.1  # of the frequency: a measured mode without number has no partner beyond
+# of the frequency: a measured mode without number has no partner beyond
+MAX_PARTNER_REL_DISTANCE = 0.1
 
 
 @dataclass(frozen=True)
@@ -185,7 +186,9 @@ def measured_modes(
         that no mode is near.
     """
     table = read_mode_table(path)
-    omega, _ = real_modes(M, K, (1.0 + FAR) * cutoff_hz)  # a measured one may be near the next
+    omega, _ = real_modes(
+        M, K, (1.0 + MAX_PARTNER_REL_DISTANCE) * cutoff_hz
+    )  # a measured one may be near the next
     rigid, hz = rigid_count(K, M, omega), omega / (2 * np.pi)
     line_of: dict[int, MeasuredLine] = {}
     for row in table:
@@ -234,12 +237,13 @@ def _nearest(row: MeasuredLine, hz: np.ndarray, rigid: int, where: str) -> int |
     """Number of the elastic mode nearest in frequency; None where it may be beyond those known."""
     assert row.frequency_hz is not None
     away = np.abs(hz[rigid:] / row.frequency_hz - 1.0)
-    if len(away) and away.min() <= FAR:
+    if len(away) and away.min() <= MAX_PARTNER_REL_DISTANCE:
         return rigid + 1 + int(away.argmin())
     if not len(away) or row.frequency_hz > hz[-1]:
         return None
     near = hz[rigid + int(away.argmin())]
     raise ModelError(
-        f"{where}: no free mode is within {100 * FAR:g} % of {row.frequency_hz:g} Hz, the nearest "
-        f"is at {near:.1f} Hz: give its number in a column {MODE}"
+        f"{where}: no free mode is within {100 * MAX_PARTNER_REL_DISTANCE:g} % of "
+        f"{row.frequency_hz:g} Hz, the nearest is at {near:.1f} Hz: give its number in a "
+        f"column {MODE}"
     )

@@ -26,9 +26,10 @@ from squealstudy.models.file_table import KeyPath, PlacedError
 
 LEAST_IN_REACH = 0.5  # of a face: with less the faces are hardly those meant
 ALL_MET = 0.9  # of the other face, by area: it is the first that is larger
-REACH = 0.5  # of the size of a facet: how far the faces of a layer may be apart
+SEARCH_OVER_FACET = 0.5  # of the size of a facet: how far the faces of a layer may be apart
 LAYER_POINTS = 3  # a side of a facet
-CLOSE = 1e-4  # of a facet: a gap over which a tie strains next to nothing in rigid turns
+# of a facet: a gap over which a tie strains next to nothing in rigid turns
+MAX_TIE_GAP_OVER_FACET = 1e-4
 STIFFER = 1000.0  # a tie than a layer of elements: it gives a thousandth of one's compliance
 
 
@@ -272,7 +273,7 @@ class Geometry:
     ) -> Pair:
         """Two faces within a distance, or within half the size of a facet."""
         size = LENGTH.factor(self.file.units)
-        search = REACH * float(slave.radii.mean()) if given is None else given * size
+        search = SEARCH_OVER_FACET * float(slave.radii.mean()) if given is None else given * size
         try:
             facing = pair(slave, master, search=search, quadrature=quadrature)
         except ModelError as error:
@@ -291,12 +292,13 @@ class Geometry:
         facing = self._opposite(slave, master, keys, table.search, "clipped")
         facet = 2 * float(slave.radii.mean())
         widest = float(np.abs(facing.geometric_gap).max())
-        if widest > CLOSE * facet:
+        if widest > MAX_TIE_GAP_OVER_FACET * facet:
             raise PlacedError(
                 keys,
-                f"the faces are up to {widest / facet:.1g} of a facet apart, more than {CLOSE:g}: "
-                "a tie over a gap would strain in rigid turns. Join the meshes in one .inp with "
-                "*TIE, which moves the nodes, or use a [[layer]] of finite stiffness",
+                f"the faces are up to {widest / facet:.1g} of a facet apart, more than "
+                f"{MAX_TIE_GAP_OVER_FACET:g}: a tie over a gap would strain in rigid turns. Join "
+                "the meshes in one .inp with *TIE, which moves the nodes, or use a [[layer]] of "
+                "finite stiffness",
             )
         return facing
 
@@ -330,7 +332,7 @@ class Geometry:
         _, back = self.face(table.reaction_on, (*keys, "reaction_on"))
         if table.reaction == "spread":
             return surface, back.gauss_points(LAYER_POINTS)[0]
-        search = REACH * float(pressed.radii.mean())
+        search = SEARCH_OVER_FACET * float(pressed.radii.mean())
         try:
             facing = pair(pressed, back, search=search, quadrature="gauss")
         except ModelError as error:

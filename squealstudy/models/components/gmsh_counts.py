@@ -64,18 +64,18 @@ def _content(path: Path) -> bytes:
 def _in_a_list(lines: Sequence[list[bytes]], word: str) -> list[int]:
     """Numbers of nodes or elements of format 2.2; ValueError where they are not as many."""
     rows = _stated(lines, word)
-    return [_whole(rows, k, 1)[0] for k in range(len(rows))]
+    return [_whole_numbers(rows, k, 1)[0] for k in range(len(rows))]
 
 
 def _names(lines: Sequence[list[bytes]], word: str) -> list[Number]:
     """Dimensions and numbers of physical names; ValueError where they are not as many."""
     rows = _stated(lines, word)
-    return [tuple(_whole(rows, k, 2)) for k in range(len(rows))]
+    return [tuple(_whole_numbers(rows, k, 2)) for k in range(len(rows))]
 
 
 def _stated(lines: Sequence[list[bytes]], word: str) -> Sequence[list[bytes]]:
     """The lines below a header; ValueError where it states another number of them."""
-    stated, rows = _whole(lines, 0, 1)[0], lines[1:]
+    stated, rows = _whole_numbers(lines, 0, 1)[0], lines[1:]
     if stated != len(rows):
         raise ValueError(f"its header states {stated} {word}s, there are {len(rows)}")
     return rows
@@ -83,23 +83,23 @@ def _stated(lines: Sequence[list[bytes]], word: str) -> Sequence[list[bytes]]:
 
 def _entities(lines: Sequence[list[bytes]], _: str) -> list[Number]:
     """Dimensions and numbers of points to volumes; ValueError where they are not as many."""
-    stated, rows = _whole(lines, 0, 4), lines[1:]
+    stated, rows = _whole_numbers(lines, 0, 4), lines[1:]
     if sum(stated) != len(rows):
         raise ValueError(f"its header states {sum(stated)} entities, there are {len(rows)}")
     dimensions = [dimension for dimension, count in enumerate(stated) for _ in range(count)]
-    return [(dimension, *_whole(rows, k, 1)) for k, dimension in enumerate(dimensions)]
+    return [(dimension, *_whole_numbers(rows, k, 1)) for k, dimension in enumerate(dimensions)]
 
 
 def _in_blocks(lines: Sequence[list[bytes]], word: str) -> list[int]:
     """Numbers of nodes or elements of format 4.1; ValueError where they are not as many."""
-    n_blocks, stated = _whole(lines, 0, 2)
+    n_blocks, stated = _whole_numbers(lines, 0, 2)
     numbers: list[int] = []
     place = 1
     for block in range(1, n_blocks + 1):
-        count = _whole(lines, place, 4)[3]
+        count = _whole_numbers(lines, place, 4)[3]
         place += 1
         rows = range(place, place + count)
-        of_block = [_whole(lines, k, 1)[0] for k in rows]
+        of_block = [_whole_numbers(lines, k, 1)[0] for k in rows]
         if word == "node":  # their coordinates follow
             if any(len(lines[k]) != 1 for k in rows):
                 raise ValueError(f"block {block} states {count} nodes and has others")
@@ -111,25 +111,25 @@ def _in_blocks(lines: Sequence[list[bytes]], word: str) -> list[int]:
     if len(numbers) != stated:
         raise ValueError(f"its header states {stated} {word}s, its blocks {len(numbers)}")
     if place != len(lines):
-        raise ValueError(f"{abs(len(lines) - place)} lines too {_many(len(lines) > place)}")
+        raise ValueError(f"{abs(len(lines) - place)} lines too {_many_or_few(len(lines) > place)}")
     return numbers
 
 
-def _many(more: bool) -> str:
+def _many_or_few(more: bool) -> str:
     return "many" if more else "few"
 
 
-def _whole(lines: Sequence[list[bytes]], place: int, count: int) -> list[int]:
+def _whole_numbers(lines: Sequence[list[bytes]], place: int, count: int) -> list[int]:
     """The first whole numbers of a line, not negative; ValueError where there are none."""
     if place >= len(lines):
         raise ValueError("it ends before the last that its header states")
     words = lines[place][:count]
     if len(words) < count or not all(word.isdigit() for word in words):
-        raise ValueError(f"expected whole numbers, found '{_shown(lines[place])}'")
+        raise ValueError(f"expected whole numbers, found '{_words_text(lines[place])}'")
     return [int(word) for word in words]
 
 
-def _shown(words: Sequence[bytes]) -> str:
+def _words_text(words: Sequence[bytes]) -> str:
     return b" ".join(words)[:40].decode(errors="replace")
 
 

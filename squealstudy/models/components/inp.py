@@ -30,7 +30,7 @@ from squealstudy.models.components.marked_faces import FACES, NODES
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
 Dialect = Literal["abaqus", "calculix"]
-OWN = ("C3D8_BBAR",)  # formulations that no file can name
+UNNAMED_FORMULATIONS = ("C3D8_BBAR",)  # formulations that no file can name
 ABAQUS_ONLY = ("PART", "ASSEMBLY", "INSTANCE")
 OF_ASSEMBLY = ("NSET", "ELSET", "SURFACE", "ORIENTATION", *KEYWORDS, *EQUATIONS)
 
@@ -124,7 +124,7 @@ def _plain(keyword: str) -> str:
 
 def _elements(path: Path, dialect: Dialect, treat_as: Mapping[str, str] | None) -> dict[str, str]:
     """Formulation of each type of element of a file."""
-    formulation_of = {name: name for name in FORMULATIONS if name not in OWN}
+    formulation_of = {name: name for name in FORMULATIONS if name not in UNNAMED_FORMULATIONS}
     if dialect == "abaqus":
         formulation_of["C3D8"] = "C3D8_BBAR"
     for written, name in (treat_as or {}).items():
@@ -210,7 +210,7 @@ def _sorted(cards: list[Card], pass_over: Collection[str]) -> Contents:
             text = f"{card.shown} is not supported: {REFUSED[keyword]}"
             contents.refused.append(Refused(card, keyword, text))
         elif keyword in READ:
-            _place(contents, card, inside, pass_over)
+            _sort_card(contents, card, inside, pass_over)
         else:
             contents.refused.append(Refused(card, keyword, f"{card.shown} is not known here"))
     if inside:
@@ -236,7 +236,9 @@ def _open(contents: Contents, card: Card, inside: list[Card]) -> None:
         contents.instances[name] = Instance(card)
 
 
-def _place(contents: Contents, card: Card, inside: list[Card], pass_over: Collection[str]) -> None:
+def _sort_card(
+    contents: Contents, card: Card, inside: list[Card], pass_over: Collection[str]
+) -> None:
     """A card of nodes, elements, sets, surfaces or sections, where it belongs."""
     within = inside[-1].keyword if inside else ""
     if not within:

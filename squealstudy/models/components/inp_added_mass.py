@@ -11,7 +11,7 @@ from squealstudy.models.components.jacobians import volumes
 from squealstudy.models.components.mesh import SolidMesh
 
 KEYWORD = "NONSTRUCTURALMASS"
-KNOWN = ("ELSET", "UNITS", "DISTRIBUTION")
+CARD_PARAMETERS = ("ELSET", "UNITS", "DISTRIBUTION")
 TOTAL, PER_VOLUME = "TOTALMASS", "MASSPERVOLUME"
 BY_MASS, BY_VOLUME = "MASSPROPORTIONAL", "VOLUMEPROPORTIONAL"
 
@@ -25,7 +25,7 @@ def with_added_mass(mesh: SolidMesh, cards: Sequence[Card], elements_of: Element
     for card in cards:
         if card.keyword != KEYWORD:
             continue
-        card.check(KNOWN)
+        card.check(CARD_PARAMETERS)
         units = _plain(card.value("UNITS"))
         how = _plain(card.parameters.get("DISTRIBUTION", BY_MASS))
         if units not in (TOTAL, PER_VOLUME):

@@ -14,7 +14,7 @@ from squealstudy.models.components.inp_parameters import KEYWORD as PARAMETER
 from squealstudy.models.components.inp_parameters import Parameters
 from squealstudy.models.matrices.text import TextFile, shortened
 
-DEEPEST = 20  # files that include each other
+MAX_INCLUDE_DEPTH = 20  # files that include each other
 FROM_FILES = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")  # of whose data INPUT names a file
 COMMAS = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')  # those outside quotes
 
@@ -139,8 +139,8 @@ def _flattened(file: TextFile, folder: Path, depth: int) -> Iterator[Line]:
             continue
         line = Line(file, index)
         if text.lstrip().startswith("*") and _keyword(text) == "INCLUDE":
-            if depth == DEEPEST:
-                raise line.error(f"more than {DEEPEST} files include each other")
+            if depth == MAX_INCLUDE_DEPTH:
+                raise line.error(f"more than {MAX_INCLUDE_DEPTH} files include each other")
             included = _read(folder / _card(text, line).value("INPUT"), line)
             yield from _flattened(included, folder, depth + 1)
         else:

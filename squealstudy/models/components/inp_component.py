@@ -21,14 +21,14 @@ from squealstudy.models.components.inp_elements import KEYWORDS as ELEMENTS
 from squealstudy.models.components.inp_elements import Elements
 from squealstudy.models.components.inp_equations import KEYWORDS as EQUATIONS
 from squealstudy.models.components.inp_equations import Equations
-from squealstudy.models.components.inp_lines import WHOLE, Line
+from squealstudy.models.components.inp_lines import WHOLE_NUMBER, Line
 from squealstudy.models.components.inp_materials import with_sections
 from squealstudy.models.components.inp_nodes import KEYWORDS as NODES
 from squealstudy.models.components.inp_nodes import Nodes
-from squealstudy.models.components.inp_places import Places
+from squealstudy.models.components.inp_places import NodePlaces
 from squealstudy.models.components.inp_sectors import KEYWORD as SECTORS
 from squealstudy.models.components.inp_sectors import SectorCard, read_sectors
-from squealstudy.models.components.inp_sets import NOTHING, Sets
+from squealstudy.models.components.inp_sets import NO_LABELS, Sets
 from squealstudy.models.components.inp_text import Text, unused
 from squealstudy.models.components.marked_faces import MarkedFaces
 from squealstudy.models.components.materials import Orientation
@@ -137,7 +137,7 @@ class Component:
     def _nodes_of(self, elements: np.ndarray) -> np.ndarray:
         """Numbers of the nodes of elements of these labels."""
         block_nodes = [b.nodes[np.isin(b.labels, elements)].ravel() for b in self.blocks]
-        return self.numbers[np.unique(np.concatenate([NOTHING, *block_nodes]))]
+        return self.numbers[np.unique(np.concatenate([NO_LABELS, *block_nodes]))]
 
     def _nodes(self, labels: np.ndarray) -> np.ndarray:
         return np.searchsorted(self.numbers, labels)
@@ -210,14 +210,14 @@ class Component:
     def _members(self, card: Card, sets: Sets) -> np.ndarray:
         """Labels that the first words of the lines of a surface name."""
         labels = [self._named(line, line.words()[0], sets) for line in card.data]
-        return np.unique(np.concatenate([NOTHING, *labels]))
+        return np.unique(np.concatenate([NO_LABELS, *labels]))
 
     def _named(self, line: Line, word: str, sets: Sets) -> np.ndarray:
         """Labels of a set, or a label itself, in a surface."""
         owner, dot, label = word.rpartition(".")
-        if WHOLE.fullmatch(label) and (sets.part is not None) == bool(dot):
+        if WHOLE_NUMBER.fullmatch(label) and (sets.part is not None) == bool(dot):
             if dot and owner.upper() != sets.instance:
-                return NOTHING
+                return NO_LABELS
             (sets.part or sets).check(line, int(label))
             return np.array([int(label)], dtype=np.int64)
         return sets.labels(word, line)
@@ -231,7 +231,7 @@ class Component:
                 face_lists.append(outer[np.isin(outer[:, 0], elements)])
                 continue
             number = face[0].upper().removeprefix("S")
-            if not WHOLE.fullmatch(number) or face[1:]:
+            if not WHOLE_NUMBER.fullmatch(number) or face[1:]:
                 raise line.error(f"expected a face S1 to S6, found '{', '.join(face)}'")
             for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
                 here = elements[(elements >= start) & (elements < end)]
@@ -274,7 +274,7 @@ class Component:
         more, _ = self._constraints(assembly, placed, axes)  # directions there are global
         constraints += [c.moved(turn.T, -turn.T @ shift) for c in more]
         mesh, abaqus = replace(mesh, constraints=tuple(constraints)), self.text.abaqus
-        at = Places(self.node_sets, self._nodes)
+        at = NodePlaces(self.node_sets, self._nodes)
         return read_discrete(mesh, self.text, at, self.element_sets, abaqus)
 
     def _constraints(
@@ -282,7 +282,7 @@ class Component:
     ) -> tuple[list[Constraint], dict[int, Orientation]]:
         """What a part or the assembly has, and the directions of nodes by ``*TRANSFORM``."""
         couplings = Couplings(mesh, self._nodes, self._nodes_of, self.text.note).read(where)
-        at, abaqus = Places(where.nodes, self._nodes), self.text.abaqus
+        at, abaqus = NodePlaces(where.nodes, self._nodes), self.text.abaqus
         equations = Equations(at, mesh.nodes, mesh.bare, abaqus, self.text.note, where.turned, axes)
         axes = equations.transforms(where.cards)
         return [*couplings, *equations.read(where.cards)], axes

@@ -14,7 +14,7 @@ from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_equations import TURNED
 from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.inp_orientations import read_orientation
-from squealstudy.models.components.inp_places import Places
+from squealstudy.models.components.inp_places import NodePlaces
 from squealstudy.models.components.inp_sectors import KEYWORD as SECTORS
 from squealstudy.models.components.inp_sets import Sets
 from squealstudy.models.components.materials import Orientation
@@ -235,7 +235,7 @@ class Couplings:
 
     def _reference(self, card: Card, where: Where) -> np.ndarray:
         """Place of the reference node: a number, instance.number, or a set of one node."""
-        return Places(where.nodes, self._places).of(card.line, card.value("REFNODE"))
+        return NodePlaces(where.nodes, self._places).of(card.line, card.value("REFNODE"))
 
     def _surface(self, line: Line, word: str, where: Where) -> tuple[np.ndarray, np.ndarray]:
         """Nodes of a surface, and its faces; of a node set none."""

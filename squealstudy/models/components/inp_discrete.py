@@ -11,7 +11,7 @@ from squealstudy.models.components.constraints import Constraint, Coupling, rela
 from squealstudy.models.components.discrete import Discrete, point_mass, rigid_mass, spring
 from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_lines import Line
-from squealstudy.models.components.inp_places import Places
+from squealstudy.models.components.inp_places import NodePlaces
 from squealstudy.models.components.inp_sets import Sets
 from squealstudy.models.components.inp_text import Text
 from squealstudy.models.components.mesh import SolidMesh
@@ -24,7 +24,9 @@ KEYWORDS = ("MASS", "ROTARYINERTIA", "SPRING", "DISTRIBUTINGCOUPLING")
 Members = dict[int, tuple[Line, str, np.ndarray]]  # line, element, nodes by the label
 
 
-def read_discrete(mesh: SolidMesh, text: Text, at: Places, sets: Sets, abaqus: bool) -> SolidMesh:
+def read_discrete(
+    mesh: SolidMesh, text: Text, at: NodePlaces, sets: Sets, abaqus: bool
+) -> SolidMesh:
     """The mesh with them; ModelError about the line of what is wrong.
 
     Springs end at the ground where a node belongs to no element and nothing moves it or weighs
@@ -103,7 +105,7 @@ def _turning(
             text.note(card, f"{named}: of no coupling: its turns move nothing")
 
 
-def _members(text: Text, at: Places) -> Members:
+def _members(text: Text, at: NodePlaces) -> Members:
     elements: Members = {}
     for card in text.points:
         kind = card.value("TYPE").upper()
@@ -161,7 +163,7 @@ def _spring(
         yield spring(f"{card.shown} (line {card.line.place + 1})", ends, stiffness)
 
 
-def _older(card: Card, reference: int, at: Places, abaqus: bool) -> Iterator[Constraint]:
+def _older(card: Card, reference: int, at: NodePlaces, abaqus: bool) -> Iterator[Constraint]:
     """A *DISTRIBUTING COUPLING of a reference node."""
     nodes: list[np.ndarray] = []
     weights: list[np.ndarray] = []

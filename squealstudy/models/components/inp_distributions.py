@@ -12,7 +12,7 @@ from squealstudy.models.components.inp_orientations import read_orientation
 from squealstudy.models.components.materials import Orientation
 
 KEYWORD = "DISTRIBUTION"
-KNOWN = ("NAME", "LOCATION", "TABLE")
+CARD_PARAMETERS = ("NAME", "LOCATION", "TABLE")
 ElementsOf = Callable[[Line, str], np.ndarray]  # places of the elements of a label or a set
 
 
@@ -55,7 +55,7 @@ def unused_distributions(cards: Sequence[Card]) -> Iterator[Card]:
 def _rows(
     card: Card, table: Card, elements: np.ndarray, elements_of: ElementsOf
 ) -> Iterator[tuple[np.ndarray, Orientation]]:
-    table.check(KNOWN)
+    table.check(CARD_PARAMETERS)
     if table.parameters.get("LOCATION", "ELEMENT").upper() != "ELEMENT":
         raise table.error("expected LOCATION=ELEMENT of a distribution of orientations")
     row_of = np.full(len(elements), -1)

@@ -9,8 +9,8 @@ import numpy as np
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_lines import Line
-from squealstudy.models.components.inp_nodes import MOST
-from squealstudy.models.components.inp_sets import NOTHING, Sets
+from squealstudy.models.components.inp_nodes import MAX_GENERATED
+from squealstudy.models.components.inp_sets import NO_LABELS, Sets
 from squealstudy.models.components.marked_faces import FACES, NODES, MarkedFaces
 from squealstudy.models.components.mesh import ElementBlock, PassedOver
 
@@ -64,7 +64,7 @@ class Elements:
             )
             for name, tables in parts.items()
         ]
-        self.labels = np.concatenate([NOTHING, *(b.labels for b in self.blocks)])
+        self.labels = np.concatenate([NO_LABELS, *(b.labels for b in self.blocks)])
         self.by_label = np.argsort(self.labels)
         why = "numbers behind the {} nodes of an element, which CalculiX ignores"
         self.notes = [
@@ -143,8 +143,8 @@ class Elements:
             parameters = [line.whole(w, "a whole number") if w else 1 for w in words]
             parameters += [1] * (10 - len(parameters))
             counts, node_steps, steps = (np.array(parameters[k::3]) for k in (1, 2, 3))
-            if not (counts >= 1).all() or np.prod(counts.astype(float)) > MOST:
-                raise line.error(f"expected counts from 1, and at most {MOST} elements")
+            if not (counts >= 1).all() or np.prod(counts.astype(float)) > MAX_GENERATED:
+                raise line.error(f"expected counts from 1, and at most {MAX_GENERATED} elements")
             name, nodes = self._named(line, parameters[0], parts)
             k = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
             k = k.reshape(-1, 3)[1:]  # the first is there

@@ -10,10 +10,10 @@ from squealstudy.models.components.constraints import Coupling, Relation, relati
 from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.inp_orientations import read_orientation
-from squealstudy.models.components.inp_places import Places
+from squealstudy.models.components.inp_places import NodePlaces
 from squealstudy.models.components.materials import Orientation
 
-SAME = ("TIE", "PIN")  # of *MPC: all displacements are the same
+EQUAL_MPC_TYPES = ("TIE", "PIN")  # of *MPC: all displacements are the same
 ALONG = {"STRAIGHT": 2, "PLANE": 3}  # of CalculiX: nodes that say where a line or a plane is
 TURNED = (
     "directions of a part that turns with its instance, and whether they do is not known: expected "
@@ -48,7 +48,7 @@ class Equations:
 
     def __init__(
         self,
-        places: Places,
+        places: NodePlaces,
         nodes: np.ndarray,
         bare: np.ndarray,
         abaqus: bool,
@@ -166,7 +166,11 @@ class Equations:
             if kind in ALONG and not self._abaqus:
                 yield from self._along(line, kind, words)
                 continue
-            supported = (*SAME, "LINK", "BEAM") if self._abaqus else (*SAME, *ALONG, "BEAM")
+            supported = (
+                (*EQUAL_MPC_TYPES, "LINK", "BEAM")
+                if self._abaqus
+                else (*EQUAL_MPC_TYPES, *ALONG, "BEAM")
+            )
             if kind not in supported:
                 why = ROPE if kind == "DIST" and not self._abaqus else ""
                 raise line.error(
@@ -190,7 +194,7 @@ class Equations:
                     beams.setdefault(int(other), (name, []))[1].append(int(one))
                     continue
                 pair = np.array([one, other])
-                if kind in SAME:
+                if kind in EQUAL_MPC_TYPES:
                     for axis in np.eye(3):
                         yield relation(name, pair, np.array([axis, -axis]))
                     continue

@@ -131,7 +131,7 @@ MATTERS: dict[str, tuple[str, ...]] = {
 }
 
 # elements that join no solids, or that are stated otherwise, and why they are passed over
-BESIDE: dict[str, str] = {
+NON_STRUCTURAL_ELEMENTS: dict[str, str] = {
     "D": "of a flow network",
     "GAPUNI": OF_CONTACT,
 }

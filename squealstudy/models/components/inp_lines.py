@@ -9,7 +9,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.matrices.text import NUMBER, TextFile, shortened
 
 REAL = re.compile(NUMBER, re.ASCII)
-WHOLE = re.compile(r"[+-]?[0-9]{1,18}", re.ASCII)
+WHOLE_NUMBER = re.compile(r"[+-]?[0-9]{1,18}", re.ASCII)
 FORTRAN = str.maketrans("dD", "eE")  # its double exponents
 
 
@@ -35,7 +35,7 @@ class Line(NamedTuple):
 
     def whole(self, word: str, what: str) -> int:
         """A word as a whole number; ModelError where it is none."""
-        if not WHOLE.fullmatch(word):
+        if not WHOLE_NUMBER.fullmatch(word):
             raise self.error(f"expected {what}, found '{shortened(word)}'")
         return int(word)
 

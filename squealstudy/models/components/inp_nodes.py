@@ -14,7 +14,7 @@ NODE = ("NSET", "INPUT", "SYSTEM")
 NGEN = ("NSET", "LINE", "SYSTEM")
 NFILL = ("NSET", "BIAS", "TWOSTEP", "SINGULAR")
 KEYWORDS = ("NODE", "SYSTEM", "NGEN", "NFILL")
-MOST = 20_000_000  # nodes, or elements, that a deck generates
+MAX_GENERATED = 20_000_000  # nodes, or elements, that a deck generates
 FLAT = 1e-10  # sine of an angle that is none
 
 
@@ -168,8 +168,10 @@ class Nodes:
                 )
             count = line.whole(words[2], "a number of intervals")
             step = line.whole(words[3], "a step of numbers") if len(words) > 3 else 1
-            if not 1 <= count * len(one) <= MOST:
-                raise line.error(f"expected 1 to {MOST // len(one)} intervals, found {count}")
+            if not 1 <= count * len(one) <= MAX_GENERATED:
+                raise line.error(
+                    f"expected 1 to {MAX_GENERATED // len(one)} intervals, found {count}"
+                )
             members += [*one.tolist(), *other.tolist()]
             for first, last in zip(one.tolist(), other.tolist(), strict=True):
                 a, b = self._place(line, first), self._place(line, last)
@@ -183,8 +185,8 @@ class Nodes:
 def _numbers(line: Line, first: int, last: int, step: int) -> list[int]:
     if step == 0 or (last - first) % step or (last - first) * step <= 0:
         raise line.error(f"from {first} to {last} there are no steps of {step}")
-    if (last - first) // step > MOST:
-        raise line.error(f"expected at most {MOST} generated nodes")
+    if (last - first) // step > MAX_GENERATED:
+        raise line.error(f"expected at most {MAX_GENERATED} generated nodes")
     return list(range(first, last + (1 if step > 0 else -1), step))
 
 

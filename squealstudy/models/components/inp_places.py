@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from squealstudy.models.components.inp_lines import WHOLE, Line
+from squealstudy.models.components.inp_lines import WHOLE_NUMBER, Line
 from squealstudy.models.components.inp_sets import Sets
 
 
-class Places:
+class NodePlaces:
     """Places in the mesh of the nodes that words name, in a part or in the assembly.
 
     Parameters
@@ -30,7 +30,7 @@ class Places:
         Raises ModelError about the line where there is no such node or set.
         """
         sets, (owner, _, label) = self._sets, word.rpartition(".")
-        if not WHOLE.fullmatch(label):
+        if not WHOLE_NUMBER.fullmatch(label):
             return self._places(sets.labels(word, line))
         if sets.part is None and not owner:
             sets.check(line, int(label))

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.inp_discrete import POINTS
-from squealstudy.models.components.inp_keywords import BESIDE, ELEMENTS
-from squealstudy.models.components.inp_lines import WHOLE
+from squealstudy.models.components.inp_keywords import ELEMENTS, NON_STRUCTURAL_ELEMENTS
+from squealstudy.models.components.inp_lines import WHOLE_NUMBER
 from squealstudy.models.components.inp_text import Text
 from squealstudy.models.components.marked_faces import FACES, NODES
 
@@ -51,14 +51,16 @@ def sift_elements(text: Text, pass_over: Collection[str]) -> list[Refused]:
         elif written in POINTS and written not in pass_over:
             text.points.append(card)
             text.others.append((card, _labels(card)))
-        elif (written in pass_over and written not in ELEMENTS) or written in BESIDE:
+        elif (
+            written in pass_over and written not in ELEMENTS
+        ) or written in NON_STRUCTURAL_ELEMENTS:
             dropped.setdefault(written, []).append(card)
         else:
             solid = written in ELEMENTS
             why = f"element {written} is not supported: {_advice(text, written)}"
             refused.append(Refused(card, "" if solid else written, why))
     for written, cards in dropped.items():
-        text.note(cards[0], BESIDE.get(written, f"{written}, as asked for"))
+        text.note(cards[0], NON_STRUCTURAL_ELEMENTS.get(written, f"{written}, as asked for"))
         for card in cards:
             text.others.append((card, _labels(card)))
     text.part = readable
@@ -80,7 +82,7 @@ def _labels(card: Card) -> list[int]:
     goes_on = False
     for line in card.data:
         word = line.words()[0]
-        if not goes_on and WHOLE.fullmatch(word):
+        if not goes_on and WHOLE_NUMBER.fullmatch(word):
             labels.append(int(word))
         goes_on = line.text.rstrip().endswith(",")
     return labels

@@ -9,10 +9,10 @@ import numpy as np
 
 from squealstudy.models.components.inp_cards import Card
 from squealstudy.models.components.mesh import SolidMesh
-from squealstudy.models.components.sectors import MOST, Repetition, repeated
+from squealstudy.models.components.sectors import MAX_SECTORS, Repetition, repeated
 
 KEYWORD = "CYCLICSYMMETRYMODEL"
-KNOWN = ("N", "NGRAPH", "TIE", "ELSET", "CHECK", "CONTACT")
+CARD_PARAMETERS = ("N", "NGRAPH", "TIE", "ELSET", "CHECK", "CONTACT")
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,10 @@ def read_sectors(
     for card in cards:
         if card.keyword != KEYWORD:
             continue
-        card.check(KNOWN)
+        card.check(CARD_PARAMETERS)
         number = card.line.real(card.value("N"), "the number of sectors")
-        if not (number.is_integer() and 2 <= number <= MOST):
-            raise card.error(f"N={number:g} sectors are no whole body: expected 2 to {MOST}")
+        if not (number.is_integer() and 2 <= number <= MAX_SECTORS):
+            raise card.error(f"N={number:g} sectors are no whole body: expected 2 to {MAX_SECTORS}")
         first = replace(card, data=card.data[:1])  # CalculiX reads no further
         x = np.array(
             [coordinate for _, coordinate in first.numbers("two points of the axis", 6, 6)]

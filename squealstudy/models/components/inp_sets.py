@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.models.components.inp_cards import Card
-from squealstudy.models.components.inp_lines import WHOLE, Line
+from squealstudy.models.components.inp_lines import WHOLE_NUMBER, Line
 
-NOTHING = np.zeros(0, dtype=np.int64)
+NO_LABELS = np.zeros(0, dtype=np.int64)
 
 
 class Sets:
@@ -27,7 +27,7 @@ class Sets:
         self.kind, self.part, self.instance = kind, part, instance
         self.shown: dict[str, str] = {}  # names as first written, by capitals
         self._entries: dict[str, list[Card | np.ndarray]] = {}
-        self.known = NOTHING  # labels that there are, ascending
+        self.known = NO_LABELS  # labels that there are, ascending
         self._absent: dict[int, tuple[Card, int]] = {}
 
     @property
@@ -54,10 +54,10 @@ class Sets:
             raise line.error(f"the {self.kind} set '{name}' contains itself")
         if key in self._entries:
             parts = [self._members(e, (*above, key)) for e in self._entries[key]]
-            return np.unique(np.concatenate([NOTHING, *parts]))
+            return np.unique(np.concatenate([NO_LABELS, *parts]))
         owner, dot, inner = name.partition(".")
         if self.part is not None and dot:
-            return self.part.labels(inner, line) if owner.upper() == self.instance else NOTHING
+            return self.part.labels(inner, line) if owner.upper() == self.instance else NO_LABELS
         names = ", ".join(self.shown.values()) or "none"
         raise line.error(f"there is no {self.kind} set '{name}'; there is {names}")
 
@@ -67,27 +67,27 @@ class Sets:
         of = entry.parameters.get("INSTANCE")
         if self.part is not None and of is not None:
             if of.upper() != self.instance:
-                return NOTHING
+                return NO_LABELS
             return self.part._members(entry, ())
         if "GENERATE" in entry.parameters:
-            return self._generated(entry) if self.part is None else NOTHING
+            return self._generated(entry) if self.part is None else NO_LABELS
         labels_of_sets, numbers = [], []
         for line in entry.data:
             for word in line.words():
-                if WHOLE.fullmatch(word):
+                if WHOLE_NUMBER.fullmatch(word):
                     numbers.append(int(word))
                     self.check(line, numbers[-1])
                 else:
                     labels_of_sets.append(self._named(line, word, above))
-        written_labels = np.array(numbers, dtype=np.int64) if self.part is None else NOTHING
+        written_labels = np.array(numbers, dtype=np.int64) if self.part is None else NO_LABELS
         return np.concatenate([written_labels, *labels_of_sets])
 
     def _named(self, line: Line, word: str, above: tuple[str, ...]) -> np.ndarray:
         """A set, or instance.label, in a set."""
         owner, _, label = word.partition(".")
-        if self.part is not None and WHOLE.fullmatch(label):
+        if self.part is not None and WHOLE_NUMBER.fullmatch(label):
             if owner.upper() != self.instance:
-                return NOTHING
+                return NO_LABELS
             self.part.check(line, int(label))
             return np.array([int(label)], dtype=np.int64)
         return self.labels(word, line, above)
@@ -108,7 +108,7 @@ class Sets:
             ranges.append(inside)
         if missing:
             self._absent[id(card)] = (card, missing)
-        return np.concatenate([NOTHING, *ranges])
+        return np.concatenate([NO_LABELS, *ranges])
 
     def check(self, line: Line, label: int) -> None:
         """ModelError about the line where a part has no such label."""

@@ -15,9 +15,9 @@ from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.fem.solid import Isotropic
 
 PER_LINE = 16  # the most entries of a line that these codes read
-LONGEST = 20  # characters of a number that CalculiX reads
+MAX_NUMBER_CHARACTERS = 20  # characters of a number that CalculiX reads
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_. +-]{0,79}", re.ASCII)
-WRITTEN = {"C3D8_BBAR": "C3D8"}  # names that are ours only
+CALCULIX_NAMES = {"C3D8_BBAR": "C3D8"}  # names that are ours only
 
 
 def write_inp(mesh: SolidMesh, path: Path, steps: Sequence[str] = ()) -> None:
@@ -68,13 +68,13 @@ def write_inp(mesh: SolidMesh, path: Path, steps: Sequence[str] = ()) -> None:
 def number(x: float) -> str:
     """A number in 20 characters, as exactly as these can hold it."""
     shortest = repr(float(x))
-    if len(shortest) <= LONGEST:
+    if len(shortest) <= MAX_NUMBER_CHARACTERS:
         return shortest
     size = abs(x)
     if not 1e-3 <= size < 1e9:
         return f"{x:.{14 if x > 0 else 13}e}"
     before = len(str(int(size))) if size >= 1 else 0
-    text = f"{x:.{LONGEST - 1 - before - (x < 0)}f}"
+    text = f"{x:.{MAX_NUMBER_CHARACTERS - 1 - before - (x < 0)}f}"
     return text if before else text.replace("0.", ".", 1)
 
 
@@ -85,7 +85,7 @@ def _lines(mesh: SolidMesh) -> Iterator[str]:
     for label, x in zip(mesh.numbers, mesh.nodes, strict=True):
         yield f"{label}, " + ", ".join(number(c) for c in x)
     for block in mesh.blocks:
-        yield f"*ELEMENT, TYPE={WRITTEN.get(block.formulation, block.formulation)}"
+        yield f"*ELEMENT, TYPE={CALCULIX_NAMES.get(block.formulation, block.formulation)}"
         for label, nodes in zip(block.labels, mesh.numbers[block.nodes], strict=True):
             yield from _wrapped([label, *nodes])
     for name, members in mesh.node_sets.items():

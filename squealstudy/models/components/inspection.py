@@ -27,7 +27,7 @@ from squealstudy.wording import duration, listed, plural
 FREE = 1e-9  # of the largest stiffness a mass: motions that nothing holds
 SPREAD = 0.3  # of the law's length: gaps that change the contact
 PARTLY = 0.95  # of a slave face
-APART = 5.0  # lengths of the law: a gap that the pressure must close first
+MAX_GAP_OVER_LAW_LENGTH = 5.0  # lengths of the law: a gap that the pressure must close first
 BALANCE = 1e-6
 # of reductions of 14,769, 48,588 and 115,959 freedoms: 0.85, 2.0, 3.5 GB; 18, 72, 350 s of a core
 MEMORY, MEMORY_EACH = 0.4, 3e-5  # GB
@@ -156,7 +156,7 @@ def _contact(
                 f"{table.search:g} {unit} of {table.master}: meant so?"
             )
         least = float(pair.gap0.min()) / length
-        if least > APART:
+        if least > MAX_GAP_OVER_LAW_LENGTH:
             found.doubts.append(
                 f"{name} is open without pressure, by {least:.2g} lengths of the law or more: "
                 "unless the brake pressure closes it, nothing rubs; see open_share in results"

@@ -61,7 +61,7 @@ class Orthotropic:
         """
         G12, G13, G23 = shear
         C = orthotropic_stiffness(young, poisson, (G23, G13, G12), density)
-        return cls(tuple(float(C[_place(entry)]) for entry in ENTRIES), density)
+        return cls(tuple(float(C[_row_and_column(entry)]) for entry in ENTRIES), density)
 
     def stiffness(self) -> np.ndarray:
         """Stiffness matrix (6, 6), engineering shear strains, order 11 22 33 23 13 12."""
@@ -77,7 +77,7 @@ class Anisotropic(Orthotropic):
     @classmethod
     def of_stiffness(cls, C: np.ndarray, density: float) -> Anisotropic:
         """Of a matrix (6, 6), order 11 22 33 23 13 12, engineering shear strains."""
-        return cls(tuple(float(C[_place(entry)]) for entry in ALL_ENTRIES), density)
+        return cls(tuple(float(C[_row_and_column(entry)]) for entry in ALL_ENTRIES), density)
 
 
 Elastic = Isotropic | Orthotropic
@@ -110,7 +110,7 @@ class Modulus:
     unit: np.ndarray
 
 
-def _place(entry: str) -> tuple[int, int]:
+def _row_and_column(entry: str) -> tuple[int, int]:
     """Row and column (of 6) of an entry such as 1122."""
     i, j, k, l = (int(c) - 1 for c in entry)  # noqa: E741
     return int(VOIGT[i, j]), int(VOIGT[k, l])
@@ -132,7 +132,7 @@ def moduli(material: Elastic) -> tuple[Modulus, ...]:
     moduli_list = []
     for entry, stiffness in zip(material.NAMES, material.entries, strict=True):
         unit = np.zeros((6, 6))
-        unit[_place(entry)] = unit[_place(entry)[::-1]] = 1.0
+        unit[_row_and_column(entry)] = unit[_row_and_column(entry)[::-1]] = 1.0
         moduli_list.append(Modulus(f"D{entry}", stiffness, unit))
     return tuple(moduli_list)
 

@@ -14,7 +14,7 @@ from squealstudy.files import expect_room
 from squealstudy.models.components.gmsh import know_cells, mesh_of_cells
 from squealstudy.models.components.mesh import SolidMesh
 
-MOST = 100_000  # groups and arrays of a file
+MAX_FILE_ENTRIES = 100_000  # groups and arrays of a file
 OF_NUMBERS = 4.0  # bytes of memory for each of the file's arrays
 
 
@@ -75,7 +75,9 @@ def _check(path: Path) -> None:
             group = groups.pop()
             for name in group:
                 n_entries += 1
-                if n_entries > MOST or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                if n_entries > MAX_FILE_ENTRIES or not isinstance(
+                    group.get(name, getlink=True), h5py.HardLink
+                ):
                     raise ModelError(f"{path}: links to other places, which are not followed")
                 entry = group[name]
                 if isinstance(entry, h5py.Group):

@@ -15,7 +15,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.components.constraints import (
     Constraint,
     Coupling,
-    Kept,
+    MeshSelection,
     Relation,
     Tie,
 )
@@ -24,7 +24,7 @@ from squealstudy.models.components.formulations import FORMULATIONS, Formulation
 from squealstudy.models.components.materials import Elastic, Orientation, Unfinished
 from squealstudy.models.components.set_names import found_name, has_name
 
-NAMED = 5  # elements or nodes that a message names
+N_NAMED_IN_MESSAGE = 5  # elements or nodes that a message names
 OF_CONTACT = "contact is stated in the model file"  # why keywords of contact are passed over
 
 
@@ -227,13 +227,13 @@ class SolidMesh:
         """Some of the elements at these places, for a message: "C3D10 elements 7, 8"."""
         kinds = np.array([b.formulation for b in self.blocks])
         elements = np.unique(elements)
-        of = kinds[np.searchsorted(self.starts, elements[:NAMED], side="right") - 1]
+        of = kinds[np.searchsorted(self.starts, elements[:N_NAMED_IN_MESSAGE], side="right") - 1]
         kind = f"{of[0]} " if len(set(of)) == 1 else ""
-        return f"{kind}element{'s' * (len(elements) > 1)} {_listed(self.labels[elements])}"
+        return f"{kind}element{'s' * (len(elements) > 1)} {_numbers_text(self.labels[elements])}"
 
     def nodes_named(self, nodes: np.ndarray) -> str:
         """Some of the nodes at these places, for a message: "nodes 1, 2, 3"."""
-        return f"node{'s' * (len(nodes) > 1)} {_listed(self.numbers[nodes])}"
+        return f"node{'s' * (len(nodes) > 1)} {_numbers_text(self.numbers[nodes])}"
 
     def find(self, what: str, name: str) -> np.ndarray:
         """A node set, element set or surface; capitals count only where names differ by them.
@@ -354,12 +354,12 @@ class SolidMesh:
         node_at, element_at = np.cumsum(used) - 1, np.cumsum(keep) - 1
         for c in self.constraints:
             try:
-                inside = c.kept(Kept(used, node_at, keep, element_at))
+                inside = c.kept(MeshSelection(used, node_at, keep, element_at))
             except ModelError as error:
                 raise self.error(str(error)) from error
             if inside is not None:
                 constraints.append(inside)
-        numbering = Kept(used, node_at, keep, element_at)
+        numbering = MeshSelection(used, node_at, keep, element_at)
         try:
             discrete = [part for d in self.discrete if (part := d.kept(numbering)) is not None]
         except ModelError as error:
@@ -370,9 +370,11 @@ class SolidMesh:
             nodes=self.nodes[used],
             numbers=self.numbers[used],
             blocks=tuple(replace(b, nodes=node_at[b.nodes]) for b in blocks if len(b.labels)),
-            node_sets=_kept({k: node_at[s[used[s]]] for k, s in self.node_sets.items()}),
-            element_sets=_kept({k: element_at[s[keep[s]]] for k, s in self.element_sets.items()}),
-            surfaces=_kept(
+            node_sets=_without_empty({k: node_at[s[used[s]]] for k, s in self.node_sets.items()}),
+            element_sets=_without_empty(
+                {k: element_at[s[keep[s]]] for k, s in self.element_sets.items()}
+            ),
+            surfaces=_without_empty(
                 {k: np.column_stack([element_at[f[:, 0]], f[:, 1]]) for k, f in faces.items()}
             ),
             material=self.material[keep],
@@ -383,10 +385,14 @@ class SolidMesh:
         )
 
 
-def _kept(sets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _without_empty(sets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: members for name, members in sets.items() if len(members)}
 
 
-def _listed(numbers: np.ndarray) -> str:
-    shown = ", ".join(str(n) for n in numbers[:NAMED])
-    return shown + (f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else "")
+def _numbers_text(numbers: np.ndarray) -> str:
+    shown = ", ".join(str(n) for n in numbers[:N_NAMED_IN_MESSAGE])
+    return shown + (
+        f" and {len(numbers) - N_NAMED_IN_MESSAGE} more"
+        if len(numbers) > N_NAMED_IN_MESSAGE
+        else ""
+    )

@@ -20,7 +20,7 @@ from squealstudy.models.components.segment_points import Segments, segment_means
 from squealstudy.models.fem.sampling import Surface
 
 QUADRATURES = ("clipped", "gauss")
-WHOLE = 1 - 1e-3  # share of a slave that is in reach but for chords at its edges
+FULL_REACH_SHARE = 1 - 1e-3  # share of a slave that is in reach but for chords at its edges
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,9 @@ def pair(
             "that normals point out of the body, or one surface is the far side of its body"
         )
     in_reach = min(1.0, opposite.area.sum() / slave.areas.sum())  # round-off may add a hair
-    covered, gaps = (in_reach, opposite.gap) if in_reach >= WHOLE else survey(slave, master)
+    covered, gaps = (
+        (in_reach, opposite.gap) if in_reach >= FULL_REACH_SHARE else survey(slave, master)
+    )
     if not len(opposite.area):
         raise ModelError(f"{names}: nothing lies within {search:.3g} m; {_where(covered, gaps)}")
     gaps = np.concatenate([gaps, opposite.gap])

@@ -22,8 +22,8 @@ from squealstudy.models.file_table import KeyPath
 from squealstudy.wording import plural
 
 NEEDED = ("contact", "load", "rotation")  # of a brake; the last where something slides
-MOST = 12  # sets that are listed
-BESIDE = ("contact", "tie", "coupling", "layer", "spring", "point_mass", "fixed", "load")
+MAX_LISTED_SETS = 12  # sets that are listed
+ASSEMBLY_TABLES = ("contact", "tie", "coupling", "layer", "spring", "point_mass", "fixed", "load")
 
 
 def part_alone(
@@ -107,7 +107,7 @@ def _geometry(brake: Brake, usable: Sequence[str]) -> Geometry | None:
     if len(usable) == len(brake.file.components):
         return geometry_of(brake)
     components = {name: brake.file.components[name] for name in usable}
-    empty: dict[str, object] = dict.fromkeys(BESIDE, ())
+    empty: dict[str, object] = dict.fromkeys(ASSEMBLY_TABLES, ())
     file = brake.file.model_copy(update={**empty, "components": components, "rotation": None})
     return geometry_of(replace(brake, file=file, identity=f"{brake.identity} {usable}"))
 
@@ -126,8 +126,8 @@ def _sets(found: Inspection, mesh: SolidMesh, unit: str, size: float) -> None:
         ("element sets", [f"{n} ({len(s):,})" for n, s in mesh.element_sets.items()]),
     ]
     for what, names in names_by_kind:
-        more = [f"and {len(names) - MOST} more"] if len(names) > MOST else []
+        more = [f"and {len(names) - MAX_LISTED_SETS} more"] if len(names) > MAX_LISTED_SETS else []
         if names:
-            found.tell("", f"{what}: {', '.join([*names[:MOST], *more])}")
+            found.tell("", f"{what}: {', '.join([*names[:MAX_LISTED_SETS], *more])}")
     if not mesh.surfaces and not mesh.node_sets:
         found.tell("", "no surfaces and no node sets: [components.NAME.sets] names faces by place")

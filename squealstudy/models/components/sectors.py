@@ -18,12 +18,13 @@ from squealstudy.models.components.faces import boundary, facet_groups
 from squealstudy.models.components.materials import Orientation, Orthotropic
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 
-MOST = 1000  # sectors of a body
+MAX_SECTORS = 1000  # sectors of a body
 MERGED = 1e-3  # of the shortest edge: sides are written with some six digits
-APART = "its sides do not meet; expected axis, point and count of its repetition"
+SIDES_APART = "its sides do not meet; expected axis, point and count of its repetition"
 OPPOSITE = -0.99  # cosine between the normals of facets that face each other
-BESIDE = 0.6  # of a facet: middles of facets that overlap are nearer, those of neighbours are not
-NEAR = 0.02  # of a facet: distance of facets that lie on each other
+# of a facet: middles of facets that overlap are nearer, those of neighbours are not
+OVERLAP_DISTANCE_OVER_FACET = 0.6
+TOUCHING_DISTANCE_OVER_FACET = 0.02  # of a facet: distance of facets that lie on each other
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,8 @@ def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
     cyclic = any(isinstance(c, Tie) and c.cyclic for c in mesh.constraints)
     if not len(a) and not cyclic:
         raise mesh.error(
-            f"a turn by 360/{count} degrees brings no node of the sector onto another one: {APART}"
+            f"a turn by 360/{count} degrees brings no node of the sector onto another one: "
+            f"{SIDES_APART}"
         )
     k = np.arange(count)[:, None]
     one, other = (k * n + a).ravel(), ((k + 1) % count * n + b).ravel()
@@ -315,10 +317,12 @@ def _check_sides(mesh: SolidMesh, whole: SolidMesh, how: Repetition) -> None:
     there, across = c @ R.T + shift, n @ R.T
     tree = cKDTree(there)
     facing = 0
-    for i, near in enumerate(tree.query_ball_point(c, BESIDE * h)):
+    for i, near in enumerate(tree.query_ball_point(c, OVERLAP_DISTANCE_OVER_FACET * h)):
         j = np.array(near, dtype=int)
         opposite = across[j] @ n[i] < OPPOSITE
-        facing += bool((opposite & (abs((there[j] - c[i]) @ n[i]) < NEAR * h[i])).any())
+        facing += bool(
+            (opposite & (abs((there[j] - c[i]) @ n[i]) < TOUCHING_DISTANCE_OVER_FACET * h[i])).any()
+        )
     if facing:
         raise mesh.error(
             f"{facing} facets of a side of the sector lie on those of the next sector, but have "
@@ -326,5 +330,6 @@ def _check_sides(mesh: SolidMesh, whole: SolidMesh, how: Repetition) -> None:
         )
     if len(free_faces) == len(boundary(mesh)):  # nodes on the axis alone are those of others
         raise mesh.error(
-            f"a turn by 360/{how.count} degrees brings no facet of the sector onto another: {APART}"
+            f"a turn by 360/{how.count} degrees brings no facet of the sector onto another: "
+            f"{SIDES_APART}"
         )

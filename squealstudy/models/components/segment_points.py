@@ -4,7 +4,8 @@ The functions of the means (THEORY.md eq. (104), (105)) are the Lagrange functio
 facet's Gauss points: they sum to one, so that no force is lost, and their integrals are the Gauss
 points' areas. Where parallelograms match, points and rows are those of Gauss points. On a facet
 that is covered in part, integrals of Lagrange functions may be negative; they are drawn towards
-constant functions, just so far that every area is at least LEAST of what it would be with those.
+constant functions, just so far that every area is at least MIN_AREA_SHARE of what
+it would be with those.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from squealstudy.models.components.facet_geometry import TRIANGLES, Facets, rule
 from squealstudy.models.components.opposite import Neighbours, Opposite
 
 AT_ONCE = 20_000  # pairs of facets whose integrals are held at the same time: 13 MB
-LEAST = 0.1  # of the area that a point would have with constant functions
-NOTHING = 1e-12  # share of a facet below which it is not covered
+MIN_AREA_SHARE = 0.1  # of the area that a point would have with constant functions
+MIN_COVERED_SHARE = 1e-12  # share of a facet below which it is not covered
 LAYERS = 1.02  # share of a facet above which several masters cover it
 
 
@@ -118,10 +119,10 @@ def _means(
         )
     constant = np.zeros_like(functions)
     constant[:, 0] = share
-    drawn = _drawn(terms.area @ functions.T, whole[:, None] * share)[:, None, None]
+    drawn = _constant_share(terms.area @ functions.T, whole[:, None] * share)[:, None, None]
     functions = (1 - drawn) * functions + drawn * constant  # (facets, points, terms)
     area = np.einsum("spt,st->sp", functions, terms.area)
-    is_covered = whole > NOTHING * slave.areas[some]
+    is_covered = whole > MIN_COVERED_SHARE * slave.areas[some]
     functions[is_covered] /= area[is_covered, :, None]
     n = np.count_nonzero(is_covered) * len(share)
     number = np.full(len(some), -1)
@@ -152,12 +153,12 @@ def _means(
     )
 
 
-def _drawn(areas: np.ndarray, constant: np.ndarray) -> np.ndarray:
+def _constant_share(areas: np.ndarray, constant: np.ndarray) -> np.ndarray:
     """Share (facets,) of the constant functions by which all areas (facets, p) are large enough.
 
     `constant` are the areas that these would have; both sum to that of the facet.
     """
-    short = LEAST * constant - areas
+    short = MIN_AREA_SHARE * constant - areas
     with np.errstate(invalid="ignore", divide="ignore"):  # a facet that is not covered has none
         needed = np.where(short > 0, short / (constant - areas), 0.0)
     drawn: np.ndarray = needed.max(axis=1)

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from squealstudy.array_files import expect_memory
 from squealstudy.models.matrices.entries import check_size
 
-HEADER, TAG, SMALL = 128, 8, 4  # bytes; of a small element's data
+HEADER, TAG, SMALL_ELEMENT_BYTES = 128, 8, 4  # bytes; of a small element's data
 Order = Literal["<", ">"]
 ORDERS: dict[bytes, Order] = {b"IM": "<", b"MI": ">"}  # byte orders, by what the header ends with
 MATLAB_5, HDF5 = 1, 2  # major versions in the header: of 5 to 7, of 7.3
@@ -105,8 +105,8 @@ class Elements:
         first, size = np.frombuffer(self._data, f"{self._order}u4", 2, self._at).tolist()
         start = self._at + TAG
         if first >> 16:  # a small one: its size stands beside its type
-            first, size, start = first & 0xFFFF, first >> 16, self._at + SMALL
-            if size > SMALL:
+            first, size, start = first & 0xFFFF, first >> 16, self._at + SMALL_ELEMENT_BYTES
+            if size > SMALL_ELEMENT_BYTES:
                 raise ValueError(f"an element of type {first} has no valid size")
         end = start + size
         if end > len(self._data):
