@@ -15,8 +15,8 @@ from test_deck_equations import X, Y, Z, null_space, same
 from squealstudy.errors import ModelError
 from squealstudy.models.components import bodies
 from squealstudy.models.components.bodies import Brake
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.expansion import expanded
-from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.models.components.mesh_files import read_mesh
 from squealstudy.models.components.model_file import ModelFile

@@ -9,7 +9,7 @@ import pytest
 from component_meshes import box
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.file_tables import ComponentTable
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.models.components.materials import Orientation, Orthotropic
 from squealstudy.models.components.mesh_files import read_mesh

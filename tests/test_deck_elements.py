@@ -12,9 +12,9 @@ from test_component_nastran import deck, read
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.checks import check_mesh
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.expansion import expanded
 from squealstudy.models.components.faces import boundary, facet_groups, facets
-from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.handed import righted
 from squealstudy.models.components.mesh_files import read_mesh

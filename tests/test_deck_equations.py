@@ -10,8 +10,8 @@ from test_deck_elements import two
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.bodies import _placed_mesh as moved
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.expansion import expanded
-from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.models.components.mesh_files import read_mesh
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix

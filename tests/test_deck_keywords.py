@@ -11,7 +11,7 @@ from test_component_nastran import deck
 from test_deck_materials import CUBE
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.file_tables import ComponentTable
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.inp import read_inp
 from squealstudy.models.components.mesh_files import read_mesh
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix

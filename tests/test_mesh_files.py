@@ -10,7 +10,7 @@ from own_blocks import faces_on
 from test_component_judge import apart
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.file_tables import ComponentTable
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.gmsh import know_cells
 from squealstudy.models.components.mesh_files import read_mesh
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix

@@ -11,11 +11,11 @@ from component_meshes import LINING, STEEL, box, rigid_shapes
 from scipy.sparse.linalg import eigsh
 
 from squealstudy.errors import ModelError
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.constraints import Coupling, Tie
 from squealstudy.models.components.discrete import point_mass
 from squealstudy.models.components.expansion import expanded
 from squealstudy.models.components.faces import boundary
-from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.inp import read_inp
 from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.models.components.materials import Orientation

@@ -235,16 +235,13 @@ def _told_of(
 
 def _is_complete(found: dict[str, Any], plan: Planned, store: Store) -> bool:
     """Whether nothing is left to do in a directory whose files are all whole."""
-    return (
-        found.get("status") == "complete"
-        and found.get("study_hash") == plan.study_hash
-        and all(store.parts(name) for name in plan.kind.tables)
-        and (not store.journal.unreadable or _has_all(plan, store))  # chunks may have been in them
-    )
-
-
-def _has_all(plan: Planned, store: Store) -> bool:
-    """Whether every design point is in a chunk file that a line of the journal names."""
+    if found.get("status") != "complete" or found.get("study_hash") != plan.study_hash:
+        return False
+    if not all(store.parts(name) for name in plan.kind.tables):
+        return False
+    if not store.journal.unreadable:
+        return True
+    # chunks may have been in lines that cannot be read
     return bool(np.isin(plan.tasks.ids, store.finished_points(plan.kind.schema)).all())
 
 

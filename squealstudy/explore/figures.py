@@ -85,8 +85,13 @@ def _points(fig: Any, name: str, **look: Any) -> None:
     """Points of a source named so: x, y, fill, line, size, marker."""
     columns: dict[str, list[Any]] = {k: [] for k in ("x", "y", "fill", "line", "size", "marker")}
     source = ColumnDataSource(columns, name=name)
-    given = {"fill_color": "fill", "line_color": "line", "size": "size", "marker": "marker"} | look
-    fig.scatter("x", "y", source=source, **given)
+    sources_of_looks = {
+        "fill_color": "fill",
+        "line_color": "line",
+        "size": "size",
+        "marker": "marker",
+    } | look
+    fig.scatter("x", "y", source=source, **sources_of_looks)
 
 
 def _ring(fig: Any) -> None:

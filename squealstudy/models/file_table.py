@@ -18,6 +18,7 @@ class Table(BaseModel):
 
 
 Vector = Annotated[tuple[float, float, float], Strict(False)]
+Texts = Annotated[tuple[str, ...], Strict(False)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 
 

@@ -210,9 +210,14 @@ def _means(axes: Axes, row: _Row) -> None:
     static, mean = (row.where_ok(f"torque_{n}") for n in ("static", "mean"))
     joined = row.over is not None
     joint = {"linestyle": "-.", "linewidth": 1.0} if joined else {"linestyle": "", "marker": "_"}
-    own: dict[str, Any] = {"marker": "o", "markersize": 4, "color": COLOURS[1], "label": "mean"}
+    mean_style: dict[str, Any] = {
+        "marker": "o",
+        "markersize": 4,
+        "color": COLOURS[1],
+        "label": "mean",
+    }
     axes.plot(row.x, static, color=DARK, markersize=15, label="static", **joint)
-    axes.plot(row.x, mean, linewidth=1.2, linestyle="-" if joined else "", **own)
+    axes.plot(row.x, mean, linewidth=1.2, linestyle="-" if joined else "", **mean_style)
     what, unit = friction_label(row.units)
     finish(axes, "", f"{what.capitalize()} [{unit}]")
     axes.legend(fontsize=8.5, frameon=False, loc="best")

@@ -18,11 +18,7 @@ from squealstudy.models.component_slices import expand_rows
 from squealstudy.models.components.attached import directions_at, mass_on, springs_on
 from squealstudy.models.components.contact_rows import Rotation
 from squealstudy.models.components.file_matrices import symmetric
-from squealstudy.models.components.file_tables import (
-    ParameterTable,
-    PointMassTable,
-    SpringTable,
-)
+from squealstudy.models.components.file_tables import ParameterTable, PointMassTable, SpringTable
 from squealstudy.models.components.model_file import GROUND, ModelFile
 from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.file_table import KeyPath

@@ -40,8 +40,8 @@ from calculix import CCX, apart
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.body_matrices import freedom_matrices
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.expansion import expanded
-from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.inp_cards import read_cards
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_files import NASTRAN, read_mesh

@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.models.components.body_matrices import freedom_matrices
 from squealstudy.models.components.bulk_cards import included
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.dimensions import (
     DENSITY,
     LENGTH,
@@ -25,7 +26,7 @@ from squealstudy.models.components.expansion import Expansion, expanded
 from squealstudy.models.components.file_materials import changed_material, with_tables
 from squealstudy.models.components.file_matrices import Matrices, placed_matrices, symmetric
 from squealstudy.models.components.file_sets import with_sets
-from squealstudy.models.components.file_tables import ComponentTable, GapTable
+from squealstudy.models.components.file_tables import GapTable
 from squealstudy.models.components.materials import Elastic, Orientation, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_files import NASTRAN, read_mesh

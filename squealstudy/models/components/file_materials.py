@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.file_tables import ComponentTable
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.materials import Anisotropic, Elastic, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.model_file import Numbers, ValuesError

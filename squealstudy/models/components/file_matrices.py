@@ -10,9 +10,9 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.linalg.factor import is_definite
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.dimensions import DAMPER, LENGTH, MASS, STIFFNESS
 from squealstudy.models.components.expansion import Expansion
-from squealstudy.models.components.file_tables import ComponentTable
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.node_maps import FreedomsOf, read_map
 from squealstudy.models.file_table import KeyPath, PlacedError

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from squealstudy.models.components.component_table import ComponentTable, SetTable
 from squealstudy.models.components.dimensions import LENGTH, UNITS, between_corners
 from squealstudy.models.components.faces import boundary
-from squealstudy.models.components.file_tables import ComponentTable, SetTable
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.set_names import has_name
 from squealstudy.models.file_table import KeyPath, PlacedError

@@ -1,4 +1,4 @@
-"""The tables of a model file: the keys of each, and what they may be."""
+"""The tables of a model file beside those of components: their keys, and what they may be."""
 
 from __future__ import annotations
 
@@ -6,16 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
-from squealstudy.models.components.formulations import MassRule
-from squealstudy.models.components.sectors import MAX_SECTORS
-from squealstudy.models.file_table import Name, Table, Vector
+from squealstudy.models.file_table import Name, Table, Texts, Vector
 
-Texts = Annotated[tuple[str, ...], Strict(False)]
-Pair2 = Annotated[tuple[float, float], Strict(False)]
-Corners = Annotated[tuple[Vector, Vector], Strict(False)]
 Pair = Annotated[tuple[str, str], Strict(False)]
-Moduli = float | Vector
-Damping = Annotated[float, Field(ge=0)]
 CALLED = "as errors, tables and paths of parameters call it"
 CUTS = "clipped: by the parts of facets that lie on each other; gauss: by the slave's facets alone"
 
@@ -36,191 +29,6 @@ class RotationTable(Table):
     effective_radius: float | None = Field(
         default=None, gt=0, description="else the mean radius of the sliding faces, by area"
     )
-
-
-class TurnTable(Table):
-    """A turn of a component, by the right hand."""
-
-    axis: Vector = Field(description="direction of the axis")
-    angle: float = Field(description="deg")
-    point: Vector = Field(default=(0.0, 0.0, 0.0), description="a point of the axis")
-
-
-class RepeatTable(Table):
-    """A sector of the component, which repeats about an axis."""
-
-    axis: Vector = Field(description="direction of the axis")
-    count: int = Field(ge=2, le=MAX_SECTORS, description="sectors of the whole component")
-    point: Vector = Field(default=(0.0, 0.0, 0.0), description="a point of the axis")
-
-    @model_validator(mode="after")
-    def _direction(self) -> RepeatTable:
-        if not any(self.axis):
-            raise ValueError("axis: expected a direction, got zeros")
-        return self
-
-
-class MaterialTable(Table):
-    """A material: isotropic, or orthotropic with three of each modulus.
-
-    What stands here replaces what the file of the mesh states; what does not is the file's.
-    """
-
-    E: Moduli | None = Field(default=None, description="Young's modulus, or [E1, E2, E3]")
-    nu: Moduli | None = Field(default=None, description="Poisson's ratio, or [nu12, nu13, nu23]")
-    G: Vector | None = Field(default=None, description="[G12, G13, G23] of an orthotropic one")
-    rho: float | None = Field(default=None, gt=0, description="density")
-    elements: str | None = Field(
-        default=None,
-        description="element set that has it; else the elements that have a material of this name "
-        "in the mesh, or the element set of this name, or all",
-    )
-
-    @model_validator(mode="after")
-    def _one_kind(self) -> MaterialTable:
-        kinds = {isinstance(v, tuple) for v in (self.E, self.nu, self.G) if v is not None}
-        lone = self.G is None and isinstance(self.E, tuple) and isinstance(self.nu, tuple)
-        if len(kinds) > 1 or lone:
-            raise ValueError(
-                "expected E, nu and no G (isotropic), or three numbers each of E, nu and G"
-            )
-        return self
-
-    @property
-    def moduli(self) -> bool:
-        """Whether it states all moduli."""
-        return self.E is not None and self.nu is not None
-
-
-class PlaneTable(Table):
-    """A plane."""
-
-    point: Vector = Field(description="a point of it")
-    normal: Vector = Field(description="direction across it")
-
-
-class CylinderTable(Table):
-    """A cylinder, or what is between two of one axis."""
-
-    axis: Vector = Field(description="direction of the axis")
-    point: Vector = Field(default=(0.0, 0.0, 0.0), description="a point of the axis")
-    radius: float | Pair2 = Field(description="radius, or the least and the greatest")
-
-
-class SetTable(Table):
-    """A surface of a mesh: the outer faces that fulfil all that is said.
-
-    Places are those of the mesh's file, before the component is turned and shifted.
-    """
-
-    box: Corners | None = Field(default=None, description="two opposite corners; all nodes in it")
-    plane: PlaneTable | None = Field(default=None, description="all nodes in this plane")
-    cylinder: CylinderTable | None = Field(default=None, description="all nodes at this radius")
-    normal: Vector | None = Field(default=None, description="direction in which the faces look")
-    angle: float = Field(default=10.0, gt=0, le=180, description="how far they may be off it, deg")
-    tolerance: float | None = Field(
-        default=None, gt=0, description="distance of nodes; else a thousandth of the longest side"
-    )
-    elements: str | None = Field(default=None, description="element set that has the faces")
-
-    @model_validator(mode="after")
-    def _something(self) -> SetTable:
-        if not any(
-            getattr(self, key) for key in ("box", "plane", "cylinder", "normal", "elements")
-        ):
-            raise ValueError("expected box, plane, cylinder, normal or elements")
-        return self
-
-
-class MatrixTable(Table):
-    """One of several matrices of a file."""
-
-    file: str = Field(description="file of the matrix")
-    name: str = Field(description="which: a variable, or the name of a DMIG matrix")
-
-
-class ComponentTable(Table):
-    """A component: a mesh with materials, or matrices with a mesh that names their nodes."""
-
-    mesh: str | None = Field(default=None, description="file .inp, .msh, .unv, .med, .bdf or .cdb")
-    part: str | None = Field(default=None, description="instance or element set of the mesh's file")
-    dialect: Literal["abaqus", "calculix"] | None = Field(
-        default=None, description="whose C3D8 an .inp means"
-    )
-    treat_as: dict[str, str] = Field(default={}, description="elements to be read as others")
-    pass_over: Texts = Field(default=(), description="keywords of its file to pass over")
-    mass: MassRule | None = Field(
-        default=None,
-        description="full: consistent; as_stiffness: with its points; lumped at the nodes; else "
-        "lumped where a deck of Nastran is, and full",
-    )
-    temperature: float | None = Field(
-        default=None, description="at which materials of its file are taken that depend on it"
-    )
-    materials: dict[str, MaterialTable] = Field(default={}, description="by name")
-    sets: dict[Name, SetTable] = Field(
-        default={}, description="surfaces by where their faces are and look, by name"
-    )
-    K: str | MatrixTable | None = Field(default=None, description="file of the stiffness matrix")
-    M: str | MatrixTable | None = Field(default=None, description="file of the mass matrix")
-    C: str | MatrixTable | None = Field(default=None, description="file of a damping matrix")
-    dof: str | None = Field(
-        default=None,
-        description="file with 'node.direction' or 'modal' of each row of the matrices, or "
-        ".mapping of ANSYS",
-    )
-    recovery: str | MatrixTable | None = Field(
-        default=None,
-        description="file of the displacements of all nodes, three rows each, by the rows of K",
-    )
-    nodes: str | None = Field(
-        default=None, description="mesh with coordinates and faces of the matrices' nodes"
-    )
-    mass_damping: float = Field(
-        default=0.0, ge=0, description="damping proportional to mass, Rayleigh's alpha"
-    )
-    stiffness_damping: float = Field(
-        default=0.0, ge=0, description="damping proportional to stiffness, Rayleigh's beta"
-    )
-    material_damping: dict[str, Damping] = Field(
-        default={}, description="stiffness_damping of single materials, besides"
-    )
-    measured: str | None = Field(
-        default=None,
-        description="CSV file of frequencies and damping ratios measured on the free part, which "
-        "its component modes have",
-    )
-    repeat: RepeatTable | None = Field(
-        default=None, description="the mesh is a sector: it repeats count times about an axis"
-    )
-    translate: Vector = Field(default=(0.0, 0.0, 0.0), description="shift, after the turn")
-    rotate: TurnTable | None = Field(default=None, description="turn")
-
-    @model_validator(mode="after")
-    def _one_source(self) -> ComponentTable:
-        keys = ("K", "M", "C", "dof", "nodes", "recovery")
-        matrices = [k for k in keys if getattr(self, k) is not None]
-        if self.mesh is not None and matrices:
-            raise ValueError(f"expected mesh, or K, M and nodes; got mesh and {matrices[0]}")
-        if self.mesh is None and not {"K", "M", "nodes"} <= set(matrices):
-            raise ValueError("expected mesh = FILE, or K, M and nodes (a mesh with coordinates)")
-        if self.mesh is None and self.repeat is not None:
-            raise ValueError("expected no repeat: the matrices are of the whole component")
-        if self.mesh is None and self.materials:
-            raise ValueError("expected no materials: the matrices hold them")
-        if self.mesh is None and self.material_damping:
-            raise ValueError("expected no material_damping: the matrices have no materials")
-        return self
-
-    def file_of(self, key: str) -> str | None:
-        """The file that a key names."""
-        entry = getattr(self, key)
-        return entry.file if isinstance(entry, MatrixTable) else entry
-
-    def name_of(self, key: str) -> str | None:
-        """Which matrix of its file."""
-        entry = getattr(self, key)
-        return entry.name if isinstance(entry, MatrixTable) else None
 
 
 class GapTable(Table):

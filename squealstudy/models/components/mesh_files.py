@@ -10,7 +10,7 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 from squealstudy.models.components.checks import DOUBLED, check_mesh, check_places
-from squealstudy.models.components.file_tables import ComponentTable
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.handed import righted
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.sectors import Repetition, repeated

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field, Strict
 
 from squealstudy.errors import ModelError
+from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.dimensions import (
     AREA,
     BEDDING,
@@ -31,7 +32,6 @@ from squealstudy.models.components.dimensions import (
     Dimension,
 )
 from squealstudy.models.components.file_tables import (
-    ComponentTable,
     ContactTable,
     CouplingTable,
     FixedTable,
