@@ -37,14 +37,14 @@ def library() -> str:
 
 def figures(kind: str) -> dict[str, Any]:
     """Figures by the id of the element they stand in, as `Bokeh.embed.embed_item` takes them."""
-    made = {"map": _map()}
+    by_element = {"map": _map()}
     if kind == "complex_modes":
-        made |= {"diagram": _diagram(), "line": _line("line")}
+        by_element |= {"diagram": _diagram(), "line": _line("line")}
     elif kind == "limit_cycles":
-        made["line"] = _line("line")
+        by_element["line"] = _line("line")
     else:
-        made["history"] = _history()
-    return {name: json.loads(json.dumps(json_item(fig))) for name, fig in made.items()}
+        by_element["history"] = _history()
+    return {name: json.loads(json.dumps(json_item(fig))) for name, fig in by_element.items()}
 
 
 def _figure(name: str, height: int, brush: str = "") -> Any:
@@ -85,13 +85,13 @@ def _points(fig: Any, name: str, **look: Any) -> None:
     """Points of a source named so: x, y, fill, line, size, marker."""
     columns: dict[str, list[Any]] = {k: [] for k in ("x", "y", "fill", "line", "size", "marker")}
     source = ColumnDataSource(columns, name=name)
-    sources_of_looks = {
+    look_columns = {
         "fill_color": "fill",
         "line_color": "line",
         "size": "size",
         "marker": "marker",
     } | look
-    fig.scatter("x", "y", source=source, **sources_of_looks)
+    fig.scatter("x", "y", source=source, **look_columns)
 
 
 def _ring(fig: Any) -> None:
