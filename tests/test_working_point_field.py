@@ -17,7 +17,8 @@ from squealstudy.modes.reanalysis.brake_problem import BrakeProblem
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.polynomials import interpolation
 from squealstudy.reduction.gap_equations import GapEquations
-from squealstudy.reduction.working_point import WorkingPoint, WorkingPointField
+from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.reduction.working_point_field import WorkingPointField
 
 BAND = (500.0, 4000.0)
 ENERGETIC = ("caliper", 7)

@@ -62,15 +62,22 @@ def _unit(axis: str) -> str:
 def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
     """Springs, dampers, contacts and loads, a row each."""
     file, contact = build.file, assembly.contact
-    for table, spring in zip(file.spring, assembly.springs, strict=True):
-        assert isinstance(spring, SpringInterface)
-        size = f"{spring.stiffness[0]:g} {'N m/rad' if _turns(table.direction) else 'N/m'}"
-        yield [
-            f"spring {spring.name}",
-            " - ".join(table.between),
-            _direction_text(table.direction),
-            size,
-        ]
+    stiffness = {s.name: s.stiffness[0] for s in assembly.springs if isinstance(s, SpringInterface)}
+    others = zip(contact.pairs[len(file.contact) :], contact.spring_points, strict=True)
+    numbers = dict(others)
+    for i, table in enumerate(file.spring):
+        name = file.name_of("spring", i)
+        unit = "N m/rad" if _turns(table.direction) else "N/m"
+        if table.linear:
+            size = f"{stiffness[name]:g} {unit}"
+        else:
+            k, cubic, gap, _ = numbers[name]
+            size = f"{k:g} {unit}"
+            size += f", {cubic:g} {unit}3" if cubic else ""
+            size += f", gap {gap:g} {unit.partition('/')[2]}" if gap else ""
+            size += f", {table.side}" if table.side != "both" else ""
+        ends = " - ".join(table.between)
+        yield [f"spring {name}", ends, _direction_text(table.direction), size]
     for damper_table, damper in zip(file.damper, assembly.dampers, strict=True):
         unit = "N m s/rad" if _turns(damper_table.direction) else "N s/m"
         ends = " - ".join(damper_table.between)
@@ -96,10 +103,18 @@ def _turns(direction: Direction) -> bool:
 
 
 def _frequencies(assembly: Assembly) -> Rows:
-    """Of springs alone, and with linear contact that is closed and has no friction."""
+    """Of springs alone, and with linear contact that is closed and has no friction.
+
+    Springs with a gap or of one side are closed with the contact; third powers are left out.
+    """
     root = 1.0 / np.sqrt(assembly.M.diagonal())
-    springs = assembly.K_springs().toarray()
-    closed = springs + assembly.K_contact(PER_AREA).toarray()
+    others = assembly.contact.spring_points
+    touching = np.full(assembly.contact.n_points - len(others), PER_AREA)
+    always = (others[:, 2] == 0.0) & (others[:, 3] == 0.0)
+    tangent_of_springs = np.concatenate([0.0 * touching, np.where(always, others[:, 0], 0.0)])
+    springs = (assembly.K_springs() + assembly.K_contact(tangent_of_springs)).toarray()
+    tangent = np.concatenate([touching, others[:, 0]])
+    closed = assembly.K_springs().toarray() + assembly.K_contact(tangent).toarray()
     rows: Rows = []
     for name, K in (("springs alone", springs), ("contact closed", closed)):
         squares = np.linalg.eigvalsh(root[:, None] * K * root)

@@ -46,7 +46,8 @@ masses, springs, dampers, contact points and loads of a file, which a study name
 file = "groan.toml"            # a file with [[mass]] is a lumped model
 
 [[mass]]     name, mass [kg] or inertia [kg m2], directions (of x, y, z, rx, ry, rz), place
-[[spring]]   between (two masses, or one and "ground"), direction, stiffness, at
+[[spring]]   between (two masses, or one and "ground"), direction, stiffness, cubic [N/m3], gap,
+             side (tension, compression: of one side), at
 [[damper]]   between, direction, damping, at
 [[contact]]  between (a mass and "belt", "disc" or a mass), normal, sliding, stiffness or area,
              gap, friction (false: "ground" too), speed_factor, radius, at

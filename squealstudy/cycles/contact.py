@@ -92,7 +92,7 @@ class ContactOscillator:
 
     def contact_velocity(self, motion: PeriodicMotion) -> float:
         """Largest relative velocity of a contact point over the period, steady sliding off, m/s."""
-        w = self._observed(motion, LEVEL_SAMPLES // 4)[1]
+        w = self._observed(motion, LEVEL_SAMPLES // 4)[1][:, self.system.touching]
         return float(np.sqrt((w**2).sum(axis=2).max(initial=0.0)))
 
     def slip_apart(self, one: PeriodicMotion, other: PeriodicMotion) -> float:
@@ -122,6 +122,7 @@ class ContactOscillator:
             power, or over damping power where that is more; ``energy`` J.
         """
         y, w = self._observed(motion, samples)
+        touching = self.system.touching
         forces = self.oscillator.forces
         assert isinstance(forces, ContactForces)
         rows = np.zeros((samples, len(layout.HISTORY)))
@@ -136,7 +137,7 @@ class ContactOscillator:
             "torque_rms": float(torque.std()),
             "torque_peak": float(np.abs(torque - torque.mean()).max()),
             "normal_force_rms": float(force.std()),
-            "contact_velocity": float(np.sqrt((w**2).sum(axis=2).max())),
+            "contact_velocity": float(np.sqrt((w[:, touching] ** 2).sum(axis=2).max())),
             "stick_share": float(rows[:, layout.STICK].mean()),
             "stick_share_max": float(rows[:, layout.STICK].max()),
             "open_share": float(rows[:, layout.OPEN].mean()),

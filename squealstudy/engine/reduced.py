@@ -277,7 +277,8 @@ def _make_shared_basis(task: BuildTask, shared: SharedTask) -> SharedBasis:
     blocks: tuple[np.ndarray, ...] = ()
     tests: list[tuple[float, float]] = []  # what was lacking, and how far from a reduction it was
     first: Assembly | None = None
-    stiffness, count, failure = 0.0, 0, None
+    stiffness: float | np.ndarray = 0.0
+    count, failure = 0, None
     for point in shared.places:
         task_here = replace(task, point=point, shared=None, coarse_key="")
         try:
@@ -326,7 +327,7 @@ class _SnapshotSpace:
     """Makes the contact space of an assembly and keeps its static responses."""
 
     assembly: Assembly
-    k_c: float
+    k_c: float | np.ndarray
     snapshot: Snapshot
 
     def __call__(self, modes: Mapping[str, ComponentModes]) -> ContactSpace:

@@ -38,7 +38,7 @@ def working_point_cells(point: WorkingPoint | None) -> dict[str, float]:
     names = [name for name, _ in WORKING_POINT_FIELDS]
     if point is None:
         return dict.fromkeys(names, np.nan)
-    p = point.contact_pressure
+    p = point.contact_pressure[point.touching]
     figures = (point.residual, point.open_share, float(p.min()), float(p.max()))
     return dict(zip(names, figures, strict=True))
 

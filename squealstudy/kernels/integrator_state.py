@@ -6,7 +6,6 @@ import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel
-from squealstudy.kernels.laws import potential
 from squealstudy.kernels.newmark_forces import pass_one
 from squealstudy.kernels.newmark_layout import (
     SCALE,
@@ -24,6 +23,7 @@ from squealstudy.kernels.newmark_step import (
     start,
 )
 from squealstudy.kernels.newmark_vector import dot
+from squealstudy.kernels.spring_points import energy_of
 
 BLOW_UP = 100.0  # energy (here the kinetic) over all that was put in
 
@@ -54,8 +54,7 @@ def released(modal: ModalArrays, settings: StepSettings, work: WorkArrays) -> fl
     real, law, points, point = work.real[0], modal.laws[0], modal.points[0], work.point[0]
     total = abs(real[at.STORED_START]) + modal_energy(work.x[0], modal.modes[0, at.W2])
     for i in range(point.shape[1]):
-        gap = points[at.POINT_GAP, i] + point[at.OUT_X, i]
-        total += points[at.POINT_AREA, i] * potential(law, gap)
+        total += points[at.POINT_AREA, i] * energy_of(law, points, i, point[at.OUT_X, i])
     return total + 0.5 * settings.h * settings.h * real[at.FLOOR2] / (
         NEGLIGIBLE_FORCE_RATIO * NEGLIGIBLE_FORCE_RATIO
     )

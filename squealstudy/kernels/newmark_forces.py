@@ -20,7 +20,6 @@ import numpy as np
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, hot_kernel
 from squealstudy.kernels.laws import (
-    contact_at,
     friction_tangent,
     frictions,
     mean_pressures,
@@ -29,6 +28,11 @@ from squealstudy.kernels.laws import (
 from squealstudy.kernels.newmark_between import resist
 from squealstudy.kernels.newmark_layout import X_START, ModalArrays, WorkArrays
 from squealstudy.kernels.newmark_vector import dot, fill, move
+from squealstudy.kernels.spring_points import (
+    mean_spring_pressures,
+    pressure_of,
+    spring_pressures,
+)
 from squealstudy.kernels.tile import LANES, POINTS, observe_one, spread_one
 
 
@@ -198,6 +202,7 @@ def gradient_forces(
     begin_points(points, point, first, last)
     gap, x, x0 = points[at.POINT_GAP], point[at.OUT_X], point[X_START]
     mean_pressures(law, gap, x, x0, point[at.OUT_P], first, last)
+    mean_spring_pressures(points, point, first, last)
     slide(points, law, point, first, last)
 
 
@@ -265,6 +270,7 @@ def point_forces(
     """
     begin_points(points, point, first, last)
     pressures(law, points[at.POINT_GAP], point[at.OUT_X], point[at.OUT_P], first, last)
+    spring_pressures(points, point, first, last)
     slide(points, law, point, first, last)
 
 
@@ -277,7 +283,7 @@ def tangents(
     dr_n/dx, dt1/dx, dt2/dx [N/m], dt1/dw1, dt1/dw2 = dt2/dw1, dt2/dw2 [N s/m].
     """
     area = points[at.POINT_AREA, i]
-    p, kappa = contact_at(law, points[at.POINT_GAP, i] + point[at.OUT_X, i])
+    p, kappa = pressure_of(law, points, i, point[at.OUT_X, i])
     w1, w2 = point[at.OUT_W1, i], point[at.OUT_W2, i]
     d11, d12, d22, s1, s2 = friction_tangent(law, points[at.POINT_FRICTION, i], p, w1, w2)
     kn, push = points[at.POINT_STIFFNESS, i] - area * kappa, -area * kappa

@@ -6,7 +6,6 @@ import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, hot_kernel, part_kernel
-from squealstudy.kernels.laws import potential
 from squealstudy.kernels.newmark_between import resisted_work
 from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_vector import copy, dot, fill
@@ -18,6 +17,7 @@ from squealstudy.kernels.row_sums import (
     close_squares,
     take_now,
 )
+from squealstudy.kernels.spring_points import energy_of
 
 OPEN_SHARE = 0.01  # a point is open below this share of the mean pressure of steady sliding
 
@@ -114,7 +114,7 @@ def contact_energy(points: np.ndarray, law: np.ndarray, gaps: np.ndarray) -> flo
     total = 0.0
     for i in range(gaps.size):
         gap = gaps[i]
-        U = potential(law, points[at.POINT_GAP, i] + gap) - potential(law, points[at.POINT_GAP, i])
+        U = energy_of(law, points, i, gap) - energy_of(law, points, i, 0.0)
         total += (
             points[at.POINT_AREA, i] * U
             + points[at.POINT_NORMAL, i] * gap

@@ -12,6 +12,7 @@ import numpy as np
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, hot_kernel
 from squealstudy.kernels.laws import mu_at, package_mu_at
+from squealstudy.kernels.spring_points import spring_regimes
 
 
 @fast_kernel
@@ -38,11 +39,13 @@ def find_regimes(points: np.ndarray, law: np.ndarray, point: np.ndarray, nc: int
             s = (w1[i] * w1[i] + w2[i] * w2[i]) ** 0.5
             mu, _, _ = mu_at(law, s, p[i])
             found[i] = regime(law, factor[i], mu, p[i], s)
+        spring_regimes(points, point, nc)
         return
     for i in range(nc):
         s = (w1[i] * w1[i] + w2[i] * w2[i]) ** 0.5
         mu, _, _ = package_mu_at(law, s, p[i])
         found[i] = regime(law, factor[i], mu, p[i], s)
+    spring_regimes(points, point, nc)
 
 
 @hot_kernel

@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
+from squealstudy.laws.spring import N_SPRING, NO_SPRINGS
 from squealstudy.models.cells import ComponentCells
 from squealstudy.models.component_slices import component_slices
 from squealstudy.models.linear_interfaces import (
@@ -185,6 +186,9 @@ class ContactInterface:
         Where they are, m; empty for models without coordinates.
     pairs : tuple of str
         For each point the name of the pair of surfaces that it is of; empty without names.
+    spring_points : ndarray (ns, 4)
+        Of the last ns points, which are springs and no contact (laws/spring.py): of 1 m2, without
+        friction.
     """
 
     N: sp.csr_matrix
@@ -198,9 +202,15 @@ class ContactInterface:
     speed_factor: np.ndarray = field(default_factory=lambda: np.zeros(0))
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     pairs: tuple[str, ...] = ()
+    spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS)
 
     def __post_init__(self) -> None:
         n = self.n_points
+        if self.spring_points.shape[1:] != (N_SPRING,) or not np.isfinite(self.spring_points).all():
+            raise ModelError(
+                f"contact interface: 'spring_points' needs {N_SPRING} finite values each"
+            )
+        check_size("contact interface: 'spring_points'", self.spring_points)
         if not self.speed_factor.size:
             object.__setattr__(self, "speed_factor", np.ones(n))
         for name in ("points", "pairs"):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
+from squealstudy.laws.spring import NO_SPRINGS
 from squealstudy.models.assembly import Assembly
 
 
@@ -34,6 +35,8 @@ class StackedAssembly:
     area, gap0, frictional, speed_factor : ndarray (m, c)
     load, constant_load : ndarray (m, n)
         N/Pa, and N.
+    spring_points : ndarray (m, ns, 4)
+        Springs that are not linear (`ContactInterface.spring_points`), the last contact points.
     """
 
     components: tuple[str, ...]
@@ -52,6 +55,7 @@ class StackedAssembly:
     speed_factor: np.ndarray
     load: np.ndarray
     constant_load: np.ndarray
+    spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS[None])
 
     @property
     def n(self) -> int:
@@ -119,6 +123,7 @@ def _columns(a: Assembly) -> dict[str, np.ndarray]:
         "speed_factor": contact.speed_factor,
         "load": a.load,
         "constant_load": a.constant_load,
+        "spring_points": contact.spring_points,
     }
 
 

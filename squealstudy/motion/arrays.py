@@ -194,6 +194,7 @@ def _fixed(
         return fixed
     uniform = integrator.contact_stiffness
     k_c = uniform * system.area if uniform else system.k_ref
+    k_c = np.concatenate([k_c[system.touching], system.k_ref[system.touching.stop :]])
     fixed[:, 0] = integrator.contact_factor * k_c - system.k_ref
     if integrator.mockup == "always":
         slopes = np.array([x.friction.k_t for x in designs])

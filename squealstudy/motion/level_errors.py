@@ -170,7 +170,8 @@ def storage_number(system: ModalSystem, design: MotionPoint, energy: float) -> f
     share = rounded[:, elastic] / np.sqrt(system.omega2[elastic])
     change = np.linalg.norm(share, axis=1) * np.sqrt(2 * max(energy, 0.0))
     gap, _ = design.base(system)
-    pressure, _ = design.contact.evaluate(gap)
+    change = change[system.touching]
+    pressure, _ = design.contact.evaluate(gap[system.touching])
     scale = np.array([design.contact.gap_scale(max(float(p), 0.0)) for p in pressure])
     closed = pressure > 0
     with np.errstate(over="ignore"):

@@ -272,7 +272,8 @@ def stuck(system: ModalSystem, point: MotionPoint) -> MotionPoint:
 
 def contact_speed(system: ModalSystem, v: np.ndarray) -> float:
     """Largest relative velocity at a contact point [m/s] of modal velocities v (n,)."""
-    parts = [np.abs(rows @ v) ** 2 for rows in (system.N, system.T1, system.T2)]
+    contacts = system.touching
+    parts = [np.abs(rows[contacts] @ v) ** 2 for rows in (system.N, system.T1, system.T2)]
     return float(np.sqrt(np.max(sum(parts), initial=0.0))) or 1.0
 
 
@@ -281,7 +282,8 @@ def contact_sign(system: ModalSystem, v: np.ndarray) -> float:
 
     Gaps first, then sliding along and across: the same in any basis of the same modes.
     """
-    y = np.concatenate([rows @ v for rows in (system.N, system.T1, system.T2)])
+    contacts = system.touching
+    y = np.concatenate([rows[contacts] @ v for rows in (system.N, system.T1, system.T2)])
     size = np.abs(y)
     first = int(np.argmax(size >= 0.5 * size.max(initial=0.0))) if len(size) else 0
     return -1.0 if len(y) and y[first] < 0 else 1.0

@@ -97,6 +97,7 @@ def shared_modes(
         force=point.forces(model, state.operating),
         shapes=phi[rows],
         speed_factor=model.speed_factor,
+        spring_points=model.spring_points,
     )
     damping = AssemblyDamping(
         omega2=omega2,

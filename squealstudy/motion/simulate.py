@@ -13,6 +13,7 @@ from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.integrator_state import BLOW_UP
 from squealstudy.kernels.newmark_batch import newmark_batch
 from squealstudy.kernels.newmark_layout import POINT_GAP
+from squealstudy.laws.spring import evaluate_points
 from squealstudy.motion.arrays import (
     kernel_settings,
     modal_arrays,
@@ -261,7 +262,8 @@ def blown_up(motion: Motion, system: ModalSystem) -> bool:
     """
     design, energy = motion.point, motion.energy
     q0, v0 = design.start(system.n)
-    p, kappa = design.contact.evaluate(design.points(system)[POINT_GAP] + system.N @ q0)
+    gaps = design.points(system)[POINT_GAP] + system.N @ q0
+    p, kappa = evaluate_points(design.contact, system.spring_points, gaps)
     soft = np.divide(p, kappa, out=np.zeros_like(p), where=kappa > 0)
     put_in = abs(energy.stored_start) + abs(energy.work_load) + abs(energy.work_belt)
     put_in += 0.5 * float(v0 @ v0 + system.omega2 @ (q0 * q0)) + float(system.area @ (p * soft))

@@ -23,7 +23,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from squealstudy.errors import ModelError
+from squealstudy.kernels.newmark_layout import POINT_SPRING
 from squealstudy.laws import ContactLaw, FrictionLaw
+from squealstudy.laws.spring import N_SPRING, NO_SPRINGS, evaluate_points
 from squealstudy.motion.growing_modes import GrowingModes
 
 if TYPE_CHECKING:
@@ -58,6 +60,8 @@ class ModalSystem:
         Modes (from 1) whose displacements and velocities are kept in the histories.
     speed_factor : ndarray (nc,)
         Sliding speed of each point over the imposed one; one by default.
+    spring_points : ndarray (ns, 4)
+        Of the last ns points, which are springs and no contact (laws/spring.py).
 
     Raises
     ------
@@ -78,6 +82,7 @@ class ModalSystem:
     shapes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     sensed: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     speed_factor: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS)
 
     def __post_init__(self) -> None:
         nc, n = np.shape(self.N)
@@ -85,11 +90,12 @@ class ModalSystem:
             object.__setattr__(self, "speed_factor", np.ones(nc))
         if not self.shapes.size:
             object.__setattr__(self, "shapes", np.zeros((0, n)))
-        wanted = {"omega2": (n,), "T1": (nc, n), "T2": (nc, n), "force": (nc, 3)}
+        shapes_by_name = {"omega2": (n,), "T1": (nc, n), "T2": (nc, n), "force": (nc, 3)}
         points = ("area", "frictional", "radius", "gap", "k_ref", "speed_factor")
-        wanted |= dict.fromkeys(points, (nc,))
-        wanted |= {"shapes": (len(self.shapes), n), "sensed": (len(self.sensed),)}
-        for name, shape in {"N": (nc, n), **wanted}.items():
+        shapes_by_name |= dict.fromkeys(points, (nc,))
+        shapes_by_name |= {"shapes": (len(self.shapes), n), "sensed": (len(self.sensed),)}
+        shapes_by_name |= {"spring_points": (len(self.spring_points), N_SPRING)}
+        for name, shape in {"N": (nc, n), **shapes_by_name}.items():
             value = getattr(self, name)
             if value.shape != shape:
                 raise ModelError(f"modal system: '{name}' has shape {value.shape}, not {shape}")
@@ -102,6 +108,11 @@ class ModalSystem:
     def n(self) -> int:
         """Number of modal coordinates."""
         return int(self.N.shape[1])
+
+    @property
+    def touching(self) -> slice:
+        """The points that are contact, not springs."""
+        return slice(len(self.area) - len(self.spring_points))
 
     @cached_property
     def tiles(self) -> dict[type[np.floating], np.ndarray]:
@@ -203,7 +214,8 @@ class MotionPoint:
     def tangents(self, system: ModalSystem | HybridModel) -> np.ndarray:
         """Contact tangents (nc,) of the base state, N/m."""
         gap, _ = self.base(system)
-        found: np.ndarray = system.area * self.contact.evaluate(gap)[1]
+        springs = getattr(system, "spring_points", NO_SPRINGS)
+        found: np.ndarray = system.area * evaluate_points(self.contact, springs, gap)[1]
         return found
 
     def points(self, system: ModalSystem | HybridModel) -> np.ndarray:
@@ -212,7 +224,11 @@ class MotionPoint:
         arm = system.radius * np.copysign(1.0, self.speed)  # torque brakes either way
         columns = (gap, system.area, system.frictional, arm, system.k_ref)
         speed = self.speed * system.speed_factor
-        return np.ascontiguousarray(np.vstack([*columns, force.T, speed]), dtype=np.float64)
+        rows = np.vstack([*columns, force.T, speed, np.zeros((1 + N_SPRING, len(gap)))])
+        if len(springs := getattr(system, "spring_points", NO_SPRINGS)):
+            rows[POINT_SPRING, -len(springs) :] = 1.0
+            rows[POINT_SPRING + 1 :, -len(springs) :] = springs.T
+        return np.ascontiguousarray(rows, dtype=np.float64)
 
 
 def stick_number(system: ModalSystem, design: MotionPoint, step: float) -> float:

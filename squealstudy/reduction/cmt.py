@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
+from squealstudy.laws.spring import NO_SPRINGS
 from squealstudy.linalg.factor import RefinedFactor, factorise, side_by_side
 from squealstudy.linalg.real_modes import real_modes, shifted
 from squealstudy.models.operating import ModeKey
@@ -81,6 +82,8 @@ class ReducedModel:
         that of a mode here.
     C_el : ndarray (n, n) or None
         Damping of the components' own and of dampers, rad/s; None where there is none.
+    spring_points : ndarray (ns, 4)
+        As in ContactInterface.
     """
 
     components: tuple[str, ...]
@@ -97,6 +100,7 @@ class ReducedModel:
     speed_factor: np.ndarray
     damped_to: float = np.inf
     C_el: np.ndarray | None = None
+    spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS)
 
     @property
     def n(self) -> int:
@@ -313,6 +317,7 @@ def project(
         radius=c.radius,
         speed_factor=c.speed_factor,
         C_el=_own_damping(assembly, basis),
+        spring_points=c.spring_points,
     )
 
 

@@ -10,7 +10,7 @@ exactly by Woodbury's identity.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +20,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.laws.spring import NO_SPRINGS
 from squealstudy.linalg.factor import RefinedFactor, factorise
 from squealstudy.models.assembly import ContactInterface
 from squealstudy.reduction.free_motions import free_motion
@@ -40,8 +41,8 @@ class ContactSpace:
 
     Attributes
     ----------
-    k_c : float
-        Contact stiffness per area in K0, Pa/m.
+    k_c : float or ndarray (nc,)
+        Contact stiffness per area in K0, Pa/m; by point where some are springs.
     area, gap0, frictional, speed_factor : ndarray (nc,)
         Of the contact points.
     S_N : csr_matrix (nc, r)
@@ -60,9 +61,11 @@ class ContactSpace:
         [load, constant_load]^T K0^-1 U.
     C_UU : ndarray (m, m)
         U^T K0^-1 U.
+    spring_points : ndarray (ns, 4)
+        As in ContactInterface.
     """
 
-    k_c: float
+    k_c: float | np.ndarray
     area: np.ndarray
     gap0: np.ndarray
     frictional: np.ndarray
@@ -76,6 +79,12 @@ class ContactSpace:
     C_TU: np.ndarray
     C_fU: np.ndarray
     C_UU: np.ndarray
+    spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS)
+
+    @property
+    def touching(self) -> slice:
+        """The points that are contact, not springs."""
+        return slice(len(self.area) - len(self.spring_points))
 
     @cached_property
     def by_point(self) -> tuple[np.ndarray, np.ndarray]:
@@ -84,8 +93,10 @@ class ContactSpace:
 
     @cached_property
     def opened_by_unit_pressure(self) -> float:
-        """Gaps under a pressure of 1 Pa on all points, summed over the area, m3/Pa."""
-        return float(self.area @ self.opening(self.area, np.zeros_like(self.area)))
+        """Gaps under a pressure of 1 Pa on all contact, summed over its area, m3/Pa."""
+        force = np.zeros_like(self.area)
+        force[self.touching] = self.area[self.touching]
+        return float(force @ self.opening(force, np.zeros_like(force)))
 
     def opening(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Gaps N K0^-1 (N^T s - T^T t) (..., nc) [m] by forces s, t (..., nc) [N]."""
@@ -181,7 +192,7 @@ class ContactRows:
 
 def contact_space(
     assembly: AnyAssembly,
-    k_c: float,
+    k_c: float | np.ndarray,
     shapes: np.ndarray | Callable[[], np.ndarray],
     rows: ContactRows | None = None,
     told: Callable[[np.ndarray], None] = lambda X: None,
@@ -193,7 +204,7 @@ def contact_space(
     Parameters
     ----------
     assembly : Assembly or ProjectedAssembly
-    k_c : float
+    k_c : float or ndarray (nc,)
         Contact stiffness per area, Pa/m: about that of the working points to come.
     shapes : ndarray (n_dof, m)
         U = M phi of component modes that may change; m may be 0. Or what gives them, asked last:
@@ -238,6 +249,7 @@ def contact_space(
         C_TU=rows.slid(X_U),
         C_fU=loads.T @ X_U,
         C_UU=shapes.T @ X_U,
+        spring_points=c.spring_points,
     )
 
 

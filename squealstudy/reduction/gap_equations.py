@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import scipy.linalg as la
 
+from squealstudy.laws.spring import evaluate_points
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace
 
@@ -64,7 +65,10 @@ class GapEquations:
     def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F(g) [m], pressure [Pa] and tangent [Pa/m], each (b, nc)."""
         space = self.space
-        pairs = [o.law.evaluate(row) for o, row in zip(self.operating, g, strict=True)]
+        pairs = [
+            evaluate_points(o.law, space.spring_points, row)
+            for o, row in zip(self.operating, g, strict=True)
+        ]
         p, kappa = (np.array(part) for part in zip(*pairs, strict=True))
         pairs_p = zip(self.operating, p, strict=True)
         drag = np.array([o.traction(row, space.speed_factor) for o, row in pairs_p])

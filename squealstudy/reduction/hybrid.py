@@ -163,6 +163,8 @@ def hybrid_model(
     """
     if assembly.C_el is not None:
         raise ModelError("the hybrid representation has no damping of components of their own")
+    if len(assembly.contact.spring_points):
+        raise ModelError("the hybrid representation has no springs with a gap or a third power")
     c = assembly.contact
     K = assembly_stiffness(assembly, point)
     if modes is None:

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.laws.spring import evaluate_points
 from squealstudy.linalg.band_roots import FIRST_ROOTS, roots_in_band
 from squealstudy.linalg.factor import side_by_side, threads_to_share
 from squealstudy.models.matrices.family import ORDERS, MatrixFamily
@@ -176,7 +177,7 @@ def contact_stiffness(model: ReducedModel, tangent: np.ndarray) -> np.ndarray:
 
 def natural_frequencies(prepared: PreparedModel, nominal: OperatingPoint) -> np.ndarray:
     """Frequencies (n,) of all real modes at the nominal working point, Hz, ascending."""
-    _, tangent = nominal.law.evaluate(prepared.nominal_gap)
+    _, tangent = evaluate_points(nominal.law, prepared.space.spring_points, prepared.nominal_gap)
     w2 = la.eigvalsh(contact_stiffness(prepared.model, tangent))
     found: np.ndarray = np.sqrt(np.maximum(w2, 0.0)) / (2 * np.pi)
     return found
@@ -190,12 +191,20 @@ def _reachable(space: ContactSpace, points: Sequence[OperatingPoint]) -> list[Wo
     return found
 
 
-def mean_contact_stiffness(assembly: AnyAssembly, nominal: OperatingPoint) -> float:
-    """Contact stiffness per area of a uniform pressure under the nominal load, Pa/m."""
+def mean_contact_stiffness(assembly: AnyAssembly, nominal: OperatingPoint) -> float | np.ndarray:
+    """Contact stiffness per area of a uniform pressure under the nominal load, Pa/m.
+
+    By point (nc,) where some are springs, which have that of their first power.
+    """
+    area, springs = assembly.contact.area, assembly.contact.spring_points
+    touching = len(area) - len(springs)
     force = np.abs(nominal.brake_pressure * assembly.load + assembly.constant_load).sum()
-    pressure = max(force / assembly.contact.area.sum(), 1e-300)
+    pressure = max(force / area[:touching].sum(), 1e-300)
     gap = np.array([nominal.law.gap_at(pressure)])
-    return float(nominal.law.evaluate(gap)[1][0])
+    stiffness = float(nominal.law.evaluate(gap)[1][0])
+    if not len(springs):
+        return stiffness
+    return np.concatenate([np.full(touching, stiffness), springs[:, 0]])
 
 
 def mode_shapes(assembly: AnyAssembly, modes: Mapping[str, ComponentModes]) -> np.ndarray:

@@ -51,7 +51,7 @@ class SharedBasis:
     """
 
     blocks: tuple[np.ndarray, ...] = field(repr=False)
-    k_c: float
+    k_c: float | np.ndarray
     rows: ContactRows = field(repr=False)
     contact: str
     reductions: int
@@ -156,7 +156,7 @@ def _energies(K: sp.csr_matrix, X: np.ndarray) -> np.ndarray:
 def shared_basis(
     assembly: Assembly,
     blocks: Sequence[np.ndarray],
-    k_c: float,
+    k_c: float | np.ndarray,
     reductions: int,
     lacking: float = np.inf,
     error: float = np.inf,

@@ -11,10 +11,26 @@ from collections.abc import Callable
 import numpy as np
 
 from squealstudy.laws.registry import DIFFERENCE_REL_STEP, at_points
+from squealstudy.laws.spring import spring_slopes
 from squealstudy.models.operating import FRICTION, SLIDING_SPEED
 from squealstudy.stacked.operating import StackedOperating
 
 Slope = tuple[np.ndarray, np.ndarray]
+
+
+def point_slopes(operating: StackedOperating, gap: np.ndarray, springs: np.ndarray) -> list[Slope]:
+    """`contact_slopes` of gaps (m, c), the last of which are of springs (m or 1, ns, 4)."""
+    first = gap.shape[1] - springs.shape[1]
+    if first == gap.shape[1]:
+        return contact_slopes(operating, gap)
+    still = np.zeros(gap[:, first:].shape)
+    by_gap, *others = contact_slopes(operating, gap[:, :first])
+    pairs = [(by_gap, spring_slopes(gap[:, first:], springs))]
+    pairs += [(slope, (still, still)) for slope in others]
+    return [
+        (np.concatenate([a[0], b[0]], axis=1), np.concatenate([a[1], b[1]], axis=1))
+        for a, b in pairs
+    ]
 
 
 def contact_slopes(operating: StackedOperating, gap: np.ndarray) -> list[Slope]:

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from squealstudy.modes.sensitivity.mode_gradient import damping_factors
-from squealstudy.stacked.law_slopes import contact_slopes, friction_by_pressure
+from squealstudy.stacked.law_slopes import friction_by_pressure, point_slopes
 from squealstudy.stacked.linear import quadratic
 from squealstudy.stacked.modes import StackedSystem
 from squealstudy.stacked.sliding import PointRows, gap_equations
@@ -62,8 +62,10 @@ class SlidingSlopes:
 
     @cached_property
     def by_law(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """As `contact_slopes` at the gaps."""
-        return contact_slopes(self._system.operating, self._system.sliding.gap)
+        """As `point_slopes` at the gaps."""
+        system = self._system
+        springs = system.structures.spring_points
+        return point_slopes(system.operating, system.sliding.gap, springs)
 
     @cached_property
     def displacement(self) -> np.ndarray:
@@ -84,6 +86,14 @@ class SlidingSlopes:
     def gaps_by_forces(self, unbalanced: np.ndarray) -> np.ndarray:
         """Motion of the gaps (m, c) by generalised forces (m, n) out of balance at fixed gaps."""
         return self.gaps(np.einsum("mic,mi->mc", self._normal, unbalanced))
+
+    def gaps_by_opening(self, opening: np.ndarray) -> np.ndarray:
+        """By a change (m, c) of the gaps without load."""
+        if not opening.any():
+            return np.zeros(opening.shape)
+        e = self._equations
+        pushed = np.einsum("mij,mj->mi", e.by_normal, self.area * e.k_c * opening)
+        return self.gaps(pushed - opening)
 
     def gaps_by_friction(self, mu: np.ndarray) -> np.ndarray:
         """By a change (m, c) of the coefficients."""

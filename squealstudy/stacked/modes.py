@@ -18,6 +18,7 @@ from squealstudy.models.stacked_assembly import StackedAssembly
 from squealstudy.modes.point import angular_band
 from squealstudy.reduction.free_motions import FREE_MOTION
 from squealstudy.reduction.working_point import (
+    SPRING_AT_CORNER,
     expect_consistent_laws,
     no_sliding_text,
     working_point_result,
@@ -25,7 +26,7 @@ from squealstudy.reduction.working_point import (
 from squealstudy.stacked.linear import StackedDamping, StackedLinear, computable, linearised
 from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.roots import StackedRoots, stacked_roots
-from squealstudy.stacked.sliding import SINGULAR, SOLVED, StackedSliding, steady_sliding
+from squealstudy.stacked.sliding import AT_CORNER, SINGULAR, SOLVED, StackedSliding, steady_sliding
 from squealstudy.stacked.structures import StackedStructures
 
 MOST_COORDINATES = 40  # of a model: beyond, stacking saves next to nothing
@@ -291,6 +292,8 @@ def _reason(state: int, operating: StackedOperating, row: int) -> tuple[str, str
     """Status and message of a point without steady sliding."""
     if state == SINGULAR:
         return "singular", FREE_MOTION
+    if state == AT_CORNER:
+        return "working_point", SPRING_AT_CORNER
     return "working_point", no_sliding_text(operating.friction[row], operating.pressure[row])
 
 
@@ -311,7 +314,10 @@ def _contradictions(
             for array in [getattr(structures, name)]
         }
         gap, p, kappa = sliding.gap[i], sliding.pressure[i], sliding.tangent[i]
-        state = working_point_result(arrays["area"], gap, p, kappa, 0, 0.0, np.zeros_like(gap))
+        springs = structures.spring_points
+        springs = springs[0 if len(springs) == 1 else i]
+        still = np.zeros_like(gap)
+        state = working_point_result(arrays["area"], gap, p, kappa, 0, 0.0, still, springs=springs)
         try:
             expect_consistent_laws(SimpleNamespace(**arrays), operating.point_at(i), state)
         except ConvergenceError as error:

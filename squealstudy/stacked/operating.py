@@ -12,6 +12,7 @@ from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES, FrictionCurve
 from squealstudy.laws.contact_law import ContactLaw, ContactLawDefinition
 from squealstudy.laws.friction_law import FrictionCurveDefinition
 from squealstudy.laws.registry import at_points
+from squealstudy.laws.spring import evaluate_springs
 from squealstudy.models.operating import FRICTION, PRESSURE, SLIDING_SPEED, OperatingPoint
 
 OPERATING_NAMES = (FRICTION.name, PRESSURE.name, SLIDING_SPEED.name)  # of no law
@@ -132,6 +133,15 @@ class StackedOperating:
             p, kappa = self.law.evaluate(g, *self.law_values)
             return p, np.broadcast_to(kappa, g.shape)
         p, kappa = at_points(self.law.pressure, 2, g, *self.law_values)
+        return p, kappa
+
+    def at_points(self, g: np.ndarray, springs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`contact` of gaps (m, c), the last of which are of springs (m or 1, ns, 4)."""
+        if not (count := springs.shape[1]):
+            return self.contact(g)
+        first = g.shape[1] - count
+        pairs = self.contact(g[:, :first]), evaluate_springs(g[:, first:], springs)
+        p, kappa = (np.concatenate(parts, axis=1) for parts in zip(*pairs, strict=True))
         return p, kappa
 
     def gap_at(self, p: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from squealstudy.laws.spring import at_a_corner, engaged, spring_error
 from squealstudy.reduction.contact_space import HELD
 from squealstudy.reduction.working_point import (
     AMPLIFIED,
@@ -22,7 +23,7 @@ from squealstudy.reduction.working_point import (
 from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.structures import StackedStructures
 
-SOLVED, SINGULAR, NO_EQUILIBRIUM = 0, 1, 2  # codes of StackedSliding.state
+SOLVED, SINGULAR, NO_EQUILIBRIUM, AT_CORNER = 0, 1, 2, 3  # codes of StackedSliding.state
 SMALLEST_POSITIVE = 1e-300
 
 
@@ -39,7 +40,8 @@ class StackedSliding:
     open_share, tangent_error : ndarray (m,)
         As in `WorkingPoint`.
     state : ndarray (m,) of int
-        SOLVED, SINGULAR where some motion is free, NO_EQUILIBRIUM where Newton finds none.
+        SOLVED, SINGULAR where some motion is free, NO_EQUILIBRIUM where Newton finds none,
+        AT_CORNER where a spring just touches.
     """
 
     gap: np.ndarray
@@ -61,12 +63,14 @@ class GapEquations:
         Opening by normal forces, closing by friction forces, m/N.
     by_load : ndarray (m, c)
         Opening by the loads, m.
-    k_c : ndarray (m, 1)
+    k_c : ndarray (m, 1), or (m, c) with springs
         Contact stiffness per area of the structure that these compliances are of, Pa/m.
     area : ndarray (m, c)
         m2.
     moved : ndarray (m, n, 2 c + 1)
         Displacements by normal and by friction forces of each contact point, and by the loads.
+    springs : ndarray (m, ns, 4)
+        The last points, which are springs.
     """
 
     structures: StackedStructures
@@ -77,6 +81,12 @@ class GapEquations:
     k_c: np.ndarray
     area: np.ndarray
     moved: np.ndarray
+    springs: np.ndarray
+
+    @property
+    def touching(self) -> slice:
+        """The points that are contact, not springs."""
+        return slice(self.area.shape[1] - self.springs.shape[1])
 
     def at(self, rows: np.ndarray) -> GapEquations:
         """Those of some design points; the structures stay whole."""
@@ -89,6 +99,7 @@ class GapEquations:
             k_c=self.k_c[rows],
             area=self.area[rows],
             moved=self.moved[rows],
+            springs=self.springs[rows],
         )
 
 
@@ -120,8 +131,13 @@ def gap_equations(
     load = (
         structures.load[..., 0] * operating.pressure[:, None] + structures.load[..., 1]
     )  # (m, n), rad/s^2 sqrt(kg) m
-    closed = _mean_pressure_of_loads(structures, operating, area)
+    springs = structures.spring_points
+    springs = np.broadcast_to(springs, (m, *springs.shape[1:]))
+    touching = area[:, : area.shape[1] - springs.shape[1]]
+    closed = _mean_pressure_of_loads(structures, operating, touching)
     k_c = operating.contact(operating.gap_at(closed)[:, None])[1][:, :1]
+    if springs.shape[1]:
+        k_c = np.concatenate([np.repeat(k_c, touching.shape[1], axis=1), springs[:, :, 0]], axis=1)
     K0 = np.zeros((m, structures.n, structures.n)) + structures.static_springs
     K0 = K0 + structures.N.swapaxes(1, 2) @ ((area * k_c)[:, :, None] * structures.N)
     K0[:, np.arange(structures.n), np.arange(structures.n)] += k_el
@@ -141,6 +157,7 @@ def gap_equations(
         k_c=k_c,
         area=area,
         moved=responses,
+        springs=springs,
     )
     return equations, is_regular
 
@@ -182,11 +199,16 @@ def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
     structures, operating, area = equations.structures, equations.operating, equations.area
     m, c = area.shape
     gap0 = np.broadcast_to(structures.gap0, (m, c))
-    stiffness = np.abs(equations.k_c * equations.by_load)
-    loaded = np.maximum((area * stiffness).sum(axis=1) / area.sum(axis=1), SMALLEST_POSITIVE)
+    touching, springs = equations.touching, equations.springs
+    contact_area = area[:, touching]
+    stiffness = np.abs(equations.k_c * equations.by_load)[:, touching]
+    loaded = (contact_area * stiffness).sum(axis=1) / contact_area.sum(axis=1)
+    loaded = np.maximum(loaded, SMALLEST_POSITIVE)
     estimate = np.maximum(loaded, _closing_pressure(equations))
     size = np.abs(equations.by_load).max(axis=1)
     gap = np.repeat(operating.gap_at(estimate)[:, None], c, axis=1)
+    first = c - springs.shape[1]
+    gap[:, first:] = engaged((gap0 + equations.by_load)[:, first:], springs)
     state = np.where(held, NO_EQUILIBRIUM, SINGULAR)
     open_rows = np.flatnonzero(held)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -194,21 +216,20 @@ def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
             if not len(open_rows):
                 break
             part = equations.at(open_rows)
-            g, areas = gap[open_rows], part.area
+            g, areas = gap[open_rows], part.area[:, touching]
             rows = PointRows(part, gap0[open_rows], open_rows)
             F, p, kappa = rows.imbalance(g)
             step = -rows.newton(F, p, kappa)
-            level = np.maximum(
-                estimate[open_rows], np.abs((areas * p).sum(axis=1) / areas.sum(axis=1))
-            )
-            share = _damping(part.operating, level, g, step)
+            mean = np.abs((areas * p[:, touching]).sum(axis=1) / areas.sum(axis=1))
+            level = np.maximum(estimate[open_rows], mean)
+            share = _damping(part.operating, level, g[:, touching], step[:, touching])
             g = g + share[:, None] * step
             F, p, kappa = rows.imbalance(g)
             relative = np.abs(F).max(axis=1) / (
                 size[open_rows] + np.abs(g).max(axis=1) + SMALLEST_POSITIVE
             )
             scale = part.operating.gap_scale(level)
-            small = np.abs(step).max(axis=1) / scale < TOLERANCE**0.5
+            small = np.abs(step[:, touching]).max(axis=1) / scale < TOLERANCE**0.5
             done = (share == 1.0) & small & (relative < TOLERANCE)
             if done.any():  # what a step leaves is more than round-off
                 g[done] = (g - rows.newton(F, p, kappa))[done]
@@ -219,24 +240,27 @@ def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
         whole = PointRows(equations, gap0, np.arange(m))
         F, p, kappa = whole.imbalance(gap)
         residual = np.abs(F).max(axis=1) / (size + np.abs(gap).max(axis=1) + SMALLEST_POSITIVE)
+        corner = (state == SOLVED) & at_a_corner(gap, springs)
     return StackedSliding(
         gap=gap,
         pressure=p,
         tangent=kappa,
         residual=residual,
-        open_share=_open_share(area, p, loaded),
-        tangent_error=_tangent_error(area, p, kappa, F),
-        state=state,
+        open_share=_open_share(contact_area, p[:, touching], loaded),
+        tangent_error=_tangent_error(area, p, kappa, F, spring_error(gap, F, springs)),
+        state=np.where(corner, AT_CORNER, state),
     )
 
 
 def _closing_pressure(equations: GapEquations) -> np.ndarray:
     """As in `working_point`: (m,) [Pa] that takes back mean opening and closed gaps."""
-    area = equations.area
-    unit = np.abs((area * _times(equations.by_normal, area)).sum(axis=1))
+    touching = equations.touching
+    area = equations.area[:, touching]
+    by_normal = equations.by_normal[:, touching, touching]
+    unit = np.abs((area * _times(by_normal, area)).sum(axis=1))
     with np.errstate(over="ignore", invalid="ignore"):
-        opened = np.abs((area * equations.by_load).sum(axis=1))
-        preloaded = np.maximum(-equations.structures.gap0, 0.0)
+        opened = np.abs((area * equations.by_load[:, touching]).sum(axis=1))
+        preloaded = np.maximum(-equations.structures.gap0[:, touching], 0.0)
         closing = opened + (area * preloaded).sum(axis=1)
         closing = closing / np.maximum(unit, SMALLEST_POSITIVE)
     # of nothing an exponential law has no gap
@@ -266,7 +290,7 @@ class PointRows:
     def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F(g) [m], pressure [Pa] and tangent [Pa/m], each (m, c)."""
         e = self.equations
-        p, kappa = e.operating.contact(g)
+        p, kappa = e.operating.at_points(g, e.springs)
         speed_factor = self._of(e.structures.speed_factor)
         drag = e.operating.rubbing(p, speed_factor).mu * p * e.area * self._frictional
         normal = e.area * (p + e.k_c * (g - self.gap0))
@@ -324,12 +348,16 @@ def _open_share(area: np.ndarray, p: np.ndarray, loaded: np.ndarray) -> np.ndarr
     return np.where(np.abs(mean) < OPEN * loaded, 1.0, below)
 
 
-def _tangent_error(area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.ndarray) -> np.ndarray:
+def _tangent_error(
+    area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.ndarray, of_springs: np.ndarray
+) -> np.ndarray:
     """Relative change (m,) of the contact stiffness by gaps that err by AMPLIFIED F."""
     pressed, size = np.abs(p) > 0, np.abs(kappa)
     weight = np.where(pressed, area * size, 0.0)
+    whole = np.maximum(weight.sum(axis=1), SMALLEST_POSITIVE)
+    weight[:, weight.shape[1] - of_springs.shape[1] :] = 0.0
     with np.errstate(over="ignore", invalid="ignore"):
-        rel_change = AMPLIFIED * np.abs(F) * size / np.where(pressed, np.abs(p), 1.0)
-        total = np.where(pressed, weight * rel_change, 0.0).sum(axis=1)
-    error: np.ndarray = total / np.maximum(weight.sum(axis=1), SMALLEST_POSITIVE)
-    return error
+        change = AMPLIFIED * np.abs(F) * size / np.where(pressed, np.abs(p), 1.0)
+        total = np.where(pressed, weight * change, 0.0).sum(axis=1)
+    errors: np.ndarray = (total + AMPLIFIED * of_springs.sum(axis=1)) / whole
+    return errors

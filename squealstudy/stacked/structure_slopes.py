@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.errors import SquealstudyError
+from squealstudy.laws.spring import evaluate_springs
 from squealstudy.linalg.overflow import OVERFLOW
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.models.stacked_assembly import StackedAssembly
@@ -132,15 +133,31 @@ class StructureSlopes:
         area = np.broadcast_to(of("area"), p.shape)
         loads = np.einsum("mij,mi->mj", phi, of("load")) * system.operating.pressure[:, None]
         loads = loads + np.einsum("mij,mi->mj", phi, of("constant_load"))
-        force, s = area * p, system.structures
+        dp, dkappa = self._by_springs(first, second, width)
+        force, s = area * p + sliding.area * dp, system.structures
         drag = sliding.friction.mu * sliding.frictional * force
         unbalanced = np.einsum("mij,mj->mi", elastic + static, sliding.displacement) - loads
         unbalanced = unbalanced - _along(s.N, force) + _along(s.T, drag)
-        contact = sliding.contact(sliding.gaps_by_forces(unbalanced), ContactChange(area=area))
+        by = ContactChange(area=area, pressure=dp, tangent=dkappa)
+        opening = np.broadcast_to(of("gap0"), p.shape)
+        gaps = sliding.gaps_by_forces(unbalanced) + sliding.gaps_by_opening(opening)
+        contact = sliding.contact(gaps, by)
         shape = system.linear.K.shape
         mass = np.broadcast_to(projected("M"), shape)
         stiffness = np.broadcast_to(elastic + springs, shape)
         return matrix_slope(system, contact, stiffness, damping, mass), good
+
+    def _by_springs(
+        self, first: StackedAssembly, second: StackedAssembly, width: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Changes (m, c) of pressure and tangent at the gaps, by the numbers of springs."""
+        gap = self.slopes.system.sliding.gap
+        changes = np.zeros((2, *gap.shape))
+        if count := first.spring_points.shape[1]:
+            e = gap[:, gap.shape[1] - count :]
+            ends = [np.array(evaluate_springs(e, a.spring_points)) for a in (first, second)]
+            changes[:, :, gap.shape[1] - count :] = (ends[0] - ends[1]) / width[:, None]
+        return changes[0], changes[1]
 
 
 def _along(rows: np.ndarray, forces: np.ndarray) -> np.ndarray:

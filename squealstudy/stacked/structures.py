@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from squealstudy.laws.spring import NO_SPRINGS
 from squealstudy.models.stacked_assembly import StackedAssembly
 
 
@@ -32,6 +33,8 @@ class StackedStructures:
         Displacements of the degrees of freedom by coordinates.
     sensors : ndarray (m, s, n)
         M^(1/2) u of the displacements: shapes of structures of other masses are compared there.
+    spring_points : ndarray (m, ns, 4)
+        As in `StackedAssembly`.
     """
 
     components: tuple[str, ...]
@@ -50,6 +53,7 @@ class StackedStructures:
     load: np.ndarray
     phi: np.ndarray
     sensors: np.ndarray
+    spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS[None])
 
     @property
     def n(self) -> int:
@@ -93,6 +97,7 @@ class StackedStructures:
             load=back @ loads,
             phi=phi,
             sensors=roots_of(a.M) @ phi,
+            spring_points=a.spring_points,
         )
 
 

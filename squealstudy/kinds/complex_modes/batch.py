@@ -128,6 +128,8 @@ def _table(
     lam = roots.lam[held]
     energies = system.energies(roots.psi).swapaxes(1, 2)[held]
     shapes = np.ascontiguousarray(system.shapes(roots.psi)[held])
+    springs = system.structures.spring_points.shape[1]
+    pressed = sliding.pressure[:, : sliding.pressure.shape[1] - springs]
 
     def figures(values: np.ndarray) -> np.ndarray:
         return np.where(solved, values, np.nan)
@@ -146,8 +148,8 @@ def _table(
         "method": pa.array([DENSE if ok else "" for ok in solved.tolist()]),
         "working_point_residual": pa.array(figures(sliding.residual)),
         "open_share": pa.array(figures(sliding.open_share)),
-        "contact_pressure_min": pa.array(figures(sliding.pressure.min(axis=1))),
-        "contact_pressure_max": pa.array(figures(sliding.pressure.max(axis=1))),
+        "contact_pressure_min": pa.array(figures(pressed.min(axis=1))),
+        "contact_pressure_max": pa.array(figures(pressed.max(axis=1))),
         **{name: _lists(values, count) for name, values in lists.items()},
         "energies": _lists(energies.ravel(), count * energies.shape[1]),
         "shapes": _binaries(shapes, count),

@@ -89,7 +89,11 @@ def assembly_of(file: LumpedFile, parts: LumpedParts) -> Assembly:
             law=LAW,
             frictional=c.frictional[0],
             speed_factor=c.speed_factor[0],
-            pairs=tuple(file.name_of("contact", i) for i in range(len(file.contact))),
+            pairs=(
+                *(file.name_of("contact", i) for i in range(len(file.contact))),
+                *(file.name_of("spring", i) for i, s in enumerate(file.spring) if not s.linear),
+            ),
+            spring_points=c.spring_points[0],
         ),
         springs=tuple(SpringInterface(s.name, sp.csr_matrix(s.row), s.size) for s in parts.springs),
         load=np.broadcast_to(parts.load, (1, n))[0],
@@ -120,6 +124,7 @@ def stack_of(file: LumpedFile, parts: LumpedParts) -> StackedAssembly:
         speed_factor=c.speed_factor,
         load=parts.load,
         constant_load=parts.constant_load,
+        spring_points=c.spring_points,
     )
 
 

@@ -143,7 +143,7 @@ def texts_of(file: LumpedFile) -> Iterator[tuple[KeyPath, str]]:
     """Expressions of the file and their keys."""
     numbers = {
         "mass": ("mass", "inertia"),
-        "spring": ("stiffness",),
+        "spring": ("stiffness", "cubic", "gap"),
         "damper": ("damping",),
         "contact": ("stiffness", "area", "gap", "friction_factor", "speed_factor", "radius"),
         "load": ("force", "area"),
@@ -165,7 +165,10 @@ def texts_of(file: LumpedFile) -> Iterator[tuple[KeyPath, str]]:
 def check_held(file: LumpedFile, parts: LumpedParts) -> None:
     """That springs or contact hold every motion, at the values of `parts`."""
     rows = [s.row[0] for s in parts.springs if s.size[0] > 0.0]
-    held = np.vstack([*rows, *parts.contact.N[0]])
+    points, numbers = parts.contact.N[0], parts.contact.spring_points[0]
+    acts = np.ones(len(points), dtype=bool)
+    acts[len(points) - len(numbers) :] = numbers[:, 0] > 0.0
+    held = np.vstack([*rows, *points[acts]])
     held = held / np.linalg.norm(held, axis=1, keepdims=True)
     _, sizes, motions = np.linalg.svd(held)
     free = motions[int((sizes > UNSUPPORTED_SINGULAR_VALUE).sum()) :]

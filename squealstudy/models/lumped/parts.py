@@ -10,6 +10,7 @@ import numpy as np
 
 from squealstudy.laws import contact_law
 from squealstudy.laws.contact.unilateral import STIFFNESS
+from squealstudy.laws.spring import N_SPRING
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.lumped.numbers import (
     Along,
@@ -32,6 +33,8 @@ from squealstudy.models.lumped.tables import (
 from squealstudy.models.minimal_parts import LEVER_ARM_M
 
 PER_AREA = contact_law("bilateral").value(STIFFNESS.name)  # Pa/m: a stiffness is this times an area
+# columns of springs that are not linear: their elongations are the gaps of points of 1 m2
+OF_SPRINGS = {"area": 1.0, "gap": 0.0, "radius": 0.0, "frictional": 0.0, "speed_factor": 1.0}
 RIGHT_ANGLE = 1e-9  # cosine of normal and sliding direction, at most
 
 
@@ -44,7 +47,10 @@ class Interface(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Contact points: N, T, T_perp (m or 1, c, n), the others (m or 1, c)."""
+    """Contact points: N, T, T_perp (m or 1, c, n), the others (m or 1, c).
+
+    The last are the springs that are not linear, with numbers `spring_points` (m or 1, ns, 4).
+    """
 
     N: np.ndarray
     T: np.ndarray
@@ -54,6 +60,7 @@ class Points(NamedTuple):
     radius: np.ndarray
     frictional: np.ndarray
     speed_factor: np.ndarray
+    spring_points: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -126,7 +133,9 @@ def parts_of(file: LumpedFile, values: Values) -> LumpedParts:
     return LumpedParts(
         masses=_masses(space, values),
         springs=[
-            _interface(space, "spring", i, table, values) for i, table in enumerate(file.spring)
+            _interface(space, "spring", i, table, values)
+            for i, table in enumerate(file.spring)
+            if table.linear
         ],
         dampers=[
             _interface(space, "damper", i, table, values) for i, table in enumerate(file.damper)
@@ -146,6 +155,30 @@ def _masses(space: Coordinates, values: Values) -> np.ndarray:
     return _side_by_side(columns)
 
 
+def _elongation(
+    space: Coordinates, kind: str, i: int, table: SpringTable | DamperTable, values: Values
+) -> np.ndarray:
+    """Motion (m or 1, n) of the first end over the second."""
+    motion = along(table.direction, values, (kind, i, "direction"), turns=True)
+    row = space.apart(table.between, motion, table.at)
+    _expect_motion(row, table.between, (kind, i, "direction"))
+    return row
+
+
+def _spring_numbers(i: int, table: SpringTable, values: Values) -> np.ndarray:
+    """Stiffness, third power, gap and side (m or 1, 4) of a spring that is not linear."""
+    keys = ("spring", i)
+    side = {"both": 0.0, "tension": 1.0, "compression": -1.0}[table.side]
+    gap = np.asarray(0.0)
+    if table.gap is not None and side:
+        gap = value_of(table.gap, values, (*keys, "gap"))
+    elif table.gap is not None:
+        gap = bounded(table.gap, values, (*keys, "gap"), "m", zero=True)
+    cubic = value_of(0.0 if table.cubic is None else table.cubic, values, (*keys, "cubic"))
+    stiffness = bounded(table.stiffness, values, (*keys, "stiffness"), "N/m", zero=True)
+    return _side_by_side([stiffness, cubic, gap, np.asarray(side)])
+
+
 def _interface(
     space: Coordinates, kind: str, i: int, table: SpringTable | DamperTable, values: Values
 ) -> Interface:
@@ -153,9 +186,7 @@ def _interface(
     key = "stiffness" if isinstance(table, SpringTable) else "damping"
     number = table.stiffness if isinstance(table, SpringTable) else table.damping
     unit = "N/m" if key == "stiffness" else "N s/m"
-    motion = along(table.direction, values, (*keys, "direction"), turns=True)
-    row = space.apart(table.between, motion, table.at)
-    _expect_motion(row, table.between, (*keys, "direction"))
+    row = _elongation(space, kind, i, table, values)
     size = bounded(number, values, (*keys, key), unit, zero=True)
     return Interface(space.file.name_of(kind, i), row, np.atleast_1d(size))
 
@@ -185,8 +216,21 @@ def _contact(space: Coordinates, values: Values) -> Points:
         columns["speed_factor"].append(
             bounded(table.speed_factor, values, (*keys, "speed_factor"), "")
         )
-    stacked = {name: _stacked(own, n) for name, own in rows.items()}
-    return Points(**stacked, **{name: _side_by_side(own) for name, own in columns.items()})
+    numbers = []
+    for i, spring in enumerate(space.file.spring):
+        if spring.linear:
+            continue
+        rows["N"].append(_elongation(space, "spring", i, spring, values))
+        for name in ("T", "T_perp"):
+            rows[name].append(np.zeros((1, n)))
+        for name, number in OF_SPRINGS.items():
+            columns[name].append(np.asarray(number))
+        numbers.append(_spring_numbers(i, spring, values))
+    return Points(
+        **{name: _stacked(parts, n) for name, parts in rows.items()},
+        **{name: _side_by_side(parts) for name, parts in columns.items()},
+        spring_points=_stacked(numbers, N_SPRING),
+    )
 
 
 def _area(table: ContactTable, keys: KeyPath, values: Values) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
@@ -66,13 +66,30 @@ class MassTable(Table):
 
 
 class SpringTable(Table):
-    """A linear spring."""
+    """A spring: linear, with a third power, with a gap or of one side."""
 
     name: Name | None = None
     between: Ends = Field(description='two masses, or a mass and "ground"')
     direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
     stiffness: Number = Field(description="N/m, or N m/rad")
+    cubic: Number | None = Field(
+        default=None, description="N/m3, or N m/rad3, of the third power; negative: it softens"
+    )
+    gap: Number | None = Field(
+        default=None,
+        description="m, or rad, over which it does not act; of one side: negative, it is preloaded",
+    )
+    side: Literal["both", "tension", "compression"] = Field(
+        default="both",
+        description="where it acts: tension, where the first has moved along the direction away "
+        "from the second; compression, against it, as a stop",
+    )
     at: Vector | None = Field(default=None, description=PLACE_TEXT)
+
+    @property
+    def linear(self) -> bool:
+        """Whether it has neither a third power nor a gap, and acts on both sides."""
+        return self.cubic is None and self.gap is None and self.side == "both"
 
 
 class DamperTable(Table):

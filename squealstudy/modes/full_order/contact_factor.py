@@ -46,7 +46,7 @@ class HeldStiffness:
     C_TN: np.ndarray = field(repr=False)
 
     @staticmethod
-    def of(assembly: Assembly, k_c: float) -> HeldStiffness:
+    def of(assembly: Assembly, k_c: float | np.ndarray) -> HeldStiffness:
         """Of an assembly with the contact stiffness per area k_c [Pa/m]; ConvergenceError."""
         K = assembly.K_el + assembly.K_springs() + assembly.K_contact(k_c)
         factor, rows = factorise(K, definite=True), ContactRows.of(assembly.contact)

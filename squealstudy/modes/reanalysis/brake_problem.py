@@ -32,13 +32,8 @@ from squealstudy.modes.reanalysis.problem import (
 )
 from squealstudy.modes.reanalysis.sweep_basis import corners
 from squealstudy.reduction.prepared import PreparedModel, shape_column
-from squealstudy.reduction.working_point import (
-    Cardinals,
-    WorkingPoint,
-    WorkingPointField,
-    anchor_at,
-    expect_consistent_laws,
-)
+from squealstudy.reduction.working_point import WorkingPoint, expect_consistent_laws
+from squealstudy.reduction.working_point_field import Cardinals, WorkingPointField, anchor_at
 from squealstudy.system.linearise import (
     ContactStructure,
     StructureWeights,

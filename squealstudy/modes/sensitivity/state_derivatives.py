@@ -11,12 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as la
 
 from squealstudy.errors import ParameterError
+from squealstudy.laws.spring import slopes_of_points
 from squealstudy.models.operating import (
     DAMPING,
     FRICTION,
@@ -74,6 +76,7 @@ class StateDerivatives:
     def __init__(self, prepared: PreparedModel, state: DesignState, point: WorkingPoint) -> None:
         self._model, self._state, self._point = prepared.model, state, point
         self.structure = reduced_structure(prepared.model)
+        self._springs = prepared.space.spring_points
         changes = state.stiffness_changes(self.structure.frequencies)
         columns = {shape_column(prepared.model, *key): dk for key, dk in changes.items()}
         self.motion = WorkingPointDerivatives(
@@ -98,7 +101,7 @@ class StateDerivatives:
         by, law = ContactChange(), operating.law
         gap = np.zeros(len(self._point.gap))
         if name in law.names:
-            dp, dkappa = law.slopes(self._point.gap)[1 + law.names.index(name)]
+            dp, dkappa = self._law_slopes[1 + law.names.index(name)]
             by, gap = ContactChange(pressure=dp, tangent=dkappa), self.motion.by_law(dp)
         if name not in law.names or name in operating.curve.names:
             friction = friction_change(
@@ -108,10 +111,14 @@ class StateDerivatives:
             gap = gap + self.motion.by_friction(by.mu)
         return self._moved(gap, by)
 
+    @cached_property
+    def _law_slopes(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        return slopes_of_points(self._state.operating.law, self._springs, self._point.gap)
+
     def contact(self, gap: np.ndarray, by: ContactChange) -> ContactWeights:
         """Derivative of the contact weights with the motion `gap` (nc,) of the gaps."""
         point, operating = self._point, self._state.operating
-        dp, dkappa = operating.law.slopes(point.gap)[0]
+        dp, dkappa = self._law_slopes[0]
         total = by._replace(pressure=by.pressure + dp * gap, tangent=by.tangent + dkappa * gap)
         if operating.curve.pressure_dependent:
             rows = operating.friction_slopes(point.contact_pressure, self.structure.speed_factor)

@@ -20,6 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ParameterError
+from squealstudy.laws.spring import evaluate_springs
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.sparse_qep import LowRankSum, WoodburyFactor
@@ -100,7 +101,11 @@ class StructureBuilder:
         return full_order_system(assembly, modes, point, state, self.damped_to_hz)
 
     def working_point(
-        self, assembly: Assembly, state: DesignState, k_c: float, start: np.ndarray
+        self,
+        assembly: Assembly,
+        state: DesignState,
+        k_c: float | np.ndarray,
+        start: np.ndarray,
     ) -> WorkingPoint:
         """The working point of an assembly from gaps `start` (nc,); ConvergenceError without.
 
@@ -177,7 +182,7 @@ class StaticResponse:
     def __init__(self, full: FullOrderSystem, design: ChosenModes) -> None:
         c, operating, w = full.assembly.contact, full.state.operating, full.point
         k_c = design.prepared.space.k_c
-        self._full = full
+        self._full, self._k_c = full, k_c
         self._derivatives = StateDerivatives(design.prepared, design.state, design.point)
         K0 = full.assembly.K_el + full.assembly.K_springs(static=True)
         K0 = K0 + full.assembly.K_contact(k_c)
@@ -194,12 +199,15 @@ class StaticResponse:
     def change(self, by: AssemblyChange) -> ContactWeights:
         """Total derivative of the contact weights: the working point moves."""
         c, w = self._full.assembly.contact, self._full.point
-        force = by.area * w.contact_pressure
+        dp, dkappa = by.springs_at(w.gap)
+        force = by.area * w.contact_pressure + c.area * dp
         unbalanced = by.static_stiffness @ self._displacement
         unbalanced -= self._full.state.operating.brake_pressure * by.load + by.constant_load
         unbalanced -= c.N.T @ force - c.T.T @ (self._mu * force)
-        gap = self._derivatives.motion.solve(c.N @ self._factor.solve(unbalanced))
-        return self._derivatives.contact(gap, ContactChange(area=by.area))
+        unbalanced += c.N.T @ (c.area * self._k_c * by.opening)
+        imbalance = c.N @ self._factor.solve(unbalanced) - by.opening
+        gap = self._derivatives.motion.solve(imbalance)
+        return self._derivatives.contact(gap, ContactChange(dp, dkappa, by.area))
 
 
 def structural_products(
@@ -247,6 +255,10 @@ class AssemblyChange:
         those that are always there, N.
     area : ndarray (nc,)
         m2, of the contact points.
+    opening : ndarray (nc,)
+        Of the gaps without load, m.
+    ends : (first, second) and the step between them
+        Springs that are not linear (ContactInterface.spring_points) at both ends.
     """
 
     mass: sp.csr_matrix
@@ -257,6 +269,18 @@ class AssemblyChange:
     load: np.ndarray
     constant_load: np.ndarray
     area: np.ndarray
+    opening: np.ndarray
+    ends: tuple[np.ndarray, np.ndarray, float]
+
+    def springs_at(self, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives (nc,) of pressure and tangent at gaps (nc,): of springs alone."""
+        first, second, step = self.ends
+        slopes = np.zeros((2, len(gap)))
+        if len(first):
+            e = gap[len(gap) - len(first) :]
+            ends = [np.array(evaluate_springs(e, springs)) for springs in (first, second)]
+            slopes[:, len(gap) - len(first) :] = (ends[0] - ends[1]) / step
+        return slopes[0], slopes[1]
 
 
 def assembly_change(structure: StructureBuilder, name: str, state: DesignState) -> AssemblyChange:
@@ -299,6 +323,8 @@ def assembly_change(structure: StructureBuilder, name: str, state: DesignState) 
         load=slope(lambda a: a.load),
         constant_load=slope(lambda a: a.constant_load),
         area=slope(lambda a: a.contact.area),
+        opening=slope(lambda a: a.contact.gap0),
+        ends=(ends[0].contact.spring_points, ends[1].contact.spring_points, high - low),
     )
 
 

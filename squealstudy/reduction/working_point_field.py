@@ -1,0 +1,118 @@
+"""Gaps of steady sliding over a box of design points: interpolated, then polished by Newton.
+
+Gaps are polynomials of the box coordinates (pressure in its logarithm, where a gap of the
+exponential law is nearly linear); a few simplified Newton steps with the Jacobian of the nearest
+anchor take them to the tolerance (THEORY.md eq. (13), (14)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.laws.spring import at_a_corner
+from squealstudy.models.operating import OperatingPoint
+from squealstudy.reduction.contact_space import ContactSpace
+from squealstudy.reduction.gap_equations import Changes, GapEquations, GapJacobian
+from squealstudy.reduction.working_point import WorkingPoint, mean_pressure, working_point_result
+
+POLISHED = 1e-10  # relative gap imbalance; studies promise 1e-8
+MOST_STEPS = 25
+Cardinals = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class NewtonAnchor:
+    """A design point theta (d,) and the Jacobian of its gap equations."""
+
+    theta: np.ndarray
+    jacobian: GapJacobian
+
+
+def anchor_at(
+    theta: np.ndarray, space: ContactSpace, operating: OperatingPoint, point: WorkingPoint
+) -> NewtonAnchor:
+    """An anchor at a working point; `space` is that of its component changes."""
+    jacobian = GapJacobian(space, operating, point.contact_pressure, point.tangent)
+    return NewtonAnchor(theta, jacobian)
+
+
+@dataclass(frozen=True)
+class WorkingPointField:
+    """Gaps of working points interpolated over a box of design points.
+
+    Attributes
+    ----------
+    space : ContactSpace
+        Without component changes.
+    node_gaps : ndarray (q, nc)
+    cardinals : callable
+        theta (b, d) -> (b, q).
+    anchors : tuple of NewtonAnchor
+    """
+
+    space: ContactSpace
+    node_gaps: np.ndarray
+    cardinals: Cardinals
+    anchors: tuple[NewtonAnchor, ...]
+
+    def gaps(self, theta: np.ndarray) -> np.ndarray:
+        """Interpolated gaps (b, nc) at theta (b, d), not polished."""
+        found: np.ndarray = self.cardinals(theta) @ self.node_gaps
+        return found
+
+    def solve(
+        self,
+        theta: np.ndarray,
+        operating: Sequence[OperatingPoint],
+        changes: Sequence[Changes],
+    ) -> list[WorkingPoint | None]:
+        """Polished working points at theta (b, d); None where the residual stays too large."""
+        found: list[WorkingPoint | None] = [None] * len(theta)
+        places = np.array([anchor.theta for anchor in self.anchors])
+        nearest = ((theta[:, None] - places[None]) ** 2).sum(axis=2).argmin(axis=1)
+        start = self.gaps(theta)
+        for number in np.unique(nearest):
+            rows = [int(i) for i in np.flatnonzero(nearest == number)]
+            batch = GapEquations(
+                self.space, [operating[i] for i in rows], [changes[i] for i in rows]
+            )
+            solved = _polish(batch, start[rows], self.anchors[number].jacobian)
+            for i, point in zip(rows, solved, strict=True):
+                found[i] = point
+        return found
+
+
+def _polish(
+    equations: GapEquations, g: np.ndarray, jacobian: GapJacobian
+) -> list[WorkingPoint | None]:
+    """Simplified Newton from gaps g (b, nc)."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        F, p, kappa = equations.imbalance(g)
+        residual = equations.relative(F, g)
+        steps = 0
+        while steps < MOST_STEPS and (open_ := ~(residual < POLISHED)).any():
+            steps += 1
+            g = np.where(open_[:, None], g - jacobian.solve(F), g)
+            F, p, kappa = equations.imbalance(g)
+            residual = equations.relative(F, g)
+    space = equations.space
+    loaded = [mean_pressure(space, point) for point in equations.operating]
+    return [
+        working_point_result(
+            space.area,
+            g[i],
+            p[i],
+            kappa[i],
+            steps,
+            float(residual[i]),
+            F[i],
+            loaded[i],
+            space.spring_points,
+        )
+        if residual[i] < POLISHED and not at_a_corner(g[i], space.spring_points)
+        else None
+        for i in range(len(g))
+    ]
