@@ -170,7 +170,7 @@ def test_modes_of_the_brake_are_exact(brake, brake_hybrid):
     np.testing.assert_allclose(model.omega[: len(omega)], omega, rtol=1e-9)
     for A in (model.M, model.K):
         assert abs(A - A.T).max() <= 1e-15 * abs(A).max()
-    assert model.n < 0.2 * brake.assembly.n_dof
+    assert model.n < 0.26 * brake.assembly.n_dof  # one layer of cells of few
 
 
 def test_the_working_point_stays_at_rest(case):

@@ -311,6 +311,7 @@ def test_frictionless_and_stuck_contact_in_frequency_and_in_time(stuck):
 
 
 # -- the generated brake -------------------------------------------------------------------------
+@pytest.mark.usefixtures("meshed_as_brake")
 def test_a_turning_disc_changes_the_damping_across_alone(brake):
     """Constant friction: forces and coupling are the same, mu A p / s has each point's speed."""
     turning = build_model("disc_brake", COARSE | {"kinematics": "rotation"}).contact

@@ -351,6 +351,7 @@ def test_brake_load_is_a_pair(brake):
 
 
 @pytest.mark.parametrize(("points", "thickness"), [(3, 0.0111), (4, 0.0123)])
+@pytest.mark.usefixtures("meshed_as_brake")
 def test_contact_points_are_an_option_and_disc_thickness_is_free(brake, points, thickness):
     options = {"mesh": "coarse", "contact_points": points}
     contact = build_model("disc_brake", options, **{"disc.thickness": thickness}).contact

@@ -56,9 +56,20 @@ def run_failing(text, folder):
     return folder / "r"
 
 
+def unillustrated(*results, shapes=False):
+    """The page without the pictures, most of its time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("squealstudy.engine.report.report_pictures", lambda one, room: ([], 0))
+        return report(results, shapes)
+
+
 def verdict(results):
     """As it stands on the page."""
-    return html.unescape(re.findall(r'class="verdict">(.*?)</p>', report([results], False))[0])
+    return verdict_of(unillustrated(results))
+
+
+def verdict_of(page):
+    return html.unescape(re.findall(r'class="verdict">(.*?)</p>', page)[0])
 
 
 def test_of_complex_modes_it_is_the_ranking(tmp_path):
@@ -87,12 +98,12 @@ def test_a_mode_unstable_at_few_points_is_not_told_as_of_none(tmp_path):
 def test_files_that_a_study_names_are_told_where_it_is_to_be_run_again(tmp_path):
     """The page does not hold them; a name of a set with a dot in it is none."""
     found = solved(HULTEN.format(frictions=[0.5]), tmp_path / "r")
-    assert "reads files" not in report([found])
+    assert "reads files" not in unillustrated(found)
     named = (
         '[[variant]]\nmodel.file = "a <b>.toml"\n[study.c]\nextensions = ["law.py"]\non = "d.OUT"'
     )
     found.manifest["study"] += f"\n{named}\n"
-    assert " not hold: law.py, a &lt;b&gt;.toml.</p>" in report([found])
+    assert " not hold: law.py, a &lt;b&gt;.toml.</p>" in unillustrated(found)
 
 
 def test_of_a_silent_brake_it_says_so(tmp_path):
@@ -130,9 +141,9 @@ def test_points_without_a_result_are_told_beside_the_verdict(tmp_path):
     text = SPRAG.format(kind="complex_modes", frictions=[0.05, 0.1, 5.0])
     results = solved(text, tmp_path / "r")
     (lost,) = results.points[(results.points["status"] != "ok").to_numpy(bool)].itertuples()
-    page = report([results])
+    page = report([results], False)
     told = f"1 of 3 points is not ok (1 {lost.status})."
-    assert verdict(results) == f"{SILENT}. {told}"
+    assert verdict_of(page) == f"{SILENT}. {told}"
     assert html.escape(f"{told} The first: {lost.message}") in page
     assert "stability_diagram_worst" not in page  # it is the failed one, if any
     assert "(ranking)" not in page  # nothing to see
@@ -141,15 +152,16 @@ def test_points_without_a_result_are_told_beside_the_verdict(tmp_path):
 def test_of_a_study_without_any_result_it_says_so(tmp_path):
     text = SPRAG.format(kind="complex_modes", frictions=[4.0, 5.0])
     results = sq.open_results(run_failing(text, tmp_path))
-    assert verdict(results).startswith("No design point is solved. 2 of 2 points are not ok (2 ")
-    page = report([results])
+    page = report([results], False)
+    assert verdict_of(page).startswith("No design point is solved. 2 of 2 points are not ok (2 ")
     assert "no unstable mode" not in page
     cycles = sq.open_results(
         run_failing(text.replace("complex_modes", "limit_cycles"), tmp_path / "c")
     )
     told = "Hz: failed at friction 4 to 5 (2). 2 of 2 points are not ok (2 working_point)."
-    assert verdict(cycles).endswith(told)
-    assert not re.search(r"\bnan\b", re.sub(r"base64,[^\"]*", "", report([cycles])))
+    page = report([cycles], False)
+    assert verdict_of(page).endswith(told)
+    assert not re.search(r"\bnan\b", re.sub(r"base64,[^\"]*", "", page))
 
 
 def test_of_limit_cycles_beside_static_divergence_it_says_that_the_design_diverges(tmp_path):
@@ -164,7 +176,7 @@ def test_of_limit_cycles_beside_static_divergence_it_says_that_the_design_diverg
 
 
 def test_a_heading_without_findings_is_left_out(tmp_path):
-    page = report([solved(HULTEN.format(frictions=[0.1, 0.2]), tmp_path / "r")])
+    page = report([solved(HULTEN.format(frictions=[0.1, 0.2]), tmp_path / "r")], False)
     assert "<h2>Findings</h2>" not in page
     assert "<h2>Pictures</h2>" in page
 
@@ -237,7 +249,7 @@ def test_a_model_with_a_mesh_moves(brake):
 
 def test_a_minimal_model_has_no_shape(tmp_path):
     results = solved(HULTEN.format(frictions=[0.4]), tmp_path / "r")
-    page = report([results])
+    page = unillustrated(results, shapes=True)
     assert "<iframe" not in page
     assert "No shape" not in page
 
@@ -281,20 +293,28 @@ def run(tmp_path_factory):
     return solved(text, tmp_path_factory.mktemp("run") / "r")
 
 
-def test_the_picture_of_the_question_is_the_first(run, tmp_path):
+@pytest.fixture(scope="module")
+def run_page(run):
+    return report([run], False)
+
+
+def test_the_picture_of_the_question_is_the_first(run, run_page, tmp_path):
     frictions = HULTEN.format(frictions=[0.1, 0.2, 0.4, 0.5])
     modes = solved(frictions, tmp_path / "r")
     loudest = int(run.points["torque_rms"].to_numpy().argmax())
-    firsts = {f"torque_history_point_{loudest}": run, "evolution_friction": modes}
-    firsts["stability_map_growth"] = brake_map()
-    for name, results in firsts.items():
-        told = re.findall(r"\((\w+)\)</figcaption>", report([results], False))
+    firsts = {
+        f"torque_history_point_{loudest}": run_page,
+        "evolution_friction": report([modes], False),
+    }
+    firsts["stability_map_growth"] = report([brake_map()], False)
+    for name, page in firsts.items():
+        told = re.findall(r"\((\w+)\)</figcaption>", page)
         assert told[0] == name
         assert len(set(told)) == len(told) > 2
 
 
-def test_pictures_have_words_for_who_does_not_see_them(run):
-    page = html.unescape(report([run], False))
+def test_pictures_have_words_for_who_does_not_see_them(run, run_page):
+    page = html.unescape(run_page)
     alone = re.findall(r'<img alt="([^"]*)"', page)
     assert all(len(text) > 40 for text in alone)
     assert "friction = 0.9" in alone[0]
@@ -314,13 +334,13 @@ def test_the_squeal_of_a_run_has_the_name_of_the_predicted_mode(run, tmp_path):
         f"complex mode predicted at {in_digits(root['frequency_hz'])} Hz there, with a growth rate "
         f"of {root['growth_rate']:+.3g} 1/s"
     )
-    (alone,) = re.findall(r'class="squeal">(.*?)</p>', report([run], False))
+    (alone,) = re.findall(r'class="squeal">(.*?)</p>', unillustrated(run))
     assert alone == f"{told}."
-    (named,) = re.findall(r'class="squeal">(.*?)</p>', report([run, modes], False))
+    (named,) = re.findall(r'class="squeal">(.*?)</p>', unillustrated(run, modes))
     own = modes.modes[modes.modes["unstable"]]
     assert named == f"{told}: T{own['track'].iloc[0]} of modes."
     other = solved(text.replace("sliding_speed = 0.1", "sliding_speed = 0.2"), tmp_path / "other")
-    (still,) = re.findall(r'class="squeal">(.*?)</p>', report([run, other], False))
+    (still,) = re.findall(r'class="squeal">(.*?)</p>', unillustrated(run, other))
     assert still == alone
 
 
@@ -338,7 +358,7 @@ def test_the_squeal_of_a_cycle_is_told_by_its_mode():
     assert squeal_text(silent, []) == ""
 
 
-def test_a_report_tells_when_its_results_were_made(run):
-    assert re.search(r"<th>date</th><td>20\d\d-\d\d-\d\d \d\d:\d\d UTC</td>", report([run], False))
+def test_a_report_tells_when_its_results_were_made(run_page):
+    assert re.search(r"<th>date</th><td>20\d\d-\d\d-\d\d \d\d:\d\d UTC</td>", run_page)
     run_of_before = brake_map()
-    assert "<th>date</th><td>not known" in report([run_of_before], False)
+    assert "<th>date</th><td>not known" in unillustrated(run_of_before)

@@ -26,12 +26,12 @@ damping_ratio = 0.02
 parameter = "friction"
 start = 0.0
 stop = 0.6
-num = 12
+num = 8
 [[sweep]]
 parameter = "sliding_speed"
 start = 0.5
 stop = 2.0
-num = 5
+num = 4
 [modes]
 band = [1.0, 92.0]
 reference_points = 1
@@ -54,10 +54,10 @@ def study(request, tmp_path_factory):
     """Results of designs of each sort; of some points no mode lies in the band."""
     text = GRID
     if request.param == "latin_hypercube":
-        text = GRID.replace("num = 12\n", "").replace("num = 5\n", "")
-        text += '[design]\ntype = "latin_hypercube"\nsamples = 40\n'
+        text = GRID.replace("num = 8\n", "").replace("num = 4\n", "")
+        text += '[design]\ntype = "latin_hypercube"\nsamples = 24\n'
     elif request.param == "boundary":
-        text = GRID.replace("num = 12", "num = 5") + '[design]\ntype = "boundary"\nlevels = 2\n'
+        text = GRID.replace("num = 8", "num = 4") + '[design]\ntype = "boundary"\nlevels = 1\n'
     return solved(text, tmp_path_factory.mktemp("rows") / "r").directory
 
 

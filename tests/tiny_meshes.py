@@ -33,6 +33,9 @@ TINY = replace(  # a cell between breaks
     caliper_r=(CELL,) * 3,
     caliper_z=(CELL,) * 3,
 )
+SMALL = replace(  # pads whose shortest modes are no mechanisms, and a disc without corners
+    TINY, around=COARSE.around, pad_r=COARSE.pad_r, pad_theta=COARSE.pad_theta, pad_z=COARSE.pad_z
+)
 
 
 def forget_models() -> None:
