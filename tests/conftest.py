@@ -349,9 +349,9 @@ def meshed_as_brake(monkeypatch):
 @pytest.fixture(scope="module")
 def tiny_brake():
     """Within a file the coarse meshes are the smallest, with one cache for all such files."""
-    from tiny_meshes import tiny_meshes  # which imports most of the package
+    from tiny_meshes import tiny_cache, tiny_meshes  # which imports most of the package
 
-    with tiny_meshes(Path(os.environ[SHARED]) / "tiny-cache") as patch:
+    with tiny_meshes(tiny_cache()) as patch:
         yield patch
 
 

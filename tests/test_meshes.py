@@ -154,7 +154,7 @@ def test_parts_that_vanish_are_named(pair):
 
 # -- places in thin cells ------------------------------------------------------------------------
 def test_points_of_thin_cells_are_found():
-    solid = BrakeMesher(default(disc__bell_outer_radius=0.0665), FINE).component("disc")
+    solid = BrakeMesher(default(disc__bell_outer_radius=0.0665), MEDIUM).component("disc")
     rng = np.random.default_rng(0)
     r, theta = rng.uniform(0.0662, 0.14, 400), rng.uniform(-np.pi, np.pi, 400)
     points = np.column_stack([r * np.cos(theta), r * np.sin(theta), rng.uniform(1e-3, 0.011, 400)])

@@ -272,7 +272,7 @@ def test_hoffmann_default_threshold(mu, unstable):
 def test_hoffmann_criterion_on_random_cases():
     rng = np.random.default_rng(20240)
     fluttered = diverged = 0
-    for _ in range(250):
+    for _ in range(100):
         k1, k2, k3 = 10 ** rng.uniform(5, 6, 3)
         a1, a2 = rng.uniform(-180, 180, 2)
         mass, mu = 10 ** rng.uniform(-1, 1), rng.uniform(0, 3)
@@ -298,7 +298,7 @@ def test_hoffmann_criterion_on_random_cases():
             assert np.abs(lam**2 - value).min() < 1e-9 * (k11 + k22) / mass
         fluttered += disc < 0
         diverged += (lam.real > 1e-7 * np.abs(lam)).any() and disc > 0
-    assert fluttered >= 25
+    assert fluttered >= 10
     assert not diverged  # det K > 0 wherever the contact presses: q2 = -N k11 / det K
 
 

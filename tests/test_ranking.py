@@ -115,7 +115,7 @@ def test_one_row_a_track_that_is_unstable_somewhere():
     st.floats(0.001, 1.0),
     st.randoms(),
 )
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_thresholds_of_linear_damping_are_exact(values, part, slope, random):
     values = sorted(values)
     start = values[0] + part * (values[-1] - values[0])

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +17,7 @@ import pandas as pd
 import pytest
 from study_runs import comparable, plan_of, solved
 from study_texts import study_text, sweep_text
-from tiny_meshes import forget_models, tiny_meshes
+from tiny_meshes import forget_models, tiny_cache, tiny_meshes
 
 import squealstudy
 from squealstudy.engine import cache, store
@@ -278,6 +279,13 @@ def test_rigid_body_noise_is_never_counted(tmp_path: Path) -> None:
 
 
 # -- kill -----------------------------------------------------------------------------------------
+@pytest.fixture
+def tiny() -> Iterator[None]:
+    """For one test alone."""
+    with tiny_meshes(tiny_cache()):
+        yield
+
+
 def _start(study: Path, directory: Path) -> subprocess.Popen[bytes]:
     code = "from squealstudy.cli.app import main; main()"
     arguments = ["run", str(study), "-o", str(directory), "-j", "2", "--no-pictures"]
@@ -308,8 +316,9 @@ def _session_members(leader: int) -> list[int]:
     ("text", "after"), [(BRAKE, (1, 6)), (BATCHES, (1, 3))], ids=["points", "batches"]
 )
 def test_sigkill_leaves_no_worker_and_resumes_to_the_same_tables(
-    text: str, after: tuple[int, int], tmp_path: Path
+    text: str, after: tuple[int, int], tmp_path: Path, tiny: None
 ) -> None:
+    """Processes find the reduction of the smallest brake in the cache."""
     study = tmp_path / "study.toml"
     study.write_text(text)
     directory, clean = tmp_path / "killed", tmp_path / "clean"

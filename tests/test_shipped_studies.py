@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from study_runs import plan_of, solved
-from tiny_meshes import tiny_meshes
+from tiny_meshes import tiny_cache, tiny_meshes
 
 from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.plan import Plan
@@ -26,15 +26,10 @@ OUTSIDE = sorted((SHIPPED / "outside_data").glob("*.toml"))
 QUICK = ("[modes]", "[modes]\nrefine_tracking = false\nrefine_onsets = false\nreference_points = 0")
 
 
-@pytest.fixture(scope="module")
-def tiny_cache(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
-
-
 @pytest.fixture
-def tiny(tiny_cache):
+def tiny():
     """For one test alone: those of full size below have the coarse mesh."""
-    with tiny_meshes(tiny_cache):
+    with tiny_meshes(tiny_cache()):
         yield
 
 

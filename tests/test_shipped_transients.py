@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from study_runs import plan_of, solved
-from tiny_meshes import tiny_meshes
+from tiny_meshes import tiny_cache, tiny_meshes
 
 from squealstudy.engine.comparison import compare_results
 from squealstudy.engine.plan import Plan
@@ -48,8 +48,8 @@ def results_of(plan: Plan, directory: Path) -> Results:
 
 
 @pytest.fixture(scope="module")
-def tiny(tmp_path_factory):
-    with tiny_meshes(tmp_path_factory.mktemp("cache")):
+def tiny():
+    with tiny_meshes(tiny_cache()):
         yield
 
 

@@ -10,7 +10,7 @@ import reference
 import scipy.linalg as la
 import scipy.sparse as sp
 from conftest import build_model
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from squealstudy.errors import ConvergenceError
@@ -156,6 +156,7 @@ def test_real_roots_are_listed_each(n):
 
 
 @given(seed=st.integers(0, 1000), scale=st.sampled_from([1e2, 1e3, 3e4]))
+@settings(max_examples=30)
 def test_scale_of_time_changes_nothing(seed, scale):
     M, C, K = chain(SPARSE, seed, 1)
     lam, _ = smallest_roots(M, C, K, 10, scale)

@@ -95,7 +95,7 @@ def test_a_batch_has_the_sensitivities_of_its_points(case, built):
     name, chosen, ranges = CASES[case]
     model = replace(MODELS[name], stack=None) if built else MODELS[name]
     options = {o.name: o.choices[0] for o in model.options} | chosen
-    count = 5
+    count = 3
     # damped: modes of one growth have no order
     values = {"damping_ratio": 0.013} | columns(name, ranges, count, seed=len(case))
     values["damping_ratio"] = np.maximum(values["damping_ratio"], 1e-3)
@@ -118,7 +118,7 @@ FAMILIES = ("disc.modes[*].frequency_scale", "pad.modes[*].damping_ratio")
 @pytest.mark.parametrize("choice", [ModeChoice(count=3), ModeChoice(frequencies_hz=(400.0, 900.0))])
 def test_elastic_bodies_with_all_terms(choice):
     """Friction across, gaps, own damping, component modes that are changed or damped already."""
-    count, rng = 4, np.random.default_rng(3)
+    count, rng = 3, np.random.default_rng(3)
     options = {"contact_law": "exponential", "friction_law": "exponential_fall"}
     values = ELASTIC.defaults() | {
         "friction": rng.uniform(0.1, 0.6, count),

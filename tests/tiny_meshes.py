@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from conftest import SHARED
 
 from squealstudy.engine import cache, mode_shapes, reduced
 from squealstudy.kinds.complex_modes import full_order_check, problems
@@ -36,6 +38,11 @@ TINY = replace(  # a cell between breaks
 SMALL = replace(  # pads whose shortest modes are no mechanisms, and a disc without corners
     TINY, around=COARSE.around, pad_r=COARSE.pad_r, pad_theta=COARSE.pad_theta, pad_z=COARSE.pad_z
 )
+
+
+def tiny_cache() -> Path:
+    """Of all files whose coarse meshes are the smallest."""
+    return Path(os.environ[SHARED]) / "tiny-cache"
 
 
 def forget_models() -> None:

@@ -6,11 +6,17 @@ import os
 import shutil
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
+import pytest
+from study_runs import solved
 
 import squealstudy
+from squealstudy import extensions
+from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES
+from squealstudy.laws.registry import Registry
 
 HERE = Path(__file__).parent
 COMMAND = "from squealstudy.cli.app import main; main()"
@@ -37,4 +43,26 @@ def run(text, folder, *extensions, jobs=1, name="study"):
     options = ("--jobs", jobs, "--yes", "--no-pictures", "--output", name)
     done = command("run", f"{name}.toml", *options, folder=folder)
     assert done.returncode == 0, done.stdout + done.stderr
-    return {path.stem: pd.read_parquet(path) for path in (folder / name).glob("*.parquet")}
+    return tables_of(folder / name)
+
+
+def run_here(text, folder):
+    """The same in this process, far sooner; files are read where they are."""
+    with laws_alone():
+        solved(text.replace('extensions = ["', f'extensions = ["{HERE}/'), folder / "study")
+    return tables_of(folder / "study")
+
+
+@contextmanager
+def laws_alone():
+    """Laws that are registered within it, unlike other extensions, would stay for other files."""
+    with pytest.MonkeyPatch.context() as patch:
+        for laws in (CONTACT_LAWS, FRICTION_CURVES):
+            patch.setattr(laws, "_known", dict(laws._known))
+        patch.setattr(Registry, "shared", dict(Registry.shared))
+        patch.setattr(extensions, "_read", dict(extensions._read))
+        yield
+
+
+def tables_of(folder):
+    return {path.stem: pd.read_parquet(path) for path in folder.glob("*.parquet")}

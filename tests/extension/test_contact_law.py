@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command import HERE, in_time, run
+from command import HERE, in_time, run, run_here
 from scipy.optimize import brentq
 
 from squealstudy.engine.plan import Plan
@@ -74,7 +74,7 @@ def test_working_point_and_modes_are_those_of_the_closed_form(tmp_path):
 
 def test_in_time_it_keeps_the_energy_balance_and_the_frequency(tmp_path):
     text = in_time(STUDY.format(kind="transient"), 0.2, 1e-5)
-    tables = run(text, tmp_path, FILE)
+    tables = run_here(text, tmp_path)
     (point,) = tables["points"].itertuples()
     assert point.status == "ok"
     assert abs(point.energy_balance) < 1e-10

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command import in_time, run
+from command import in_time, run, run_here
 from scipy.optimize import brentq
 
 FILE = "my_friction_curve.py"
@@ -76,7 +76,7 @@ def test_modes_are_those_of_the_closed_form(tmp_path):
 def test_sensitivities_are_those_of_the_closed_form(tmp_path):
     text = STUDY.format(kind="sensitivity")
     text += '[sensitivity]\nparameters = ["friction", "friction_law.fade_pressure"]\n'
-    found = run(text, tmp_path, FILE)["sensitivities"]
+    found = run_here(text, tmp_path)["sensitivities"]
     found = found[found["unstable"]].set_index("parameter")["d_growth_rate"]
     for name, at in (("friction", 0), ("friction_law.fade_pressure", 1)):
         values = np.array([MU, FADE])
@@ -87,7 +87,7 @@ def test_sensitivities_are_those_of_the_closed_form(tmp_path):
 
 def test_in_time_it_grows_at_the_rate_of_the_closed_form(tmp_path):
     text = in_time(STUDY.format(kind="transient"), 0.1, 1e-6)
-    tables = run(text, tmp_path, FILE)
+    tables = run_here(text, tmp_path)
     (found,) = tables["growth"].query("unstable").itertuples()
     assert found.growth_rate == pytest.approx(flutter_root().real, rel=1e-8)
     assert found.fitted_growth_rate == pytest.approx(flutter_root().real, rel=0.01)

@@ -7,13 +7,12 @@ from dataclasses import replace
 import pytest
 import test_contact_law
 import test_friction_curve
-from command import HERE, command
+from command import HERE, laws_alone
+from study_runs import command
 
 import squealstudy as sq
-from squealstudy import extensions
 from squealstudy.errors import ModelError, ParameterError, StudyFileError
 from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES
-from squealstudy.laws.registry import Registry
 from squealstudy.study.definition import parse_study
 
 CURVE, LAW = test_friction_curve.FILE, test_contact_law.FILE
@@ -23,12 +22,10 @@ SWEEP = '[[sweep]]\nparameter = "{}"\nvalues = {}\n'
 
 
 @pytest.fixture(autouse=True)
-def _registers(monkeypatch):
+def _registers():
     """What the tests register in this process ends with them."""
-    for laws in (CONTACT_LAWS, FRICTION_CURVES):
-        monkeypatch.setattr(laws, "_known", dict(laws._known))
-    monkeypatch.setattr(Registry, "shared", dict(Registry.shared))
-    monkeypatch.setattr(extensions, "_read", dict(extensions._read))
+    with laws_alone():
+        yield
 
 
 def written(folder, file, old, new):
@@ -86,14 +83,17 @@ def test_a_contact_law_is_tried_at_the_values_of_a_study(tmp_path):
         ),
     ],
 )
-def test_laws_are_tried_at_the_pressures_of_working_points(tmp_path, module, file, old, new):
+def test_laws_are_tried_at_the_pressures_of_working_points(
+    tmp_path, module, file, old, new, monkeypatch, capsys
+):
     """At none of those at which they were tried before; the row says so, with no growth rate."""
     written(tmp_path, file, old, new)
     (tmp_path / "study.toml").write_text(study_of(module))
-    done = command("run", "study.toml", "--yes", "--no-pictures", folder=tmp_path)
-    assert done.returncode == 2, done.stdout + done.stderr
-    assert "every design point failed (1 contradictory_law)" in done.stderr
-    assert f"{file}: {'mu' if file == CURVE else 'pressure'} of law" in done.stderr
+    monkeypatch.chdir(tmp_path)
+    assert command("run", "study.toml", "--jobs", "1", "--yes", "--no-pictures") == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert "every design point failed (1 contradictory_law)" in told
+    assert f"{file}: {'mu' if file == CURVE else 'pressure'} of law" in told
 
 
 REFUSED = [

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from command import run
+from command import run, run_here
 
 FILE = "my_operating_parameter.py"
 MU, K3 = 1.0, 4e6 / 3
@@ -65,7 +65,7 @@ def test_a_sweep_of_it_gives_the_roots_of_the_closed_form_with_one_structure(tmp
 def test_its_sensitivity_is_that_of_both_laws(tmp_path):
     text = STUDY.format(kind="sensitivity") + '[sensitivity]\nparameters = ["temperature"]\n'
     text = text.replace("damping_ratio = 0.0", "damping_ratio = 0.0\ntemperature = 60.0")
-    found = run(text, tmp_path, FILE)["sensitivities"]
+    found = run_here(text, tmp_path)["sensitivities"]
     (slope,) = found.loc[found["unstable"], "d_growth_rate"]
     expected = (growing_root(60.1) - growing_root(59.9)).real / 0.2
     assert slope == pytest.approx(expected, rel=1e-6)
