@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from registries import EXECUTED
 from study_runs import solved
 
 import squealstudy
@@ -61,7 +62,10 @@ def laws_alone():
             patch.setattr(laws, "_known", dict(laws._known))
         patch.setattr(Registry, "shared", dict(Registry.shared))
         patch.setattr(extensions, "_read", dict(extensions._read))
+        before = set(sys.modules)
         yield
+        for name in {n for n in sys.modules if n.startswith(EXECUTED)} - before:
+            del sys.modules[name]  # executed anew where it is read again
 
 
 def tables_of(folder):
