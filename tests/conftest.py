@@ -110,6 +110,7 @@ def pytest_configure(config):
         raise pytest.UsageError(f"code paths asked for and not in effect: {', '.join(absent)}")
     sys.dont_write_bytecode = False  # hundreds of processes would each compile the package anew
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    os.fsync = lambda descriptor: None  # a run waits for the disk twenty times
     if is_worker(config):
         return
     if hasattr(config.option, "loadscopereorder"):  # from pytest-xdist 3.7 on
