@@ -6,6 +6,7 @@ import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -206,10 +207,15 @@ def units_of(names: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:
         if TORQUE_COLUMN.fullmatch(name):
             unit = known.get(TORQUE, "N m")
         if unit is None:
-            unit = next((unit for columns, unit in UNITS if re.fullmatch(columns, name)), None)
+            unit = _unit_by_name(name)
         if unit is not None:
             found[name] = unit
     return found
+
+
+@lru_cache(maxsize=4096)  # the tables of a study have the same columns again and again
+def _unit_by_name(column: str) -> str | None:
+    return next((unit for names, unit in UNITS if re.fullmatch(names, column)), None)
 
 
 def prefixed(unit: str, largest: float) -> tuple[str, float]:

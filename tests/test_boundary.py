@@ -123,7 +123,7 @@ def test_one_and_three_parameters():
     assert len(known) < 0.6 * found.size
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(
     st.floats(0, 2 * math.pi),
     st.floats(-0.4, 1.4),
@@ -222,7 +222,7 @@ def test_an_island_between_the_nodes_of_the_coarse_grid_is_found_by_its_slopes()
     np.testing.assert_array_equal(map_of(grid, known)[0], everywhere(grid, small))
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     st.floats(1e-9, 1e3),
     st.floats(1.001, 1e6),

@@ -167,8 +167,10 @@ def isola():
     return inner, outer, np.sqrt(fold - LEAST)
 
 
-@pytest.mark.parametrize("direction", [-1.0, 1.0])
-@pytest.mark.parametrize("p", [0.0, 0.2, 0.27, 0.2738, -0.25])
+@pytest.mark.parametrize(
+    ("p", "direction"),
+    [(0.0, 1.0), (0.2, -1.0), (0.2738, -1.0), (0.2738, 1.0), (-0.25, 1.0)],
+)
 def test_a_closed_branch_is_followed_once(isola, p, direction):
     """From far of its folds and from next to one; it ends where it began."""
     _, outer, fold = isola

@@ -587,12 +587,15 @@ def test_contents_of_a_cache_are_held_against_their_hashes(here):
 
 
 # -- what goes wrong -------------------------------------------------------------------------------
-def test_a_worker_of_another_version_is_refused_before_any_task(own, here):
-    own.add("old", before="import squealstudy.version; squealstudy.version.__version__ = '0.0.1'")
+def test_a_worker_of_another_version_is_refused_before_any_task(cluster, here, capsys):
+    old = "import squealstudy.version; squealstudy.version.__version__ = '0.0.1'"
     path = study(here, HULTEN)
-    done = started("run", path, "--scheduler", own.address, folder=here)
-    _, errors = done.communicate(timeout=LONGEST)
-    assert done.returncode == 1, errors
+    cluster.add("old", before=old)
+    try:
+        assert command("run", str(path), "--scheduler", cluster.address) == 1
+    finally:
+        cluster.kill_worker()
+    errors = capsys.readouterr().err
     assert "has squealstudy 0.0.1 (source " in errors
     assert "install the same versions there as here" in errors
     assert errors.count("\n") == 1

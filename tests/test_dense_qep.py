@@ -25,7 +25,7 @@ from squealstudy.modes.reanalysis.problem import in_band
 @pytest.mark.parametrize("kind", range(len(KINDS)), ids=lambda i: KINDS[i].__name__)
 def test_none_missed_and_none_doubled(kind):
     certified = 0
-    for number in range(kind, 20 * len(KINDS), len(KINDS)):
+    for number in range(kind, 10 * len(KINDS), len(KINDS)):
         p = random_problem(number, (KRYLOV_MIN_SIZE, 72)[number // len(KINDS) % 2])
         lam, psi = dense_roots(*p)
         assert difference(p, lam) == "", number
@@ -33,7 +33,7 @@ def test_none_missed_and_none_doubled(kind):
         assert (lam.imag >= 0).all()
         assert backward_error(p.C, p.K, lam, psi).max(initial=0.0) < 1e-12
         certified += roots_inside(p.C, p.K, p.band[1]) is not None
-    assert certified >= 8  # `geev` was not its own twin
+    assert certified >= 4  # `geev` was not its own twin
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 1.5, 10.0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from squealstudy.wording import units_of
 
@@ -43,7 +44,11 @@ class Column:
 
     def fits(self, name: str) -> bool:
         """Whether it describes the column of that name."""
-        return re.fullmatch(self.name, name) is not None
+        return self._pattern.fullmatch(name) is not None
+
+    @cached_property
+    def _pattern(self) -> re.Pattern[str]:
+        return re.compile(self.name)
 
     @property
     def metadata(self) -> dict[bytes, bytes]:

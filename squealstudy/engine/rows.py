@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -142,8 +143,19 @@ def points_table(plan: Plan, found: pa.Table) -> pa.Table:
 
 def with_dtypes(schema: pa.Schema) -> pa.Schema:
     """The schema with the dtypes that pandas is to give its columns when it reads them."""
+    told = _dtypes(tuple(schema.names), tuple(schema.types))
+    return schema.with_metadata((schema.metadata or {}) | told)
+
+
+@lru_cache(maxsize=64)  # tables that the rounds of a study write again and again
+def _dtypes(names: tuple[str, ...], types: tuple[pa.DataType, ...]) -> dict[bytes, bytes]:
+    """These dtypes, as pandas keeps them in the metadata of a schema."""
     import pandas as pd
 
     nullable = {WHOLE_NUMBER: pd.Int64Dtype(), COUNT: pd.Int64Dtype(), FLAG: pd.BooleanDtype()}
+    schema = pa.schema(list(zip(names, types, strict=True)))
     frame = schema.empty_table().to_pandas(types_mapper=nullable.get)
-    return pa.Table.from_pandas(frame, schema=schema, preserve_index=False).schema
+    told: dict[bytes, bytes] = pa.Table.from_pandas(
+        frame, schema=schema, preserve_index=False
+    ).schema.metadata
+    return told

@@ -190,5 +190,5 @@ def evaluation(
 ) -> Evaluation:
     """One design (d,) at one operating point; what scatters (k,) as in [parameters] by default."""
     uncertain = study.uncertain_nominal if scatter is None else scatter
-    values = np.concatenate([point, design, uncertain])
-    return Evaluation(tuple(float(v) for v in values), analysis)
+    values = np.concatenate([point, design, uncertain], dtype=float)
+    return Evaluation(tuple(values.tolist()), analysis)
