@@ -238,10 +238,12 @@ def test_a_line_has_a_closed_branch_once(isola, monkeypatch):
 
 def test_a_screen_tells_a_closed_branch_once():
     """Both ends of it are the same."""
-    names = ("cycle_id", "along", "event", "value", "criticality", "branch_end")
-    rows = [("a-1-1", "p", "F", 0.2, "", CLOSED), ("a-1-1", "p", "", 0.1, "", CLOSED)]
-    (row,) = screen._branches(pd.DataFrame(rows, columns=list(names)), {})
-    assert row == ("branch", "along p: F at 0.2; closed")
+    names = ("cycle_id", "point_id", "along", "event", "value", "criticality", "branch_end")
+    rows = [("a-1-1", "a", "p", "F", 0.2, "", CLOSED), ("a-1-1", "a", "p", "", 0.1, "", CLOSED)]
+    branches, points = pd.DataFrame(rows, columns=list(names)), pd.DataFrame({"point_id": ["a"]})
+    results = SimpleNamespace(table=lambda _: branches, points=points, units={}, parameters=[])
+    (row,) = screen._branches(results)
+    assert row == ("branch", "along p: fold at 0.2; comes back to its start")
 
 
 def test_a_step_to_a_neighbour_on_a_closed_branch(isola):

@@ -34,7 +34,7 @@ def test_there_is_an_equilibrium_up_to_the_predicted_friction(lam, pressure):
         return WORKING_POINT.evaluate(values)
 
     low, high = 0.0, 5.0
-    for _ in range(30):
+    for _ in range(16):
         middle = (low + high) / 2
         low, high = (middle, high) if found(middle).outcome in (CONVERGED, SLOW) else (low, middle)
     assert found(low).predicted == pytest.approx(1.0, rel=1e-3)

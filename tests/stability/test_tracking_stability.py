@@ -53,7 +53,7 @@ def test_no_label_is_wrong_without_a_word():
                 "damping_ratio": rng.uniform(0, 0.1),
             }
         )
-        for _ in range(1000)
+        for _ in range(500)
     ]
     wrong = [x for x in cells if x.outcome == WRONG]
     assert len(wrong) > 10  # steps that end inside a veering far narrower than the smallest of them
