@@ -307,8 +307,22 @@ class LinearisedModel:
         return QuadraticPencil(sp.identity(len(self.K), format="csr"), self.C, self.K)
 
 
-def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> LinearisedModel:
+def linearise(
+    model: ReducedModel,
+    point: WorkingPoint,
+    state: DesignState,
+    projected: ParametricSystem | None = None,
+) -> LinearisedModel:
     """A component-mode model about a working point, modal damping of the assembly included.
+
+    Parameters
+    ----------
+    model : ReducedModel
+    point : WorkingPoint
+    state : DesignState
+    projected : ParametricSystem or None
+        The terms of its structure on an orthonormal basis, in whose coordinates the matrices then
+        are; modal damping is that of the real modes of the projected stiffness.
 
     Raises
     ------
@@ -316,12 +330,13 @@ def linearise(model: ReducedModel, point: WorkingPoint, state: DesignState) -> L
         Damping of an assembly mode that the basis does not have.
     """
     structure = reduced_structure(model)
+    system = projected or structure.system
     weights = structure.weights(point, state)
-    K_sym = symmetric_stiffness(structure, weights)
-    K = K_sym + structure.system.summed(weights, [StructureWeights._fields.index("coupling")])
+    K_sym = system.summed(weights, SYMMETRIC_STIFFNESS_FIELDS)
+    K = K_sym + system.summed(weights, [StructureWeights._fields.index("coupling")])
     beta = state.stiffness_damping
     rest = structure.weights(point, replace(state, stiffness_damping=0.0)) if beta else weights
-    C = structure.system.summed(rest, structure.system.numbers(DAMPING)) + beta * K_sym
+    C = system.summed(rest, system.numbers(DAMPING)) + beta * K_sym
     modal, assembly_modes = assembly_damping(K_sym, state, model.damped_to)
     return LinearisedModel(C + modal, K, K_sym, weights, modal, assembly_modes)
 

@@ -147,6 +147,27 @@ class ParametricSystem:
             return LowRankSum(total)
         return LowRankSum(total, np.hstack(columns), np.concatenate(values))
 
+    def projected(self, V: np.ndarray) -> ParametricSystem:
+        """The terms on a basis V (n, r), for the same weights; a whole matrix has one number.
+
+        Raises
+        ------
+        ModelError
+            A term whose weight is a whole matrix.
+        """
+        terms = []
+        for number, term in enumerate(self.terms):
+            if term.dense:
+                raise ModelError(f"term {number} is dense: it has no projection")
+            if term.left is None and term.right is not None:
+                terms.append(Term(term.order, None, V.T @ np.asarray(term.right @ V)))
+            elif term.left is term.right:
+                seen = term.seen_right(V)
+                terms.append(Term(term.order, seen, seen))
+            else:
+                terms.append(Term(term.order, term.seen_left(V), term.seen_right(V)))
+        return ParametricSystem(V.shape[1], tuple(terms))
+
     def of_order(self, weights: Weights, order: int) -> tuple[ParametricSystem, Weights]:
         """The terms of one power of lambda, with their weights."""
         chosen = self.numbers(order)

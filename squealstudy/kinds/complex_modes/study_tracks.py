@@ -16,6 +16,7 @@ import numpy as np
 from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Workers
+from squealstudy.kinds.complex_modes.inserted_points import Bases, Basis
 from squealstudy.kinds.complex_modes.neighbourhood import PointNeighbourhood, StudyNeighbourhoods
 from squealstudy.kinds.complex_modes.rows import ModeColumns
 from squealstudy.kinds.complex_modes.stored_shapes import ShapeFile
@@ -23,10 +24,11 @@ from squealstudy.mechanics.failures import FAILURES
 from squealstudy.modes.tracking.labels import Tracks, TrackTree, join_tracks
 from squealstudy.modes.tracking.pairing import DOUBTFUL, Pairing, pair_macs
 from squealstudy.modes.tracking.ragged import Ragged
-from squealstudy.modes.tracking.refinement import DEPTH, Modes, StepRefinement
+from squealstudy.modes.tracking.refinement import DEPTH, Modes, Solve, StepRefinement
 from squealstudy.modes.tracking.steps import Pairings
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 
+POINTS_A_STEP = 2  # inserted, about
 ROUNDS = 4  # a refined step may put its followers in doubt
 BATCH = 32  # steps refined together; fixed, so that results do not depend on the workers
 
@@ -65,11 +67,16 @@ class Follower:
         self._shapes = CommonShapes(plan, columns.shapes, self.lams)
         self._stepper = self._tree.stepper(self._shapes)
         self.near = StudyNeighbourhoods(plan)
+        self._bases = Bases(plan, self.near, self._solved, self.lams.counts, workers)
 
     @property
     def parents(self) -> np.ndarray:
         """Point with modes that each point's modes were compared with (n,), -1 for none."""
         return self._tree.parents
+
+    def _solved(self, point: int) -> Modes:
+        """Oscillating modes of a point, as they were solved."""
+        return Modes(self.lams[point], self.raw(point))
 
     def raw(self, point: int) -> np.ndarray:
         """Shapes (m, k) of the oscillating modes of a point, as they were solved."""
@@ -106,6 +113,7 @@ class Follower:
             joined, crossing = self._doubtful(pairings, known)
             between, spent = self._refine(crossing, pairings, len(crossing) * 2**DEPTH)
             interpolated += spent
+            self._bases.prepare(joined[: (budget - points) // POINTS_A_STEP])
             within, spent = self._refine(joined, pairings, budget - points)
             points += spent
             refined = between | within
@@ -171,10 +179,11 @@ class Follower:
             point=i,
             start=self.near.of(p),
             end=self.near.of(i),
-            a=Modes(self.lams[p], self.raw(p)),
-            b=Modes(self.lams[i], self.raw(i)),
+            a=self._solved(p),
+            b=self._solved(i),
             expected=self._stepper.expected(pairings, np.array([i]))[0] if goes_on else None,
             direct=Pairing(*(part.copy() for part in pairings[i])),
+            basis=self._bases.of(i),
         )
 
 
@@ -203,6 +212,7 @@ class RefineTask:
     b: Modes
     expected: np.ndarray | None
     direct: Pairing
+    basis: Basis | None = None
 
 
 def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
@@ -217,19 +227,36 @@ def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
 
 
 def _refined(task: RefineTask) -> tuple[int, Pairing, int]:
-    solve, a, b = task.start.solve, task.a, task.b
-    foreign = np.zeros(len(b.lam), dtype=bool)
-    if task.start.structure.key != task.end.structure.key:
-        way = task.start.way_to(task.end)
-        solve, a, b, foreign = way.solve, way.at_a(a), way.at_b(b), way.foreign(b)
+    if task.start.structure.key == task.end.structure.key:
+        found = _refined_in_basis(task)
+        pairing, points = found or _refined_by(task, task.start.solve, task.a, task.b)
+        return task.point, pairing, points
+    way = task.start.way_to(task.end)
+    pairing, points = _refined_by(task, way.solve, way.at_a(task.a), way.at_b(task.b))
+    doubtful, paired = np.zeros(len(task.a.lam), dtype=bool), pairing.partner >= 0
+    doubtful[paired] = way.foreign(task.b)[pairing.partner[paired]]
+    pairing = pairing._replace(ambiguous=pairing.ambiguous | doubtful)
+    return task.point, pairing, points
+
+
+def _refined_in_basis(task: RefineTask) -> tuple[Pairing, int] | None:
+    """The pairing by inserted points that are solved in a basis, where it leaves no doubt."""
+    if task.basis is None:
+        return None
+    try:
+        pairing, points = _refined_by(task, task.basis.solver(task.start), task.a, task.b)
+    except FAILURES:
+        return None
+    sure = not pairing.ambiguous.any() and (pairing.trust > DOUBTFUL).all()
+    return (pairing, points) if sure else None
+
+
+def _refined_by(task: RefineTask, solve: Solve, a: Modes, b: Modes) -> tuple[Pairing, int]:
+    """Pairing of the modes of both ends, and number of inserted points solved."""
     low, high = task.start.structure.band_hz
     refinement = StepRefinement(solve, band=(2 * np.pi * low, 2 * np.pi * high))
     pairing = refinement.pair(a, b, task.start.x, task.end.x, task.expected)
-    doubtful = np.zeros(len(a.lam), dtype=bool)
-    paired = pairing.partner >= 0
-    doubtful[paired] = foreign[pairing.partner[paired]]
-    pairing = pairing._replace(ambiguous=pairing.ambiguous | doubtful)
-    return task.point, pairing, refinement.points
+    return pairing, refinement.points
 
 
 KEPT = 8  # shapes of points kept at hand
