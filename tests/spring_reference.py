@@ -34,6 +34,8 @@ class Block:
     friction: float = 0.4
     static: float = 2.0  # over friction
     decay: float = 0.2  # m/s
+    exponent: float = 1.0  # of the fall
+    rise: float = 0.0  # s/m, over friction
 
     def beyond(self, x: float) -> float:
         """Deflection of the stop."""
@@ -49,8 +51,8 @@ class Block:
 
     def drag(self, slip: float) -> float:
         """Size of the friction force at a slip [m/s]."""
-        falls = (self.static - 1.0) * np.exp(-abs(slip) / self.decay)
-        return self.force * self.friction * (1.0 + falls)
+        falls = (self.static - 1.0) * np.exp(-((abs(slip) / self.decay) ** self.exponent))
+        return self.force * self.friction * (1.0 + falls + self.rise * abs(slip))
 
     def steady(self) -> float:
         """Deflection of steady sliding: the belt pulls the block along -x."""
