@@ -552,8 +552,8 @@ def test_it_is_said_whether_damping_destabilises(trap) -> None:
     assert (table["growth_by_damping"] < 0).all()
     told = lambda t: as_text(trap.screen.findings(trap.with_tables(**t)))  # noqa: E731
     tables = {name: trap.table(name) for name in trap.tables}
-    raises = "more uniform damping raises the growth of "
-    assert f"{raises}no mode:" in " ".join(told(tables).split())
+    raises = "a larger damping_ratio raises the growth of "
+    assert f"{raises}no mode (slope" in " ".join(told(tables).split())
     other = tables["slopes"].assign(d_growth_rate=5.0)
     assert f"{raises}{table['name'][0]}" in " ".join(told(tables | {"slopes": other}).split())
     none = " ".join(told(tables | {"slopes": other.iloc[:0]}).split())
@@ -589,7 +589,7 @@ def test_the_verdict_says_what_the_tables_say(trap) -> None:
     worst = trap.points.set_index("point_id").loc[chosen["worst_point"]]
     assert f"at a cost of {chosen['cost']:.4g}" in text
     assert f"damping_ratio 0.01 -> {chosen['damping_ratio']:.5g}" in text
-    assert f"least damping ratio {worst['min_damping_ratio']:.4g}" in text
+    assert f"least damping {100 * worst['min_damping_ratio']:.3g} %" in text
     assert f"mode at {worst['frequency_hz']:.5g} Hz" in text
     assert f"{len(designs)} designs evaluated" in text
     today = trap.points[(trap.points["design"] == 0) & (trap.points["analysis"] == "modes")]
@@ -703,7 +703,7 @@ def test_a_variant_whose_mode_leaves_the_band_is_not_chosen(tmp_path: Path) -> N
         "stiff": "moved_out",  # flutter at 92.7 Hz
         "soft": "met_linear",
     }
-    assert "has 'soft' (no change)" in found.manifest["design_study"]["choice"]
+    assert "Cheapest: 'soft' (no change)" in found.manifest["design_study"]["choice"]
 
 
 def test_runs_that_begin_on_another_vibration_are_other_runs(tmp_path: Path) -> None:
@@ -1050,7 +1050,7 @@ def test_variants_are_searched_and_proven_each_and_set_beside_each_other(varied)
     best = table["cost"].idxmin()
     assert f"{table['cost'].min():.4g}" in facts["choice"]
     assert ("'soft'" if best == "soft" else "the file's own design") in facts["choice"]
-    assert facts["choice"].startswith("3 of 3 alternatives proven, large motions not looked at")
+    assert facts["choice"].endswith("3 of 3 alternatives are proven, large motions not looked at.")
     assert report([varied]).count("<section id=") == 3
     held, whole = check_results(varied.directory)
     assert whole
@@ -1129,7 +1129,7 @@ def test_a_variant_that_cannot_be_solved_leaves_the_others(
     row = found.table("variants").set_index("variant").loc["lost"]
     assert row["outcome"] == "failed"
     assert any(text.startswith("variants/lost: ") and row["text"] in text for text in told)
-    assert "1 of 2 alternatives proven" in found.manifest["design_study"]["choice"]
+    assert "1 of 2 alternatives is proven" in found.manifest["design_study"]["choice"]
 
 
 def test_an_operating_point_without_a_result_is_no_search_that_failed(
@@ -1163,7 +1163,7 @@ def test_a_study_of_variants_alone_is_proven_too(tmp_path: Path) -> None:
         "soft": "no_variables",
         "damped": "met_linear",
     }
-    assert "least cost 2 has 'damped' (no change)" in found.manifest["design_study"]["choice"]
+    assert "Cheapest: 'damped' (no change), cost 2," in found.manifest["design_study"]["choice"]
     proof = sq.open_results(found.directory / "variants" / "damped").table("proof")
     assert list(proof["check"]) == ["matrix", "refined"]
 

@@ -264,9 +264,12 @@ def test_screens(tmp_path, monkeypatch, capsys):
     for verb, more in (("check", ()), ("run", ("--no-pictures",))):
         assert command(verb, "belt.toml", "--jobs", "1", "--output", "here", *more) == 0
         printed[verb] = " ".join(capsys.readouterr().out.split())
-        assert "points stick below 0.0018 m/s, 0.2 % of the study's slowest" in printed[verb]
-        assert "0.9 m/s: a slower design point changes every row" in printed[verb]
-    assert "by one design point at 2 k_t" in printed["run"]
+        assert (
+            "sticking below 0.0018 m/s: 0.2 % of the slowest sliding speed of the study"
+            in printed[verb]
+        )
+        assert "0.9 m/s (a slower one changes all results)" in printed[verb]
+    assert "by one run at half that speed" in printed["run"]
     told = json.loads(Path("here/manifest.json").read_text())["regularisation"]
     assert told["speed"] == told["speed_highest"] == pytest.approx(0.0018)
     assert told["slowest_sliding_speed"] == 0.9

@@ -116,7 +116,7 @@ def test_growth_changes_sign_at_the_known_speed(home):
 
 def test_run_prints_each_point_and_the_pictures(home):
     printed = home[1]
-    for text in ("limit_cycle", "stable", "energy balance closed to", "growth_comparison.png"):
+    for text in ("limit cycle", "stable", "energies balance to", "growth_comparison.png"):
         assert text in printed
     for drawn in re.findall(r"results/belt/\w+\.png", printed):
         assert (home[0] / drawn).stat().st_size > 5000
@@ -189,7 +189,7 @@ def test_rank_where_chooses_points(there, capsys):
         (("undecided", "stable"), "is known to keep vibrating; 1 undecided run left out."),
         (("stable", "stable"), "No design point keeps vibrating."),
         (("stable", "failed"), "No design point is known to keep vibrating."),
-        (("limit_cycle", "undecided"), "where it has most; 1 undecided run left out"),
+        (("limit_cycle", "undecided"), "no mode has more; 1 undecided run left out"),
     ],
 )
 def test_rank_says_which_runs_may_yet_vibrate(capsys, kinds, told):

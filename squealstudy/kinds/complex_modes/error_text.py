@@ -16,6 +16,7 @@ from squealstudy.wording import plural
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
+JUDGED = "modes that grow or have little damping"
 EXACT = 1e-9  # relative error of a method below which nothing is left to check
 SEEN = 0.1  # of the largest estimate: points that err by less say little about the method
 OTHER_MESH = "; the error of the mesh is not in it"
@@ -53,7 +54,7 @@ def _estimates(manifest: Mapping[str, Any]) -> Rows:
     if unknown := errors.get("unknown_rung"):
         text += f"of {plural(unknown, 'mode')} not known, "
     if not errors["reduced"]:
-        return [("estimates", f"{text}no reduction: relative, of light and of growing modes")]
+        return [("estimates", f"{text}no reduction: relative errors of {JUDGED}")]
     reduction, tolerance = errors["largest_reduction"], manifest["method"]["tolerance"]
     if reduction is None:
         return [("estimates", f"{text}reduction not known: no sample point has modes")]
@@ -65,7 +66,7 @@ def _estimates(manifest: Mapping[str, Any]) -> Rows:
         text += "; the basis was enriched"
         if reduction > tolerance:
             text += f", which is not enough for {tolerance:g}: a smaller [reduction] tolerance is"
-    return [("estimates", f"{text}: relative, of light and of growing modes, without the mesh's")]
+    return [("estimates", f"{text}: relative errors of {JUDGED}, without that of the mesh")]
 
 
 def full_order_error_text(manifest: Mapping[str, Any]) -> str:
@@ -92,8 +93,9 @@ def full_order_error_text(manifest: Mapping[str, Any]) -> str:
     damping = max(c["damping_error"] for c in compared)
     missed = sum(c["missed_modes"] for c in compared)
     return (
-        f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, {missed} modes missed: "
-        f"modes of damping < 5 % against {other} at {points}{of_mesh}"
+        f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, "
+        f"{plural(missed, 'mode')} missed: modes of damping < 5 % against {other} at "
+        f"{points}{of_mesh}"
     )
 
 

@@ -234,11 +234,11 @@ def _unrefined(manifest: Mapping[str, Any]) -> Rows:
     """What refinement left, for its budget was spent; nothing where it left nothing."""
     steps, onsets = (manifest.get(of, {}).get("left", 0) for of in ("tracking", "onsets"))
     told = [
-        f"{plural(steps, 'step')} of tracks, ambiguous in modes" if steps else "",
-        f"{plural(onsets, 'onset')}, interpolated or bracketed in onsets" if onsets else "",
+        f"{plural(steps, 'step')} in which a mode's number may have jumped" if steps else "",
+        f"{plural(onsets, 'onset')} known between two points only" if onsets else "",
     ]
     text = " and ".join(part for part in told if part)
-    return [("not refined", f"{text}: see refine_points of [modes]")] if text else []
+    return [("not refined", f"{text}: a larger refine_points of [modes] does")] if text else []
 
 
 def _nothing(results: ResultTables, where: str | None) -> str:
@@ -316,7 +316,7 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
     if along := results.along:
         unit = results.units.get(along, "")
         name = f"{along} [{unit}]" if unit else along
-        texts.append(f"onset: least {name} at which the mode turns unstable, of all lines")
+        texts.append(f"onset: least {name} at which the mode turns unstable")
         texts += _onset_kinds(set(table["threshold_kind"]), results, query)
         if (table["threshold"].isna() & (table["threshold_kind"] != BELOW_RANGE)).any():
             texts.append(
@@ -330,7 +330,10 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
         )
     texts += _families(table)
     if table["ambiguous"].any():
-        texts.append("~ before a mode: tracking was ambiguous somewhere on its lines")
+        texts.append(
+            "~ before a mode: its number may have jumped to a neighbour somewhere; stability and "
+            "onsets do not depend on it"
+        )
     return [*texts, *named_tracks(table["track"], results.track_names)]
 
 

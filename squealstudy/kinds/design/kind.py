@@ -264,7 +264,7 @@ class Design(ModelKind):
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
         """The goal."""
         margin = _design_plan(plan).design_study.goal.margin
-        text = f"damping ratio of {margin.damping_ratio:g} at every operating point"
+        text = f"damping of {100 * margin.damping_ratio:g} % at every operating point"
         if margin.probability is not None:
             text += f", with probability {margin.probability:g}"
         names = [one.name for one in _design_plan(plan).design_study.alternatives]

@@ -79,7 +79,7 @@ class Proof:
         excess = np.array([-1.0 if j is None else j.worst for j in constraints])
         least = np.array([r["min_damping_ratio"] for r in rows if r["status"] == "ok"])
         bad = [points[i] for i in np.argsort(excess, kind="stable") if excess[i] < 0]
-        text = f"{len(points) - len(bad)} of {len(points)} operating points have what is asked"
+        text = f"{len(points) - len(bad)} of {len(points)} operating points meet all demands"
         least_excess = float(np.nanmin(least)) if np.isfinite(least).any() else np.nan
         self._told(kind, design, evaluations, not bad, least_excess, text)
         self.designs.state.active_points = sorted(
@@ -176,12 +176,14 @@ class Proof:
                 self.designs.state.demands.append(DampingDemand(p, more, hz))
                 self.designs.state.active_points = sorted({*self.designs.state.active_points, p})
         is_decided = good and set(verdicts) <= {NO_CYCLE}
-        text = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in verdicts.items())
+        text = ", ".join(
+            f"{name.replace('_', ' ')} at {plural(n, 'point')}" for name, n in verdicts.items()
+        )
         if NO_CYCLE in verdicts:
-            text += " (on the curves searched; a cycle apart from them is not excluded)"
+            text += " (on the curves searched; others are not excluded)"
         if most_missing > 0:
             percent = f"{100 * most_missing:.2g} %"
-            text += f"; up to {percent} of critical damping is missing at some amplitude"
+            text += f"; at some amplitude motions lack up to {percent} of critical damping"
         self._told(
             LIMIT_CYCLES,
             design,

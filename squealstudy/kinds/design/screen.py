@@ -22,6 +22,7 @@ MAX_EXACT_GROUPING, LOG_FREQUENCY_ROUNDING = 2000, 1e-3
 SAME_MODE = 0.05  # relative: farther apart in frequency, two modes are not the same one
 PER_RANGE, CHANGE_SEPARATOR = 3, "; "  # variables named, between them
 SMALLEST_POSITIVE = 1e-300
+CHECK_WORDS = {"matrix": "operating points", "refined": "points between", "in_time": "runs in time"}
 
 
 class DesignScreen(KindScreen):
@@ -49,9 +50,9 @@ class DesignScreen(KindScreen):
         modes = squealing_modes(results)
         findings: list[RenderableType] = [facts["verdict"]]
         if len(variants := results.table("variants")):
-            findings = [f"{facts['choice']} The file's own design: {facts['verdict']}"]
+            findings = [facts["choice"], "", f"As in the file: {facts['verdict']}", ""]
             findings += _variants(variants)
-        findings += _modes(modes.head(N_RANKING_ROWS)) if len(modes) else []
+        findings += ["", *_modes(modes.head(N_RANKING_ROWS))] if len(modes) else []
         return [*findings, *_checks(results)]
 
     def facts(self, results: ResultTables) -> Rows:
@@ -217,7 +218,7 @@ def _by_damping(table: pd.DataFrame) -> str:
     raised = with_slope.loc[(with_slope["growth_by_damping"] > 0).to_numpy(bool), "name"].tolist()
     of = "" if len(with_slope) == len(table) else f" of the {len(with_slope)} whose slope is known"
     names = ", ".join(raised) if raised else f"no mode{of}"
-    return f"more uniform damping raises the growth of {names}: first order, at the worst points"
+    return f"a larger damping_ratio raises the growth of {names} (slope at each one's worst point)"
 
 
 def _modes(table: pd.DataFrame) -> list[RenderableType]:
@@ -247,17 +248,17 @@ def _modes(table: pd.DataFrame) -> list[RenderableType]:
     ]
     slopes = grid("text:mode", "text:variable", "value:damping ratio", rows=effects)
     legend = notes(
-        "modes of today's design below the margin, those of one component within 5 % in frequency "
-        "as one; points: of the operation, below it; "
-        "unstable: share of the operation, by occurrence; pair: the "
-        "real modes without friction that it is made of",
+        "modes of today's design with less damping than the margin; those of one component within "
+        "5 % in frequency count as one",
+        "points: operating points at which it has less; unstable: share of operation in which it "
+        "grows; pair: the two modes without friction that it is made of",
         _by_damping(table),
     )
     more = notes(
-        "damping ratio: what a change over the whole range of a variable does to it, first order, "
-        "at the mode's worst point, where a coalescence bends it; the largest of each mode"
+        "damping ratio: what moving a variable over its whole range adds to it at the mode's worst "
+        "point, by its slope there: near a lock-in the true effect differs; the largest of each"
     )
-    return [shown, legend, slopes, more] if effects else [shown, legend]
+    return [shown, legend, "", slopes, more] if effects else [shown, legend]
 
 
 def _variants(table: pd.DataFrame) -> list[RenderableType]:
@@ -284,9 +285,9 @@ def _variants(table: pd.DataFrame) -> list[RenderableType]:
         ),
     )
     legend = notes(
-        "unstable, damping: operating points with an unstable mode, least damping ratio, as it "
-        "stands; then cost with that of the variant, least damping ratio and its frequency after "
-        "the change; each has results of its own in the folder of its name below variants/"
+        "unstable, damping: operating points with an unstable mode and least damping ratio, before "
+        "any change; cost, damping then, Hz: with the change, that of the variant included; each "
+        "has results of its own in variants/NAME"
     )
     return [shown, legend]
 
@@ -318,14 +319,14 @@ def _checks(results: ResultTables) -> list[RenderableType]:
             [
                 str(r["round"]),
                 str(r["design"]),
-                str(r["check"]).replace("_", " "),
+                CHECK_WORDS.get(str(r["check"]), str(r["check"]).replace("_", " ")),
                 "undecided" if pd.isna(r["passed"]) else ("passed" if r["passed"] else "FAILED"),
                 str(r["text"]),
             ]
             for r in proof.to_dict("records")
         ),
     )
-    return [shown]
+    return ["", shown]
 
 
 SCREEN = DesignScreen()

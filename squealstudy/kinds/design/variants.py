@@ -115,12 +115,15 @@ def choice(rows: Sequence[Mapping[str, Any]]) -> str:
         return ""
     best = cheapest(rows)
     proven = sum(r["outcome"] in PROVEN for r in rows)
-    counted = f"{proven} of {plural(len(rows), 'alternative')} proven"
+    counted = (
+        f"{proven} of {plural(len(rows), 'alternative')} {'is' if proven == 1 else 'are'} proven"
+    )
     if best is None:
-        return f"{counted}: none of the file's own design and its variants can be chosen."
+        return f"Neither the file's own design nor a variant can be chosen: {counted}."
     name = "the file's own design" if best["variant"] == AS_IN_FILE else f"'{best['variant']}'"
     how = best["change"] or "no change"
     unlooked = "" if best["outcome"] == PROVEN[0] else ", large motions not looked at"
     zeta = best["min_damping_ratio"]
-    damped = "no mode in the band" if np.isnan(zeta) else f"a least damping ratio of {zeta:.4g}"
-    return f"{counted}{unlooked}: least cost {best['cost']:.4g} has {name} ({how}), with {damped}."
+    damped = "no mode in the band" if np.isnan(zeta) else f"least damping {100 * zeta:.3g} %"
+    cheapest_text = f"Cheapest: {name} ({how}), cost {best['cost']:.4g}, {damped}."
+    return f"{cheapest_text} {counted[:1].upper()}{counted[1:]}{unlooked}."

@@ -218,12 +218,12 @@ def _mode_text(plan: DesignPlan, search: DesignSearch, design: np.ndarray) -> st
     if least is not None:
         p, row = least
         hz, zeta = row["frequency_hz"], row["min_damping_ratio"]
-        text = f"least damping ratio {zeta:.4g}, mode at {hz:.5g} Hz ({row['main_component']})"
+        text = f"least damping {100 * zeta:.3g} %, mode at {hz:.5g} Hz ({row['main_component']})"
         text = f"{text if hz else 'steady sliding diverges without oscillation'}{at(p)}"
     beside = [(m["damping_ratio"], m["frequency_hz"], p) for p, r in solved for m in r["beside"]]
     if beside:
         zeta, hz, p = min(beside)
-        text += f"; outside the band a mode at {hz:.5g} Hz grows, damping ratio {zeta:.4g}{at(p)}"
+        text += f"; outside the band a mode at {hz:.5g} Hz grows, damping {100 * zeta:.3g} %{at(p)}"
     return text
 
 
@@ -271,7 +271,7 @@ def sentence(plan: DesignPlan, search: DesignSearch, designs: Sequence[Mapping[s
     state, goal = search.state, plan.design_study.goal
     today = _today(search, plan.band_hz)
     assert state.chosen is not None
-    chosen, margin = state.chosen, goal.margin.damping_ratio
+    chosen, margin = state.chosen, f"{100 * goal.margin.damping_ratio:g} %"
     mode = _mode_text(plan, search, chosen)
     if state.outcome == NO_VARIABLES:
         return f"{today}: {mode}. Nothing may change: the file has no [[variable]]."
@@ -282,14 +282,14 @@ def sentence(plan: DesignPlan, search: DesignSearch, designs: Sequence[Mapping[s
     kicks = f" with {len(state.demands)} demands of the proof" if state.demands else ""
     if state.failure:
         return (
-            f"{today}; no design could be held against the margin of {margin:g}{kicks}, for "
+            f"{today}; no design could be held against the margin of {margin}{kicks}, for "
             f"operating points of it could not be solved ({state.failure}). {searched}."
         )
     if state.outcome in (*PROVEN, UNDECIDED):
         text = f"at a cost of {price:.4g} ({change}) every operating point meets the margin"
         text = text if changes else "as it is it meets the margin"
         proof = "Proof" if state.outcome in PROVEN else "Not all of the proof could be told"
-        return f"{today}; {text} of {margin:g}: {mode}. {proof}: {_proof(search)}. {searched}."
+        return f"{today}; {text} of {margin}: {mode}. {proof}: {_proof(search)}. {searched}."
     if state.outcome == NONE_FOUND:
         nearest = change_text(changes) or "today's design"
         n_active = len(state.active_points)
@@ -299,7 +299,7 @@ def sentence(plan: DesignPlan, search: DesignSearch, designs: Sequence[Mapping[s
         binds = f"; at their bounds: {', '.join(bound)}" if bound else "; no variable at a bound"
         return (
             f"{today}; no design within the bounds was found that meets the margin of "
-            f"{margin:g}{kicks}. Nearest comes {nearest}: {mode}{where}{binds}. {searched}."
+            f"{margin}{kicks}. Nearest comes {nearest}: {mode}{where}{binds}. {searched}."
         )
     why = "the limit of designs was reached" if state.outcome == STOPPED else "no proof succeeded"
     assert state.outcome in (STOPPED, UNPROVEN)

@@ -71,10 +71,10 @@ class TransientScreen(KindScreen):
             rows=(_energy(row, varied) for row in table.to_dict("records")),
         )
         legend = notes(
-            "mode: a real mode about the nominal working point, from the lowest (squealstudy shape "
-            "counts complex modes)",
-            "energy: share of the mechanical energy, mean over the points that keep vibrating; "
-            f"leads at: number of points where it has most{left_out}",
+            "mode: R1 is the lowest real mode at the nominal working point (complex modes have "
+            "other numbers)",
+            "energy: its share of the mechanical energy in runs that keep vibrating, their mean; "
+            f"most: the largest share; leads at: in how many runs no mode has more{left_out}",
         )
         return [shown, legend]
 
@@ -108,7 +108,7 @@ class TransientScreen(KindScreen):
         """What ending early has saved, the slope of friction and its error, the energy balance."""
         solved = results.points[(results.points["status"] == "ok").to_numpy()]
         balance = solved["energy_balance"].abs().max()
-        text = f"energy balance closed to {balance:.1e} of the work of friction, at the worst point"
+        text = f"energies balance to {balance:.1e} of the work of friction in the worst run"
         text = text if np.isfinite(balance) else "energy balance not known: no run reached its end"
         manifest = results.manifest
         slope = regularisation(manifest.get("regularisation"))
@@ -141,11 +141,11 @@ def points(
     more = len(table) - len(listed)
     legend = notes(
         f"{more} more in the points table" if more else "",
-        "growth: fitted in time, ~ within wide bounds, - where fewer than five periods are "
-        "exponential; forecast: of the complex mode; "
-        f"{what}{'' if what == 'torque' else ' of friction'} and RMS of its fluctuation, its "
-        "frequency (x2: it is loudest at twice that; ~: its loudest line, the motion does "
-        "not repeat), mode and its energy share: over the last window",
+        "growth: fitted to the run (~: with wide bounds; -: fewer than five periods grow or decay "
+        "exponentially); forecast: growth of the complex mode",
+        f"{what}{'' if what == 'torque' else ' of friction'}: its mean; RMS: of its fluctuation; "
+        "Hz: of the motion (x2: loudest at twice that; ~: loudest line of a motion that does not "
+        "repeat); mode, share: the one with most energy; all over the end of the run",
     )
     parts: list[RenderableType] = [shown, legend]
     if varied and not own:
@@ -195,7 +195,7 @@ def _findings(row: dict[Hashable, Any]) -> list[str]:
     rate = row["growth_rate"]
     wide = row["growth_rate_high"] - row["growth_rate_low"] > 0.2 * abs(rate)  # bounds 10 % away
     return [
-        str(row["class"]),
+        str(row["class"]).replace("_", " "),
         f"{'~' if wide else ''}{figure(rate)}",
         figure(row["predicted_growth_rate"]),
         figure(row["torque_mean"]),
@@ -237,11 +237,11 @@ def regularisation(found: Mapping[str, Any] | None) -> Rows:
         return []
     low, high = found["speed"], found["speed_highest"]
     speed = f"{low:.3g} m/s" if low == high else f"{low:.3g} to {high:.3g} m/s"
-    text = f"points stick below {speed}"
+    text = f"a contact point counts as sticking below {speed}"
     if found["automatic"]:
         text += (
-            f", {100 * found['share']:g} % of the study's slowest sliding speed of "
-            f"{found['slowest_sliding_speed']:.4g} m/s: a slower design point changes every row"
+            f": {100 * found['share']:g} % of the slowest sliding speed of the study, "
+            f"{found['slowest_sliding_speed']:.4g} m/s (a slower one changes all results)"
         )
     rows = [("friction", text)]
     pilot = found.get("pilot")
@@ -258,14 +258,14 @@ def _pilot(pilot: Mapping[str, Any]) -> str:
     )
     if pilot["status"] in ("failed", "skipped"):
         return f"not known: {pilot['message']}"
-    told = f"{errors or 'no level, no growth to compare'}, by one design point at 2 k_t"
-    return told if pilot["status"] == "ok" else f"{told}; undecided: {pilot['message']}"
+    text = f"{errors or 'no level, no growth to compare'}, by one run at half that speed"
+    return text if pilot["status"] == "ok" else f"{text}; undecided: {pilot['message']}"
 
 
 def _error_share_text(error: Mapping[str, float]) -> str:
     """An error in percent; what chance may do where that is more."""
     if error["error"] < error["chance"]:
-        return f"below {in_digits(100 * error['chance'], 1)} % (the bounds of the runs)"
+        return f"below {in_digits(100 * error['chance'], 1)} % (its runs tell no less)"
     return f"{in_digits(100 * error['error'], 1)} %"
 
 
