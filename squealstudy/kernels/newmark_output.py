@@ -102,7 +102,8 @@ def stored_energy(modal: ModalArrays, work: WorkArrays, k: int) -> float:
     for m in range(modal.shapes.shape[0]):
         y = dot(modal.shapes[m], x[at.Q])
         total += 0.5 * modal.component_terms[k, 1, m] * y * y
-    return total + contact_energy(modal.points[k], modal.laws[k], work.point[k, at.OUT_X])
+    gaps = work.point[k, at.OUT_X][: modal.fixed.shape[2]]  # without those that fill a tile
+    return total + contact_energy(modal.points[k], modal.laws[k], gaps)
 
 
 @fast_kernel
