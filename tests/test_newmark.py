@@ -377,6 +377,31 @@ def test_odd_number_of_points_in_a_batch(rough):
     assert max(distance(b, single) for b in both) < 1e-10
 
 
+@pytest.mark.parametrize("n", [3, 5])
+def test_few_coordinates_are_those_of_a_larger_system(n):
+    """Kernels take few without tiles; the larger one has modes that no contact point sees."""
+    system, design = random_system(n=12, nc=6)
+    D = np.zeros((12, 12))
+    D[:n, :n] = design.damping_between[:n, :n]
+    seen = np.arange(12) < n
+    wide = replace(system, **{k: getattr(system, k) * seen for k in ("N", "T1", "T2", "shapes")})
+    parts = {k: np.ascontiguousarray(getattr(wide, k)[:, :n]) for k in ("N", "T1", "T2", "shapes")}
+    small = replace(system, omega2=system.omega2[:n], sensed=system.sensed[:1], **parts)
+    runs = [
+        (wide, replace(design, damping_between=D), KICK * seen),
+        (small, replace(design, c=design.c[:n], damping_between=D[:n, :n]), KICK[:n]),
+    ]
+    settings = replace(SHORT, duration=4e-4)
+    large, few = (run(*pair, settings, 0 * v0, v0) for *pair, v0 in runs)
+    assert large.outcome == few.outcome == "ok"
+    np.testing.assert_allclose(few.v, large.v[:n], atol=1e-9 * np.abs(large.v).max())
+    assert few.energy.friction == pytest.approx(large.energy.friction, rel=1e-9)
+    assert few.energy.damping == pytest.approx(large.energy.damping, rel=1e-9)
+    others = [replace(runs[1][1], speed=v) for v in (0.5, 2.0, 0.2, 4.0)]
+    together = simulate(small, started([runs[1][1], *others], np.zeros(n), KICK[:n]), settings)
+    np.testing.assert_array_equal(together[0].v, few.v)  # each goes alone
+
+
 def test_single_precision_storage_is_close(rough):
     system, design, r = rough
     single = replace(SHORT, integrator=Newmark(single_storage=True))
