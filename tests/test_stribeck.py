@@ -78,7 +78,7 @@ def test_derivatives_are_those_of_finite_changes(name, values, tmp_path):
     "case",
     [
         Block(0.15, exponent=2.0, rise=0.5),
-        pytest.param(Block(0.1, exponent=1.5, rise=0.2), marks=pytest.mark.full_size),
+        pytest.param(Block(0.15, exponent=1.5, rise=0.2), marks=pytest.mark.full_size),
     ],
 )
 def test_stick_and_slip_against_event_located_integration(case, tmp_path):
