@@ -275,7 +275,10 @@ def test_names_of_others_stay_text(opened):
     assert page.tab.locator("img").count() == 0
 
 
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize(
+    "width",  # by default the narrowest and the widest
+    [pytest.param(w, marks=[pytest.mark.full_size] * (w in WIDTHS[1:-1])) for w in WIDTHS],
+)
 def test_a_page_fits_its_window(opened, two, width):
     page = opened(two, width)
     assert page.tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
