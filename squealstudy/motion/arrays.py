@@ -82,7 +82,7 @@ def modal_arrays(
     fixed = _fixed(system, designs, integrator)
     steps = step_tables(modes, integrator, h, _levels(integrator, nc))
     stuck = isinstance(integrator, FixedJacobian) and integrator.mockup == "auto"
-    tangential, compliance, own = _tangential(system, steps[0, 0, layout.LAST_V], stuck)
+    tangential, compliance, self_compliance = _tangential(system, steps[0, 0, layout.LAST_V], stuck)
     between, between_of = _between(system, designs, n)
     modal = layout.ModalArrays(
         points=points,
@@ -97,7 +97,7 @@ def modal_arrays(
         sensors=_sensors(system, designs, n),
         tangential=tangential,
         compliance=compliance,
-        own=own,
+        own=self_compliance,
     )
     return modal, bool(fixed.any())
 
@@ -118,12 +118,12 @@ def step_tables(
     """Modal.steps for modes (nb, 3, n); designs of the same damping share the work."""
     nb, _, n = modes.shape
     steps = aligned_zeros(nb, levels + 1, layout.N_STEP, n)
-    made: dict[bytes, np.ndarray] = {}
+    table_of: dict[bytes, np.ndarray] = {}
     for k, (w2, c, _) in enumerate(modes):
         key = w2.tobytes() + c.tobytes()
-        if key not in made:
-            made[key] = integrator.steps(w2, c, h, levels)
-        steps[k] = made[key]
+        if key not in table_of:
+            table_of[key] = integrator.steps(w2, c, h, levels)
+        steps[k] = table_of[key]
     return steps
 
 
@@ -180,8 +180,8 @@ def _sensors(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> np.
     ns = len(system.sensed)
     full = aligned_zeros(len(designs), ns + max(len(x) for x in growing), n)
     full[:, range(ns), system.sensed - 1] = 1.0
-    for rows, own in zip(full, growing, strict=True):
-        rows[ns : ns + len(own), : system.n] = own.reshape(-1, system.n)
+    for rows, sensors_of_design in zip(full, growing, strict=True):
+        rows[ns : ns + len(sensors_of_design), : system.n] = sensors_of_design.reshape(-1, system.n)
     return full
 
 

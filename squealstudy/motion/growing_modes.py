@@ -109,21 +109,21 @@ def growing_modes(
     chosen = chosen[: max(n_unstable, 1)]
     outside = lam[unstable & ~inside]
     worst = outside[np.argmax(outside.real)] if len(outside) else 0j
-    lam, right, left = lam[chosen], psi[:, chosen], left_vectors(C, K, lam[chosen])
-    seen = [growth_sensors(C, root, y) for root, y in zip(lam, left.T, strict=True)]
+    lam, right, left_modes = lam[chosen], psi[:, chosen], left_vectors(C, K, lam[chosen])
+    sensors = [growth_sensors(C, root, y) for root, y in zip(lam, left_modes.T, strict=True)]
     planes, overlap = mode_planes(omega2, lam, right)
     n = len(K)
     return GrowingModes(
         lam=lam,
         right=right,
-        left=left,
+        left=left_modes,
         n_unstable=n_unstable,
         n_above=int((np.abs(outside) > high).sum()),
         n_below=int((np.abs(outside) < low).sum()),
         growth_outside=float(worst.real),
         frequency_outside=float(abs(worst) / (2 * np.pi)),
-        sensors=np.concatenate([np.array(seen).reshape(-1, n), planes.reshape(-1, n)]),
-        energy=_energies(C, omega2, lam, right, left),
+        sensors=np.concatenate([np.array(sensors).reshape(-1, n), planes.reshape(-1, n)]),
+        energy=_energies(C, omega2, lam, right, left_modes),
         overlap=overlap,
     )
 
@@ -131,7 +131,7 @@ def growing_modes(
 def left_vectors(C: np.ndarray, K: np.ndarray, lam: np.ndarray) -> np.ndarray:
     """Left vectors (n, m) of known simple roots, by inverse iteration on Q(lambda)^H."""
     n = len(K)
-    found = np.empty((n, len(lam)), dtype=complex)
+    vectors = np.empty((n, len(lam)), dtype=complex)
     for k, root in enumerate(lam):
         Q = root**2 * np.eye(n) + root * C + K
         shift = 1e-14 * np.abs(Q).max()  # a root met exactly would be a singular matrix
@@ -139,8 +139,8 @@ def left_vectors(C: np.ndarray, K: np.ndarray, lam: np.ndarray) -> np.ndarray:
         y = np.ones(n, dtype=complex)
         for _ in range(INVERSE_ITERATIONS):
             y = la.lu_solve(factor, y / np.linalg.norm(y))
-        found[:, k] = y / np.linalg.norm(y)
-    return found
+        vectors[:, k] = y / np.linalg.norm(y)
+    return vectors
 
 
 def growth_sensors(C: np.ndarray, lam: complex, left: np.ndarray) -> np.ndarray:
@@ -209,8 +209,8 @@ def _axes(omega: np.ndarray, lam: complex, x: np.ndarray) -> np.ndarray:
     """Orthonormal axes (2 n, 2) of one plane in the coordinates (Omega q, q')."""
     state = np.concatenate([omega * x, lam * x])
     u, s, _ = np.linalg.svd(np.column_stack([state.real, state.imag]), full_matrices=False)
-    kept: np.ndarray = u * (s > DEGENERATE_AXIS_RATIO * s[0])
-    return kept
+    axes: np.ndarray = u * (s > DEGENERATE_AXIS_RATIO * s[0])
+    return axes
 
 
 def coordinates(displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
@@ -218,8 +218,8 @@ def coordinates(displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
 
     Half the sum of their squares is the energy of the projection, J.
     """
-    found: np.ndarray = velocity[:, :2] + displacement[:, 2:]
-    return found
+    on_plane: np.ndarray = velocity[:, :2] + displacement[:, 2:]
+    return on_plane
 
 
 def _energies(

@@ -42,8 +42,8 @@ def hybrid_arrays(model: HybridModel, design: MotionPoint) -> layout.HybridArray
     points = np.ascontiguousarray(design.points(model).T)
     m, k, nc = len(model.omega), model.shapes.shape[0], len(points)
     d = np.zeros(k) if design.d is None else np.asarray(design.d, dtype=float)
-    for name, value, size in (("c", design.c, m), ("d", d, k)):
-        if np.shape(value) != (size,):
+    for name, array, size in (("c", design.c, m), ("d", d, k)):
+        if np.shape(array) != (size,):
             raise ModelError(f"hybrid design: '{name}' needs {size} values")
     values = np.concatenate([design.c, d, [design.beta]])
     if not (np.isfinite(values).all() and (values >= 0).all()):

@@ -82,10 +82,10 @@ def simulate_hybrid(
     for name in UNUSED:
         if getattr(method, name) != Newmark.model_fields[name].default:
             raise ParameterError(name, "belongs to the modal representation")
-    seen = model if sensors_of is None else sensors_of
+    sensor_model = model if sensors_of is None else sensors_of
     if sensed is None:
-        sensed = np.arange(len(seen.omega)) + 1
-    return _Run(model, design, settings, method.max_halvings, sensed, seen).motion()
+        sensed = np.arange(len(sensor_model.omega)) + 1
+    return _Run(model, design, settings, method.max_halvings, sensed, sensor_model).motion()
 
 
 class _Run:
@@ -263,8 +263,8 @@ class Recorder:
     def motion(self) -> tuple[np.ndarray, np.ndarray]:
         """Final deviation q [m] and velocity [m/s] in the model's coordinates, (n,) each."""
         x, lag = self.state.vectors, self._lag()
-        moved = self.model.phi @ lag.T
-        return x[layout.Q] + moved[:, 0], x[layout.V] + moved[:, 1]
+        shape_motion = self.model.phi @ lag.T
+        return x[layout.Q] + shape_motion[:, 0], x[layout.V] + shape_motion[:, 1]
 
     def stored(self) -> tuple[float, float]:
         """Mechanical energy with the stiffness of modal energies, and with the contact, J.

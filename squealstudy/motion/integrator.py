@@ -183,10 +183,10 @@ def integrators() -> Mapping[str, type[Integrator]]:
     """All that are known, by name."""
     while _folders:
         folder = importlib.import_module(_folders.pop(0))
-        for found in pkgutil.iter_modules(folder.__path__, folder.__name__ + "."):
-            for item in vars(importlib.import_module(found.name)).values():
-                if _is_method(item) and item.__module__ == found.name:
-                    register_integrator(item)
+        for module_info in pkgutil.iter_modules(folder.__path__, folder.__name__ + "."):
+            for member in vars(importlib.import_module(module_info.name)).values():
+                if _is_method(member) and member.__module__ == module_info.name:
+                    register_integrator(member)
     return _integrators
 
 

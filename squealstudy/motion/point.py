@@ -131,7 +131,7 @@ def motion_point(
     d, s = shape_terms(reference, state)
     c, between = reference.damping.at(state, system.area * point.tangent, s)
     force = point.forces(system, operating)
-    made = MotionPoint(
+    motion_start = MotionPoint(
         contact=operating.law,
         friction=friction,
         speed=operating.sliding_speed,
@@ -145,12 +145,12 @@ def motion_point(
         static_torque=float(-operating.direction * (system.radius @ force[:, 1])),
     )
     if band_hz is None:
-        return made
-    C, K = tangent(system, made, point, state)
+        return motion_start
+    C, K = tangent(system, motion_start, point, state)
     growing = growing_modes(C, K, system.omega2, band_hz, tolerance)
     if settings is not None:
-        growing = _integrated(growing, C, K, (system.omega2, made.c), settings)
-    return replace(made, growing=growing)
+        growing = _integrated(growing, C, K, (system.omega2, motion_start.c), settings)
+    return replace(motion_start, growing=growing)
 
 
 def _integrated(
@@ -255,16 +255,16 @@ def stuck(system: ModalSystem, point: MotionPoint) -> MotionPoint:
         Where the modes cannot bring every point with friction to rest.
     """
     q0, v0 = point.start(system.n)
-    held = system.frictional > 0
-    T = np.vstack([system.T1[held], system.T2[held]])
-    speed = point.speed * system.speed_factor[held]
-    wanted = -np.concatenate([speed, np.zeros(len(speed))])
-    v = np.linalg.lstsq(T, wanted, rcond=None)[0]
-    left = float(np.abs(T @ v - wanted).max(initial=0.0))
-    if left > AT_REST * abs(point.speed):
+    has_friction = system.frictional > 0
+    T = np.vstack([system.T1[has_friction], system.T2[has_friction]])
+    speed = point.speed * system.speed_factor[has_friction]
+    opposite_sliding = -np.concatenate([speed, np.zeros(len(speed))])
+    v = np.linalg.lstsq(T, opposite_sliding, rcond=None)[0]
+    lacking = float(np.abs(T @ v - opposite_sliding).max(initial=0.0))
+    if lacking > AT_REST * abs(point.speed):
         raise ParameterError(
             "transient.start",
-            f"these modes cannot bring all contact points to rest: {left:.2g} m/s of sliding "
+            f"these modes cannot bring all contact points to rest: {lacking:.2g} m/s of sliding "
             f"are left of {abs(point.speed):.3g} m/s",
         )
     return replace(point, q0=q0, v0=v0 + v)

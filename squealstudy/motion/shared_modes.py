@@ -203,8 +203,8 @@ def _growing(reference: SharedModes, modes: np.ndarray, k: int) -> np.ndarray:
     weighted = weighted / np.linalg.norm(weighted, axis=0)
     beyond = np.hstack([weighted[k:].real, weighted[k:].imag])
     vectors, values, _ = np.linalg.svd(beyond, full_matrices=False)  # of no modes too
-    found: np.ndarray = vectors[:, values > MIN_NEW_DIRECTION]
-    return found
+    directions: np.ndarray = vectors[:, values > MIN_NEW_DIRECTION]
+    return directions
 
 
 def project(reference: SharedModes, basis: np.ndarray) -> SharedModes:

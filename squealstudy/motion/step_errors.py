@@ -122,10 +122,10 @@ def settling(run: Motion, window: slice) -> np.ndarray:
 
 def _levels(run: Motion, window: slice) -> np.ndarray:
     """RMS, mean, peak to peak and own frequency of a window."""
-    own = slice(max(window.start, 1), window.stop)
-    sums = TorqueSums.of(run.history, own)
-    found = plain_levels(run.times[own], run.history["torque"][own], sums)
-    return np.append(found, own_frequency(run, own).hz)
+    rows_judged = slice(max(window.start, 1), window.stop)
+    sums = TorqueSums.of(run.history, rows_judged)
+    levels = plain_levels(run.times[rows_judged], run.history["torque"][rows_judged], sums)
+    return np.append(levels, own_frequency(run, rows_judged).hz)
 
 
 def _parts(
@@ -153,17 +153,17 @@ def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) ->
     frequency = torque_levels(run.times[window], torque[window]).frequency_hz
     if not np.isfinite(frequency):
         return StepParts.unknown("the torque has no line whose periods could be counted")
-    own = 2 * max(1, round(1.0 / (2 * ROWS_PER_PERIOD * frequency * settings.step)))
-    count = int(np.ceil(MEASURED_PERIODS / (frequency * settings.step * own)))
+    save_every = 2 * max(1, round(1.0 / (2 * ROWS_PER_PERIOD * frequency * settings.step)))
+    count = int(np.ceil(MEASURED_PERIODS / (frequency * settings.step * save_every)))
     point = replace(run.point, q0=run.q, v0=run.v, continued=True)
-    length = count * own * settings.step
+    length = count * save_every * settings.step
 
     def run_with(factor: float) -> Motion:
         how = replace(
             settings,
             duration=length,
             step=factor * settings.step,
-            save_every=round(own / factor),
+            save_every=round(save_every / factor),
             save_q=False,
         )
         return simulate(system, [point], how)[0]
@@ -174,10 +174,10 @@ def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) ->
     if here.outcome != "ok" or other is None:
         return StepParts.unknown("no run with another step came to its end")
     halves = (slice(1, len(here.times) // 2), slice(len(here.times) // 2, len(here.times)))
-    found = [[_weighted(one.history, half) for half in halves] for one in (here, other)]
-    first, second = (np.abs(a - b) for a, b in zip(*found, strict=True))
+    sums = [[_weighted(one.history, half) for half in halves] for one in (here, other)]
+    first, second = (np.abs(a - b) for a, b in zip(*sums, strict=True))
     hz, changed = (own_frequency(one, slice(1, len(one.times))).hz for one in (here, other))
-    level, change = np.append(found[0][1], hz), np.append(second, abs(changed - hz))
+    level, change = np.append(sums[0][1], hz), np.append(second, abs(changed - hz))
     return _parts(level, change * _total_difference_ratio(first[0], second[0], run.time / length))
 
 

@@ -65,10 +65,13 @@ def integrated_roots(
     """
     w2, c = diagonal
     table = integrator.step(*integrator.modes(w2, c, step), step)
-    made = _Step(table, _guess(integrator) if iterated else _balanced)
+    step_map = _Step(table, _guess(integrator) if iterated else _balanced)
     K_off, C_off = K - np.diag(w2), C - np.diag(c)
     return np.array(
-        [_root(made, K_off, C_off, root, x, step) for root, x in zip(lam, right.T, strict=True)],
+        [
+            _root(step_map, K_off, C_off, root, x, step)
+            for root, x in zip(lam, right.T, strict=True)
+        ],
         dtype=complex,
     )
 

@@ -96,10 +96,10 @@ class ModalSystem:
         shapes_by_name |= {"shapes": (len(self.shapes), n), "sensed": (len(self.sensed),)}
         shapes_by_name |= {"spring_points": (len(self.spring_points), N_SPRING)}
         for name, shape in {"N": (nc, n), **shapes_by_name}.items():
-            value = getattr(self, name)
-            if value.shape != shape:
-                raise ModelError(f"modal system: '{name}' has shape {value.shape}, not {shape}")
-            if not np.isfinite(value).all():
+            array = getattr(self, name)
+            if array.shape != shape:
+                raise ModelError(f"modal system: '{name}' has shape {array.shape}, not {shape}")
+            if not np.isfinite(array).all():
                 raise ModelError(f"modal system: '{name}' has values that are not finite")
         if len(self.sensed) and not 1 <= self.sensed.min() <= self.sensed.max() <= n:
             raise ModelError(f"modal system: 'sensed' needs modes from 1 to {n}")
@@ -188,12 +188,12 @@ class MotionPoint:
         ModelError
             One of another size, or not finite.
         """
-        found = [
+        start_state = [
             np.zeros(n) if x is None else np.asarray(x, dtype=float) for x in (self.q0, self.v0)
         ]
-        if any(x.shape != (n,) or not np.isfinite(x).all() for x in found):
+        if any(x.shape != (n,) or not np.isfinite(x).all() for x in start_state):
             raise ModelError(f"an initial state needs {n} finite values")
-        return found[0], found[1]
+        return start_state[0], start_state[1]
 
     def base(self, system: ModalSystem | HybridModel) -> tuple[np.ndarray, np.ndarray]:
         """Gap (nc,) and forces (nc, 3) of the base state.
@@ -215,8 +215,8 @@ class MotionPoint:
         """Contact tangents (nc,) of the base state, N/m."""
         gap, _ = self.base(system)
         springs = getattr(system, "spring_points", NO_SPRINGS)
-        found: np.ndarray = system.area * evaluate_points(self.contact, springs, gap)[1]
-        return found
+        tangents: np.ndarray = system.area * evaluate_points(self.contact, springs, gap)[1]
+        return tangents
 
     def points(self, system: ModalSystem | HybridModel) -> np.ndarray:
         """Contact points (N_POINT_ROWS, nc) for the kernels, at the base state."""

@@ -118,19 +118,19 @@ def classify(
     span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
     if len(time) < WINDOW_COUNT_RANGE[0] or not np.isfinite(energy).all():
         return too_short(span, len(time))
-    found = Envelope.of(windows(time, energy), initial, growth * JUDGED_SHARE * span)
-    course = found.windows.course(JUDGED_SHARE)
-    if found.gone(noise) and not _rises(course):
+    envelope = Envelope.of(windows(time, energy), initial, growth * JUDGED_SHARE * span)
+    course = envelope.windows.course(JUDGED_SHARE)
+    if envelope.gone(noise) and not _rises(course):
         return RunClass(STABLE)
-    if _levels_off(found, course):
+    if _levels_off(envelope, course):
         return RunClass(LIMIT_CYCLE)
-    if _irregular(found, course):
+    if _irregular(envelope, course):
         return RunClass(IRREGULAR)
-    if _grows(found, course):
+    if _grows(envelope, course):
         return RunClass(GROWING)
-    if _falls(found, course):
+    if _falls(envelope, course):
         return RunClass(STABLE)
-    return RunClass(UNDECIDED, max(DURATION_FACTOR, _times_longer(found, course)) * span)
+    return RunClass(UNDECIDED, max(DURATION_FACTOR, _times_longer(envelope, course)) * span)
 
 
 def too_short(duration: float, rows: int) -> RunClass:
@@ -308,11 +308,13 @@ def _vanishes(course: LevelTrend) -> bool:
     one, two = second / first, third / second
     if not (0 < two < 1 and one < 1):
         return False
-    left = abs(third) * two / (1 - two)
+    to_plateau = abs(third) * two / (1 - two)
     quick = max(one, two) < 0.6 and two <= one + 0.05 and third / first <= 0.35
-    if quick and left <= MAX_LN_TO_PLATEAU and (one - two <= 0.12 or abs(third) <= 3e-3):
+    if quick and to_plateau <= MAX_LN_TO_PLATEAU and (one - two <= 0.12 or abs(third) <= 3e-3):
         return True
-    return max(one, two) <= 0.75 and two <= one <= two + 0.12 and left <= 0.2 * MAX_LN_TO_PLATEAU
+    return (
+        max(one, two) <= 0.75 and two <= one <= two + 0.12 and to_plateau <= 0.2 * MAX_LN_TO_PLATEAU
+    )
 
 
 def _grows(found: Envelope, course: LevelTrend) -> bool:
@@ -394,5 +396,5 @@ def _fall_longer(found: Envelope, course: LevelTrend) -> float:
     pace = abs(min(course.rise, course.end)) / JUDGED_SHARE
     deep = 1 + float(np.log(max(found.ratio / LOWER_CYCLE_RATIO, 1.0))) / pace
     h = 2 * LOWER_CYCLE_RATIO**2  # of m = 2, where nothing has fallen yet
-    known = max(MIN_LN_FALL / abs(course.rise), float(np.sqrt(slowing(course) / h)))
-    return DURATION_FACTOR * min(deep, known)
+    until_sure = max(MIN_LN_FALL / abs(course.rise), float(np.sqrt(slowing(course) / h)))
+    return DURATION_FACTOR * min(deep, until_sure)

@@ -168,11 +168,14 @@ def complex_shares(states: np.ndarray, overlap: np.ndarray, energy: float) -> np
     rest = states - states.mean(axis=0)
     product = rest.T @ rest / len(rest)
     order = np.argsort([-_projected(product, overlap, [k]) for k in range(m)], kind="stable")
-    share, held = np.zeros(m), 0.0
+    share, energy_so_far = np.zeros(m), 0.0
     for place, k in enumerate(order):
-        found = _projected(product, overlap, list(order[: place + 1]))
-        share[k], held = max(found - held, 0.0), max(found, held)
-    whole = max(energy, held)
+        energy_with_mode = _projected(product, overlap, list(order[: place + 1]))
+        share[k], energy_so_far = (
+            max(energy_with_mode - energy_so_far, 0.0),
+            max(energy_with_mode, energy_so_far),
+        )
+    whole = max(energy, energy_so_far)
     return share / whole if whole > 0 else np.full(m, np.nan)
 
 
@@ -310,12 +313,12 @@ def held_energies(run: Motion) -> np.ndarray:
     of which the sensors see less than half holds nothing.
     """
     whole = run.point.growing.right
-    seen = whole[run.sensed - 1]
-    held = np.zeros((len(run.times), whole.shape[1]))
-    for k, x in enumerate(seen.T):
+    sensed_modes = whole[run.sensed - 1]
+    energies = np.zeros((len(run.times), whole.shape[1]))
+    for k, x in enumerate(sensed_modes.T):
         if np.linalg.norm(x) ** 2 < 0.5 * np.linalg.norm(whole[:, k]) ** 2:
             continue
         axes, size, _ = np.linalg.svd(np.column_stack([x.real, x.imag]), full_matrices=False)
         axes = axes[:, size > DEGENERATE_AXIS_RATIO * size[0]]
-        held[:, k] = ((run.sensed_v @ axes) ** 2).sum(axis=1)
-    return held
+        energies[:, k] = ((run.sensed_v @ axes) ** 2).sum(axis=1)
+    return energies

@@ -71,8 +71,8 @@ def last_part(values: np.ndarray, share: float) -> np.ndarray:
 
 def logarithm(level: np.ndarray) -> np.ndarray:
     """Natural logarithm of levels (m,); of zero that of the smallest number."""
-    found: np.ndarray = np.log(np.maximum(level, SMALLEST_POSITIVE))
-    return found
+    log_level: np.ndarray = np.log(np.maximum(level, SMALLEST_POSITIVE))
+    return log_level
 
 
 def level_trend(level: np.ndarray) -> tuple[float, float, float]:
@@ -123,8 +123,8 @@ def windows(time: np.ndarray, energy: np.ndarray) -> LevelWindows:
 
 def _levels(energy: np.ndarray, count: int) -> np.ndarray:
     """Weighted RMS of `count` windows at the end of a record."""
-    found: np.ndarray = np.sqrt(window_means(energy, count))
-    return found
+    rms_levels: np.ndarray = np.sqrt(window_means(energy, count))
+    return rms_levels
 
 
 def window_means(values: np.ndarray, count: int) -> np.ndarray:

@@ -108,14 +108,14 @@ class _Record:
         if not self.variance > 0.0 or self._coarse():
             return Fundamental()
         for place, first in self._places():
-            period, left = self._best(place)
-            if left > MAX_PERIODIC_RESIDUAL or (not first and self._drifts(period, left)):
+            period, residual = self._best(place)
+            if residual > MAX_PERIODIC_RESIDUAL or (not first and self._drifts(period, residual)):
                 continue
-            if left > EXACT_PERIOD_RESIDUAL:
-                period, left = self._multiple(period, left)
-            refined, count, rest = self._refined(period, left)
+            if residual > EXACT_PERIOD_RESIDUAL:
+                period, residual = self._multiple(period, residual)
+            refined, count, rest = self._refined(period, residual)
             error = (rest + INTERPOLATION_RESIDUAL) / (2 * np.pi * count)
-            return Fundamental(1.0 / (self.step * refined), left, error)
+            return Fundamental(1.0 / (self.step * refined), residual, error)
         return Fundamental()
 
     def _drifts(self, period: float, left: float) -> bool:
@@ -147,12 +147,12 @@ class _Record:
         product = np.fft.irfft((np.abs(spectrum) ** 2).sum(axis=1), length)[: longest + 2]
         later = np.arange(longest + 2)
         parted = size[rows - later] + size[rows] - size[later] - 2.0 * product
-        left = np.sqrt(np.maximum(parted, 0.0) / (rows - later) / (self.variance / rows))
-        if not (left > MIN_HALF_WAY_RESIDUAL).any():
+        residual = np.sqrt(np.maximum(parted, 0.0) / (rows - later) / (self.variance / rows))
+        if not (residual > MIN_HALF_WAY_RESIDUAL).any():
             return
-        first = int(np.argmax(left > MIN_HALF_WAY_RESIDUAL))
-        inner = left[first + 1 : -1]
-        places = np.flatnonzero((inner <= left[first:-2]) & (inner <= left[first + 2 :]))
+        first = int(np.argmax(residual > MIN_HALF_WAY_RESIDUAL))
+        inner = residual[first + 1 : -1]
+        places = np.flatnonzero((inner <= residual[first:-2]) & (inner <= residual[first + 2 :]))
         row = MAX_ROW_OFFSET_RATIO * np.sqrt((self.slope**2).sum() / self.variance)
         for place in places[inner[places] < MAX_PERIODIC_RESIDUAL + row][
             :MAX_TRIED_PERIODS
@@ -161,8 +161,8 @@ class _Record:
 
     def _best(self, place: int) -> tuple[float, float]:
         """Rows within one of a place after which least is left, and how much."""
-        found = [self._between(k) for k in (place - 1, place) if k > 0]
-        return min(found, key=lambda pair: pair[1])
+        candidates = [self._between(k) for k in (place - 1, place) if k > 0]
+        return min(candidates, key=lambda pair: pair[1])
 
     def _between(self, k: int) -> tuple[float, float]:
         """The same from k to k + 1 rows later, by the cubic between both."""
@@ -181,9 +181,9 @@ class _Record:
         turning = np.roots((square[1:] * np.arange(1, len(square)))[::-1])
         inside = turning.real[np.abs(turning.imag) < NO_IMAGE]
         ways = np.concatenate([[0.0, 1.0], inside[(inside > 0.0) & (inside < 1.0)]])
-        left = np.polynomial.polynomial.polyval(ways, square)
-        least = int(np.argmin(left))
-        return k + float(ways[least]), float(np.sqrt(max(left[least], 0.0) / whole))
+        squared_residual = np.polynomial.polynomial.polyval(ways, square)
+        least = int(np.argmin(squared_residual))
+        return k + float(ways[least]), float(np.sqrt(max(squared_residual[least], 0.0) / whole))
 
     def _multiple(self, period: float, left: float) -> tuple[float, float]:
         """The period, or the multiple of it at which far less is left: a doubled one."""

@@ -104,11 +104,11 @@ def fit_growth(
     step = (time[-1] - time[0]) / (len(time) - 1)
     each = period / step if real else 0.0  # rows in a period
     least = max(least_rows(amplitude), int(np.ceil(LEAST_PERIODS * each)))
-    found = growth_window(RisingLogarithm.of(log, real), least)
-    if isinstance(found, str):
-        return GrowthFit(status=found)
-    found = found[0], whole_periods(*found, each)
-    time, log, part = (x[slice(*found)] for x in (time, log, amplitude))
+    window = growth_window(RisingLogarithm.of(log, real), least)
+    if isinstance(window, str):
+        return GrowthFit(status=window)
+    window = window[0], whole_periods(*window, each)
+    time, log, part = (x[slice(*window)] for x in (time, log, amplitude))
     begin, end = float(time[0]), float(time[-1])
     rate, half, middle, level = slope_interval(log, (end - begin) / (len(time) - 1), real)
     reach = (float(np.log(ONSET_LEVEL_RATIO)) + end_level - level) / rate if rate > half else np.nan
@@ -295,16 +295,16 @@ def best_stretch(y: np.ndarray, count: int, begin: int | None) -> tuple[int, int
     first, last = np.triu_indices(len(y) + 1, count)
     if begin is not None:
         first, last = first[first == begin], last[first == begin]
-    found = straightness(y, first, last)
-    good = found.accepted() & (found.slope > 0)
+    fits = straightness(y, first, last)
+    good = fits.accepted() & (fits.slope > 0)
     if begin is not None:
         good = np.logical_and.accumulate(good)
     if good.any():
-        slope = np.where(good, found.slope, 1.0)
-        error = np.where(good, found.error / (last - first) / slope, np.inf)
+        slope = np.where(good, fits.slope, 1.0)
+        error = np.where(good, fits.error / (last - first) / slope, np.inf)
         best = int(np.argmin(error))
         return int(first[best]), int(last[best])
-    bend = np.abs(found.difference) / np.maximum(found.slope, 1e-300)
+    bend = np.abs(fits.difference) / np.maximum(fits.slope, 1e-300)
     best = int(np.argmin(bend))
     return (int(first[best]), int(last[best])) if bend[best] <= MAX_REL_CURVATURE else None
 
@@ -377,6 +377,6 @@ def _beyond_line(x: np.ndarray, rest: np.ndarray, slope: float, wider: float) ->
     if not size > SQUARE_ROUND_OFF:
         return 0.0
     share = float(bent @ rest) / size
-    left = rest - share * bent
-    error = float(np.sqrt(left @ left / (len(x) - 3) / size)) * wider
+    residual = rest - share * bent
+    error = float(np.sqrt(residual @ residual / (len(x) - 3) / size)) * wider
     return abs(lean) * max(abs(share) - error, 0.0)

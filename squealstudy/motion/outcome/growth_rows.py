@@ -129,10 +129,10 @@ def _as_integrated(run: Motion, k: int, fit: GrowthFit) -> GrowthFit:
         return fit
     modes = run.point.growing
     balanced, once = modes.integrated[:, k] if modes.integrated.shape[1] else (np.nan, np.nan)
-    known = np.isfinite(balanced)
-    hz, allowed = (balanced.imag, SAME_HZ) if known else (modes.lam[k].imag, SAME_HZ_UNKNOWN)
+    is_known = np.isfinite(balanced)
+    hz, allowed = (balanced.imag, SAME_HZ) if is_known else (modes.lam[k].imag, SAME_HZ_UNKNOWN)
     if abs(fit.frequency - hz) > allowed * hz:
         return GrowthFit(status=NOT_LINEAR)
     more = abs(once.real - balanced.real) if np.isfinite(once - balanced) else 0.0
-    more += abs(step_error(run, k)) if known else 0.0
+    more += abs(step_error(run, k)) if is_known else 0.0
     return replace(fit, low=fit.low - more, high=fit.high + more)

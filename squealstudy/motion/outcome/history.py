@@ -44,14 +44,14 @@ def history_frame(run: Motion, every: int = 1) -> pd.DataFrame:
         mode, omega = run.sensed[k], max(float(run.omega[k]), 1e-300)
         columns[f"energy_mode_{mode}"] = energies[:, k]
         columns[f"amplitude_mode_{mode}"] = np.sqrt(2 * energies[:, k]) / omega
-    kept = {name: values[::every] for name, values in columns.items()}
+    frame_columns = {name: values[::every] for name, values in columns.items()}
     if "torque_mean" in history:
-        kept |= {name: _joined(history[name], every, how) for name, how in SUMMED.items()}
+        frame_columns |= {name: _joined(history[name], every, how) for name, how in SUMMED.items()}
         # mean of the variances, and what the means differ by
         spread = _joined(history["torque_mean"], every, np.var)
         within = _joined(history["torque_variance"], every, np.mean)
-        kept["torque_rms"] = np.sqrt(within + spread)
-    return pd.DataFrame(kept)
+        frame_columns["torque_rms"] = np.sqrt(within + spread)
+    return pd.DataFrame(frame_columns)
 
 
 def _joined(values: np.ndarray, every: int, how: Callable[..., np.ndarray]) -> np.ndarray:

@@ -127,8 +127,8 @@ class TorqueSums:
         if "torque_mean" not in history:
             return None
         names = ("torque_mean", "torque_variance", "torque_min", "torque_max")
-        found = cls(*(history[name][window] for name in names))
-        return found if np.isfinite(found.mean).all() else None
+        sums = cls(*(history[name][window] for name in names))
+        return sums if np.isfinite(sums.mean).all() else None
 
     @classmethod
     def of_rows(cls, torque: np.ndarray) -> TorqueSums:
@@ -163,8 +163,8 @@ def torque_levels(
     if rest <= FLUCTUATION_ROUND_OFF * np.abs(torque).max() or len(torque) < 2:
         return TorqueLevels(mean=mean, mean_low=mean, mean_high=mean)
     step = (time[-1] - time[0]) / (len(time) - 1)
-    found = spectrum(step, torque)
-    frequency = found.peak()
+    lines = spectrum(step, torque)
+    frequency = lines.peak()
     width = 1.0 / (frequency * step) if exact and np.isfinite(frequency) else np.nan
     mean, mean_low, mean_high = (float(x) for x in periods_interval(sums.mean, width))
     squares = periods_interval(sums.squares(mean), width)
@@ -179,9 +179,9 @@ def torque_levels(
         peak_to_peak=swing,
         peak_scatter=swing - min(float(np.ptp(part)) for part in _quarters(sums)),
         frequency_hz=frequency,
-        line=found.level(frequency),
-        harmonic_2=found.level(2 * frequency),
-        harmonic_3=found.level(3 * frequency),
+        line=lines.level(frequency),
+        harmonic_2=lines.level(2 * frequency),
+        harmonic_3=lines.level(3 * frequency),
     )
 
 
@@ -276,13 +276,13 @@ def periods_interval(values: np.ndarray, width: float) -> tuple[float, float, fl
     if not count:
         mean, low, high = mean_interval(values)
         return float(mean), float(low), float(high)
-    own = float(means(np.array([count, 0.0]))[0])
+    overall_mean = float(means(np.array([count, 0.0]))[0])
     blocks = [
         means(_whole_periods(count, number)) for number in SUBWINDOW_COUNTS if count >= number
     ]
-    half = float(_half_width(np.array(own), blocks))
-    half = max(half, _still_to_come(own, blocks[-2:][0], means(_whole_periods(count, 3))))
-    return own, own - half, own + half
+    half = float(_half_width(np.array(overall_mean), blocks))
+    half = max(half, _still_to_come(overall_mean, blocks[-2:][0], means(_whole_periods(count, 3))))
+    return overall_mean, overall_mean - half, overall_mean + half
 
 
 def periods_mean(values: np.ndarray, width: float) -> float:

@@ -116,8 +116,8 @@ def _is_periodic(run: Motion, window: slice) -> bool:
     if not (sticks or pace * length >= WOULD_CHANGE):
         return False
     step = length / (len(time) - 1)
-    hz, left, _ = fundamental(step, run.sensed_q[window], v, run.omega)
-    if not (length * hz >= MIN_JUDGED_PERIODS and left <= EXACT_PERIOD_RESIDUAL):
+    hz, residual, _ = fundamental(step, run.sensed_q[window], v, run.omega)
+    if not (length * hz >= MIN_JUDGED_PERIODS and residual <= EXACT_PERIOD_RESIDUAL):
         return False
     half = round(np.floor(0.5 * length * hz) / (hz * step))  # rows of whole periods
     first, second = (float((x**2).sum()) for x in (v[-2 * half : -half], v[-half:]))

@@ -113,10 +113,10 @@ def _away(found: LevelWindows, name: str, least: float) -> np.ndarray | None:
 def _outside(values: np.ndarray, judged: int, mean: float, least: float) -> np.ndarray:
     """Which values are off the mean by more than the band, `least`, or any of those judged is."""
     off = np.abs(values - mean)
-    found: np.ndarray = off > max(
+    is_outside: np.ndarray = off > max(
         MIN_AGREEMENT_HALF_WIDTH * abs(mean), least, 1.01 * float(off[judged:].max())
     )
-    return found
+    return is_outside
 
 
 def _shifted(torque: np.ndarray, found: LevelWindows, mean: float, least: float) -> np.ndarray:

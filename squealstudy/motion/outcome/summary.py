@@ -125,23 +125,23 @@ def run_levels(
     """
     torque = run.history["torque"]
     window = last_window(run.times, torque)
-    own = slice(max(window.start, min(1, len(torque) - 1)), window.stop)
-    sums = TorqueSums.of(run.history, own)
-    known = TorqueSums.of_rows(torque[own]) if sums is None else sums
-    found = torque_levels(run.times[own], torque[own], known)
-    rows = levels_by_rows(torque[own]) if sums is None else np.zeros(3)
+    rows_judged = slice(max(window.start, min(1, len(torque) - 1)), window.stop)
+    sums = TorqueSums.of(run.history, rows_judged)
+    all_sums = TorqueSums.of_rows(torque[rows_judged]) if sums is None else sums
+    levels = torque_levels(run.times[rows_judged], torque[rows_judged], all_sums)
+    rows = levels_by_rows(torque[rows_judged]) if sums is None else np.zeros(3)
     own_hz = own_frequency(run, window)
-    width = _rows_of(run, own_hz.hz if np.isfinite(own_hz.hz) else found.frequency_hz)
-    half = 0.5 * np.array([found.rms_high - found.rms_low, found.mean_high - found.mean_low])
-    scatter = max(found.peak_scatter, found.peak_to_peak - _least_swing(known, width))
+    width = _rows_of(run, own_hz.hz if np.isfinite(own_hz.hz) else levels.frequency_hz)
+    half = 0.5 * np.array([levels.rms_high - levels.rms_low, levels.mean_high - levels.mean_low])
+    scatter = max(levels.peak_scatter, levels.peak_to_peak - _least_swing(all_sums, width))
     if passes and by_step.measured:
         half, scatter = np.zeros(2), 0.0
-    sizes = np.array([by_step.rms * found.rms, by_step.mean * found.rms])
-    swing = by_step.peak_to_peak * found.peak_to_peak
+    sizes = np.array([by_step.rms * levels.rms, by_step.mean * levels.rms])
+    swing = by_step.peak_to_peak * levels.peak_to_peak
     hz, error = told_frequency(own_hz.hz, own_hz.error + by_step.frequency)
-    rms = Level.of(found.rms, LevelParts(half[0], sizes[0], rows[0]), 0.0)
-    mean = Level.of(found.mean, LevelParts(half[1], sizes[1], rows[1]))
-    peaks = Level.of(found.peak_to_peak, LevelParts(scatter, swing, rows[2]), 0.0)
+    rms = Level.of(levels.rms, LevelParts(half[0], sizes[0], rows[0]), 0.0)
+    mean = Level.of(levels.mean, LevelParts(half[1], sizes[1], rows[1]))
+    peaks = Level.of(levels.peak_to_peak, LevelParts(scatter, swing, rows[2]), 0.0)
     return {
         "torque_mean": mean.value,
         "torque_mean_low": mean.low,
@@ -155,14 +155,14 @@ def run_levels(
         "torque_peak_to_peak": peaks.value,
         "torque_peak_to_peak_low": peaks.low,
         "torque_peak_to_peak_high": peaks.high,
-        "swing_spread": swing_spread(known, width),
+        "swing_spread": swing_spread(all_sums, width),
         "bounds_reason": by_step.reason,
         "frequency_hz": hz,
         "frequency_error": error,
-        "torque_line_hz": found.frequency_hz,
-        "dominant_level": found.line,
-        "harmonic_2_level": found.harmonic_2,
-        "harmonic_3_level": found.harmonic_3,
+        "torque_line_hz": levels.frequency_hz,
+        "dominant_level": levels.line,
+        "harmonic_2_level": levels.harmonic_2,
+        "harmonic_3_level": levels.harmonic_3,
     }, window
 
 
@@ -247,10 +247,10 @@ def over_steps(run: Motion, summed: str, at_rows: str, window: slice) -> np.ndar
 
     Integrators outside the kernels, and old histories, have no sums.
     """
-    found = run.history.get(summed)
-    if found is None or not np.isfinite(found[window]).all():
-        found = run.history[at_rows]
-    column: np.ndarray = found[window]
+    history = run.history.get(summed)
+    if history is None or not np.isfinite(history[window]).all():
+        history = run.history[at_rows]
+    column: np.ndarray = history[window]
     return column
 
 

@@ -53,25 +53,27 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
     motion that repeats where small motion would have changed.
     """
     initial = 0.0 if run.point.continued else float(run.modal_energy[0])
-    found = classify(run.times, energy, initial, energy_round_off(run), growth=_predicted_pace(run))
+    run_class = classify(
+        run.times, energy, initial, energy_round_off(run), growth=_predicted_pace(run)
+    )
     modes = run.point.growing
-    if found.name == UNDECIDED and len(run.times) >= JUDGED_ROWS:
+    if run_class.name == UNDECIDED and len(run.times) >= JUDGED_ROWS:
         if sticks_mostly(run):
-            known = repeats_stick_slip(run) or comes_back(run)
-            return RunClass(LIMIT_CYCLE) if known else RunClass(UNDECIDED, decided_by(run))
-        found = RunClass(LIMIT_CYCLE) if comes_back(run) else found
-    if found.name == LIMIT_CYCLE:
+            repeats = repeats_stick_slip(run) or comes_back(run)
+            return RunClass(LIMIT_CYCLE) if repeats else RunClass(UNDECIDED, decided_by(run))
+        run_class = RunClass(LIMIT_CYCLE) if comes_back(run) else run_class
+    if run_class.name == LIMIT_CYCLE:
         until = rises_until(run)
         if not np.isfinite(until) and torque_drifts(run):
             until = LONGER * float(run.times[-1])
-        return RunClass(UNDECIDED, until) if np.isfinite(until) else found
-    if found.name != STABLE:
-        return found
+        return RunClass(UNDECIDED, until) if np.isfinite(until) else run_class
+    if run_class.name != STABLE:
+        return run_class
     unseen = modes.n_outside > 0 or modes.n_unstable > modes.n_followed
     if unseen or (modes.n_unstable and energy.max() <= energy_round_off(run)):
         return RunClass(UNDECIDED, np.inf)
     until = max((grows_until(run, k) for k in range(modes.n_followed)), default=0.0)
-    return RunClass(UNDECIDED, until) if until > 0 else found
+    return RunClass(UNDECIDED, until) if until > 0 else run_class
 
 
 def torque_drifts(run: Motion) -> bool:
