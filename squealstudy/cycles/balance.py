@@ -111,11 +111,11 @@ class Balance:
         if self.vectors is None:
             return z.reshape(2 * self.harmonics + 1, -1) @ self._rows[0].T
         H = self.harmonics
-        seen = np.zeros((2 * H + 1, len(self._rows[0])))
+        series = np.zeros((2 * H + 1, len(self._rows[0])))
         for h, (rows, parts) in enumerate(zip(self._rows, self.parts, strict=True)):
             for row, part in zip((h, H + h), parts, strict=False):
-                seen[row] = rows @ z[part]
-        return seen
+                series[row] = rows @ z[part]
+        return series
 
     def sampled(self, z: np.ndarray, omega: float) -> LocalForces:
         """Forces at the samples of a period."""
@@ -125,19 +125,19 @@ class Balance:
         """Harmonics (m,) of generalised forces, of samples (S, g, b) of local ones."""
         local = self.rule.analysis @ f.reshape(len(f), -1)
         if self.vectors is None:
-            found: np.ndarray = (local @ self._rows[0]).ravel()
-            return found
-        H, found = self.harmonics, np.zeros(self.size)
+            harmonics: np.ndarray = (local @ self._rows[0]).ravel()
+            return harmonics
+        H, harmonics = self.harmonics, np.zeros(self.size)
         for h, (rows, parts) in enumerate(zip(self._rows, self.parts, strict=True)):
             for row, part in zip((h, H + h), parts, strict=False):
-                found[part] = local[row] @ rows
-        return found
+                harmonics[part] = local[row] @ rows
+        return harmonics
 
     # -- equations -------------------------------------------------------------------------------
     def turned(self, z: np.ndarray) -> np.ndarray:
         """Coordinates of d/dtheta: sines in place of cosines, minus cosines in place of sines."""
-        found: np.ndarray = self._turns * z[self._turned_from]
-        return found
+        turned: np.ndarray = self._turns * z[self._turned_from]
+        return turned
 
     def imbalance(
         self, z: np.ndarray, omega: float, xi: float, local: LocalForces | None = None
@@ -207,16 +207,16 @@ class Balance:
         )
         used = np.argwhere(means.any(axis=(0, 1, 4)))
         rows = np.vstack([R.T for R in self._rows]).reshape(-1, g, b)
-        seen: np.ndarray = np.ascontiguousarray(np.moveaxis(rows, 2, 1), precision)
+        observed: np.ndarray = np.ascontiguousarray(np.moveaxis(rows, 2, 1), precision)
         J: np.ndarray = np.zeros((self.size, self.size), precision)
         pushed: np.ndarray = np.zeros((2, self.size, b, g), precision)
         starts = np.array([[p.start for p in (*parts, *parts)][:2] for parts in self.parts])
         widths = np.array([len(K) for K in self.K])
         for j, parts in enumerate(self.parts):
-            couple(means, used, j, omega, seen, widths, starts, pushed)
-            own = seen[widths[:j].sum() :][: widths[j]].reshape(widths[j], g * b)
+            couple(means, used, j, omega, observed, widths, starts, pushed)
+            derivatives = observed[widths[:j].sum() :][: widths[j]].reshape(widths[j], g * b)
             for part, columns in zip(parts, pushed, strict=False):
-                J[part] = own @ columns.reshape(self.size, g * b).T
+                J[part] = derivatives @ columns.reshape(self.size, g * b).T
             for part, other, sign in zip(parts, parts[::-1], (1.0, -1.0), strict=False):
                 one = np.eye(len(self.K[j]))
                 J[part, part] += self.K[j] - (j * omega) ** 2 * one

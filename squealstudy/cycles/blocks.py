@@ -102,14 +102,14 @@ class Blocks:
 
         By the block with its border, which is about the q of the motion that it was made of.
         """
-        seen, unit = self._weight * q, la.norm(self._weight * q)
+        weighted, unit = self._weight * q, la.norm(self._weight * q)
         sides = np.zeros((len(q) + 1, 3), np.complex64)
-        sides[:-1, 0], sides[:-1, 1], sides[-1, 2] = r, seen / self._weight**2 / unit, 1.0
-        found = la.lu_solve(self._factors[1], sides).astype(complex)
+        sides[:-1, 0], sides[:-1, 1], sides[-1, 2] = r, weighted / self._weight**2 / unit, 1.0
+        solutions = la.lu_solve(self._factors[1], sides).astype(complex)
         # nothing pushes along the border any more, and nothing is left along q
-        pair = np.vstack([found[-1], seen.conj() @ found[:-1] / unit])
+        pair = np.vstack([solutions[-1], weighted.conj() @ solutions[:-1] / unit])
         if not np.isfinite(pair).all() or not abs(np.linalg.det(pair[:, 1:])) > 0.0:
             raise ConvergenceError("singular_jacobian", "the balance is singular")
         s, back = np.linalg.solve(pair[:, 1:], pair[:, 0])
-        x: np.ndarray = found[:-1] @ [1.0, -s, -back]
+        x: np.ndarray = solutions[:-1] @ [1.0, -s, -back]
         return x, s / unit

@@ -133,17 +133,19 @@ def follow_border(
         over = goals[0] if step >= abs(goals[0] - last.over) else last.over + direction * step
         foreseen = _foreseen(points, over)
         try:
-            found, reason = locate(over, foreseen), ""
+            border_point, reason = locate(over, foreseen), ""
         except ConvergenceError as error:
             reason = error.status
-        moved = max(_apart(last.motion, foreseen, width), CLOSE / HARD)
-        away = np.inf if reason else _apart(found.motion, foreseen, width) / moved
+        predicted_distance = max(_apart(last.motion, foreseen, width), CLOSE / HARD)
+        away = (
+            np.inf if reason else _apart(border_point.motion, foreseen, width) / predicted_distance
+        )
         if away > HARD:
             reason, h = reason or ANOTHER, 0.5 * step
             if h < LEAST * span:
                 return points, _why(points, width, reason)
             continue
-        points.append(found)
+        points.append(border_point)
         if over == goals[0]:
             del goals[0]
         h = min(h * (1.5 if away < EASY else 1.0), LARGEST * span)

@@ -103,8 +103,8 @@ class Moving:
         self, motion: PeriodicMotion, fresh: bool = True, local: LocalForces | None = None
     ) -> PeriodicMotion:
         """As of `Projection`, at the motion's own value."""
-        found = self._at(motion.mu).correction(replace(motion, mu=0.0), fresh, local)
-        return replace(found, mu=0.0)
+        correction = self._at(motion.mu).correction(replace(motion, mu=0.0), fresh, local)
+        return replace(correction, mu=0.0)
 
     def error(self, motion: PeriodicMotion, correction: PeriodicMotion) -> float:
         """Norm of a correction over that of the motion."""
@@ -114,8 +114,10 @@ class Moving:
         self, motion: PeriodicMotion, target: float, held: int
     ) -> tuple[PeriodicMotion, float, float]:
         """As of `Projection`, at the motion's own value: a cycle, or one of its size nearly."""
-        found, error, residual = self._at(motion.mu).improve(replace(motion, mu=0.0), target, held)
-        return replace(found, mu=motion.mu), error, residual
+        improved, error, residual = self._at(motion.mu).improve(
+            replace(motion, mu=0.0), target, held
+        )
+        return replace(improved, mu=motion.mu), error, residual
 
     def remember(self, motion: PeriodicMotion) -> None:
         """A basis that begins anew will hold this motion."""
@@ -135,8 +137,8 @@ class Moving:
 
     def at_value(self, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:
         """The cycle near a motion at its own value in the basis, and the residual."""
-        found, residual = self._at(motion.mu).solve(replace(motion, mu=0.0), ADDED)
-        return replace(found, mu=motion.mu), residual
+        cycle, residual = self._at(motion.mu).solve(replace(motion, mu=0.0), ADDED)
+        return replace(cycle, mu=motion.mu), residual
 
     def _at(self, value: float) -> Projection:
         if value != self._value:
@@ -188,15 +190,15 @@ class Loop:
 
     def _place(self, motion: PeriodicMotion) -> np.ndarray:
         """Frequency, log size and parameter (3,), scaled."""
-        found: np.ndarray = self._moving.equations(motion.harmonics).pack(motion)[-3:]
-        return found
+        scaled_place: np.ndarray = self._moving.equations(motion.harmonics).pack(motion)[-3:]
+        return scaled_place
 
     def _same(self, motion: PeriodicMotion) -> bool:
         """Whether the cycle near a motion is the start."""
-        held = ADDED if abs(self._chord[ADDED]) > abs(self._chord[SIZE]) else SIZE
+        coordinate = ADDED if abs(self._chord[ADDED]) > abs(self._chord[SIZE]) else SIZE
         try:
             start = self._place(self._near(self._start, ADDED))
-            apart = self._place(self._near(motion, held, float(start[held]))) - start
+            apart = self._place(self._near(motion, coordinate, float(start[coordinate]))) - start
         except ConvergenceError:
             return False
         closeness = BACK if self._moving.complete else BACK_ROUGHLY
@@ -318,12 +320,12 @@ def _with_changes(
     moving: Moving, points: list[BranchPoint], highest: float, width: float
 ) -> list[BranchPoint]:
     """The points with those between them at which multipliers pass the unit circle."""
-    found = points[:1]
+    with_changes = points[:1]
     for one, other in itertools.pairwise(points):
         if TURN not in (one.event, other.event) and HOPF not in (one.event, other.event):
-            found += _changes(moving, one, other, highest, width)
-        found.append(other)
-    return found
+            with_changes += _changes(moving, one, other, highest, width)
+        with_changes.append(other)
+    return with_changes
 
 
 def _outside(multipliers: Floquet) -> int:

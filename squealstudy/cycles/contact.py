@@ -47,9 +47,9 @@ class ContactForces:
 
     def turning(self, y: np.ndarray, w: np.ndarray) -> LocalForces:
         """The same at even samples of a whole period, with what friction does between them."""
-        found = self(y, w)
-        resolve_turns(self.points, self.law, y, w, (found.f, found.by_y, found.by_w))
-        return found
+        forces = self(y, w)
+        resolve_turns(self.points, self.law, y, w, (forces.f, forces.by_y, forces.by_w))
+        return forces
 
 
 @dataclass(frozen=True)
@@ -157,14 +157,14 @@ class ContactOscillator:
         w[:, :, 1] += slip
         rows = np.zeros((LEVEL_SAMPLES, len(layout.HISTORY)))
         sampled_rows(forces.points, forces.law, y, w, rows, np.zeros((LEVEL_SAMPLES, 3)))
-        found: np.ndarray = rows[:, layout.TORQUE]
-        return found
+        torque: np.ndarray = rows[:, layout.TORQUE]
+        return torque
 
     def torque_harmonics(self, motion: PeriodicMotion) -> np.ndarray:
         """Amplitudes (H,) of the torque's harmonics from the first on, N m."""
         spectrum = np.abs(np.fft.rfft(self.torque(motion))) * 2.0 / LEVEL_SAMPLES
-        found: np.ndarray = spectrum[1 : motion.harmonics + 1]
-        return found
+        amplitudes: np.ndarray = spectrum[1 : motion.harmonics + 1]
+        return amplitudes
 
     @cached_property
     def _steady_power(self) -> float:
@@ -184,6 +184,6 @@ class ContactOscillator:
         synthesis, slope = series_at(theta, motion.harmonics)
         B = self.oscillator.rows
         shape = (samples, *self.oscillator.B.shape[:2])
-        seen = motion.Q @ B.T
-        y, w = synthesis @ seen, motion.omega * (slope @ seen)
+        observed = motion.Q @ B.T
+        y, w = synthesis @ observed, motion.omega * (slope @ observed)
         return y.reshape(shape), w.reshape(shape)

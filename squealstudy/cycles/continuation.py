@@ -128,8 +128,8 @@ class Bordered:
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
         A = np.empty((len(self._normal),) * 2, self._J.dtype, order="F")
         A[:-1], A[-1] = self._J, self._normal
-        lu, rows, info = _lapack(A.dtype.char)[0](A, overwrite_a=True)
-        if info:
+        lu, rows, lapack_status = _lapack(A.dtype.char)[0](A, overwrite_a=True)
+        if lapack_status:
             raise ConvergenceError("singular_jacobian", "the balance is singular")
         return lu, rows
 
@@ -216,11 +216,13 @@ def _searched(
     share = 1.0
     while share > SHORTEST:
         there: np.ndarray = u - share * change
-        left = float(np.hypot(np.linalg.norm(equations.residual(there)), (1.0 - share) * plane))
-        if before < equations.tolerance or left < (1.0 - NEARER * share) * before:
+        residual_norm = float(
+            np.hypot(np.linalg.norm(equations.residual(there)), (1.0 - share) * plane)
+        )
+        if before < equations.tolerance or residual_norm < (1.0 - NEARER * share) * before:
             break
         share *= 0.5
-    return there, left / before if before else 0.0
+    return there, residual_norm / before if before else 0.0
 
 
 def follow(
@@ -251,11 +253,11 @@ def follow(
     here = CurvePoint(u, last.tangent, residual)
     curve, h = Curve([here]), steps.first
     for _ in range(steps.count):
-        found = next_point(equations, here, h, steps.least, tests, located, watched)
-        if found is None:
+        next_found = next_point(equations, here, h, steps.least, tests, located, watched)
+        if next_found is None:
             curve.end = "not_converged"
             return curve
-        there, events, taken, iterations = found
+        there, events, taken, iterations = next_found
         curve.points += [*events, there]
         equations.accepted(there.u)
         if reason := stop(there.u):
@@ -292,10 +294,10 @@ def next_point(
     while h >= least:
         try:
             there, iterations = _corrected(equations, here, h)
-            moved = float(np.linalg.norm(there.u - here.u - h * here.tangent))
-            smooth = there.tangent @ here.tangent >= TURN and moved <= FAR_OFF * h
-            seen = watched is None or h <= LOOKS or not _dips(here, there, watched, h)
-            if (smooth and seen) or (h <= CORNER and moved <= h and seen):
+            distance_from_tangent = float(np.linalg.norm(there.u - here.u - h * here.tangent))
+            smooth = there.tangent @ here.tangent >= TURN and distance_from_tangent <= FAR_OFF * h
+            no_dip = watched is None or h <= LOOKS or not _dips(here, there, watched, h)
+            if (smooth and no_dip) or (h <= CORNER and distance_from_tangent <= h and no_dip):
                 return there, _events(equations, here, there, h, tests, located), h, iterations
         except ConvergenceError:
             pass
@@ -334,7 +336,7 @@ def _events(
 
     Raises ConvergenceError where one cannot be located.
     """
-    found: list[tuple[float, CurvePoint]] = []
+    event_points: list[tuple[float, CurvePoint]] = []
     for name, test in tests.items():
         before, behind = test(here.u, here.tangent), test(there.u, there.tangent)
         if not before * behind < 0:
@@ -349,5 +351,5 @@ def _events(
         except ValueError:  # the end of the step is on another curve than the way there
             raise ConvergenceError("not_converged", "a change of sign without a zero") from None
         point, _ = _corrected(equations, here, s)
-        found.append((s, CurvePoint(point.u, point.tangent, point.residual, (name,))))
-    return [point for _, point in sorted(found, key=lambda item: item[0])]
+        event_points.append((s, CurvePoint(point.u, point.tangent, point.residual, (name,))))
+    return [point for _, point in sorted(event_points, key=lambda item: item[0])]

@@ -159,17 +159,17 @@ class Path:
         if self.projection.complete:
             return self._plain(start, held)
         motion, error, residual = self.projection.improve(start, TARGET, held)
-        found = [CurveMotion(motion, residual, error)]
+        curve_motions = [CurveMotion(motion, residual, error)]
         reached, end = 0, ""
         for _ in range(1 + ANEW):
             try:
-                end = self._growing(found, held)
+                end = self._growing(curve_motions, held)
             except ConvergenceError as error_there:
                 end = error_there.status
-            if end != LOST or len(found) <= reached + 1:
+            if end != LOST or len(curve_motions) <= reached + 1:
                 break
-            reached = len(found)
-        return found, end
+            reached = len(curve_motions)
+        return curve_motions, end
 
     def _plain(self, start: PeriodicMotion, held: int) -> tuple[list[CurveMotion], str]:
         equations = self.projection.equations(self.harmonics)
@@ -187,11 +187,11 @@ class Path:
             lambda u: self.ended(u, equations.motion(u)),
             watched=self.watched,
         )
-        found = [
+        curve_motions = [
             CurveMotion(equations.motion(p.u), p.residual, 0.0, "".join(p.events))
             for p in curve.points
         ]
-        return found, curve.end
+        return curve_motions, curve.end
 
     def _along(self, u: np.ndarray) -> np.ndarray:
         along = np.zeros(len(u))
@@ -230,8 +230,8 @@ class Path:
             tries, here = 0, there
             equations.accepted(there.u)
             for p in (*events, there):
-                own = equations.motion(p.u)
-                found.append(CurveMotion(own, p.residual, error, "".join(p.events)))
+                motion_here = equations.motion(p.u)
+                found.append(CurveMotion(motion_here, p.residual, error, "".join(p.events)))
             projection.remember(motion)
             if reason := self.ended(there.u, motion):
                 return reason

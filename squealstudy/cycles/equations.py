@@ -175,9 +175,9 @@ class CycleEquations:
         """The same and their derivatives (m + 2, m + 3)."""
         z, omega, _ = self.unpack(u)
         precision = np.float32 if self.rough else np.float64
-        found = self.balance(u).balanced(z, omega, self.added(u), self.forces(u), precision)
-        slopes = found.J, found.by_omega, self._by_mu(u, found)
-        return scaled_jacobian(u, found.R, *slopes, self.omega0, *self._closing)
+        balanced = self.balance(u).balanced(z, omega, self.added(u), self.forces(u), precision)
+        slopes = balanced.J, balanced.by_omega, self._by_mu(u, balanced)
+        return scaled_jacobian(u, balanced.R, *slopes, self.omega0, *self._closing)
 
     @property
     def _closing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

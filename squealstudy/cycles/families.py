@@ -108,23 +108,25 @@ def families(
         raise ConvergenceError("no_mode", f"mode {max(numbers)} of {count} modes in the band")
 
     silent = _silent(near, contact, psi[:, places], unstable[places])
-    own: dict[int, Family] = {}
+    followed_families: dict[int, Family] = {}
     modes = {n: (complex(lam[k]), psi[:, k]) for n, k in enumerate(places, start=1)}
     for number in numbers:
-        known = silent.get(number)
-        served = known and _silent_nearby(contact, *modes[number], search, known)
-        own[number] = served or _family(contact, *modes[number], search, tolerance)
-    if near is not None and sum(f.grew for f in own.values()) < near.n_growing:
-        for number in [n for n, f in own.items() if f.origin]:  # what grew there may go on in it
-            own[number] = _family(contact, *modes[number], search, tolerance)
-    found = []
+        silent_family = silent.get(number)
+        served = silent_family and _silent_nearby(contact, *modes[number], search, silent_family)
+        followed_families[number] = served or _family(contact, *modes[number], search, tolerance)
+    if near is not None and sum(f.grew for f in followed_families.values()) < near.n_growing:
+        for number in [
+            n for n, f in followed_families.items() if f.origin
+        ]:  # what grew there may go on in it
+            followed_families[number] = _family(contact, *modes[number], search, tolerance)
+    judged_families = []
     for number, k in enumerate(places, start=1):
-        family = own.get(number, Family(complex(lam[k]), (), 0, [], NOT_FOLLOWED))
-        if number in own or unstable[k]:
-            found.append((number, judged(family, bool(unstable[k]), any_unstable)))
-    last = [(number, alone(number, family, found)) for number, family in found]
+        family = followed_families.get(number, Family(complex(lam[k]), (), 0, [], NOT_FOLLOWED))
+        if number in followed_families or unstable[k]:
+            judged_families.append((number, judged(family, bool(unstable[k]), any_unstable)))
+    last = [(number, alone(number, family, judged_families)) for number, family in judged_families]
     outside = any_unstable and not unstable[places].any()
-    return Followed(last, len(places) - len(own), outside, psi[:, places])
+    return Followed(last, len(places) - len(followed_families), outside, psi[:, places])
 
 
 def _silent(
@@ -138,14 +140,14 @@ def _silent(
         return {}
     mine, theirs = (x / la.norm(x, axis=0) for x in (psi, near.modes))
     mac = np.abs(mine.conj().T @ theirs) ** 2
-    found = {}
-    for number, own in near.families:
+    silent = {}
+    for number, family in near.families:
         k = int(np.argmax(mac[:, number - 1]))
         others = np.append(np.delete(mac[:, number - 1], k), np.delete(mac[k], number - 1))
         same = mac[k, number - 1] > ALIKE and others.max(initial=0.0) < UNLIKE
-        if same and own.verdict == NO_CYCLE and not unstable[k]:
-            found[k + 1] = replace(own, origin=own.origin or near.name)
-    return found
+        if same and family.verdict == NO_CYCLE and not unstable[k]:
+            silent[k + 1] = replace(family, origin=family.origin or near.name)
+    return silent
 
 
 def _silent_nearby(
@@ -163,8 +165,8 @@ def _silent_nearby(
         return None
     scale = np.sqrt(np.abs(np.diag(contact.oscillator.K)) + lam.imag**2)
     start = linear_motion(phi, lam, scale, la.norm(scale * first.Q[[1, first.harmonics + 1]]))
-    moved = abs(start.mu - first.mu)
-    look = looked_again(contact.oscillator, near.path, _more(first.harmonics), moved)
+    change_of_damping = abs(start.mu - first.mu)
+    look = looked_again(contact.oscillator, near.path, _more(first.harmonics), change_of_damping)
     if look.open or not look.checked:
         return None
     shown = [CurveMotion(start, 0.0, 0.0), *sorted(look.motions, key=lambda p: p.motion.size)]
@@ -261,7 +263,7 @@ def _confirmed(
 
 def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search) -> list[Cycle]:
     """The cycle at a zero of a curve; where more harmonics move it away, those next to it."""
-    osc, found = contact.oscillator, list[Cycle]()
+    osc, cycles = contact.oscillator, list[Cycle]()
     try:
         return [cycle_near(contact, Projection.about(osc, zero), zero, search)]
     except ConvergenceError:
@@ -269,10 +271,10 @@ def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search)
     try:
         more = search.harmonics or next(h for h in LADDER if h > zero.harmonics)
         for motion in found_again(osc, zero, more):
-            found += [cycle_near(contact, Projection.about(osc, motion), motion, search)]
+            cycles += [cycle_near(contact, Projection.about(osc, motion), motion, search)]
     except ConvergenceError:
         pass
-    return found
+    return cycles
 
 
 def _shown(contact: ContactOscillator, curve: list[CurveMotion]) -> list[dict[str, Any]]:

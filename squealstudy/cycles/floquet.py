@@ -120,9 +120,9 @@ def floquet(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
     steps = max(STEPS, STEPS_A_HARMONIC * cycle.harmonics)
     steps += steps % 2
     coarse = np.linalg.eigvals(monodromy(osc, cycle, steps // 2))
-    found = _found(osc, cycle, monodromy(osc, cycle, steps))
-    error = max(abs(found.trivial - 1.0), _difference(found.multipliers, coarse))
-    return replace(found, errors=np.full(len(found.multipliers), error))
+    fine = _found(osc, cycle, monodromy(osc, cycle, steps))
+    error = max(abs(fine.trivial - 1.0), _difference(fine.multipliers, coarse))
+    return replace(fine, errors=np.full(len(fine.multipliers), error))
 
 
 def floquet_on(
@@ -150,40 +150,46 @@ def floquet_on(
     Errors are what half as many steps for the rougher cycle in the smaller basis change of sizes.
     """
     small = osc.on(V)
-    own, rough = (replace(c, Q=c.Q @ V) for c in (cycle, rougher))
-    found = _found(small, own, trapezoidal(small, own, TRAPEZOIDAL_STEPS, precision))
+    cycle_on_basis, rough = (replace(c, Q=c.Q @ V) for c in (cycle, rougher))
+    fine = _found(
+        small, cycle_on_basis, trapezoidal(small, cycle_on_basis, TRAPEZOIDAL_STEPS, precision)
+    )
     rough = replace(rough, Q=rough.Q[:, :few])
     whole = trapezoidal(osc.on(V[:, :few]), rough, TRAPEZOIDAL_STEPS // 2, precision)
     coarse = np.linalg.eigvals(whole)
-    sizes = np.abs(found.vectors[: small.n]) ** 2
+    sizes = np.abs(fine.vectors[: small.n]) ** 2
     inside = sizes[:few].sum(axis=0) > 0.5 * sizes.sum(axis=0)
-    return replace(found, errors=_changes(found, coarse, inside))
+    return replace(fine, errors=_changes(fine, coarse, inside))
 
 
 def _found(osc: Oscillator, cycle: PeriodicMotion, whole: np.ndarray) -> Floquet:
     """Multipliers of a monodromy matrix, in order, without an error."""
-    found, vectors = la.eig(whole)
+    multipliers, vectors = la.eig(whole)
     q, v = cycle.Q, cycle.omega
     synthesis, slope = series_at(np.zeros(1), cycle.harmonics)
     velocity = v * (slope @ q)[0]
     force = osc.spread(osc.evaluate(synthesis @ q, velocity[None]).f)[0]
     acceleration = force - osc.C @ velocity - osc.K @ (synthesis @ q)[0]
     flow = np.concatenate([cycle.omega * velocity, acceleration])
-    along = np.abs(flow @ vectors.conj()) * (np.abs(found - 1.0) < 0.5)
-    own = int(np.argmax(along)) if along.any() else int(np.argmin(np.abs(found - 1.0)))
-    order = [k for k in np.argsort(-np.abs(found), kind="stable") if k != own] + [own]
-    found, vectors = found[order], vectors[:, order]
+    along = np.abs(flow @ vectors.conj()) * (np.abs(multipliers - 1.0) < 0.5)
+    trivial_index = (
+        int(np.argmax(along)) if along.any() else int(np.argmin(np.abs(multipliers - 1.0)))
+    )
+    order = [k for k in np.argsort(-np.abs(multipliers), kind="stable") if k != trivial_index] + [
+        trivial_index
+    ]
+    multipliers, vectors = multipliers[order], vectors[:, order]
     vectors[: osc.n] /= cycle.omega
     vectors /= la.norm(vectors, axis=0)
-    return Floquet(found, vectors, np.zeros(len(found)), 2 * np.pi / cycle.omega)
+    return Floquet(multipliers, vectors, np.zeros(len(multipliers)), 2 * np.pi / cycle.omega)
 
 
 def _difference(fine: np.ndarray, coarse: np.ndarray) -> float:
     """Largest distance of a multiplier that is not small to the nearest of the coarse ones."""
-    seen = fine[np.abs(fine) > 0.5]
-    if not len(seen):
+    not_small = fine[np.abs(fine) > 0.5]
+    if not len(not_small):
         return 0.0
-    return float(np.abs(seen[:, None] - coarse).min(axis=1).max())
+    return float(np.abs(not_small[:, None] - coarse).min(axis=1).max())
 
 
 def _changes(found: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.ndarray:
@@ -223,9 +229,11 @@ def trapezoidal(
     for step in range(1, steps + 1):
         C1, K1 = C(step % steps), K(step % steps)
         middle = Q + h / 2 * P
-        known = P + h / 2 * (pull - middle @ K1.T)
-        _, _, x, info = solve(one + h / 2 * C1 + h**2 / 4 * K1, known.T, overwrite_b=True)
-        if info:
+        right_side = P + h / 2 * (pull - middle @ K1.T)
+        _, _, x, lapack_status = solve(
+            one + h / 2 * C1 + h**2 / 4 * K1, right_side.T, overwrite_b=True
+        )
+        if lapack_status:
             raise ConvergenceError("singular", "a step of small deviations is singular")
         Q, pull, P = middle + h / 2 * x.T, 2 / h * (x.T - P) - pull, x.T
     return np.vstack([Q.T, P.T]).astype(float)
@@ -245,8 +253,8 @@ def _averaged(
     local = sampled(osc, sampling(cycle.harmonics, FINER * steps), cycle.Q, cycle.omega)
     finer, omega = len(local.f) // steps, cycle.omega
     weights = (finer - np.abs(np.arange(1 - finer, finer))) / finer**2
-    given = weights, osc.C / omega, osc.K / omega**2, local.by_w / omega, local.by_y / omega**2
-    cast: list[np.ndarray] = [A.astype(precision) for A in given]
+    arrays = weights, osc.C / omega, osc.K / omega**2, local.by_w / omega, local.by_y / omega**2
+    cast: list[np.ndarray] = [A.astype(precision) for A in arrays]
     weights, C, K, by_w, by_y = cast
     places = np.arange(1 - finer, finer)
 
@@ -281,8 +289,8 @@ def _product(steps: np.ndarray) -> np.ndarray:
     while len(steps) > 1:
         paired = steps[1 : 2 * (len(steps) // 2) : 2] @ steps[: 2 * (len(steps) // 2) : 2]
         steps = np.concatenate([paired, steps[-1:]]) if len(steps) % 2 else paired
-    found: np.ndarray = steps[0]
-    return found
+    product: np.ndarray = steps[0]
+    return product
 
 
 def _steps(osc: Oscillator, cycle: PeriodicMotion, count: int, first: int, last: int) -> np.ndarray:
@@ -295,8 +303,8 @@ def _steps(osc: Oscillator, cycle: PeriodicMotion, count: int, first: int, last:
     square, one = A @ A, np.eye(2 * osc.n)
     even = one + square / 10.0
     odd = A @ (0.5 * one + square / 120.0)
-    found: np.ndarray = np.linalg.solve(even - odd, even + odd)
-    return found
+    propagators: np.ndarray = np.linalg.solve(even - odd, even + odd)
+    return propagators
 
 
 def _rates(osc: Oscillator, cycle: PeriodicMotion, theta: np.ndarray) -> np.ndarray:

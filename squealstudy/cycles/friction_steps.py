@@ -53,8 +53,8 @@ def _falls(contact: ContactOscillator) -> tuple[np.ndarray, np.ndarray]:
     if system.n > WHOLE or curve.constant or imposed == 0.0:
         return none, none
     pressure = np.abs(point.base(system)[1][:, 0]) / system.area
-    seen = [curve.at(point.friction.friction, none + s * imposed, pressure) for s in SPEEDS]
-    mu, slope = (np.array([none + f[k] for f in seen]) for k in (0, 1))
+    friction_at = [curve.at(point.friction.friction, none + s * imposed, pressure) for s in SPEEDS]
+    mu, slope = (np.array([none + f[k] for f in friction_at]) for k in (0, 1))
     steepest = np.maximum(-slope.min(axis=0), 0.0)
     fall = np.where(steepest > 0.0, np.ptp(mu, axis=0), 0.0)
     return fall, np.divide(fall, steepest, out=none, where=steepest > 0.0)

@@ -94,7 +94,7 @@ def without_noise(curve: Sequence[CurveMotion], noise: float) -> list[CurveMotio
     Motions of a mode without damping have none over a range of sizes, and any sign of round-off.
     """
     sign = [0 if abs(p.motion.mu) <= noise else 1 if p.motion.mu > 0 else -1 for p in curve]
-    kept = []
+    certain = []
     for k, point in enumerate(curve):
         if point.event == ZERO:
             before = next((i for i in range(k - 1, -1, -1) if sign[i]), -1)
@@ -102,8 +102,8 @@ def without_noise(curve: Sequence[CurveMotion], noise: float) -> list[CurveMotio
             range_ = [i for i in range(before + 1, after) if not curve[i].event]
             if before < 0 or after < 0 or sign[before] == sign[after] or len(range_) > ON_ZERO:
                 continue
-        kept.append(point)
-    return kept
+        certain.append(point)
+    return certain
 
 
 def _retraced(passed: Sequence[PeriodicMotion]) -> bool:
@@ -182,50 +182,50 @@ def looked_again(
         A motion that is lost, `APART` from that of the curve, or that may grow is left open: the
         design needs a curve of its own.
     """
-    found = SecondLook(curve[0].motion.harmonics)
+    look = SecondLook(curve[0].motion.harmonics)
     largest = max(2.0 * DOUBT * curve[0].motion.omega, moved or 0.0)
     failed: list[PeriodicMotion] = []
     span = float(np.ptp([p.motion.mu for p in curve]))
     for motion, rise in _likeliest(curve):
-        if found.checked >= LOOKS and motion.mu + SAFETY * (rise + largest) < 0.0:
+        if look.checked >= LOOKS and motion.mu + SAFETY * (rise + largest) < 0.0:
             break
-        if found.holds(motion):
+        if look.holds(motion):
             continue
         try:
             projection, balanced = _with_more(osc, motion, ladder[0])
         except ConvergenceError:
             failed.append(motion)
             continue
-        found.checked += 1
-        found.harmonics = max(found.harmonics, ladder[0])
-        found.motions.append(balanced)
+        look.checked += 1
+        look.harmonics = max(look.harmonics, ladder[0])
+        look.motions.append(balanced)
         better, elsewhere = balanced.motion, 0.0
         if moved is not None:
             off = _apart(projection.weight, motion, better)
             if off > APART:
-                found.open.append(better)
+                look.open.append(better)
                 break
             elsewhere = off * span  # a top that moved aside is higher there
         largest = max(largest, change := abs(better.mu - motion.mu) + elsewhere)
         margin = SAFETY * (rise + change)
-        if better.mu + margin < 0.0 or found.holds(better):
+        if better.mu + margin < 0.0 or look.holds(better):
             continue
         if moved is not None:
-            found.open.append(better)
+            look.open.append(better)
             break
         try:
             piece = _piece(projection, better, -margin)
         except ConvergenceError:
             failed.append(motion)
             continue
-        found.pieces.append(piece)
+        look.pieces.append(piece)
         top = max((p.motion for p in piece), key=lambda m: m.mu)
         if top.mu <= 0.0:
-            _settle(osc, top, ladder[1:], found)
-    found.open += [m for m in failed if m.mu + SAFETY * largest >= 0.0 and not found.holds(m)]
-    if not found.checked or moved is not None:
-        found.open += [m for m in failed if m not in found.open]
-    return found
+            _settle(osc, top, ladder[1:], look)
+    look.open += [m for m in failed if m.mu + SAFETY * largest >= 0.0 and not look.holds(m)]
+    if not look.checked or moved is not None:
+        look.open += [m for m in failed if m not in look.open]
+    return look
 
 
 def holds_here(osc: Oscillator, curve: Sequence[CurveMotion]) -> bool:
@@ -274,14 +274,14 @@ def _likeliest(curve: Sequence[CurveMotion]) -> list[tuple[PeriodicMotion, float
         inside = np.flatnonzero(octaves == octave)
         if len(inside):
             tops.add(int(inside[np.argmax(mu[inside])]))
-    found = []
+    likeliest = []
     for k in sorted(tops, key=lambda k: -mu[k]):
         drops = before[k], behind[k]
         rise = 0.0
         if min(drops) >= 0.0 and 0.0 < sum(drops) < np.inf:
             rise = (drops[0] - drops[1]) ** 2 / (8.0 * sum(drops))
-        found.append((motions[k], float(rise)))
-    return found
+        likeliest.append((motions[k], float(rise)))
+    return likeliest
 
 
 def _with_more(

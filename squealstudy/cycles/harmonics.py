@@ -84,8 +84,8 @@ def derivative(series: np.ndarray) -> np.ndarray:
 def with_harmonics(series: np.ndarray, harmonics: int) -> np.ndarray:
     """The series with another number of harmonics: cut off, or filled up with zeros."""
     H = (len(series) - 1) // 2
-    found = np.zeros((2 * harmonics + 1, *series.shape[1:]))
-    kept = min(H, harmonics)
-    found[: kept + 1] = series[: kept + 1]
-    found[harmonics + 1 : harmonics + 1 + kept] = series[H + 1 : H + 1 + kept]
-    return found
+    resized = np.zeros((2 * harmonics + 1, *series.shape[1:]))
+    n_common = min(H, harmonics)
+    resized[: n_common + 1] = series[: n_common + 1]
+    resized[harmonics + 1 : harmonics + 1 + n_common] = series[H + 1 : H + 1 + n_common]
+    return resized

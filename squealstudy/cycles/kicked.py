@@ -103,10 +103,10 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
     top, worst, low = high, -1, 0.0
     while True:
         size = high if worst < 0 else 0.5 * high if low == 0.0 else 0.5 * (low + high)
-        found = tried(size)
-        if GROWS in found:
-            high, worst = size, found.index(GROWS)
-        elif OPEN in found:
+        outcomes = tried(size)
+        if GROWS in outcomes:
+            high, worst = size, outcomes.index(GROWS)
+        elif OPEN in outcomes:
             return Kick(np.nan, np.nan, np.nan, np.nan, UNCLEAR)
         elif worst < 0:
             return Kick(np.nan, np.nan, np.nan, np.nan, NONE)
@@ -147,23 +147,29 @@ def decided_in_time(
     for some in (slice(0, 1), slice(1, None)):
         if any(family.verdict == IF_KICKED for family in families) or _lasting(chain(*ends)):
             break
-        tries = [(own, *s) for own, all_ in zip(ends, starts, strict=True) for s in all_[some]]
+        tries = [
+            (family_ends, *s)
+            for family_ends, all_ in zip(ends, starts, strict=True)
+            for s in all_[some]
+        ]
         points = [
             replace(contact.point, q0=q, v0=v, continued=name == CYCLE) for _, name, (q, v) in tries
         ]
-        for (own, name, _), motion in zip(tries, run_on(contact, points, band), strict=True):
-            own.append(with_regularisation(contact, ended(name, motion), motion, band))
+        for (family_ends, name, _), motion in zip(
+            tries, run_on(contact, points, band), strict=True
+        ):
+            family_ends.append(with_regularisation(contact, ended(name, motion), motion, band))
     decided = []
-    for (k, family), own, tried in zip(found.families, ends, starts, strict=True):
-        if len(own) == len(tried) or _lasting(own):
-            family = _decided(family, own)
+    for (k, family), family_ends, tried in zip(found.families, ends, starts, strict=True):
+        if len(family_ends) == len(tried) or _lasting(family_ends):
+            family = _decided(family, family_ends)
         else:
-            left = (
-                f"a run in time from {own[0].start} does not last; others"
-                if own
+            not_lasting = (
+                f"a run in time from {family_ends[0].start} does not last; others"
+                if family_ends
                 else "runs in time"
             )
-            why = f"{left} were not tried, as the design squeals if kicked by another mode"
+            why = f"{not_lasting} were not tried, as the design squeals if kicked by another mode"
             family = replace(family, reason=f"{family.reason}; {why}")
         decided.append((k, family))
     return found._replace(families=decided)
@@ -180,11 +186,15 @@ def _with_level(
     of the torque within it.
     """
     families = dict(found.families)
-    known = [own.loudest.levels[LEVEL] for own in families.values() if own.loudest]
+    levels = [
+        followed_family.loudest.levels[LEVEL]
+        for followed_family in families.values()
+        if followed_family.loudest
+    ]
     tries = {}
     for mode, family in families.items():
         level = max((c.levels[LEVEL] for c in family.cycles), default=0.0)
-        louder = level > LOUDER * max(known, default=0.0)
+        louder = level > LOUDER * max(levels, default=0.0)
         louder |= family.verdict == SQUEALS and family.loudest is None  # it has a level of its own
         if louder and (start := next(_starts(contact, family, reach), None)):
             tries[mode] = (level, family.lam.real), start
@@ -276,9 +286,9 @@ def kicks(contact: ContactOscillator, found: Followed, largest: float) -> dict[i
 
 
 def _kick(contact: ContactOscillator, family: Family, largest: float) -> Kick:
-    stable, known = family.loudest, family.cycles
+    stable, cycles = family.loudest, family.cycles
     assert stable is not None
-    smallest = min(known, key=lambda c: c.levels["energy"])
+    smallest = min(cycles, key=lambda c: c.levels["energy"])
     lam, psi = contact.oscillator.steady_modes(WIDER * abs(family.lam))
     phi = psi[:, int(np.argmin(np.abs(lam - family.lam)))]
     trials = Trials(contact, stable.motion, smallest.motion)

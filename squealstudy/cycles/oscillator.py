@@ -98,8 +98,8 @@ class Oscillator:
 
     def spread(self, f: np.ndarray) -> np.ndarray:
         """Generalised forces (S, n) of local ones (S, g, b)."""
-        found: np.ndarray = f.reshape(len(f), -1) @ self.rows
-        return found
+        generalised: np.ndarray = f.reshape(len(f), -1) @ self.rows
+        return generalised
 
     def on(self, basis: np.ndarray) -> Oscillator:
         """The same on orthonormal columns (n, r): what moves in their span, balanced there."""
@@ -118,9 +118,9 @@ class Oscillator:
         for place, row in enumerate(rows):
             for column in np.flatnonzero(used[row]):
                 pushed[..., place, :] += D[..., row, column, None] * B[:, column]
-        left = B[:, rows].reshape(-1, self.n)
-        found: np.ndarray = left.T @ pushed.reshape(*D.shape[:-3], -1, self.n)
-        return found
+        left_rows = B[:, rows].reshape(-1, self.n)
+        projected: np.ndarray = left_rows.T @ pushed.reshape(*D.shape[:-3], -1, self.n)
+        return projected
 
     def steady_modes(self, highest: float) -> tuple[np.ndarray, np.ndarray]:
         """Roots (m,) about the steady state with positive or no imaginary part, by size; rad/s.

@@ -36,10 +36,10 @@ def known_so_far(run: Motion, duration: float, tolerance: float) -> str:
 
     Its level is known within the tolerance, too.
     """
-    known = known_outcome(run, duration, tolerance)
+    outcome = known_outcome(run, duration, tolerance)
     torque = run.history["torque"]
-    if known or len(run.times) < LEAST_ROWS or not np.isfinite(torque).all():
-        return known
+    if outcome or len(run.times) < LEAST_ROWS or not np.isfinite(torque).all():
+        return outcome
     window = last_window(run.times, torque)
     levels = torque_levels(run.times[window], torque[window])
     if not 0.5 * (levels.rms_high - levels.rms_low) <= tolerance * levels.rms:

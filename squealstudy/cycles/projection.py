@@ -79,10 +79,10 @@ class Projection:
     def about(cls, osc: Oscillator, motion: PeriodicMotion) -> Projection:
         """On the harmonics of a motion."""
         H = motion.harmonics
-        found = cls(osc, motion.Q[1] - 1j * motion.Q[H + 1], motion.omega)
-        if not found.complete:
-            found._begin_anew(motion)
-        return found
+        projection = cls(osc, motion.Q[1] - 1j * motion.Q[H + 1], motion.omega)
+        if not projection.complete:
+            projection._begin_anew(motion)
+        return projection
 
     def move(self, osc: Oscillator) -> None:
         """To another design, on the same basis."""
@@ -118,8 +118,8 @@ class Projection:
         if local is None:
             local = sampled(osc, osc.sampling(H), motion.Q, motion.omega)
         blocks = self._blocks
-        known = blocks is not None and not self._moved and motion.near(blocks.motion)
-        if blocks is None or blocks.harmonics < H or (fresh and not known):
+        blocks_valid = blocks is not None and not self._moved and motion.near(blocks.motion)
+        if blocks is None or blocks.harmonics < H or (fresh and not blocks_valid):
             blocks = self._blocks = Blocks(osc, motion, local, self.weight)
             self._moved = False
         R = imbalance(osc, motion.Q, motion.omega, motion.mu, local)
@@ -137,15 +137,15 @@ class Projection:
             return cycle
         change = self.correction(cycle)
         try:
-            moved, _ = self.solve(replace(cycle, mu=-change.mu), ADDED)
+            with_damping, _ = self.solve(replace(cycle, mu=-change.mu), ADDED)
         except ConvergenceError:
-            moved = cycle
-        return PeriodicMotion(moved.Q + change.Q, moved.omega + change.omega)
+            with_damping = cycle
+        return PeriodicMotion(with_damping.Q + change.Q, with_damping.omega + change.omega)
 
     def error(self, motion: PeriodicMotion, correction: PeriodicMotion) -> float:
         """Norm of a correction over that of the motion, both in elastic energy."""
-        found = la.norm(correction.Q * self.weight) / la.norm(motion.Q * self.weight)
-        return float(found)
+        ratio = la.norm(correction.Q * self.weight) / la.norm(motion.Q * self.weight)
+        return float(ratio)
 
     def deviations(self, motion: PeriodicMotion, highest: float) -> tuple[np.ndarray, int]:
         """Basis (n, r) for small deviations from a motion: what its stability is judged on.
@@ -159,13 +159,15 @@ class Projection:
         K, C = mean_tangents(self.whole, local, motion.mu)
         lam, psi = dense_roots(C, K, (0.0, DEVIATIONS * highest))
         low = np.abs(lam) <= highest
-        own = self._directions(self._unit(np.hstack(self.vectors)))[:, :OWN]
-        few = self._directions(np.hstack([self._unit(motion.Q.T), own, self._unit(psi[:, low])]))
+        own_directions = self._directions(self._unit(np.hstack(self.vectors)))[:, :OWN]
+        few = self._directions(
+            np.hstack([self._unit(motion.Q.T), own_directions, self._unit(psi[:, low])])
+        )
         more = np.hstack(
             [self._unit(X) for X in (psi[:, ~low], *(Q.T for Q in self._aside(motion)))]
         )
-        found = np.hstack([few, self._directions(more - few @ (few.T @ more))])
-        Q, _ = la.qr(found / self.weight[:, None], mode="economic")
+        directions = np.hstack([few, self._directions(more - few @ (few.T @ more))])
+        Q, _ = la.qr(directions / self.weight[:, None], mode="economic")
         return np.asarray(Q), few.shape[1]
 
     def _aside(self, motion: PeriodicMotion) -> list[np.ndarray]:
@@ -182,17 +184,17 @@ class Projection:
         """Real and imaginary parts, weighted, of unit elastic energy; none where there is none."""
         parts = np.hstack([vectors.real, vectors.imag]) * self.weight[:, None]
         sizes = la.norm(parts, axis=0)
-        kept = sizes > 0.0  # real roots have no imaginary part
-        found: np.ndarray = parts[:, kept] / sizes[kept]
-        return found
+        nonzero = sizes > 0.0  # real roots have no imaginary part
+        unit: np.ndarray = parts[:, nonzero] / sizes[nonzero]
+        return unit
 
     @staticmethod
     def _directions(vectors: np.ndarray) -> np.ndarray:
         """Main directions of weighted vectors."""
         if not vectors.shape[1]:
             return vectors
-        found, values, _ = la.svd(vectors, full_matrices=False)
-        return np.asarray(found[:, values > ALIKE * max(values[0], 1.0)])
+        left_vectors, values, _ = la.svd(vectors, full_matrices=False)
+        return np.asarray(left_vectors[:, values > ALIKE * max(values[0], 1.0)])
 
     def stability(
         self, motion: PeriodicMotion, highest: float, rougher: PeriodicMotion | None = None
@@ -262,18 +264,18 @@ class Projection:
         """
         start = replace(motion, Q=with_harmonics(motion.Q, harmonics), mu=0.0)
         try:
-            found, _, residual = self.improve(start, FINE, ADDED)
-            if self.complete or _of_one_size(start, found):
-                return found, residual
+            cycle, _, residual = self.improve(start, FINE, ADDED)
+            if self.complete or _of_one_size(start, cycle):
+                return cycle, residual
         except ConvergenceError:
             if self.complete:
                 raise
         # nearer on the curve, on a basis that holds it
-        held = replace(self.improve(replace(start, mu=motion.mu), TARGET, SIZE)[0], mu=0.0)
-        found, _, residual = self.improve(held, FINE, ADDED)
-        if not _of_one_size(start, found):
+        of_its_size = replace(self.improve(replace(start, mu=motion.mu), TARGET, SIZE)[0], mu=0.0)
+        cycle, _, residual = self.improve(of_its_size, FINE, ADDED)
+        if not _of_one_size(start, cycle):
             raise ConvergenceError("another_cycle", "more harmonics lead to another cycle")
-        return found, residual
+        return cycle, residual
 
     def grow(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
         """A correction joins the basis, and what is missing once it is made.
@@ -315,14 +317,14 @@ class Projection:
         ConvergenceError
             Where the basis would be too large.
         """
-        H, found = motion.harmonics, list[tuple[np.ndarray, np.ndarray]]()
+        H, by_harmonic = motion.harmonics, list[tuple[np.ndarray, np.ndarray]]()
         for h, V in enumerate(self.of_harmonics(H) or []):
             X = (change.Q[sorted({h, H * (h > 0) + h})] * self.weight).T
-            known, _ = la.qr(self.weight[:, None] * V, mode="economic")
-            vectors, values, _ = la.svd(X - known @ (known.T @ X), full_matrices=False)
-            found.append((vectors / self.weight[:, None], values))
-        largest = max(values[0] for _, values in found)
-        for h, (vectors, values) in enumerate(found):
+            orthonormal, _ = la.qr(self.weight[:, None] * V, mode="economic")
+            vectors, values, _ = la.svd(X - orthonormal @ (orthonormal.T @ X), full_matrices=False)
+            by_harmonic.append((vectors / self.weight[:, None], values))
+        largest = max(values[0] for _, values in by_harmonic)
+        for h, (vectors, values) in enumerate(by_harmonic):
             new = vectors[:, values > LEAST * largest]
             if self.vectors[h].shape[1] + new.shape[1] > MOST:
                 raise ConvergenceError(
@@ -343,11 +345,11 @@ class Projection:
             weighted /= la.norm(weighted)
             for h in range(H + 1):
                 rows[h] += [weighted[h], *([weighted[H + h]] if h else [])]
-        found = [la.svd(np.array(r).T, full_matrices=False)[:2] for r in rows]
-        least = RANK * max(values[0] for _, values in found)
+        decomposed = [la.svd(np.array(r).T, full_matrices=False)[:2] for r in rows]
+        least = RANK * max(values[0] for _, values in decomposed)
         self.vectors = [
             self._orthonormal(list((vectors[:, values > least] / self.weight[:, None]).T))
-            for vectors, values in found
+            for vectors, values in decomposed
         ]
 
     def _orthonormal(self, vectors: list[np.ndarray]) -> np.ndarray:
@@ -357,8 +359,8 @@ class Projection:
         X = np.array(vectors).T
         Q, _ = la.qr(X / la.norm(X, axis=0), mode="economic")
         _, turn = la.eigh(Q.T @ self.whole.K @ Q)
-        found: np.ndarray = Q @ turn
-        return found
+        orthonormal: np.ndarray = Q @ turn
+        return orthonormal
 
 
 def _of_one_size(one: PeriodicMotion, other: PeriodicMotion) -> bool:

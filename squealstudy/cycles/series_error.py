@@ -134,6 +134,6 @@ def in_the_end(
     h = np.arange(1, found.motion.harmonics + 1)
     missed = 0.5 * (np.pi / len(torque)) ** 2 * float(h**2 @ spectrum[: len(h)])
     slip = contact.slip_apart(found.motion, other)
-    moved = (contact.torque(found.motion, side * slip) for side in (-1.0, 1.0))
-    led = max(abs(float(np.abs(t - t.mean()).max()) - peak) for t in moved)
+    shifted_torques = (contact.torque(found.motion, side * slip) for side in (-1.0, 1.0))
+    led = max(abs(float(np.abs(t - t.mean()).max()) - peak) for t in shifted_torques)
     return errors + SeriesErrors(SOLVED, SOLVED, (missed + led) / peak + SOLVED, SOLVED)

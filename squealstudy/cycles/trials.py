@@ -227,12 +227,12 @@ def run_on(
                 break
         return Refined.of(motion, parts)
 
-    found = run(starts, settings)
-    bad = [k for k, motion in enumerate(found) if motion.outcome != "ok"]
+    runs = run(starts, settings)
+    bad = [k for k, motion in enumerate(runs) if motion.outcome != "ok"]
     again = run([starts[k] for k in bad], shorter(settings, FINER))
     for k, motion in zip(bad, again, strict=True):
-        found[k] = motion
-    return [refined(motion) if lasts(motion) else motion for motion in found]
+        runs[k] = motion
+    return [refined(motion) if lasts(motion) else motion for motion in runs]
 
 
 def shorter(settings: MotionSettings, times: int) -> MotionSettings:
@@ -269,8 +269,8 @@ class Refined(Motion):
     @classmethod
     def of(cls, motion: Motion, by_step: StepParts) -> Refined:
         """The motion with it."""
-        known = {one.name: getattr(motion, one.name) for one in fields(Motion)}
-        return cls(**known, by_step=by_step)
+        motion_fields = {one.name: getattr(motion, one.name) for one in fields(Motion)}
+        return cls(**motion_fields, by_step=by_step)
 
 
 def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -> Ended:
@@ -283,13 +283,13 @@ def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -
         return Ended(start, FAILED, why=motion.message)
     by_step = motion.by_step if isinstance(motion, Refined) else OF_THE_WINDOW
     summary = summarise(motion)
-    point, found = summary.point, class_of(motion)
+    point, class_name = summary.point, class_of(motion)
     shares = {float(m["frequency_hz"]): m["energy_share"] for m in summary.modes}
     outside = point.get("energy_outside_share", 0.0) > OUTSIDE
     mode = np.nan if outside else max(shares, key=lambda hz: shares[hz], default=np.nan)
-    if found not in SUSTAINED:
-        why = undecided_because(motion) if found == UNDECIDED else ""
-        return Ended(start, found, mode_hz=mode, why=why)
+    if class_name not in SUSTAINED:
+        why = undecided_because(motion) if class_name == UNDECIDED else ""
+        return Ended(start, class_name, mode_hz=mode, why=why)
     line = point["torque_line_hz"]
     error = point["frequency_error"] + by_step.frequency
     hz, error = told_frequency(point["frequency_hz"], error)
@@ -297,11 +297,11 @@ def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -
     if band is not None and motion.point.growing.n_outside:
         rms, spread, line = band_level(motion, band)
         spread += by_step.rms
-        return Ended(start, found, rms, spread, hz, line, error, mode, opened, band=True)
+        return Ended(start, class_name, rms, spread, hz, line, error, mode, opened, band=True)
     rms = float(point["torque_rms"])
     window, rows = (float(point[f"torque_rms_{name}"]) for name in ("window", "rows"))
     level = Level.of(rms, LevelParts(window, by_step.rms * rms, rows), 0.0)
-    return Ended(start, found, rms, level.relative, hz, line, error, mode, opened, level=level)
+    return Ended(start, class_name, rms, level.relative, hz, line, error, mode, opened, level=level)
 
 
 def band_level(motion: Motion, band: tuple[float, float]) -> tuple[float, float, float]:

@@ -99,8 +99,8 @@ class Family:
     @property
     def reached(self) -> float:
         """Largest contact velocity of the curve, m/s."""
-        own = (p["contact_velocity"] for p in self.curve)
-        return self.furthest or max(own, default=0.0)
+        velocities = (p["contact_velocity"] for p in self.curve)
+        return self.furthest or max(velocities, default=0.0)
 
     @property
     def cut_short(self) -> bool:
@@ -160,7 +160,7 @@ class Followed(NamedTuple):
     @property
     def n_growing(self) -> int:
         """Families of which a motion grows."""
-        return sum(own.grew for _, own in self.families)
+        return sum(family.grew for _, family in self.families)
 
 
 def judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
@@ -212,11 +212,11 @@ def _neutral(family: Family) -> str:
 
 def _searched(family: Family, look: SecondLook) -> str:
     """What was searched where no cycle was found."""
-    left = f" (not further: {100 * HOPELESS:g} % of damping missing)" * (family.end == DAMPED)
+    limit = f" (not further: {100 * HOPELESS:g} % of damping missing)" * (family.end == DAMPED)
     on = f" on the curve of {family.origin}, a design nearby" if family.origin else ""
     places = plural(look.checked, "amplitude")
     return (
-        f"no cycle up to a contact velocity of {family.reached:.3g} m/s{on}{left}, checked at "
+        f"no cycle up to a contact velocity of {family.reached:.3g} m/s{on}{limit}, checked at "
         f"{places} with up to {look.harmonics} harmonics; cycles apart from this curve were not "
         "searched"
     )
@@ -227,12 +227,12 @@ def alone(number: int, family: Family, found: Sequence[tuple[int, Family]]) -> F
     if family.threshold is None:
         return family
     mine = family.threshold
-    for other, own in found:
+    for other, other_family in found:
         smaller = any(
             cycle.levels["energy"] < mine.levels["energy"] and not same_cycle(cycle, mine)
-            for cycle in own.cycles
+            for cycle in other_family.cycles
         )
-        if other != number and (smaller or (own.grows and not own.cycles)):
+        if other != number and (smaller or (other_family.grows and not other_family.cycles)):
             reason = f"{family.reason}; no threshold: mode {other} grows at smaller motions"
             return replace(family, threshold=None, reason=reason)
     return family
