@@ -74,12 +74,12 @@ def modes_at(design: DesignPoint, band_hz: tuple[float, float]) -> Modes:
     """Oscillating modes of one design point; ConvergenceError where it has none."""
     system = _alone(design)
     roots = system.roots(band_hz)
-    held = np.flatnonzero(roots.held[0] & (roots.lam[0].imag != 0))
-    return Modes(roots.lam[0, held], system.shapes(roots.psi)[0, held])
+    oscillating = np.flatnonzero(roots.held[0] & (roots.lam[0].imag != 0))
+    return Modes(roots.lam[0, oscillating], system.shapes(roots.psi)[0, oscillating])
 
 
 def _alone(design: DesignPoint) -> StackedSystem:
-    values = {name: np.array([value]) for name, value in design.values.items()}
+    values = {name: np.array([number]) for name, number in design.values.items()}
     system = stacked_system(design.model, design.options, values, 1)
     if system.failures:
         raise ConvergenceError(*system.failures[0])
@@ -109,7 +109,7 @@ def wider_roots(
         if len(points) == 1:
             return [None]
         each = (points.at(np.array([i])) for i in range(len(points)))
-        return [found for one in each for found in wider_roots(one, band_hz)]
+        return [point_roots for one in each for point_roots in wider_roots(one, band_hz)]
     roots = system.roots(band_hz)
     return [
         None if i in system.failures else (roots.lam[i, :n], roots.error[i, :n])
@@ -120,14 +120,14 @@ def wider_roots(
 def _table(
     points: DesignPoints, system: StackedSystem, roots: StackedRoots, started: float
 ) -> pa.Table:
-    count, held, sliding = roots.count, roots.held, system.sliding
+    count, is_root, sliding = roots.count, roots.held, system.sliding
     m = len(count)
     solved = np.ones(m, dtype=bool)
     solved[list(system.failures)] = False
     failures = [system.failures.get(i, ("ok", "")) for i in range(m)]
-    lam = roots.lam[held]
-    energies = system.energies(roots.psi).swapaxes(1, 2)[held]
-    shapes = np.ascontiguousarray(system.shapes(roots.psi)[held])
+    lam = roots.lam[is_root]
+    energies = system.energies(roots.psi).swapaxes(1, 2)[is_root]
+    shapes = np.ascontiguousarray(system.shapes(roots.psi)[is_root])
     springs = system.structures.spring_points.shape[1]
     pressed = sliding.pressure[:, : sliding.pressure.shape[1] - springs]
 
@@ -138,8 +138,8 @@ def _table(
         "re": lam.real,
         "im": lam.imag,
         "overdamped": lam.imag == 0,
-        "residual": roots.residual[held],
-        "error_rung": roots.error[held],
+        "residual": roots.residual[is_root],
+        "error_rung": roots.error[is_root],
     }
     columns: dict[str, pa.Array] = {
         "point_id": pa.array(points.ids.astype(str)),

@@ -65,7 +65,7 @@ class BatchOnsets:
 
     def refine(self, brackets: Brackets) -> list[Onset | None]:
         """Onsets of brackets; None for one that is left to the way one by one."""
-        found: list[Onset | None] = [None] * len(brackets.points[0])
+        refined: list[Onset | None] = [None] * len(brackets.points[0])
         counts = [self._judged.counts[points] for points in brackets.points]
         same = np.flatnonzero((counts[0] == counts[1]) & (counts[0] > 0))
         for count in np.unique(counts[0][same]):
@@ -75,8 +75,8 @@ class BatchOnsets:
             except FAILURES:  # which the way one by one tells of its row
                 continue
             for row, onset in zip(rows.tolist(), onsets, strict=True):
-                found[row] = onset
-        return found
+                refined[row] = onset
+        return refined
 
     def _of_as_many(self, brackets: Brackets, count: int) -> Sequence[Onset | None]:
         x = self._plan.coordinates[:, self._column]
@@ -90,7 +90,7 @@ class BatchOnsets:
             precision=self._precision,
         )
         each = zip(*(column.tolist() for column in onsets), strict=True)
-        return [None if np.isnan(value) else Onset(value, hz, n) for value, hz, n in each]
+        return [None if np.isnan(onset) else Onset(onset, hz, n) for onset, hz, n in each]
 
     def _modes(self, points: np.ndarray, count: int) -> ManyModes:
         lam = self._judged.flat[self._judged.block(points, count)]

@@ -134,9 +134,9 @@ def refine(
         split = [c for c in cells if c.stride > 1 and _changes(c, rule, passing)]
         if not split:
             break
-        known, chosen = set(nodes), set(split)
+        existing, chosen = set(nodes), set(split)
         cells = [c for c in cells if c not in chosen] + [h for c in split for h in c.halves()]
-        new = {node for c in split for node in c.nodes(c.stride // 2)} - known
+        new = {node for c in split for node in c.nodes(c.stride // 2)} - existing
         fresh = _ordered(new)
         nodes = nodes + fresh
     return nodes
@@ -216,21 +216,21 @@ class CellRule:
 
     def _lines(self, a: Node, b: Node) -> list[tuple[Node, Node, Node]]:
         """(beyond, near, far) for both directions of an edge in which the next node is known."""
-        found = []
+        node_lines = []
         for near, far in ((a, b), (b, a)):
             beyond = tuple(2 * n - f for n, f in zip(near, far, strict=True))
             if beyond in self._roots:
-                found.append((beyond, near, far))
-        return found
+                node_lines.append((beyond, near, far))
+        return node_lines
 
     def _dips(self, beyond: Node, near: Node, far: Node) -> bool:
         """Whether a mode's damping is predicted to change sign between near and far, and back."""
         outer, inner = self._paired(near, beyond), self._paired(near, far)
-        known = (outer >= 0) & (inner >= 0)
-        if not known.any():
+        is_paired = (outer >= 0) & (inner >= 0)
+        if not is_paired.any():
             return False
         zeta = [damping_ratios(self._roots[node]) for node in (beyond, near, far)]
-        ends = zeta[0][outer[known]], zeta[1][known], zeta[2][inner[known]]
+        ends = zeta[0][outer[is_paired]], zeta[1][is_paired], zeta[2][inner[is_paired]]
         middle = sum(w * z for w, z in zip(MIDDLE_OUTSIDE, ends, strict=True))
         unstable_before, unstable_after = (z < -self._tolerance for z in ends[1:])
         lost = ~unstable_before & ~unstable_after & (middle < -self._tolerance)
@@ -276,10 +276,10 @@ def grown(plan: Plan, store: Store) -> Plan:
         finished = read_roots(store, ids, tolerance=tolerance, largest_error=largest)
         if len(finished) < len(plan.tasks):
             break
-        known = [grid.node(values) for values in plan.swept.tolist()]
-        roots = {node: finished[name] for node, name in zip(known, ids, strict=True)}
+        grid_nodes = [grid.node(values) for values in plan.swept.tolist()]
+        roots = {node: finished[name] for node, name in zip(grid_nodes, ids, strict=True)}
         tolerance = plan.study.definition.modes.stability_tolerance
-        modes = FinishedNodes(plan, store, known)
+        modes = FinishedNodes(plan, store, grid_nodes)
         try:
             nodes = refine(grid, roots, tolerance, PassingModes(modes, tolerance))
         finally:

@@ -79,10 +79,10 @@ def design_lines(results: ResultTables) -> list[DesignLine]:
 
 
 def _line(results: ResultTables, values: dict[str, float]) -> DesignLine:
-    where = " and ".join(f"{name} == {float(value)!r}" for name, value in values.items())
+    where = " and ".join(f"{name} == {float(number)!r}" for name, number in values.items())
     points = results.points
-    own = np.logical_and.reduce([points[name].to_numpy() == v for name, v in values.items()])
-    solved = points[own & (points["status"] == "ok").to_numpy(bool)]
+    on_line = np.logical_and.reduce([points[name].to_numpy() == v for name, v in values.items()])
+    solved = points[on_line & (points["status"] == "ok").to_numpy(bool)]
     most = solved["n_unstable"]
     table = rank_modes(*results.ranked(where), results.along, "growth", None, where, results.onsets)
     first = first_onset(table)
@@ -90,7 +90,7 @@ def _line(results: ResultTables, values: dict[str, float]) -> DesignLine:
         design=values,
         unstable=int((solved["n_unstable"] > 0).sum()),
         solved=len(solved),
-        sure=bool(len(solved) == own.sum() and (solved["n_unstable_high"] == most).all()),
+        sure=bool(len(solved) == on_line.sum() and (solved["n_unstable_high"] == most).all()),
         onset=float(first["threshold"]) if first else float("nan"),
         kind=str(first["threshold_kind"]) if first else "",
         first=first,
@@ -103,8 +103,12 @@ def first_onset(table: pd.DataFrame) -> Row | None:
     below = table[(table["threshold_kind"] == BELOW_RANGE).to_numpy(bool)]
     if len(below):
         return below.iloc[0].to_dict()
-    known = table[table["threshold"].notna().to_numpy(bool)]
-    return known.sort_values("threshold", kind="stable").iloc[0].to_dict() if len(known) else None
+    with_onset = table[table["threshold"].notna().to_numpy(bool)]
+    return (
+        with_onset.sort_values("threshold", kind="stable").iloc[0].to_dict()
+        if len(with_onset)
+        else None
+    )
 
 
 def first_at(row: Row, along: str, unit: str) -> str:
@@ -112,13 +116,13 @@ def first_at(row: Row, along: str, unit: str) -> str:
 
     It may be stable again further on.
     """
-    kind, value = str(row["threshold_kind"]), row["threshold"]
+    kind, onset = str(row["threshold_kind"]), row["threshold"]
     if kind == BELOW_RANGE:
         return f" already at the least {along}"
-    if not isinstance(value, float) or np.isnan(value):
+    if not isinstance(onset, float) or np.isnan(onset):
         return ""
     about = {"~": "about ", "<= ": "at most "}.get(INEXACT.get(kind, ""), "")
-    return f" first at {along} {about}{amount(value, unit)}"
+    return f" first at {along} {about}{amount(onset, unit)}"
 
 
 def other_frequency(row: Row, onsets: pd.DataFrame | None) -> str:
@@ -143,17 +147,19 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     tracked = tracked.assign(first=tracked["threshold"])
     tracked.loc[(tracked["threshold_kind"] == BELOW_RANGE).to_numpy(bool), "first"] = -np.inf
     tracked = tracked.sort_values("first", kind="stable")
-    own = tracked.groupby("family", sort=False).cumcount()  # of tracks that are one mode, one
-    tracked = tracked[(own < tracked["family_modes"]).to_numpy(bool)]
+    number_in_family = tracked.groupby(
+        "family", sort=False
+    ).cumcount()  # of tracks that are one mode, one
+    tracked = tracked[(number_in_family < tracked["family_modes"]).to_numpy(bool)]
     unit = results.units.get(along, "")
     onsets = results.onsets if "onsets" in results.tables else None
-    told = [
+    texts = [
         f"{track_number(row['track'])} at {frequency_text(row)} Hz{first_at(row, along, unit)}"
         f"{other_frequency(row, onsets)}"
         for row in tracked[:MOST_MODES].to_dict("records")
     ]
-    left = len(tracked) - len(told)
-    return ", ".join(told) + (f" and {plural(left, 'other')}" if left else "")
+    n_untold = len(tracked) - len(texts)
+    return ", ".join(texts) + (f" and {plural(n_untold, 'other')}" if n_untold else "")
 
 
 def design_table(results: ResultTables, lines: list[DesignLine]) -> list[RenderableType]:
@@ -163,8 +169,8 @@ def design_table(results: ResultTables, lines: list[DesignLine]) -> list[Rendera
     names = list(lines[0].design)
     rows = []
     for line in lines:
-        seen = line.sure and line.solved > 0
-        onset = f"none to {top:g}" if seen else "none known"  # a failed point may be unstable
+        is_sure = line.sure and line.solved > 0
+        onset = f"none to {top:g}" if is_sure else "none known"  # a failed point may be unstable
         onset = "below range" if line.kind == BELOW_RANGE else onset
         if np.isfinite(line.onset):
             onset = f"{INEXACT.get(line.kind, '')}{line.onset:.4g}"

@@ -76,8 +76,8 @@ def mode_errors(
 
 def _largest(error: np.ndarray, lam: np.ndarray, judged: np.ndarray) -> float | None:
     """Largest relative error of judged modes; None where none is known."""
-    known = judged & np.isfinite(error)
-    relative = error[known] / np.maximum(np.abs(lam[known]), np.finfo(float).tiny)
+    is_finite = judged & np.isfinite(error)
+    relative = error[is_finite] / np.maximum(np.abs(lam[is_finite]), np.finfo(float).tiny)
     return float(relative.max()) if len(relative) else None
 
 
@@ -93,15 +93,15 @@ def widening(
     for point, name in enumerate(plan.tasks.ids.astype(str).tolist() if references else ()):
         reference = references.get(name, {})
         if "roots" in reference and ends[point + 1] > ends[point]:
-            own = slice(ends[point], ends[point + 1])
-            pairs = paired_with_full_order(columns.lam[own], *reference_roots(reference))
-            true = pairs.error - columns.error_rung[own][pairs.row]
-            told = pairs.resolved & (true > 0)
-            estimate = reduction[own][pairs.row]
-            ratios.append(true[told] / np.maximum(estimate[told], np.finfo(float).tiny))
-    found = np.concatenate(ratios)
-    found = found[np.isfinite(found)]
-    return max(1.0, float(np.quantile(found, COVERED))) if len(found) else 1.0
+            of_point = slice(ends[point], ends[point + 1])
+            pairs = paired_with_full_order(columns.lam[of_point], *reference_roots(reference))
+            true = pairs.error - columns.error_rung[of_point][pairs.row]
+            is_judged = pairs.resolved & (true > 0)
+            estimate = reduction[of_point][pairs.row]
+            ratios.append(true[is_judged] / np.maximum(estimate[is_judged], np.finfo(float).tiny))
+    all_ratios = np.concatenate(ratios)
+    all_ratios = all_ratios[np.isfinite(all_ratios)]
+    return max(1.0, float(np.quantile(all_ratios, COVERED))) if len(all_ratios) else 1.0
 
 
 FACTORS = (2.0, 5.0)
@@ -126,12 +126,15 @@ def audited(
     modes = store.read_table(MODES, columns).to_pandas()
     true, estimate, missed = [np.zeros(0)], [np.zeros(0)], 0
     for point_id in checked:
-        own = modes[modes["point_id"] == point_id]
-        size, growth = 2 * np.pi * own["frequency_hz"].to_numpy(), own["growth_rate"].to_numpy()
+        point_modes = modes[modes["point_id"] == point_id]
+        size, growth = (
+            2 * np.pi * point_modes["frequency_hz"].to_numpy(),
+            point_modes["growth_rate"].to_numpy(),
+        )
         lam = growth + 1j * np.sqrt(np.maximum(size**2 - growth**2, 0.0))
         pairs = paired_with_full_order(lam, *reference_roots(references[point_id]))
         true.append(pairs.error / np.abs(pairs.full))
-        estimate.append(own["error_estimate"].to_numpy()[pairs.row] / np.abs(pairs.full))
+        estimate.append(point_modes["error_estimate"].to_numpy()[pairs.row] / np.abs(pairs.full))
         missed += pairs.missed
     t, e = np.concatenate(true), np.concatenate(estimate)
     within = {f"within_{k:g}x": float(np.mean(t <= k * e)) if len(t) else None for k in FACTORS}

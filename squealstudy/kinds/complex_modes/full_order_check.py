@@ -48,20 +48,20 @@ def at_once(tasks: Sequence[FullOrderTask]) -> int:
     largest = 1
     for structure in {task.point.structure for task in tasks if not task.stacked}:
         prepared = load_any(structure)
-        own = prepared.model.n if isinstance(prepared, PreparedFamily) else prepared.n_dof
-        largest = max(largest, own)
+        n_dof = prepared.model.n if isinstance(prepared, PreparedFamily) else prepared.n_dof
+        largest = max(largest, n_dof)
     return max(1, SIDE_BY_SIDE // largest)
 
 
 def check_reference(task: FullOrderTask) -> dict[str, Any]:
     """Solve one point at full order: its errors, or why there are none."""
     started = time.perf_counter()
-    result: dict[str, Any] = {"point_id": task.point.point_id}
+    check: dict[str, Any] = {"point_id": task.point.point_id}
     try:
         prepared = prepared_of(task.point) if task.stacked else load_any(task.point.structure)
         full = solve_unreduced(prepared, task.point, task.settings, task.band_hz, check=True)
         pairs = paired_with_full_order(task.lam, full.lam, full.error_rung)
-        result |= {
+        check |= {
             "status": "ok",
             **({} if np.isnan(pairs.frequency_error) else _errors(pairs)),
             "missed_modes": pairs.missed,
@@ -71,11 +71,11 @@ def check_reference(task: FullOrderTask) -> dict[str, Any]:
             "root_errors": full.error_rung.tolist(),
         }
     except FAILURES as error:
-        result |= {"status": "failed", "message": reason(error)[1]}
+        check |= {"status": "failed", "message": reason(error)[1]}
     finally:
         give_back_memory()  # a factor is larger than all that stays
-    result["wall_s"] = time.perf_counter() - started
-    return result
+    check["wall_s"] = time.perf_counter() - started
+    return check
 
 
 def _errors(pairs: FullOrderPairs) -> dict[str, float]:
@@ -125,16 +125,16 @@ def solve_unreduced(
         return solve_family_point(prepared, design.plain_values(), band_hz, check)
     assembly, modes = unreduced_assembly(design, settings)
     state, cutoff = design.state(), settings.damped_to
-    held = None
+    stiffness_kept = None
     if HeldStiffness.pays(assembly):
         if design.structure not in _held:
             _held.clear()
             stiffness = mean_contact_stiffness(assembly, state.operating)
             with contextlib.suppress(ConvergenceError):  # the weight of stresses may be negative
-                held = HeldStiffness.of(assembly, stiffness)
-            _held[design.structure] = held
-        held = _held[design.structure]
-    return full_order_modes(prepared, assembly, modes, state, band_hz, cutoff, held)
+                stiffness_kept = HeldStiffness.of(assembly, stiffness)
+            _held[design.structure] = stiffness_kept
+        stiffness_kept = _held[design.structure]
+    return full_order_modes(prepared, assembly, modes, state, band_hz, cutoff, stiffness_kept)
 
 
 def unreduced_assembly(

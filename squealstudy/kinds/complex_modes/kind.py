@@ -106,8 +106,8 @@ class ComplexModes(ModelKind):
         What no rung of reanalysis can lower is lowered once for all points of the study. A basis
         that the study chooses itself, by any key of [reduction], stays as it is.
         """
-        given = plan.study.definition.reduction.model_fields_set
-        if plan.enriched or given - {"shared_basis"}:
+        keys = plan.study.definition.reduction.model_fields_set
+        if plan.enriched or keys - {"shared_basis"}:
             return plan
         from squealstudy.kinds.complex_modes.reduction_errors import make_samples
 
@@ -191,20 +191,20 @@ class ComplexModes(ModelKind):
 
         chosen = [plan.tasks[i] for i in checked_points(plan)]
         present = store.references()
-        wanted = [t for t in chosen if t.point_id not in present]
-        found = read_roots(store, [t.point_id for t in wanted], overdamped=True)
+        unchecked = [t for t in chosen if t.point_id not in present]
+        roots_of = read_roots(store, [t.point_id for t in unchecked], overdamped=True)
         tasks = [
             FullOrderTask(
                 _of_its_structure(plan, t), lam, plan.settings, plan.band_hz, plan.stacked
             )
-            for t in wanted
-            if t.structure not in failures and (lam := found.get(t.point_id)) is not None
+            for t in unchecked
+            if t.structure not in failures and (lam := roots_of.get(t.point_id)) is not None
         ]
         workers = with_files(plan, workers)
         if workers.cluster is None:  # whose workers have a memory each
             workers = replace(workers, jobs=min(workers.jobs, at_once(tasks)))
-        for result in workers.each(check_reference, tasks, "full-order check"):
-            store.write_json(f"{REFERENCES}/{result['point_id']}.json", result)
+        for check in workers.each(check_reference, tasks, "full-order check"):
+            store.write_json(f"{REFERENCES}/{check['point_id']}.json", check)
         if not plan.method.rung.unreduced:  # nothing that follows needs it
             forget()
         ids = {t.point_id for t in chosen}
@@ -234,15 +234,17 @@ class ComplexModes(ModelKind):
                 reason += f"; no basis, all points are exact: {structure.refusal}"
                 break
         method = {"chosen": plan.method.name, "reason": reason, "points": served}
-        if len(left := points.loc[(points["status"] == "ok") & (points["message"] != "")]):
-            method["left_over"] = {"points": len(left), "first": left["message"].iloc[0]}
+        if len(left_over := points.loc[(points["status"] == "ok") & (points["message"] != "")]):
+            method["left_over"] = {"points": len(left_over), "first": left_over["message"].iloc[0]}
         return points, {**facts, "method": {**method, "tolerance": plan.method.tolerance}}
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
         """The method, and why it."""
         rung = plan.method.rung
-        kept = f", to {plan.method.tolerance:g}" if rung.keeps_tolerance and not rung.exact else ""
-        return [("method", f"{plan.method.name}{kept}: {plan.method.reason}")]
+        tolerance_text = (
+            f", to {plan.method.tolerance:g}" if rung.keeps_tolerance and not rung.exact else ""
+        )
+        return [("method", f"{plan.method.name}{tolerance_text}: {plan.method.reason}")]
 
     def solves(self, plan: Plan) -> Solves:
         """By the method of the study."""

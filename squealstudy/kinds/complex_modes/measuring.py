@@ -57,11 +57,11 @@ def measure_modes(plan: Plan, measured: Sequence[int], asked: MeasurementRequest
     chosen = [plan.tasks[i] for i in measured]
     lines = asked.lines
     on_lines = [i for line in lines.values() for i in line]
-    wanted = plan.tasks.at(np.array(list(dict.fromkeys([*measured, *on_lines]))))
-    solved = plan.tasks if plan.method.rung.shares_work else wanted
+    measured_points = plan.tasks.at(np.array(list(dict.fromkeys([*measured, *on_lines]))))
+    solved = plan.tasks if plan.method.rung.shares_work else measured_points
     with tempfile.TemporaryDirectory() as scratch:
-        made = kind.tasks(plan, solved, Workers())
-        tasks = [task for task in made if isinstance(task, SolveTask)]
+        all_tasks = kind.tasks(plan, solved, Workers())
+        tasks = [task for task in all_tasks if isinstance(task, SolveTask)]
         ready_s = _made_ready(tasks)
         with memory_above() as memory, threadpool_limits(1):
             seconds, found_rows = _solved(kind, tasks)
@@ -72,8 +72,8 @@ def measure_modes(plan: Plan, measured: Sequence[int], asked: MeasurementRequest
         findings = {str(n): modes_finding(rows[t.point_id]) for n, t in enumerate(chosen)}
         following_s = []
         for n, line in lines.items():
-            found, spent = onset_finding(LinePlan(plan, line), store)
-            findings[str(n)] |= found
+            onset, spent = onset_finding(LinePlan(plan, line), store)
+            findings[str(n)] |= onset
             following_s.append(spent)
     line_points = len(on_lines) / len(lines) if lines else np.nan
     onset_s = line_points * seconds + float(np.mean(following_s)) if lines else np.nan
@@ -95,13 +95,13 @@ def onset_finding(line: LinePlan, store: Store) -> tuple[dict[str, Any], float]:
     started = time.process_time()
     try:
         with threadpool_limits(1):
-            value, width = find_onset(line, store)
+            onset, width = find_onset(line, store)
     except FAILURES as error:
         status, message = reason(error)
-        found: dict[str, Any] = {"status": status, "message": f"on the line of onset: {message}"}
+        finding: dict[str, Any] = {"status": status, "message": f"on the line of onset: {message}"}
     else:
-        found = {"onset": list(value), "onset_range": width}
-    return found, time.process_time() - started
+        finding = {"onset": list(onset), "onset_range": width}
+    return finding, time.process_time() - started
 
 
 def _made_ready(tasks: Sequence[SolveTask]) -> float:
@@ -133,9 +133,9 @@ def _solved(kind: ComplexModes, tasks: Sequence[SolveTask]) -> tuple[float, list
 
 def reduction_seconds(plan: Plan) -> float:
     """What the structures of a study took when they were made, or will by those that are."""
-    made = [key for key in plan.structures if is_prepared(key)]
-    spent = sum(sum(load_any(key).timings.values()) for key in made)
-    return float(spent) * len(plan.structures) / max(len(made), 1)
+    made_keys = [key for key in plan.structures if is_prepared(key)]
+    spent = sum(sum(load_any(key).timings.values()) for key in made_keys)
+    return float(spent) * len(plan.structures) / max(len(made_keys), 1)
 
 
 def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:
@@ -161,9 +161,9 @@ def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:
 
 def modes_finding(row: dict[str, Any]) -> dict[str, Any]:
     """What errors are measured on, from a chunk row of a complex-mode study."""
-    kept = ~np.array(row["overdamped"], dtype=bool)
-    roots = np.column_stack([row["re"], row["im"]]).reshape(-1, 2)[kept]
-    estimates = np.array(row["error_rung"], dtype=float)[kept]
+    oscillates = ~np.array(row["overdamped"], dtype=bool)
+    roots = np.column_stack([row["re"], row["im"]]).reshape(-1, 2)[oscillates]
+    estimates = np.array(row["error_rung"], dtype=float)[oscillates]
     return {
         "status": row["status"],
         "message": row["message"],
@@ -255,13 +255,13 @@ def find_onset(plan: LinePlan, store: Store) -> tuple[Interval, float]:
         for name in plan.study.shown_parameters:
             points[name] = plan.tasks.column(name)
         judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
-        found = follow_modes(plan, columns, points, judged, columns.error_rung, Workers())
+        followed = follow_modes(plan, columns, points, judged, columns.error_rung, Workers())
     finally:
         if columns.shapes is not None:
             columns.shapes.remove()
-    assert found.onsets is not None
+    assert followed.onsets is not None
     x = np.sort(points[plan.along].to_numpy(float))
-    return first_onset(found.onsets, x), float(np.ptp(x))
+    return first_onset(followed.onsets, x), float(np.ptp(x))
 
 
 def first_onset(onsets: pd.DataFrame, x: np.ndarray) -> Interval:
@@ -280,11 +280,13 @@ def first_onset(onsets: pd.DataFrame, x: np.ndarray) -> Interval:
     into = onsets[(onsets["direction"] == INTO) & (onsets["status"] != RENUMBERED)]
     if not len(into):
         return None, None, None
-    seen = into["bracket_high"].where(into["status"] == BROKEN, float(x[0]))  # below the range
-    values = into["onset"].fillna(seen).to_numpy(float)
+    first_seen = into["bracket_high"].where(
+        into["status"] == BROKEN, float(x[0])
+    )  # below the range
+    values = into["onset"].fillna(first_seen).to_numpy(float)
     row = into.iloc[int(np.argmin(values))]
-    value = float(values.min())
-    return value, *_bounds(row, value, x)
+    onset = float(values.min())
+    return onset, *_bounds(row, onset, x)
 
 
 def _bounds(row: pd.Series, value: float, x: np.ndarray) -> tuple[float, float]:

@@ -69,8 +69,8 @@ class PointNeighbourhood:
     def design_at(self, x: np.ndarray) -> DesignPoint:
         """The design at other coordinates (p,); coordinates that agree keep their exact value."""
         values = dict(self.design.values)
-        for (name, log), own, other in zip(self.sweeps, self.x, x, strict=True):
-            if other != own:
+        for (name, log), here, other in zip(self.sweeps, self.x, x, strict=True):
+            if other != here:
                 values[name] = float(np.exp(other) if log else other)
         return self.design.with_values(values)
 
@@ -139,9 +139,9 @@ class PointNeighbourhood:
         """
         prepared = load_prepared(self.structure.key)
         state, X = self.design.state(), prepared.shape_basis
-        known = known_gap(self.structure.key, self.design)
+        cached_gap = known_gap(self.structure.key, self.design)
         with _threads().limit(limits=1):
-            point = state_working_point(prepared, state, known)
+            point = state_working_point(prepared, state, cached_gap)
             system = linearise(prepared.model, point, state)
             return ModalMatrices(X.T @ system.C @ X, X.T @ system.K @ X, prepared.sensor_shapes)
 
@@ -213,8 +213,8 @@ def _boxes_of_points(plan: Plan) -> dict[str, Box]:
     if rung.exact or rung.over_a_basis:
         return {}
     names = plan.tasks.ids
-    found = boxes(plan, plan.tasks)
-    return {name: box for _, rows, box in found for name in names[rows].astype(str).tolist()}
+    box_rows = boxes(plan, plan.tasks)
+    return {name: box for _, rows, box in box_rows for name in names[rows].astype(str).tolist()}
 
 
 FAILED = "failed"
@@ -266,17 +266,17 @@ def refine_onsets(task: OnsetTask) -> list[tuple[int, Onset | str]]:
         solve=solve,
     )
     pencils = task.between.pencils(task.column)
-    found: list[tuple[int, Onset | str]] = []
+    onsets: list[tuple[int, Onset | str]] = []
     for row, places in zip(task.rows, task.places, strict=True):
         try:
             onset = None if pencils is None else _followed(task, pencils, places)
             if onset is None:
                 onset = refine_onset(samples, *places, task.tolerance, task.precision)
         except FAILURES as error:
-            found.append((row, getattr(error, "status", FAILED)))
+            onsets.append((row, getattr(error, "status", FAILED)))
         else:
-            found.append((row, onset))
-    return found
+            onsets.append((row, onset))
+    return onsets
 
 
 def _followed(task: OnsetTask, pencils: PencilLine, places: tuple[int, int]) -> Onset | None:

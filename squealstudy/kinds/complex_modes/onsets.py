@@ -94,8 +94,8 @@ class OnsetSearch:
         self._column = [s.name for s in plan.study.sweeps].index(along)
         lams = follower.lams
         self._judged = lams.with_flat(lam)
-        known = np.nan_to_num(error, posinf=np.inf) / np.maximum(np.abs(lam), 1e-300)
-        self._error = np.minimum(known, UNKNOWN)
+        rel_error = np.nan_to_num(error, posinf=np.inf) / np.maximum(np.abs(lam), 1e-300)
+        self._error = np.minimum(rel_error, UNKNOWN)
         self._point = lams.owner
         self._place = np.arange(len(lam)) - lams.starts[self._point]
         self._track = tracks.labels.flat
@@ -137,11 +137,11 @@ class OnsetSearch:
         events = self._crossings.events(self._zeta, self._tolerance)
         table = self._unrefined(events)
         self._place_neutral(events, table)
-        left = 0
+        n_unrefined = 0
         if refine and len(events):
             self._interpolate(events, table)
             started = time.perf_counter()
-            left = self._refine(events, table, budget, spent, workers)
+            n_unrefined = self._refine(events, table, budget, spent, workers)
             self.seconds += time.perf_counter() - started
             renumbered = events[table["status"] == RENUMBERED]
             self._ambiguous[renumbered[["before", "after"]].to_numpy().ravel()] = True
@@ -150,7 +150,7 @@ class OnsetSearch:
         summary = {
             "along": self._along,
             "evaluations": int(table["evaluations"].sum()),
-            "left": left,
+            "left": n_unrefined,
             **{str(names[k]): int(counts[k]) for k in often},
         }
         return pd.DataFrame(table), summary
@@ -198,12 +198,12 @@ class OnsetSearch:
             further = np.where(inwards, outward[0][end], outward[1][end])
             end = np.where(neutral, further, end)
         inside = self._shift(before[rows], after[rows])
-        known = end >= 0
-        error = np.where(known, np.maximum(inside, np.abs(x[end] - x[at])), np.nan)
+        has_end = end >= 0
+        error = np.where(has_end, np.maximum(inside, np.abs(x[end] - x[at])), np.nan)
         self._enter_value(table, rows, x[at], error)
         table["status"][rows] = WITHIN_ERROR
         for bracket, side in (("bracket_low", inwards), ("bracket_high", ~inwards)):
-            table[bracket][rows[side]] = np.where(known, values[end], np.nan)[side]
+            table[bracket][rows[side]] = np.where(has_end, values[end], np.nan)[side]
 
     def _interpolate(self, events: pd.DataFrame, table: Cells) -> None:
         """Crossings whose neighbours tell them to the precision, in place."""
@@ -218,17 +218,17 @@ class OnsetSearch:
         missing = (rows < 0) | ~near.joined(self._point[rows], self._point[inner[:, :1]])
         x = self._plan.coordinates[:, self._column][self._point[rows]]
         zeta = np.where(missing, np.nan, self._zeta[rows] + self._tolerance)
-        value, error = cubic_onsets(np.where(missing, np.nan, x), zeta)
+        onset, error = cubic_onsets(np.where(missing, np.nan, x), zeta)
         sure = ~(self._ambiguous[rows] & ~missing).any(axis=1)
         good = (error <= self._precision()) & sure
         error += self._shift(ends[:, 0], ends[:, 1])[whole]
-        self._enter_value(table, crossing[good], value[good], error[good])
+        self._enter_value(table, crossing[good], onset[good], error[good])
         table["status"][crossing[good]] = CUBIC
 
     def _open(self, events: pd.DataFrame, table: Cells) -> np.ndarray:
         """Rows of crossings that may yet be told better."""
-        told = np.isfinite(table["error_estimate"]) | (table["status"] == WITHIN_ERROR)
-        rows: np.ndarray = np.flatnonzero((events["before"] >= 0).to_numpy() & ~told)
+        is_settled = np.isfinite(table["error_estimate"]) | (table["status"] == WITHIN_ERROR)
+        rows: np.ndarray = np.flatnonzero((events["before"] >= 0).to_numpy() & ~is_settled)
         return rows
 
     def _neighbours(self) -> tuple[np.ndarray, np.ndarray]:
@@ -269,12 +269,12 @@ class OnsetSearch:
         bounding = self._bounding(events)
         bounds = [rows for rows in brackets if rows[0] in bounding]
         others = [rows for rows in brackets if rows[0] not in bounding]
-        left = 0
+        n_unrefined = 0
         for most, rows in ((budget.bounds, bounds), (budget.onsets, others)):
             most = min(most, budget.total - spent)
             used, unrefined = self._refine_within(most, rows, events, table, workers)
-            spent, left = spent + used, left + unrefined
-        return left
+            spent, n_unrefined = spent + used, n_unrefined + unrefined
+        return n_unrefined
 
     def _bounding(self, events: pd.DataFrame) -> set[int]:
         """Rows of crossings at one end of which no mode is unstable."""
@@ -299,17 +299,17 @@ class OnsetSearch:
         while done < len(brackets) and spent < budget:
             workers.report("onsets", done, len(brackets))
             batch: list[list[int]] = []
-            asked = 0
+            expected_points = 0
             for rows in brackets[done : done + most]:
-                asked += EXPECTED * len(rows)
-                if spent + asked > budget and batch:
+                expected_points += EXPECTED * len(rows)
+                if spent + expected_points > budget and batch:
                     break
                 batch.append(rows)
-            left = batch
+            remaining = batch
             if self._plan.stacked:
-                left, used = self._in_step(batch, events, table)
+                remaining, used = self._in_step(batch, events, table)
                 spent += used
-            tasks = [self._task(events, rows) for rows in left]
+            tasks = [self._task(events, rows) for rows in remaining]
             for results in workers.each(refine_onsets, tasks):
                 for row, onset in results:
                     spent += self._enter(table, row, onset, events)
@@ -322,7 +322,7 @@ class OnsetSearch:
         self, brackets: list[list[int]], events: pd.DataFrame, table: Cells
     ) -> tuple[list[list[int]], int]:
         """Refine crossings of a batch in place; those that are left, and the points solved."""
-        rows = np.array([row for own in brackets for row in own], dtype=int)
+        rows = np.array([row for bracket_rows in brackets for row in bracket_rows], dtype=int)
         before, after = (events[end].to_numpy()[rows] for end in ("before", "after"))
         batch = BatchOnsets(
             plan=self._plan,
@@ -333,15 +333,15 @@ class OnsetSearch:
             precision=self._precision(),
         )
         points = self._point[before], self._point[after]
-        found = batch.refine(Brackets(points, (self._place[before], self._place[after])))
-        left, spent = set(), 0
-        for row, onset in zip(rows.tolist(), found, strict=True):
+        onsets = batch.refine(Brackets(points, (self._place[before], self._place[after])))
+        unrefined, spent = set(), 0
+        for row, onset in zip(rows.tolist(), onsets, strict=True):
             if onset is None:
-                left.add(row)
+                unrefined.add(row)
             else:
                 spent += self._enter(table, row, onset, events)
-        remaining = [[row for row in own if row in left] for own in brackets]
-        return [own for own in remaining if own], spent
+        remaining = [[row for row in bracket_rows if row in unrefined] for bracket_rows in brackets]
+        return [bracket_rows for bracket_rows in remaining if bracket_rows], spent
 
     def _brackets(self, events: pd.DataFrame, table: Cells) -> list[list[int]]:
         """Rows of crossings in lists of the same two points; what matters most first."""
@@ -353,10 +353,10 @@ class OnsetSearch:
         urgent = np.where(into, order, order + 0.5)
         ordered = np.lexsort((crossing["track"], urgent))
         ordered = ordered[self._follower.near.joined(a, b)[ordered]]
-        found: dict[tuple[int, int], list[int]] = {}
+        rows_between: dict[tuple[int, int], list[int]] = {}
         for row, *ends in np.column_stack([rows, a, b])[ordered].tolist():
-            found.setdefault((ends[0], ends[1]), []).append(row)
-        return list(found.values())
+            rows_between.setdefault((ends[0], ends[1]), []).append(row)
+        return list(rows_between.values())
 
     def _task(self, events: pd.DataFrame, rows: list[int]) -> OnsetTask:
         before, after = (events[end].to_numpy()[rows] for end in ("before", "after"))

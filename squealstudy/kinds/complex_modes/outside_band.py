@@ -104,8 +104,8 @@ def look_outside(plan: Plan, columns: ModeColumns, workers: Workers) -> list[Out
         )
         for row in chosen_points(plan, columns)
     ]
-    found = workers.each(growing_outside, tasks, "outside the band")
-    return sorted((one for one in found if one is not None), key=lambda one: one.row)
+    outside = workers.each(growing_outside, tasks, "outside the band")
+    return sorted((one for one in outside if one is not None), key=lambda one: one.row)
 
 
 def chosen_points(plan: Plan, columns: ModeColumns) -> list[int]:
@@ -175,11 +175,11 @@ def _outside_of_batch(plan: Plan, rows: list[int], wide_hz: tuple[float, float])
     """What grows outside the band at some points of a batch."""
     if not rows:
         return []
-    found = wider_roots(plan.tasks.at(np.array(rows)), wide_hz)
+    roots_of_points = wider_roots(plan.tasks.at(np.array(rows)), wide_hz)
     neutral = plan.study.definition.modes.stability_tolerance
     looked = [
         _outside(row, *roots, plan.band_hz, plan.method.tolerance, neutral)
-        for row, roots in zip(rows, found, strict=True)
+        for row, roots in zip(rows, roots_of_points, strict=True)
         if roots is not None
     ]
     return sorted(looked, key=lambda one: one.row)

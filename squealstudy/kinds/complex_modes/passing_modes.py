@@ -99,16 +99,16 @@ class PassingModes:
         likeness = mac(at_a.seen, at_b.seen)
         rows, columns = least_assignment(-likeness)
         like = likeness[np.ix_(rows, columns)]
-        own = np.diagonal(like)
-        sure = own[:, None] + own - like - like.T > ALIKE
+        diagonal = np.diagonal(like)
+        sure = diagonal[:, None] + diagonal - like - like.T > ALIKE
         size_a, size_b = np.abs(at_a.lam)[rows], np.abs(at_b.lam)[columns]
         passed = (size_a[:, None] - size_a) * (size_b[:, None] - size_b) < 0
         h = np.maximum(h_a[np.ix_(rows, rows)], h_b[np.ix_(columns, columns)])
         least = np.minimum(np.abs(decay_a[rows]), np.abs(decay_b[columns]))
         decay = np.where(decay_a[rows] * decay_b[columns] > 0, least * np.sign(decay_a[rows]), 0.0)
         locked = _locked(at_a.lam[rows]) | _locked(at_b.lam[columns])
-        found = (passed | ~sure) & ~locked & _may_change(h, decay)
-        return bool(found.any())
+        may_lock_in = (passed | ~sure) & ~locked & _may_change(h, decay)
+        return bool(may_lock_in.any())
 
 
 def _locked(lam: np.ndarray) -> np.ndarray:
@@ -129,8 +129,8 @@ def _may_change(h: np.ndarray, decay: np.ndarray) -> np.ndarray:
     one and one that decays the sum of both is shared where they mix.
     """
     product = decay[:, None] * decay
-    found: np.ndarray = (COUPLING_CHANGE * h) ** 2 > np.maximum(product, 0.0)
+    may_change: np.ndarray = (COUPLING_CHANGE * h) ** 2 > np.maximum(product, 0.0)
     opposite = product < 0
-    found[opposite] = (COUPLING_CHANGE * h > np.abs(decay[:, None] - decay) / 2)[opposite]
-    np.fill_diagonal(found, False)
-    return found
+    may_change[opposite] = (COUPLING_CHANGE * h > np.abs(decay[:, None] - decay) / 2)[opposite]
+    np.fill_diagonal(may_change, False)
+    return may_change

@@ -49,12 +49,12 @@ def probabilities(
 
 def _probability(row: Row, units: Mapping[str, str]) -> list[str]:
     low, high = row["unstable_points_low"], row["unstable_points_high"]
-    known = row["points"] - row["unknown_points"]
-    bounds = f" ({percent(low / known, high / known)})" if low < high else ""
+    n_certain = row["points"] - row["unknown_points"]
+    bounds = f" ({percent(low / n_certain, high / n_certain)})" if low < high else ""
     return [
         track_number(row["track"]) if row["quantity"] == "track" else str(row["quantity"]),
         _figure(row["frequency_hz"], 0, unknown=""),
-        str(known),
+        str(n_certain),
         f"{100 * row['probability']:.1f}{bounds}",
         percent(row["probability_low"], row["probability_high"]),
         in_digits(row["mean_growth_rate"], 2),
@@ -106,19 +106,21 @@ def _figure(value: float, digits: int = 1, unknown: str = "-") -> str:
 
 def indices(table: pd.DataFrame, names: Names | None = None) -> list[RenderableType]:
     """The table of `tables.sobol` with its legend; `names` as of `probabilities`."""
-    known = table.dropna(subset=["first", "total"])
-    first = ~known["track"].duplicated()
-    pairs = zip(known.to_dict("records"), first, strict=True)
+    with_indices = table.dropna(subset=["first", "total"])
+    first = ~with_indices["track"].duplicated()
+    pairs = zip(with_indices.to_dict("records"), first, strict=True)
     shown = grid(
         *("growth of", "Hz", "word:parameter", "first", "interval", "total", "interval"),
         rows=(_indices(row, new) for row, new in pairs),
     )
     quantities = table.drop_duplicates("track").set_index("track")
     dropped = quantities["dropped_groups"]
-    dropped = dropped[dropped.index.isin(known["track"]) & (dropped > 0).to_numpy()]
+    dropped = dropped[dropped.index.isin(with_indices["track"]) & (dropped > 0).to_numpy()]
     numbers = [track_number(t) if t else "the fastest" for t in dropped.index.tolist()]
     listed = ", ".join(f"{n} of {number}" for n, number in zip(dropped, numbers, strict=True))
-    rare = ", ".join(map(track_number, np.setdiff1d(table["track"], known["track"]).tolist()))
+    rare = ", ".join(
+        map(track_number, np.setdiff1d(table["track"], with_indices["track"]).tolist())
+    )
     legend = notes(
         "Sobol indices of the growth rate, 95 % bootstrap intervals, from "
         f"{plural(quantities['groups'].iloc[0], 'group')} of points",
@@ -136,6 +138,6 @@ def _indices(row: Row, new: bool) -> list[str]:
     cells = [name, _figure(row["frequency_hz"], 0, unknown="")] if new else ["", ""]
     cells.append(str(row["parameter"]))
     for index in ("first", "total"):
-        value, low, high = (f"{row[index + end]:z.3f}" for end in ("", "_low", "_high"))
-        cells += [value, f"{low} to {high}"]
+        estimate, low, high = (f"{row[index + end]:z.3f}" for end in ("", "_low", "_high"))
+        cells += [estimate, f"{low} to {high}"]
     return cells

@@ -86,9 +86,9 @@ class ReductionErrorTask:
 
     def read(self) -> ReductionErrors | str | None:
         """The errors that are kept, or why there are none; None where nothing is kept."""
-        found = load_value(self.path) if is_whole(self.path) else None
-        if isinstance(found, str) or (isinstance(found, ReductionErrors) and found.fit):
-            return found
+        stored = load_value(self.path) if is_whole(self.path) else None
+        if isinstance(stored, str) or (isinstance(stored, ReductionErrors) and stored.fit):
+            return stored
         return None  # whoever wrote it
 
 
@@ -98,12 +98,12 @@ def solve_sample(task: ReductionErrorTask) -> None:
     discard(task.path)  # where there is one, it is none of this class
     try:
         state = task.point.state()
-        found = solve_point(prepared, state, task.band_hz)
-        relative = relative_errors(prepared, state, task.band_hz, found)
+        modes = solve_point(prepared, state, task.band_hz)
+        relative = relative_errors(prepared, state, task.band_hz, modes)
     except FAILURES as failure:
         save_value(task.path, reason(failure))
     else:
-        save_value(task.path, ReductionErrors(found.lam, relative))
+        save_value(task.path, ReductionErrors(modes.lam, relative))
 
 
 def is_reduced(plan: Plan) -> bool:
@@ -114,9 +114,9 @@ def is_reduced(plan: Plan) -> bool:
 def sample_points(plan: Plan) -> list[int]:
     """Indices of the sample points: of each structure those farthest from each other."""
     chosen: list[int] = []
-    for _, own in plan.tasks.of_structures():
-        count = min(max(LEAST, len(own) // POINTS_A_SAMPLE), MOST)
-        chosen += [int(own[k]) for k in farthest_points(plan.coordinates[own], count)]
+    for _, rows in plan.tasks.of_structures():
+        count = min(max(LEAST, len(rows) // POINTS_A_SAMPLE), MOST)
+        chosen += [int(rows[k]) for k in farthest_points(plan.coordinates[rows], count)]
     return chosen
 
 
@@ -131,8 +131,8 @@ def make_samples(
     missing = [task for task in tasks.values() if task.read() is None]
     for _ in workers.each(solve_sample, missing, "errors of the reduction"):
         pass
-    found = ((i, task.read()) for i, task in tasks.items())
-    return [(i, sample) for i, sample in found if isinstance(sample, ReductionErrors)]
+    errors_of = ((i, task.read()) for i, task in tasks.items())
+    return [(i, sample) for i, sample in errors_of if isinstance(sample, ReductionErrors)]
 
 
 def carried_errors(
@@ -147,9 +147,9 @@ def carried_errors(
     X, key = scaled(plan.coordinates), np.array(plan.tasks.structures)[plan.tasks.structure_index]
     point = columns.point
     relative = np.full(len(columns.lam), np.nan)
-    kept = [(i, sample) for i, sample in samples if len(sample.lam)]
-    for structure in dict.fromkeys(key[i] for i, _ in kept):
-        near = [(i, sample) for i, sample in kept if key[i] == structure]
+    with_modes = [(i, sample) for i, sample in samples if len(sample.lam)]
+    for structure in dict.fromkeys(key[i] for i, _ in with_modes):
+        near = [(i, sample) for i, sample in with_modes if key[i] == structure]
         rows = np.flatnonzero(key[point] == structure)
         distance = np.linalg.norm(X[:, None] - X[None, [i for i, _ in near]], axis=2)
         lam, chosen = columns.lam[rows], [sample for _, sample in near]
@@ -183,11 +183,11 @@ def carried(
 
 def _nearest(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Index (m,) of the root nearest to each of lam in the complex plane."""
-    found = [
+    indices = [
         np.abs(lam[start : start + BLOCK, None] - others[None, :]).argmin(axis=1)
         for start in range(0, len(lam), BLOCK)
     ]
-    return np.concatenate([np.zeros(0, dtype=int), *found])
+    return np.concatenate([np.zeros(0, dtype=int), *indices])
 
 
 def scaled(X: np.ndarray) -> np.ndarray:

@@ -86,11 +86,11 @@ def read_roots(
         (`worst_errors`).
     """
     ids = set(wanted)
-    found: dict[str, np.ndarray | None] = {}
+    roots_of: dict[str, np.ndarray | None] = {}
     for table in store.chunks(SCHEMA, COLUMNS):
         for batch in table.to_batches():
-            found.update(_batch_roots(batch, ids, overdamped, tolerance, largest_error))
-    return found
+            roots_of.update(_batch_roots(batch, ids, overdamped, tolerance, largest_error))
+    return roots_of
 
 
 def _batch_roots(
@@ -109,13 +109,17 @@ def _batch_roots(
     worst, _ = worst_errors(lam, error.flatten().to_numpy(), point, len(names))
     if tolerance is not None:
         lam = settled(lam, error.flatten().to_numpy(), tolerance)
-    kept = ~real.flatten().to_numpy(zero_copy_only=False).astype(bool) | (lam.real > 0) | every
-    found: dict[str, np.ndarray | None] = {}
+    is_counted = (
+        ~real.flatten().to_numpy(zero_copy_only=False).astype(bool) | (lam.real > 0) | every
+    )
+    roots_of: dict[str, np.ndarray | None] = {}
     for i, name in enumerate(names):
         if name in ids:
             part = slice(ends[i], ends[i + 1])
-            found[name] = lam[part][kept[part]] if ok[i] and worst[i] <= largest_error else None
-    return found
+            roots_of[name] = (
+                lam[part][is_counted[part]] if ok[i] and worst[i] <= largest_error else None
+            )
+    return roots_of
 
 
 @dataclass(frozen=True)
@@ -152,8 +156,10 @@ class ModeColumns:
 
     def oscillating(self) -> Ragged:
         """Roots of the oscillating modes of each point; they come first in a point."""
-        kept = ~self.overdamped
-        return Ragged(self.lam[kept], np.bincount(self.point[kept], minlength=len(self.counts)))
+        oscillates = ~self.overdamped
+        return Ragged(
+            self.lam[oscillates], np.bincount(self.point[oscillates], minlength=len(self.counts))
+        )
 
 
 def read_columns(
@@ -182,17 +188,17 @@ def read_columns(
         Where a point is in no chunk.
     """
     names = [name for name, _ in (*POINT_FIELDS, *MODE_FIELDS)]
-    found: dict[str, list[pa.Array]] = {name: [] for name in names}
+    chunk_columns: dict[str, list[pa.Array]] = {name: [] for name in names}
     writer = ShapeWriter(store.directory) if shapes else None
     for table in store.chunks(SCHEMA, None if shapes else names):
-        for name, parts in found.items():
+        for name, parts in chunk_columns.items():
             parts += table[name].chunks
         if writer is not None:
             writer.write(table[SHAPES])
 
     def column(name: str) -> pa.ChunkedArray:
         """All values of a column, which is then forgotten."""
-        return pa.chunked_array(found.pop(name), SCHEMA.field(name).type)
+        return pa.chunked_array(chunk_columns.pop(name), SCHEMA.field(name).type)
 
     point_ids = column("point_id")
     order = rows_of(point_ids, ids)
@@ -201,8 +207,8 @@ def read_columns(
             writer.discard()
         raise store.unsolved(missing, len(ids))
     points = [point_ids.take(order), *(column(n).take(order) for n, _ in POINT_FIELDS[1:])]
-    counts, place = _lengths(found["re"], order)
-    shares = _lengths(found["energies"], order)
+    counts, place = _lengths(chunk_columns["re"], order)
+    shares = _lengths(chunk_columns["energies"], order)
     energies = _flat(column("energies"), *shares)
     lam = _flat(column("re"), counts, place) + 1j * _flat(column("im"), counts, place)
     error = _flat(column("error_rung"), counts, place)
@@ -250,8 +256,8 @@ def _judged(
         f"its damping ratio, more than the tolerance {largest:g} of [modes]"
         for i in np.flatnonzero(inaccurate)
     ]
-    told = {"status": [INACCURATE] * len(messages), "message": messages}
-    for name, texts in told.items():
+    changes = {"status": [INACCURATE] * len(messages), "message": messages}
+    for name, texts in changes.items():
         number = points.schema.get_field_index(name)
         column = points[name].combine_chunks()
         changed = pc.replace_with_mask(column, pa.array(inaccurate), pa.array(texts, pa.string()))

@@ -107,9 +107,9 @@ class ComplexModesScreen(KindScreen):
             where,
             results.onsets,
         ).set_index("track")
-        known = table["track"].isin(solved.index)
+        is_solved = table["track"].isin(solved.index)
         for name in ("at", "frequency_hz", "max_growth_rate", "threshold", "threshold_kind"):
-            table[name] = table["track"].map(solved[name]).where(known, table[name])
+            table[name] = table["track"].map(solved[name]).where(is_solved, table[name])
         return table
 
     def listed(
@@ -213,31 +213,36 @@ def _told(row: pd.Series) -> str:
 
 def _families(table: pd.DataFrame) -> list[str]:
     """What is said of tracks of a ranking that are one mode."""
-    told = []
-    for _, own in table[(table["track"] > 0).to_numpy(bool)].groupby("family", sort=False):
-        if len(own) > 1:
-            names = " and ".join(map(track_number, sorted(own["track"].tolist())))
-            most, share = int(own["family_modes"].iloc[0]), own["family_points"] / own["points"]
+    sentences = []
+    for _, family_tracks in table[(table["track"] > 0).to_numpy(bool)].groupby(
+        "family", sort=False
+    ):
+        if len(family_tracks) > 1:
+            names = " and ".join(map(track_number, sorted(family_tracks["track"].tolist())))
+            most, share = (
+                int(family_tracks["family_modes"].iloc[0]),
+                family_tracks["family_points"] / family_tracks["points"],
+            )
             text = (
                 "are one unstable mode, which changes its number"
                 if most == 1
                 else (f"are {plural(most, 'unstable mode')}, which change their numbers")
             )
-            told.append(
+            sentences.append(
                 f"{names} {text} between design points: unstable at "
                 f"{in_digits(100 * share.iloc[0], 1)} % together"
             )
-    return told
+    return sentences
 
 
 def _unrefined(manifest: Mapping[str, Any]) -> Rows:
     """What refinement left, for its budget was spent; nothing where it left nothing."""
     steps, onsets = (manifest.get(of, {}).get("left", 0) for of in ("tracking", "onsets"))
-    told = [
+    parts = [
         f"{plural(steps, 'step')} in which a mode's number may have jumped" if steps else "",
         f"{plural(onsets, 'onset')} known between two points only" if onsets else "",
     ]
-    text = " and ".join(part for part in told if part)
+    text = " and ".join(part for part in parts if part)
     return [("not refined", f"{text}: a larger refine_points of [modes] does")] if text else []
 
 
@@ -275,13 +280,13 @@ def _counted(results: ResultTables, where: str | None) -> str:
 
 def _doubt(results: ResultTables, where: str | None) -> str:
     """Where stability is not certain, in words; empty where it is everywhere."""
-    known = results.columns("modes")
-    asked = set().union(*(c.columns for c in query(where, results.points.columns, known)))
-    columns = [ROW, *(c for c in known if c in asked or c == "stability")]
+    names = results.columns("modes")
+    in_query = set().union(*(c.columns for c in query(where, results.points.columns, names)))
+    columns = [ROW, *(c for c in names if c in in_query or c == "stability")]
     modes = results.rows("modes", columns, is_uncertain)
     code = point_codes(results.points, modes)
-    held, wanted = selection(results.points, modes, code, where)
-    uncertain = uncertain_points(modes, code, held[code] & wanted)
+    points_selected, modes_selected = selection(results.points, modes, code, where)
+    uncertain = uncertain_points(modes, code, points_selected[code] & modes_selected)
     if not uncertain:
         return ""
     return (
@@ -303,10 +308,10 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
     """What the columns of the ranking mean."""
     query = " within the query" if where else ""
     counted = _counted(results, where)
-    found = "the mode was found unstable"
+    unstable_text = "the mode was found unstable"
     if results.boundary is not None:
-        found += "; a node that was not solved is as the nearest corner of its cell"
-    texts = [f"unstable: share of {counted}{query} at which {found}"]
+        unstable_text += "; a node that was not solved is as the nearest corner of its cell"
+    texts = [f"unstable: share of {counted}{query} at which {unstable_text}"]
     if (table["unstable_points_low"] < table["unstable_points_high"]).any():
         texts += ["in brackets: from points where it is so whatever its error, to where it may be"]
     texts += [_doubt(results, where), _left_out(results)]
@@ -340,9 +345,9 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
 def _onset_kinds(kinds: set[str], results: ResultTables, query: str) -> list[str]:
     """What is before an onset, or in its place."""
     drawn = results.design in RANDOM_DESIGNS
-    known = ONSETS | ({FIRST_SEEN: DRAWN, BRACKETED: DRAWN} if drawn else {})
-    known[BELOW_RANGE] += query
-    return list(dict.fromkeys(text for kind, text in known.items() if kind in kinds))
+    texts = ONSETS | ({FIRST_SEEN: DRAWN, BRACKETED: DRAWN} if drawn else {})
+    texts[BELOW_RANGE] += query
+    return list(dict.fromkeys(text for kind, text in texts.items() if kind in kinds))
 
 
 def _cells(row: Row, along: str | None, energies: bool, units: Mapping[str, str]) -> list[str]:
@@ -364,12 +369,12 @@ def _cells(row: Row, along: str | None, energies: bool, units: Mapping[str, str]
 
 
 def _threshold(row: Row) -> str:
-    value, kind = row["threshold"], row["threshold_kind"]
+    threshold, kind = row["threshold"], row["threshold_kind"]
     if kind == BELOW_RANGE:
         return BELOW_RANGE
-    if not isinstance(value, float) or value != value:
+    if not isinstance(threshold, float) or threshold != threshold:
         return "-"
-    return f"{INEXACT.get(kind, '')}{round(value, 9):.4g}"
+    return f"{INEXACT.get(kind, '')}{round(threshold, 9):.4g}"
 
 
 SCREEN = ComplexModesScreen()

@@ -101,39 +101,39 @@ def boxes(plan: Plan, points: DesignPoints) -> list[tuple[SweptStructure, np.nda
     come last. The boxes depend on the design alone, so that a resumed study solves what it would
     have.
     """
-    asked = np.isin(plan.tasks.ids, points.ids)
+    is_asked = np.isin(plan.tasks.ids, points.ids)
     own_rows = dict(plan.tasks.of_structures())
-    found = []
+    box_list = []
     for structure in swept_structures(plan):
         rows = own_rows[structure.key]
-        if not asked[rows].any():
+        if not is_asked[rows].any():
             continue
         values = [plan.tasks.column(name)[rows] for name in structure.chart.names]
         theta = structure.chart.theta(np.array(values).reshape(-1, len(rows)).T)
         for part, box in split_boxes(theta, min(MOST_BOX, max(LEAST_BOX, len(rows) // BOXES))):
-            chosen = rows[part][asked[rows[part]]]
+            chosen = rows[part][is_asked[rows[part]]]
             if len(chosen):
-                found.append((structure, chosen, box))
-    return sorted(found, key=lambda item: -float(np.abs(item[2].low + item[2].high).sum()))
+                box_list.append((structure, chosen, box))
+    return sorted(box_list, key=lambda item: -float(np.abs(item[2].low + item[2].high).sum()))
 
 
 def split_boxes(theta: np.ndarray, most: int) -> list[tuple[np.ndarray, Box]]:
     """Points (n, d) in boxes of at most `most`: rows and box; the longest side is halved."""
-    found: list[tuple[np.ndarray, Box]] = []
+    box_list: list[tuple[np.ndarray, Box]] = []
     pending: Sequence[np.ndarray] = [np.arange(len(theta))]
     while pending:
         rows, *rest = pending
         low, high = theta[rows].min(axis=0), theta[rows].max(axis=0)
         axis = int(np.argmax(high - low)) if theta.shape[1] else 0
         if len(rows) <= most or not (high > low).any():
-            found.append((rows, Box(low, high)))
+            box_list.append((rows, Box(low, high)))
             pending = rest
             continue
         cut = np.median(theta[rows, axis])
         cut = cut if cut < high[axis] else (low[axis] + high[axis]) / 2
         below = theta[rows, axis] <= cut
         pending = [rows[below], rows[~below], *rest]
-    return found
+    return box_list
 
 
 def solve_points(task: SolveTask) -> Solved:
@@ -143,19 +143,19 @@ def solve_points(task: SolveTask) -> Solved:
     new_gaps = NewGaps()
     key = task.structure.key
     looked_up = task.points if task.keep_gaps else ()
-    known = {p.point_id for p in looked_up if known_gap(key, p) is not None}
-    for i, found, left_over in _solved(task):
+    cached_ids = {p.point_id for p in looked_up if known_gap(key, p) is not None}
+    for i, outcome, left_over in _solved(task):
         point, now = task.points[i], time.perf_counter()
-        if isinstance(found, PointModes):
-            rows.append(solved_row(point.point_id, now - last, found, left_over))
-            sliding = found.working_point
-            if task.keep_gaps and sliding is not None and point.point_id not in known:
+        if isinstance(outcome, PointModes):
+            rows.append(solved_row(point.point_id, now - last, outcome, left_over))
+            sliding = outcome.working_point
+            if task.keep_gaps and sliding is not None and point.point_id not in cached_ids:
                 new_gaps.add(key, point, sliding.gap)
         else:
-            rows.append(failed_row(SCHEMA, point.point_id, *reason(found), now - last))
+            rows.append(failed_row(SCHEMA, point.point_id, *reason(outcome), now - last))
         last = now
     new_gaps.save()
-    return Solved(rows, known=len(known))
+    return Solved(rows, known=len(cached_ids))
 
 
 def _solved(task: SolveTask) -> Iterator[tuple[int, PointModes | Exception, str]]:
@@ -165,23 +165,26 @@ def _solved(task: SolveTask) -> Iterator[tuple[int, PointModes | Exception, str]
     """
     rung = rung_named(task.rung)
     problem = problem_of(task.structure, rung)
-    left = dict.fromkeys(range(len(task.points)), "")
+    remaining = dict.fromkeys(range(len(task.points)), "")
     if not rung.exact:
         why = "not yielded"
         try:
-            for i, found in answers(rung, problem, task.points, task.box):
-                if isinstance(found, PointModes):
-                    left[i] = beyond_tolerance(rung, problem, found)
-                if isinstance(found, ConvergenceError) or not left[i]:
-                    del left[i]
-                    yield i, found, ""
+            for i, outcome in answers(rung, problem, task.points, task.box):
+                if isinstance(outcome, PointModes):
+                    remaining[i] = beyond_tolerance(rung, problem, outcome)
+                if isinstance(outcome, ConvergenceError) or not remaining[i]:
+                    del remaining[i]
+                    yield i, outcome, ""
         except ExtensionError:
             raise
         except FAILURES as error:
             why = ": ".join(part for part in reason(error) if part)
-        left = {i: f"left over by {rung.name}: {own or why}" for i, own in left.items()}
+        remaining = {
+            i: f"left over by {rung.name}: {own_reason or why}"
+            for i, own_reason in remaining.items()
+        }
         rung = rung_named(problem.swept.exact)
-    for i, left_over in left.items():
+    for i, left_over in remaining.items():
         try:
             ((_, modes),) = rung.solve(problem, [task.points[i]], task.box)
         except FAILURES as error:

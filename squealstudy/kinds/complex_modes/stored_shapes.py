@@ -56,11 +56,11 @@ class ShapeFile:
         if self._held is not None:
             start = self.offset[points] // ITEM
             return self._held[start[:, None] + np.arange(count * k)].reshape(-1, count, k)
-        found = np.empty((len(points), count, k), dtype=np.complex64)
-        for row, offset in zip(found, self.offset[points].tolist(), strict=True):
+        shapes = np.empty((len(points), count, k), dtype=np.complex64)
+        for row, offset in zip(shapes, self.offset[points].tolist(), strict=True):
             self._file.seek(offset)
             self._file.readinto(row.view(np.uint8).data)
-        return found
+        return shapes
 
     @cached_property
     def _held(self) -> np.ndarray | None:

@@ -107,10 +107,10 @@ class Follower:
         pairings = self._stepper.all()
         before = pairings.count_unresolved()
         started = time.perf_counter()
-        known = np.zeros(0, dtype=int)
+        refined_steps = np.zeros(0, dtype=int)
         points = interpolated = 0
         for _ in range(ROUNDS if refine else 0):
-            joined, crossing = self._doubtful(pairings, known)
+            joined, crossing = self._doubtful(pairings, refined_steps)
             between, spent = self._refine(crossing, pairings, len(crossing) * 2**DEPTH)
             interpolated += spent
             self._bases.prepare(joined[: (budget - points) // POINTS_A_STEP])
@@ -119,18 +119,18 @@ class Follower:
             refined = between | within
             if not refined:
                 break
-            known = np.union1d(known, list(refined))
+            refined_steps = np.union1d(refined_steps, list(refined))
             changed = [i for i, pairing in refined.items() if self._enter(pairings, i, pairing)]
-            self._stepper.again(pairings, np.array(changed, dtype=int), known)
+            self._stepper.again(pairings, np.array(changed, dtype=int), refined_steps)
         self.seconds += time.perf_counter() - started
-        left = len(self._doubtful(pairings, known)[0]) if refine else 0
-        pairings.unresolved(known)
+        n_doubtful = len(self._doubtful(pairings, refined_steps)[0]) if refine else 0
+        pairings.unresolved(refined_steps)
         summary = {
             "ambiguous_pairs": before,
-            "refined": len(known),
+            "refined": len(refined_steps),
             "extra_points": points,
             "interpolated_points": interpolated,
-            "left": left,
+            "left": n_doubtful,
             "still_ambiguous": int(pairings.ambiguous.flat.sum()),
         }
         tracks = self._tree.label(pairings)

@@ -72,10 +72,10 @@ def build_tables(
     summary: dict[str, Any] = {}
     try:
         if columns.shapes is not None:
-            found = follow_modes(plan, columns, points, judged, errors.total, workers)
-            tracks, onsets = found.tracks, found.onsets
-            summary = {**found.summary, "seconds": found.seconds}
-            del found
+            followed = follow_modes(plan, columns, points, judged, errors.total, workers)
+            tracks, onsets = followed.tracks, followed.onsets
+            summary = {**followed.summary, "seconds": followed.seconds}
+            del followed
     finally:
         if columns.shapes is not None:
             columns.shapes.remove()
@@ -160,23 +160,23 @@ def _findings(
         unstable | uncertain,
         columns.overdamped,
     )
-    found = {name: points[name] for name in points.column_names}
+    columns_of = {name: points[name] for name in points.column_names}
     for name, mark in zip(COUNTS, marks, strict=True):
         number = np.bincount(point[mark], minlength=len(failed))
-        found[name] = pa.array(number, COUNT, mask=failed)  # missing, not zero
-    found |= _outside_columns(looked, len(failed))
+        columns_of[name] = pa.array(number, COUNT, mask=failed)  # missing, not zero
+    columns_of |= _outside_columns(looked, len(failed))
     for name in ERRORS:
         key = name.removeprefix("reference_")
-        told = {i: c[key] for i, c in references.items() if c.get(key) is not None}
-        rows = pc.index_in(pa.array(list(told), pa.string()), value_set=points["point_id"])
+        errors_of = {i: c[key] for i, c in references.items() if c.get(key) is not None}
+        rows = pc.index_in(pa.array(list(errors_of), pa.string()), value_set=points["point_id"])
         rows = rows.fill_null(-1).to_numpy()
         values, missing = np.full(len(failed), np.nan), np.ones_like(failed)
-        values[rows[rows >= 0]] = np.array(list(told.values()), float)[rows >= 0]
+        values[rows[rows >= 0]] = np.array(list(errors_of.values()), float)[rows >= 0]
         missing[rows[rows >= 0]] = False
-        found[name] = pa.array(values, REAL, mask=missing)
+        columns_of[name] = pa.array(values, REAL, mask=missing)
     names = [name for name, _ in (*HEAD, *POINT_COLUMNS)]
     schema = pa.schema([*HEAD, *POINT_COLUMNS])
-    return pa.Table.from_arrays([found[name] for name in names], schema=schema)
+    return pa.Table.from_arrays([columns_of[name] for name in names], schema=schema)
 
 
 def _outside_columns(looked: Sequence[Outside], count: int) -> dict[str, pa.Array]:

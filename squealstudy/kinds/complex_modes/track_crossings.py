@@ -61,19 +61,19 @@ class TrackCrossings:
         if not self._begins:
             start[:] = np.nan
         rows = np.isin(track, track[unstable]) & several[self._point] & ok
-        kept = np.flatnonzero(rows)
-        point = self._point[kept]
+        tracked = np.flatnonzero(rows)
+        point = self._point[tracked]
         events = line_crossings(
-            track[kept],
+            track[tracked],
             self._line[point],
             self._x.to_numpy()[point],
             start[point],
-            zeta[kept],
-            unstable[kept],
+            zeta[tracked],
+            unstable[tracked],
         )
-        events["after"] = kept[events["after"]]
-        found = events["before"] >= 0
-        events.loc[found, "before"] = kept[events.loc[found, "before"]]
+        events["after"] = tracked[events["after"]]
+        has_before = events["before"] >= 0
+        events.loc[has_before, "before"] = tracked[events.loc[has_before, "before"]]
         first = np.flatnonzero(events["kind"] == FIRST_SEEN)
         if len(first):
             at_break = self._at_breaks(events["after"].to_numpy()[first])

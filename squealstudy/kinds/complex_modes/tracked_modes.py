@@ -62,15 +62,15 @@ def follow_modes(
     seconds = {"tracking_refinement_s": follower.seconds}
     if along is None:
         return Followed(tracks, None, seconds, summary)
-    kept = ~columns.overdamped
+    oscillates = ~columns.overdamped
     search = OnsetSearch(
         plan=plan,
         follower=follower,
         tracks=tracks,
         points=points,
         along=along,
-        lam=judged[kept],
-        error=error[kept],
+        lam=judged[oscillates],
+        error=error[oscillates],
     )
     onsets, summary["onsets"] = search.table(
         section.refine_onsets, budget, summary["tracking"]["extra_points"], workers
