@@ -85,13 +85,13 @@ def planes(
     first, second = tasks.column(along), tasks.column(over)
     places = {tasks[k].point_id: k for k in range(len(first))}
     for number in range(int(plane.max(initial=-1)) + 1):
-        own = np.flatnonzero(plane == number)
-        known = [(places[mark.point_id], mark) for mark in marks]
-        chosen = [(float(second[k]), mark) for k, mark in known if plane[k] == number]
+        on_plane = np.flatnonzero(plane == number)
+        placed_marks = [(places[mark.point_id], mark) for mark in marks]
+        chosen = [(float(second[k]), mark) for k, mark in placed_marks if plane[k] == number]
         if chosen:
-            bounds = float(first[own].min()), float(first[own].max())
-            values = tuple(float(v) for v in np.unique(second[own]))
-            base = tasks[int(own[0])]
+            bounds = float(first[on_plane].min()), float(first[on_plane].max())
+            values = tuple(float(v) for v in np.unique(second[on_plane]))
+            base = tasks[int(on_plane[0])]
             yield PlaneTask(asked, base, along, over, bounds, values, tuple(chosen))
 
 
@@ -113,12 +113,12 @@ def follow_borders(task: PlaneTask) -> tuple[list[dict[str, Any]], list[str]]:
             at = borders[place[0]][1][place[1]].motion.mu
             differences[place] = at - mark.motion.mu
     for number, (mark, points, ends) in enumerate(borders):
-        own = [plane.row(mark, k, point) for k, point in enumerate(points)]
-        for k, row in enumerate(own):
+        border_rows = [plane.row(mark, k, point) for k, point in enumerate(points)]
+        for k, row in enumerate(border_rows):
             row["border_id"] = f"{mark.point_id}-{mark.event}-{number + 1}"
             row["line_difference"] = differences.get((number, k), np.nan)
-        own[0]["border_end"], own[-1]["border_end"] = ends
-        rows += own
+        border_rows[0]["border_end"], border_rows[-1]["border_end"] = ends
+        rows += border_rows
     return rows, lost
 
 
@@ -143,17 +143,17 @@ class Plane:
     def fold(self, over: float, guess: PeriodicMotion) -> BorderPoint:
         """The fold at a value of the second parameter."""
         way = self.way(over)
-        found = BorderPoint(over, *fold_near(way.oscillator, guess, way.bounds))
-        self._inside(found.motion.mu)
-        if reason := ended(way, found.motion):
+        fold = BorderPoint(over, *fold_near(way.oscillator, guess, way.bounds))
+        self._inside(fold.motion.mu)
+        if reason := ended(way, fold.motion):
             raise ConvergenceError(reason, "the fold's cycle is too small or too large")
-        return found
+        return fold
 
     def onset(self, over: float, guess: PeriodicMotion) -> BorderPoint:
         """The Hopf point there."""
-        value, hz, how = onset_near(self.way(over), guess, BRACKET_HALF_WIDTH * self.width)
-        self._inside(value)
-        motion = replace(guess, omega=2.0 * np.pi * hz, mu=value)
+        onset_value, hz, how = onset_near(self.way(over), guess, BRACKET_HALF_WIDTH * self.width)
+        self._inside(onset_value)
+        motion = replace(guess, omega=2.0 * np.pi * hz, mu=onset_value)
         return BorderPoint(over, motion, criticality=how)
 
     def _inside(self, value: float) -> None:
@@ -187,8 +187,8 @@ class Plane:
         mark: Mark,
     ) -> tuple[int, int] | None:
         """Border and place on it of a fold or a Hopf point of a line; None where none passes it."""
-        for number, (own, points, _) in enumerate(borders):
-            for k, point in enumerate(points if own.event == mark.event else []):
+        for number, (border_mark, points, _) in enumerate(borders):
+            for k, point in enumerate(points if border_mark.event == mark.event else []):
                 near = abs(point.motion.mu - mark.motion.mu) < SAME_FOLD * self.width
                 same = abs(point.motion.omega / mark.motion.omega - 1.0) < NEAR_HZ
                 if point.over == over and near and same:
@@ -199,8 +199,8 @@ class Plane:
         """Of the table of borders."""
         motion, levels = point.motion, {"torque_rms": 0.0, "contact_velocity": 0.0}
         if mark.event == TURN:
-            found = self.way(point.over).contact(motion.mu).levels(motion)
-            levels = {name: found[name] for name in levels}
+            all_levels = self.way(point.over).contact(motion.mu).levels(motion)
+            levels = {name: all_levels[name] for name in levels}
         return {
             "point_id": mark.point_id,
             "event": mark.event,

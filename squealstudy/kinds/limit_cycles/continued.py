@@ -166,7 +166,7 @@ class Found:
 
 def step_to_neighbour(task: StepTask) -> Found:
     """The cycle at the neighbour, where it can be continued to it."""
-    found, points, gaps = Found(), task.points, NewGaps()
+    continuation, points, gaps = Found(), task.points, NewGaps()
     way, furthest = Way(task.request, points[0], points[1]), 0.0
 
     def stop(motion: PeriodicMotion) -> str:
@@ -180,37 +180,37 @@ def step_to_neighbour(task: StepTask) -> Found:
         if end == RANGE and last.mu > 0.5:
             _, contact = task.request.contact(points[1], gaps)
             cycle = _cycle_at(contact, last, task.request)
-            found.cycles.append(Continued(points[1].point_id, task.start, cycle))
+            continuation.cycles.append(Continued(points[1].point_id, task.start, cycle))
         else:
-            found.lost.append(f"{task.start.cycle_id}: {end}")
+            continuation.lost.append(f"{task.start.cycle_id}: {end}")
     except FAILURES as error:
-        found.lost.append(f"{task.start.cycle_id}: {error}")
+        continuation.lost.append(f"{task.start.cycle_id}: {error}")
     gaps.save()
-    return found
+    return continuation
 
 
 def follow_line(task: LineTask) -> Found:
     """Branches through all cycles of a line, each once, and the cycles on them at its designs."""
     values = task.points.column(task.along)
     way = Way(task.request, task.points[0], task.points[-1], (float(values[0]), float(values[-1])))
-    found, known = Found(), []  # type: Found, list[Branch]
+    continuation, branches = Found(), []  # type: Found, list[Branch]
     for start in task.starts:
         level = way.contact(start.value).contact_velocity(start.motion)
-        if any(b.passes(way, start.value, start.omega, level) for b in known):
+        if any(b.passes(way, start.value, start.omega, level) for b in branches):
             continue
         try:
             one = _branch(way, start)
         except FAILURES as error:
-            found.lost.append(f"{start.cycle_id}: {error}")
+            continuation.lost.append(f"{start.cycle_id}: {error}")
             continue
-        if any(one.same_as(other, way) for other in known):
+        if any(one.same_as(other, way) for other in branches):
             continue
-        known.append(one)
-        found.branches += one.rows(way, task.along)
-        found.marks += one.marks
+        branches.append(one)
+        continuation.branches += one.rows(way, task.along)
+        continuation.marks += one.marks
     for point in task.points:
-        found.cycles += _cycles_of(task, way, known, point)
-    return found
+        continuation.cycles += _cycles_of(task, way, branches, point)
+    return continuation
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,21 +237,21 @@ class Branch:
         """Its folds and Hopf points."""
         folds = [p.motion for p in self.points if p.event == TURN]
         places = [
-            PeriodicMotion(np.zeros((3, 1)), 2.0 * np.pi * hz, value)
-            for value, hz, _ in self.onsets.values()
+            PeriodicMotion(np.zeros((3, 1)), 2.0 * np.pi * hz, onset)
+            for onset, hz, _ in self.onsets.values()
         ]
         name = self.start.point_id
         return [Mark(name, TURN, m) for m in folds] + [Mark(name, HOPF, m) for m in places]
 
     def crossings(self, value: float) -> list[PeriodicMotion]:
         """Its motions at a value, between two points each."""
-        found = []
+        crossings = []
         for one, other in pairwise(self.points):
             a, b = one.motion, other.motion
             if a.mu != b.mu and (value - a.mu) * (value - b.mu) <= 0.0 and value != b.mu:
-                found.append(between(a, b, (value - a.mu) / (b.mu - a.mu)))
+                crossings.append(between(a, b, (value - a.mu) / (b.mu - a.mu)))
         last = self.points[-1].motion
-        return [*found, last] if value == last.mu else found
+        return [*crossings, last] if value == last.mu else crossings
 
     def passes(self, way: Way, value: float, omega: float, level: float) -> bool:
         """Whether it passes a cycle of this frequency [rad/s] and contact velocity."""
@@ -265,13 +265,13 @@ class Branch:
     def same_as(self, other: Branch, way: Way) -> bool:
         """Whether both have a fold in common."""
         width = SAME_FOLD * abs(way.bounds[1] - way.bounds[0])
-        own, others = (
+        folds, others = (
             [(p.motion.mu, p.motion.omega) for p in b.points if p.event == TURN]
             for b in (self, other)
         )
         return any(
             abs(mu - x) < width and abs(omega / w - 1.0) < NEAR_HZ
-            for mu, omega in own
+            for mu, omega in folds
             for x, w in others
         )
 
@@ -311,8 +311,8 @@ class Branch:
             "balance_residual": point.residual,
         }
         if k in self.onsets:  # the cycle is steady sliding there
-            value, hz, how = self.onsets[k]
-            row |= {"value": value, "frequency_hz": hz, "criticality": how}
+            onset, hz, how = self.onsets[k]
+            row |= {"value": onset, "frequency_hz": hz, "criticality": how}
             row |= dict.fromkeys(("torque_rms", "contact_velocity", "open_share_max"), 0.0)
         return row
 
@@ -373,25 +373,25 @@ def _cycles_of(
     task: LineTask, way: Way, known: Sequence[Branch], point: DesignPoint
 ) -> list[Continued]:
     """Cycles of branches at a design that its own curves have not led to."""
-    value = float(point.values[task.along])
-    contact = way.contact(value)
-    own = [
+    parameter_value = float(point.values[task.along])
+    contact = way.contact(parameter_value)
+    known_cycles = [
         (s.omega, contact.contact_velocity(s.motion))
         for s in task.starts
         if s.point_id == point.point_id
     ]
-    found: list[Continued] = []
+    new_cycles: list[Continued] = []
     for one in known:
-        for motion in one.crossings(value):
+        for motion in one.crossings(parameter_value):
             level = contact.contact_velocity(motion)
             near = any(
                 abs(motion.omega / w - 1.0) < NEAR_HZ and abs(level / v - 1.0) < NEAR_LEVEL
-                for w, v in own
+                for w, v in known_cycles
             )
             if near:
                 continue
             cycle = _cycle_at(contact, motion, task.request)
-            found.append(Continued(point.point_id, one.start, cycle))
+            new_cycles.append(Continued(point.point_id, one.start, cycle))
             if cycle is not None:
-                own.append((cycle.motion.omega, cycle.levels["contact_velocity"]))
-    return found
+                known_cycles.append((cycle.motion.omega, cycle.levels["contact_velocity"]))
+    return new_cycles

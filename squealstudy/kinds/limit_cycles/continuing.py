@@ -120,8 +120,8 @@ def build_tables(plan: Plan, store: Store, workers: Workers) -> tuple[pd.DataFra
     store.write_table(VELOCITIES, pa.Table.from_pylist(velocities, schema=schema))
     points = write_points(plan, store, tabled(rows, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS)))
     facts = {"seconds": {"continued_s": seconds}, "continued": work.facts}
-    told = {"not_observed": sorted(observers.unlike)} if observers.unlike else {}
-    return points, told | (facts if work.facts["tried"] else {"seconds": {}})
+    facts_of_observers = {"not_observed": sorted(observers.unlike)} if observers.unlike else {}
+    return points, facts_of_observers | (facts if work.facts["tried"] else {"seconds": {}})
 
 
 class Continuation:
@@ -159,20 +159,20 @@ class Continuation:
     # -- what is known --------------------------------------------------------------------------
     def _starts(self) -> dict[str, Start]:
         """All cycles of the study's design points, by id."""
-        wanted = {
+        cycle_rows = {
             c["cycle_id"]: c for row in self._rows for c in row["cycles"] if c["same_as"] == ""
         }
-        found = {}
+        starts = {}
         for series in stored_cycles(self._store):
-            if series.cycle_id in wanted:
-                mode = wanted[series.cycle_id]["mode"]
+            if series.cycle_id in cycle_rows:
+                mode = cycle_rows[series.cycle_id]["mode"]
                 phi = self._request.reference(series.prepared_key).phi
-                found[series.cycle_id] = Start(
+                starts[series.cycle_id] = Start(
                     series.cycle_id, mode, 0.0, series.Q @ phi, series.omega
                 )
         for name, (Q, omega) in self._new.items():
-            found[name] = Start(name, wanted[name]["mode"], 0.0, Q, omega)
-        return found
+            starts[name] = Start(name, cycle_rows[name]["mode"], 0.0, Q, omega)
+        return starts
 
     # -- along a parameter ----------------------------------------------------------------------
     def follow(self, along: str) -> None:
@@ -181,10 +181,10 @@ class Continuation:
         if not tasks:
             return
         self.facts["tried"] += sum(len(task.starts) for task in tasks)
-        for found in self._workers.each(follow_line, tasks, stage="branches"):
-            self.branches += found.branches
-            self._marks += found.marks
-            self._join(found.cycles, found.lost)
+        for continuation in self._workers.each(follow_line, tasks, stage="branches"):
+            self.branches += continuation.branches
+            self._marks += continuation.marks
+            self._join(continuation.cycles, continuation.lost)
 
     def continue_borders(self, along: str, over: str) -> None:
         """Folds and Hopf points of the branches over a second parameter, of all planes."""
@@ -207,9 +207,9 @@ class Continuation:
                 continue
             chosen = []
             for k in on_line.tolist():
-                value = float(plan.tasks.column(along)[k])
+                parameter_value = float(plan.tasks.column(along)[k])
                 chosen += [
-                    (c["contact_velocity"], replace(starts[c["cycle_id"]], value=value))
+                    (c["contact_velocity"], replace(starts[c["cycle_id"]], value=parameter_value))
                     for c in self._rows[k]["cycles"]
                     if c["cycle_id"] in starts
                 ]
@@ -228,8 +228,8 @@ class Continuation:
                 return
             self.facts["tried"] += len(tasks)
             before = self.facts["found"]
-            for found in self._workers.each(step_to_neighbour, tasks, stage="neighbours"):
-                self._join(found.cycles, found.lost)
+            for continuation in self._workers.each(step_to_neighbour, tasks, stage="neighbours"):
+                self._join(continuation.cycles, continuation.lost)
             if self.facts["found"] == before:
                 return
 
@@ -268,56 +268,58 @@ class Continuation:
     # -- what is found --------------------------------------------------------------------------
     def _join(self, cycles: list[Continued], lost: list[str]) -> None:
         self.facts["lost"] += lost
-        for found in cycles:
-            k = self._numbers[found.point_id]
+        for continued in cycles:
+            k = self._numbers[continued.point_id]
             row, point = self._rows[k], self._plan.tasks[k]
-            mode = _family(row, self._rows[self._numbers[found.origin.point_id]], found)
-            came = f"a cycle continued from {found.origin.cycle_id}"
-            if found.cycle is None:
-                self.facts["lost"].append(f"{found.origin.cycle_id}: at {found.point_id}")
+            mode = _family(row, self._rows[self._numbers[continued.origin.point_id]], continued)
+            came = f"a cycle continued from {continued.origin.cycle_id}"
+            if continued.cycle is None:
+                self.facts["lost"].append(f"{continued.origin.cycle_id}: at {continued.point_id}")
                 _judge_again(row, mode, f"{came} could not be confirmed")
                 continue
             number = 1 + sum(c["mode"] == mode for c in row["cycles"])
-            name = f"{found.point_id}-{mode}-{number}"
-            made = cycle_row(name, mode, found.cycle, point.law_kind)
-            made["continued_from"] = found.origin.cycle_id
-            if any(_is_same_row(made, known) for known in row["cycles"]):
+            name = f"{continued.point_id}-{mode}-{number}"
+            new_row = cycle_row(name, mode, continued.cycle, point.law_kind)
+            new_row["continued_from"] = continued.origin.cycle_id
+            if any(_is_same_row(new_row, cycle_there) for cycle_there in row["cycles"]):
                 continue
-            row["cycles"].append(made)
-            self._new[name] = (found.cycle.motion.Q, found.cycle.motion.omega)
+            row["cycles"].append(new_row)
+            self._new[name] = (continued.cycle.motion.Q, continued.cycle.motion.omega)
             self._structure[name] = point.structure
             self.facts["found"] += 1
-            _judge_again(row, mode, came, made)
+            _judge_again(row, mode, came, new_row)
 
     def keep(self) -> None:
         """Write the series of the new cycles."""
         files: dict[str, Any] = {}
         for key in sorted(set(self._structure.values())):
             phi = self._request.reference(key).phi
-            own = {
+            new_series = {
                 name: (Q @ phi.T, omega)
                 for name, (Q, omega) in self._new.items()
                 if self._structure[name] == key
             }
-            files |= cycle_file(content_hash(["continued", key, self._plan.study_hash]), key, own)
+            files |= cycle_file(
+                content_hash(["continued", key, self._plan.study_hash]), key, new_series
+            )
         if files:
             self._store.write_files(files)
 
     def observed(self, observers: Observers) -> list[dict[str, Any]]:
         """Radiated powers join the cycles; rows of the velocities of points, of all cycles."""
-        wanted = {c["cycle_id"]: c for row in self._rows for c in row["cycles"]}
+        cycle_of = {c["cycle_id"]: c for row in self._rows for c in row["cycles"]}
         rows = {}
         for series in stored_cycles(self._store):
-            if series.cycle_id in wanted:
+            if series.cycle_id in cycle_of:
                 power, rows[series.cycle_id] = observers.observe(series)
-                wanted[series.cycle_id]["radiated_power"] = power
-        found = []
-        for name, cycle in wanted.items():  # the same cycle of another family, too
+                cycle_of[series.cycle_id]["radiated_power"] = power
+        velocity_rows = []
+        for name, cycle in cycle_of.items():  # the same cycle of another family, too
             same = cycle["same_as"] or name
-            cycle["radiated_power"] = wanted[same]["radiated_power"]
-            own = {"point_id": name.partition("-")[0], "cycle_id": name, "mode": cycle["mode"]}
-            found += [row | own for row in rows.get(same, [])]
-        return found
+            cycle["radiated_power"] = cycle_of[same]["radiated_power"]
+            identity = {"point_id": name.partition("-")[0], "cycle_id": name, "mode": cycle["mode"]}
+            velocity_rows += [row | identity for row in rows.get(same, [])]
+        return velocity_rows
 
 
 def _has_stable(row: dict[str, Any]) -> bool:
@@ -336,8 +338,8 @@ def _family(row: dict[str, Any], origin: dict[str, Any], found: Continued) -> in
 
     To the mode whose family it was at its own design; it is connected to that one, not to this.
     """
-    known = {v["mode"]: v["frequency_hz"] for v in origin["verdicts"]}
-    hz = known.get(found.origin.mode, found.origin.omega / (2 * np.pi))
+    hz_of_mode = {v["mode"]: v["frequency_hz"] for v in origin["verdicts"]}
+    hz = hz_of_mode.get(found.origin.mode, found.origin.omega / (2 * np.pi))
     nearest = min(row["verdicts"], key=lambda v: abs(v["frequency_hz"] - hz), default=None)
     return found.origin.mode if nearest is None else int(nearest["mode"])
 

@@ -64,18 +64,18 @@ class CyclesRequest:
 
     def reference(self, structure: str) -> SharedModes:
         """Modes that all design points of a structure share; ConvergenceError for too many."""
-        found = shared_reference(structure, self.operating, self.component_modes, ALL_MODES)
-        if found.system.n > MAX_COORDINATES:
-            raise ConvergenceError("too_large", too_large(found.system.n))
-        return found
+        shared = shared_reference(structure, self.operating, self.component_modes, ALL_MODES)
+        if shared.system.n > MAX_COORDINATES:
+            raise ConvergenceError("too_large", too_large(shared.system.n))
+        return shared
 
     def contact(self, point: DesignPoint, gaps: NewGaps) -> tuple[WorkingPoint, ContactOscillator]:
         """Working point and oscillator of a design point, with its unstable modes."""
         reference = self.reference(point.structure)
-        steady, made = steady_motion(
+        steady, motion_start = steady_motion(
             reference, point, self.section.friction, self.band_hz, self.tolerance, gaps
         )
-        return steady, ContactOscillator(reference.system, made)
+        return steady, ContactOscillator(reference.system, motion_start)
 
     def contact_near(
         self, point: DesignPoint, near: np.ndarray | None
@@ -83,10 +83,10 @@ class CyclesRequest:
         """The same of one on a curve of designs, from gaps (nc,) of another; nothing is kept."""
         reference, prepared = self.reference(point.structure), prepared_model(point.structure)
         friction = self.section.friction
-        steady, made = motion_at(
+        steady, motion_start = motion_at(
             reference, prepared, point, friction, None, self.tolerance, near=near
         )
-        return steady, ContactOscillator(reference.system, made)
+        return steady, ContactOscillator(reference.system, motion_start)
 
 
 def request(plan: Plan) -> CyclesRequest:
@@ -138,9 +138,9 @@ class Way:
             while len(self._known) >= DESIGN_CACHE_SIZE:
                 del self._known[next(iter(self._known))]
             near = self._last[0] if self._last else None
-            steady, found = self.asked.contact_near(self.design(value), near)
+            steady, oscillator = self.asked.contact_near(self.design(value), near)
             self._last[:] = [steady.gap]
-            self._known[value] = found
+            self._known[value] = oscillator
         return self._known[value]
 
     def oscillator(self, value: float) -> Oscillator:

@@ -143,21 +143,23 @@ class LimitCycles(ModelKind):
 
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[CyclesTask]:
         """Tasks of design points next to each other, which serve each other."""
-        asked, points = request(plan), points.at(by_nearness(points))
+        cycles_request, points = request(plan), points.at(by_nearness(points))
         together = min(POINTS_PER_TASK, math.ceil(len(points) / MIN_TASKS))
         parts = workers.pace.parts(points, workers.jobs, max(together, 1))
-        return (CyclesTask(asked, part) for part in parts)
+        return (CyclesTask(cycles_request, part) for part in parts)
 
     def solve(self, task: CyclesTask) -> Solved:
         """Solve one chunk in a worker."""
-        gaps, found, near = NewGaps(), list[tuple[dict[str, Any], dict[str, Any]]](), None
+        gaps, rows_and_files, near = NewGaps(), list[tuple[dict[str, Any], dict[str, Any]]](), None
         for point in task.points:
-            row, own, followed = cycles_row(point, task.request, gaps, near)
+            row, row_files, followed = cycles_row(point, task.request, gaps, near)
             near = followed or near
-            found.append((row, own))
+            rows_and_files.append((row, row_files))
         gaps.save()
-        files = {name: content for _, own in found for name, content in own.items()}
-        return Solved([row for row, _ in found], files)
+        files = {
+            name: content for _, row_files in rows_and_files for name, content in row_files.items()
+        }
+        return Solved([row for row, _ in rows_and_files], files)
 
     def build_tables(
         self, plan: Plan, store: Store, workers: Workers
@@ -190,8 +192,8 @@ class LimitCycles(ModelKind):
         cycles_row(task, request(plan), NewGaps())  # kernels are compiled
         started = time.perf_counter()
         with threadpool_limits(1):
-            found, *_ = cycles_row(task, request(plan), NewGaps())
-        return None if found["status"] != "ok" else time.perf_counter() - started
+            row, *_ = cycles_row(task, request(plan), NewGaps())
+        return None if row["status"] != "ok" else time.perf_counter() - started
 
 
 @dataclass(frozen=True)
@@ -213,24 +215,24 @@ def by_nearness(points: DesignPoints) -> np.ndarray:
     x = np.column_stack([points.column(name) for name in points.varied])
     width = np.ptp(x, axis=0)
     x = (x - x.min(axis=0)) / np.where(width > 0.0, width, 1.0)
-    found = list[int]()
+    sequence = list[int]()
     for _, rows in points.of_structures():
-        left = rows.copy()
-        here, left = left[0], left[1:]
-        found.append(int(here))
-        while len(left):
-            k = int(np.argmin(((x[left] - x[here]) ** 2).sum(axis=1).round(12)))
-            here, left = left[k], np.delete(left, k)
-            found.append(int(here))
-    return np.array(found)
+        remaining = rows.copy()
+        here, remaining = remaining[0], remaining[1:]
+        sequence.append(int(here))
+        while len(remaining):
+            k = int(np.argmin(((x[remaining] - x[here]) ** 2).sum(axis=1).round(12)))
+            here, remaining = remaining[k], np.delete(remaining, k)
+            sequence.append(int(here))
+    return np.array(sequence)
 
 
 def _lines(plan: Plan, *along: str | None) -> np.ndarray:
     """What is constant on each line or plane of design points along these parameters (n, ..)."""
     columns = [k for k, sweep in enumerate(plan.study.sweeps) if sweep.name not in along]
     constant = np.column_stack([plan.swept[:, columns], plan.tasks.structure_index])
-    found: np.ndarray = np.unique(constant, axis=0)
-    return found
+    distinct: np.ndarray = np.unique(constant, axis=0)
+    return distinct
 
 
 def _not_followed(study: ResolvedStudy, name: str | None) -> str:
@@ -239,8 +241,8 @@ def _not_followed(study: ResolvedStudy, name: str | None) -> str:
         return ""
     swept = {sweep.name: k for k, sweep in enumerate(study.sweeps)}
     if name not in swept:
-        known = ", ".join(f"'{n}'" for n in swept) or "none"
-        return f"expected a swept parameter ({known}), got '{name}'"
+        names = ", ".join(f"'{n}'" for n in swept) or "none"
+        return f"expected a swept parameter ({names}), got '{name}'"
     if study.sweeps[swept[name]].parameter.structural:
         return f"'{name}' changes the structure: cycles are followed within one"
     if grid_shape(study) is None:
@@ -271,7 +273,7 @@ def cycles_row(
     started, section = time.perf_counter(), asked.section
     try:
         steady, contact = asked.contact(point, gaps)
-        found = families(
+        followed_families = families(
             contact,
             asked.band,
             None if section.families in (ALL, SCREENED) else section.families,  # type: ignore[arg-type]
@@ -280,11 +282,11 @@ def cycles_row(
             section.screen if section.families == SCREENED else np.inf,
             near if section.share_curves else None,
         )
-        followed = found._replace(name=point.point_id)
+        followed = followed_families._replace(name=point.point_id)
         reach = asked.search(contact).reach
         if section.undecided_in_time:
-            found = decided_in_time(contact, found, asked.band, reach)
-        kicked = kicks(contact, found, reach) if section.kick_along_mode else {}
+            followed_families = decided_in_time(contact, followed_families, asked.band, reach)
+        kicked = kicks(contact, followed_families, reach) if section.kick_along_mode else {}
     except ParameterError as error:
         why = f"{error.key}: {error.message}"
         return failed_row(SCHEMA, point.point_id, "parameter", why), {}, None
@@ -292,15 +294,19 @@ def cycles_row(
         wall_s = time.perf_counter() - started
         return failed_row(SCHEMA, point.point_id, *reason(error), wall_s), {}, None
     wall_s = time.perf_counter() - started
-    row = solved_row(point.point_id, wall_s, steady, point.law_kind, found, kicked)
-    motions = (cycle.motion for _, family in found.families for cycle in family.cycles)
+    row = solved_row(point.point_id, wall_s, steady, point.law_kind, followed_families, kicked)
+    motions = (cycle.motion for _, family in followed_families.families for cycle in family.cycles)
     phi = asked.reference(point.structure).phi
-    own = {
+    cycle_series = {
         cycle["cycle_id"]: (motion.Q @ phi.T, motion.omega)
         for cycle, motion in zip(row["cycles"], motions, strict=True)
         if not cycle["same_as"]
     }
-    return row, cycle_file(point.point_id, point.structure, own) if own else {}, followed
+    return (
+        row,
+        cycle_file(point.point_id, point.structure, cycle_series) if cycle_series else {},
+        followed,
+    )
 
 
 KIND = LimitCycles()

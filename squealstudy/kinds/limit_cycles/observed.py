@@ -63,16 +63,18 @@ class Observer:
         form = np.zeros((model.n, model.n)) if radiating else None
         for name in radiating:
             k, component = components[name]
-            own = slice(int(model.offsets[k]), int(model.offsets[k + 1]))
+            component_columns = slice(int(model.offsets[k]), int(model.offsets[k + 1]))
             assert form is not None
-            form[own, own] = mean_square_form(component, np.asarray(way.blocks[k]))
+            form[component_columns, component_columns] = mean_square_form(
+                component, np.asarray(way.blocks[k])
+            )
         places = {}
         for point in points:
             k, component = components[point.component]
-            seen = place(component, np.asarray(way.blocks[k]), point.at)
-            rows = np.zeros((len(seen.rows), model.n))
-            rows[:, int(model.offsets[k]) : int(model.offsets[k + 1])] = seen.rows
-            places[point.name] = Place(rows, seen.distance)
+            observed = place(component, np.asarray(way.blocks[k]), point.at)
+            rows = np.zeros((len(observed.rows), model.n))
+            rows[:, int(model.offsets[k]) : int(model.offsets[k + 1])] = observed.rows
+            places[point.name] = Place(rows, observed.distance)
         return cls(form, places)
 
     def power(self, Q: np.ndarray, omega: float) -> float:
@@ -86,11 +88,11 @@ class Observer:
         """RMS and largest speed [m/s] of each named point over the period."""
         theta = 2 * np.pi * np.arange(SAMPLES_PER_PERIOD) / SAMPLES_PER_PERIOD
         slope = series_at(theta, (len(Q) - 1) // 2)[1]
-        found = {}
-        for name, seen in self.places.items():
-            squared = ((omega * slope @ (Q @ seen.rows.T)) ** 2).sum(axis=1)
-            found[name] = float(np.sqrt(squared.mean())), float(np.sqrt(squared.max()))
-        return found
+        speeds = {}
+        for name, named_place in self.places.items():
+            squared = ((omega * slope @ (Q @ named_place.rows.T)) ** 2).sum(axis=1)
+            speeds[name] = float(np.sqrt(squared.mean())), float(np.sqrt(squared.max()))
+        return speeds
 
 
 class Observers:
@@ -134,7 +136,9 @@ class Observers:
 
     def _made(self, key: str) -> Observer | None:
         plan, section = self._plan, self._plan.study.section
-        row = next(int(rows[0]) for own, rows in plan.tasks.of_structures() if own == key)
+        row = next(
+            int(rows[0]) for key_there, rows in plan.tasks.of_structures() if key_there == key
+        )
         way = expansion(plan, row, lambda *_: None)
         if not same_coordinates(way.model, load_prepared(key).model):
             self.unlike.add(key)
@@ -145,16 +149,16 @@ class Observers:
 def not_observed(study: ResolvedStudy) -> tuple[tuple[str | int, ...], str]:
     """Key and reason of what cannot be observed in a study; empty where all can be."""
     section, names = study.section, study.model.components
-    known = ", ".join(f"'{name}'" for name in names) or "none"
+    listed_names = ", ".join(f"'{name}'" for name in names) or "none"
     for name in section.radiating:
         if name not in names:
-            return ("radiating",), f"expected components ({known}), got '{name}'"
+            return ("radiating",), f"expected components ({listed_names}), got '{name}'"
         if not study.model.meshed:
             return ("radiating",), f"the model {study.model.name} has no mesh, and so no surface"
     for k, point in enumerate(section.points):
         if point.component not in names:
             where = ("points", k, "component")
-            return where, f"expected a component ({known}), got '{point.component}'"
+            return where, f"expected a component ({listed_names}), got '{point.component}'"
         if study.model.meshed != isinstance(point.at, tuple):
             expected = "[x, y, z] in m" if study.model.meshed else "a degree of freedom from 1"
             return ("points", k, "at"), f"expected {expected} of the model {study.model.name}"

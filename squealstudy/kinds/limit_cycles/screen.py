@@ -71,7 +71,7 @@ class LimitCyclesScreen(KindScreen):
         """A line a design point."""
         points, units = results.points, results.units
         varied = [p for p in results.parameters if len(set(points[p])) > 1]
-        own = varied if len(varied) <= MOST_COLUMNS else []
+        shown_parameters = varied if len(varied) <= MOST_COLUMNS else []
         listed = points.head(MOST_POINTS)
         unit = units.get(TORQUE, "N m")
         force = "force of friction" if unit == "N" else "torque"
@@ -86,11 +86,11 @@ class LimitCyclesScreen(KindScreen):
             listed = listed[:0]
         why = footnotes(_reasons(listed))
         shown = grid(
-            *(f"value:{with_unit(p, units)}" for p in own),
+            *(f"value:{with_unit(p, units)}" for p in shown_parameters),
             "word:verdict",
             *(f"value:{title}" for title in columns),
             "text:because",
-            rows=(_cells(row, own, why) for row in listed.to_dict("records")),
+            rows=(_cells(row, shown_parameters, why) for row in listed.to_dict("records")),
         )
         more = len(points) - len(listed)
         legend = notes(
@@ -122,24 +122,24 @@ class LimitCyclesScreen(KindScreen):
         """How many designs have which verdict."""
         points = results.points
         solved = points["status"] == "ok"
-        told = self.counted(results, points["verdict"].where(solved, FAILED).tolist())
+        counts_text = self.counted(results, points["verdict"].where(solved, FAILED).tolist())
         band = band_text(results.fact("band_hz"))
-        return f"{plural(len(points), 'design')}, of modes {band}: {told}."
+        return f"{plural(len(points), 'design')}, of modes {band}: {counts_text}."
 
     def facts(self, results: ResultTables) -> Rows:
         """Modes that were followed, and cycles; what the levels err by."""
         cycles, verdicts = results.table("cycles"), results.table("verdicts")
-        own = cycles[(cycles["same_as"] == "").to_numpy(bool)]
+        distinct_cycles = cycles[(cycles["same_as"] == "").to_numpy(bool)]
         counts = verdicts["verdict"].value_counts()
         text = ", ".join(f"{n} {str(name).replace('_', ' ')}" for name, n in counts.items())
         rows = [("modes", f"followed, over all designs: {text}" if text else "none followed")]
-        if len(own):
-            bad = int((own["status"] != "ok").sum())
-            error = own.loc[own["status"] == "ok", "level_error"].max()
-            said = plural(len(own), "cycle")
+        if len(distinct_cycles):
+            bad = int((distinct_cycles["status"] != "ok").sum())
+            error = distinct_cycles.loc[distinct_cycles["status"] == "ok", "level_error"].max()
+            said = plural(len(distinct_cycles), "cycle")
             said += (
                 f", error of their levels {small_percent(error)} % at most"
-                if bad < len(own)
+                if bad < len(distinct_cycles)
                 else ""
             )
             if bad:
@@ -169,14 +169,14 @@ def _branches(results: ResultTables) -> Rows:
         others = [setting(p, line[p], units.get(p, "")) for p in varied if p != along]
         at = f" at {', '.join(others)}" if others else ""
         events = branch[(branch["event"] != "").to_numpy(bool)]
-        told = [
+        event_texts = [
             f"{EVENT_WORDS.get(e['event'], e['event'])} at "
             + amount(e["value"], units.get(along, ""))
             + (f" ({e['criticality']})" if e["criticality"] else "")
             for e in events.head(MOST_EVENTS).to_dict("records")
         ]
-        more = len(events) - len(told)
-        text = ", ".join(told) or "no event"
+        more = len(events) - len(event_texts)
+        text = ", ".join(event_texts) or "no event"
         ends = [str(v) for v in branch["branch_end"] if v]
         words = [BRANCH_ENDS.get(end, end.replace("_", " ")) for end in dict.fromkeys(ends)]
         ended = "comes back to its start" if CLOSED in ends else f"ends {' and '.join(words)}"
@@ -188,8 +188,8 @@ def _branches(results: ResultTables) -> Rows:
                 + f"; {ended}",
             )
         )
-    if (left := len(rows) - MOST_BRANCHES) > 0:
-        rows[MOST_BRANCHES:] = [("", f"{left} more in the branches table")]
+    if (n_more := len(rows) - MOST_BRANCHES) > 0:
+        rows[MOST_BRANCHES:] = [("", f"{n_more} more in the branches table")]
     return rows
 
 
@@ -199,8 +199,8 @@ def _borders(borders: pd.DataFrame) -> Rows:
         return []
     first = borders.drop_duplicates("border_id")
     counts = {name: int((first["event"] == event).sum()) for event, name in EVENTS.items()}
-    told = (plural(n, f"curve of {k}", f"curves of {k}") for k, n in counts.items() if n)
-    text = " and ".join(told)
+    counted_curves = (plural(n, f"curve of {k}", f"curves of {k}") for k, n in counts.items() if n)
+    text = " and ".join(counted_curves)
     over = f"{text} over {first['along'].iloc[0]} and {first['over'].iloc[0]}"
     apart = borders["line_difference"].abs().max()
     return [
@@ -220,10 +220,18 @@ def _reasons(points: pd.DataFrame) -> list[str]:
 
 def footnotes(reasons: list[str]) -> dict[str, str]:
     """What stands in the table for each reason: a letter, where some of them are there twice."""
-    told = list(dict.fromkeys(reasons))
-    repeated = len(told) < len([r for r in reasons if r]) and len(told) <= len(ascii_lowercase)
-    long = any(len(reason) > MAX_SHORT_REASON_CHARACTERS for reason in told)
-    return dict(zip(told, ascii_lowercase if repeated and long else told, strict=False))
+    distinct_reasons = list(dict.fromkeys(reasons))
+    repeated = len(distinct_reasons) < len([r for r in reasons if r]) and len(
+        distinct_reasons
+    ) <= len(ascii_lowercase)
+    long = any(len(reason) > MAX_SHORT_REASON_CHARACTERS for reason in distinct_reasons)
+    return dict(
+        zip(
+            distinct_reasons,
+            ascii_lowercase if repeated and long else distinct_reasons,
+            strict=False,
+        )
+    )
 
 
 def _cells(row: dict[Hashable, Any], own: list[str], why: Mapping[str, str]) -> list[str]:

@@ -162,16 +162,16 @@ def solved_row(
     kicked: Mapping[int, Kick],
 ) -> dict[str, Any]:
     """Chunk row of a design point whose families were followed, and some kicked, by their modes."""
-    found = followed.families
-    cycles = _cycles(point_id, law_kind, found)
+    family_list = followed.families
+    cycles = _cycles(point_id, law_kind, family_list)
     verdicts = [
         _verdict(point_id, mode, family, law_kind)
         | {f"kick_{k}": v for k, v in asdict(kicked.get(mode, NOT_KICKED)).items()}
-        for mode, family in found
+        for mode, family in family_list
     ]
     curves = [
         {"mode": mode, "n_step": k, "balance_residual": p["residual"], **_without(p, "residual")}
-        for mode, family in found
+        for mode, family in family_list
         for k, p in enumerate(family.curve)
     ]
     return {
@@ -185,7 +185,7 @@ def solved_row(
 
 
 def _without(row: dict[str, Any], name: str) -> dict[str, Any]:
-    return {key: value for key, value in row.items() if key != name}
+    return {key: cell for key, cell in row.items() if key != name}
 
 
 def summary(
@@ -197,13 +197,13 @@ def summary(
     """What the families of a design come to; of levels the loudest stable cycle's."""
     beyond = f"; {plural(left_out, 'mode')} not followed" if left_out else ""
     beyond += "; a mode outside the band is unstable" if unstable_outside else ""
-    told = {"n_left_out": left_out, "unstable_outside": unstable_outside}
+    facts = {"n_left_out": left_out, "unstable_outside": unstable_outside}
     if not verdicts:
         numbers = dict.fromkeys((n for n, t in SUMMARY_FIELDS if t == REAL), np.nan)
         counts = dict.fromkeys(("n_families", "n_unstable", "n_cycles"), 0)
         reason = f"no mode was followed{beyond}"
         words = {"verdict": UNDECIDED, "reason": reason, "invalid_reason": ""}
-        return {**words, **told, **counts, **numbers}
+        return {**words, **facts, **counts, **numbers}
     first = min(verdicts, key=lambda v: VERDICTS.index(v["verdict"]))
     loudest = max(
         (v for v in verdicts if np.isfinite(v["torque_rms"])),
@@ -214,13 +214,13 @@ def summary(
     weakest = min(kicked, key=lambda v: v["threshold_velocity"], default=first)
     shown = weakest if first["verdict"] == IF_KICKED else first
     level = f"; its level, of mode {loudest['mode']}: {loudest['reason']}"
-    known = loudest is first or not np.isfinite(loudest["torque_rms"])
+    is_first_or_silent = loudest is first or not np.isfinite(loudest["torque_rms"])
     return {
         "verdict": first["verdict"],
         "reason": f"mode {first['mode']}: {first['reason']}"
-        + ("" if known else level)
+        + ("" if is_first_or_silent else level)
         + ("" if first["verdict"] == SQUEALS else beyond),
-        **told,
+        **facts,
         "n_families": len(verdicts),
         "n_unstable": sum(v["unstable"] for v in verdicts),
         "n_cycles": sum(c["same_as"] == "" for c in cycles),
@@ -239,8 +239,8 @@ def summary(
 
 def _velocity(verdict: Mapping[str, Any], cycles: Sequence[Mapping[str, Any]]) -> float:
     """Contact velocity [m/s] of the cycle whose level a verdict has; NaN where it has none."""
-    own = (c for c in cycles if c["stable"] and c["torque_rms"] == verdict["torque_rms"])
-    return max((known_velocity(c) for c in own), default=np.nan)
+    of_level = (c for c in cycles if c["stable"] and c["torque_rms"] == verdict["torque_rms"])
+    return max((known_velocity(c) for c in of_level), default=np.nan)
 
 
 def known_velocity(cycle: Mapping[str, Any]) -> float:
@@ -311,15 +311,15 @@ def _cycles(
     point_id: str, law_kind: str, found: Sequence[tuple[int, Family]]
 ) -> list[dict[str, Any]]:
     """Rows of all cycles; one that two families lead to stands twice, the second time so named."""
-    known: list[tuple[str, Cycle]] = []
+    earlier_cycles: list[tuple[str, Cycle]] = []
     rows = []
     for mode, family in found:
         for place, cycle in enumerate(family.cycles):
             name = _cycle_id(point_id, mode, place)
-            same = next((other for other, c in known if same_cycle(c, cycle)), "")
+            same = next((other for other, c in earlier_cycles if same_cycle(c, cycle)), "")
             rows.append(cycle_row(name, mode, cycle, law_kind) | {"same_as": same})
             if not same:
-                known.append((name, cycle))
+                earlier_cycles.append((name, cycle))
     return rows
 
 
