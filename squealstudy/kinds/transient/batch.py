@@ -244,20 +244,20 @@ def sensed_modes(
     ValueError
         A band without modes, or a mode that is not there; the message says which.
     """
-    wanted = band_hz if section.sensors is None else section.sensors
+    sensors = band_hz if section.sensors is None else section.sensors
     n = len(omega2)
-    if section.sensors is not None and all(isinstance(v, int) for v in wanted):
-        if max(wanted) > n:
+    if section.sensors is not None and all(isinstance(v, int) for v in sensors):
+        if max(sensors) > n:
             raise ValueError(
-                f"the assembly has {n} modes in this basis, got mode {max(wanted)}; "
+                f"the assembly has {n} modes in this basis, got mode {max(sensors)}; "
                 "a band in Hz is written with a point, [500.0, 8000.0]"
             )
-        return np.array(wanted, dtype=int)
+        return np.array(sensors, dtype=int)
     f = np.sqrt(np.maximum(omega2, 0.0)) / (2 * np.pi)
-    found = np.flatnonzero((f >= wanted[0]) & (f <= wanted[1])) + 1
-    if not len(found):
+    mode_numbers = np.flatnonzero((f >= sensors[0]) & (f <= sensors[1])) + 1
+    if not len(mode_numbers):
         raise ValueError(
-            f"no assembly mode lies between {wanted[0]:g} and {wanted[1]:g} Hz "
+            f"no assembly mode lies between {sensors[0]:g} and {sensors[1]:g} Hz "
             f"(there are {n}, up to {f[-1]:.4g} Hz)"
         )
-    return found
+    return mode_numbers

@@ -206,10 +206,10 @@ class Transient(ModelKind):
         preparation.warm(plan.study.section)
         started = time.perf_counter()
         with threadpool_limits(1):
-            found = preparation.time_steps(batch_task(plan, (task,), truncated_choice(plan)))
-        if found is None:
+            timed = preparation.time_steps(batch_task(plan, (task,), truncated_choice(plan)))
+        if timed is None:
             return None
-        seconds, steps, total = found
+        seconds, steps, total = timed
         return (time.perf_counter() - started - seconds) + seconds * total / steps
 
 

@@ -75,7 +75,10 @@ def measure_points(
                 _measured_batch(plan, part, asked.integrator, START_RATIO**n)
                 for n in range(asked.starts)
             ]
-            merged = [together(found) for found in zip(*(r[0] for r in runs), strict=True)]
+            merged = [
+                together(findings_of_point)
+                for findings_of_point in zip(*(r[0] for r in runs), strict=True)
+            ]
             findings |= {str(first + n): one for n, one in enumerate(merged)}
             spent += sum(r[1] if r[3] else np.nan for r in runs) / asked.starts
             memory_mb = max(memory_mb, *(r[2] for r in runs))
@@ -102,11 +105,17 @@ def _measured_batch(
         _ = task.reference
     except FAILURES as error:
         return [_failed(*reason(error)) for _ in part], 0.0, 0.0, []
-    found = [set_up(task, point, NewGaps()) for point in part]
+    starts = [set_up(task, point, NewGaps()) for point in part]
     chosen = [
-        point for point, made in zip(part, found, strict=True) if isinstance(made, MotionPoint)
+        point
+        for point, start_or_failure in zip(part, starts, strict=True)
+        if isinstance(start_or_failure, MotionPoint)
     ]
-    ready = [_scaled(made, start) for made in found if isinstance(made, MotionPoint)]
+    ready = [
+        _scaled(start_or_failure, start)
+        for start_or_failure in starts
+        if isinstance(start_or_failure, MotionPoint)
+    ]
     seconds, finished, message = 0.0, [], ("failed", "")
     with memory_above() as memory:
         started = time.process_time()
@@ -117,12 +126,12 @@ def _measured_batch(
         seconds = time.process_time() - started
     done = iter(finished)
     findings = [
-        _failed(*made)
-        if not isinstance(made, MotionPoint)
+        _failed(*start_or_failure)
+        if not isinstance(start_or_failure, MotionPoint)
         else _motion_finding(next(done))
         if finished
         else _failed(*message)
-        for made in found
+        for start_or_failure in starts
     ]
     return findings, seconds, memory.megabytes, finished
 

@@ -97,7 +97,7 @@ def regularisation_of(plan: Plan) -> dict[str, Any] | None:
     speeds = points.column(REGULARISATION_SPEED.name)[points.column(SLOPE.name) == 0]
     if not len(speeds):
         return None
-    given: Columns = {
+    columns: Columns = {
         **study.values,
         **{s.name: plan.swept[:, k] for k, s in enumerate(study.sweeps)},
     }
@@ -107,7 +107,7 @@ def regularisation_of(plan: Plan) -> dict[str, Any] | None:
         "slowest_sliding_speed": slowest_speed(study),
         "share": REGULARISATION_SHARE,
         "points": len(speeds),
-        "automatic": int(np.broadcast_to(is_automatic(given), len(points)).sum()),
+        "automatic": int(np.broadcast_to(is_automatic(columns), len(points)).sum()),
     }
 
 
@@ -168,9 +168,9 @@ def start_of(plan: Plan) -> StartState | None:
         )
     store = Store(directory)
     try:
-        known = _finished(store)
+        finished = _finished(store)
         states = {Path(name).stem: name for name in store.names(STATES)}
-        states = {k: name for k, name in states.items() if known is None or k in known}
+        states = {k: name for k, name in states.items() if finished is None or k in finished}
         path = store.whole(_chosen(section, source, states))
     except ResultsError as error:
         raise source.error(KEY, str(error)) from None
@@ -191,13 +191,13 @@ def _on_cycle(section: TransientSection, source: SourceText) -> StartState:
                 f"expected 'cycle:DIRECTORY/ID' with results of limit cycles, '{directory}' holds "
                 "none",
             )
-        found = stored_cycle(Store(directory), cycle_id)
+        series = stored_cycle(Store(directory), cycle_id)
     except ResultsError as error:
         raise source.error(KEY, str(error)) from None
-    synthesis, slope = series_at(np.zeros(1), (len(found.Q) - 1) // 2)
-    q, v = (synthesis @ found.Q)[0], found.omega * (slope @ found.Q)[0]
-    name = f"{found.cycle_id} {found.omega!r}"  # what a run depends on
-    state = StartState(name, found.prepared_key, section.representation, q, v)
+    synthesis, slope = series_at(np.zeros(1), (len(series.Q) - 1) // 2)
+    q, v = (synthesis @ series.Q)[0], series.omega * (slope @ series.Q)[0]
+    name = f"{series.cycle_id} {series.omega!r}"  # what a run depends on
+    state = StartState(name, series.prepared_key, section.representation, q, v)
     return state.scaled(section.start_scale)
 
 
@@ -210,22 +210,22 @@ def _finished(store: Store) -> set[str] | None:
 
 
 def _chosen(section: TransientSection, source: SourceText, states: dict[str, str]) -> str:
-    wanted = section.start_point
+    point_name = section.start_point
     if not states:
         raise source.error(KEY, f"no design point of '{section.start}' has reached its end")
-    if wanted is None and len(states) == 1:
+    if point_name is None and len(states) == 1:
         return next(iter(states.values()))
-    if wanted is None:
+    if point_name is None:
         raise source.error(
             KEY,
             f"'{section.start}' has {len(states)} final states: name one by start_point, "
             f"for example '{next(iter(states))}'",
         )
-    found = [name for point, name in states.items() if point.startswith(wanted)]
-    if len(found) != 1:
-        what = "is not unique" if found else "is not finished, failed, or is unknown"
-        raise source.error(POINT_KEY, f"point '{wanted}' of '{section.start}' {what}")
-    return found[0]
+    matching = [name for point, name in states.items() if point.startswith(point_name)]
+    if len(matching) != 1:
+        what = "is not unique" if matching else "is not finished, failed, or is unknown"
+        raise source.error(POINT_KEY, f"point '{point_name}' of '{section.start}' {what}")
+    return matching[0]
 
 
 def _read(path: Path) -> StartState:

@@ -83,14 +83,16 @@ def warnings(plan: Plan) -> list[str]:
             if modes.n_outside:
                 outside.append((modes.growth_outside, modes.frequency_outside))
             number = stick_number(system, design, task.section.step)
-            own = task.points[0]
-            speed = own.values[REGULARISATION_SPEED.name] if regularised(own) else 0.0
+            first_point = task.points[0]
+            speed = (
+                first_point.values[REGULARISATION_SPEED.name] if regularised(first_point) else 0.0
+            )
             stiff.append((number, design.friction.k_t, speed))
             # squeal saturates where the vibration moves about as fast as the disc
             closing.append(closing_number(design.contact, abs(design.speed), task.section.step))
-    found = (_outside(plan, outside), _stiff(plan, stiff), _closing(plan, closing))
-    told = (*found, _standstill_warnings(plan), _rounded_away(plan))
-    return [text for part in told for text in part]
+    of_tasks = (_outside(plan, outside), _stiff(plan, stiff), _closing(plan, closing))
+    texts = (*of_tasks, _standstill_warnings(plan), _rounded_away(plan))
+    return [text for part in texts for text in part]
 
 
 def _ends(plan: Plan) -> list[BatchTask]:
@@ -129,8 +131,8 @@ def _rounded_away(plan: Plan) -> list[str]:
     """Excess of static friction that falls within the speeds at which points stick already."""
     points = plan.tasks
     names = (REGULARISATION_SPEED.name, SLOPE.name, STATIC_RATIO.name, DECAY_SPEED.name)
-    known = {*plan.study.values}
-    if not set(names) <= known:
+    given_names = {*plan.study.values}
+    if not set(names) <= given_names:
         return []  # of another curve of friction
     speed, slope, ratio, decay = (points.column(name) for name in names)
     lost = (slope == 0) & (ratio > 1) & (speed > MOST_OF_DECAY * decay)
@@ -199,15 +201,15 @@ def make_training_runs(plan: Plan, report: Progress, wanted: Collection[str] | N
     """
     if not plan.study.section.pod_vectors:
         return
-    asked = [key for key in plan.structures if wanted is None or key in wanted]
-    missing = [key for key in asked if _seconds(plan, key) is None]
+    keys = [key for key in plan.structures if wanted is None or key in wanted]
+    missing = [key for key in keys if _seconds(plan, key) is None]
     for done, key in enumerate(missing):
         report("training run", done, len(missing))
         started = time.process_time()
         with threadpool_limits(1):
-            made = training_run(plan, key)
+            training = training_run(plan, key)
         discard(training_path(plan, key))  # where there is one, it is no training
-        save_value(training_path(plan, key), (made, time.process_time() - started))
+        save_value(training_path(plan, key), (training, time.process_time() - started))
     if missing:
         report("training run", len(missing), len(missing))
 
@@ -216,19 +218,19 @@ def training_seconds(plan: Plan) -> float:
     """What training took on the structures that are trained on, for all of them; 0 without."""
     if not plan.study.section.pod_vectors:
         return 0.0
-    told = (_seconds(plan, key) for key in plan.structures)
-    made = [seconds for seconds in told if seconds is not None]
-    return float(sum(made)) * len(plan.structures) / max(len(made), 1)
+    seconds_of = (_seconds(plan, key) for key in plan.structures)
+    known_seconds = [seconds for seconds in seconds_of if seconds is not None]
+    return float(sum(known_seconds)) * len(plan.structures) / max(len(known_seconds), 1)
 
 
 def _seconds(plan: Plan, key: str) -> float | None:
     """What the training of a structure took; None where the cache holds none, whoever wrote it."""
     folder = training_path(plan, key)
-    found = load_value(folder) if is_whole(folder) else None
-    if not (isinstance(found, tuple) and len(found) == 2):
+    stored = load_value(folder) if is_whole(folder) else None
+    if not (isinstance(stored, tuple) and len(stored) == 2):
         return None
-    made, seconds = found
-    fit = isinstance(made, Training) and isinstance(seconds, float) and math.isfinite(seconds)
+    training, seconds = stored
+    fit = isinstance(training, Training) and isinstance(seconds, float) and math.isfinite(seconds)
     return seconds if fit else None
 
 
@@ -239,11 +241,13 @@ def training_run(plan: Plan, prepared_key: str) -> Training:
     )
     task = batch_task(plan, points, ALL_MODES)
     system = task.reference.system
-    found = [(p, set_up(task, p, NewGaps())) for p in points]
+    starts = [(p, set_up(task, p, NewGaps())) for p in points]
     designs = [
-        perturbed(system, made, TRAINING_VELOCITY_RATIO * abs(p.values["sliding_speed"]))
-        for p, made in found
-        if isinstance(made, MotionPoint)
+        perturbed(
+            system, start_or_failure, TRAINING_VELOCITY_RATIO * abs(p.values["sliding_speed"])
+        )
+        for p, start_or_failure in starts
+        if isinstance(start_or_failure, MotionPoint)
     ]
     settings = settings_of(task.section.training, 0)
     settings = replace(

@@ -61,9 +61,9 @@ class TransientScreen(KindScreen):
         left_out = f"; {plural(undecided, 'undecided run')} left out" if undecided else ""
         if not len(table):
             failed = (results.points["class"] == FAILED).any()
-            known = "is known to keep" if undecided or failed else "keeps"
+            keeps_text = "is known to keep" if undecided or failed else "keeps"
             what = "Nothing within the query" if where else "No design point"
-            return [f"{what} {known} vibrating{left_out}."]
+            return [f"{what} {keeps_text} vibrating{left_out}."]
         varied = any(table["worst"])
         shown = grid(
             *("mode", "Hz", "energy %", "most %", "leads at", "word:energy in"),
@@ -121,21 +121,23 @@ def points(
     """What became of each design point; `unit` is N m of torques, N of friction forces."""
     what = "torque" if unit == "N m" else "force"
     varied = [p for p in parameters if len(set(table[p])) > 1]
-    own = varied if len(varied) <= MOST_COLUMNS else []
-    places = [f"value:{with_unit(p, units)}" for p in own] or (["point"] if varied else [])
+    shown_parameters = varied if len(varied) <= MOST_COLUMNS else []
+    places = [f"value:{with_unit(p, units)}" for p in shown_parameters] or (
+        ["point"] if varied else []
+    )
     listed = table.head(MOST_POINTS)
-    moved = bool(listed["transfer_to"].any())
+    transfers = bool(listed["transfer_to"].any())
     columns = ["growth 1/s", "forecast", f"{what} {unit}", "RMS", "Hz", "mode", "share %"]
 
     def cells(number: int, row: dict[Hashable, Any]) -> list[str]:
-        place = [f"{row[p]:.6g}" for p in own] or ([str(number)] if varied else [])
-        return [*place, *_findings(row)[: N_FINDING_COLUMNS - (not moved)]]
+        place = [f"{row[p]:.6g}" for p in shown_parameters] or ([str(number)] if varied else [])
+        return [*place, *_findings(row)[: N_FINDING_COLUMNS - (not transfers)]]
 
     shown = grid(
         *places,
         "word:class",
         *(f"value:{title}" for title in columns),
-        *(["word:transfer"] if moved else []),
+        *(["word:transfer"] if transfers else []),
         rows=(cells(k, row) for k, row in enumerate(listed.to_dict("records"))),
     )
     more = len(table) - len(listed)
@@ -148,7 +150,7 @@ def points(
         "repeat); mode, share: the one with most energy; all over the end of the run",
     )
     parts: list[RenderableType] = [shown, legend]
-    if varied and not own:
+    if varied and not shown_parameters:
         parts += ["", _changes(listed, varied)]
     return [*parts, *_undecided(table)]
 
@@ -162,14 +164,14 @@ def _undecided(table: pd.DataFrame) -> list[RenderableType]:
     until = table.loc[table["class"] == UNDECIDED, "undecided_until"]
     if not len(until):
         return []
-    known = until[np.isfinite(until)]
+    finite = until[np.isfinite(until)]
     runs = "run is" if len(until) == len(table) == 1 else "runs are"
     text = f"undecided: {len(until)} of {len(table)} {runs} too short to tell what they come to"
-    if len(known):
-        text += f"; a duration of about {known.max():.2g} s would decide "
-        text += "them" if len(known) == len(until) else f"{len(known)} of them"
-    if len(known) < len(until):
-        text += f"; of {len(until) - len(known)} no duration is known that would"
+    if len(finite):
+        text += f"; a duration of about {finite.max():.2g} s would decide "
+        text += "them" if len(finite) == len(until) else f"{len(finite)} of them"
+    if len(finite) < len(until):
+        text += f"; of {len(until) - len(finite)} no duration is known that would"
     return [text]
 
 
@@ -250,11 +252,11 @@ def regularisation(found: Mapping[str, Any] | None) -> Rows:
 
 def _pilot(pilot: Mapping[str, Any]) -> str:
     """What one run at twice the slope of friction told."""
-    known = pilot.get("errors", {})
+    errors_of = pilot.get("errors", {})
     errors = ", ".join(
-        f"{word} {_error_share_text(known[name])}"
+        f"{word} {_error_share_text(errors_of[name])}"
         for name, word in PILOT_WORDS.items()
-        if name in known
+        if name in errors_of
     )
     if pilot["status"] in ("failed", "skipped"):
         return f"not known: {pilot['message']}"

@@ -56,9 +56,9 @@ def _method(value: str) -> str:
     """``auto`` or an integrator of the kernel: those of the package, of extensions, in Python."""
     if value == AUTO:
         return value
-    known = [AUTO, *(k for k, v in integrators().items() if issubclass(v, KernelIntegrator))]
-    if value not in known:
-        names = ", ".join(f"'{name}'" for name in known[:-1]) + f" or '{known[-1]}'"
+    methods = [AUTO, *(k for k, v in integrators().items() if issubclass(v, KernelIntegrator))]
+    if value not in methods:
+        names = ", ".join(f"'{name}'" for name in methods[:-1]) + f" or '{methods[-1]}'"
         raise PydanticCustomError("literal_error", "no integrator", {"expected": names})
     return value
 
@@ -240,23 +240,23 @@ class TransientSection(Section):
         }
         for name, used in modal.items():
             if used:
-                value = getattr(self, name)
-                raise ValueError(f'{name} = {value!r} is not for representation = "hybrid"')
+                setting = getattr(self, name)
+                raise ValueError(f'{name} = {setting!r} is not for representation = "hybrid"')
 
     @property
     def integrator(self) -> KernelIntegrator:
         """What runs, ``auto`` resolved, with the options that are given here."""
         plain = self.prewarp or self.representation == "hybrid"
         name = self.method if self.method != AUTO else "newmark" if plain else "exponential"
-        given: dict[str, Any] = {
+        options: dict[str, Any] = {
             "contact_factor": self.contact_factor,
             "prewarp": self.prewarp,
             "single_storage": self.storage == "single",
         }
         none = {"contact_factor": 1.0, "prewarp": False, "single_storage": False}
-        made = integrator(name, {k: v for k, v in given.items() if v != none[k]})
-        assert isinstance(made, KernelIntegrator)
-        return made
+        made_integrator = integrator(name, {k: v for k, v in options.items() if v != none[k]})
+        assert isinstance(made_integrator, KernelIntegrator)
+        return made_integrator
 
     @property
     def balance(self) -> float:

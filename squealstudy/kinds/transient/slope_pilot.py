@@ -64,17 +64,17 @@ def slope_pilot(plan: Plan, store: Store, points: pd.DataFrame, report: Progress
     if chosen is None:
         return {"status": FAILED, "message": "every design point failed"}
     task = plan.tasks[chosen]
-    own = run_finding(store.rows({task.point_id}, SCHEMA)[task.point_id])
+    at_k_t = run_finding(store.rows({task.point_id}, SCHEMA)[task.point_id])
     report("slope of friction", 0, 1)
     values = dict(task.values)
     values[REGULARISATION_SPEED.name] *= 0.5
     double = replace(task.with_values(values), point_id="double")
     try:
-        found = measure_points(plan, [double], MeasurementRequest()).findings["0"]
+        at_double = measure_points(plan, [double], MeasurementRequest()).findings["0"]
     except (*FAILURES, SquealstudyError) as error:
-        found = dict(zip(("status", "message"), reason(error), strict=True))
+        at_double = dict(zip(("status", "message"), reason(error), strict=True))
     report("slope of friction", 1, 1)
-    return {"point_id": task.point_id, **_verdict(own, found)}
+    return {"point_id": task.point_id, **_verdict(at_k_t, at_double)}
 
 
 def _needs_pilot(plan: Plan) -> bool:
@@ -121,11 +121,14 @@ def _verdict(own: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]
 
 def _doubt(classes: Mapping[str, str], errors: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
     """Status and message where the two runs cannot tell; empty where they can."""
-    own, double = classes.values()
-    if own != double:
-        return {"status": UNDECIDED, "message": f"{own} at k_t, {double} at 2 k_t"}
-    if own not in DECIDED:
-        return {"status": UNDECIDED, "message": f"both runs are {own}{UNTOLD.get(own, '')}"}
+    single, double = classes.values()
+    if single != double:
+        return {"status": UNDECIDED, "message": f"{single} at k_t, {double} at 2 k_t"}
+    if single not in DECIDED:
+        return {"status": UNDECIDED, "message": f"both runs are {single}{UNTOLD.get(single, '')}"}
     if not errors:
-        return {"status": UNDECIDED, "message": f"both runs are {own} and have nothing to compare"}
+        return {
+            "status": UNDECIDED,
+            "message": f"both runs are {single} and have nothing to compare",
+        }
     return {}

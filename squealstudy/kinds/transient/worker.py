@@ -73,15 +73,15 @@ def solve_batch(task: BatchTask) -> Solved:
         _ = task.reference
     except SquealstudyError as error:  # no nominal working point on this structure
         return Solved([lost_row(p.point_id, *reason(error)) for p in task.points])
-    found = [(point, set_up(task, point, gaps)) for point in task.points]
-    ready = [(point, made) for point, made in found if isinstance(made, MotionPoint)]
+    starts = [(point, set_up(task, point, gaps)) for point in task.points]
+    ready = [(point, start) for point, start in starts if isinstance(start, MotionPoint)]
     rows = [
-        lost_row(point.point_id, *made)
-        for point, made in found
-        if not isinstance(made, MotionPoint)
+        lost_row(point.point_id, *start)
+        for point, start in starts
+        if not isinstance(start, MotionPoint)
     ]
     files: dict[str, Any] = {}
-    chosen, points = [point for point, _ in ready], [made for _, made in ready]
+    chosen, points = [point for point, _ in ready], [start for _, start in ready]
     try:
         motions = integrate(task, chosen, points) if ready else []
     except FAILURES as error:
@@ -89,12 +89,12 @@ def solve_batch(task: BatchTask) -> Solved:
             raise  # each is tried by itself: one of them is at fault, not its neighbours
         rows += [lost_row(point.point_id, *reason(error)) for point in chosen]
     else:
-        made, steps = [], BatchSteps(task, motions)
+        batch_rows, steps = [], BatchSteps(task, motions)
         for point, motion in zip(chosen, motions, strict=True):
-            made.append(_row(task, point, motion, steps))
+            batch_rows.append(_row(task, point, motion, steps))
             files |= _files(task, point, motion)
         wall = (time.perf_counter() - started) / max(len(ready), 1)
-        rows += [one | {"wall_s": wall} for one in made]
+        rows += [one | {"wall_s": wall} for one in batch_rows]
     gaps.save()
     return Solved(rows, files)
 
@@ -141,18 +141,18 @@ class BatchSteps:
 
 def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps) -> dict[str, Any]:
     reference, settings = task.reference, task.settings()
-    found: list[StepParts] = []
+    parts_of_steps: list[StepParts] = []
 
     def by_step(lasts: bool) -> StepParts:
         parts = steps.of(motion, lasts)
         if lasts:
-            found.append(parts)
+            parts_of_steps.append(parts)
         return parts
 
     system, summary = reference.system, summarise(motion, by_step)
     said = doubts(motion, system, settings, summary.point)
-    if found and found[0].reason and not task.hybrid:
-        said["another step tells what the step does to levels"] = found[0].reason
+    if parts_of_steps and parts_of_steps[0].reason and not task.hybrid:
+        said["another step tells what the step does to levels"] = parts_of_steps[0].reason
     reasons = [open_reason(point.law_kind, motion.point.open_share)]
     reasons += [f"{rule}: {text}" for rule, text in said.items()]
     columns = {
@@ -166,7 +166,7 @@ def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps)
     modes = [
         {**m, "energies": reference.energies[:, m["mode"] - 1].tolist()} for m in summary.modes
     ]
-    untold = [found[0].reason] if found and task.hybrid else []
+    untold = [parts_of_steps[0].reason] if parts_of_steps and task.hybrid else []
     message = motion.message or BETWEEN.join([*said.values(), *untold])
     return row(
         point.point_id,
@@ -184,8 +184,8 @@ def _files(task: BatchTask, point: DesignPoint, motion: Motion) -> dict[str, Any
     section, every = task.section, task.settings().save_every
     files: dict[str, Any] = {}
     if section.save_every:
-        kept = history_frame(motion, section.save_every // every)
-        files |= history_file(point.point_id, kept)
+        frame = history_frame(motion, section.save_every // every)
+        files |= history_file(point.point_id, frame)
     if motion.outcome == "ok":
         q, v = final_state(task, motion)
         files |= state_file(point.point_id, point.structure, section.representation, q, v)
@@ -197,18 +197,18 @@ def set_up(task: BatchTask, point: DesignPoint, gaps: NewGaps) -> MotionPoint | 
     section = task.section
     try:
         settings = None if task.hybrid else task.settings()
-        _, made = steady_motion(
+        _, motion_start = steady_motion(
             task.reference, point, section.friction, task.band_hz, task.tolerance, gaps, settings
         )
     except ParameterError as error:
         return "parameter", f"{error.key}: {error.message}"
     except FAILURES as error:
         return reason(error)
-    made = replace(made, continued=task.start is not None)
+    motion_start = replace(motion_start, continued=task.start is not None)
     system = task.reference.system
-    found = perturbed(system, made, task.perturbation, section.perturb_modes)
+    kicked = perturbed(system, motion_start, task.perturbation, section.perturb_modes)
     try:
-        return stuck(system, found) if section.start == STUCK else found
+        return stuck(system, kicked) if section.start == STUCK else kicked
     except ParameterError as error:
         return "parameter", f"{error.key}: {error.message}"
 
@@ -232,14 +232,14 @@ def steady_motion(
     ParameterError, or one of FAILURES
         A value that cannot be used; no working point.
     """
-    known = known_gap(point.structure, point)
+    cached_gap = known_gap(point.structure, point)
     prepared = prepared_model(point.structure)
-    steady, made = motion_at(
-        reference, prepared, point, friction_kind, band_hz, tolerance, known, settings=settings
+    steady, motion_start = motion_at(
+        reference, prepared, point, friction_kind, band_hz, tolerance, cached_gap, settings=settings
     )
-    if known is None:
+    if cached_gap is None:
         gaps.add(point.structure, point, steady.gap)
-    return steady, made
+    return steady, motion_start
 
 
 def integrate(
@@ -307,9 +307,9 @@ def hybrid_motions(
     sensed = sensed_modes(task.section, reference.system.omega2[:m], task.band_hz)
     motions: list[Motion] = []
     for one, point in zip(chosen, points, strict=True):
-        own = hybrid_model_at(model, point.tangents(reference.system))
-        design = _hybrid_point(task, model, own, m, one, point)
-        motions.append(simulate_hybrid(own, design, task.settings(), sensed, model))
+        own_model = hybrid_model_at(model, point.tangents(reference.system))
+        design = _hybrid_point(task, model, own_model, m, one, point)
+        motions.append(simulate_hybrid(own_model, design, task.settings(), sensed, model))
     return motions
 
 
@@ -348,10 +348,10 @@ def common_modes(reference: SharedModes, model: HybridModel) -> np.ndarray:
     m = min(len(model.omega), reference.n_exact)
     system = reference.system
     rows = zip((model.N, model.T, model.T_perp), (system.N, system.T1, system.T2), strict=True)
-    seen = [(B @ model.phi[:, :m], other[:, :m]) for B, other in rows]
-    own, other = (np.vstack(part) for part in zip(*seen, strict=True))
-    sizes = np.linalg.norm(own, axis=0) * np.linalg.norm(other, axis=0)
-    correlation = np.einsum("ij,ij->j", own, other) / np.maximum(sizes, 1e-300)
+    observed = [(B @ model.phi[:, :m], other[:, :m]) for B, other in rows]
+    in_model, other = (np.vstack(part) for part in zip(*observed, strict=True))
+    sizes = np.linalg.norm(in_model, axis=0) * np.linalg.norm(other, axis=0)
+    correlation = np.einsum("ij,ij->j", in_model, other) / np.maximum(sizes, 1e-300)
     first_odd = int(np.argmax(np.abs(correlation) < MIN_MODE_CORRELATION))
     m = first_odd if np.abs(correlation[first_odd]) < MIN_MODE_CORRELATION else m
     if m == 0:
