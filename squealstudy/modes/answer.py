@@ -33,21 +33,21 @@ def checked(
     """
     if not isinstance(item, tuple) or len(item) != 2:
         raise TypeError(f"expected to yield an index and modes, got {type(item).__name__}")
-    index, found = item
+    index, outcome = item
     if not isinstance(index, int | np.integer) or not 0 <= index < len(points):
         raise TypeError(f"expected an index from 0 to {len(points) - 1}, yielded {index!r}")
     if index in known:
         raise TypeError(f"yielded point {index} twice")
-    if isinstance(found, ConvergenceError):
-        return int(index), found
-    if not isinstance(found, PointModes):
+    if isinstance(outcome, ConvergenceError):
+        return int(index), outcome
+    if not isinstance(outcome, PointModes):
         raise TypeError(
             f"expected PointModes or a ConvergenceError of point {index}, "
-            f"yielded {type(found).__name__}"
+            f"yielded {type(outcome).__name__}"
         )
-    if wrong := _fault(found, problem):
+    if wrong := _fault(outcome, problem):
         raise ValueError(f"point {index}{_place(problem, points[int(index)])}: {wrong}")
-    return int(index), _ordered(found, name)
+    return int(index), _ordered(outcome, name)
 
 
 def _fault(found: PointModes, problem: Problem) -> str:

@@ -27,8 +27,8 @@ def uncertain_roots(lam: np.ndarray, error: np.ndarray, neutral: float) -> np.nd
     root whose error is not known (NaN) may be either.
     """
     error = np.nan_to_num(error, nan=np.inf)
-    seen = error > neutral * np.abs(lam)
-    uncertain: np.ndarray = seen & (np.abs(lam.real) <= error)
+    error_counts = error > neutral * np.abs(lam)
+    uncertain: np.ndarray = error_counts & (np.abs(lam.real) <= error)
     return uncertain
 
 

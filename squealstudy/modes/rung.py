@@ -150,13 +150,13 @@ class Rung(ABC):
         ConvergenceError
             Where it has none.
         """
-        found = dict(answers(self, problem, [point], box)).get(0, LEFT_OVER)
-        if isinstance(found, ConvergenceError):
-            raise found
-        if why := beyond_tolerance(self, problem, found):
+        outcome = dict(answers(self, problem, [point], box)).get(0, LEFT_OVER)
+        if isinstance(outcome, ConvergenceError):
+            raise outcome
+        if why := beyond_tolerance(self, problem, outcome):
             raise ConvergenceError("left_over", why)
-        kept = ~found.overdamped
-        return Modes(found.lam[kept], found.shapes[kept])
+        oscillates = ~outcome.overdamped
+        return Modes(outcome.lam[oscillates], outcome.shapes[oscillates])
 
     def refusal(self, scope: Scope) -> str:
         """Why this rung cannot serve a study, and what can; '' where it can."""
@@ -211,11 +211,11 @@ def answers(rung: Rung, problem: Problem, points: Sequence[Point], box: Box) -> 
     if not rung.source_hash:
         yield from rung.solve(problem, points, box)
         return
-    known: set[int] = set()
-    found = iter(rung.solve(problem, points, box))
+    answered: set[int] = set()
+    yielded = iter(rung.solve(problem, points, box))
     while True:
         try:
-            item = next(found)
+            answer = next(yielded)
         except StopIteration:
             return
         except (SquealstudyError, np.linalg.LinAlgError, FloatingPointError, ValueError):
@@ -223,10 +223,10 @@ def answers(rung: Rung, problem: Problem, points: Sequence[Point], box: Box) -> 
         except Exception as error:
             raise _fault_of(rung, error, f"{type(error).__name__}: {error}") from error
         try:
-            index, modes = checked(item, rung.name, problem, points, known)
+            index, modes = checked(answer, rung.name, problem, points, answered)
         except (TypeError, ValueError) as error:
             raise _fault_of(rung, error, str(error)) from error
-        known.add(index)
+        answered.add(index)
         yield index, modes
 
 

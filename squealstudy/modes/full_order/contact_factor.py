@@ -87,8 +87,8 @@ class ContactFactor(RefinedFactor):
         core = (self._pressed.T @ held.C_NN.T).T + (self._rubbed.T @ held.C_TN).T
         core[np.diag_indices_from(core)] += 1.0
         factorised, self._solve = la.get_lapack_funcs(("getrf", "getrs"), (core,))
-        self._lu, self._pivots, info = factorised(core)
-        if info:
+        self._lu, self._pivots, lapack_status = factorised(core)
+        if lapack_status:
             raise ConvergenceError(SINGULAR, "a stiffness matrix is singular")
 
     def __reduce__(self) -> tuple[type[ContactFactor], tuple[object, ...]]:
@@ -97,14 +97,14 @@ class ContactFactor(RefinedFactor):
 
     def solve_once(self, b: np.ndarray) -> np.ndarray:
         """See `RefinedFactor.solve_once`."""
-        held, rows = self._held.factor, self._held.rows
-        x = held.solve_once(b)
+        stiffness, rows = self._held.factor, self._held.rows
+        x = stiffness.solve_once(b)
         y, _ = self._solve(self._lu, self._pivots, rows.Z @ x[rows.normal])
         forces = np.zeros(b.shape)
         forces[rows.normal] = rows.Z.T @ (self._pressed @ y)
         forces[rows.sliding] += self._rubbed @ y
-        found: np.ndarray = x - held.solve_once(forces)
-        return found
+        solution: np.ndarray = x - stiffness.solve_once(forces)
+        return solution
 
     def lean(self) -> Callable[[np.ndarray], np.ndarray]:
         """See `RefinedFactor.lean`; roots that this spoils are seen by their residuals."""

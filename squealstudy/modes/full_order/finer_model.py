@@ -142,7 +142,7 @@ def residual_loads(
     Points without a working point or modes are left out; LinAlgError where no other is left.
     """
     rng = np.random.default_rng(0)  # the same structure has the same finer model
-    seen = basis.restrict(rng.standard_normal(made.assembly.n_dof))
+    restricted = basis.restrict(rng.standard_normal(made.assembly.n_dof))
     sums = _ResidualSums(prepared.model)
     for state in made.states:
         with contextlib.suppress(ConvergenceError, np.linalg.LinAlgError):
@@ -150,14 +150,16 @@ def residual_loads(
             small = linearise(prepared.model, point, state)
             contact = contact_weights(prepared.model, point, state.operating)
             changes = state.stiffness_changes(component_frequencies(prepared.model))
-            for left in (False, True) if state.operating.friction else (False,):
-                C, K = (small.C.T, small.K.T) if left else (small.C, small.K)
+            for use_transposes in (False, True) if state.operating.friction else (False,):
+                C, K = (small.C.T, small.K.T) if use_transposes else (small.C, small.K)
                 top = 2 * np.pi * made.top_hz
                 lam, x = dense_roots(C, K, (LOWEST * top, top))
-                toward = seen @ x
+                toward = restricted @ x
                 x = x * (toward.conj() / np.abs(toward) / np.abs(lam))  # M-orthonormal coordinates
                 mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
-                sums.add([_mixed(x * lam**power, mixed) for power in range(3)], contact, left)
+                sums.add(
+                    [_mixed(x * lam**power, mixed) for power in range(3)], contact, use_transposes
+                )
                 sums.add_changes(_mixed(x, mixed), changes)
     if not sums.any:
         raise np.linalg.LinAlgError("no point has modes")
@@ -232,8 +234,8 @@ def reduction_errors(
     ConvergenceError
         Where there is no working point, or no finer model.
     """
-    found = solve_point(prepared, state, band_hz)
-    return found.lam, _from_finer(prepared, state, band_hz, found)
+    modes = solve_point(prepared, state, band_hz)
+    return modes.lam, _from_finer(prepared, state, band_hz, modes)
 
 
 def relative_errors(
@@ -275,13 +277,13 @@ def root_distances(
     """
     low, high = band_hz
     margin = (low * (1.0 - EDGE), high * (1.0 + EDGE))
-    found = []
+    distances = []
     for state in states:
         with contextlib.suppress(ConvergenceError):
-            own = solve_point(prepared, state, band_hz).lam
-            apart = partner_distances(own, solve_point(other, state, margin).lam)
-            found.append(float((apart / np.abs(own)).max(initial=0.0)))
-    return max(found, default=np.inf)
+            roots_here = solve_point(prepared, state, band_hz).lam
+            apart = partner_distances(roots_here, solve_point(other, state, margin).lam)
+            distances.append(float((apart / np.abs(roots_here)).max(initial=0.0)))
+    return max(distances, default=np.inf)
 
 
 def finer_modes(

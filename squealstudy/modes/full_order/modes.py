@@ -95,8 +95,8 @@ class FullOrderSystem:
     def w2(self) -> np.ndarray:
         """Squares (m,) of omega [(rad/s)^2]; below zero where contact has given way."""
         K_sym = self.structure.system.sparse_sum(self.weights, SYMMETRIC_STIFFNESS_FIELDS)
-        own = np.einsum("im,im->m", self.phi, K_sym @ self.phi)
-        return np.where(self.omega > 0.0, self.omega**2, np.minimum(own, 0.0))
+        energies = np.einsum("im,im->m", self.phi, K_sym @ self.phi)
+        return np.where(self.omega > 0.0, self.omega**2, np.minimum(energies, 0.0))
 
 
 def full_order_system(
@@ -179,8 +179,8 @@ def _real_modes(
     static = static / np.sqrt(np.einsum("ij,ij->j", static, M @ static))
     X = np.hstack([phi, new_directions(M, phi, static, DEPENDENT)])
     w2, y = la.eigh(X.T @ (K_sym @ X))
-    kept = w2 <= (2 * np.pi * cutoff_hz) ** 2
-    return np.sqrt(np.maximum(w2[kept], 0.0)), X @ y[:, kept]
+    within = w2 <= (2 * np.pi * cutoff_hz) ** 2
+    return np.sqrt(np.maximum(w2[within], 0.0)), X @ y[:, within]
 
 
 def full_order_roots(system: FullOrderSystem, band: tuple[float, float]) -> BandRoots:
@@ -189,10 +189,10 @@ def full_order_roots(system: FullOrderSystem, band: tuple[float, float]) -> Band
     for refined in (False, True):  # the solves, where the roots without are not accurate
         large = system.assembly.n_dof > DENSE_LIMIT
         factor = WoodburyFactor(K, refined, system.factor) if large else None
-        found, doubt = judged_roots(M, C, K, *roots_below(M, C, K, band[1], factor), band)
+        band_roots, doubt = judged_roots(M, C, K, *roots_below(M, C, K, band[1], factor), band)
         if doubt <= 1.0:
             break
-    return found
+    return band_roots
 
 
 def full_order_modes(
@@ -219,18 +219,20 @@ def full_order_modes(
     """
     point = state_working_point(prepared, state)
     system = full_order_system(assembly, modes, point, state, damped_to_hz, held)
-    found = full_order_roots(system, angular_band(band_hz))
-    order = oscillating_first(found.lam)
-    lam, psi = found.lam[order], found.psi[:, order]
-    seen = assembly.correspondence @ psi  # which may have no column: LAPACK alone refuses that
-    shapes = np.linalg.lstsq(prepared.sensor_shapes, seen, rcond=None)[0]
+    roots = full_order_roots(system, angular_band(band_hz))
+    order = oscillating_first(roots.lam)
+    lam, psi = roots.lam[order], roots.psi[:, order]
+    sensor_motion = (
+        assembly.correspondence @ psi
+    )  # which may have no column: LAPACK alone refuses that
+    shapes = np.linalg.lstsq(prepared.sensor_shapes, sensor_motion, rcond=None)[0]
     return PointModes(
         lam=lam,
         residual=stiffness_residuals(system, lam, psi),
         energies=_energies(system, psi),
         shapes=unit_shapes(shapes),
         working_point=point,
-        error_rung=found.error[order],
+        error_rung=roots.error[order],
         method=FULL,
     )
 
@@ -250,8 +252,8 @@ def _energies(system: FullOrderSystem, psi: np.ndarray) -> np.ndarray:
     changed = dk[:, None] * squared(np.asarray(structure.shapes @ psi))
     components = []
     for component in assembly.components:
-        own = psi[assembly.slices[component.name]]
-        energy = np.einsum("im,im->m", own.conj(), component.K @ own).real
+        component_motion = psi[assembly.slices[component.name]]
+        energy = np.einsum("im,im->m", component_motion.conj(), component.K @ component_motion).real
         rows = [row for (name, _), row in structure.places.items() if name == component.name]
         components.append(energy + changed[rows].sum(axis=0))
     springs, N = structure.springs, structure.N

@@ -121,16 +121,16 @@ class BrakeProblem(DenseProblem):
 
         Looked at from the middle and from a point off all axes of the box.
         """
-        found = []
+        axes = []
         for axis in range(self.dimension):
             for base in (0.0, OFF_CENTRE):
                 ends = np.full((2, self.dimension), base)
                 ends[:, axis] = -1.0, 1.0
                 low, high = (self._symmetric_stiffness(theta) for theta in ends)
                 if np.abs(high - low).max() > UNMOVED * np.abs(low).max():
-                    found.append(axis)
+                    axes.append(axis)
                     break
-        return found
+        return axes
 
     def _has_modal_damping(self) -> bool:
         """By the middle and the ends of each parameter: it varies along one of them, or not."""
@@ -205,7 +205,7 @@ class BrakeProblem(DenseProblem):
     def _changes(self, state: DesignState) -> dict[int, float]:
         model = self.prepared.model
         dk = state.stiffness_changes(self.structure.frequencies)
-        return {shape_column(model, *key): value for key, value in dk.items()}
+        return {shape_column(model, *key): change for key, change in dk.items()}
 
     def working_points(
         self, theta: np.ndarray, field: WorkingPointField | None = None
@@ -215,29 +215,29 @@ class BrakeProblem(DenseProblem):
         `field` gives the starts; by default that of the whole box.
         """
         states = [self.state_at(row) for row in theta]
-        found: list[WorkingPoint | None] = [None] * len(states)
+        working: list[WorkingPoint | None] = [None] * len(states)
         field = field or self.field
         if field is not None:
             changes = [self._changes(state) for state in states]
-            found = field.solve(theta, [s.operating for s in states], changes)
+            working = field.solve(theta, [s.operating for s in states], changes)
         return [
             _alone(self.prepared, state)
             if point is None
             else _tried(self.prepared.space, point, state)
-            for state, point in zip(states, found, strict=True)
+            for state, point in zip(states, working, strict=True)
         ]
 
     def samples(
         self, theta: np.ndarray, field: WorkingPointField | None = None
     ) -> list[Linearised]:
         """Weights and working points at theta (b, d); the reason where there is none."""
-        found: list[Linearised] = []
+        linearised: list[Linearised] = []
         points = self.working_points(theta, field)
         damping = self.modal_damping
         modal = np.zeros((len(theta), 0)) if damping is None else damping.weights(theta)
         for row, point, roots in zip(theta, points, modal, strict=True):
             if isinstance(point, ConvergenceError):
-                found.append(point)
+                linearised.append(point)
             else:
                 state = self.state_at(row)
                 weights: Weights = self.structure.weights(point, state)
@@ -245,8 +245,8 @@ class BrakeProblem(DenseProblem):
                 if self.exact_damping:
                     K = symmetric_stiffness(self.structure, weights)
                     more = (assembly_damping(K, state)[0],)
-                found.append(Linearisation(weights + more, point))
-        return found
+                linearised.append(Linearisation(weights + more, point))
+        return linearised
 
     def weights(self, theta: np.ndarray) -> Weights:
         """Weights at theta, about its working point; ConvergenceError where it has none."""
@@ -264,9 +264,9 @@ class BrakeProblem(DenseProblem):
             _, C, K = self.system.matrices(weights)
         else:
             C, K = self._with_exact_damping(theta, weights)
-        found = pairs_inside(C, K, reach * self.band[1])
+        all_inside = pairs_inside(C, K, reach * self.band[1])
         keep = in_or_below if below else in_band
-        return weights, found.take(keep(found.lam, self.band, reach))
+        return weights, all_inside.take(keep(all_inside.lam, self.band, reach))
 
     def _with_exact_damping(self, theta: np.ndarray, weights: Weights) -> tuple[Any, Any]:
         _, C, K = self.structure.system.matrices(StructureWeights.of(weights))
@@ -316,8 +316,8 @@ class ModalDampingField:
 
     def weights(self, theta: np.ndarray) -> np.ndarray:
         """Weights (b, q) at theta (b, d)."""
-        found: np.ndarray = self.cardinals(theta) @ self.at_nodes
-        return found
+        weights: np.ndarray = self.cardinals(theta) @ self.at_nodes
+        return weights
 
     def error(self, theta: np.ndarray, K_sym: np.ndarray, top: float) -> float:
         """Largest relative error of the damping of the real modes up to `top` rad/s at theta (d,).

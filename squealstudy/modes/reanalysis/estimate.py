@@ -50,11 +50,11 @@ def residuals(
     near a coalescence round-off alone moves a root by far more than its share, beside a stiff
     spring by far less than its size there.
     """
-    left = problem.system.apply(weights, pairs.lam, pairs.X)
-    r = np.linalg.norm(left, axis=0)
+    residual = problem.system.apply(weights, pairs.lam, pairs.X)
+    r = np.linalg.norm(residual, axis=0)
     inertia = np.abs(pairs.lam) ** 2 * np.linalg.norm(problem.mass_product(pairs.X), axis=0)
-    moved: np.ndarray = np.einsum("ij,ij->j", np.abs(pairs.Y), np.abs(left))
-    return r / np.maximum(2.0 * inertia, 1e-300), moved
+    root_shift: np.ndarray = np.einsum("ij,ij->j", np.abs(pairs.Y), np.abs(residual))
+    return r / np.maximum(2.0 * inertia, 1e-300), root_shift
 
 
 class EstimatedRoots(NamedTuple):

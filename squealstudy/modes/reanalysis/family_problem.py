@@ -98,10 +98,10 @@ class FamilyProblem(SweptProblem):
         right = roots_in_band(M, C, K, band, self.first)
         wider = (band[0] / EDGE, band[1] * EDGE)
         first = int(MARGIN * right.n_below) + 2
-        left = roots_in_band(M.T.tocsr(), C.T.tocsr(), K.T.tocsr(), wider, first)
-        pairs = biorthogonal(M, C, right.lam, right.psi, left.lam, left.psi.conj())
-        kept = keep(pairs.lam, self.band, reach) & (pairs.lam.real >= self.least_growth)
-        return weights, pairs.take(kept)
+        left_roots = roots_in_band(M.T.tocsr(), C.T.tocsr(), K.T.tocsr(), wider, first)
+        pairs = biorthogonal(M, C, right.lam, right.psi, left_roots.lam, left_roots.psi.conj())
+        is_reached = keep(pairs.lam, self.band, reach) & (pairs.lam.real >= self.least_growth)
+        return weights, pairs.take(is_reached)
 
     @cached_property
     def _nominal_mass(self) -> sp.csr_matrix:
@@ -203,10 +203,10 @@ def _partners(lam: np.ndarray, lam_left: np.ndarray) -> np.ndarray:
     if len(lam_left) < len(lam):
         raise _unmatched(f"{len(lam)} right and {len(lam_left)} left roots")
     distance = np.abs(lam[:, None] - lam_left[None, :])
-    found = partners(distance)
-    if (distance[np.arange(len(lam)), found] > APART * np.abs(lam)).any():
+    partner = partners(distance)
+    if (distance[np.arange(len(lam)), partner] > APART * np.abs(lam)).any():
         raise _unmatched("a right root has no left one")
-    return found
+    return partner
 
 
 def _clusters(lam: np.ndarray) -> list[np.ndarray]:
@@ -222,8 +222,8 @@ def _clusters(lam: np.ndarray) -> list[np.ndarray]:
 def _products(
     M: sp.csr_matrix, C: sp.csr_matrix, lam: np.ndarray, X: np.ndarray, Y: np.ndarray
 ) -> np.ndarray:
-    left = Y.conj().T
-    total: np.ndarray = (left @ (M @ X)) * (lam[:, None] + lam[None, :]) + left @ (C @ X)
+    Y_h = Y.conj().T
+    total: np.ndarray = (Y_h @ (M @ X)) * (lam[:, None] + lam[None, :]) + Y_h @ (C @ X)
     return total
 
 
@@ -240,8 +240,8 @@ def _check(
 ) -> None:
     """Products of distinct roots must vanish beside the sizes of both vectors."""
     right = np.sqrt(np.abs(np.einsum("ij,ij->j", X.conj(), M @ X))) * np.abs(lam)
-    left = np.sqrt(np.abs(np.einsum("ij,ij->j", Y.conj(), M @ Y)))
-    size = left[:, None] * right[None, :] + left[:, None] * right[:, None]
+    left_norm = np.sqrt(np.abs(np.einsum("ij,ij->j", Y.conj(), M @ Y)))
+    size = left_norm[:, None] * right[None, :] + left_norm[:, None] * right[:, None]
     off = np.abs(products - np.diag(np.diag(products)))
     if (off > LARGEST_PRODUCT * np.maximum(size, 1e-300)).any():
         raise _unmatched("left and right vectors are not biorthogonal")

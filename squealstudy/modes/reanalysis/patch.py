@@ -124,11 +124,11 @@ def make_patch(
         blocks = find_blocks(mixings, threshold)
         if not _all_followed(blocks, middle, nodes, band):
             continue
-        kept = _within_reach(blocks, grid, nodes, band)
-        if not kept or max(b.size for b in kept) > MOST_MODES:
+        blocks_within = _within_reach(blocks, grid, nodes, band)
+        if not blocks_within or max(b.size for b in blocks_within) > MOST_MODES:
             continue
         try:
-            return _assembled(box, grid, kept, nodes, mixings, _reach(band))
+            return _assembled(box, grid, blocks_within, nodes, mixings, _reach(band))
         except np.linalg.LinAlgError:
             continue
     return mixing_by_direction(grid, mixings)
@@ -160,7 +160,7 @@ def _within_reach(
     if not chosen.any():
         beyond = np.maximum(low - size - away, size - away - high).min(axis=0)
         chosen[np.where(above, beyond, np.inf).argmin()] = True
-    return [b for b, kept in zip(blocks, chosen, strict=True) if kept]
+    return [b for b, is_within in zip(blocks, chosen, strict=True) if is_within]
 
 
 def _reach(band: tuple[float, float]) -> tuple[float, float]:
@@ -273,8 +273,8 @@ def mixing(middle: NodeModes, node: NodeModes) -> Mixing:
     lam0, X0, Y0 = middle.pairs
     lam, X, Y = node.pairs
     right = (Y0.conj().T @ X) * (lam0[:, None] + lam) + Y0.conj().T @ (middle.C @ X)
-    left = (Y.conj().T @ X0) * (lam[:, None] + lam0) + Y.conj().T @ (node.C @ X0)
-    return Mixing(right, left)
+    left_product = (Y.conj().T @ X0) * (lam[:, None] + lam0) + Y.conj().T @ (node.C @ X0)
+    return Mixing(right, left_product)
 
 
 def find_blocks(mixings: Sequence[Mixing], threshold: float) -> list[ModeBlock]:
@@ -288,9 +288,9 @@ def find_blocks(mixings: Sequence[Mixing], threshold: float) -> list[ModeBlock]:
     rows, columns = [], []
     for x, start in zip(mixings, starts, strict=False):
         right = np.abs(x.right)
-        left = np.abs(x.left).T
+        left_mixing = np.abs(x.left).T
         linked = right > threshold * np.linalg.norm(right, axis=0)
-        linked |= left > threshold * np.linalg.norm(left, axis=0)
+        linked |= left_mixing > threshold * np.linalg.norm(left_mixing, axis=0)
         i, j = np.nonzero(linked)
         rows.append(i)
         columns.append(start + j)
@@ -340,9 +340,9 @@ def gauged(block: ModeBlock, number: int, node: NodeModes, mixed: Mixing) -> Sub
     if max(_condition(G), _condition(H)) > WORST_CONDITION:
         raise np.linalg.LinAlgError("the gauge is singular")
     right = np.linalg.solve(G.T, np.vstack([X, G * lam]).T).T
-    left = np.linalg.solve(H, np.hstack([Y.conj().T, lam[:, None] * H]))
+    left_vectors = np.linalg.solve(H, np.hstack([Y.conj().T, lam[:, None] * H]))
     r = len(X)
-    return Subspace(X=right[:r], S=right[r:], Y=left[:, :r].conj().T, T=left[:, r:])
+    return Subspace(X=right[:r], S=right[r:], Y=left_vectors[:, :r].conj().T, T=left_vectors[:, r:])
 
 
 def _condition(A: np.ndarray) -> float:

@@ -181,16 +181,16 @@ def collocate(
     unit = _unit_mass(system, samples, W, V)
     r = V.shape[1]
     for number, term in enumerate(system.terms):
-        left, right = term.seen_left(W), term.seen_right(V)
+        left_rows, right = term.seen_left(W), term.seen_right(V)
         if term.order == MASS and unit:
             expansions.append(ExpandedWeights(MASS, np.zeros((1, 0))))
             continue
         shapes = _shapes([s[number] for s in samples], tolerance)
         expansions.append(ExpandedWeights(term.order, shapes))
         if len(shapes) == 1:
-            stacks[term.order] += [left.T @ right] * shapes.shape[1]
+            stacks[term.order] += [left_rows.T @ right] * shapes.shape[1]
         else:
-            stacks[term.order] += [left.T @ (phi[:, None] * right) for phi in shapes.T]
+            stacks[term.order] += [left_rows.T @ (phi[:, None] * right) for phi in shapes.T]
     flat = [np.array(stacks[order]).reshape(-1, r * r) for order in range(len(stacks))]
     return CollocatedSystem(r=r, expansions=tuple(expansions), stacks=tuple(flat), unit_mass=unit)
 

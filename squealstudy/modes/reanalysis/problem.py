@@ -58,13 +58,13 @@ class SweptProblem(ABC):
 
     def samples(self, theta: np.ndarray, field: Any = None) -> list[Linearised]:
         """Weights at points (b, d), from starts that `local_field` made; reasons of failure."""
-        found: list[Linearised] = []
+        linearised: list[Linearised] = []
         for row in theta:
             try:
-                found.append(Linearisation(self.weights(row), None))
+                linearised.append(Linearisation(self.weights(row), None))
             except ConvergenceError as error:
-                found.append(error)
-        return found
+                linearised.append(error)
+        return linearised
 
     def local_field(self, box: Any, grid: Any) -> Any:
         """Starts of `samples` in a part of the box; None where there are none."""
@@ -134,20 +134,20 @@ class DenseProblem(SweptProblem):
 def in_band(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.ndarray:
     """Roots of imaginary part >= 0 whose modulus lies in the band widened by `reach`."""
     size = np.abs(lam)
-    kept: np.ndarray = (lam.imag >= 0) & (size >= band[0] / reach) & (size <= band[1] * reach)
-    return kept
+    is_inside: np.ndarray = (lam.imag >= 0) & (size >= band[0] / reach) & (size <= band[1] * reach)
+    return is_inside
 
 
 def in_or_below(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.ndarray:
     """Roots that `in_band` keeps, and those below them that vibrate."""
-    kept: np.ndarray = in_band(lam, band, reach) | (
+    is_kept: np.ndarray = in_band(lam, band, reach) | (
         (lam.imag > 0) & (np.abs(lam) < band[0] / reach)
     )
-    return kept
+    return is_kept
 
 
 def lightly_damped(lam: np.ndarray) -> np.ndarray:
     """Which roots are lightly damped, |zeta| < 5 %."""
     size = np.abs(lam)
-    kept: np.ndarray = np.abs(lam.real) < LIGHT_DAMPING * size
-    return kept
+    is_light: np.ndarray = np.abs(lam.real) < LIGHT_DAMPING * size
+    return is_light

@@ -85,11 +85,11 @@ def ritz_roots(
     C, K = basis.small.matrices(weights)
     cardinals = patch.cardinals(theta)
     batch = _products(patch, cardinals, C, K)
-    lam, right, left = _small_problems(patch, cardinals, batch)
+    lam, right, left_vectors = _small_problems(patch, cardinals, batch)
     for Z in (batch.X, batch.CX, batch.KX):
         _turn(patch, Z, right)
     for Z in (batch.Y, batch.CY, batch.KY):
-        _turn(patch, Z, left)
+        _turn(patch, Z, left_vectors)
     X, CX, KX, Y, CY, KY = batch
     at, conj = lam[:, None, :], lam.conj()[:, None, :]
     slope = np.einsum("brm,brm->bm", Y.conj(), 2.0 * at * X + CX)
@@ -133,21 +133,21 @@ def _small_problems(
     S, T = cardinals @ patch.S, cardinals @ patch.T
     lams, rights, lefts, offset = [], [], [], 0
     for start, k in patch.slices:
-        own = slice(start, start + k)
-        Yh = batch.Y[:, :, own].conj().transpose(0, 2, 1)
-        Yx, Yc, Yk = (Yh @ Z[:, :, own] for Z in (batch.X, batch.CX, batch.KX))
+        block_columns = slice(start, start + k)
+        Yh = batch.Y[:, :, block_columns].conj().transpose(0, 2, 1)
+        Yx, Yc, Yk = (Yh @ Z[:, :, block_columns] for Z in (batch.X, batch.CX, batch.KX))
         Sb, Tb = (Z[:, offset : offset + k * k].reshape(-1, k, k) for Z in (S, T))
         offset += k * k
         A, N = Tb @ Yx @ Sb - Yk, Tb @ Yx + Yc + Yx @ Sb
         if k == 1:
             lam, right = (A / N)[:, :, 0], np.ones_like(A)
-            left = right
+            left_vectors = right
         else:
             lam, right = np.linalg.eig(np.linalg.solve(N, A))
-            left = np.linalg.inv(N @ _separated(right)).conj().transpose(0, 2, 1)
+            left_vectors = np.linalg.inv(N @ _separated(right)).conj().transpose(0, 2, 1)
         lams.append(lam)
         rights.append(right)
-        lefts.append(left)
+        lefts.append(left_vectors)
     return np.hstack(lams), rights, lefts
 
 
@@ -160,8 +160,8 @@ def _turn(patch: Patch, Z: np.ndarray, turns: Sequence[np.ndarray]) -> None:
     """Columns of each block (b, r, k) times its vectors (b, k, k), in place; single ones are."""
     for (start, k), turn in zip(patch.slices, turns, strict=True):
         if k > 1:
-            own = slice(start, start + k)
-            Z[:, :, own] = Z[:, :, own] @ turn
+            block_columns = slice(start, start + k)
+            Z[:, :, block_columns] = Z[:, :, block_columns] @ turn
 
 
 def _error(
@@ -203,11 +203,13 @@ def _error_of_heavily_damped(patch: Patch, cardinals: np.ndarray, lam: np.ndarra
     error, heavily_damped = np.full(lam.shape, np.inf), ~lightly_damped(lam)
     flat, offset = cardinals @ patch.S if heavily_damped.any() else np.zeros(0), 0
     for start, k in patch.slices:
-        own = slice(start, start + k)
-        if heavily_damped[:, own].any():
+        block_columns = slice(start, start + k)
+        if heavily_damped[:, block_columns].any():
             first = _eigenvalues(flat[:, offset : offset + k * k].reshape(-1, k, k))
-            distance = np.abs(lam[:, own, None] - first[:, None, :]).min(axis=2)
-            error[:, own] = np.where(heavily_damped[:, own], FIRST_ORDER * distance, np.inf)
+            distance = np.abs(lam[:, block_columns, None] - first[:, None, :]).min(axis=2)
+            error[:, block_columns] = np.where(
+                heavily_damped[:, block_columns], FIRST_ORDER * distance, np.inf
+            )
         offset += k * k
     return error
 

@@ -78,10 +78,10 @@ class SweepBasis:
 
     def expand(self, weights: Weights, pairs: Eigenpairs) -> Eigenpairs:
         """Reduced pairs in the coordinates of the full problem."""
-        left = pairs.Y
+        left_vectors = pairs.Y
         if not self.small.unit_mass:
-            left = np.linalg.solve(self.small.mass(weights).T, left)
-        return Eigenpairs(pairs.lam, self.V @ pairs.X, self.V @ left)
+            left_vectors = np.linalg.solve(self.small.mass(weights).T, left_vectors)
+        return Eigenpairs(pairs.lam, self.V @ pairs.X, self.V @ left_vectors)
 
 
 def sample_box(dimension: int, count: int, seed: int) -> np.ndarray:
@@ -179,10 +179,10 @@ def _all_seen(
     Residuals of the modes that a basis has do not tell of one that it lacks altogether.
     """
     weights, exact = problem.pairs(theta, 1.0)
-    found = basis.pairs(weights).lam
+    roots_in_basis = basis.pairs(weights).lam
     if not len(exact.lam):
         return True
-    distance = np.abs(exact.lam[:, None] - found).min(axis=1)
+    distance = np.abs(exact.lam[:, None] - roots_in_basis).min(axis=1)
     missed = lightly_damped(exact.lam) & (distance > LACKING * tolerance * np.abs(exact.lam))
     return not missed.any()
 
@@ -191,15 +191,15 @@ def _sampled_weights(problem: SweptProblem) -> list[Weights]:
     count = min(SAMPLES_A_DIMENSION * max(problem.dimension, 1), MOST_SAMPLES)
     points = np.vstack([corners(problem.dimension), sample_box(problem.dimension, count, 0)])
     points = points if problem.dimension else points[:1]
-    found = [
+    weights = [
         sample.weights
         for start in range(0, len(points), BATCH)
         for sample in problem.samples(points[start : start + BATCH])
         if isinstance(sample, Linearisation)
     ]
-    if len(found) < len(points) / 2:
+    if len(weights) < len(points) / 2:
         raise ConvergenceError("working_point", "most of the box has no working point")
-    return found
+    return weights
 
 
 def _snapshots(problem: SweptProblem, theta: np.ndarray) -> np.ndarray | None:
@@ -261,12 +261,12 @@ def _next_points(points: np.ndarray, errors: np.ndarray, tolerance: float) -> np
 
 def _on_faces(points: np.ndarray) -> np.ndarray:
     """Every other point (n, d) moved to the nearest face, where errors are mostly largest."""
-    moved = points.copy()
+    on_faces = points.copy()
     if points.shape[1]:
         rows = np.arange(0, len(points), 2)
         axis = np.abs(points[rows]).argmax(axis=1)
-        moved[rows, axis] = np.sign(points[rows, axis])
-    return moved
+        on_faces[rows, axis] = np.sign(points[rows, axis])
+    return on_faces
 
 
 def estimated_error(problem: SweptProblem, basis: SweepBasis, theta: np.ndarray) -> float:

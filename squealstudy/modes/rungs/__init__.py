@@ -30,8 +30,8 @@ def register_rung(rung: Rung) -> None:
 
     if not isinstance(rung, Rung):
         raise TypeError(f"expected an instance of a Rung, got {rung!r}")
-    known = _registered.get(rung.name, rung)
-    if rung.name in (*_own_names(), AUTO) or type(known).__module__ != type(rung).__module__:
+    registered = _registered.get(rung.name, rung)
+    if rung.name in (*_own_names(), AUTO) or type(registered).__module__ != type(rung).__module__:
         raise ValueError(f"there is a rung named '{rung.name}' already")
     _registered[rung.name] = rung
     note_registered(type(rung).__module__)

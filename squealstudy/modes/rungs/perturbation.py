@@ -116,16 +116,16 @@ def perturbed_roots(
         last.append((pairs.lam, term))
         return pairs
 
-    found = solve_alone(problem, theta, Perturbation.name, solve)
-    if order == 1 or isinstance(found, ConvergenceError) or not len(found.lam):
-        return found
+    outcome = solve_alone(problem, theta, Perturbation.name, solve)
+    if order == 1 or isinstance(outcome, ConvergenceError) or not len(outcome.lam):
+        return outcome
     ((roots, terms),) = last
-    size = np.abs(terms[np.abs(roots[None, :] - found.lam[:, None]).argmin(axis=1)])
+    size = np.abs(terms[np.abs(roots[None, :] - outcome.lam[:, None]).argmin(axis=1)])
     error = np.full(len(size), np.inf)
-    falls = found.error < size
-    error[falls] = SAFETY * found.error[falls] / (1.0 - found.error[falls] / size[falls])
-    small = found.error <= ROUND_OFF * np.abs(found.lam)
-    return found._replace(error=np.where(small, found.error, error))
+    falls = outcome.error < size
+    error[falls] = SAFETY * outcome.error[falls] / (1.0 - outcome.error[falls] / size[falls])
+    small = outcome.error <= ROUND_OFF * np.abs(outcome.lam)
+    return outcome._replace(error=np.where(small, outcome.error, error))
 
 
 def perturbed_pairs(
@@ -155,8 +155,8 @@ def perturbed_pairs(
         own_mass = np.einsum("ij,ij->j", Y.conj(), masses)
         terms.append(np.einsum("ki,ik,ki->i", into, back, other) - first * lam * own_mass)
     left_turn = (back * other.T).conj().T  # column i: what left mode k adds to i
-    moved = Eigenpairs(lam + sum(terms), X + every.X @ (into * other), Y + every.Y @ left_turn)
-    return moved, terms[-1]
+    perturbed = Eigenpairs(lam + sum(terms), X + every.X @ (into * other), Y + every.Y @ left_turn)
+    return perturbed, terms[-1]
 
 
 class _Change(NamedTuple):

@@ -127,23 +127,23 @@ class InBasis:
             pairs = inside(self.basis.pairs(weights), self.problem.band)
             return self.basis.expand(weights, pairs)
 
-        found = solve_alone(self.problem, theta, SweepBasisRung.name, solve)
-        if isinstance(found, ConvergenceError):
-            return found
-        error = found.error + self.basis.interpolated * np.abs(found.lam)
-        found = found._replace(error=error)
-        return found if self.within_tolerance(found) else self.exact(theta, found.at)
+        outcome = solve_alone(self.problem, theta, SweepBasisRung.name, solve)
+        if isinstance(outcome, ConvergenceError):
+            return outcome
+        error = outcome.error + self.basis.interpolated * np.abs(outcome.lam)
+        outcome = outcome._replace(error=error)
+        return outcome if self.within_tolerance(outcome) else self.exact(theta, outcome.at)
 
     def exact(self, theta: np.ndarray, at: Linearisation) -> EstimatedRoots:
         """One design point in the full problem."""
         weights, pairs = self.problem.pairs(theta, 1.0)
         pairs = inside(pairs, self.problem.band)
-        residual, moved = residuals(self.problem, weights, pairs)
+        residual, root_shift = residuals(self.problem, weights, pairs)
         return EstimatedRoots(
             at=at,
             lam=pairs.lam,
             X=pairs.X,
-            error=bounded(moved, pairs.lam),
+            error=bounded(root_shift, pairs.lam),
             residual=residual,
             method=self.problem.exact,
         )

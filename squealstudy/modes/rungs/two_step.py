@@ -72,19 +72,19 @@ def two_step_pairs(system: ParametricSystem, weights: Weights, top: float) -> Ei
     """All pairs of the projection on the real modes up to `top` rad/s, in full coordinates."""
     phi = symmetric_modes(system, weights, top)
     C, K, M = _projected(system, weights, phi)
-    found = all_pairs(C, K)
-    return Eigenpairs(found.lam, phi @ found.X, phi @ np.linalg.solve(M.T, found.Y))
+    pairs = all_pairs(C, K)
+    return Eigenpairs(pairs.lam, phi @ pairs.X, phi @ np.linalg.solve(M.T, pairs.Y))
 
 
 def symmetric_modes(system: ParametricSystem, weights: Weights, top: float) -> np.ndarray:
     """Real modes (n, m) up to `top` rad/s of the symmetric mass and stiffness terms."""
     chosen = [i for i, t in enumerate(system.terms) if t.order != DAMPING and is_symmetric(t)]
     part = ParametricSystem(system.n, tuple(system.terms[i] for i in chosen))
-    own = tuple(weights[i] for i in chosen)
+    chosen_weights = tuple(weights[i] for i in chosen)
     if any(sp.issparse(t.right) for t in part.terms):
-        M, _, K = part.sparse_matrices(own)
+        M, _, K = part.sparse_matrices(chosen_weights)
         return real_modes(M.sparse, K.sparse, top / (2 * np.pi))[1]
-    dense_M, _, dense_K = part.matrices(own)
+    dense_M, _, dense_K = part.matrices(chosen_weights)
     unit = np.array_equal(dense_M, np.eye(system.n))
     limits = (-np.inf, top**2)
     _, phi = la.eigh(dense_K, None if unit else dense_M, subset_by_value=limits)
@@ -107,8 +107,10 @@ def _projected(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Small M^-1 C, M^-1 K, M."""
     M, C, K = (
-        phi.T @ part.apply(own, np.ones(phi.shape[1]), phi).real
-        for part, own in (system.of_order(weights, order) for order in (MASS, DAMPING, STIFFNESS))
+        phi.T @ part.apply(weights_of_order, np.ones(phi.shape[1]), phi).real
+        for part, weights_of_order in (
+            system.of_order(weights, order) for order in (MASS, DAMPING, STIFFNESS)
+        )
     )
     return np.linalg.solve(M, C), np.linalg.solve(M, K), M
 

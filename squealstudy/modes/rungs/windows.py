@@ -66,8 +66,8 @@ class WindowsRung(OverABasis):
     def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
         """Ritz pairs of the points of each patch, one patch after the other."""
         windows = Windows(problem.swept, problem.basis, problem.tolerance)
-        for row, found in windows.solve(box, problem.theta(points)):
-            yield row, problem.modes(found)
+        for row, outcome in windows.solve(box, problem.theta(points)):
+            yield row, problem.modes(outcome)
 
     def relative_cost(self, points: int, varied: int) -> float:
         """It falls with the number of points that share a patch."""
@@ -133,15 +133,15 @@ class Windows(InBasis):
         spread = np.arange(len(rows)) % max(len(rows) // BATCH, 1) == 0
         looked_at, others = rows[spread], rows[~spread]
         first = list(self._points(patch, theta, looked_at))
-        exceeding = sum(not self.within_tolerance(found) for _, found in first)
+        exceeding = sum(not self.within_tolerance(outcome) for _, outcome in first)
         if exceeding > max(min(MOST_EXCEEDING * len(first), most), 1):
             return rows
         yield from (self._mended(*solved, theta) for solved in first)
         allowed = max(min(MOST_EXCEEDING * len(rows), most), 1)
         for start in range(0, len(others), BATCH):
-            for row, found in self._points(patch, theta, others[start : start + BATCH]):
-                exceeding += not self.within_tolerance(found)
-                yield self._mended(row, found, theta)
+            for row, outcome in self._points(patch, theta, others[start : start + BATCH]):
+                exceeding += not self.within_tolerance(outcome)
+                yield self._mended(row, outcome, theta)
             if exceeding > allowed:
                 return others[start + BATCH :]
         return rows[:0]
@@ -163,13 +163,13 @@ class Windows(InBasis):
         C = self.basis.small.matrices(weights)[0]
         pairs = [self.basis.pairs(w) for w in weights]
         middle, *nodes = (NodeModes(p, c) for p, c in zip(pairs, C, strict=True))
-        made = make_patch(box, grid, middle, nodes, self.problem.band)
-        if isinstance(made, np.ndarray):
-            return made
+        patch = make_patch(box, grid, middle, nodes, self.problem.band)
+        if isinstance(patch, np.ndarray):
+            return patch
         self.counts["patches"] += 1
-        floor = self._floor(made, weights[1:], nodes)
-        slope = mixing_by_direction(grid, made.mixings)
-        return FollowedPatch(patch=made, starts=local, floor=floor, slope=slope)
+        floor = self._floor(patch, weights[1:], nodes)
+        slope = mixing_by_direction(grid, patch.mixings)
+        return FollowedPatch(patch=patch, starts=local, floor=floor, slope=slope)
 
     def _floor(self, patch: Patch, weights: list[Weights], nodes: list[NodeModes]) -> np.ndarray:
         """Errors of the sweep basis for light and for all modes of each block, worst of the nodes.
@@ -188,8 +188,10 @@ class Windows(InBasis):
             every = np.ones(len(error), dtype=bool)
             kinds = np.where([lightly_damped(pairs.lam), meant, every], error, 0.0)
             for start, k in patch.slices:
-                own = slice(start, start + k)
-                worst[:, own] = np.maximum(worst[:, own], kinds[:, own].max(axis=1)[:, None])
+                block_columns = slice(start, start + k)
+                worst[:, block_columns] = np.maximum(
+                    worst[:, block_columns], kinds[:, block_columns].max(axis=1)[:, None]
+                )
         return np.array([worst[0], np.where(worst[1] > 0, worst[1], worst[2])])
 
     def _points(
@@ -198,18 +200,18 @@ class Windows(InBasis):
         for start in range(0, len(rows), BATCH):
             part = rows[start : start + BATCH]
             samples = self.problem.samples(theta[part], patch.starts)
-            known = []
+            linearised = []
             for row, at in zip(part, samples, strict=True):
                 if isinstance(at, ConvergenceError):
                     yield int(row), at
                 else:
-                    known.append((int(row), at))
-            if not known:
+                    linearised.append((int(row), at))
+            if not linearised:
                 continue
-            there = np.array([row for row, _ in known])
-            weights = [at.weights for _, at in known]
+            there = np.array([row for row, _ in linearised])
+            weights = [at.weights for _, at in linearised]
             roots = ritz_roots(patch.patch, self.basis, theta[there], weights)
-            for k, (row, at) in enumerate(known):
+            for k, (row, at) in enumerate(linearised):
                 yield row, self._one(at, roots, k, patch.floor)
 
     def _one(
@@ -221,20 +223,20 @@ class Windows(InBasis):
         of_basis = np.where(lightly_damped(lam), floor[0], floor[1]) * conditions(
             roots.X[k], roots.Y[k]
         )
-        own = bounded(roots.error[k], lam) + self.basis.interpolated * np.abs(lam)
+        root_error = bounded(roots.error[k], lam) + self.basis.interpolated * np.abs(lam)
         inside = in_band(lam, band, 1.0)
-        kept = np.flatnonzero(inside)
-        kept = kept[np.argsort(np.abs(lam[kept]))]
+        order_inside = np.flatnonzero(inside)
+        order_inside = order_inside[np.argsort(np.abs(lam[order_inside]))]
         # far from the band the roots of the basis are artefacts: its own error is no doubt of them
-        doubtful = ~inside & _may_be_inside(lam, own, band, self.tolerance)
-        near = (np.abs(lam) + own >= band[0]) & (np.abs(lam) - own <= band[1])
-        doubtful |= near & ~lightly_damped(lam) & _may_be_real(lam, own)
+        doubtful = ~inside & _may_be_inside(lam, root_error, band, self.tolerance)
+        near = (np.abs(lam) + root_error >= band[0]) & (np.abs(lam) - root_error <= band[1])
+        doubtful |= near & ~lightly_damped(lam) & _may_be_real(lam, root_error)
         return EstimatedRoots(
             at=at,
-            lam=lam[kept],
-            X=roots.X[k][:, kept],
-            error=(own + of_basis)[kept],
-            residual=roots.residual[k][kept],
+            lam=lam[order_inside],
+            X=roots.X[k][:, order_inside],
+            error=(root_error + of_basis)[order_inside],
+            residual=roots.residual[k][order_inside],
             method=WindowsRung.name,
             full=False,
             complete=not doubtful.any(),

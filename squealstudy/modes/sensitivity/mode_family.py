@@ -74,10 +74,10 @@ def known_mode(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> ModeNeig
     Its left vector alone is solved for: by `mode_family` where another root is as near.
     """
     sigma = lam * (1.0 + OFFSET)
-    found = nearest_left(pencil, pencil.factor(sigma), sigma, x.conj())
-    if not abs(found[0][0] - lam) <= OFFSET * abs(lam):
+    left_pair = nearest_left(pencil, pencil.factor(sigma), sigma, x.conj())
+    if not abs(left_pair[0][0] - lam) <= OFFSET * abs(lam):
         return mode_family(pencil, lam, 1)
-    return _neighbourhood(pencil, np.array([lam]), x[:, None], found[1])
+    return _neighbourhood(pencil, np.array([lam]), x[:, None], left_pair[1])
 
 
 def _neighbourhood(
@@ -110,12 +110,12 @@ def biorthogonality(pencil: QuadraticPencil, families: Sequence[ModeNeighbourhoo
         for columns in zip(*((f.X[:, 0], f.Y[:, 0]) for f in families), strict=True)
     )
     lam, norm = (
-        np.array(own) for own in zip(*((f.lam[0], f.norm[0]) for f in families), strict=True)
+        np.array(column) for column in zip(*((f.lam[0], f.norm[0]) for f in families), strict=True)
     )
     by_mass, by_damping = Y.conj().T @ (pencil.M @ X), Y.conj().T @ (pencil.C @ X)
     products = (lam[:, None] + lam) * by_mass + by_damping
-    found: np.ndarray = np.abs(products) / np.sqrt(np.abs(norm[:, None] * norm))
-    return found
+    rel_products: np.ndarray = np.abs(products) / np.sqrt(np.abs(norm[:, None] * norm))
+    return rel_products
 
 
 def _unit_mass(pencil: QuadraticPencil, V: np.ndarray) -> np.ndarray:

@@ -97,8 +97,8 @@ class ModeGradient:
             rows = real.momenta.T
             terms = (*terms, Term(DAMPING, rows, rows))
             if real.zeta.any():
-                left, right = rows @ family.Y[:, 0].conj(), rows @ family.X[:, 0]
-                self.damping = DampingGradient(real, complex(family.lam[0]), left, right)
+                left_rows, right = rows @ family.Y[:, 0].conj(), rows @ family.X[:, 0]
+                self.damping = DampingGradient(real, complex(family.lam[0]), left_rows, right)
         self._system = ParametricSystem(structure.n, terms)
 
     def products(self, by: StructureWeights, ratios: np.ndarray | None = None) -> np.ndarray:
@@ -110,13 +110,13 @@ class ModeGradient:
         weights: tuple[Any, ...] = by
         if self._real is not None:
             weights = (*by, 0.0 if ratios is None else 2.0 * self._real.omega * ratios)
-        found = self._system.forms(weights, self.family.lam, self._X, self._Y)
+        forms = self._system.forms(weights, self.family.lam, self._X, self._Y)
         if self.damping is not None:
             if np.ndim(by.normal):
-                found[0, 0] += self._by_normal @ by.normal
+                forms[0, 0] += self._by_normal @ by.normal
             if np.ndim(by.elastic):
-                found[0, 0] += self._by_elastic(np.asarray(by.elastic))
-        return found
+                forms[0, 0] += self._by_elastic(np.asarray(by.elastic))
+        return forms
 
     @cached_property
     def _by_normal(self) -> np.ndarray:
@@ -129,8 +129,8 @@ class ModeGradient:
         """Of modal damping by a change of the elastic diagonal (n,), few of which move."""
         assert self.damping is not None
         assert self._real is not None
-        moved = np.flatnonzero(change)
-        return complex(self.damping.by_rows(self._real.phi[moved]) @ change[moved])
+        changed_rows = np.flatnonzero(change)
+        return complex(self.damping.by_rows(self._real.phi[changed_rows]) @ change[changed_rows])
 
 
 class DampingGradient:

@@ -177,8 +177,8 @@ def followed_root(
     factor = changed.factor(sigma)
     roots, X = nearest_roots(changed, factor, sigma, CANDIDATES, family.X[:, 0])
     X = X / np.sqrt(np.einsum("ij,ij->j", X.conj(), base.M @ X).real)
-    seen = (lam + roots) * (y.conj() @ (base.M @ X)) + y.conj() @ (base.C @ X)
-    match = np.abs(seen) / max(float(np.abs(family.norm[0])), 1e-300)
+    overlaps = (lam + roots) * (y.conj() @ (base.M @ X)) + y.conj() @ (base.C @ X)
+    match = np.abs(overlaps) / max(float(np.abs(family.norm[0])), 1e-300)
     best = int(np.argmax(match))
     return FiniteChange(complex(roots[best] - lam), float(match[best]))
 

@@ -96,7 +96,7 @@ def point_sensitivities(
     """
     omega = component_frequencies(design.prepared.model)
     steps = [parameter_step(p, design.state, omega, change, top_hz) for p in parameters]
-    found: list[list[Sensitivity]] = [[] for _ in design.families]
+    sensitivities: list[list[Sensitivity]] = [[] for _ in design.families]
     derivatives = StateDerivatives(design.prepared, design.state, design.point)
     gradients = _gradients(design, derivatives, parameters)
     for parameter, step in zip(parameters, steps, strict=True):
@@ -111,7 +111,7 @@ def point_sensitivities(
         by = derivatives.by(parameter)
         for number, (family, gradient) in enumerate(zip(design.families, gradients, strict=True)):
             products = gradient.products(*by)
-            found[number].append(
+            sensitivities[number].append(
                 Sensitivity(
                     step,
                     *slope_and_validity(family, products, step.size),
@@ -120,8 +120,10 @@ def point_sensitivities(
                 )
             )
     return tuple(
-        ModeSensitivities(family, *facts, tuple(own))
-        for family, facts, own in zip(design.families, _facts(design), found, strict=True)
+        ModeSensitivities(family, *facts, tuple(of_mode))
+        for family, facts, of_mode in zip(
+            design.families, _facts(design), sensitivities, strict=True
+        )
     )
 
 
@@ -133,14 +135,14 @@ def parameter_step(
     top_hz: float,
 ) -> Step:
     """The finite change of a parameter: upwards, or downwards where that leaves its range."""
-    value = parameter.value(state)
-    reference = parameter.reference(value, top_hz)
+    parameter_value = parameter.value(state)
+    reference = parameter.reference(parameter_value, top_hz)
     size = change * reference
     return Step(
         name=parameter.name,
-        value=value,
+        value=parameter_value,
         reference=reference,
-        size=size if value + size <= parameter.maximum else -size,
+        size=size if parameter_value + size <= parameter.maximum else -size,
         component_hz=parameter.component_hz(state, omega),
     )
 
@@ -148,9 +150,9 @@ def parameter_step(
 def _gradients(
     design: ChosenModes, derivatives: StateDerivatives, parameters: Sequence[StateParameter]
 ) -> list[ModeGradient]:
-    asked = any(p.name == DAMPING.name or (p.modes and not p.component) for p in parameters)
+    needs_damping = any(p.name == DAMPING.name or (p.modes and not p.component) for p in parameters)
     zeta, real = design.state.assembly_damping_ratios(design.prepared.model.n), None
-    if design.families and (asked or zeta.any()):
+    if design.families and (needs_damping or zeta.any()):
         w2, phi = design.system.real_modes
         real = RealModes(w2, phi, momenta=phi, zeta=zeta, N=derivatives.structure.N)
     return [ModeGradient(family, derivatives.structure, real) for family in design.families]

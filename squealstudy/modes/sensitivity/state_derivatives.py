@@ -93,9 +93,9 @@ class StateDerivatives:
             ratios[[mode - 1 for mode in self._state.assembly_damping]] = 0.0
             return WeightChange(StructureWeights(), ratios)
         if name == STIFFNESS_DAMPING.name:
-            own = self.structure.weights(self._point, self._state)
-            by_beta = {"spring_damping": own.springs, "normal_damping": own.normal}
-            return WeightChange(StructureWeights(elastic_damping=own.elastic, **by_beta))
+            weights = self.structure.weights(self._point, self._state)
+            by_beta = {"spring_damping": weights.springs, "normal_damping": weights.normal}
+            return WeightChange(StructureWeights(elastic_damping=weights.elastic, **by_beta))
         if name == PRESSURE.name:
             return self._moved(self.motion.by_pressure())
         by, law = ContactChange(), operating.law
@@ -224,14 +224,14 @@ class WorkingPointDerivatives:
         """N, T and load compliances to the shape U of one mode, with the changes in force."""
         s = self._space
         parts = (s.C_NU, s.C_TU, s.C_fU)
-        own = [np.asarray(H[:, column]) for H in parts]
+        shape_columns = [np.asarray(H[:, column]) for H in parts]
         if not self._changes:
-            return s.S_N @ own[0], s.S_T @ own[1], own[2]
+            return s.S_N @ shape_columns[0], s.S_T @ shape_columns[1], shape_columns[2]
         j = np.fromiter(self._changes.keys(), dtype=int)
         d = np.fromiter(self._changes.values(), dtype=float)
         core = np.eye(len(j)) + d[:, None] * s.C_UU[np.ix_(j, j)]
         share = la.solve(core, d * s.C_UU[j, column])
-        changed = [h - H[:, j] @ share for h, H in zip(own, parts, strict=True)]
+        changed = [h - H[:, j] @ share for h, H in zip(shape_columns, parts, strict=True)]
         return s.S_N @ changed[0], s.S_T @ changed[1], changed[2]
 
 

@@ -85,9 +85,9 @@ class StructureBuilder:
 
     def ends(self, name: str) -> tuple[float, float]:
         """Values to either side between which differences are taken, none that cannot be."""
-        value, step = self.values[name], RELATIVE_STEP * self.reference(name)
-        below = value - step
-        return (below if below >= self.least.get(name, -np.inf) else value), value + step
+        nominal, step = self.values[name], RELATIVE_STEP * self.reference(name)
+        below = nominal - step
+        return (below if below >= self.least.get(name, -np.inf) else nominal), nominal + step
 
     def assembly(self, changed: Mapping[str, float] | None = None) -> Assembly:
         """The assembly, with some parameters at other values."""
@@ -112,9 +112,9 @@ class StructureBuilder:
         `k_c` is the contact stiffness per area of the contact space, Pa/m.
         """
         modes = changed_modes(assembly, state, self.component_cutoff_hz)
-        own = unreduced_structure(assembly, modes, state)
-        _, dk = own.by_mode(state.stiffness_changes(own.frequencies))
-        space = contact_space(assembly, k_c, np.asarray(own.shapes).T)
+        unreduced = unreduced_structure(assembly, modes, state)
+        _, dk = unreduced.by_mode(state.stiffness_changes(unreduced.frequencies))
+        space = contact_space(assembly, k_c, np.asarray(unreduced.shapes).T)
         space = space.changed(dict(enumerate(np.ravel(dk))) if np.ndim(dk) else {})
         return working_point(space, state.operating, start)
 
@@ -151,9 +151,9 @@ def structural_sensitivities(
     ConvergenceError
         Where ARPACK does not converge.
     """
-    found: list[list[Sensitivity]] = [[] for _ in design.families]
+    sensitivities: list[list[Sensitivity]] = [[] for _ in design.families]
     if not design.families or not names:
-        return found
+        return sensitivities
     full = structure.system(structure.assembly(), design.state, design.point)
     families = [mode_family(full.pencil, complex(f.lam[0]), len(f.lam)) for f in design.families]
     real = None
@@ -172,8 +172,8 @@ def structural_sensitivities(
             products = structural_products(gradient, full, by, contact)
             mass = np.vdot(family.Y[:, 0], by.mass @ family.X[:, 0])
             slope = slope_and_validity(family, products, step.size, complex(mass))
-            found[number].append(Sensitivity(step, *slope, finite[number], reason))
-    return found
+            sensitivities[number].append(Sensitivity(step, *slope, finite[number], reason))
+    return sensitivities
 
 
 class StaticResponse:
@@ -296,8 +296,8 @@ def assembly_change(structure: StructureBuilder, name: str, state: DesignState) 
     check_same_mesh(name, *ends)
     modes = [changed_modes(end, state, structure.component_cutoff_hz) for end in ends]
     _check_same_modes(name, ends[0], modes[0], modes[1], state)
-    own = [unreduced_structure(e, m, state) for e, m in zip(ends, modes, strict=True)]
-    U = np.vstack([np.asarray(s.shapes) for s in own]).T
+    unreduced = [unreduced_structure(e, m, state) for e, m in zip(ends, modes, strict=True)]
+    U = np.vstack([np.asarray(s.shapes) for s in unreduced]).T
 
     def slope(of: Callable[[Assembly], sp.spmatrix | np.ndarray]) -> sp.spmatrix | np.ndarray:
         return (of(ends[0]) - of(ends[1])) / (high - low)
@@ -306,7 +306,8 @@ def assembly_change(structure: StructureBuilder, name: str, state: DesignState) 
         values_of: Callable[[Mapping[ModeKey, float]], Mapping[ModeKey, float]],
     ) -> np.ndarray:
         parts = [
-            np.broadcast_to(s.by_mode(values_of(s.frequencies))[1], len(s.places)) for s in own
+            np.broadcast_to(s.by_mode(values_of(s.frequencies))[1], len(s.places))
+            for s in unreduced
         ]
         quotient: np.ndarray = np.concatenate([parts[0], -parts[1]]) / (high - low)
         return quotient
@@ -355,11 +356,11 @@ def changed_modes(
     assembly: Assembly, state: DesignState, cutoff_hz: float
 ) -> dict[str, ComponentModes]:
     """Free-free modes of the components whose modes the state changes or damps."""
-    wanted = {key[0] for key in (*state.frequency_scale, *state.mode_damping)}
+    names = {key[0] for key in (*state.frequency_scale, *state.mode_damping)}
     return {
         c.name: ComponentModes(*real_modes(c.M, c.K, cutoff_hz))
         for c in assembly.components
-        if c.name in wanted
+        if c.name in names
     }
 
 

@@ -73,10 +73,10 @@ def _converged(
 ) -> tuple[RootState, bool]:
     """The root after some turns with one factor, and whether it has converged."""
     lam, x, y = state
-    left, last = pencil.adjoint(), np.inf
+    adjoint, last = pencil.adjoint(), np.inf
     for _ in range(MAX_TURNS):
         parts = [product(A, x) for A in (pencil.M, pencil.C, pencil.K)]
-        back = [product(A, y) for A in (left.M, left.C, left.K)]
+        back = [product(A, y) for A in (adjoint.M, adjoint.C, adjoint.K)]
         before = lam
         lam = _nearest_zero([complex(np.vdot(y, part)) for part in parts], before)
         r = lam**2 * parts[0] + lam * parts[1] + parts[2]
@@ -128,9 +128,10 @@ class FollowedEnd(NamedTuple):
     def is_this(self, shape: np.ndarray) -> bool:
         """Whether a shape (k,) is that of the mode and of no other one here."""
         likeness = mac(shape[None], self.modes.shapes)[0]
-        own = likeness[self.place]
+        likeness_of_mode = likeness[self.place]
         return bool(
-            own >= MIN_MAC and np.delete(likeness, self.place).max(initial=0.0) <= MAX_OTHER_MAC
+            likeness_of_mode >= MIN_MAC
+            and np.delete(likeness, self.place).max(initial=0.0) <= MAX_OTHER_MAC
         )
 
 
@@ -179,9 +180,9 @@ def followed_onset(
         return None
     if crossing.jumps:
         return None
-    value = crossing.value
-    nearest = min(crossing.around, key=lambda x: abs(x - value))
-    return Onset(value, abs(mode.root(nearest)) / (2 * np.pi), len(mode.states))
+    onset = crossing.value
+    nearest = min(crossing.around, key=lambda x: abs(x - onset))
+    return Onset(onset, abs(mode.root(nearest)) / (2 * np.pi), len(mode.states))
 
 
 class _Followed:
@@ -197,19 +198,19 @@ class _Followed:
             if x == end.x:
                 return end.lam
         if x not in self.states:
-            found = self._follower.at(self._line.pencil(x), self._guess(x))
-            shape = self._line.basis.T @ found.right
+            state = self._follower.at(self._line.pencil(x), self._guess(x))
+            shape = self._line.basis.T @ state.right
             if not all(end.is_this(shape) for end in self._ends):
                 raise ConvergenceError("lost", f"the mode is not clearly the same at {x:g}")
-            self.states[x] = found
+            self.states[x] = state
         return self.states[x].lam
 
     def _guess(self, x: float) -> RootState:
         """The root on the straight line between its neighbours, the vectors of the nearest one."""
-        known = {end.x: end.lam for end in self._ends}
-        known |= {at: state.lam for at, state in self.states.items()}
-        places = np.array(sorted(known))
-        roots = np.array([known[at] for at in places])
+        root_at = {end.x: end.lam for end in self._ends}
+        root_at |= {at: state.lam for at, state in self.states.items()}
+        places = np.array(sorted(root_at))
+        roots = np.array([root_at[at] for at in places])
         lam = complex(np.interp(x, places, roots.real), np.interp(x, places, roots.imag))
         if self.states:
             nearest = min(self.states, key=lambda at: abs(at - x))

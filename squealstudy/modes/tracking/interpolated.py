@@ -69,8 +69,8 @@ class InterpolatedModes:
         t = float((x - self._x_a) @ self._way / (self._way @ self._way))
         C, K = ((1 - t) * A + t * B for A, B in zip(self._a, self._b, strict=True))
         lam, psi = dense_roots(C, K, self._band)
-        kept = lam.imag > 0
-        return Modes(lam[kept], psi.T[kept])
+        oscillates = lam.imag > 0
+        return Modes(lam[oscillates], psi.T[oscillates])
 
     def at_a(self, modes: Modes) -> Modes:
         """Modes of a, their shapes (m, k) in its own real modes, in these coordinates."""
@@ -83,9 +83,9 @@ class InterpolatedModes:
     def foreign(self, modes: Modes) -> np.ndarray:
         """Modes of b that are for the most part no motion of the real modes of a (m,)."""
         a, b = self._seen
-        seen = b @ modes.shapes[:, : len(self._turn)].T
-        held = la.qr(a, mode="economic")[0].T @ seen
-        foreign: np.ndarray = squares(held.T) < LOW_MAC * squares(seen.T)
+        motion_of_b = b @ modes.shapes[:, : len(self._turn)].T
+        part_in_a = la.qr(a, mode="economic")[0].T @ motion_of_b
+        foreign: np.ndarray = squares(part_in_a.T) < LOW_MAC * squares(motion_of_b.T)
         return foreign
 
 

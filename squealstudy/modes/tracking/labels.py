@@ -124,8 +124,8 @@ class TrackTree:
             pairings.partner.owner[pairings.partner.flat >= 0], minlength=len(self.parents)
         )
         ends, begins = pairings.partner.counts - paired, self.lams.counts - paired
-        found: np.ndarray = np.flatnonzero((self.parents >= 0) & (ends > 0) & (begins > 0))
-        return found
+        broken_at: np.ndarray = np.flatnonzero((self.parents >= 0) & (ends > 0) & (begins > 0))
+        return broken_at
 
     def _numbers(self, root: np.ndarray) -> np.ndarray:
         """Track of each mode (N,) by the mode at which its track begins.
@@ -156,15 +156,15 @@ def _normalised(x: np.ndarray) -> np.ndarray:
 
 def _steps(x: np.ndarray, parents: np.ndarray) -> np.ndarray:
     """How much of the last change is expected to go on to each point; none off a line (n,)."""
-    known = np.flatnonzero(parents >= 0)
-    known = known[parents[parents[known]] >= 0]
-    p, g = parents[known], parents[parents[known]]
-    u, v = x[p] - x[g], x[known] - x[p]
+    with_grandparent = np.flatnonzero(parents >= 0)
+    with_grandparent = with_grandparent[parents[parents[with_grandparent]] >= 0]
+    p, g = parents[with_grandparent], parents[parents[with_grandparent]]
+    u, v = x[p] - x[g], x[with_grandparent] - x[p]
     size_u, size_v = np.linalg.norm(u, axis=1), np.linalg.norm(v, axis=1)
     straight = np.einsum("ij,ij->i", u, v) > STRAIGHT * size_u * size_v
     ratio = size_v / np.where(size_u > 0, size_u, 1.0)
     step = np.zeros(len(parents))
-    step[known] = np.where(straight, EXTRAPOLATED * np.minimum(ratio, LONGEST_STEP), 0.0)
+    step[with_grandparent] = np.where(straight, EXTRAPOLATED * np.minimum(ratio, LONGEST_STEP), 0.0)
     return step
 
 
@@ -189,11 +189,11 @@ def join_tracks(tracks: Tracks, lams: Ragged, edges: np.ndarray, shapes: Shapes)
     shapes : Shapes
     """
     votes: Counter[Pair] = Counter()
-    asked: Counter[Pair] = Counter()
+    times_asked: Counter[Pair] = Counter()
     for a, b in edges[_differ(tracks.labels, edges)].tolist():
         near = _may_join(lams[a], tracks.labels[a], lams[b], tracks.labels[b])
-        if any(asked[pair] < ENOUGH for pair in near):
-            asked.update(near)
+        if any(times_asked[pair] < ENOUGH for pair in near):
+            times_asked.update(near)
             votes.update(_votes(a, b, tracks, lams, shapes))
     if not votes:
         return tracks
@@ -232,7 +232,7 @@ def _ordered(one: np.ndarray, other: np.ndarray) -> list[Pair]:
 
 def _votes(a: int, b: int, tracks: Tracks, lams: Ragged, shapes: Shapes) -> list[Pair]:
     """Pairs of tracks that two points show to be one."""
-    at_a, at_b = (found[0] for found in shapes.of(np.array([a]), np.array([b])))
+    at_a, at_b = (shapes_of_point[0] for shapes_of_point in shapes.of(np.array([a]), np.array([b])))
     pairs = pair_modes(lams[a], at_a, lams[b], at_b)
     i = np.flatnonzero((pairs.partner >= 0) & ~pairs.ambiguous & (pairs.trust > DOUBTFUL))
     one, other = tracks.labels[a][i], tracks.labels[b][pairs.partner[i]]

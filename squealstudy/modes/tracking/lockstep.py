@@ -118,15 +118,20 @@ def refine_onsets_together(
         if not len(active):
             break
         at = a.x[active] + share[active] * (b.x[active] - a.x[active])
-        found, solved = solve(active, at)
+        solved_modes, solved = solve(active, at)
         evaluations[active] += 1
-        place = np.where(solved, _followed(a, b, active, found), -1)
+        place = np.where(solved, _followed(a, b, active, solved_modes), -1)
         lost = place < 0
         good[active[lost]] = False
-        own = np.flatnonzero(~lost)
-        active, at, place, found = active[own], at[own], place[own], found.at(own)
-        f = _excess(found.lam[np.arange(len(own)), place], tolerance)
-        new = _Ends(at, f, found, place)
+        still_followed = np.flatnonzero(~lost)
+        active, at, place, solved_modes = (
+            active[still_followed],
+            at[still_followed],
+            place[still_followed],
+            solved_modes.at(still_followed),
+        )
+        f = _excess(solved_modes.lam[np.arange(len(still_followed)), place], tolerance)
+        new = _Ends(at, f, solved_modes, place)
         scale[active] = np.maximum(scale[active], np.abs(f))
         same = np.sign(f) == np.sign(a.f[active])
         third_x[active] = np.where(same, a.x[active], b.x[active])
@@ -144,18 +149,18 @@ def refine_onsets_together(
         nearest = np.minimum(np.abs(a.f[active]), np.abs(b.f[active]))
         active = active[(width > precision) & (nearest > 0)]
     good[active] = False  # not converged
-    left = np.minimum(np.abs(a.f), np.abs(b.f))
+    residual = np.minimum(np.abs(a.f), np.abs(b.f))
     step = np.abs(a.f - b.f)
-    good &= ~((left > ONE_SIDED * step) & (ONE_SIDED * step > ONE_SIDED * JUMP * scale))
+    good &= ~((residual > ONE_SIDED * step) & (ONE_SIDED * step > ONE_SIDED * JUMP * scale))
     first = np.abs(a.f) <= np.abs(b.f)
-    value = np.where(first, a.x, b.x)
+    onset = np.where(first, a.x, b.x)
     rows = np.arange(n)
     at_a, at_b = a.modes.lam[rows, a.place], b.modes.lam[rows, b.place]
     good &= np.abs(at_a - at_b) <= FAR * np.minimum(np.abs(at_a), np.abs(at_b))
     good &= ~exchanged(a.modes.lam, b.modes.lam, a.place, b.place)
     lam = np.where(first, at_a, at_b)
     return ManyOnsets(
-        value=np.where(good, value, np.nan),
+        value=np.where(good, onset, np.nan),
         frequency_hz=np.where(good, np.abs(lam) / (2 * np.pi), np.nan),
         evaluations=evaluations,
     )
@@ -176,9 +181,12 @@ def _followed(a: _Ends, b: _Ends, rows: np.ndarray, found: ManyModes) -> np.ndar
     for end in (a, b):
         there = end.modes.at(rows)
         pairs = pair_many(there.lam, there.shapes, found.lam, found.shapes, there.lam)
-        own, trust = pairs.partner[each, end.place[rows]], pairs.trust[each, end.place[rows]]
-        better = (own >= 0) & (trust > best)
-        partner, best = np.where(better, own, partner), np.where(better, trust, best)
+        end_partner, trust = (
+            pairs.partner[each, end.place[rows]],
+            pairs.trust[each, end.place[rows]],
+        )
+        better = (end_partner >= 0) & (trust > best)
+        partner, best = np.where(better, end_partner, partner), np.where(better, trust, best)
     return partner
 
 

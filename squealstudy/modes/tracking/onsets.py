@@ -114,7 +114,7 @@ class FollowedMode:
 
     def outwards(self, values: list[float]) -> list[float]:
         """Values in the order in which the mode is best followed: from where it is known."""
-        return sorted(values, key=lambda x: min(abs(x - known) for known in self._known))
+        return sorted(values, key=lambda x: min(abs(x - known_x) for known_x in self._known))
 
     def _follow(self, x: float, halvings: int) -> bool:
         """Whether the mode is found at x, at values on the way where the step there is too long."""
@@ -172,12 +172,12 @@ def refine_onset(
     from_unstable = (None, at_high) if growing_high else (at_low, None)
     for ends in ((at_low, at_high), from_unstable):
         mode = FollowedMode(samples, *ends)
-        value, jumps = _root(mode, samples.values, tolerance, precision)
+        onset, jumps = _root(mode, samples.values, tolerance, precision)
         if not jumps:
-            nearest = min(samples.values, key=lambda x: abs(x - value))
+            nearest = min(samples.values, key=lambda x: abs(x - onset))
             frequency = abs(mode.root(nearest)) / (2 * np.pi)
-            return Onset(value, frequency, len(samples.values) - before)
-    raise ConvergenceError("lost", f"the damping ratio jumps at {value:g}")
+            return Onset(onset, frequency, len(samples.values) - before)
+    raise ConvergenceError("lost", f"the damping ratio jumps at {onset:g}")
 
 
 def _root(
@@ -247,17 +247,17 @@ def bracketed_crossing(
             NO_CROSSING, "the damping ratio does not cross zero between the points"
         )
     a, b = known[changes[0]], known[changes[0] + 1]
-    value = float(brentq(function, a, b, xtol=precision, rtol=1e-14, maxiter=MOST_ITERATIONS))
+    zero = float(brentq(function, a, b, xtol=precision, rtol=1e-14, maxiter=MOST_ITERATIONS))
     places = [x for x in sorted(excess) if a <= x <= b]
     around = np.array([excess[x] for x in places])
     change = int(np.flatnonzero(np.sign(around[:-1]) * np.sign(around[1:]) <= 0)[0])
-    left, right = around[change], around[change + 1]
-    step = abs(right - left)
+    before_zero, right = around[change], around[change + 1]
+    step = abs(right - before_zero)
     scale = max(abs(zeta) for zeta in excess.values())
-    jumps = min(abs(left), abs(right)) > ONE_SIDED * step > ONE_SIDED * JUMP * scale
+    jumps = min(abs(before_zero), abs(right)) > ONE_SIDED * step > ONE_SIDED * JUMP * scale
     before, after = places[change], places[change + 1]
     far = abs(root(after) - root(before)) > FAR * min(abs(root(x)) for x in (before, after))
-    return Crossing(value, (before, after), bool(jumps or far))
+    return Crossing(zero, (before, after), bool(jumps or far))
 
 
 def exchanged(
@@ -306,7 +306,7 @@ def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     inner, at = slice(1, 5), x[:, 1:5]
     c = _divided_differences(at, f[:, inner])
-    value = _zero(at, c)
+    zero = _zero(at, c)
     part = np.linspace(0.0, 1.0, LOOKED_AT)
     v = at[:, 1, None] + part * (at[:, 2] - at[:, 1])[:, None]
     away = v[:, :, None] - at[:, None, :]
@@ -318,7 +318,7 @@ def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     third = [np.abs(_divided_differences(x[:, k : k + 4], f[:, k : k + 4])[:, 3]) for k in range(3)]
     bend = np.nanmax(third, axis=0)
     error = SAFETY * bend * product.max(axis=1) / np.where(turns, 1.0, least)
-    return value, np.where(turns, np.inf, error)
+    return zero, np.where(turns, np.inf, error)
 
 
 def _steady(x: np.ndarray, f: np.ndarray) -> np.ndarray:
@@ -337,8 +337,8 @@ def _zero(x: np.ndarray, c: np.ndarray) -> np.ndarray:
     before = np.sign(_evaluated(x, c, low))
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        left = np.sign(_evaluated(x, c, middle)) == before
-        low, high = np.where(left, middle, low), np.where(left, high, middle)
+        is_same_side = np.sign(_evaluated(x, c, middle)) == before
+        low, high = np.where(is_same_side, middle, low), np.where(is_same_side, high, middle)
     zero: np.ndarray = (low + high) / 2
     return zero
 
@@ -352,7 +352,7 @@ def _divided_differences(x: np.ndarray, f: np.ndarray) -> np.ndarray:
 
 
 def _evaluated(x: np.ndarray, c: np.ndarray, at: np.ndarray) -> np.ndarray:
-    value = np.zeros_like(at)
+    polynomial = np.zeros_like(at)
     for k in range(c.shape[1] - 1, -1, -1):
-        value = value * (at - x[:, k]) + c[:, k]
-    return value
+        polynomial = polynomial * (at - x[:, k]) + c[:, k]
+    return polynomial

@@ -68,11 +68,11 @@ def mac(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def pair_macs(a: np.ndarray, b: np.ndarray, partner: np.ndarray) -> np.ndarray:
     """MAC of shapes (ma, k) with their partners' among (mb, k), NaN where there is none (ma,)."""
-    value = np.full(len(partner), np.nan)
+    macs = np.full(len(partner), np.nan)
     paired = partner >= 0
     if paired.any():
-        value[paired] = mac(a, b)[paired, partner[paired]]
-    return value
+        macs[paired] = mac(a, b)[paired, partner[paired]]
+    return macs
 
 
 def squares(a: np.ndarray) -> np.ndarray:
@@ -84,9 +84,9 @@ def squares(a: np.ndarray) -> np.ndarray:
 def _mac(a: np.ndarray, b: np.ndarray, a2: np.ndarray, b2: np.ndarray) -> np.ndarray:
     product = a.conj() @ b.swapaxes(-1, -2)
     size = a2[..., :, None] * b2[..., None, :]
-    value: np.ndarray = product.real**2 + product.imag**2
-    value /= np.maximum(size, np.finfo(size.dtype).tiny, out=size)
-    return np.minimum(value, 1.0, out=value)
+    macs: np.ndarray = product.real**2 + product.imag**2
+    macs /= np.maximum(size, np.finfo(size.dtype).tiny, out=size)
+    return np.minimum(macs, 1.0, out=macs)
 
 
 def pair_modes(
@@ -116,8 +116,10 @@ def pair_modes(
         Of the roots, rad/s, at whose edges modes come and go; None: they do so nowhere.
     """
     there = lam_a if expected is None else expected
-    found = pair_many(lam_a[None], shapes_a[None], lam_b[None], shapes_b[None], there[None], band)
-    return Pairing(*(part[0] for part in found))
+    pairing_of_one = pair_many(
+        lam_a[None], shapes_a[None], lam_b[None], shapes_b[None], there[None], band
+    )
+    return Pairing(*(part[0] for part in pairing_of_one))
 
 
 def pair_many(
@@ -134,12 +136,12 @@ def pair_many(
         alone, unknown = np.full((n, count), -1), np.full((n, count), np.nan)
         return Pairing(alone, unknown, np.zeros((n, count), bool), np.full((n, count), np.inf))
     far, tie = _distance(expected, lam_b)
-    value = _macs(shapes_a, shapes_b, far < UNPAIRED)
-    cost = np.minimum(1.0 - value + far + tie, UNPAIRED)
+    all_macs = _macs(shapes_a, shapes_b, far < UNPAIRED)
+    cost = np.minimum(1.0 - all_macs + far + tie, UNPAIRED)
     partner = _partners(cost)
     paired = partner >= 0
     column = np.where(paired, partner, 0)
-    macs = np.where(paired, _taken(value, column).astype(float), np.nan)
+    macs = np.where(paired, _taken(all_macs, column).astype(float), np.nan)
     rival = np.where(paired, _rivals(cost, paired, column) / RIVAL, np.inf)
     ambiguous = paired & ((rival <= 1.0) | (macs < LOW_MAC))
     trust = np.where(paired, np.minimum(rival, macs / LOW_MAC), np.inf)
@@ -179,16 +181,16 @@ def _macs(a: np.ndarray, b: np.ndarray, near: np.ndarray) -> np.ndarray:
     a2, b2 = squares(a), squares(b)
     if a.shape[1] <= BLOCK:
         return _mac(a, b, a2, b2)
-    value = np.zeros(near.shape, dtype=a2.dtype)
+    macs = np.zeros(near.shape, dtype=a2.dtype)
     for i in range(len(a)):
         for start in range(0, a.shape[1], BLOCK):
             rows = slice(start, start + BLOCK)
-            seen = np.flatnonzero(near[i, rows].any(axis=0))
-            if len(seen):
-                columns = slice(seen[0], seen[-1] + 1)
+            near_columns = np.flatnonzero(near[i, rows].any(axis=0))
+            if len(near_columns):
+                columns = slice(near_columns[0], near_columns[-1] + 1)
                 sides = a[i, rows], b[i, columns], a2[i, rows], b2[i, columns]
-                value[i, rows, columns] = _mac(*sides)
-    return value
+                macs[i, rows, columns] = _mac(*sides)
+    return macs
 
 
 def _partners(cost: np.ndarray) -> np.ndarray:
@@ -207,10 +209,10 @@ def _partners(cost: np.ndarray) -> np.ndarray:
     ordered = np.sort(np.where(alone, -1 - rows, best), axis=1)
     clear[:, 0] &= (np.diff(ordered, axis=1) != 0).all(axis=1)
     for i in np.flatnonzero(~clear.all(axis=1)):
-        own, columns = least_assignment(cost[i])
-        taken = cost[i][own, columns] < UNPAIRED
+        chosen_rows, columns = least_assignment(cost[i])
+        taken = cost[i][chosen_rows, columns] < UNPAIRED
         partner[i] = -1
-        partner[i, own[taken]] = columns[taken]
+        partner[i, chosen_rows[taken]] = columns[taken]
     return partner
 
 
@@ -223,9 +225,9 @@ def _rivals(cost: np.ndarray, paired: np.ndarray, column: np.ndarray) -> np.ndar
     least = 1e-300  # the cost of a pair that did not change is zero but for rounding
     n, count = column.shape
     swapped = np.take_along_axis(cost, np.broadcast_to(column[:, None, :], (n, count, count)), 2)
-    own = np.einsum("nii->ni", swapped)
+    pair_cost = np.einsum("nii->ni", swapped)
     ratio = swapped + swapped.transpose(0, 2, 1)
-    ratio /= np.maximum(own[:, :, None] + own[:, None, :], least)
+    ratio /= np.maximum(pair_cost[:, :, None] + pair_cost[:, None, :], least)
     ratio[:, np.arange(count), np.arange(count)] = np.inf
     if not paired.all():
         ratio[np.broadcast_to(~paired[:, None, :], ratio.shape)] = np.inf
@@ -237,10 +239,10 @@ def _rivals(cost: np.ndarray, paired: np.ndarray, column: np.ndarray) -> np.ndar
         free[:] = True
         free[i, column[i, row]] = False
         by_row = np.where(~paired[:, :, None] & (swapped < UNPAIRED), swapped, np.inf).min(axis=1)
-        best = np.minimum(best, by_row / np.maximum(own, least))
+        best = np.minimum(best, by_row / np.maximum(pair_cost, least))
     if free.any():
         others = np.where(free[:, None, :] & (cost < UNPAIRED), cost, np.inf).min(axis=2)
-        best = np.minimum(best, others / np.maximum(own, least))
+        best = np.minimum(best, others / np.maximum(pair_cost, least))
     return best
 
 
@@ -256,9 +258,9 @@ def _passing(lam_a: np.ndarray, lam_b: np.ndarray, paired: np.ndarray) -> np.nda
     ranks = np.take_along_axis(place, order_a, axis=1)  # ascending but for modes that pass
     least_after = np.minimum.accumulate(ranks[:, ::-1], axis=1)[:, ::-1]
     passing = (np.maximum.accumulate(ranks, axis=1) > ranks) | (least_after < ranks)
-    found = np.empty_like(passing)
-    np.put_along_axis(found, order_a, passing, axis=1)
-    return found & paired
+    is_passing = np.empty_like(passing)
+    np.put_along_axis(is_passing, order_a, passing, axis=1)
+    return is_passing & paired
 
 
 def may_be_one(

@@ -29,9 +29,9 @@ class Ragged:
     @classmethod
     def of(cls, rows: Iterable[np.ndarray]) -> Ragged:
         """Of separate arrays (m,)."""
-        found = [np.asarray(row) for row in rows]
-        flat = np.concatenate(found) if found else np.zeros(0)
-        return cls(flat, np.array([len(row) for row in found], dtype=np.int64))
+        arrays = [np.asarray(row) for row in rows]
+        flat = np.concatenate(arrays) if arrays else np.zeros(0)
+        return cls(flat, np.array([len(row) for row in arrays], dtype=np.int64))
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -63,8 +63,8 @@ class Ragged:
 
     def least(self) -> np.ndarray:
         """Least value of each row (n,); infinite of an empty one."""
-        found = np.full(len(self), np.inf)
+        least = np.full(len(self), np.inf)
         filled = np.flatnonzero(self.counts)
         if len(filled):
-            found[filled] = np.minimum.reduceat(self.flat, self.starts[filled])
-        return found
+            least[filled] = np.minimum.reduceat(self.flat, self.starts[filled])
+        return least

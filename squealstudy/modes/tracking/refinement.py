@@ -75,8 +75,8 @@ class StepRefinement:
         expected : ndarray (ma,) complex or None
             As of `pair_modes`.
         """
-        wanted = np.ones(len(a.lam), dtype=bool)
-        return self._pair(a, b, x_a, x_b, wanted, expected, self.depth)
+        all_modes = np.ones(len(a.lam), dtype=bool)
+        return self._pair(a, b, x_a, x_b, all_modes, expected, self.depth)
 
     def _pair(
         self,

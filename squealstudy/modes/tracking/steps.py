@@ -123,16 +123,16 @@ class Stepper:
 
     def all(self) -> Pairings:
         """The pairings of all steps."""
-        found = Pairings(self._parents, self._lams.counts)
+        pairings = Pairings(self._parents, self._lams.counts)
         steps = np.flatnonzero(self._parents >= 0)
         before, after = self._lams.counts[self._parents[steps]], self._lams.counts[steps]
         for count in np.unique(np.minimum(before, after)):
             points = steps[np.minimum(before, after) == count]
-            kept = np.broadcast_to(np.arange(count, dtype=np.int32), (len(points), count))
-            found.partner.flat[found.partner.block(points, int(count))] = kept
-            found.source[self._lams.block(points, int(count))] = kept
-        self.pair(found, steps, np.zeros(0, dtype=int))
-        return found
+            own_numbers = np.broadcast_to(np.arange(count, dtype=np.int32), (len(points), count))
+            pairings.partner.flat[pairings.partner.block(points, int(count))] = own_numbers
+            pairings.source[self._lams.block(points, int(count))] = own_numbers
+        self.pair(pairings, steps, np.zeros(0, dtype=int))
+        return pairings
 
     def again(self, found: Pairings, changed: np.ndarray, known: np.ndarray) -> None:
         """Pair again what follows points whose pairings have changed; not the `known` ones."""
@@ -142,7 +142,9 @@ class Stepper:
         """Pair the steps to points, and those after them again where the pairing has changed."""
         while len(points):
             batches = self._paired(found, points)
-            changed = [batch[found.enter(batch, own, count)] for batch, own, count in batches]
+            changed = [
+                batch[found.enter(batch, pairing, count)] for batch, pairing, count in batches
+            ]
             points = np.setdiff1d(self._followers(np.concatenate(changed)), known)
 
     def expected(self, found: Pairings, points: np.ndarray) -> np.ndarray:
@@ -178,10 +180,10 @@ class Stepper:
         which = which.reshape(-1)
         ordered = np.argsort(which, kind="stable")
         ends = np.cumsum(np.bincount(which, minlength=len(kinds)))
-        for (before, after, _), own in zip(kinds, np.split(ordered, ends[:-1]), strict=True):
+        for (before, after, _), step_rows in zip(kinds, np.split(ordered, ends[:-1]), strict=True):
             together = max(1, AT_ONCE // int(before * after))
-            for start in range(0, len(own), together):
-                batch = points[own[start : start + together]]
+            for start in range(0, len(step_rows), together):
+                batch = points[step_rows[start : start + together]]
                 p = self._parents[batch]
                 at_a, at_b = self._shapes.of(p, batch)
                 expected = self.expected(found, batch)

@@ -69,11 +69,11 @@ def cross_edges(
         index = np.arange(n).reshape(grid_shape, order="F")
         places = value_orders(np.asarray(coordinates, dtype=float), grid_shape)
         index = index[np.ix_(*places)] if places else index
-        found = [
+        edge_lists = [
             np.column_stack([np.delete(index, -1, k).ravel(), np.delete(index, 0, k).ravel()])
             for k in range(index.ndim)
         ]
-        edges = np.vstack([np.zeros((0, 2), dtype=int), *found])
+        edges = np.vstack([np.zeros((0, 2), dtype=int), *edge_lists])
     else:
         x = _unit_box(np.asarray(coordinates, dtype=float))
         edges = np.column_stack(_numbers(_nearest(x, 2 * x.shape[1]), n))
@@ -166,12 +166,12 @@ def _nearest(x: np.ndarray, count: int) -> np.ndarray:
     from scipy.spatial import cKDTree
 
     n, tree = len(x), cKDTree(x)
-    found = [np.zeros(0, dtype=np.int64)]
+    key_lists = [np.zeros(0, dtype=np.int64)]
     for i in range(0, n, BLOCK):
         block = np.arange(i, min(i + BLOCK, n))
         near = tree.query(x[block], min(count + 1, n))[1].reshape(len(block), -1)
-        found.append(_keys(np.repeat(block, near.shape[1]), near.ravel(), n))
-    return _once(np.concatenate(found))
+        key_lists.append(_keys(np.repeat(block, near.shape[1]), near.ravel(), n))
+    return _once(np.concatenate(key_lists))
 
 
 def _keys(a: np.ndarray, b: np.ndarray, n: int) -> np.ndarray:
