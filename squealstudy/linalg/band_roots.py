@@ -94,11 +94,11 @@ def roots_in_band(
             failure = error
             continue
         lam, psi = one_of_each_pair(sigma + mu, psi, (0.0, band[1]))
-        found, worst = judged_roots(M, C, K, lam, psi, band)
+        band_roots, worst = judged_roots(M, C, K, lam, psi, band)
         if worst <= 1.0:
-            return found
+            return band_roots
         if worst < least:
-            best, least = found, worst
+            best, least = band_roots, worst
     if best is None and failure.status == SINGULAR:  # not at zero alone, but about a shift too
         raise ConvergenceError(SINGULAR, SINGULAR_PENCIL)
     if best is None:
@@ -119,12 +119,14 @@ def judged_roots(
     The latter is `RootErrors.doubt`: where it is above 1 another attempt may be better.
     """
     below = len(lam) + int((lam.imag > 0).sum())
-    kept = np.abs(lam) >= band[0]
-    lam, psi = lam[kept], psi[:, kept]
+    above_bottom = np.abs(lam) >= band[0]
+    lam, psi = lam[above_bottom], psi[:, above_bottom]
     errors = root_errors(M, C, K, lam, psi)
-    told = errors.resolved(lam, band[1])
-    found = BandRoots(lam=lam[told], psi=psi[:, told], n_below=below, error=errors.error[told])
-    return found, errors.doubt(lam)
+    resolved = errors.resolved(lam, band[1])
+    band_roots = BandRoots(
+        lam=lam[resolved], psi=psi[:, resolved], n_below=below, error=errors.error[resolved]
+    )
+    return band_roots, errors.doubt(lam)
 
 
 def pair_residuals(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:

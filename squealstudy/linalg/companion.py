@@ -159,10 +159,10 @@ def all_pairs(C: np.ndarray, K: np.ndarray) -> Eigenpairs:
     """All 2n roots of lambda^2 I + lambda C + K with both vectors."""
     n = len(K)
     A, scale = companion(C, K)
-    lam, left, right = la.eig(A, left=True, right=True, overwrite_a=True, check_finite=False)
+    lam, left_states, right = la.eig(A, left=True, right=True, overwrite_a=True, check_finite=False)
     lam = lam * scale
     X = right[:n] / np.linalg.norm(right[:n], axis=0)
-    Y = left[n:]
+    Y = left_states[n:]
     return Eigenpairs(lam, X, Y / derivative_products(C, lam, X, Y).conj())
 
 
@@ -178,6 +178,6 @@ def one_of_each_pair(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Roots of imaginary part >= 0 in a band of moduli, ascending in modulus, and unit vectors."""
     size = np.abs(lam)
-    kept = np.flatnonzero((lam.imag >= 0) & (size >= band[0]) & (size <= band[1]))
-    kept = kept[np.argsort(size[kept])]
-    return lam[kept], psi[:, kept] / np.linalg.norm(psi[:, kept], axis=0)
+    order = np.flatnonzero((lam.imag >= 0) & (size >= band[0]) & (size <= band[1]))
+    order = order[np.argsort(size[order])]
+    return lam[order], psi[:, order] / np.linalg.norm(psi[:, order], axis=0)

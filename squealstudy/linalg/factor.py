@@ -126,9 +126,9 @@ def factorise(
 
 def automatic_backend(n: int, definite: bool) -> str:
     """What ``auto`` is for a sparse matrix of n rows."""
-    wanted = {"pardiso": True, "cholmod": definite and n >= CHOLMOD_MIN_ROWS}
-    found = (name for name, use in wanted.items() if use and find_spec(MODULES[name]))
-    return next(found, "superlu")
+    preferred = {"pardiso": True, "cholmod": definite and n >= CHOLMOD_MIN_ROWS}
+    installed = (name for name, use in preferred.items() if use and find_spec(MODULES[name]))
+    return next(installed, "superlu")
 
 
 def is_definite(A: sp.spmatrix) -> bool:
@@ -217,8 +217,8 @@ class FullLU:
 
     def __init__(self, A: sp.spmatrix | np.ndarray) -> None:
         full = A if isinstance(A, np.ndarray) else A.toarray()
-        self._lu, self._pivots, info = la.lapack.get_lapack_funcs("getrf", (full,))(full)
-        if info > 0:
+        self._lu, self._pivots, lapack_status = la.lapack.get_lapack_funcs("getrf", (full,))(full)
+        if lapack_status > 0:
             raise RuntimeError("Factor is exactly singular")
 
     def solve(self, b: np.ndarray, trans: str = "N") -> np.ndarray:
@@ -304,9 +304,9 @@ class CholmodFactor(RefinedFactor):
             return x
         for i in range(0, b.shape[1], CHOLMOD_BLOCK):
             part = np.ascontiguousarray(b[:, i : i + CHOLMOD_BLOCK], dtype=float)
-            found = np.empty_like(part)
-            self._solver.solve(part, found)
-            x[:, i : i + CHOLMOD_BLOCK] = found
+            solution = np.empty_like(part)
+            self._solver.solve(part, solution)
+            x[:, i : i + CHOLMOD_BLOCK] = solution
         return x
 
 

@@ -35,5 +35,5 @@ def expect_computable(parts: Iterable[tuple[str, Any]]) -> None:
 
 def too_large(what: str, size: float) -> str:
     """The sentence about a matrix with an entry beyond MAX_SQUARABLE_ENTRY."""
-    told = "that are not finite" if size == np.inf else f"of {size:.0e}"
-    return f"{what} has entries {told}: {LIMITS}"
+    size_text = "that are not finite" if size == np.inf else f"of {size:.0e}"
+    return f"{what} has entries {size_text}: {LIMITS}"

@@ -78,13 +78,13 @@ class QuadraticPencil:
     def apply(self, lam: complex, x: np.ndarray) -> np.ndarray:
         """Q(lambda) x for one root and vector."""
         inertia, damping = lam**2 * product(self.M, x), lam * product(self.C, x)
-        found: np.ndarray = inertia + damping + product(self.K, x)
-        return found
+        product_sum: np.ndarray = inertia + damping + product(self.K, x)
+        return product_sum
 
     def slope(self, lam: complex, x: np.ndarray) -> np.ndarray:
         """Q'(lambda) x = (2 lambda M + C) x."""
-        found: np.ndarray = 2 * lam * product(self.M, x) + product(self.C, x)
-        return found
+        product_sum: np.ndarray = 2 * lam * product(self.M, x) + product(self.C, x)
+        return product_sum
 
     def adjoint(self) -> QuadraticPencil:
         """The transposed pencil: left vectors are its right vectors at conj(lambda)."""
@@ -219,8 +219,8 @@ def nearest_two_sided(
     # equal multisets up to round-off; the last ones may differ where the count cuts a pair
     distance = np.abs(lam[:, None] - mu) / np.abs(lam)[:, None]
     order = partners(distance, LEFT_RIGHT_ROOT_REL_DISTANCE)
-    kept = np.flatnonzero(order >= 0)
-    return Eigenpairs(lam[kept], X[:, kept], Y[:, order[kept]])
+    is_paired = np.flatnonzero(order >= 0)
+    return Eigenpairs(lam[is_paired], X[:, is_paired], Y[:, order[is_paired]])
 
 
 def nearest_left(
@@ -252,8 +252,8 @@ def _nearest(
     x = np.random.default_rng(0).standard_normal(n) if start is None else start
     operator = spla.LinearOperator((2 * n, 2 * n), matvec=invert, dtype=complex)
     v0 = np.concatenate([x, sigma / size * x]).astype(complex)
-    if count == 1 and (found := _iterated(invert, v0)) is not None:
-        return _sorted(sigma + 1 / found[0], found[1][:n], sigma, count)
+    if count == 1 and (eigenpair := _iterated(invert, v0)) is not None:
+        return _sorted(sigma + 1 / eigenpair[0], eigenpair[1][:n], sigma, count)
     ncv = min(2 * n, max(2 * count + 4, LEAST_SPACE))
     try:
         theta, z = spla.eigs(operator, k=count, which="LM", v0=v0, ncv=ncv, tol=ARNOLDI_TOLERANCE)

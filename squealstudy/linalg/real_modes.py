@@ -69,10 +69,12 @@ def real_modes(
     n = M.shape[0]
     limit = (2 * np.pi * cutoff_hz) ** 2
     if n > DENSE_LIMIT:
-        held = factorise(shifted(M, K, cutoff_hz), definite=True) if factor is None else factor
-        phi = _space_below(M, held, limit, SHIFT_SHARE**2 * limit if shift is None else shift)
+        factorised = (
+            factorise(shifted(M, K, cutoff_hz), definite=True) if factor is None else factor
+        )
+        phi = _space_below(M, factorised, limit, SHIFT_SHARE**2 * limit if shift is None else shift)
         if phi is not None:  # from unrefined solves: what they lack is mended here
-            return _clip(*_refine(M, K, held.lean()(M @ phi)), limit)
+            return _clip(*_refine(M, K, factorised.lean()(M @ phi)), limit)
         if shift is not None:
             return real_modes(M, K, cutoff_hz)
     w2, phi = la.eigh(*(A if isinstance(A, np.ndarray) else A.toarray() for A in (K, M)))
@@ -136,8 +138,8 @@ def _refine(M: sp.spmatrix, K: sp.spmatrix, phi: np.ndarray) -> tuple[np.ndarray
 
 
 def _clip(w2: np.ndarray, phi: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    kept = w2 <= limit
-    return np.sqrt(np.maximum(w2[kept], 0.0)), np.ascontiguousarray(phi[:, kept])
+    within = w2 <= limit
+    return np.sqrt(np.maximum(w2[within], 0.0)), np.ascontiguousarray(phi[:, within])
 
 
 class BlockKrylov:
@@ -186,21 +188,21 @@ class BlockKrylov:
     def grow(self, size: int) -> None:
         """Grow to at least `size` states."""
         while self.size < size:
-            held = self.size + LANCZOS_BLOCK_SIZE
+            end = self.size + LANCZOS_BLOCK_SIZE
             image = self._apply(np.ascontiguousarray(self._next))
-            self.size = held
+            self.size = end
             Q, MQ, along, R = self._orthonormal(image)
             self._append(Q, MQ)
-            self._H[:held, held - LANCZOS_BLOCK_SIZE : held] = along
-            self._H[held : held + LANCZOS_BLOCK_SIZE, held - LANCZOS_BLOCK_SIZE : held] = R
+            self._H[:end, end - LANCZOS_BLOCK_SIZE : end] = along
+            self._H[end : end + LANCZOS_BLOCK_SIZE, end - LANCZOS_BLOCK_SIZE : end] = R
 
     def _append(self, Q: np.ndarray, MQ: np.ndarray) -> None:
         """Make states the block that is mapped next."""
-        held = self.size + LANCZOS_BLOCK_SIZE
-        if held > self._V.shape[1]:
+        end = self.size + LANCZOS_BLOCK_SIZE
+        if end > self._V.shape[1]:
             self._V = _wider(self._V)
             self._H = np.pad(self._H, (0, len(self._H)))
-        self._V[:, self.size : held] = Q
+        self._V[:, self.size : end] = Q
         self._next = MQ
 
     def _orthonormal(self, W: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -217,14 +219,16 @@ class BlockKrylov:
             W = W - _summed(V, h)
             MW = self._weigh(W)
             d, y = la.eigh(W.T @ MW)
-            kept = d > least
-            scale = np.where(kept, 1.0 / np.sqrt(np.where(kept, d, 1.0)), 0.0)
+            independent = d > least
+            scale = np.where(independent, 1.0 / np.sqrt(np.where(independent, d, 1.0)), 0.0)
             along = along + h @ R
             R = (scale * d)[:, None] * y.T @ R
             W, MW = W @ (y * scale), MW @ (y * scale)
-            if not kept.all():
-                W[:, ~kept] = self._random.standard_normal((len(W), int((~kept).sum())))
-                W[:, ~kept] = self._outside(W[:, ~kept], W[:, kept])
+            if not independent.all():
+                W[:, ~independent] = self._random.standard_normal(
+                    (len(W), int((~independent).sum()))
+                )
+                W[:, ~independent] = self._outside(W[:, ~independent], W[:, independent])
                 MW = self._weigh(W)
             least = 0.0
         return W, MW, along, R

@@ -119,9 +119,9 @@ def roots_below(
             )
             if (space.left_out(y) <= allowed).all():
                 lam, y = scale / theta[:inside], y[:, :inside]
-                kept, lower = lam.imag >= 0, space.vectors[n:]
-                y = y[:, kept]
-                return one_of_each_pair(lam[kept], lower @ y.real + 1j * (lower @ y.imag))
+                upper_half, lower = lam.imag >= 0, space.vectors[n:]
+                y = y[:, upper_half]
+                return one_of_each_pair(lam[upper_half], lower @ y.real + 1j * (lower @ y.imag))
         size = space.size + max(2 * LANCZOS_BLOCK_SIZE, space.size // TEST_GROWTH_DIVISOR)
     return _dense_roots(M, C, K, 2 * n, limit)
 
