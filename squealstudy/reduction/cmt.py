@@ -326,7 +326,7 @@ def _own_damping(assembly: AnyAssembly, basis: ComponentBasis) -> np.ndarray | N
     if C is None:
         return None
     spans = [assembly.slices[name] for name in assembly.component_names]
-    moved = np.hstack([C[:, s] @ T for s, T in zip(spans, basis.blocks, strict=True)])
-    found = np.vstack([T.T @ moved[s] for s, T in zip(spans, basis.blocks, strict=True)])
-    damping: np.ndarray = (found + found.T) / 2
+    damped = np.hstack([C[:, s] @ T for s, T in zip(spans, basis.blocks, strict=True)])
+    projected = np.vstack([T.T @ damped[s] for s, T in zip(spans, basis.blocks, strict=True)])
+    damping: np.ndarray = (projected + projected.T) / 2
     return damping

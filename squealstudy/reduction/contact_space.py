@@ -110,23 +110,23 @@ class ContactSpace:
 
     def gaps(self, x: np.ndarray) -> np.ndarray:
         """Changes of the gaps (..., nc) [m] by coordinates x (..., r) of S_N."""
-        found: np.ndarray = (self._maps[0] @ x.T).T
-        return found
+        gap_changes: np.ndarray = (self._maps[0] @ x.T).T
+        return gap_changes
 
     def pressed(self, s: np.ndarray) -> np.ndarray:
         """S_N^T s of forces s (..., nc) [N]."""
-        found: np.ndarray = (self._maps[1] @ s.T).T
-        return found
+        products: np.ndarray = (self._maps[1] @ s.T).T
+        return products
 
     def rubbed(self, t: np.ndarray) -> np.ndarray:
         """S_T^T t of forces t (..., nc) [N]."""
-        found: np.ndarray = (self._maps[2] @ t.T).T
-        return found
+        products: np.ndarray = (self._maps[2] @ t.T).T
+        return products
 
     def moved(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
         """`opening` as the coordinates (..., r) of S_N."""
-        moved: np.ndarray = self.pressed(s) @ self.C_NN - self.rubbed(t) @ self.C_TN
-        return moved
+        displacement: np.ndarray = self.pressed(s) @ self.C_NN - self.rubbed(t) @ self.C_TN
+        return displacement
 
     def changed(self, dk: Mapping[int, float]) -> ContactSpace:
         """The same with K0 + U diag(dk) U^T; it cannot be changed again.
@@ -141,12 +141,12 @@ class ContactSpace:
         j = np.fromiter(dk.keys(), dtype=int)
         D = np.diag(np.fromiter(dk.values(), dtype=float))
         core = la.solve(np.eye(len(j)) + D @ self.C_UU[np.ix_(j, j)], D)
-        left = self.C_NU[:, j] @ core  # core is symmetric
+        left_part = self.C_NU[:, j] @ core  # core is symmetric
         return replace(
             self,
-            C_NN=self.C_NN - left @ self.C_NU[:, j].T,
-            C_TN=self.C_TN - self.C_TU[:, j] @ left.T,
-            C_Nf=self.C_Nf - left @ self.C_fU[:, j].T,
+            C_NN=self.C_NN - left_part @ self.C_NU[:, j].T,
+            C_TN=self.C_TN - self.C_TU[:, j] @ left_part.T,
+            C_Nf=self.C_Nf - left_part @ self.C_fU[:, j].T,
             C_NU=self.C_NU[:, :0],
             C_TU=self.C_TU[:, :0],
             C_fU=self.C_fU[:, :0],
@@ -186,8 +186,8 @@ class ContactRows:
 
     def slid(self, X: np.ndarray) -> np.ndarray:
         """Z_T X (t, ...)."""
-        found: np.ndarray = X[self.sliding] if self.sliding.ndim == 1 else self.sliding @ X
-        return found
+        products: np.ndarray = X[self.sliding] if self.sliding.ndim == 1 else self.sliding @ X
+        return products
 
 
 def contact_space(
@@ -283,11 +283,13 @@ def independent_columns(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.nd
     pivots (Golub 1965), of each set of rows and columns that share no entry with others.
     """
     columns = np.unique(N.indices)
-    own = N[:, columns].tocoo()
-    m, k = own.shape
-    graph = sp.coo_matrix((np.ones(own.nnz), (own.row, m + own.col)), shape=(m + k, m + k))
+    entries = N[:, columns].tocoo()
+    m, k = entries.shape
+    graph = sp.coo_matrix(
+        (np.ones(entries.nnz), (entries.row, m + entries.col)), shape=(m + k, m + k)
+    )
     count, label = connected_components(graph, directed=False)
-    dense, chosen, parts = own.tocsr(), [], []
+    dense, chosen, parts = entries.tocsr(), [], []
     for number in range(count):
         rows = np.flatnonzero(label[:m] == number)
         among = np.flatnonzero(label[m:] == number)

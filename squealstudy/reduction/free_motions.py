@@ -28,14 +28,14 @@ RIGID = 0.99  # of a component's share: it moves as a rigid body
 
 def free_motion(assembly: AnyAssembly, K: sp.csr_matrix) -> ConvergenceError:
     """The error about a stiffness K that is singular, with the motions that are free."""
-    told = ""
+    motions = ""
     if isinstance(assembly, Assembly) and any(len(c.coordinates) for c in assembly.components):
-        told = _named(assembly, K)
-    if not told:
+        motions = _named(assembly, K)
+    if not motions:
         return ConvergenceError(SINGULAR, FREE_MOTION)
     return ConvergenceError(
         SINGULAR,
-        f"the static stiffness is singular: {told}: a spring, a layer or a held set is missing, "
+        f"the static stiffness is singular: {motions}: a spring, a layer or a held set is missing, "
         "or has no stiffness here",
     )
 
@@ -69,8 +69,8 @@ def _moving(assembly: Assembly, free: np.ndarray) -> list[str]:
     spans, _ = component_slices(assembly.components)
     shares: dict[str, float] = {}
     for component in assembly.components:
-        own = free[spans[component.name]]
-        u = component.at_nodes(own) if len(component.coordinates) else own
+        component_motion = free[spans[component.name]]
+        u = component.at_nodes(component_motion) if len(component.coordinates) else component_motion
         whole = float(np.sum(u**2))
         if not len(component.coordinates):
             shares[component.name] = whole**0.5

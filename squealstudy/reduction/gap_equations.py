@@ -54,13 +54,13 @@ class GapEquations:
     def _movement(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
         """N K^-1 (N^T s - T^T t + loads) (b, nc) of the changed structures."""
         space, j = self.space, self._columns
-        moved = space.moved(s, t) + self._load @ space.C_Nf.T
+        displacement = space.moved(s, t) + self._load @ space.C_Nf.T
         if j:
-            seen = space.pressed(s) @ space.C_NU[:, j] - space.rubbed(t) @ space.C_TU[:, j]
-            seen += self._load @ space.C_fU[:, j]
-            lost = np.array([core @ x for core, x in zip(self._cores, seen, strict=True)])
-            moved -= lost @ space.C_NU[:, j].T
-        return space.gaps(moved)
+            shape_forces = space.pressed(s) @ space.C_NU[:, j] - space.rubbed(t) @ space.C_TU[:, j]
+            shape_forces += self._load @ space.C_fU[:, j]
+            lost = np.array([core @ x for core, x in zip(self._cores, shape_forces, strict=True)])
+            displacement -= lost @ space.C_NU[:, j].T
+        return space.gaps(displacement)
 
     def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F(g) [m], pressure [Pa] and tangent [Pa/m], each (b, nc)."""
@@ -111,12 +111,12 @@ class GapJacobian:
         core = space.pressed(forces.T).T  # of the transposed matrix
         core[np.diag_indices_from(core)] += 1.0
         factorise, self._solve = la.get_lapack_funcs(("getrf", "getrs"), (core,))
-        self._lu, self._pivots, info = factorise(core.T, overwrite_a=True)
-        if info:
+        self._lu, self._pivots, lapack_status = factorise(core.T, overwrite_a=True)
+        if lapack_status:
             raise la.LinAlgError("dF/dg is singular")
 
     def solve(self, F: np.ndarray) -> np.ndarray:
         """(dF/dg)^-1 F of imbalances F (nc,) or (b, nc)."""
-        seen = self._space.moved(self._normal * F, self._sliding * F)
-        x, _ = self._solve(self._lu, self._pivots, seen.T)
+        displacement = self._space.moved(self._normal * F, self._sliding * F)
+        x, _ = self._solve(self._lu, self._pivots, displacement.T)
         return F - self._space.gaps(x.T)

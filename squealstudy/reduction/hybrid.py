@@ -173,8 +173,10 @@ def hybrid_model(
     basis = hybrid_basis(assembly, K, modes[1], static, settings.layers, settings.by_component)
     M_h, K_h = basis.project(assembly.M), basis.project(K)
     omega, phi = real_modes(M_h, K_h, settings.damping_cutoff)
-    held = {name: own for (name, _), own in (damped or {}).items()}
-    rows = momenta(assembly, held, damped or ())
+    component_modes = {
+        name: modes_of_component for (name, _), modes_of_component in (damped or {}).items()
+    }
+    rows = momenta(assembly, component_modes, damped or ())
     return HybridModel(
         basis=basis,
         M=M_h,
@@ -278,8 +280,11 @@ def _cleaned(A: sp.csr_matrix) -> sp.csr_matrix:
     """Without the entries that rounding left beside its diagonal."""
     size = np.sqrt(np.abs(A.diagonal()))
     coo = A.tocoo()
-    kept = np.abs(coo.data) > 1e-15 * size[coo.row] * size[coo.col]
-    return sp.csr_matrix((coo.data[kept], (coo.row[kept], coo.col[kept])), shape=A.shape)
+    is_significant = np.abs(coo.data) > 1e-15 * size[coo.row] * size[coo.col]
+    return sp.csr_matrix(
+        (coo.data[is_significant], (coo.row[is_significant], coo.col[is_significant])),
+        shape=A.shape,
+    )
 
 
 def explicit_dofs(assembly: Assembly, layers: int) -> np.ndarray:

@@ -66,10 +66,10 @@ def new_directions(
     largest = la.eigvalsh(_gram(M, vectors))[-1]  # before projecting: the block's own size
     X = project_out(project_out(vectors))
     values, modes = la.eigh(_gram(M, X))
-    kept = values > tolerance**2 * largest
-    if largest <= 0 or not kept.any():
+    is_new = values > tolerance**2 * largest
+    if largest <= 0 or not is_new.any():
         return vectors[:, :0]
-    X = project_out(project_out(X @ (modes[:, kept] / np.sqrt(values[kept]))))
+    X = project_out(project_out(X @ (modes[:, is_new] / np.sqrt(values[is_new]))))
     for _ in range(2):
         L = la.cholesky(_gram(M, X), lower=True)
         X = la.solve_triangular(L, X.T, lower=True).T
@@ -95,5 +95,5 @@ def outside(
     X = X - block @ (M_block.T @ X)
     energy, y = la.eigh(X.T @ (K @ X))
     X = X @ y
-    told = la.norm(X, axis=0) > ROUND_OFF * largest
-    return X[:, told], energy[told]
+    is_outside = la.norm(X, axis=0) > ROUND_OFF * largest
+    return X[:, is_outside], energy[is_outside]

@@ -117,24 +117,24 @@ def prepare_with_basis(
     """
     clock = _Clock()
     with side_by_side(assembly.n_dof) as pool:
-        found = pool.submit(component_modes, assembly, settings.component_cutoff)
+        modes_to_come = pool.submit(component_modes, assembly, settings.component_cutoff)
         if threads_to_share() == 1:
-            found.result()
+            modes_to_come.result()
         if space is None:  # in this thread, which shares its solves with others
             stiffness = mean_contact_stiffness(assembly, nominal)
             space = contact_space(
-                assembly, stiffness, lambda: mode_shapes(assembly, found.result())
+                assembly, stiffness, lambda: mode_shapes(assembly, modes_to_come.result())
             )
-        modes = found.result()
+        modes = modes_to_come.result()
     space = space(modes) if callable(space) else space
     clock.stage("components_s")
     point = working_point(space, nominal)
     reached = _reachable(space, others)
     clock.stage("working_point_s")
     model, basis = reduce_cmt(assembly, modes, point, settings, reached)
-    made = with_shapes(assembly, space, model, basis, point)
+    prepared = with_shapes(assembly, space, model, basis, point)
     clock.stage("reduction_s")
-    return replace(made, timings=clock.stages), modes, basis
+    return replace(prepared, timings=clock.stages), modes, basis
 
 
 def with_shapes(
@@ -179,16 +179,16 @@ def natural_frequencies(prepared: PreparedModel, nominal: OperatingPoint) -> np.
     """Frequencies (n,) of all real modes at the nominal working point, Hz, ascending."""
     _, tangent = evaluate_points(nominal.law, prepared.space.spring_points, prepared.nominal_gap)
     w2 = la.eigvalsh(contact_stiffness(prepared.model, tangent))
-    found: np.ndarray = np.sqrt(np.maximum(w2, 0.0)) / (2 * np.pi)
-    return found
+    frequencies_hz: np.ndarray = np.sqrt(np.maximum(w2, 0.0)) / (2 * np.pi)
+    return frequencies_hz
 
 
 def _reachable(space: ContactSpace, points: Sequence[OperatingPoint]) -> list[WorkingPoint]:
-    found = []
+    working_points = []
     for point in points:
         with contextlib.suppress(ConvergenceError):
-            found.append(working_point(space, point))
-    return found
+            working_points.append(working_point(space, point))
+    return working_points
 
 
 def mean_contact_stiffness(assembly: AnyAssembly, nominal: OperatingPoint) -> float | np.ndarray:
@@ -327,11 +327,11 @@ def compared_on(psi: np.ndarray, massive: np.ndarray) -> np.ndarray:
     n, count = len(psi), int(massive.sum())
     if count <= WHOLE:
         return np.eye(n)[:, massive]
-    known = spanning(psi)
-    drawn = np.random.default_rng(0).standard_normal((n, min(DRAWN, count - known.shape[1])))
+    spanned = spanning(psi)
+    drawn = np.random.default_rng(0).standard_normal((n, min(DRAWN, count - spanned.shape[1])))
     drawn *= massive[:, None]
-    drawn -= known @ (known.T @ drawn)
-    return np.hstack([known, np.linalg.qr(drawn)[0]])
+    drawn -= spanned @ (spanned.T @ drawn)
+    return np.hstack([spanned, np.linalg.qr(drawn)[0]])
 
 
 def spanning(psi: np.ndarray) -> np.ndarray:

@@ -147,7 +147,7 @@ def projected(assembly: Assembly, blocks: Sequence[np.ndarray]) -> ProjectedAsse
         return np.concatenate([V.T @ f[s] for s, V in zip(spans, blocks, strict=True)])
 
     c = assembly.contact
-    seen = [part.seen @ V for part, V in zip(assembly.components, blocks, strict=True)]
+    correspondences = [part.seen @ V for part, V in zip(assembly.components, blocks, strict=True)]
     return ProjectedAssembly(
         components=tuple(
             ProjectedComponent(
@@ -165,24 +165,24 @@ def projected(assembly: Assembly, blocks: Sequence[np.ndarray]) -> ProjectedAsse
         ),
         load=restricted(assembly.load),
         constant_load=restricted(assembly.constant_load),
-        correspondence=sp.block_diag(seen, format="csr"),
+        correspondence=sp.block_diag(correspondences, format="csr"),
     )
 
 
 def _few_rows(A: sp.csr_matrix, spans: Sequence[slice], blocks: Sequence[np.ndarray]) -> np.ndarray:
     """A symmetric matrix (n_dof, n_dof) that is zero but for few rows, on the basis."""
-    found = []
+    block_rows = []
     for span, V in zip(spans, blocks, strict=True):
-        own = A[span]
-        rows = np.flatnonzero(np.diff(own.indptr))
-        parts = [own[rows][:, other] for other in spans]
-        found.append(
+        span_rows = A[span]
+        rows = np.flatnonzero(np.diff(span_rows.indptr))
+        parts = [span_rows[rows][:, other] for other in spans]
+        block_rows.append(
             [
                 V[rows].T @ (part @ W) if part.nnz else np.zeros((V.shape[1], W.shape[1]))
                 for part, W in zip(parts, blocks, strict=True)
             ]
         )
-    return _symmetric(np.block(found))
+    return _symmetric(np.block(block_rows))
 
 
 def _within(A: sp.csr_matrix, V: np.ndarray) -> np.ndarray:

@@ -82,11 +82,11 @@ def within(lacking: float, error: float) -> bool:
 
 def contact_hash(assembly: Assembly) -> str:
     """Hash of the contact's rows over the degrees of freedom."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for A in (assembly.contact.N, assembly.contact.T, assembly.contact.T_perp):
         for part in (np.array(A.shape), A.indptr, A.indices, A.data):
-            found.update(np.ascontiguousarray(part).tobytes())
-    return found.hexdigest()
+            digest.update(np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()
 
 
 class Snapshot:
@@ -105,16 +105,16 @@ class Snapshot:
 
     def add(self, X: np.ndarray) -> None:
         """Keep the leading directions of static responses (n_dof, k), by their elastic energies."""
-        for part, kept in zip(self._assembly.components, self._static, strict=True):
-            own = X[self._assembly.slices[part.name]]
-            energy, y = la.eigh(own.T @ (part.K @ own))
-            told = energy > (ROUND_OFF**2) * energy.max(initial=0.0)
-            kept.append(own @ y[:, told])
+        for part, directions in zip(self._assembly.components, self._static, strict=True):
+            component_motion = X[self._assembly.slices[part.name]]
+            energy, y = la.eigh(component_motion.T @ (part.K @ component_motion))
+            is_significant = energy > (ROUND_OFF**2) * energy.max(initial=0.0)
+            directions.append(component_motion @ y[:, is_significant])
 
     @property
     def static(self) -> list[np.ndarray]:
         """Static responses (n_component, k) of each component."""
-        return [np.hstack(kept) for kept in self._static]
+        return [np.hstack(directions) for directions in self._static]
 
 
 def joined(
@@ -130,22 +130,22 @@ def joined(
     snapshot : Snapshot
     """
     parts, static = assembly.components, snapshot.static
-    found = []
+    joined_blocks = []
     for number, part in enumerate(parts):
         V = snapshot.blocks[number]
         if blocks:
-            held = blocks[number]
-            V = np.hstack([held, new_directions(part.M, held, V, TRACES)])
-        found.append(V)
+            block = blocks[number]
+            V = np.hstack([block, new_directions(part.M, block, V, TRACES)])
+        joined_blocks.append(V)
     sizes = [_energies(p.K, X).max(initial=0.0) for p, X in zip(parts, static, strict=True)]
     least = STATIC**2 * max(sizes)
     for number, part in enumerate(parts):
-        X, energy = outside(part.M, part.K, found[number], static[number])
+        X, energy = outside(part.M, part.K, joined_blocks[number], static[number])
         X = X[:, energy > least]
         X = X / np.sqrt(np.einsum("ij,ij->j", X, part.M @ X))
-        more = new_directions(part.M, found[number], X, ROUND_OFF)
-        found[number] = np.ascontiguousarray(np.hstack([found[number], more]))
-    return tuple(found)
+        more = new_directions(part.M, joined_blocks[number], X, ROUND_OFF)
+        joined_blocks[number] = np.ascontiguousarray(np.hstack([joined_blocks[number], more]))
+    return tuple(joined_blocks)
 
 
 def _energies(K: sp.csr_matrix, X: np.ndarray) -> np.ndarray:

@@ -74,8 +74,8 @@ def stress_term(
     for component in assembly.components:
         n = component.n_dof
         if component.name in meshes:
-            own = at[assembly.node_slices[component.name]]
-            K = stress_stiffness(meshes[component.name], own)
+            node_motion = at[assembly.node_slices[component.name]]
+            K = stress_stiffness(meshes[component.name], node_motion)
             blocks.append(component.restricted(K))
         else:
             blocks.append(sp.csr_matrix((n, n)))

@@ -64,7 +64,7 @@ def worn_depth(assembly: Assembly, wear: Wear) -> np.ndarray:
     level = float(np.average(pressed[rubbing], weights=contact.area[rubbing]))
     error = GAP_ERROR * law.gap_scale(max(level, LEAST_PRESSURE))
     fastest = float(faces.slope(0.0, new).max())
-    found = solve_ivp(
+    solution = solve_ivp(
         faces.slope,
         (0.0, wear.distance),
         new,
@@ -74,10 +74,10 @@ def worn_depth(assembly: Assembly, wear: Wear) -> np.ndarray:
         atol=error,
         first_step=min(wear.distance, error / fastest) if fastest > 0 else None,
     )
-    if not found.success:
-        text = f"it ends {found.t[-1]:.3g} m of {wear.distance:g} m on the way"
+    if not solution.success:
+        text = f"it ends {solution.t[-1]:.3g} m of {wear.distance:g} m on the way"
         raise ConvergenceError("wear", text)
-    depth: np.ndarray = found.y[:, -1]
+    depth: np.ndarray = solution.y[:, -1]
     return depth
 
 
@@ -124,8 +124,8 @@ class _WearingFaces:
             pressure = self.at(depth).contact_pressure
         except ConvergenceError:
             return np.full_like(depth, np.nan)
-        found: np.ndarray = self._rates * np.maximum(pressure, 0.0)
-        return found
+        rates: np.ndarray = self._rates * np.maximum(pressure, 0.0)
+        return rates
 
     def jacobian(self, _: float, depth: np.ndarray) -> np.ndarray:
         """d(dh/ds)/dh (nc, nc) [1/m]: faces that wear open their gaps, and press less.
@@ -138,8 +138,8 @@ class _WearingFaces:
             return self._jacobian
         space = self._space
         p, kappa = point.contact_pressure, point.tangent
-        held = np.diag(space.area * space.k_c)
-        opened = np.eye(len(p)) - space.opening(held, np.zeros_like(held))
+        contact_stiffness = np.diag(space.area * space.k_c)
+        opened = np.eye(len(p)) - space.opening(contact_stiffness, np.zeros_like(contact_stiffness))
         gaps = GapJacobian(space, self._operating, p, kappa).solve(opened).T
         self._jacobian = -(self._rates * np.where(p > 0, kappa, 0.0))[:, None] * gaps
         return self._jacobian

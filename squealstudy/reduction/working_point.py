@@ -242,8 +242,8 @@ def _tangent_error(
     pressed[len(p) - springs :] = False
     weight = area[pressed] * size[pressed]
     with np.errstate(over="ignore"):  # next to no pressure: infinitely wrong
-        moved = AMPLIFIED * np.abs(F[pressed]) * size[pressed] / np.abs(p[pressed])
-        return float((weight @ moved + AMPLIFIED * of_springs.sum()) / total)
+        rel_change = AMPLIFIED * np.abs(F[pressed]) * size[pressed] / np.abs(p[pressed])
+        return float((weight @ rel_change + AMPLIFIED * of_springs.sum()) / total)
 
 
 def open_share(area: np.ndarray, p: np.ndarray, loaded: float = 0.0) -> float:
@@ -301,8 +301,8 @@ def _closing_pressure(space: ContactSpace, point: OperatingPoint) -> float:
     if not 1e-300 < closing < np.inf:  # of nothing an exponential law has no gap
         return 0.0
     ((borne,), _) = point.law.evaluate(np.array([point.law.gap_at(closing)]))
-    held = closing if borne > 0.99 * closing else GIVEN_WAY * float(borne)
-    return held if np.isfinite(held) else 0.0
+    pressure = closing if borne > 0.99 * closing else GIVEN_WAY * float(borne)
+    return pressure if np.isfinite(pressure) else 0.0
 
 
 def _damping(law: ContactLaw, level: float, g: np.ndarray, step: np.ndarray) -> float:
