@@ -74,7 +74,9 @@ def batch_modes(values: Values, band_hz: tuple[float, float]) -> BatchModes:
         for start in range(0, values.count, POINTS_PER_BLOCK)
     ]
     width = max(part.lam.shape[1] for part in parts)
-    return BatchModes(*(_joined(list(own), width) for own in zip(*parts, strict=True)))
+    return BatchModes(
+        *(_joined(list(field_parts), width) for field_parts in zip(*parts, strict=True))
+    )
 
 
 def _joined(arrays: list[np.ndarray], width: int) -> np.ndarray:
@@ -102,18 +104,20 @@ def _batch_block(values: Values, rows: slice, band_hz: tuple[float, float]) -> B
         each = (slice(i, i + 1) for i in range(rows.start, rows.stop))
         alone = [_batch_block(values, one, band_hz) for one in each]
         width = max(part.lam.shape[1] for part in alone)
-        return BatchModes(*(_joined(list(own), width) for own in zip(*alone, strict=True)))
+        return BatchModes(
+            *(_joined(list(field_parts), width) for field_parts in zip(*alone, strict=True))
+        )
 
 
 def _batch_modes(system: StackedSystem, roots: StackedRoots) -> BatchModes:
-    held = roots.held
+    is_root = roots.held
 
     def known(values: np.ndarray) -> np.ndarray:
-        place = held if values.ndim == 2 else held[:, None, :]
+        place = is_root if values.ndim == 2 else is_root[:, None, :]
         return np.where(place, values, np.nan)
 
     ok = (OK, "")
-    told = [system.failures.get(i, ok) for i in range(len(held))]
+    outcomes = [system.failures.get(i, ok) for i in range(len(is_root))]
     return BatchModes(
         counts=roots.count,
         lam=known(roots.lam),
@@ -121,8 +125,8 @@ def _batch_modes(system: StackedSystem, roots: StackedRoots) -> BatchModes:
         error=known(roots.error),
         right=known(roots.psi),
         energies=known(system.energies(roots.psi)),
-        status=np.array([status for status, _ in told], object),
-        message=np.array([message for _, message in told], object),
+        status=np.array([status for status, _ in outcomes], object),
+        message=np.array([message for _, message in outcomes], object),
     )
 
 

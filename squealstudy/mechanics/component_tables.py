@@ -43,27 +43,29 @@ def loss_damping(
     import pandas as pd
 
     parts, rows = point.assembly().components, []
-    told = [name for m in factors for name in ((m,) if isinstance(m, str) else m)]
-    if twice := next((name for name in told if told.count(name) > 1), ""):
+    materials = [name for m in factors for name in ((m,) if isinstance(m, str) else m)]
+    if twice := next((name for name in materials if materials.count(name) > 1), ""):
         raise ParameterError(twice, "expected one loss factor of a material, got two")
     moduli = {(m,) if isinstance(m, str) else tuple(m): eta for m, eta in factors.items()}
-    own = {names: _scaled(point, dict.fromkeys(names, 2.0)).components for names in moduli}
+    doubled = {names: _scaled(point, dict.fromkeys(names, 2.0)).components for names in moduli}
     for names, eta in moduli.items():
         thrice = _scaled(point, dict.fromkeys(names, 3.0)).components
-        if not _scale_stiffness(parts, own[names], thrice):
+        if not _scale_stiffness(parts, doubled[names], thrice):
             text = "expected moduli of a component, all of those that a material has"
             raise ParameterError(" and ".join(names), text)
         if not eta >= 0:
             raise ParameterError(" and ".join(names), f"expected a loss factor, got {eta}")
     if len(moduli) > 1:
-        together = _scaled(point, dict.fromkeys(told, 2.0)).components
+        together = _scaled(point, dict.fromkeys(materials, 2.0)).components
         for k, c in enumerate(parts):
             change = together[k].K - c.K
-            apart = sum(found[k].K - c.K for found in own.values())
+            apart = sum(scaled_parts[k].K - c.K for scaled_parts in doubled.values())
             if abs(change - apart).max() > LINEARITY_REL_TOLERANCE * abs(c.K).max():
-                raise ParameterError(told[-1], "expected one loss factor of a material, got two")
+                raise ParameterError(
+                    materials[-1], "expected one loss factor of a material, got two"
+                )
     for k, c in enumerate(parts):
-        K = {names: found[k].K - c.K for names, found in own.items()}
+        K = {names: scaled_parts[k].K - c.K for names, scaled_parts in doubled.items()}
         if not any(abs(part).max() > 0 for part in K.values()):
             continue
         omega, phi = real_modes(c.M, c.K, cutoff_hz)

@@ -109,10 +109,12 @@ class Design:
         """
         basis = self._basis(band)
         structures = self._structures(replace(basis, **changes) if changes else basis)
-        found = list(self.values.of_structures())
-        if len(found) > 1:
-            raise ModelError(f"{len(found)} structures: system[i].reduced() is that of a point")
-        return structures.reduction(*found[0])
+        own_structures = list(self.values.of_structures())
+        if len(own_structures) > 1:
+            raise ModelError(
+                f"{len(own_structures)} structures: system[i].reduced() is that of a point"
+            )
+        return structures.reduction(*own_structures[0])
 
     def _basis(self, band: tuple[float, float] | None = None) -> Basis:
         return self.basis if band is None else replace(self.basis, band_hz=checked_band(band))
@@ -122,8 +124,8 @@ class Design:
         if key not in self._known:
             improved = not self.chosen
             self._known[key] = Structures(self.values, self.nominal, basis, improved)
-        found: Structures = self._known[key]
-        return found
+        structures: Structures = self._known[key]
+        return structures
 
     def _expect_contact(self) -> None:
         if self.family is not None:

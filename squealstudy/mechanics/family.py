@@ -24,15 +24,15 @@ def _each(
     values: Values, solve: Callable[[ModelPoint], ResultT], single: bool
 ) -> list[ResultT | Exception]:
     """What `solve` finds at each design point, or why it fails; a `single` failure is raised."""
-    found: list[ResultT | Exception] = []
+    results: list[ResultT | Exception] = []
     for number in range(values.count):
         try:
-            found.append(solve(values.point(number)))
+            results.append(solve(values.point(number)))
         except FAILURES as error:
             if single:
                 raise
-            found.append(error)
-    return found
+            results.append(error)
+    return results
 
 
 def matrices_of(
@@ -41,8 +41,8 @@ def matrices_of(
     """M, C, K (n, n) of each design point, or why it has none."""
 
     def solve(point: ModelPoint) -> tuple[np.ndarray, ...]:
-        found = family_matrices(family, point.plain_values())
-        return tuple(np.asarray(A.toarray()) for A in found)
+        point_matrices = family_matrices(family, point.plain_values())
+        return tuple(np.asarray(A.toarray()) for A in point_matrices)
 
     return _each(values, solve, single)
 

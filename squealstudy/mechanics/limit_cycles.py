@@ -87,23 +87,23 @@ def limit_cycles(
     """Limit cycles of each design point (`System.limit_cycles`)."""
     ready = set_up(structures, regularisation, single)
     band = angular_band(structures.basis.band_hz)
-    found: list[LimitCycles | Exception] = []
+    results: list[LimitCycles | Exception] = []
     for one in ready:
         if isinstance(one, Exception):
-            found.append(one)
+            results.append(one)
             continue
-        reference, made, *_ = one
-        contact = ContactOscillator(reference.system, made)
-        search = Search(harmonics, tolerance, reach * abs(made.speed), band[1])
+        reference, motion_start, *_ = one
+        contact = ContactOscillator(reference.system, motion_start)
+        search = Search(harmonics, tolerance, reach * abs(motion_start.speed), band[1])
         try:
             followed = families(contact, band, None, STABILITY_TOLERANCE, search)
-            found.append(LimitCycles(tuple(followed.families), contact))
+            results.append(LimitCycles(tuple(followed.families), contact))
         except FAILURES as error:
             if single:
                 raise
-            found.append(error)
-    told = zip(found, statuses(found), messages(found), strict=True)
+            results.append(error)
+    outcomes = zip(results, statuses(results), messages(results), strict=True)
     return [
         LimitCycles((), None, status, message) if isinstance(x, Exception) else x
-        for x, status, message in told
+        for x, status, message in outcomes
     ]

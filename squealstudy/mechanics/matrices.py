@@ -51,17 +51,17 @@ def matrices(M: Any, K: Any, *, C: Any = None, **values: float) -> Model:
     [False, True]
     """
     terms = []
-    for letter, given in (("M", M), ("C", C), ("K", K)):
-        parts = given if isinstance(given, Mapping) else {"1": given}
+    for letter, matrix_or_parts in (("M", M), ("C", C), ("K", K)):
+        parts = matrix_or_parts if isinstance(matrix_or_parts, Mapping) else {"1": matrix_or_parts}
         for coefficient, matrix in parts.items():
             if matrix is not None:
-                found = FamilyTerm(ORDERS[letter], _real(letter, matrix), Expression(coefficient))
-                terms.append(found)
+                term = FamilyTerm(ORDERS[letter], _real(letter, matrix), Expression(coefficient))
+                terms.append(term)
     family = MatrixFamily(tuple(terms))
     for name in values:
         if name not in family.names:
-            known = did_you_mean(name, family.names) or ""
-            raise ParameterError(name, f"'{name}' is in none of the coefficients{known}")
+            hint = did_you_mean(name, family.names) or ""
+            raise ParameterError(name, f"'{name}' is in none of the coefficients{hint}")
     for name in family.names:
         if name not in values:
             raise ParameterError(name, f"'{name}' of the coefficients has no value")
@@ -71,12 +71,12 @@ def matrices(M: Any, K: Any, *, C: Any = None, **values: float) -> Model:
 
 def _real(letter: str, matrix: Any) -> sp.csr_matrix:
     """A matrix as it is computed with; ModelError where it is none."""
-    found = matrix if sp.issparse(matrix) else np.asarray(matrix)
-    if found.ndim != 2 or found.shape[0] != found.shape[1] or not found.shape[0]:
-        raise ModelError(f"{letter}: expected a square matrix, got the shape {found.shape}")
-    if found.dtype.kind not in "iuf":
-        raise ModelError(f"{letter}: expected a matrix of real numbers, got {found.dtype}")
-    made = sp.csr_matrix(found, dtype=float)
-    if not np.isfinite(made.data).all():
+    array = matrix if sp.issparse(matrix) else np.asarray(matrix)
+    if array.ndim != 2 or array.shape[0] != array.shape[1] or not array.shape[0]:
+        raise ModelError(f"{letter}: expected a square matrix, got the shape {array.shape}")
+    if array.dtype.kind not in "iuf":
+        raise ModelError(f"{letter}: expected a matrix of real numbers, got {array.dtype}")
+    sparse = sp.csr_matrix(array, dtype=float)
+    if not np.isfinite(sparse.data).all():
         raise ModelError(f"{letter}: expected finite numbers")
-    return made
+    return sparse

@@ -55,8 +55,8 @@ class Model:
 
     def __repr__(self) -> str:
         """Name, description and what was given, on one line."""
-        given = ", ".join(f"{name} = {value}" for name, value in self.given.items())
-        return f"<Model {self.definition.name!r}: {given or 'defaults'}>"
+        given_text = ", ".join(f"{name} = {setting}" for name, setting in self.given.items())
+        return f"<Model {self.definition.name!r}: {given_text or 'defaults'}>"
 
     def __post_init__(self) -> None:
         """Check names, bounds, options, and that every parameter acts; ParameterError."""
@@ -68,13 +68,13 @@ class Model:
         }
         numbers = {name: quantity(self.given[name], p) for name, p in parameters.items()}
         object.__setattr__(self, "given", {**self.given, **numbers})
-        for name, value in self.given.items():
+        for name, setting in self.given.items():
             if name in parameters:
-                parameters[name].check(value)
-            elif value not in options[name]:
+                parameters[name].check(setting)
+            elif setting not in options[name]:
                 choices = ", ".join(map(str, options[name]))
-                hint = did_you_mean(str(value), map(str, options[name]))
-                raise ParameterError(name, f"expected one of {choices}, got {value!r}{hint}")
+                hint = did_you_mean(str(setting), map(str, options[name]))
+                raise ParameterError(name, f"expected one of {choices}, got {setting!r}{hint}")
         check_disjoint(parameters.values())
         design = ModelPoint(self.definition, self._options, {})
         for parameter in parameters.values():
@@ -89,8 +89,8 @@ class Model:
     def _values(self) -> dict[str, float]:
         """A value of every parameter, and of the mode parameters given."""
         names = self._options
-        own = {k: float(v) for k, v in self.given.items() if k not in names}
-        return {**self.definition.defaults(), **own}
+        mode_values = {k: float(v) for k, v in self.given.items() if k not in names}
+        return {**self.definition.defaults(), **mode_values}
 
     def with_(self, **values: Any) -> Self:
         """The model with other values of parameters or options, as of `squealstudy.model`."""
@@ -215,8 +215,12 @@ class Model:
         columns = zip(reversed(arrays), (array.ravel() for array in whole), strict=True)
         modes = self.at(**{**values, **dict(columns)}).modes(band)
         table = modes.to_pandas()
-        told = zip(np.atleast_1d(modes.counts), np.atleast_1d(modes.message), strict=True)
-        failed = {point: str(why) for point, (n, why) in enumerate(told) if not n and why}
+        counts_and_messages = zip(
+            np.atleast_1d(modes.counts), np.atleast_1d(modes.message), strict=True
+        )
+        failed = {
+            point: str(why) for point, (n, why) in enumerate(counts_and_messages) if not n and why
+        }
         table.attrs["failed"] = failed
         return table
 

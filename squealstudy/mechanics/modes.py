@@ -107,14 +107,14 @@ class ComplexModes:
     @property
     def frequency_hz(self) -> np.ndarray:
         """abs(lam) / 2 pi."""
-        found: np.ndarray = np.abs(self.lam) / (2 * np.pi)
-        return found
+        hertz: np.ndarray = np.abs(self.lam) / (2 * np.pi)
+        return hertz
 
     @property
     def growth_rate(self) -> np.ndarray:
         """Re lam, 1/s."""
-        found: np.ndarray = self.lam.real
-        return found
+        growth: np.ndarray = self.lam.real
+        return growth
 
     @property
     def damping_ratio(self) -> np.ndarray:
@@ -124,22 +124,22 @@ class ComplexModes:
     @property
     def overdamped(self) -> np.ndarray:
         """Which roots are real."""
-        found: np.ndarray = self.lam.imag == 0
-        return found
+        is_real: np.ndarray = self.lam.imag == 0
+        return is_real
 
     @property
     def unstable(self) -> np.ndarray:
         """Which modes grow by more than their error, their damping ratio below -1e-7."""
         with np.errstate(invalid="ignore"):
             judged = settled(self.lam, self.error_rung, MODE_TOLERANCE)
-            found: np.ndarray = damping_ratios(judged) < -STABILITY_TOLERANCE
-        return found
+            is_unstable: np.ndarray = damping_ratios(judged) < -STABILITY_TOLERANCE
+        return is_unstable
 
     @property
     def uncertain(self) -> np.ndarray:
         """Which modes may be stable or unstable within their error; False where there is none."""
-        known = ~np.isnan(self.lam.real)
-        return known & uncertain_roots(self.lam, self.error, STABILITY_TOLERANCE)
+        is_solved = ~np.isnan(self.lam.real)
+        return is_solved & uncertain_roots(self.lam, self.error, STABILITY_TOLERANCE)
 
     @cached_property
     def left(self) -> np.ndarray:
@@ -150,12 +150,12 @@ class ComplexModes:
         assert self.linear_of is not None
         if not isinstance(self.counts, np.ndarray):
             return left_vectors(self.linear_of(0), self.lam, self.right)
-        found = np.full_like(self.right, np.nan)
+        left_modes = np.full_like(self.right, np.nan)
         for number, count in enumerate(self.counts):
             if count:
                 lam, right = self.lam[number, :count], self.right[number, :, :count]
-                found[number, :, :count] = left_vectors(self.linear_of(number), lam, right)
-        return found
+                left_modes[number, :, :count] = left_vectors(self.linear_of(number), lam, right)
+        return left_modes
 
     def to_pandas(self) -> pd.DataFrame:
         """A row a mode, columns as those of the modes table of a study, units in ``attrs``.
@@ -166,11 +166,11 @@ class ComplexModes:
         import pandas as pd
 
         counts = np.atleast_1d(self.counts)
-        kept = np.arange(self.lam.shape[-1]) < counts[:, None]
+        is_mode = np.arange(self.lam.shape[-1]) < counts[:, None]
 
         def flat(array: np.ndarray) -> np.ndarray:
             """Values of the modes there are, one after the other."""
-            found: np.ndarray = np.atleast_2d(array)[kept]
+            found: np.ndarray = np.atleast_2d(array)[is_mode]
             return found
 
         point = np.repeat(np.arange(len(counts)), counts)
@@ -178,7 +178,7 @@ class ComplexModes:
         if isinstance(self.counts, np.ndarray):
             table["point"] = point
             table |= {name: x[point] for name, x in self.varied.items() if name not in OWN_COLUMNS}
-        table["mode"] = (np.nonzero(kept)[1] + 1).astype(np.int32)
+        table["mode"] = (np.nonzero(is_mode)[1] + 1).astype(np.int32)
         unstable, uncertain = flat(self.unstable), flat(self.uncertain)
         table |= {
             "frequency_hz": flat(self.frequency_hz),
@@ -195,11 +195,11 @@ class ComplexModes:
         }
         for number, part in enumerate(self.parts):
             table[f"energy_{part}"] = flat(self.energies[..., number, :])
-        found = pd.DataFrame(table)
+        frame = pd.DataFrame(table)
         shares = {f"energy_{part}": "" for part in self.parts}
         units = UNITS | shares
-        found.attrs["units"] = {name: units[name] for name in table if name in units}
-        return found
+        frame.attrs["units"] = {name: units[name] for name in table if name in units}
+        return frame
 
 
 def left_vectors(system: LinearSystem, lam: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -219,8 +219,8 @@ def left_vectors(system: LinearSystem, lam: np.ndarray, right: np.ndarray) -> np
     near = _partners(lam, pairs.lam)
     Y = pairs.Y[:, near]
     G = (Y.conj().T @ right) * (lam[:, None] + lam) + Y.conj().T @ (C @ right)
-    left = np.linalg.solve(G, Y.conj().T).conj().T
-    return left if unit else np.linalg.solve(M.T, left)
+    biorthonormal = np.linalg.solve(G, Y.conj().T).conj().T
+    return biorthonormal if unit else np.linalg.solve(M.T, biorthonormal)
 
 
 def _partners(lam: np.ndarray, others: np.ndarray) -> np.ndarray:

@@ -125,15 +125,15 @@ class Runs:
         NaN behind the end of a run that stopped. KeyError with the names where there is none.
         """
         rows = [None if m is None else m.history for m in self.motions]
-        known = next((h for h in rows if h is not None), {})
-        if name not in known:
-            raise KeyError(f"'{name}': expected one of {', '.join(known)}")
+        columns = next((h for h in rows if h is not None), {})
+        if name not in columns:
+            raise KeyError(f"'{name}': expected one of {', '.join(columns)}")
         longest = max((len(h[name]) for h in rows if h is not None), default=0)
-        found = np.full((len(rows), longest), np.nan)
-        for row, history in zip(found, rows, strict=True):
+        padded = np.full((len(rows), longest), np.nan)
+        for row, history in zip(padded, rows, strict=True):
             if history is not None:
                 row[: len(history[name])] = history[name]
-        return found[0] if self.single else found
+        return padded[0] if self.single else padded
 
     @property
     def time(self) -> np.ndarray:
@@ -170,20 +170,20 @@ def set_up(
     first = values.point(0)
     keys = sorted({(p.component, m) for p in first.mode_parameters() for m in p.modes})
     operating, band = structures.nominal.operating_point(), structures.basis.band_hz
-    found: dict[int, Any] = {}
-    for start, own in values.of_structures():
+    starts: dict[int, Any] = {}
+    for start, numbers in values.of_structures():
         try:
-            prepared = structures.reduction(start, own).prepared
+            prepared = structures.reduction(start, numbers).prepared
             reference = reference_modes(prepared, operating, keys)
         except FAILURES as error:
             if single:
                 raise
-            found |= dict.fromkeys(own.tolist(), error)
+            starts |= dict.fromkeys(numbers.tolist(), error)
             continue
-        for number in own.tolist():
+        for number in numbers.tolist():
             point = resolved.point(number)
             try:
-                steady, made = motion_at(
+                steady, motion_start = motion_at(
                     reference,
                     prepared,
                     point,
@@ -192,12 +192,12 @@ def set_up(
                     STABILITY_TOLERANCE,
                     settings=run_settings,
                 )
-                found[number] = reference, made, point, steady
+                starts[number] = reference, motion_start, point, steady
             except FAILURES as error:
                 if single:
                     raise
-                found[number] = error
-    return [found[number] for number in range(values.count)]
+                starts[number] = error
+    return [starts[number] for number in range(values.count)]
 
 
 def simulated(
@@ -215,7 +215,7 @@ def simulated(
     tolerance = {"tolerance": chosen.tolerance} if hasattr(chosen, "tolerance") else {}
     settings = MotionSettings(duration, step, save_every, integrator=chosen, **tolerance)
     ready = set_up(structures, regularisation, single, settings)
-    found: list[Motion | Exception] = [
+    results: list[Motion | Exception] = [
         x if isinstance(x, Exception) else ModelError("not run") for x in ready
     ]
     together: dict[int, list[int]] = {}
@@ -227,18 +227,18 @@ def simulated(
         for number in numbers:
             one = ready[number]
             assert not isinstance(one, Exception)
-            reference, made, _, _ = one
-            points.append(perturbed(reference.system, made, perturbation))
+            reference, motion_start, _, _ = one
+            points.append(perturbed(reference.system, motion_start, perturbation))
         assert reference is not None
         system = replace(reference.system, sensed=_sensed(reference, structures.basis.band_hz))
         for number, motion in zip(numbers, simulate(system, points, settings), strict=True):
-            found[number] = motion
-    status, message = statuses(found), messages(found)
-    for number, run in enumerate(found):
+            results[number] = motion
+    status, message = statuses(results), messages(results)
+    for number, run in enumerate(results):
         if not isinstance(run, Exception):
             status[number], message[number] = run.outcome, run.message
     return Runs(
-        motions=tuple(None if isinstance(x, Exception) else x for x in found),
+        motions=tuple(None if isinstance(x, Exception) else x for x in results),
         status=status[0] if single else status,
         message=message[0] if single else message,
         single=single,

@@ -109,14 +109,16 @@ def reduced(
     """
     prepared, modes, basis = prepare_with_basis(assembly, nominal, settings, training, space)
     for component, mode in (key for scale in scales for key in scale):
-        held = modes[component].phi.shape[1]
-        if mode > held:
-            text = f"{component} has modes 1 to {held} up to {settings.component_cutoff:g} Hz here"
+        n_modes = modes[component].phi.shape[1]
+        if mode > n_modes:
+            text = (
+                f"{component} has modes 1 to {n_modes} up to {settings.component_cutoff:g} Hz here"
+            )
             raise ParameterError(f"{component}.modes[{mode}].{FREQUENCY_SCALE}", text)
     started, timings = time.perf_counter(), prepared.timings
     if top_hz is not None:
         points = (nominal, *training)
-        made = ReductionRecord(assembly, modes, points, top_hz, settings.damped_to, tuple(scales))
-        prepared, basis = with_finer_model(prepared, basis, made, enriching)
+        record = ReductionRecord(assembly, modes, points, top_hz, settings.damped_to, tuple(scales))
+        prepared, basis = with_finer_model(prepared, basis, record, enriching)
     timings = {**timings, "finer_model_s": time.perf_counter() - started}
     return Reduction(assembly, replace(prepared, timings=timings), modes, basis, settings)

@@ -23,9 +23,9 @@ def with_speed(
     What is solved is then named by the values: design points of two studies that saturate at the
     same speed are the same, whatever else is swept.
     """
-    automatic, own = is_automatic(values), values[REGULARISATION_SPEED.name]
+    automatic, given_speed = is_automatic(values), values[REGULARISATION_SPEED.name]
     if not np.any(automatic):
         return dict(values)
     resolved = REGULARISATION_SHARE * slowest
-    speed = np.where(automatic, resolved, own) if np.ndim(automatic) else resolved
+    speed = np.where(automatic, resolved, given_speed) if np.ndim(automatic) else resolved
     return {**values, REGULARISATION_SPEED.name: speed}

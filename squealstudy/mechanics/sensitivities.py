@@ -119,18 +119,18 @@ class Sensitivities:
         """The arrays of one design point of a batch that is solved at once."""
         start, end = np.searchsorted(found.owner, [row, row + 1])
         names = found.names if end > start else ()
-        own = slice(start, end), slice(0, len(names))
+        block = slice(start, end), slice(0, len(names))
         status, message = found.system.failures.get(row, ("ok", ""))
         return cls(
-            lam=found.lam[own[0]],
+            lam=found.lam[block[0]],
             names=names,
-            derivative=found.derivative[own],
-            change=found.change[own],
-            finite=found.finite[own],
-            match=found.match[own],
-            validity=found.validity[own],
-            condition=found.condition[own[0]],
-            near_coalescence=found.near_coalescence[own],
+            derivative=found.derivative[block],
+            change=found.change[block],
+            finite=found.finite[block],
+            match=found.match[block],
+            validity=found.validity[block],
+            condition=found.condition[block[0]],
+            near_coalescence=found.near_coalescence[block],
             status=status,
             message=message,
         )
@@ -151,8 +151,8 @@ class Sensitivities:
         return self._figures(2)
 
     def _figures(self, number: int) -> np.ndarray:
-        found: np.ndarray = figure_slopes(self.lam[:, None], self.derivative)[number]
-        return found
+        slopes: np.ndarray = figure_slopes(self.lam[:, None], self.derivative)[number]
+        return slopes
 
     def to_pandas(self) -> pd.DataFrame:
         """A row a mode and parameter: ``mode`` from 1, its root, derivatives, finite change."""
@@ -217,19 +217,19 @@ def point_derivatives(
     ParameterError
         A name unknown, or without derivative here.
     """
-    asked = [requested(name, point) for name in names or default_names(point)]
+    requested_parameters = [requested(name, point) for name in names or default_names(point)]
     prepared = reduction.prepared
     solved = solve_families(prepared, point.state(), basis.band_hz, choice)
-    parameters = state_parameters(asked, component_frequencies(prepared.model))
-    found: Sequence[ModeSensitivities] = point_sensitivities(
+    parameters = state_parameters(requested_parameters, component_frequencies(prepared.model))
+    mode_list: Sequence[ModeSensitivities] = point_sensitivities(
         solved, parameters, change, basis.band_hz[1]
     )
-    if structural := structural_names(asked):
+    if structural := structural_names(requested_parameters):
         builder = design_structure(point, reduction.settings)
         check_structural(builder, structural)
         more = structural_sensitivities(solved, builder, structural, change)
-        found = [with_more(m, s) for m, s in zip(found, more, strict=True)]
-    return Sensitivities.of(found)
+        mode_list = [with_more(m, s) for m, s in zip(mode_list, more, strict=True)]
+    return Sensitivities.of(mode_list)
 
 
 def all_sensitivities(
@@ -246,11 +246,11 @@ def all_sensitivities(
     find = partial(point_derivatives, basis=basis, names=names, choice=choice, change=change)
     if not is_small_batch(values):
         return tuple(map(_or_raise, each(structures, find, single)))
-    made = _at_once(values, names, choice, change, basis.band_hz)
-    for number in [i for i, one in enumerate(made) if one is None]:
-        own = Structures(values.at(number), structures.nominal, basis, structures.improved)
-        made[number] = _or_raise(each(own, find, single=False)[0])
-    return tuple(one for one in made if one is not None)
+    batch = _at_once(values, names, choice, change, basis.band_hz)
+    for number in [i for i, one in enumerate(batch) if one is None]:
+        alone = Structures(values.at(number), structures.nominal, basis, structures.improved)
+        batch[number] = _or_raise(each(alone, find, single=False)[0])
+    return tuple(one for one in batch if one is not None)
 
 
 def _or_raise(found: Sensitivities | Exception) -> Sensitivities:
@@ -270,20 +270,27 @@ def _at_once(
     """Sensitivities of a batch of a small model; None of a design point that is to be alone."""
     first, none = values.point(0), list[Sensitivities | None]([None]) * values.count
     try:
-        asked = [requested(name, first) for name in names or default_names(first)]
+        requested_parameters = [requested(name, first) for name in names or default_names(first)]
         if any(
             np.abs(x).max() > MAX_SQUARABLE_ENTRY for k, x in values.varied.items() if k in names
         ):
             return none
-        if structural := structural_names(asked):
+        if structural := structural_names(requested_parameters):
             settings = ReductionSettings(np.inf, np.inf, 0.0)
             check_structural(design_structure(first, settings), structural)
-        made, wanted = list(none), Request(asked, choice, change, band_hz)
+        of_points, batch_request = (
+            list(none),
+            Request(requested_parameters, choice, change, band_hz),
+        )
         columns, count = values.columns, values.count
-        parts = batch_sensitivities(values.definition, values.options, columns, count, wanted)
-        for rows, found in parts:
+        parts = batch_sensitivities(
+            values.definition, values.options, columns, count, batch_request
+        )
+        for rows, batch_part in parts:
             for row, number in enumerate(rows.tolist()):
-                made[number] = None if found.left[row] else Sensitivities.of_batch(found, row)
+                of_points[number] = (
+                    None if batch_part.left[row] else Sensitivities.of_batch(batch_part, row)
+                )
     except FAILURES:  # which the way point by point tells
         return none
-    return made
+    return of_points

@@ -57,13 +57,15 @@ def batch_sensitivities(
     structures, structural = structures_of(assembly), structural_names(request.parameters)
     most = max(1, MAX_COMPANION_ENTRIES // (2 * structures.n) ** 2)
     for parameters, rows in _groups(structures, request.parameters, count):
-        asked = RequestedSensitivities(
+        requests = RequestedSensitivities(
             parameters, structural, request.choice, request.change, request.band_hz
         )
         for start in range(0, len(rows), most):
             block = rows[start : start + most]
-            own = {k: np.asarray(x)[block] if np.ndim(x) else x for k, x in columns.items()}
-            yield block, stacked_sensitivities(model, options, own, len(block), asked)
+            block_columns = {
+                k: np.asarray(x)[block] if np.ndim(x) else x for k, x in columns.items()
+            }
+            yield block, stacked_sensitivities(model, options, block_columns, len(block), requests)
 
 
 def _groups(
@@ -71,16 +73,16 @@ def _groups(
 ) -> Iterator[tuple[list[StateParameter], np.ndarray]]:
     """Parameters of the design state, and the numbers of the design points that have these."""
     omega = np.sqrt(np.maximum(np.nan_to_num(structures.k_el), 0.0))
-    if not any(item.every for item in asked):
+    if not any(parameter_asked.every for parameter_asked in asked):
         yield state_parameters(asked, _frequencies(structures, omega[0])), np.arange(count)
         return
-    found: dict[tuple[StateParameter, ...], list[int]] = {}
+    groups: dict[tuple[StateParameter, ...], list[int]] = {}
     distinct, place = np.unique(omega, axis=0, return_inverse=True)
     place = np.broadcast_to(place.reshape(-1), count)
     of_each = [tuple(state_parameters(asked, _frequencies(structures, row))) for row in distinct]
     for number, parameters in enumerate(of_each):
-        found.setdefault(parameters, []).append(number)
-    for parameters, numbers in found.items():
+        groups.setdefault(parameters, []).append(number)
+    for parameters, numbers in groups.items():
         yield list(parameters), np.flatnonzero(np.isin(place, numbers))
 
 

@@ -71,9 +71,9 @@ def requested(name: str, design: ModelPoint) -> RequestedParameter:
 
 def default_names(design: ModelPoint) -> Iterator[str]:
     """Friction, loads and speed, and frequencies and damping of all component modes."""
-    known = {p.name for p in design.model.parameters}
+    names_there = {p.name for p in design.model.parameters}
     ignored = {p.name for p in contact_parameters()} - set(design.operating_point().law.names)
-    yield from (name for name in DEFAULTS if name in known - ignored)
+    yield from (name for name in DEFAULTS if name in names_there - ignored)
     for component in design.model.components:
         yield f"{component}.modes{EVERY}.{FREQUENCY}"
         yield f"{component}.modes{EVERY}.{DAMPING.name}"
@@ -94,13 +94,13 @@ def state_parameters(
     ParameterError
         A component mode that the basis does not hold.
     """
-    found: dict[tuple[object, ...], StateParameter] = {}
-    for item in asked:
-        for parameter in _expanded(item, omega):
+    by_key: dict[tuple[object, ...], StateParameter] = {}
+    for request in asked:
+        for parameter in _expanded(request, omega):
             name = "" if parameter.modes else parameter.name
             key = (name, parameter.component, parameter.modes, parameter.quantity)
-            found.setdefault(key, parameter)
-    return list(found.values())
+            by_key.setdefault(key, parameter)
+    return list(by_key.values())
 
 
 def _expanded(item: RequestedParameter, omega: Mapping[ModeKey, float]) -> Iterator[StateParameter]:
@@ -119,10 +119,10 @@ def _expanded(item: RequestedParameter, omega: Mapping[ModeKey, float]) -> Itera
                 name = item.name.replace(EVERY, f"[{mode}]")
                 yield StateParameter(name, component, (mode,), quantity, maximum)
         return
-    held, highest = sum(owner == component for owner, _ in omega), max(parameter.modes)
-    if component and highest > held:
+    n_modes, highest = sum(owner == component for owner, _ in omega), max(parameter.modes)
+    if component and highest > n_modes:
         raise ParameterError(
-            item.name, f"{component} has modes 1 to {held} in this basis, got {highest}"
+            item.name, f"{component} has modes 1 to {n_modes} in this basis, got {highest}"
         )
     yield StateParameter(item.name, component, parameter.modes, quantity, maximum)
 
@@ -143,4 +143,4 @@ def design_structure(
 
 def structural_names(asked: Sequence[RequestedParameter]) -> list[str]:
     """Names of the requested parameters that change the assembly."""
-    return [item.name for item in asked if item.structural]
+    return [request.name for request in asked if request.structural]

@@ -37,22 +37,22 @@ def each(structures: Structures, solve: Solve[ResultT], single: bool) -> list[Re
     # matrices are small, and of more threads each waits for the others: ten times the time
     meshed = structures.values.definition.meshed
     with threadpool_limits(1) if meshed else nullcontext():
-        found = dict(_solved(structures, solve, single))
-    return [found[number] for number in range(structures.values.count)]
+        by_number = dict(_solved(structures, solve, single))
+    return [by_number[number] for number in range(structures.values.count)]
 
 
 def _solved(
     structures: Structures, solve: Solve[ResultT], single: bool
 ) -> Iterator[tuple[int, ResultT | Exception]]:
-    for first, own in structures.values.of_structures():
+    for first, numbers in structures.values.of_structures():
         try:
-            reduction = structures.reduction(first, own)
+            reduction = structures.reduction(first, numbers)
         except FAILURES as error:
             if single:
                 raise
-            yield from ((int(number), error) for number in own)
+            yield from ((int(number), error) for number in numbers)
             continue
-        for number in own:
+        for number in numbers:
             try:
                 yield int(number), solve(structures.values.point(int(number)), reduction)
             except FAILURES as error:

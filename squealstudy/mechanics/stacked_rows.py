@@ -45,19 +45,19 @@ def stacked(
     if single:
         assert arrays[0] is not None
         return arrays[0]
-    known = [a for a in arrays if a is not None]
-    if not known:
+    solved = [a for a in arrays if a is not None]
+    if not solved:
         return np.full((len(found), *nothing_of), np.nan)
-    shapes = {a.shape[:-1] if ragged else a.shape for a in known}
+    shapes = {a.shape[:-1] if ragged else a.shape for a in solved}
     if len(shapes) > 1:
         raise SquealstudyError(
             "design points of these structures have arrays of other sizes: take them one by one, "
             "[point.linear for point in system]"
         )
-    shape = known[0].shape
+    shape = solved[0].shape
     if ragged:
-        shape = (*shape[:-1], max(a.shape[-1] for a in known))
-    kind = np.result_type(*known)
+        shape = (*shape[:-1], max(a.shape[-1] for a in solved))
+    kind = np.result_type(*solved)
     nothing = -1 if np.issubdtype(kind, np.integer) else np.nan
     filled = np.full((len(found), *shape), nothing, dtype=kind)
     for number, array in enumerate(arrays):

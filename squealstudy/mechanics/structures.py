@@ -76,9 +76,9 @@ class Structures:
         """
         if isinstance(first.model, FamilyDefinition):
             raise ModelError("a family of matrices has neither contact nor components to reduce")
-        found = self._small(first) if not first.model.meshed else self._meshed(first, own)
-        _check_modes(first, found)
-        return found
+        reduction = self._small(first) if not first.model.meshed else self._meshed(first, own)
+        _check_modes(first, reduction)
+        return reduction
 
     @property
     def _nominal(self) -> OperatingPoint:
@@ -89,10 +89,10 @@ class Structures:
         varied = self.values.varied.keys() & first.structural_values().keys()
         key = () if varied else self._identity(first)
         if key not in _small:
-            made = reduced(first.assembly(), self._nominal, self.basis.settings(False))
+            reduction = reduced(first.assembly(), self._nominal, self.basis.settings(False))
             if varied:  # of many structures none is asked for again
-                return made
-            _small[key] = first.model, made
+                return reduction
+            _small[key] = first.model, reduction
         return _recalled(_small, key, MOST_SMALL)
 
     def _meshed(self, first: ModelPoint, own: np.ndarray) -> Reduction:
@@ -101,18 +101,18 @@ class Structures:
         number = int(own[0])
         if number not in self._rounds:
             self._rounds[number] = once
-            found = self._made(first, once)
+            reduction = self._made(first, once)
             chosen = own[np.unique(np.linspace(0, len(own) - 1, N_CHECKED_POINTS).astype(int))]
             looked_at = chosen if self.improved and self.basis.tells_error else ()
-            if any(self._error(found, int(i)) > MODE_TOLERANCE for i in looked_at):
+            if any(self._error(reduction, int(i)) > MODE_TOLERANCE for i in looked_at):
                 self._rounds[number] = once + 1
                 self._tried.clear()
         return self._made(first, self._rounds[number])
 
     def pairs(self, point: ModelPoint, reduction: Reduction) -> PointPairs:
         """Complex modes of a design point in the basis' band, with their errors."""
-        found = self._tried.pop(_place(point), None)
-        return found or point_pairs(point, reduction, self.basis.band_hz, self.basis.tells_error)
+        tried = self._tried.pop(_place(point), None)
+        return tried or point_pairs(point, reduction, self.basis.band_hz, self.basis.tells_error)
 
     def _error(self, found: Reduction, number: int) -> float:
         """Largest relative error of light and growing modes of a design point; 0 without any."""
@@ -130,7 +130,7 @@ class Structures:
         key = (*self._identity(first), enriching)
         if key not in _kept:
             with threadpool_limits(1):  # as studies make it: the threads are those of the factors
-                made = reduced(
+                reduction = reduced(
                     first.assembly(),
                     self._nominal,
                     self.basis.settings(True),
@@ -139,7 +139,7 @@ class Structures:
                     self.scales() if self._judged else (),
                     enriching,
                 )
-            _kept[key] = first.model, made
+            _kept[key] = first.model, reduction
         return _recalled(_kept, key, MOST_KEPT)
 
     @property
@@ -167,35 +167,39 @@ class Structures:
         if not self.basis.enrichment:
             return ()
         names = (PRESSURE.name, *(p.name for p in contact_parameters()))
-        found = []
+        trained = []
         for name in (n for n in self.values.columns if n in names):
-            for value in sorted(set(self._varied_ends(name))):
-                other = replace(self.nominal, values={**self.nominal.values, name: value})
-                found.append(other.operating_point())
-        return tuple(found)
+            for end in sorted(set(self._varied_ends(name))):
+                other = replace(self.nominal, values={**self.nominal.values, name: end})
+                trained.append(other.operating_point())
+        return tuple(trained)
 
     def _varied_ends(self, name: str) -> tuple[float, ...]:
-        x, own = self.values.columns[name], self.basis.ranges.get(name)
-        if own is None and not isinstance(x, np.ndarray) and x == self.nominal.values[name]:
+        x, basis_range = self.values.columns[name], self.basis.ranges.get(name)
+        if basis_range is None and not isinstance(x, np.ndarray) and x == self.nominal.values[name]:
             return ()
         low, high = self.values.ends(name)
-        return (low, high) if own is None else (min(low, own[0]), max(high, own[1]))
+        return (
+            (low, high)
+            if basis_range is None
+            else (min(low, basis_range[0]), max(high, basis_range[1]))
+        )
 
     def scales(self) -> tuple[Mapping[ModeKey, float], ...]:
         """Factors on component frequencies: all at their least, then all at their largest."""
         first = self.values.point(0)
         swept = [p for p in first.mode_parameters() if p.quantity == FREQUENCY_SCALE]
-        found: list[Mapping[ModeKey, float]] = []
+        extremes: list[Mapping[ModeKey, float]] = []
         for end, extreme in ((0, min), (1, max)):
             scale: dict[ModeKey, float] = {}
             for p in swept:
-                value = self.values.ends(p.name)[end]
+                factor_end = self.values.ends(p.name)[end]
                 if p.name in self.basis.ranges:
-                    value = extreme(value, self.basis.ranges[p.name][end])
-                scale |= {(p.component, mode): value for mode in p.modes}
-            if any(factor != 1.0 for factor in scale.values()) and scale not in found:
-                found.append(scale)
-        return tuple(found)
+                    factor_end = extreme(factor_end, self.basis.ranges[p.name][end])
+                scale |= {(p.component, mode): factor_end for mode in p.modes}
+            if any(factor != 1.0 for factor in scale.values()) and scale not in extremes:
+                extremes.append(scale)
+        return tuple(extremes)
 
 
 def _operating_identity(point: OperatingPoint) -> tuple[Hashable, ...]:
@@ -222,8 +226,8 @@ def _check_modes(point: ModelPoint, found: Reduction) -> None:
     for parameter in point.mode_parameters():
         if (highest := max(parameter.modes)) > (count := counts[parameter.component]):
             where = f" up to {found.settings.component_cutoff:g} Hz in this basis"
-            held = where if point.model.meshed else ""
-            text = f"{parameter.component} has modes 1 to {count}{held}, got mode {highest}"
+            up_to = where if point.model.meshed else ""
+            text = f"{parameter.component} has modes 1 to {count}{up_to}, got mode {highest}"
             raise ParameterError(parameter.name, text)
 
 

@@ -77,12 +77,12 @@ class System(Design):
         self._expect_contact()
 
         def solve(point: ModelPoint, reduction: Reduction) -> Any:
-            found = sliding(point, reduction)
-            return found, found.forces(reduction.space, point.operating_point())
+            steady = sliding(point, reduction)
+            return steady, steady.forces(reduction.space, point.operating_point())
 
-        found = each(self._structures(self._basis()), solve, self.single)
-        take = partial(stacked, found, single=self.single)
-        status, message = self._told(found)
+        results = each(self._structures(self._basis()), solve, self.single)
+        take = partial(stacked, results, single=self.single)
+        status, message = self._told(results)
         return SteadySliding(
             gap=take(lambda x: x[0].gap, nothing_of=(0,)),
             pressure=take(lambda x: x[0].contact_pressure, nothing_of=(0,)),
@@ -108,11 +108,11 @@ class System(Design):
         """
         if self.family is not None:
             return self._linear_family(self.family)
-        found = each(self._structures(self._basis()), linearised, self.single)
-        take = partial(stacked, found, single=self.single)
+        results = each(self._structures(self._basis()), linearised, self.single)
+        take = partial(stacked, results, single=self.single)
         C = take(lambda x: x[1].C, nothing_of=(0, 0))
-        weights = tuple(None if isinstance(x, Exception) else x[1].weights for x in found)
-        status, message = self._told(found)
+        weights = tuple(None if isinstance(x, Exception) else x[1].weights for x in results)
+        status, message = self._told(results)
         return LinearSystem(
             M=np.broadcast_to(np.eye(C.shape[-1]), C.shape),
             C=C,
@@ -126,10 +126,10 @@ class System(Design):
     def _linear_family(self, family: MatrixFamily) -> LinearSystem:
         from squealstudy.mechanics.family import matrices_of
 
-        found = matrices_of(family, self.values, self.single)
-        take = partial(stacked, found, single=self.single, nothing_of=(0, 0))
+        results = matrices_of(family, self.values, self.single)
+        take = partial(stacked, results, single=self.single, nothing_of=(0, 0))
         M, C, K = (take(itemgetter(k)) for k in range(3))
-        status, message = self._told(found)
+        status, message = self._told(results)
         K_sym = 0.5 * (K + np.swapaxes(K, -1, -2))
         return LinearSystem(M, C, K, K_sym, None, status, message)
 
@@ -152,8 +152,8 @@ class System(Design):
         basis = self._basis(band)
         if basis.band_hz not in self._known:
             self._known[basis.band_hz] = self._modes(basis)
-        found: ComplexModes = self._known[basis.band_hz]
-        return found
+        complex_modes: ComplexModes = self._known[basis.band_hz]
+        return complex_modes
 
     def _modes(self, basis: Basis) -> ComplexModes:
         definition, single = self.values.definition, self.single
@@ -161,15 +161,15 @@ class System(Design):
             return self._batch(basis)
         if self.family is None:
             structures = self._structures(basis)
-            found = each(structures, structures.pairs, single)
+            results = each(structures, structures.pairs, single)
         else:
             from squealstudy.mechanics.family import pairs_of
 
-            found = pairs_of(self.family, self.values, basis.band_hz, single)
-        take = partial(stacked, found, single=single, ragged=True)
-        status, message = self._judged(found)
-        counts = np.array([0 if isinstance(x, Exception) else len(x.lam) for x in found])
-        solved = next((x for x in found if not isinstance(x, Exception)), None)
+            results = pairs_of(self.family, self.values, basis.band_hz, single)
+        take = partial(stacked, results, single=single, ragged=True)
+        status, message = self._judged(results)
+        counts = np.array([0 if isinstance(x, Exception) else len(x.lam) for x in results])
+        solved = next((x for x in results if not isinstance(x, Exception)), None)
         return ComplexModes(
             lam=take(lambda x: x.lam, nothing_of=(0,)),
             right=take(lambda x: x.right, nothing_of=(0, 0)),
@@ -188,25 +188,25 @@ class System(Design):
 
     def _batch(self, basis: Basis) -> ComplexModes:
         """Modes of a batch of point masses, solved at once."""
-        found, definition = batch_modes(self.values, basis.band_hz), self.values.definition
-        held = ~np.isnan(found.lam.real)
-        status, message = found.status.copy(), found.message.copy()
-        point = np.nonzero(held)[0]
-        worst, _ = worst_errors(found.lam[held], found.error[held], point, len(status))
+        batch, definition = batch_modes(self.values, basis.band_hz), self.values.definition
+        is_root = ~np.isnan(batch.lam.real)
+        status, message = batch.status.copy(), batch.message.copy()
+        point = np.nonzero(is_root)[0]
+        worst, _ = worst_errors(batch.lam[is_root], batch.error[is_root], point, len(status))
         for number in np.flatnonzero(worst > MODE_TOLERANCE):
             status[number], message[number] = INACCURATE, _may_be_wrong(worst[number])
         return ComplexModes(
-            lam=found.lam,
-            right=found.right,
-            residual=found.residual,
-            error_rung=found.error,
-            error_reduction=np.where(held, 0.0, np.nan),
-            energies=found.energies,
-            counts=found.counts,
+            lam=batch.lam,
+            right=batch.right,
+            residual=batch.residual,
+            error_rung=batch.error,
+            error_reduction=np.where(is_root, 0.0, np.nan),
+            energies=batch.energies,
+            counts=batch.counts,
             status=status,
             message=message,
             parts=definition.energy_parts,
-            method=DENSE if held.any() else "",
+            method=DENSE if is_root.any() else "",
             varied=self.values.varied,
             linear_of=self._linear_of(basis),
         )
@@ -249,8 +249,8 @@ class System(Design):
         for name in names:
             requested(name, self.nominal)
         structures = self._structures(basis)
-        found = all_sensitivities(structures, names, choice, change, self.single)
-        return found[0] if self.single else found
+        results = all_sensitivities(structures, names, choice, change, self.single)
+        return results[0] if self.single else results
 
     # -- in time ---------------------------------------------------------------------------------
     def simulate(
@@ -336,8 +336,8 @@ class System(Design):
         """
         self._expect_contact()
         structures = self._in_time(band)
-        found = limit_cycles(structures, harmonics, tolerance, reach, regularisation, self.single)
-        return found[0] if self.single else tuple(found)
+        results = limit_cycles(structures, harmonics, tolerance, reach, regularisation, self.single)
+        return results[0] if self.single else tuple(results)
 
     def _in_time(self, band: tuple[float, float] | None) -> Structures:
         """In the basis of studies in time, unless another was chosen."""
@@ -348,8 +348,8 @@ class System(Design):
 
     def _linear_of(self, basis: Basis) -> Callable[[int], LinearSystem]:
         """What gives the linearised system of a design point in a basis."""
-        own = replace(self, basis=basis, _known={})
-        return lambda number: (own if own.single else own[number]).linear
+        with_basis = replace(self, basis=basis, _known={})
+        return lambda number: (with_basis if with_basis.single else with_basis[number]).linear
 
     def _judged(self, found: Sequence[PointPairs | Exception]) -> tuple[Any, Any]:
         """Status and message, those of inaccurate points among them."""

@@ -57,8 +57,8 @@ class Unreduced:
     @cached_property
     def C(self) -> sp.csr_matrix:
         """Damping (n_dof, n_dof) of the components' own, N s/m; modal damping is none of it."""
-        own = self.assembled.C_el
-        return sp.csr_matrix(self.M.shape) if own is None else own
+        component_damping = self.assembled.C_el
+        return sp.csr_matrix(self.M.shape) if component_damping is None else component_damping
 
     @cached_property
     def K(self) -> sp.csr_matrix:
@@ -73,7 +73,7 @@ class Unreduced:
     @property
     def load(self) -> np.ndarray:
         """Forces (n_dof,) of the brake pressure, and those that are always there, N."""
-        found: np.ndarray = (
+        forces: np.ndarray = (
             self.operating.brake_pressure * self.assembled.load + self.assembled.constant_load
         )
-        return found
+        return forces

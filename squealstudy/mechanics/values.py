@@ -129,8 +129,8 @@ class Values:
 
     def point(self, number: int) -> ModelPoint:
         """One of the design points, from 0."""
-        own = {name: float(x[number]) for name, x in self.varied.items()}
-        return ModelPoint(self.definition, self.options, {**self._common, **own})
+        varied = {name: float(x[number]) for name, x in self.varied.items()}
+        return ModelPoint(self.definition, self.options, {**self._common, **varied})
 
     def at(self, number: int) -> Values:
         """One of the design points by itself."""
@@ -154,5 +154,5 @@ class Values:
         _, first, structure = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         order = np.argsort(structure.ravel(), kind="stable")
         cuts = np.cumsum(np.bincount(structure.ravel()))[:-1]
-        for place, own in zip(first, np.split(order, cuts), strict=True):
-            yield self.point(int(place)), own
+        for place, numbers in zip(first, np.split(order, cuts), strict=True):
+            yield self.point(int(place)), numbers
