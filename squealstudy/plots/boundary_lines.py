@@ -126,9 +126,9 @@ class _Crossings:
     def _refined_at(self, edge: Edge) -> float | None:
         """Coordinate of the refined onset on an edge; nodes that were filled in have none."""
         stable, unstable = (self._plane.point_ids[i] for i in edge)
-        value = self._onset.get((stable, unstable))
+        onset = self._onset.get((stable, unstable))
         ends = sorted(self._xy[list(edge), self._along or 0].tolist())
-        return value if value is not None and ends[0] <= value <= ends[1] else None
+        return onset if onset is not None and ends[0] <= onset <= ends[1] else None
 
     def _line_crossings(self) -> list[Edge]:
         """Edges along the onsets' parameter that the boundary crosses."""
@@ -137,8 +137,8 @@ class _Crossings:
         other = self._xy[:, 1 - self._along]
         order = np.lexsort((self._xy[:, self._along], other))
         a, b = order[:-1], order[1:]
-        state, known = self._plane.unstable, self._plane.known
-        crossed = (other[a] == other[b]) & known[a] & known[b] & (state[a] != state[b])
+        state, is_solved = self._plane.unstable, self._plane.known
+        crossed = (other[a] == other[b]) & is_solved[a] & is_solved[b] & (state[a] != state[b])
         pairs = zip(a[crossed].tolist(), b[crossed].tolist(), strict=True)
         return [(j, i) if state[i] else (i, j) for i, j in pairs]
 
@@ -147,16 +147,16 @@ class _Crossings:
         distance = np.full(len(self._xy), np.nan)
         if self._along is None:
             return distance
-        own, other = self._xy[:, self._along], self._xy[:, 1 - self._along]
+        along, other = self._xy[:, self._along], self._xy[:, 1 - self._along]
         places = defaultdict(list)
         for edge in self.on_lines:
-            a, b = own[list(edge)]
+            a, b = along[list(edge)]
             places[other[edge[0]]].append(a + self._part_on_line(edge) * (b - a))
         order = np.argsort(other, kind="stable")
-        for line, found in places.items():
+        for line, crossings in places.items():
             first, last = (np.searchsorted(other, line, side, order) for side in ("left", "right"))
             here = order[first:last]
-            distance[here] = np.abs(own[here][:, None] - np.array(found)).min(axis=1)
+            distance[here] = np.abs(along[here][:, None] - np.array(crossings)).min(axis=1)
         return np.where(self._plane.unstable, -distance, distance)
 
     def _part(self, edge: Edge) -> float:
@@ -169,11 +169,11 @@ class _Crossings:
         return self._part_by_damping(edge)
 
     def _part_on_line(self, edge: Edge) -> float:
-        value = None if self._along is None else self._refined_at(edge)
-        if value is None:
+        onset = None if self._along is None else self._refined_at(edge)
+        if onset is None:
             return self._part_by_damping(edge)
         a, b = self._xy[list(edge), self._along]
-        return float((value - a) / (b - a))
+        return float((onset - a) / (b - a))
 
     def _part_by_damping(self, edge: Edge) -> float:
         stable, unstable = (float(self._plane.damping_ratio[i]) for i in edge)
@@ -211,21 +211,21 @@ class _Crossings:
     @cached_property
     def _highest(self) -> list[np.ndarray]:
         """The largest of these on the line of each point (n,) on which x is the same, then y."""
-        found = []
+        largest = []
         for column in self._xy.T:
             values, line = np.unique(column, return_inverse=True)
-            found.append(largest_by_code(self._stable_damping, line, len(values))[line])
-        return found
+            largest.append(largest_by_code(self._stable_damping, line, len(values))[line])
+        return largest
 
 
 def _refined(onsets: pd.DataFrame, along: Quantity) -> dict[tuple[str, str], float]:
     """Coordinate of the onset between two points: of the mode that is unstable first."""
-    kept = onsets[onsets["status"].isin([REFINED, CUBIC])]
-    values = along.even(along.scaled(kept["onset"]))
-    ends = zip(kept["point_before"], kept["point_after"], kept["direction"], strict=True)
-    found: dict[tuple[str, str], float] = {}
-    for (before, after, direction), value in zip(ends, values.tolist(), strict=True):
+    refined = onsets[onsets["status"].isin([REFINED, CUBIC])]
+    values = along.even(along.scaled(refined["onset"]))
+    ends = zip(refined["point_before"], refined["point_after"], refined["direction"], strict=True)
+    onset_between: dict[tuple[str, str], float] = {}
+    for (before, after, direction), onset in zip(ends, values.tolist(), strict=True):
         pair = (before, after) if direction == INTO else (after, before)
         first = min if direction == INTO else max
-        found[pair] = first(found.get(pair, value), value)
-    return found
+        onset_between[pair] = first(onset_between.get(pair, onset), onset)
+    return onset_between

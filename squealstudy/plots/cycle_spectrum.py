@@ -56,16 +56,16 @@ def cycle_spectrum(results: Results, cycle: str, ax: Axes | None = None) -> Figu
     chosen = cycles[(cycles["cycle_id"] == cycle).to_numpy(bool)]
     if not len(chosen):
         raise ResultsError(f"no cycle '{cycle}'")
-    own = chosen.iloc[0]
-    level = np.asarray(own["torque_harmonics"], dtype=float)
+    cycle_row = chosen.iloc[0]
+    level = np.asarray(cycle_row["torque_harmonics"], dtype=float)
     order = np.arange(1, len(level) + 1)
-    hz = float(own["frequency_hz"])
+    hz = float(cycle_row["frequency_hz"])
     what, unit = friction_label(results.units)
     figure, axes = one_panel(ax, 8.0, 4.4)
     axes.bar(order, level, width=0.7, color=COLOURS[1])
     axes.set_yscale("log")
     axes.set_ylim(MIN_SHOWN_HARMONIC_RATIO * level.max(), 2.0 * level.max())
-    error = float(own["level_error"]) * level.max()
+    error = float(cycle_row["level_error"]) * level.max()
     if error > MIN_SHOWN_HARMONIC_RATIO * level.max():
         axes.axhline(error, color=GREY, linestyle="--", linewidth=1.2)
         place: dict[str, Any] = {
@@ -77,9 +77,9 @@ def cycle_spectrum(results: Results, cycle: str, ax: Axes | None = None) -> Figu
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlim(0.4, len(level) + 0.6)
     finish(axes, f"Harmonic of {hz:.1f} Hz", f"{what.capitalize()} [{unit}]")
-    design = points[(points["point_id"] == own["point_id"]).to_numpy(bool)].iloc[0]
+    design = points[(points["point_id"] == cycle_row["point_id"]).to_numpy(bool)].iloc[0]
     at = describe(design, points, parameter_columns(points, varied=True), results.units)
-    how = {True: "stable", False: "unstable"}.get(own["stable"], "stability not known")
+    how = {True: "stable", False: "unstable"}.get(cycle_row["stable"], "stability not known")
     title = f"{at}: {how} cycle" if at else f"{how.capitalize()} cycle"
-    axes.set_title(f"{title}, RMS {own['torque_rms']:.4g} {unit}", fontsize=10)
+    axes.set_title(f"{title}, RMS {cycle_row['torque_rms']:.4g} {unit}", fontsize=10)
     return figure

@@ -55,10 +55,10 @@ def design_history(results: Results) -> Figure:
         ),
     ]
     for panel, x in zip(axes, (designs["cost"], designs["design"]), strict=True):
-        for own, style in groups:
-            if own.any():
+        for in_group, style in groups:
+            if in_group.any():
                 look = {"markersize": 5, "linestyle": "", "zorder": 3, **style}
-                panel.plot(x.to_numpy(float)[own], damping[own], **look)
+                panel.plot(x.to_numpy(float)[in_group], damping[in_group], **look)
         panel.axhline(margin, color=DARK, linewidth=0.8, linestyle="--", label="margin")
         shown = damping[~scan & np.isfinite(damping)]
         if len(shown):

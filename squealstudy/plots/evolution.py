@@ -105,10 +105,10 @@ def evolution(
     ResultsError
         For an unknown parameter, a value that the study does not have, or an unknown `show`.
     """
-    known = [*VERTICAL] if ax is None else [*VERTICAL, FREQUENCY]
-    if show not in known:
-        hint = did_you_mean(show, known)
-        raise ResultsError(f"'{show}' cannot be shown, expected {' or '.join(known)}{hint}")
+    choices = [*VERTICAL] if ax is None else [*VERTICAL, FREQUENCY]
+    if show not in choices:
+        hint = did_you_mean(show, choices)
+        raise ResultsError(f"'{show}' cannot be shown, expected {' or '.join(choices)}{hint}")
     if isinstance(along, tuple):
         results, along = _together(results, *along)
     line = study_line(results, along or results.along or "", fixed)
@@ -117,8 +117,8 @@ def evolution(
         return _alone(ax, line, show, _handles(line, results.track_names))
     figure = new_figure(11.5 if tracks else 8.0, 7.0)
     widths = [1.6, 1.0] if tracks else [1.0]
-    left, *right = figure.subfigures(1, len(widths), squeeze=False, width_ratios=widths)[0]
-    upper, lower = left.subplots(2, 1, sharex=True)
+    left_figure, *right = figure.subfigures(1, len(widths), squeeze=False, width_ratios=widths)[0]
+    upper, lower = left_figure.subplots(2, 1, sharex=True)
     set_scales(upper, line.shown)
     _draw(upper, line, "frequency_hz", 1.0)
     _draw(lower, line, show, VERTICAL[show][1])
@@ -157,9 +157,9 @@ def _draw(axes: Axes, line: StudyLine, name: str, factor: float) -> None:
         every = max(1, len(line.x) // 15)
         y = table[track]
         axes.plot(line.x, y, marker=marker, markersize=4.5, markevery=every, **style)
-        own = line.onsets[(line.onsets["track"] == track).to_numpy(bool)]
-        if len(own):
-            _through(axes, line.x, y.to_numpy(float), own, name, style)
+        track_onsets = line.onsets[(line.onsets["track"] == track).to_numpy(bool)]
+        if len(track_onsets):
+            _through(axes, line.x, y.to_numpy(float), track_onsets, name, style)
         ring = line.doubtful[track].to_numpy(bool)
         axes.plot(
             line.x[ring], y[ring], "o", markersize=9, markerfacecolor="none", markeredgecolor="0.2"
@@ -178,13 +178,13 @@ def _through(
     Between two design points a straight line would cross zero elsewhere.
     """
     at = onsets["x"].to_numpy(float)
-    value = onsets["frequency_hz"].to_numpy(float) if name == FREQUENCY else np.zeros(len(at))
+    heights = onsets["frequency_hz"].to_numpy(float) if name == FREQUENCY else np.zeros(len(at))
     curve = axes.lines[-1]
     order = np.argsort(np.concatenate([x, at]), kind="stable")
-    curve.set_data(np.concatenate([x, at])[order], np.concatenate([y, value])[order])
+    curve.set_data(np.concatenate([x, at])[order], np.concatenate([y, heights])[order])
     design = np.flatnonzero(order < len(x))
     curve.set_markevery([int(k) for k in design[:: max(1, len(x) // 15)]])
-    axes.plot(at, value, "|", color=style["color"], markersize=12, markeredgewidth=2, zorder=4)
+    axes.plot(at, heights, "|", color=style["color"], markersize=12, markeredgewidth=2, zorder=4)
 
 
 def _alone(axes: Axes, line: StudyLine, show: str, handles: Sequence[Line2D]) -> Figure:
@@ -274,11 +274,11 @@ def _locus(axes: Axes, line: StudyLine, track: int) -> None:
 def _path(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, width: float) -> None:
     """A curve from a hollow dot to an arrow head."""
     axes.plot(x, y, color=colour, linewidth=width, marker=".", markersize=3 * width, zorder=width)
-    known = np.flatnonzero(np.isfinite(x))
-    axes.plot(x[known[:1]], y[known[:1]], "o", color=colour, markerfacecolor="white", zorder=3)
-    moved = np.flatnonzero(np.hypot(np.diff(x), np.diff(y)) > 0)
-    if len(moved):
-        k = moved[-1]
+    finite = np.flatnonzero(np.isfinite(x))
+    axes.plot(x[finite[:1]], y[finite[:1]], "o", color=colour, markerfacecolor="white", zorder=3)
+    nonzero_steps = np.flatnonzero(np.hypot(np.diff(x), np.diff(y)) > 0)
+    if len(nonzero_steps):
+        k = nonzero_steps[-1]
         arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": width, "mutation_scale": 14}
         tip = axes.annotate("", (x[k + 1], y[k + 1]), (x[k], y[k]), arrowprops=arrow)
         tip.set_in_layout(False)
@@ -385,5 +385,5 @@ def _onsets(
     )
     for name in others:
         here &= np.isclose(table[name].to_numpy(float), float(line[name].iloc[0]), rtol=1e-9)
-    own = table[here]
-    return own.assign(x=shown.scaled(own["onset"]))[columns].reset_index(drop=True)
+    on_line = table[here]
+    return on_line.assign(x=shown.scaled(on_line["onset"]))[columns].reset_index(drop=True)

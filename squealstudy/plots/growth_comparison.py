@@ -57,9 +57,9 @@ def growth_comparison(results: Results) -> Figure:
     figure = new_figure(7.6, 7.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2.4, 1.0])
     for kind, style in KINDS.items():
-        own = table[(table["kind"] == kind).to_numpy()]
-        if len(own):
-            _bars(upper, own, ("fitted", "low", "high"), style, f"{kind} ({len(own)})")
+        of_kind = table[(table["kind"] == kind).to_numpy()]
+        if len(of_kind):
+            _bars(upper, of_kind, ("fitted", "low", "high"), style, f"{kind} ({len(of_kind)})")
     _diagonal(upper, table)
     _deviations(lower, table)
     figure.suptitle(_title(table, growth), fontsize=9.5)
@@ -69,8 +69,10 @@ def growth_comparison(results: Results) -> Figure:
 
 def growth_pairs(growth: pd.DataFrame, points: pd.DataFrame) -> pd.DataFrame:
     """Predicted and fitted rates [1/s] with bounds, and what kind of motion each is of."""
-    told = growth["expressed"].astype("boolean")
-    kind = np.select([told.isna(), told.fillna(False)], [UNKNOWN, EXPRESSED], NOT_EXPRESSED)
+    expressed = growth["expressed"].astype("boolean")
+    kind = np.select(
+        [expressed.isna(), expressed.fillna(False)], [UNKNOWN, EXPRESSED], NOT_EXPRESSED
+    )
     failed = growth["point_id"].isin(points.loc[points["status"] != "ok", "point_id"])
     kind = np.select([failed, ~growth["unstable"].to_numpy(bool)], [FAILED, STABLE], kind)
     names = {"predicted": "growth_rate", "fitted": "fitted_growth_rate"}
@@ -114,11 +116,11 @@ def sizeable(table: pd.DataFrame) -> np.ndarray:
 def _bars(
     axes: Axes, own: pd.DataFrame, names: tuple[str, str, str], style: dict[str, Any], label: str
 ) -> None:
-    value, low, high = (own[n].to_numpy(dtype=float) for n in names)
+    fitted, low, high = (own[n].to_numpy(dtype=float) for n in names)
     axes.errorbar(
         own["predicted"],
-        value,
-        error_reach(value, low, high),
+        fitted,
+        error_reach(fitted, low, high),
         linestyle="",
         markersize=5.5,
         elinewidth=1.1,
@@ -156,9 +158,9 @@ def _deviations(axes: Axes, table: pd.DataFrame) -> None:
     limit = max(largest, min(float(bounds.max(initial=0.0)), AXIS_LIMIT_FACTOR * largest))
     limit = max(1.15 * limit, 0.5)
     for kind, style in KINDS.items():
-        own = table[(table["kind"] == kind).to_numpy() & (table["deviation"].abs() <= limit)]
-        if len(own):
-            _bars(axes, own, ("deviation", "deviation_low", "deviation_high"), style, "_")
+        of_kind = table[(table["kind"] == kind).to_numpy() & (table["deviation"].abs() <= limit)]
+        if len(of_kind):
+            _bars(axes, of_kind, ("deviation", "deviation_low", "deviation_high"), style, "_")
     beyond = table[~(table["deviation"].abs() <= limit).to_numpy()]
     for row in beyond.to_dict("records"):
         above = row["deviation"] > 0

@@ -192,12 +192,20 @@ def _levels(axes: Axes, row: _Row) -> None:
     if row.over is not None:
         axes.plot(row.x, rms, color=GREY, linewidth=0.9, zorder=1)
     for name, style in CLASSES.items():
-        own = row.is_class(name)
-        if own.any():
-            low, high = (row.line.loc[own, f"torque_rms_{end}"].to_numpy(float) for end in ENDS)
+        of_class = row.is_class(name)
+        if of_class.any():
+            low, high = (
+                row.line.loc[of_class, f"torque_rms_{end}"].to_numpy(float) for end in ENDS
+            )
             label = name.replace("_", " ") + REMARKS.get(name, "")
             bar: dict[str, Any] = {"linestyle": "", "capsize": 3, "markersize": 6, "label": label}
-            axes.errorbar(row.x[own], rms[own], error_reach(rms[own], low, high), **bar, **style)
+            axes.errorbar(
+                row.x[of_class],
+                rms[of_class],
+                error_reach(rms[of_class], low, high),
+                **bar,
+                **style,
+            )
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     what, unit = friction_label(row.units)
     finish(axes, "", f"{what.capitalize()} RMS [{unit}]")
@@ -237,11 +245,13 @@ def _frequencies(axes: Axes, row: _Row) -> None:
         label="fastest predicted",
     )
     for name in LASTING:
-        own = row.is_class(name)
-        found = line.loc[own, "torque_line_hz"].to_numpy(dtype=float)
-        if own.any():
+        of_class = row.is_class(name)
+        line_hz = line.loc[of_class, "torque_line_hz"].to_numpy(dtype=float)
+        if of_class.any():
             label = "" if any(c.get_label() == "dominant" for c in axes.get_lines()) else "dominant"
-            axes.plot(row.x[own], found, linestyle="", markersize=5, label=label, **CLASSES[name])
+            axes.plot(
+                row.x[of_class], line_hz, linestyle="", markersize=5, label=label, **CLASSES[name]
+            )
     axes.margins(y=0.2)
     finish(axes, "", "Frequency [Hz]")
     axes.legend(fontsize=8.5, frameon=False, loc="best")
@@ -282,14 +292,14 @@ def bar_places(x: np.ndarray, log: bool) -> tuple[np.ndarray, np.ndarray]:
     half = 0.5 * BAR_WIDTH_RATIO * float(np.diff(np.unique(place)).min(initial=np.inf))
     half = half if np.isfinite(half) else 0.5 * BAR_WIDTH_RATIO
     edges = place - half, place + half
-    left, right = (np.exp(edge) for edge in edges) if log else edges
-    return left, right - left
+    left_edges, right = (np.exp(edge) for edge in edges) if log else edges
+    return left_edges, right - left_edges
 
 
 def stacked_shares(line: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     """Shares of the main modes, of the others and outside, a row each of `line`, named to show."""
-    own = modes[modes["point_id"].isin(line["point_id"])]
-    wide = own.pivot_table("energy_share", "point_id", "mode", aggfunc="first")
+    line_modes = modes[modes["point_id"].isin(line["point_id"])]
+    wide = line_modes.pivot_table("energy_share", "point_id", "mode", aggfunc="first")
     wide = wide.reindex(line["point_id"]).fillna(0.0)
     mean, peak = wide.mean(), wide.max()
     main = list(
@@ -298,7 +308,7 @@ def stacked_shares(line: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
         .index[:MAX_COLOURED_MODES]
     )
     main = sorted(main, key=lambda mode: -mean[mode])
-    most = own.sort_values("energy_share", kind="stable", na_position="first")
+    most = line_modes.sort_values("energy_share", kind="stable", na_position="first")
     frequency = most.drop_duplicates("mode", keep="last").set_index("mode")["frequency_hz"]
     table = wide[main].rename(
         columns=lambda mode: f"{real_mode_number(mode)}  {in_digits(frequency[mode])} Hz"

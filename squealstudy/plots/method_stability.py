@@ -158,9 +158,9 @@ def _draw_boundary(
     axes: Axes, plane: Plane, predicted: pd.Series, boundary: str
 ) -> list[Patch | Line2D]:
     """The line predicted = 1, ticks to the side where failure is predicted."""
-    value = predicted.to_numpy(dtype=float)
+    number = predicted.to_numpy(dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
-        x, y, decades = plane.cells(np.log10(value))
+        x, y, decades = plane.cells(np.log10(number))
         table = np.ma.masked_invalid(np.clip(decades, -SHOWN_DECADES, SHOWN_DECADES))
     name = (
         fill(f"predicted: {boundary}", LEGEND_LINE_CHARACTERS) if boundary else "predicted boundary"

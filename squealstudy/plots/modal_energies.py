@@ -53,14 +53,14 @@ def modal_energies(results: Results, point: str | int = 0) -> Figure:
         Where there is no such point, or no history of it was kept.
     """
     run = run_of(results, point)
-    known = [int(m[1]) for m in map(MODE_COLUMN.fullmatch, map(str, run.history)) if m]
-    if len(run.history) < 2 or not known:
+    mode_numbers = [int(m[1]) for m in map(MODE_COLUMN.fullmatch, map(str, run.history)) if m]
+    if len(run.history) < 2 or not mode_numbers:
         return empty_figure("no modal energies of this design point")
     figure = new_figure(10.5, 5.8)
     axes = figure.add_subplot()
     axes.set_yscale("log")
-    leading = leading_modes(run, known)
-    for mode in (m for m in known if m not in leading):
+    leading = leading_modes(run, mode_numbers)
+    for mode in (m for m in mode_numbers if m not in leading):
         axes.plot(
             *_curve(run.milliseconds, run.column(f"energy_mode_{mode}")), color=GREY, linewidth=0.6
         )
@@ -74,7 +74,10 @@ def modal_energies(results: Results, point: str | int = 0) -> Figure:
     axes.set_xlim(*run.limits)
     axes.set_ylim(*_limits(axes, run.column("energy")))
     _mark_transfer(axes, run)
-    texts = joined(run.title, _transfer_text(run)), _note(run.modes, len(known) - len(leading))
+    texts = (
+        joined(run.title, _transfer_text(run)),
+        _note(run.modes, len(mode_numbers) - len(leading)),
+    )
     figure.suptitle(joined(*texts, by="\n"), fontsize=9.5)
     end_labels(figure, axes, [label for label in labels if label is not None])
     return figure
@@ -165,9 +168,9 @@ def _transfer_text(run: Run) -> str:
 def main_components(modes: pd.DataFrame) -> pd.Series:
     """The component of most elastic energy in each row of a modes table, "" where unknown."""
     names = component_columns(modes)
-    known = modes[names].notna().any(axis=1)
-    if not known.any():
+    has_energy = modes[names].notna().any(axis=1)
+    if not has_energy.any():
         return pd.Series("", index=modes.index)
     titles = np.array([name.removeprefix("energy_") for name in names])
     main = titles[modes[names].fillna(-1.0).to_numpy(dtype=float).argmax(axis=1)]
-    return pd.Series(np.where(known, main, ""), index=modes.index)
+    return pd.Series(np.where(has_energy, main, ""), index=modes.index)

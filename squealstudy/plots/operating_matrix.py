@@ -48,9 +48,9 @@ def operating_matrix(results: Results) -> Figure:
     style: dict[str, Any] = {"linestyle": "", "markersize": 6}
     axes.plot(range(len(today)), _percent(today), marker="s", color=DARK, label="today", **style)
     if facts["chosen"] not in (None, facts["today"]):
-        own = solved[(solved["design"] == facts["chosen"]).to_numpy(bool)]
-        own = own.drop_duplicates(names) if names else own.iloc[:1]
-        chosen = today[names].merge(own, on=names, how="left") if names else own
+        of_chosen = solved[(solved["design"] == facts["chosen"]).to_numpy(bool)]
+        of_chosen = of_chosen.drop_duplicates(names) if names else of_chosen.iloc[:1]
+        chosen = today[names].merge(of_chosen, on=names, how="left") if names else of_chosen
         look: dict[str, Any] = {"marker": "*", "color": COLOURS[1], **style, "markersize": 11}
         axes.plot(range(len(chosen)), _percent(chosen), label=chosen_word(facts), **look)
     margin = 100.0 * float(facts["margin"])
@@ -72,8 +72,8 @@ def chosen_word(facts: Mapping[str, Any]) -> str:
 
 
 def _percent(points: pd.DataFrame) -> np.ndarray:
-    found: np.ndarray = 100.0 * points["min_damping_ratio"].to_numpy(float)
-    return found
+    percent: np.ndarray = 100.0 * points["min_damping_ratio"].to_numpy(float)
+    return percent
 
 
 def _text(row: Mapping[Hashable, Any], names: list[str], results: Results) -> str:

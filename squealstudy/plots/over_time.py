@@ -42,8 +42,8 @@ class EndLabel:
 
 def histories(results: Results) -> Iterator[tuple[str, Choices]]:
     """A picture of each of the first design points that kept a history, named by its row."""
-    kept = results.points["point_id"].isin(results.store.kept_histories()).to_numpy()
-    for row in np.flatnonzero(kept)[:MOST_HISTORIES].tolist():
+    has_history = results.points["point_id"].isin(results.store.kept_histories()).to_numpy()
+    for row in np.flatnonzero(has_history)[:MOST_HISTORIES].tolist():
         yield f"_point_{row}", {"point": row}
 
 
@@ -80,8 +80,8 @@ class Run:
 
     def number(self, name: str) -> float:
         """A number of the row, NaN where there is none."""
-        value = self.row.get(name, np.nan)
-        return np.nan if pd.isna(value) else float(value)
+        cell = self.row.get(name, np.nan)
+        return np.nan if pd.isna(cell) else float(cell)
 
     @property
     def milliseconds(self) -> np.ndarray:
@@ -130,9 +130,9 @@ def end_labels(figure: Figure, axes: Axes, labels: Sequence[EndLabel]) -> None:
     scale = figure.dpi / 72
     frame = axes.get_window_extent()
     heights = axes.transData.transform([(axes.get_xlim()[1], label.y) for label in labels])[:, 1]
-    wanted = np.clip(heights, frame.y0, frame.y1)
-    placed = spread(wanted, 1.35 * LABEL_FONT_POINTS * scale, frame.y0, frame.y1)
-    for label, height, place in zip(labels, wanted, placed, strict=True):
+    clipped = np.clip(heights, frame.y0, frame.y1)
+    placed = spread(clipped, 1.35 * LABEL_FONT_POINTS * scale, frame.y0, frame.y1)
+    for label, height, place in zip(labels, clipped, placed, strict=True):
         end = (1.0, float((height - frame.y0) / frame.height))
         text = (1.0, float((place - frame.y0) / frame.height))
         axes.annotate(
@@ -167,8 +167,8 @@ def spread(wanted: np.ndarray, apart: float, low: float, high: float) -> np.ndar
     order = np.argsort(wanted, kind="stable")
     apart = min(apart, (high - low) / max(len(wanted) - 1, 1))
     blocks: list[tuple[float, int]] = []  # mean of place less its offset, length
-    for k, value in enumerate(wanted[order]):
-        blocks.append((float(value) - k * apart, 1))
+    for k, height in enumerate(wanted[order]):
+        blocks.append((float(height) - k * apart, 1))
         while len(blocks) > 1 and blocks[-2][0] > blocks[-1][0]:
             (b, m), (a, n) = blocks.pop(), blocks.pop()
             blocks.append(((a * n + b * m) / (n + m), n + m))

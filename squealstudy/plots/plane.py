@@ -88,19 +88,19 @@ class Plane:
 
     def draw_bins(self, axes: Axes, values: np.ndarray, **style: Any) -> ScalarMappable:
         """Equal cells coloured by the largest of the values (n,) of the points inside."""
-        known = np.isfinite(values)
-        place = np.zeros(int(known.sum()), dtype=np.int64)
+        finite = np.isfinite(values)
+        place = np.zeros(int(finite.sum()), dtype=np.int64)
         edges = []
         for shown, drawn, count in (
             (self.up, self.y, N_CELLS[1]),
             (self.across, self.x, N_CELLS[0]),
         ):
-            even = shown.even(drawn[known])
+            even = shown.even(drawn[finite])
             ends = np.linspace(even.min(), even.max(), count + 1)
             inside = np.clip(np.searchsorted(ends, even, "right") - 1, 0, count - 1)
             place = place * count + inside
             edges.append(shown.uneven(ends))
-        table = largest_by_code(values[known], place, N_CELLS[0] * N_CELLS[1]).reshape(
+        table = largest_by_code(values[finite], place, N_CELLS[0] * N_CELLS[1]).reshape(
             N_CELLS[1], N_CELLS[0]
         )
         return axes.pcolormesh(edges[1], edges[0], np.ma.masked_invalid(table), **style)
@@ -147,15 +147,15 @@ class StudyPlane(Plane):
         if self.gridded:
             _, _, place = self.cells(np.arange(len(self.x)))
             corners = [place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]]
-            found = np.stack([c.ravel() for c in corners], axis=1)
-            found = found[np.isfinite(found).all(axis=1)].astype(int)
+            corner_rows = np.stack([c.ravel() for c in corners], axis=1)
+            corner_rows = corner_rows[np.isfinite(corner_rows).all(axis=1)].astype(int)
         else:
             rows = np.flatnonzero(self.near_changes)
             mesh = self.triangles(np.where(self.near_changes, 0.0, np.nan))
-            found = np.zeros((0, 3), dtype=int) if mesh is None else rows[mesh.triangles]
-        state = self.unstable[found]
-        mixed = state.any(axis=1) & ~state.all(axis=1) & self.known[found].all(axis=1)
-        yield from found[mixed]
+            corner_rows = np.zeros((0, 3), dtype=int) if mesh is None else rows[mesh.triangles]
+        state = self.unstable[corner_rows]
+        mixed = state.any(axis=1) & ~state.all(axis=1) & self.known[corner_rows].all(axis=1)
+        yield from corner_rows[mixed]
 
     @cached_property
     def near_changes(self) -> np.ndarray:
@@ -164,23 +164,23 @@ class StudyPlane(Plane):
         Triangles over where others were have corners of one state. Around: in cells with equal
         shares of the values of each axis, the point's own and N_NEIGHBOUR_CELLS on each side.
         """
-        known, many = self.known, int(self.known.sum())
+        is_solved, many = self.known, int(self.known.sum())
         if many <= MOST_DOTS:
-            return known
+            return is_solved
         count = int(np.sqrt(many / IN_A_CELL))
-        ranks = [np.searchsorted(np.sort(v[known]), v) for v in (self.x, self.y)]
+        ranks = [np.searchsorted(np.sort(v[is_solved]), v) for v in (self.x, self.y)]
         cell = [np.minimum(rank * count // many, count - 1) for rank in ranks]
         around = np.ones((count, count), dtype=bool)
         for state in (self.unstable, ~self.unstable):
             here = np.zeros_like(around)
-            here[tuple(c[known & state] for c in cell)] = True
+            here[tuple(c[is_solved & state] for c in cell)] = True
             around &= maximum_filter(here, 2 * N_NEIGHBOUR_CELLS + 1)
         around = np.pad(
             around[N_NEIGHBOUR_CELLS:-N_NEIGHBOUR_CELLS, N_NEIGHBOUR_CELLS:-N_NEIGHBOUR_CELLS],
             N_NEIGHBOUR_CELLS,
             constant_values=True,
         )
-        near: np.ndarray = known & around[tuple(cell)]
+        near: np.ndarray = is_solved & around[tuple(cell)]
         return near
 
     def triangles(self, values: np.ndarray) -> Triangulation | None:
@@ -188,19 +188,19 @@ class StudyPlane(Plane):
 
         Not those along the edge that are so flat that their corners are no neighbours.
         """
-        known = np.isfinite(values)
-        if self.others_vary or known.sum() < 3:
+        finite = np.isfinite(values)
+        if self.others_vary or finite.sum() < 3:
             return None
         place = []
         for shown, drawn in ((self.across, self.x), (self.up, self.y)):
             even = shown.even(drawn[self.known])  # the same scale whatever has a value
-            place.append((shown.even(drawn[known]) - even.min()) / (np.ptp(even) or 1.0))
+            place.append((shown.even(drawn[finite]) - even.min()) / (np.ptp(even) or 1.0))
         if np.linalg.matrix_rank(np.array([p - p.mean() for p in place]), 1e-6) < 2:
             return None
         even_mesh = Triangulation(*place)
         flat = TriAnalyzer(even_mesh).get_flat_tri_mask(MIN_INSCRIBED_RATIO, rescale=False)
-        kept = even_mesh.triangles[~flat]
-        return Triangulation(self.x[known], self.y[known], kept) if len(kept) else None
+        not_flat = even_mesh.triangles[~flat]
+        return Triangulation(self.x[finite], self.y[finite], not_flat) if len(not_flat) else None
 
 
 def study_plane(
@@ -233,7 +233,7 @@ def study_plane(
         plane, why = slice_points(points, number, every, fixed)
     others = [n for n in parameter_columns(points, varied=True) if n not in along]
     vary = [name for name in others if name in parameter_columns(plane, varied=True)]
-    held = describe(plane.iloc[0], points, [n for n in others if n not in vary], units)
+    fixed_text = describe(plane.iloc[0], points, [n for n in others if n not in vary], units)
     besides = f"also varied: {', '.join(vary)}" if vary else ""
     at = rows_in(points, plane)
     ok = (plane["status"] == "ok").to_numpy(bool)
@@ -251,7 +251,7 @@ def study_plane(
         unstable=count > 0,
         damping_ratio=damping[at],
         gridded=gridded,
-        elsewhere=joined(held, why, besides, by=", "),
+        elsewhere=joined(fixed_text, why, besides, by=", "),
         others_vary=bool(vary),
     )
 
@@ -262,7 +262,7 @@ def _marks(results: Results) -> tuple[np.ndarray, ...]:
     NaN where the point has no such mode.
     """
     n = len(results.points)
-    count, found = np.zeros(n, dtype=np.int64), [np.full(n, -np.inf) for _ in range(2)]
+    count, extremes = np.zeros(n, dtype=np.int64), [np.full(n, -np.inf) for _ in range(2)]
     columns = [ROW, "unstable", "overdamped", "growth_rate", "damping_ratio"]
     for modes in results.batches("modes", columns):
         code = modes[ROW].to_numpy()
@@ -270,7 +270,7 @@ def _marks(results: Results) -> tuple[np.ndarray, ...]:
         growth, zeta = (modes[c].to_numpy(dtype=float) for c in ("growth_rate", "damping_ratio"))
         judged = ~real | unstable
         count += np.bincount(code[unstable], minlength=n)
-        np.maximum.at(found[0], code[judged], growth[judged])
-        np.maximum.at(found[1], code[~real], -zeta[~real])
-    fastest, least = (np.where(np.isfinite(values), values, np.nan) for values in found)
+        np.maximum.at(extremes[0], code[judged], growth[judged])
+        np.maximum.at(extremes[1], code[~real], -zeta[~real])
+    fastest, least = (np.where(np.isfinite(values), values, np.nan) for values in extremes)
     return count, fastest, -least

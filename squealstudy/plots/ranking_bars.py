@@ -68,16 +68,16 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
     energies = mean_energies(unstable, shown["track"].tolist())
     figure = new_figure(10.5 if len(energies.columns) else 6.5, 1.9 + 0.38 * len(shown))
     if len(energies.columns):
-        left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.0, 1.25])
+        left_axes, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.0, 1.25])
         _energies(right, energies)
         legend_below(figure, labelled(right), 5, "right")
     else:  # a family of matrices has no components
-        left = figure.subplots()
-    _shares(left, shown)
+        left_axes = figure.subplots()
+    _shares(left_axes, shown)
     names = results.track_names
-    name_rows(left, [_name(row, names) for row in shown.to_dict("records")])
+    name_rows(left_axes, [_name(row, names) for row in shown.to_dict("records")])
     head(
-        left,
+        left_axes,
         joined(
             f"first {len(shown)} of {len(table)} rows" if len(table) > len(shown) else "",
             f"largest growth rate, and the {along} from which on unstable" if along else "",
@@ -121,15 +121,15 @@ def _shares(axes: Axes, shown: pd.DataFrame) -> None:
 
 def _energies(axes: Axes, energies: pd.DataFrame) -> None:
     """Stacked bars, a component each; the share is written where it fits."""
-    place, left = np.arange(len(energies)), np.zeros(len(energies))
+    place, bar_starts = np.arange(len(energies)), np.zeros(len(energies))
     for k, component in enumerate(energies.columns):
         share = 100 * energies[component].fillna(0.0).to_numpy()
         shade, hatch = SHADES[k % len(SHADES)], HATCHES[k // len(SHADES) % len(HATCHES)]
-        bars = axes.barh(place, share, 0.62, left, color=shade, hatch=hatch, label=component)
+        bars = axes.barh(place, share, 0.62, bar_starts, color=shade, hatch=hatch, label=component)
         texts = [f"{width:.0f}" if width >= MIN_NUMBERED_BAR_PERCENT else "" for width in share]
         ink = "black" if shade in LIGHT else "white"
         axes.bar_label(bars, texts, label_type="center", fontsize=8, color=ink)
-        left = left + share
+        bar_starts = bar_starts + share
     finish(axes, "Elastic energy, mean over unstable points [%]", "")
-    axes.set_xlim(min(left.min(), 0.0), 100)
+    axes.set_xlim(min(bar_starts.min(), 0.0), 100)
     axes.grid(False, axis="y")

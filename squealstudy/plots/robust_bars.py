@@ -129,13 +129,13 @@ def _indices(axes: Axes, own: pd.DataFrame, first: bool) -> None:
     """First and total index of each parameter with their intervals."""
     place = np.arange(len(own))
     for side, name, colour in ((-1, "first", COLOURS[5]), (1, "total", COLOURS[1])):
-        value, low, high = (own[f"{name}{end}"].to_numpy() for end in ("", "_low", "_high"))
+        index, low, high = (own[f"{name}{end}"].to_numpy() for end in ("", "_low", "_high"))
         axes.barh(
             place + side * BAR_HEIGHT,
-            value,
+            index,
             2 * BAR_HEIGHT,
             color=colour,
-            xerr=error_reach(value, low, high),
+            xerr=error_reach(index, low, high),
             error_kw=ERROR_BARS,
             label=f"{name} index",
         )

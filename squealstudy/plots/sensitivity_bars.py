@@ -48,9 +48,9 @@ def _modes(results: Results) -> Iterator[tuple[str, Choices]]:
         yield "", {}
         return
     point = str(mode_sensitivities(table)["point_id"].iloc[0])
-    own = table[table["point_id"] == point]
-    for number in sorted(own["mode"].unique())[:MOST_PICTURES]:
-        hz = float(own.loc[own["mode"] == number, "frequency_hz"].iloc[0])
+    of_point = table[table["point_id"] == point]
+    for number in sorted(of_point["mode"].unique())[:MOST_PICTURES]:
+        hz = float(of_point.loc[of_point["mode"] == number, "frequency_hz"].iloc[0])
         yield f"_{in_digits(hz)}_hz", {"mode": hz, "point_id": point}
 
 

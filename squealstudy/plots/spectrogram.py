@@ -126,8 +126,8 @@ def short_time_levels(
 
 def _even(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Known samples at equal steps, interpolated where they are not."""
-    known = np.isfinite(time) & np.isfinite(signal)
-    time, signal = time[known], signal[known]
+    finite = np.isfinite(time) & np.isfinite(signal)
+    time, signal = time[finite], signal[finite]
     steps = np.diff(time)
     if np.ptp(steps) <= UNEVEN_STEP_RATIO * np.median(steps):
         return time, signal
@@ -138,9 +138,9 @@ def _even(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -> None:
     """Marks of the predicted instabilities at the right edge, with their growth."""
     unstable = growth["unstable"].to_numpy(bool)
-    seen = growth[unstable & (growth["frequency_hz"] <= top).to_numpy()]
+    in_view = growth[unstable & (growth["frequency_hz"] <= top).to_numpy()]
     labels = []
-    for row in seen.to_dict("records"):
+    for row in in_view.to_dict("records"):
         colour = DARK if pd.isna(row["expressed"]) or not row["expressed"] else COLOURS[0]
         text = f"{in_digits(row['frequency_hz'])} Hz, {row['growth_rate']:+.3g} 1/s"
         share = row["level_share"]

@@ -98,8 +98,8 @@ def stability_map(
         bar.set_ticks(range(0, highest + 1, 1 + highest // MOST_CLASSES))
         bar.minorticks_off()
     if not plane.others_vary:
-        found = stability_boundary(plane, results.onsets, results.along)
-        handles = _boundary(axes, found, results.along, plane.gridded)
+        boundary = stability_boundary(plane, results.onsets, results.along)
+        handles = _boundary(axes, boundary, results.along, plane.gridded)
         if ax is None:
             legend_below(figure, handles, 1)
     finish(axes, plane.across.label, plane.up.label)
@@ -146,15 +146,15 @@ def _scattered(axes: Axes, plane: StudyPlane, style: dict[str, Any]) -> ScalarMa
 
     Very many points are gathered in cells.
     """
-    known = np.isfinite(plane.value)
-    if len(plane.x) > MOST_DOTS and known.any():
+    finite = np.isfinite(plane.value)
+    if len(plane.x) > MOST_DOTS and finite.any():
         return plane.draw_bins(axes, plane.value, **style)
     triangles = plane.triangles(plane.value)
     if triangles is not None:
-        axes.tripcolor(triangles, plane.value[known], alpha=0.6, **style)
-    axes.plot(plane.x[~known], plane.y[~known], "x", color="0.4")
+        axes.tripcolor(triangles, plane.value[finite], alpha=0.6, **style)
+    axes.plot(plane.x[~finite], plane.y[~finite], "x", color="0.4")
     style = style | {"edgecolor": "0.3", "linewidth": 0.6, "s": 38, "zorder": 2}
-    return axes.scatter(plane.x[known], plane.y[known], c=plane.value[known], **style)
+    return axes.scatter(plane.x[finite], plane.y[finite], c=plane.value[finite], **style)
 
 
 def _mark_solved(axes: Axes, plane: StudyPlane, solved: np.ndarray | None) -> str:

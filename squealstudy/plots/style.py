@@ -233,11 +233,11 @@ def damping_limits(zeta_percent: np.ndarray) -> tuple[float, float]:
 
 def growth_limits(growth: np.ndarray) -> tuple[float, float]:
     """Limits that show instabilities and as much of stability again."""
-    known = np.append(growth[np.isfinite(growth)], 0.0)
-    fastest = float(known.max())
+    finite = np.append(growth[np.isfinite(growth)], 0.0)
+    fastest = float(finite.max())
     if fastest > 0:
         return -1.5 * fastest, 1.15 * fastest
-    low = min(1.1 * float(known.min()), -1.0)
+    low = min(1.1 * float(finite.min()), -1.0)
     return low, -0.1 * low
 
 

@@ -75,13 +75,13 @@ def slice_points(
                 + did_you_mean(name, varied)
             )
     chosen = points
-    for name, value in (fixed or {}).items():
+    for name, fixed_value in (fixed or {}).items():
         if name not in parameter_columns(points):
             hint = did_you_mean(name, parameter_columns(points))
             raise ResultsError(f"'{name}' is no parameter of this study{hint}")
-        chosen = chosen[np.isclose(chosen[name], value, rtol=1e-6, atol=0.0)]
+        chosen = chosen[np.isclose(chosen[name], fixed_value, rtol=1e-6, atol=0.0)]
         if not len(chosen):
-            raise ResultsError(f"no design point has {name} = {value:g}")
+            raise ResultsError(f"no design point has {name} = {fixed_value:g}")
     others = [name for name in varied if name not in along]
     if not others:
         return chosen, ""

@@ -75,7 +75,7 @@ def torque_history(results: Results, point: str | int = 0) -> Figure:
     axes = figure.subplots(
         3, 2, sharex="col", sharey="row", width_ratios=[2.3, 1.0], height_ratios=[2.2, 1.0, 0.8]
     )
-    found = phases(run)
+    run_phases = phases(run)
     for place, part in enumerate((run, _last_periods(run))):
         named = place == 0  # in the legend
         _torque(axes[0, place], part, named)
@@ -83,7 +83,7 @@ def torque_history(results: Results, point: str | int = 0) -> Figure:
         _force(axes[2, place], part)
         axes[2, place].set_xlim(*part.limits)
     for axis in axes[:, 0]:
-        _shade(axis, found, axis is axes[0, 0])
+        _shade(axis, run_phases, axis is axes[0, 0])
     for axis in axes[:, 1]:
         axis.tick_params(labelleft=False)
         axis.set_ylabel("")
@@ -95,26 +95,26 @@ def torque_history(results: Results, point: str | int = 0) -> Figure:
 
 def phases(run: Run) -> list[Phase]:
     """Exponential growth, saturation and limit cycle, as far as the run got."""
-    end, kept = float(run.column("time")[-1]), run.row.get("class")
+    end, class_name = float(run.column("time")[-1]), run.row.get("class")
     start, stop = _fit_window(run.growth)
     settled = run.number("settled_time") if run.number("settled") == 1 else np.nan
-    found = []
+    phase_list = []
     if np.isfinite(start) and stop > start:
         kind = "decay" if run.number("growth_rate") < 0 else "growth"
         text = f"exponential {kind}, {MS_PER_S * start:.3g} to {MS_PER_S * stop:.3g} ms"
-        found.append(Phase("growth", text, start, stop))
+        phase_list.append(Phase("growth", text, start, stop))
     until = settled if np.isfinite(settled) else end
-    if np.isfinite(stop) and until > stop and kept != GROWING:
+    if np.isfinite(stop) and until > stop and class_name != GROWING:
         text = (
             f"saturation, to {MS_PER_S * until:.3g} ms" if np.isfinite(settled) else "not settled"
         )
-        text = UNDECIDED if kept == UNDECIDED else text
-        found.append(Phase("saturation", text, stop, until))
-    if np.isfinite(settled) and settled < end and kept != STABLE:
-        found.append(
+        text = UNDECIDED if class_name == UNDECIDED else text
+        phase_list.append(Phase("saturation", text, stop, until))
+    if np.isfinite(settled) and settled < end and class_name != STABLE:
+        phase_list.append(
             Phase("limit cycle", f"settled from {MS_PER_S * settled:.3g} ms", settled, end)
         )
-    return found
+    return phase_list
 
 
 def _fit_window(growth: pd.DataFrame) -> tuple[float, float]:
@@ -135,8 +135,8 @@ def _last_periods(run: Run) -> Run:
 
 def _frequency(run: Run) -> float:
     """Of the motion itself; where it does not repeat, of the strongest line of the torque."""
-    own = run.number("frequency_hz")
-    return own if np.isfinite(own) else run.number("torque_line_hz")
+    motion_hz = run.number("frequency_hz")
+    return motion_hz if np.isfinite(motion_hz) else run.number("torque_line_hz")
 
 
 def _rows_a_period(run: Run) -> float:
@@ -155,9 +155,9 @@ def _torque(axes: Axes, run: Run, named: bool) -> None:
     mean = ("torque_mean", f"mean {what}", "--", "black")
     lines = (mean, ("torque_static", "static", "-.", DARK))
     for name, text, style, colour in lines:
-        if np.isfinite(value := run.number(name)):
-            label = f"{text} {value:.4g} {unit}" if named else None
-            axes.axhline(value, linestyle=style, color=colour, linewidth=1.1, label=label)
+        if np.isfinite(level := run.number(name)):
+            label = f"{text} {level:.4g} {unit}" if named else None
+            axes.axhline(level, linestyle=style, color=colour, linewidth=1.1, label=label)
     axes.ticklabel_format(axis="y", useOffset=False)
     name = "Braking torque" if what == "torque" else "Friction force"
     finish(axes, "", f"{name} [{unit}]")

@@ -75,10 +75,10 @@ def verdict_map(
     across = x or free.pop(0)
     up = y or free.pop(0)
     others = [n for n in varied if n not in (across, up)]
-    held = {n: points[n].iloc[len(points) // 2] for n in others} | dict(fixed or {})
+    fixed_values = {n: points[n].iloc[len(points) // 2] for n in others} | dict(fixed or {})
     rows = points
-    for name, value in held.items():
-        rows = rows[np.isclose(rows[name], value, rtol=1e-6, atol=0.0)]
+    for name, fixed_value in fixed_values.items():
+        rows = rows[np.isclose(rows[name], fixed_value, rtol=1e-6, atol=0.0)]
     if not len(rows):
         raise ResultsError(f"{results.directory}: no design point at these values")
     first, second = (quantity(n, points[n], units) for n in (across, up))
@@ -97,8 +97,8 @@ def verdict_map(
     else:
         axes.scatter(plane.x, plane.y, c=verdict, cmap=colours, norm=norm)
     threshold = rows["threshold_velocity"].to_numpy(float)
-    told = int(np.isfinite(threshold).sum())
-    if gridded and told > 3:
+    n_thresholds = int(np.isfinite(threshold).sum())
+    if gridded and n_thresholds > 3:
         place = plane.cells(threshold)
         lines = axes.contour(*place[:2], np.ma.masked_invalid(place[2]), N_CONTOURS, colors="0.15")
         axes.clabel(lines, fontsize=8, fmt="%.3g m/s")
@@ -113,9 +113,9 @@ def verdict_map(
     finish(axes, plane.across.label, plane.up.label)
     axes.grid(False)
     at = describe(rows.iloc[0], points, others, units)
-    lines_told = f"lines: contact velocity of the kick that is needed, at {told} designs"
+    lines_told = f"lines: contact velocity of the kick that is needed, at {n_thresholds} designs"
     failed = "" if np.isfinite(verdict).all() else "hatched: failed"
-    axes.set_title(joined(at, lines_told if told > 3 else "", failed), fontsize=9.5)
+    axes.set_title(joined(at, lines_told if n_thresholds > 3 else "", failed), fontsize=9.5)
     return figure
 
 
@@ -129,11 +129,16 @@ def _borders(
         if lines := _lines(axes, results, plane, rows, names, event):
             drawn.append(lines[0])
             continue
-        own = (branches["event"] == event) & branches["along"].isin(names)
-        found = branches[own.to_numpy(bool)].merge(rows[["point_id", *names]], on="point_id")
-        if not len(found):
+        is_event = (branches["event"] == event) & branches["along"].isin(names)
+        of_designs = branches[is_event.to_numpy(bool)].merge(
+            rows[["point_id", *names]], on="point_id"
+        )
+        if not len(of_designs):
             continue
-        x, y = (found[name].where(found["along"] != name, found["value"]) for name in names)
+        x, y = (
+            of_designs[name].where(of_designs["along"] != name, of_designs["value"])
+            for name in names
+        )
         style: dict[str, Any] = {"color": "black", "markersize": 6, "label": label}
         drawn += axes.plot(
             plane.across.scaled(x), plane.up.scaled(y), marker, linestyle="", **style
@@ -151,11 +156,11 @@ def _lines(
 ) -> list[Artist]:
     """The borders of an event over both parameters of the map, of designs shown."""
     table = results.table("borders")
-    own = (table["event"] == event) & table["point_id"].isin(rows["point_id"])
-    own &= table["along"].isin(names) & table["over"].isin(names)
+    is_event = (table["event"] == event) & table["point_id"].isin(rows["point_id"])
+    is_event &= table["along"].isin(names) & table["over"].isin(names)
     style, label = LINES[event]
     drawn: list[Artist] = []
-    for _, border in table[own.to_numpy(bool)].groupby("border_id", sort=False):
+    for _, border in table[is_event.to_numpy(bool)].groupby("border_id", sort=False):
         x, y = (border["value"].where(border["along"] == n, border["over_value"]) for n in names)
         drawn += axes.plot(
             plane.across.scaled(x), plane.up.scaled(y), style, color="black", label=label

@@ -123,9 +123,9 @@ def _panel(
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(FuncFormatter(_minor_tick))
     for name, style in styles.items():
-        own = (methods["method"] == name).to_numpy(bool)
-        kept = own & good & np.isfinite(error)
-        order = np.flatnonzero(kept)  # as the file has them: along the knob
+        is_of_method = (methods["method"] == name).to_numpy(bool)
+        shown = is_of_method & good & np.isfinite(error)
+        order = np.flatnonzero(shown)  # as the file has them: along the knob
         axes.plot(cost[order], error[order], label=name, **style)
         _bounds(axes, methods.iloc[order], quantity, str(style["color"]))
     front = on_front(cost, np.where(good, error, np.nan))
@@ -181,14 +181,14 @@ def _failures(
 ) -> None:
     """Crosses on top at their cost; at the right edge where nothing was integrated."""
     for method, seconds in zip(failed["method"], cost, strict=True):
-        known = np.isfinite(seconds)
+        has_cost = np.isfinite(seconds)
         axes.plot(
-            [seconds if known else 0.985],
+            [seconds if has_cost else 0.985],
             [0.97],
             "x",
             color=styles[method]["color"],
             ms=9,
             mew=2.2,
-            transform=axes.get_xaxis_transform() if known else axes.transAxes,
+            transform=axes.get_xaxis_transform() if has_cost else axes.transAxes,
             clip_on=False,
         )
