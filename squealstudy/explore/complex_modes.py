@@ -29,25 +29,25 @@ def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list
     Of more modes than a page holds those of least damping; ``lightest`` is the damping ratio up to
     which they are there, missing where all are.
     """
-    known = results.columns("modes")
-    energies = [name for name in known if name.startswith(ENERGY)]
+    names = results.columns("modes")
+    energies = [name for name in names if name.startswith(ENERGY)]
     width = 2 * (len(NUMBERS) + len(WHOLE) + len(energies))
     place = np.full(len(results.points), -1)
     place[points.index] = np.arange(len(points))
     whole = results.rows("modes", [ROW, "damping_ratio"])
-    wanted = place[whole[ROW].to_numpy()] >= 0
-    own = np.flatnonzero(wanted)
+    is_shown = place[whole[ROW].to_numpy()] >= 0
+    mode_rows = np.flatnonzero(is_shown)
     most, limit = MOST_BYTES // width, np.inf
-    if len(own) > most:
-        damping = whole["damping_ratio"].to_numpy()[own]
+    if len(mode_rows) > most:
+        damping = whole["damping_ratio"].to_numpy()[mode_rows]
         lightest = np.argpartition(damping, most - 1)[:most]
         limit = float(damping[lightest].max())
-        wanted[:] = False
-        wanted[own[lightest]] = True
+        is_shown[:] = False
+        is_shown[mode_rows[lightest]] = True
 
     def shown(batch: pd.DataFrame) -> np.ndarray:
         here = place[batch[ROW].to_numpy()] >= 0
-        rows: np.ndarray = wanted[batch.index] | (here & batch["unstable"].to_numpy(bool))
+        rows: np.ndarray = is_shown[batch.index] | (here & batch["unstable"].to_numpy(bool))
         return rows
 
     named = ("mode", "track", "track_ambiguous", "unstable", "stability", "overdamped")
@@ -58,7 +58,7 @@ def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list
     content: Content = {
         "counts": packed_whole(np.bincount(modes[ROW], minlength=len(points))),
         "n": len(modes),
-        "n_all": len(own),
+        "n_all": len(mode_rows),
         "lightest": None if np.isinf(limit) else limit,
         "energies": [name.removeprefix(ENERGY).replace("_", " ") for name in energies],
         "names": {str(t): name_where_fastest(n) for t, n in results.track_names.items()},
@@ -78,10 +78,10 @@ def _tracks(modes: pd.DataFrame) -> np.ndarray:
 
 
 def _flags(modes: pd.DataFrame) -> np.ndarray:
-    told = {UNSTABLE: modes["unstable"], UNCERTAIN: is_uncertain(modes)}
-    told |= {OVERDAMPED: modes["overdamped"], AMBIGUOUS: modes["track_ambiguous"]}
+    flag_columns = {UNSTABLE: modes["unstable"], UNCERTAIN: is_uncertain(modes)}
+    flag_columns |= {OVERDAMPED: modes["overdamped"], AMBIGUOUS: modes["track_ambiguous"]}
     flags = np.zeros(len(modes), dtype=int)
-    for bit, flag in told.items():
+    for bit, flag in flag_columns.items():
         flags += bit * np.asarray(flag, dtype=bool)
     return flags
 

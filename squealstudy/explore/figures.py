@@ -73,9 +73,9 @@ def _figure(name: str, height: int, brush: str = "") -> Any:
     else:
         fig.toolbar.active_drag = zoom
     fig.toolbar.active_scroll = None
-    told = CustomJS(args={"name": name}, code="window.squealstudy.happened(name, cb_obj)")
+    callback = CustomJS(args={"name": name}, code="window.squealstudy.happened(name, cb_obj)")
     for event in (Tap, MouseMove, MouseLeave, Reset, SelectionGeometry):
-        fig.js_on_event(event, told)
+        fig.js_on_event(event, callback)
     fig.grid.grid_line_color = "#E8E8E8"
     fig.outline_line_color = None
     return fig

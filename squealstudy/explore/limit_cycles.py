@@ -35,13 +35,19 @@ def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, lis
     tables = {name: _of_points(results.table(name), place) for name in NUMBERS}
     content: Content = {"unit": unit}
     for name, table in tables.items():
-        kept = table.head(MOST_ROWS)
-        part: Content = {"n": len(kept), "n_all": len(table), "row": packed_exact(kept["row"])}
-        part |= {n: packed_numbers(_numbers(kept[n])) for n in NUMBERS[name] if n in kept}
-        part["mode"] = packed_whole(kept["mode"].to_numpy())
-        part |= {n: kept[n].astype(str).tolist() for n in WORDS[name]}
-        if "stable" in kept:
-            part["stable"] = packed_whole(_states(kept["stable"]))
+        first_rows = table.head(MOST_ROWS)
+        part: Content = {
+            "n": len(first_rows),
+            "n_all": len(table),
+            "row": packed_exact(first_rows["row"]),
+        }
+        part |= {
+            n: packed_numbers(_numbers(first_rows[n])) for n in NUMBERS[name] if n in first_rows
+        }
+        part["mode"] = packed_whole(first_rows["mode"].to_numpy())
+        part |= {n: first_rows[n].astype(str).tolist() for n in WORDS[name]}
+        if "stable" in first_rows:
+            part["stable"] = packed_whole(_states(first_rows["stable"]))
         content[name] = part
     words, status = points["verdict"].astype(str).tolist(), points["status"].tolist()
     measures = [classes("verdict", words, status, FILLS)]
@@ -79,7 +85,7 @@ def _of_points(table: pd.DataFrame, place: pd.Series) -> pd.DataFrame:
 
 
 def _states(stable: pd.Series) -> np.ndarray:
-    known = stable.notna().to_numpy()
+    is_known = stable.notna().to_numpy()
     states: np.ndarray = np.full(len(stable), NOT_KNOWN)
-    states[known] = stable[known].astype(bool).astype(int)
+    states[is_known] = stable[is_known].astype(bool).astype(int)
     return states

@@ -21,11 +21,11 @@ def packed_numbers(values: np.ndarray) -> Packed:
     ``error`` is the most by which a number read again differs.
     """
     values = np.asarray(values, dtype=float)
-    known = np.isfinite(values)
-    low, high = (values[known].min(), values[known].max()) if known.any() else (0.0, 0.0)
+    finite = np.isfinite(values)
+    low, high = (values[finite].min(), values[finite].max()) if finite.any() else (0.0, 0.0)
     step = float(high - low) / WHOLE
     codes = np.full(len(values), MISSING, dtype="<u2")
-    codes[known] = np.round((values[known] - low) / step) if step > 0 else 0
+    codes[finite] = np.round((values[finite] - low) / step) if step > 0 else 0
     error = step / 2
     return {"bits": 16, "low": float(low), "step": step, "error": error, "text": _text(codes)}
 

@@ -68,7 +68,7 @@ def explore(results: Results, where: str | None = None) -> Exploration:
     """
     kind = KINDS.get(results.kind)
     if kind is None:
-        names = ", ".join(known.name for known in KINDS.values())
+        names = ", ".join(kind_page.name for kind_page in KINDS.values())
         raise ResultsError(
             f"{results.directory}: results of kind {results.kind} have no page to explore, which "
             f"is of {names}; squealstudy report shows them"
@@ -83,8 +83,8 @@ def explore(results: Results, where: str | None = None) -> Exploration:
             f"{results.directory}: a page holds {MOST_POINTS} design points, these are "
             f"{len(points)}: choose some, such as --where '{points.columns[4]} < 0.5'"
         )
-    own, measures = kind.content(results, points)
-    shapes, left = shapes_content(results, points)
+    kind_content, measures = kind.content(results, points)
+    shapes, n_without_room = shapes_content(results, points)
     content = {
         "kind": results.kind,
         "directory": str(results.directory),
@@ -92,9 +92,9 @@ def explore(results: Results, where: str | None = None) -> Exploration:
         "table": {"name": kind.table, "columns": results.columns(kind.table)},
         "points": points_content(results, points),
         "measures": measures,
-        "own": own,
+        "own": kind_content,
         "shapes": shapes,
-        "notes": [*_notes(results, points, own), *_left(left)],
+        "notes": [*_notes(results, points, kind_content), *_left(n_without_room)],
         "colours": COLOURS,
         "grey": GREY,
         "dark": DARK,
@@ -145,7 +145,7 @@ def _left(n: int) -> list[str]:
 
 
 def _filled(results: Results, kind: KindPage, content: Content, library: str) -> str:
-    data = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    content_json = json.dumps(content, separators=(",", ":"), allow_nan=False)
     shown: dict[str, str] = {
         "title": escape(str(results.manifest.get("name", ""))),
         "question": escape(question(results)),
@@ -153,7 +153,7 @@ def _filled(results: Results, kind: KindPage, content: Content, library: str) ->
         "kind": escape(f"{kind.name} of {results.manifest.get('model', '')}"),
         "style": _file("explore.css"),
         "library": library,
-        "data": data.replace("<", "\\u003c"),
+        "data": content_json.replace("<", "\\u003c"),
         "parts": _file(kind.script.replace(".js", ".html")),
         "script": "\n".join(_file(name) for name in ("page.js", "map.js", kind.script)),
     }

@@ -55,18 +55,18 @@ def _shown(results: Results, points: pd.DataFrame) -> list[str]:
 
 def _parameter(results: Results, points: pd.DataFrame, name: str) -> Content:
     values = points[name].to_numpy(dtype=float)
-    known = values[np.isfinite(values)]
-    given, largest = results.units.get(name, ""), float(np.abs(known).max(initial=0.0))
-    unit, factor = prefixed(given, largest)
+    finite = values[np.isfinite(values)]
+    unit_there, largest = results.units.get(name, ""), float(np.abs(finite).max(initial=0.0))
+    unit, factor = prefixed(unit_there, largest)
     if largest * factor >= LONG:
-        unit, factor = given, 1.0
+        unit, factor = unit_there, 1.0
     return {
         "name": name,
         "unit": unit,
         "factor": factor,
         "temperature": results.units.get(name) == "degC",
         "swept": name in results.swept,
-        "log": _by_factors(np.unique(known)),
+        "log": _by_factors(np.unique(finite)),
         "nominal": _number(results.manifest.get("nominal", {}).get(name)),
         "values": packed_exact(values),
     }
@@ -92,24 +92,26 @@ def measure(
     Where the number of its unstable modes is given a map tells those that have one from others: a
     growth rate of round-off has a sign, too.
     """
-    found = {"name": name, "unit": unit, "values": packed_numbers(values), **more}
+    map_number = {"name": name, "unit": unit, "values": packed_numbers(values), **more}
     if unstable is not None:
-        found["unstable"] = packed_whole((unstable.fillna(0) > 0).to_numpy(dtype=int))
-    return found
+        map_number["unstable"] = packed_whole((unstable.fillna(0) > 0).to_numpy(dtype=int))
+    return map_number
 
 
 def classes(
     name: str, words: Sequence[str], status: Sequence[str], fills: Mapping[str, str]
 ) -> Content:
     """A word of each design point, with a colour and a marker; those that failed are one more."""
-    told = [w if s == "ok" and w in fills else NOT_OK for w, s in zip(words, status, strict=True)]
+    shown_words = [
+        w if s == "ok" and w in fills else NOT_OK for w, s in zip(words, status, strict=True)
+    ]
     order = [*fills, NOT_OK]
     return {
         "name": name,
         "words": [word.replace("_", " ") for word in order],
         "fills": [*fills.values(), "#000000"],
         "markers": [*MARKERS[: len(fills)], MARKERS[-1]],
-        "values": packed_words(told, order),
+        "values": packed_words(shown_words, order),
     }
 
 
@@ -120,8 +122,10 @@ def study_head(results: Results) -> str:
         tables["study"]["name"] += CLOSER
     except (ValueError, RecursionError, KeyError, TypeError):
         return ""
-    kept = {name: table for name, table in tables.items() if name not in ("sweep", "design")}
-    return toml_text(kept)
+    without_sweeps = {
+        name: table for name, table in tables.items() if name not in ("sweep", "design")
+    }
+    return toml_text(without_sweeps)
 
 
 def question(results: Results) -> str:

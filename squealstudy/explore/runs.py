@@ -36,8 +36,8 @@ def runs_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[
     each of so many parts, in this order: no peak is lost.
     """
     unit = results.units.get(TORQUE, "N m")
-    kept = results.store.kept_histories()
-    rows = [row for row, one in enumerate(points["point_id"]) if one in kept]
+    with_history = results.store.kept_histories()
+    rows = [row for row, one in enumerate(points["point_id"]) if one in with_history]
     most = MOST_ROWS // (2 * LEAST_BINS)
     bins = min(MOST_BINS, MOST_ROWS // (2 * max(min(len(rows), most), 1)))
     histories = {}

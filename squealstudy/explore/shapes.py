@@ -32,7 +32,7 @@ def shapes_content(results: Results, points: pd.DataFrame) -> tuple[Content, int
     Keys are ``ROW T23``, of a mode without a track ``ROW 12``, ROW among `points`.
     """
     shapes: Content = {}
-    room, left = MOST_BYTES, 0
+    room, n_without_room = MOST_BYTES, 0
     place = {one: row for row, one in enumerate(points["point_id"])}
     for path in sorted((results.directory / FOLDER).glob("*.*"))[:MOST_FILES]:
         named = OF_A_MODE.fullmatch(path.name)
@@ -40,14 +40,14 @@ def shapes_content(results: Results, points: pd.DataFrame) -> tuple[Content, int
             continue
         size = path.stat().st_size if path.is_file() else 0
         if size > room:
-            left += 1
+            n_without_room += 1
             continue
         text = _picture(path) if named[4] == "png" else _page(path)
         if text:
             room -= len(text)
             key = f"{place[named[3]]} {'T' if named[1] == 'T' else ''}{named[2]}"
             shapes.setdefault(key, {})[named[4]] = text
-    return shapes, left
+    return shapes, n_without_room
 
 
 def _below(path: Path) -> str:
