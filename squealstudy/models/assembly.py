@@ -124,9 +124,9 @@ class Component:
         if self.expansion is not None:
             expanded: np.ndarray = self.expansion @ u
             return expanded
-        moved = np.zeros((3 * len(self.coordinates), *u.shape[1:]), dtype=u.dtype)
-        moved[self.places] = u
-        return moved
+        displacements = np.zeros((3 * len(self.coordinates), *u.shape[1:]), dtype=u.dtype)
+        displacements[self.places] = u
+        return displacements
 
     def restricted(self, A: sp.csr_matrix) -> sp.csr_matrix:
         """A matrix (3 n_nodes, 3 n_nodes) of the nodes, for the degrees of freedom (n, n)."""
@@ -217,10 +217,10 @@ class ContactInterface:
             if len(getattr(self, name)) not in (0, n):
                 raise ModelError(f"contact interface: '{name}' needs {n} entries, or none")
         for name in ("area", "gap0", "radius", "frictional", "speed_factor"):
-            value = getattr(self, name)
-            if value.shape != (n,) or not np.isfinite(value).all():
+            array = getattr(self, name)
+            if array.shape != (n,) or not np.isfinite(array).all():
                 raise ModelError(f"contact interface: '{name}' needs {n} finite values")
-            check_size(f"contact interface: '{name}'", value)
+            check_size(f"contact interface: '{name}'", array)
         for name in ("N", "T", "T_perp"):
             if getattr(self, name).shape != self.N.shape:
                 raise ModelError(f"contact interface: '{name}' differs in shape from N")
@@ -307,10 +307,10 @@ class Assembly:
         if self.contact.N.shape[1] != self.n_dof:
             raise ModelError(f"contact interface does not have {self.n_dof} columns")
         for name in ("load", "constant_load"):
-            value = getattr(self, name)
-            if value.shape != (self.n_dof,) or not np.isfinite(value).all():
+            array = getattr(self, name)
+            if array.shape != (self.n_dof,) or not np.isfinite(array).all():
                 raise ModelError(f"assembly: '{name}' needs {self.n_dof} finite values")
-            check_size(f"assembly: '{name}'", value)
+            check_size(f"assembly: '{name}'", array)
 
     @property
     def component_names(self) -> tuple[str, ...]:
@@ -364,13 +364,13 @@ class Assembly:
 
         Every component needs coordinates.
         """
-        moved = [c.at_nodes(u[self.slices[c.name]]) for c in self.components]
-        return np.concatenate(moved).reshape(-1, 3)
+        by_component = [c.at_nodes(u[self.slices[c.name]]) for c in self.components]
+        return np.concatenate(by_component).reshape(-1, 3)
 
     def K_springs(self, static: bool = False) -> sp.csr_matrix:
         """Stiffness of the linear interfaces; `static` leaves out those absent at rest."""
-        kept = [s.matrix() for s in self.springs if s.in_static or not static]
-        return sum(kept, sp.csr_matrix((self.n_dof, self.n_dof)))
+        matrices = [s.matrix() for s in self.springs if s.in_static or not static]
+        return sum(matrices, sp.csr_matrix((self.n_dof, self.n_dof)))
 
     def K_contact(self, tangent: float | np.ndarray) -> sp.csr_matrix:
         """Stiffness (n_dof, n_dof) of the contact with tangents (n_points,) [Pa/m]."""

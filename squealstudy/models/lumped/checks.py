@@ -111,12 +111,12 @@ def _check_loads(file: LumpedFile) -> None:
 def _reached(mass: str, file: LumpedFile) -> set[str]:
     """The mass and those that springs join to it."""
     masses = {table.name for table in file.mass}
-    found, new = set[str](), {mass}
+    reached, new = set[str](), {mass}
     while new:
-        found |= new
+        reached |= new
         ends = (set(table.between) for table in file.spring)
-        new = set().union(*(e for e in ends if e & found)) & masses - found
-    return found
+        new = set().union(*(e for e in ends if e & reached)) & masses - reached
+    return reached
 
 
 def check_used(file: LumpedFile, own: Iterable[str]) -> None:
@@ -152,8 +152,8 @@ def texts_of(file: LumpedFile) -> Iterator[tuple[KeyPath, str]]:
     for kind in LISTS:
         for i, table in enumerate(getattr(file, kind)):
             for key in numbers[kind]:
-                if isinstance(value := getattr(table, key), str):
-                    yield (kind, i, key), value
+                if isinstance(text := getattr(table, key), str):
+                    yield (kind, i, key), text
             for key in directions:
                 parts = getattr(table, key, None)
                 if isinstance(parts, tuple):
@@ -168,17 +168,17 @@ def check_held(file: LumpedFile, parts: LumpedParts) -> None:
     points, numbers = parts.contact.N[0], parts.contact.spring_points[0]
     acts = np.ones(len(points), dtype=bool)
     acts[len(points) - len(numbers) :] = numbers[:, 0] > 0.0
-    held = np.vstack([*rows, *points[acts]])
-    held = held / np.linalg.norm(held, axis=1, keepdims=True)
-    _, sizes, motions = np.linalg.svd(held)
+    holding_rows = np.vstack([*rows, *points[acts]])
+    holding_rows = holding_rows / np.linalg.norm(holding_rows, axis=1, keepdims=True)
+    _, sizes, motions = np.linalg.svd(holding_rows)
     free = motions[int((sizes > UNSUPPORTED_SINGULAR_VALUE).sum()) :]
     if not len(free):
         return
     space = Coordinates(file)
     part = np.abs(free[0])
     moving = [space.names[j] for j in np.flatnonzero(part > TAKES_PART * part.max())]
-    told = listed([f"'{mass}' along {axis}" for mass, axis in moving])
+    motions_text = listed([f"'{mass}' along {axis}" for mass, axis in moving])
     number = next(i for i, table in enumerate(file.mass) if table.name == moving[0][0])
     together = "" if len(moving) == 1 else ", moving together"
-    text = f"nothing holds {told}{together}: expected a [[spring]] or [[contact]] that does"
+    text = f"nothing holds {motions_text}{together}: expected a [[spring]] or [[contact]] that does"
     raise PlacedError(("mass", number, "name"), text)

@@ -42,17 +42,17 @@ def bounded(
     number: Number, values: Values, keys: KeyPath, unit: str, *, zero: bool = False
 ) -> np.ndarray:
     """As `value_of`, of a number above zero, or with `zero` not below it; PlacedError."""
-    found = value_of(number, values, keys)
-    wrong = np.flatnonzero(found < 0.0 if zero else found <= 0.0)
+    number_values = value_of(number, values, keys)
+    wrong = np.flatnonzero(number_values < 0.0 if zero else number_values <= 0.0)
     if len(wrong):
-        told = f"{np.atleast_1d(found)[wrong[0]]:g}"
+        got = f"{np.atleast_1d(number_values)[wrong[0]]:g}"
         if names := names_in(number):
-            at = (np.broadcast_to(values[n], found.shape).flat[wrong[0]] for n in names)
-            given = ", ".join(f"{n} = {v:g}" for n, v in zip(names, at, strict=True))
-            told += f" of '{number}' at {given}"
+            at = (np.broadcast_to(values[n], number_values.shape).flat[wrong[0]] for n in names)
+            at_values = ", ".join(f"{n} = {v:g}" for n, v in zip(names, at, strict=True))
+            got += f" of '{number}' at {at_values}"
         expected = "at least 0" if zero else "a value above 0"
-        raise PlacedError(keys, f"expected {' '.join(filter(None, (expected, unit)))}, got {told}")
-    return found
+        raise PlacedError(keys, f"expected {' '.join(filter(None, (expected, unit)))}, got {got}")
+    return number_values
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,9 @@ def along(direction: Direction, values: Values, keys: KeyPath, *, turns: bool = 
     """The direction at values of the parameters; PlacedError where it is none."""
     if isinstance(direction, str):
         name = direction.removeprefix("-")
-        known = AXES if turns else TRANSLATIONS
-        if name not in known:
-            text = f"expected one of {', '.join(known)}, with a minus or without, or components"
+        axes = AXES if turns else TRANSLATIONS
+        if name not in axes:
+            text = f"expected one of {', '.join(axes)}, with a minus or without, or components"
             raise PlacedError(keys, f"{text} [x, y], got '{direction}'")
         axis = np.zeros((1, 3))
         axis[0, AXES.index(name) % 3] = -1.0 if direction.startswith("-") else 1.0

@@ -105,14 +105,14 @@ class Coordinates:
 
     def moved(self, mass: str, motion: Along, at: Sequence[float] | None) -> np.ndarray:
         """Motion (m or 1, n) of a point of a mass along a direction, or its turn about an axis."""
-        found = np.zeros((len(motion.vector), len(self.places)))
+        motion_rows = np.zeros((len(motion.vector), len(self.places)))
         arm = np.zeros(3) if at is None else np.array(at) - self.tables[mass].place
         translations = np.zeros_like(motion.vector) if motion.turn else motion.vector
         turns = motion.vector if motion.turn else np.cross(arm, motion.vector)
         parts = np.concatenate([translations, turns], axis=1)
         for axis in self.tables[mass].axes:
-            found[:, self.places[mass, axis]] = parts[:, AXES.index(axis)]
-        return found
+            motion_rows[:, self.places[mass, axis]] = parts[:, AXES.index(axis)]
+        return motion_rows
 
     def apart(self, ends: Sequence[str], motion: Along, at: Sequence[float] | None) -> np.ndarray:
         """Motion (m or 1, n) of the first of two ends over the second."""
@@ -260,17 +260,17 @@ def _sliding(
 
 def _loads(space: Coordinates, values: Values) -> tuple[np.ndarray, np.ndarray]:
     """Of a unit brake pressure, and constant (m or 1, n)."""
-    found = [np.zeros((1, len(space.places))), np.zeros((1, len(space.places)))]
+    loads = [np.zeros((1, len(space.places))), np.zeros((1, len(space.places)))]
     for i, table in enumerate(space.file.load):
         row = _load_row(space, table, ("load", i), values)
         if table.area is not None:
             size = bounded(table.area, values, ("load", i, "area"), "m2")
-            found[0] = found[0] + np.atleast_1d(size)[:, None] * row
+            loads[0] = loads[0] + np.atleast_1d(size)[:, None] * row
         else:
             assert table.force is not None
             size = value_of(table.force, values, ("load", i, "force"))
-            found[1] = found[1] + np.atleast_1d(size)[:, None] * row
-    return found[0], found[1]
+            loads[1] = loads[1] + np.atleast_1d(size)[:, None] * row
+    return loads[0], loads[1]
 
 
 def _load_row(space: Coordinates, table: LoadTable, keys: KeyPath, values: Values) -> np.ndarray:

@@ -39,10 +39,10 @@ class MassTable(Table):
     @property
     def axes(self) -> tuple[str, ...]:
         """Its coordinates, as given or by default: x of a mass, rz of an inertia."""
-        own = (("x",) if self.mass is not None else ()) + (
+        default_axes = (("x",) if self.mass is not None else ()) + (
             ("rz",) if self.inertia is not None else ()
         )
-        return self.directions or own
+        return self.directions or default_axes
 
     @model_validator(mode="after")
     def _has_what_moves(self) -> MassTable:
@@ -51,14 +51,14 @@ class MassTable(Table):
                 raise ValueError(f"directions: expected of {', '.join(AXES)}, got '{axis}'")
         if len(set(self.directions)) < len(self.directions):
             raise ValueError(f"directions: one is there twice in {list(self.directions)}")
-        for key, value, axes in (
+        for key, amount, axes in (
             ("mass", self.mass, TRANSLATIONS),
             ("inertia", self.inertia, TURNS),
         ):
             needed = [axis for axis in self.axes if axis in axes]
-            if needed and value is None:
+            if needed and amount is None:
                 raise ValueError(f"the key '{key}' is missing: it moves along {needed[0]}")
-            if not needed and value is not None and self.directions:
+            if not needed and amount is not None and self.directions:
                 raise ValueError(f"{key}: expected one of {', '.join(axes)} among its directions")
         if not self.axes:
             raise ValueError("the key 'mass' is missing: kg (or 'inertia', kg m2)")
