@@ -65,13 +65,13 @@ def report(results: Sequence[Results], shapes: bool = True) -> str:
         shown, moving: the design point is solved again.
     """
     results = [*_with_beside(results)]
-    left = MOST_BYTES
+    bytes_left = MOST_BYTES
     parts = [_overview(results)] if len(results) > 1 else []
     for number, one in enumerate(results, start=1):
         shown = _shape(one) if shapes else []
-        left -= sum(map(len, shown))
-        drawn, spent = report_pictures(one, left)
-        left -= spent
+        bytes_left -= sum(map(len, shown))
+        drawn, spent = report_pictures(one, bytes_left)
+        bytes_left -= spent
         parts += [
             f'<section id="r{number}">',
             *_head(one, results),
@@ -107,8 +107,8 @@ def _overview(results: Sequence[Results]) -> str:
 
 
 def _whose(one: Results) -> tuple[str, str, str]:
-    told = " ".join(text for text in (one.screen.verdict(one), _lost(one)) if text)
-    return str(one.kind), str(one.manifest["model"]), told
+    verdict_text = " ".join(text for text in (one.screen.verdict(one), _lost(one)) if text)
+    return str(one.kind), str(one.manifest["model"]), verdict_text
 
 
 def _lost(one: Results) -> str:
@@ -122,10 +122,10 @@ def _lost(one: Results) -> str:
 
 
 def _head(one: Results, all_of_them: Sequence[Results]) -> Iterator[str]:
-    kind, model, told = _whose(one)
+    kind, model, verdict_text = _whose(one)
     yield f"<h1>{escape(str(one.manifest['name']))}</h1>"
     yield f'<p class="question">{escape(_description(one))}</p>'
-    yield f'<p class="verdict">{escape(told)}</p>'
+    yield f'<p class="verdict">{escape(verdict_text)}</p>'
     if squeal := squeal_text(one, all_of_them):
         yield f'<p class="squeal">{escape(squeal)}</p>'
     yield f'<p class="note">{escape(kind.replace("_", " "))} of {escape(model)}</p>'
@@ -145,8 +145,10 @@ def _study_tables(one: Results) -> dict[str, Any]:
 
 
 def _findings(one: Results) -> Iterator[str]:
-    told = one.screen.verdict(one)
-    parts = [text for part in one.screen.findings(one) if part != told and (text := _html(part))]
+    verdict_text = one.screen.verdict(one)
+    parts = [
+        text for part in one.screen.findings(one) if part != verdict_text and (text := _html(part))
+    ]
     if parts:
         yield from ("<h2>Findings</h2>", *parts)
 
@@ -195,9 +197,9 @@ def _shape(one: Results) -> list[str]:
     image = BytesIO()
     picture.savefig(image, format="png", dpi=SHAPE_DPI)
     named, *values = title(shape)
-    told = "".join(f"<p>{escape(text)}</p>" for text in (" ".join(values), *sources(shape)))
+    paragraphs = "".join(f"<p>{escape(text)}</p>" for text in (" ".join(values), *sources(shape)))
     return [
-        f"<h2>Shape: {escape(named)}</h2>{told}",
+        f"<h2>Shape: {escape(named)}</h2>{paragraphs}",
         f'<iframe class="moving" title="{escape(named)}" srcdoc="{escape(moving)}"></iframe>',
         figure_of(
             b64encode(image.getvalue()).decode(),

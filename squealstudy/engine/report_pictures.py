@@ -43,7 +43,7 @@ def in_order(results: ResultTables) -> list[tuple[str, Plot, Choices]]:
 
 def report_pictures(one: ResultTables, room: int) -> tuple[list[str], int]:
     """Figures (HTML) of all pictures that fit into so many bytes, and the bytes they take."""
-    found, spent, left = [], 0, []
+    figures, spent, left_out = [], 0, []
     for name, plot, choices in in_order(one):
         image, drawn = BytesIO(), plot(one, **choices)
         if drawn.get_label() == NOTHING_TO_SEE:
@@ -52,14 +52,16 @@ def report_pictures(one: ResultTables, room: int) -> tuple[list[str], int]:
             drawn.savefig(image, format="png", dpi=DPI)
         text = b64encode(image.getvalue()).decode()
         if spent + len(text) > room:
-            left.append(name)
+            left_out.append(name)
             continue
         spent += len(text)
         what = (plot.draw.__doc__ or name).strip().splitlines()[0]
-        found.append(figure_of(text, f"{what} ({name})", f"{what} {in_words(drawn)}"))
-    if left:
-        found.append(f'<p class="note">Left out for their size: {escape(", ".join(left))}.</p>')
-    return found, spent
+        figures.append(figure_of(text, f"{what} ({name})", f"{what} {in_words(drawn)}"))
+    if left_out:
+        figures.append(
+            f'<p class="note">Left out for their size: {escape(", ".join(left_out))}.</p>'
+        )
+    return figures, spent
 
 
 def figure_of(image: str, caption: str, instead: str) -> str:
@@ -78,8 +80,10 @@ def in_words(figure: Figure) -> str:
         titles += [axes.get_title(), axes.get_title(loc="left")]
         x, y = axes.get_xlabel(), axes.get_ylabel()
         labels |= dict.fromkeys([f"{y} over {x}"] if x and y else filter(None, (x, y)))
-    told = dict.fromkeys(" ".join(text.split()) for text in titles if text.strip())
-    return "; ".join([*told, *list(labels)[:MOST_LABELS]]) + ("." if told or labels else "")
+    titles_shown = dict.fromkeys(" ".join(text.split()) for text in titles if text.strip())
+    return "; ".join([*titles_shown, *list(labels)[:MOST_LABELS]]) + (
+        "." if titles_shown or labels else ""
+    )
 
 
 def images(results: ResultTables) -> Iterator[str]:

@@ -26,11 +26,11 @@ def squeal_text(one: ResultTables, others: Sequence[ResultTables]) -> str:
 
     `others` are those of the same page: complex modes of the same model give the mode its name.
     """
-    found = _of_run(one) if one.kind == "transient" else None
-    found = _of_cycle(one) if one.kind == "limit_cycles" else found
-    if found is None:
+    loudest = _of_run(one) if one.kind == "transient" else None
+    loudest = _of_cycle(one) if one.kind == "limit_cycles" else loudest
+    if loudest is None:
         return ""
-    row, heard, predicted, growth = found
+    row, heard, predicted, growth = loudest
     places = [
         setting(name, row[name], one.units.get(name, ""))
         for name in one.swept
@@ -63,10 +63,10 @@ def _of_run(one: ResultTables) -> tuple[pd.Series, float, float, float] | None:
 def _of_cycle(one: ResultTables) -> tuple[pd.Series, float, float, float] | None:
     """The design of the loudest stable cycle, its frequency, and the mode that leads to it."""
     verdicts = one.table("verdicts")
-    known = verdicts[verdicts["cycle_frequency_hz"].notna() & verdicts["torque_rms"].notna()]
-    if not len(known):
+    with_level = verdicts[verdicts["cycle_frequency_hz"].notna() & verdicts["torque_rms"].notna()]
+    if not len(with_level):
         return None
-    mode = known.iloc[int(known["torque_rms"].to_numpy(float).argmax())]
+    mode = with_level.iloc[int(with_level["torque_rms"].to_numpy(float).argmax())]
     (row,) = (r for _, r in one.points[one.points["point_id"] == mode["point_id"]].iterrows())
     numbers = ("cycle_frequency_hz", "frequency_hz", "growth_rate")
     heard, predicted, growth = (float(mode[name]) for name in numbers)
@@ -87,11 +87,11 @@ def _name(modes: ResultTables, one: ResultTables, row: pd.Series, hertz: float) 
             return ""
         there &= np.isclose(np.asarray(theirs, float), mine, rtol=SAME_VALUE_REL_TOLERANCE, atol=0)
     ids = points.loc[there, "point_id"]
-    own = modes.modes[modes.modes["point_id"].isin(ids).to_numpy()]
-    apart = (own["frequency_hz"] / hertz - 1.0).abs().to_numpy(float)
-    if not len(own) or apart.min() > FREQUENCY_TOLERANCE:
+    mode_rows = modes.modes[modes.modes["point_id"].isin(ids).to_numpy()]
+    apart = (mode_rows["frequency_hz"] / hertz - 1.0).abs().to_numpy(float)
+    if not len(mode_rows) or apart.min() > FREQUENCY_TOLERANCE:
         return ""
-    track = int(own["track"].iloc[int(apart.argmin())])
+    track = int(mode_rows["track"].iloc[int(apart.argmin())])
     if track <= 0:
         return ""
     name = track_number(track)
