@@ -201,7 +201,7 @@ def units_of(names: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:
     known : mapping of name -> unit
         Of parameters, and under ``torque`` the unit of the columns ``torque_*``.
     """
-    found = {}
+    unit_of = {}
     for name in names:
         unit = known.get(name)
         if TORQUE_COLUMN.fullmatch(name):
@@ -209,8 +209,8 @@ def units_of(names: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:
         if unit is None:
             unit = _unit_by_name(name)
         if unit is not None:
-            found[name] = unit
-    return found
+            unit_of[name] = unit
+    return unit_of
 
 
 @lru_cache(maxsize=4096)  # the tables of a study have the same columns again and again
@@ -251,15 +251,17 @@ def by_ranges(name: str, unit: str, values: Sequence[float], words: Sequence[str
     pairs = sorted(zip(map(float, values), words, strict=True))
     if any(not a[0] < b[0] for a, b in pairwise(pairs)) or any(v != v for v, _ in pairs):
         return ""
-    ranges = [(word, [v for v, _ in own]) for word, own in groupby(pairs, key=lambda p: p[1])]
+    ranges = [
+        (word, [v for v, _ in same_word]) for word, same_word in groupby(pairs, key=lambda p: p[1])
+    ]
     if not pairs or len(ranges) > MOST_RANGES:
         return ""
-    told, largest = [], max(abs(v) for v, _ in pairs)
-    for word, own in ranges:
-        ends = [amount(v, unit, largest) for v in (own[0], own[-1])]
-        place = ends[0] if len(own) == 1 else f"{ends[0]} to {ends[1]} ({len(own)})"
-        told.append(f"{word} at {name} {place}")
-    return ", ".join(told)
+    texts, largest = [], max(abs(v) for v, _ in pairs)
+    for word, same_word in ranges:
+        ends = [amount(v, unit, largest) for v in (same_word[0], same_word[-1])]
+        place = ends[0] if len(same_word) == 1 else f"{ends[0]} to {ends[1]} ({len(same_word)})"
+        texts.append(f"{word} at {name} {place}")
+    return ", ".join(texts)
 
 
 def percent(low: float, high: float) -> str:
@@ -272,8 +274,10 @@ def status_counts(status: Sequence[str] | pd.Series | pa.ChunkedArray) -> dict[s
     import pyarrow as pa
 
     column = status if isinstance(status, pa.ChunkedArray) else pa.array(status, pa.string())
-    found = {str(pair["values"]): int(pair["counts"]) for pair in column.value_counts().to_pylist()}
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+    counts = {
+        str(pair["values"]): int(pair["counts"]) for pair in column.value_counts().to_pylist()
+    }
+    return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
 
 def failure_counts(status: Sequence[str] | pd.Series | pa.ChunkedArray) -> str:
@@ -291,8 +295,8 @@ def name_where_fastest(named: tuple[str, bool]) -> str:
 
 def named_tracks(tracks: Iterable[int], names: Mapping[int, tuple[str, bool]]) -> list[str]:
     """What the numbers of tracks stand for, a line each; none of tracks without a name."""
-    known = dict.fromkeys(int(track) for track in tracks if track in names)
-    return [f"{track_number(track)}: {name_where_fastest(names[track])}" for track in known]
+    named = dict.fromkeys(int(track) for track in tracks if track in names)
+    return [f"{track_number(track)}: {name_where_fastest(names[track])}" for track in named]
 
 
 def band_text(band_hz: Sequence[float]) -> str:
