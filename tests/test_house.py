@@ -31,8 +31,8 @@ def ceilings(text):
 MODULE_NAMES = ceilings(
     """
     found 8, least 8, place 7, apart 5, batch 5, edge 5, finer 5, most 5, nothing 5, reach 5, safety
-    5, shown 5, alike 4, kept 4, margin 4, round_off 4, same 4, whole 4, back 3, block 3, close 3,
-    exact 3, far 3, held 3, named 3, near 3, small 3, drawn 2, few 2, largest 2, left 2, more 2, own
+    5, shown 5, alike 4, margin 4, round_off 4, same 4, whole 4, back 3, block 3, close 3, exact 3,
+    far 3, held 3, kept 3, named 3, near 3, small 3, drawn 2, few 2, largest 2, left 2, more 2, own
     2, part 2, parts 2, places 2, seen 2, share 2, steady 2, told 2, beyond 1, deepest 1, drift 1,
     item 1, known 1, large 1, listed 1, longest 1, loose 1, lowest 1, made 1, noise 1, other 1,
     others 1, sharp 1, shortest 1, still 1, taken 1, tight 1, value 1, wanted 1, ask 0, asked 0,

@@ -37,7 +37,9 @@ LEAST_SNAPSHOTS, MOST_SNAPSHOTS = 3, 12  # design points of a basis
 CHECKED = 3  # design points at which a basis is looked at
 STEPS_A_SNAPSHOT = 2  # in doubt, from which on it pays: a step takes two inserted points
 TOLERANCE = 2e-3  # of `unlikeness`: pairs are told by hundredths
-EDGE = 0.01  # relative distance from the ends of the band within which a mode may be out of it
+BAND_END_REL_DISTANCE = (
+    0.01  # relative distance from the ends of the band within which a mode may be out of it
+)
 MOST_KEPT = 2  # models that a process holds
 
 
@@ -73,14 +75,16 @@ def _modes_at(
 
 def _model(basis: Basis) -> SnapshotModel:
     """The model on a basis, kept for the next call in this process."""
-    if basis.name not in _kept:
-        while len(_kept) >= MOST_KEPT:
-            _kept.pop(next(iter(_kept)))
-        _kept[basis.name] = SnapshotModel(load_prepared(basis.key), basis.V, basis.band_hz)
-    return _kept[basis.name]
+    if basis.name not in _snapshot_models:
+        while len(_snapshot_models) >= MOST_KEPT:
+            _snapshot_models.pop(next(iter(_snapshot_models)))
+        _snapshot_models[basis.name] = SnapshotModel(
+            load_prepared(basis.key), basis.V, basis.band_hz
+        )
+    return _snapshot_models[basis.name]
 
 
-_kept: dict[str, SnapshotModel] = {}
+_snapshot_models: dict[str, SnapshotModel] = {}
 
 
 class Bases:
@@ -205,4 +209,6 @@ def check_task(task: CheckTask) -> float:
         found = task.basis.solver(task.near)(task.near.x)
     except FAILURES:
         return np.inf
-    return unlikeness(task.solved, found, (2 * np.pi * low, 2 * np.pi * high), EDGE)
+    return unlikeness(
+        task.solved, found, (2 * np.pi * low, 2 * np.pi * high), BAND_END_REL_DISTANCE
+    )

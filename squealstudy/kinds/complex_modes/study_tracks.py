@@ -259,7 +259,7 @@ def _refined_by(task: RefineTask, solve: Solve, a: Modes, b: Modes) -> tuple[Pai
     return pairing, refinement.points
 
 
-KEPT = 8  # shapes of points kept at hand
+MAX_CACHED_SHAPES = 8  # shapes of points kept at hand
 
 
 class CommonShapes:
@@ -280,7 +280,7 @@ class CommonShapes:
     def __init__(self, plan: Plan, file: ShapeFile, lams: Ragged) -> None:
         self._keys, self._structure = plan.tasks.structures, plan.tasks.structure_index
         self._file, self._counts = file, lams.counts
-        self._seen = lru_cache(maxsize=KEPT)(self._observed)
+        self._seen = lru_cache(maxsize=MAX_CACHED_SHAPES)(self._observed)
 
     def raw(self, point: int) -> np.ndarray:
         """Unit shapes (m, k) of a point in the nominal modes of its own structure."""

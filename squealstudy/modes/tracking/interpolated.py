@@ -17,7 +17,9 @@ from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.tracking.pairing import LOW_MAC, squares
 from squealstudy.modes.tracking.refinement import Modes
 
-REACH = 1.5  # real modes up to this times the band: those far above it may not be told apart
+BAND_TOP_FACTOR = (
+    1.5  # real modes up to this times the band: those far above it may not be told apart
+)
 
 
 class ModalMatrices(NamedTuple):
@@ -56,7 +58,7 @@ class InterpolatedModes:
         x_b: np.ndarray,
         band: tuple[float, float],
     ) -> None:
-        k = max(min(_count(a, REACH * band[1]), _count(b, REACH * band[1])), 1)
+        k = max(min(_count(a, BAND_TOP_FACTOR * band[1]), _count(b, BAND_TOP_FACTOR * band[1])), 1)
         self._seen = np.asarray(a.seen[:, :k]), np.asarray(b.seen[:, :k])
         u, _, vh = la.svd(self._seen[0].T @ self._seen[1])
         self._turn = u @ vh
