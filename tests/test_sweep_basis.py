@@ -203,7 +203,7 @@ def test_the_basis_is_orthonormal_with_diagonal_stiffness(map_problem, map_basis
 @pytest.mark.parametrize(
     ("state_at", "tolerance", "count"),
     [
-        (friction, 1e-4, 100),
+        (friction, 1e-4, 60),
         (falling_friction, 1e-4, 10),
         (component_frequency, 1e-5, 50),
         (component_damping, 1e-5, 50),
