@@ -33,6 +33,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "Pa/m^n": (0, 0, 0),  # for the same reason
     "Pa": (1, -1, -2),
     "1/m": (0, -1, 0),
+    "s/m": (0, -1, 1),
 }
 
 
