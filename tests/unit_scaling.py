@@ -11,7 +11,7 @@ import pandas as pd
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
-from squealstudy.laws import contact_law
+from squealstudy.laws import FRICTION_CURVES, contact_law, friction_curve
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import contact_parameters
 from squealstudy.study.definition import ResolvedStudy, parse_study
@@ -70,7 +70,9 @@ def scaled_text(
     `sections` holds further keys with their units, by section.
     """
     of = parameter_units(model)
-    idle = {p.name for p in contact_parameters()} - set(contact_law("bilateral").names)
+    of_laws = *contact_parameters(), *FRICTION_CURVES.parameters()
+    acting = contact_law("bilateral").names + friction_curve("exponential_fall").names
+    idle = {p.name for p in of_laws} - set(acting)
     values = {k: v for k, v in MODELS[model].defaults().items() if k not in idle} | (given or {})
     name = None if sweep is None else sweep[0]
     tables: dict[str, dict[str, object]] = {
