@@ -14,7 +14,8 @@ class SteadySliding:
     Attributes
     ----------
     gap : ndarray (nc,)
-        Of the contact points, m; positive where open.
+        Of the contact points, m; positive where open. Behind them elongations of the springs that
+        are not linear, as points of 1 m2.
     pressure : ndarray (nc,)
         Of the contact, Pa.
     tangent : ndarray (nc,)

@@ -62,12 +62,18 @@ class Unreduced:
 
     @cached_property
     def K(self) -> sp.csr_matrix:
-        """Stiffness (n_dof, n_dof) of components and springs, without contact, N/m."""
+        """Stiffness (n_dof, n_dof) of components and linear springs, without contact, N/m.
+
+        Springs with a third power, a gap or of one side are the last points of `contact`.
+        """
         return (self.assembled.K_el + self.assembled.K_springs()).tocsr()
 
     @property
     def contact(self) -> ContactInterface:
-        """Contact points: N, T, T_perp (nc, n_dof), areas [m2], gaps [m], radii [m]."""
+        """Contact points: N, T, T_perp (nc, n_dof), areas [m2], gaps [m], radii [m].
+
+        The last are springs that are not linear, with their numbers `spring_points` (ns, 4).
+        """
         return self.assembled.contact
 
     @property
