@@ -231,6 +231,17 @@ def test_pictures_of_branches_growth_and_harmonics(followed, tmp_path):
     growth = followed.plot.cycle_growth(point=point)
     circles = [line for line in growth.axes[0].lines if line.get_marker() == "o"]
     assert sum(len(c.get_xdata()) for c in circles) == 2
+    by_label = {c.get_label(): c for c in circles}
+    known, _ = by_label["stable cycle"].get_data()
+    assert known == pytest.approx([stable["contact_velocity"]], rel=1e-2)
+    assert by_label["unstable cycle"].get_markerfacecolor() == "white"
+    assert by_label["stable cycle"].get_markerfacecolor() != "white"
+    low, _ = growth.axes[0].get_ylim()
+    rates = np.concatenate([line.get_ydata() for line in growth.axes[0].lines if line.get_label()])
+    assert low >= 1.5 * rates.min()  # not far below all that is drawn
+    title = figure.get_suptitle()
+    assert "at friction" in title
+    assert "cycles" not in title
     bars = followed.plot.cycle_spectrum(cycle=stable["cycle_id"]).axes[0].patches
     assert len(bars) == stable["n_harmonics"]
     # a torque about its mean is the root of the harmonics' squares

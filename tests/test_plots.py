@@ -853,3 +853,16 @@ def test_a_logarithmic_axis_of_less_than_two_decades_has_labels_enough(reach):
     labels = [t for t in axes.get_xticklabels() if low <= t.get_position()[0] <= high]
     assert shown.log
     assert len([t for t in labels if t.get_text()]) >= 3
+
+
+def test_a_file_of_a_picture_names_its_study(tmp_path, monkeypatch):
+    saved = {}
+    monkeypatch.setattr(
+        "squealstudy.engine.pictures.save_figure", lambda figure, path: saved.update({path: figure})
+    )
+    sweep = '[[sweep]]\nparameter = "friction"\nvalues = [0.2, 0.5]\n'
+    results = solved(study_text("named_study", "complex_modes", "hulten") + sweep, tmp_path / "r")
+    results.draw()
+    assert saved
+    for figure in saved.values():
+        assert "study named_study" in [text.get_text() for text in figure.texts]

@@ -238,12 +238,19 @@ def draw_pictures(results: ResultTables, directory: Path | None) -> list[Path]:
     for path, (_, plot, choices) in zip(paths, to_draw, strict=True):
         try:
             with plot.named():
-                save_figure(plot(results, **choices), path)
+                save_figure(_signed(plot(results, **choices), results), path)
         except ExtensionError as error:  # the others are drawn all the same
             failed.append(error)
     if failed:
         raise failed[0]
     return paths
+
+
+def _signed(figure: Figure, results: ResultTables) -> Figure:
+    """The figure with the name of its study in a corner: a file may be sent alone."""
+    style = {"fontsize": 8, "color": "0.45", "ha": "left", "va": "bottom"}
+    figure.text(0.004, 0.004, f"study {results.manifest['name']}", **style)
+    return figure
 
 
 def save_figure(figure: Figure, path: Path) -> None:

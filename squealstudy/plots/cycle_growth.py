@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -26,7 +27,11 @@ from squealstudy.tables.mode_ranking import parameter_columns
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
+SAME_CYCLE = 0.05  # relative: what more harmonics may change of a cycle's contact velocity
 MAX_COLOURED_FAMILIES = 8  # families with a colour and a name: those that grow fastest somewhere
+
+
+CYCLES = {True: "stable cycle", False: "unstable cycle", None: "cycle, stability not known"}
 
 
 def _most_telling(results: Results) -> Iterator[tuple[str, Choices]]:
@@ -40,7 +45,20 @@ def _most_telling(results: Results) -> Iterator[tuple[str, Choices]]:
         yield "", {"point": some["point_id"].iloc[0]}
 
 
-@register_plot(_most_telling, points=("verdict",), curves=("added_damping",))
+def _stable(cycles: pd.DataFrame, point: str, mode: int, x: np.ndarray) -> list[bool | None]:
+    """Whether the cycles at contact velocities (n,) [m/s] of a mode's curve are stable."""
+    chosen = cycles[((cycles["point_id"] == point) & (cycles["mode"] == mode)).to_numpy(bool)]
+    velocity, stable = chosen["contact_velocity"].to_numpy(float), chosen["stable"].to_list()
+    nearest = [int(np.argmin(np.abs(velocity - v))) if len(velocity) else -1 for v in x]
+    return [
+        None
+        if k < 0 or abs(velocity[k] / v - 1.0) > SAME_CYCLE or pd.isna(stable[k])
+        else bool(stable[k])
+        for k, v in zip(nearest, x, strict=True)
+    ]
+
+
+@register_plot(_most_telling, points=("verdict",), curves=("added_damping",), cycles=("stable",))
 def cycle_growth(results: Results, point: str, ax: Axes | None = None) -> Figure:
     """Growth rate over contact velocity of the families of one design.
 
@@ -80,16 +98,28 @@ def cycle_growth(results: Results, point: str, ax: Axes | None = None) -> Figure
             style = {"color": COLOURS[place], "label": f"mode {mode}, {hz:.0f} Hz"}
         axes.plot(x, y, linewidth=1.5, **style)
         zero = (curves["event"].to_numpy(str) == "C")[own]
-        axes.plot(x[zero], y[zero], "o", color=DARK, markersize=6, markerfacecolor="white")
+        stable = _stable(results.table("cycles"), design["point_id"], mode, x[zero])
+        for is_stable, label in CYCLES.items():
+            at = np.array([s is is_stable for s in stable], dtype=bool)
+            if at.any():
+                face = DARK if is_stable else "white"
+                named_already = label in axes.get_legend_handles_labels()[1]
+                axes.plot(
+                    *(x[zero][at], y[zero][at], "o"),
+                    **{"color": DARK, "markersize": 6, "markerfacecolor": face},
+                    label=None if named_already else label,
+                )
     axes.axhline(0.0, color="0.2", linewidth=1.0, zorder=1)
-    axes.set_ylim(*growth_limits(rate))
-    axes.set_xlim(left=0.0)
-    finish(axes, "Contact velocity [m/s]", "Growth at this amplitude [1/s]")
+    low, high = growth_limits(rate)
+    axes.set_ylim(max(low, float(np.nanmin(rate)) - 0.05 * (high - low)), high)
+    shown_x = curves["contact_velocity"].to_numpy(float)[rate >= low]
+    axes.set_xlim(0.0, 1.05 * float(np.nanmax(shown_x)) if len(shown_x) else None)
+    finish(axes, "Largest contact velocity [m/s]", "Growth at this amplitude [1/s]")
     others = len(fastest) - MAX_COLOURED_FAMILIES
     legend_of(figure, ax, labelled(axes))
     verdict = str(design["verdict"]).replace("_", " ")
     names = parameter_columns(points, varied=True)
     at = describe(design, points, names, results.units)
-    title = f"{at}: {verdict}; circles are limit cycles" if at else f"{verdict}; circles are cycles"
+    title = f"{at}: {verdict}" if at else verdict
     axes.set_title(title + (f"; grey: {others} others" if others > 0 else ""), fontsize=10)
     return figure

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,12 +30,14 @@ from squealstudy.plots.style import (
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.wording import (
+    FAILED,
     IF_KICKED,
     NEUTRAL,
     NO_CYCLE,
     SQUEALS,
     SUSTAINED,
     UNDECIDED,
+    by_ranges,
     did_you_mean,
     plural,
 )
@@ -42,6 +45,7 @@ from squealstudy.wording import (
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
+TITLE_WIDTH = 130  # characters of a line
 STABLE: dict[str, Any] = {"marker": "o", "color": COLOURS[1], "label": "stable cycle"}
 UNSTABLE: dict[str, Any] = {
     "marker": "o",
@@ -146,7 +150,7 @@ def cycle_levels(
     what, unit = friction_label(units)
     for panel, column, label in (
         (axes[0], "torque_rms", f"{what.capitalize()} RMS [{unit}]"),
-        (axes[1], "contact_velocity", "Contact velocity [m/s]"),
+        (axes[1], "contact_velocity", "Largest contact velocity [m/s]"),
     ):
         _draw_branches(panel, over, branches, column)
         _cycles(panel, over.scaled(cycles[along]), cycles, column)
@@ -166,9 +170,11 @@ def cycle_levels(
         axes[0].set_title(names, fontsize=9, loc="right")
     varied = parameter_columns(points, varied=True)
     others = [n for n in varied if n != along and (line[n] == line[n].iloc[0]).all()]
-    count = plural(len(cycles), "cycle")
     where = describe(line.iloc[0], points, others, units)
-    figure.suptitle(f"{where}; {count}" if where else count, fontsize=9.5)
+    words = line["verdict"].where(line["status"] == "ok", FAILED).str.replace("_", " ")
+    verdicts = by_ranges(along, units.get(along, ""), line[along].tolist(), words.tolist())
+    title = verdicts or plural(len(cycles), "cycle")
+    figure.suptitle(fill(f"{where}; {title}" if where else title, TITLE_WIDTH), fontsize=9.5)
     return figure
 
 
