@@ -248,8 +248,8 @@ def draw_pictures(results: ResultTables, directory: Path | None) -> list[Path]:
 
 def _signed(figure: Figure, results: ResultTables) -> Figure:
     """The figure with the name of its study in a corner: a file may be sent alone."""
-    style = {"fontsize": 8, "color": "0.45", "ha": "left", "va": "bottom"}
-    figure.text(0.004, 0.004, f"study {results.manifest['name']}", **style)
+    text = f"study {results.manifest['name']}"
+    figure.text(0.004, 0.004, text, fontsize=8, color="0.45", ha="left", va="bottom")
     return figure
 
 
