@@ -68,7 +68,7 @@ def test_a_silent_curve_serves_the_next_design(damped, first):
     _, served = followed(contact, first)
     assert served.verdict == own.verdict == NO_CYCLE
     assert served.origin == NAME
-    assert f"curve at {NAME}, a design nearby, up to" in served.reason
+    assert f"on the curve of {NAME}, a design nearby, checked at" in served.reason
     assert served.reached >= SEARCH.reach
     curve = np.array([[p["frequency_hz"], p["added_damping"]] for p in own.curve])
     assert len(served.curve) > 3
@@ -244,7 +244,7 @@ def test_a_study_says_whose_curve_it_is(tmp_path, monkeypatch):
     told = [NO_CYCLE, NO_CYCLE, IF_KICKED, IF_KICKED]
     assert found["verdict"].tolist() == told
     screen = as_text(SCREEN.findings(results))
-    assert "of 1 of all families that of a design nearby" in " ".join(screen.split())
+    assert "(1 mode by the curve of a design nearby: `curve_of`)" in " ".join(screen.split())
 
     changes["alone"] = ("reach = 0.5", "share_curves = false\nreach = 0.5")
     alone = solved(study(values, **changes), tmp_path / "alone")

@@ -267,8 +267,9 @@ def test_onsets_of_a_brake_are_those_by_all_modes(prepared):
         return linearised_point(prepared, state(mu))[1].pencil
 
     line, compared = PencilLine(pencil, prepared.shape_basis), 0
-    for low, high in ((0.1, 0.15), (0.4, 0.45)):
-        a, b = solve(low), solve(high)
+    frictions = np.linspace(0.05, 0.65, 13)
+    modes = [solve(mu) for mu in frictions]
+    for low, high, a, b in zip(frictions, frictions[1:], modes, modes[1:], strict=False):
         partner = pair_modes(a.lam, a.shapes, b.lam, b.shapes).partner
         for i, j in enumerate(partner):
             if j >= 0 and (a.lam[i].real > 0) != (b.lam[j].real > 0):
@@ -280,4 +281,4 @@ def test_onsets_of_a_brake_are_those_by_all_modes(prepared):
                     assert onset.value == pytest.approx(slow.value, abs=2 * PRECISION)
                     assert onset.frequency_hz == pytest.approx(slow.frequency_hz, rel=1e-6)
                     compared += 1
-    assert compared == 2
+    assert compared
