@@ -459,3 +459,13 @@ def test_batches_of_point_masses_are_solved_at_once_and_fail_row_by_row():
     failing = sq.model("hulten").at(mass=[1.0, 1e150], stiffness_damping=[0.0, 1e149]).modes()
     assert failing.status.tolist() == ["ok", "overflow"]
     assert failing.counts.tolist() == [2, 0]
+
+
+def test_a_run_says_what_its_step_may_do_to_its_numbers():
+    batch = sq.model("hulten").at(friction=np.array([0.5, 0.55]))
+    long, short = (
+        batch.simulate(duration=0.2, step=step, perturbation=1e-3).summary()
+        for step in (1e-3, 2e-5)
+    )
+    assert all("step" in reason for reason in long["invalid_reason"])
+    assert list(short["invalid_reason"]) == ["", ""]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -25,13 +25,14 @@ from squealstudy.models.operating import (
 )
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.integrator import Integrator, integrator
+from squealstudy.motion.level_errors import doubts
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.point import friction_law, motion_point, perturbed
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes, shared_modes
 from squealstudy.motion.simulate import simulate
-from squealstudy.motion.system import MotionPoint
+from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.working_point import WorkingPoint
 
@@ -103,6 +104,10 @@ class Runs:
         Of each design point: all that was kept of its run; None where it was not set up.
     status, message : str or ndarray (m,) of str
         ``ok``, or what ended the run, or why there was none.
+    systems : tuple of (ModalSystem or None)
+        What was integrated.
+    settings : MotionSettings
+        By which it was.
     single : bool
 
     Examples
@@ -117,6 +122,8 @@ class Runs:
     motions: tuple[Motion | None, ...] = field(repr=False)
     status: str | np.ndarray
     message: str | np.ndarray
+    systems: tuple[ModalSystem | None, ...] = field(repr=False)
+    settings: MotionSettings
     single: bool
 
     def history(self, name: str) -> np.ndarray:
@@ -146,15 +153,27 @@ class Runs:
         return self.history("torque")
 
     def summary(self) -> pd.DataFrame:
-        """What each run came to, a row a design point: class, levels, growth."""
+        """What each run came to, a row a design point: class, levels, growth.
+
+        ``invalid_reason`` tells what the run breaks of what its numbers need, such as a step too
+        long for friction that sticks, and the step to take; empty of a sound run.
+        """
         import pandas as pd
 
         status = np.atleast_1d(np.array(self.status, dtype=object))
-        rows: list[Mapping[str, Any]] = [
-            {"status": one} | ({} if m is None else dict(summarise(m).point))
-            for one, m in zip(status, self.motions, strict=True)
+        runs = zip(self.motions, self.systems, strict=True)
+        rows = [
+            {"status": one, **self._row(motion, system)}
+            for one, (motion, system) in zip(status, runs, strict=True)
         ]
         return pd.DataFrame(rows)
+
+    def _row(self, motion: Motion | None, system: ModalSystem | None) -> dict[str, Any]:
+        if motion is None or system is None:
+            return {}
+        told = summarise(motion).point
+        broken = doubts(motion, system, self.settings, told) if motion.outcome == "ok" else {}
+        return told | {"invalid_reason": "; ".join(f"{r}: {text}" for r, text in broken.items())}
 
 
 def set_up(
@@ -218,6 +237,7 @@ def simulated(
     results: list[Motion | Exception] = [
         x if isinstance(x, Exception) else ModelError("not run") for x in ready
     ]
+    systems: list[ModalSystem | None] = [None] * len(ready)
     together: dict[int, list[int]] = {}
     for number, one in enumerate(ready):
         if not isinstance(one, Exception):
@@ -232,7 +252,7 @@ def simulated(
         assert reference is not None
         system = replace(reference.system, sensed=_sensed(reference, structures.basis.band_hz))
         for number, motion in zip(numbers, simulate(system, points, settings), strict=True):
-            results[number] = motion
+            results[number], systems[number] = motion, system
     status, message = statuses(results), messages(results)
     for number, run in enumerate(results):
         if not isinstance(run, Exception):
@@ -241,6 +261,8 @@ def simulated(
         motions=tuple(None if isinstance(x, Exception) else x for x in results),
         status=status[0] if single else status,
         message=message[0] if single else message,
+        systems=tuple(systems),
+        settings=settings,
         single=single,
     )
 
