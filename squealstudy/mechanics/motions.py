@@ -173,7 +173,7 @@ class Runs:
             return {}
         told = summarise(motion).point
         broken = doubts(motion, system, self.settings, told) if motion.outcome == "ok" else {}
-        return told | {"invalid_reason": "; ".join(f"{r}: {text}" for r, text in broken.items())}
+        return {**told, "invalid_reason": "; ".join(f"{r}: {text}" for r, text in broken.items())}
 
 
 def set_up(
