@@ -171,9 +171,9 @@ class Runs:
     def _row(self, motion: Motion | None, system: ModalSystem | None) -> dict[str, Any]:
         if motion is None or system is None:
             return {}
-        told = summarise(motion).point
-        broken = doubts(motion, system, self.settings, told) if motion.outcome == "ok" else {}
-        return {**told, "invalid_reason": "; ".join(f"{r}: {text}" for r, text in broken.items())}
+        columns = summarise(motion).point
+        broken = doubts(motion, system, self.settings, columns) if motion.outcome == "ok" else {}
+        return {**columns, "invalid_reason": "; ".join(f"{r}: {text}" for r, text in broken.items())}
 
 
 def set_up(
