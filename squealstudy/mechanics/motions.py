@@ -173,7 +173,8 @@ class Runs:
             return {}
         columns = summarise(motion).point
         broken = doubts(motion, system, self.settings, columns) if motion.outcome == "ok" else {}
-        return {**columns, "invalid_reason": "; ".join(f"{r}: {text}" for r, text in broken.items())}
+        reason = "; ".join(f"{rule}: {text}" for rule, text in broken.items())
+        return {**columns, "invalid_reason": reason}
 
 
 def set_up(
