@@ -143,7 +143,7 @@ def test_surfaces_of_a_brake_enclose_its_volume(brake):
 def solved_point(prepared):
     """Working point, reduced system and modes of a design point with all kinds of damping."""
     point, system = linearised_point(prepared, STATE)
-    lam, psi, _ = band_modes(system, point, (500.0, TOP))
+    lam, psi, *_ = band_modes(system, point, (500.0, TOP))
     return point, system, lam, psi
 
 

@@ -43,7 +43,7 @@ def solved(brake, reduced, prepared):
     """Working point, system and shapes of all modes of a point with every kind of friction."""
     model, basis = reduced
     point, system = linearised_point(prepared, STATE)
-    lam, psi, _ = band_modes(system, point, (500.0, TOP))
+    lam, psi, *_ = band_modes(system, point, (500.0, TOP))
     expansion = Expansion(model, basis.blocks)
     told = [i for i in range(len(lam)) if lam[i].imag]
     shapes = [

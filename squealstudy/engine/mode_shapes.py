@@ -177,7 +177,7 @@ class PointShapes:
         gap = known_gap(self._design.structure, self._design)
         self._point = state_working_point(prepared, state, gap)
         self.system = linearise(self._expansion.model, self._point, state)
-        self.lam, self.psi, _ = band_modes(self.system, self._point, self._plan.band_hz)
+        self.lam, self.psi, *_ = band_modes(self.system, self._point, self._plan.band_hz)
         point_id = results.points["point_id"].iloc[row]
         self._modes = results.modes[results.modes["point_id"] == point_id]
 

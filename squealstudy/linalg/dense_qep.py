@@ -357,10 +357,21 @@ def _told_pairs(C: np.ndarray, K: np.ndarray, radius: float) -> Eigenpairs:
     return pairs
 
 
-def backward_error(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:
-    """Normwise backward error of each pair: |Q(lambda) psi| / (|lambda|^2 + |lambda||C| + |K|)."""
-    R = psi * lam**2 + product(C, psi) * lam + product(K, psi)
+def backward_error(
+    C: np.ndarray,
+    K: np.ndarray,
+    lam: np.ndarray,
+    psi: np.ndarray,
+    left_over: np.ndarray | None = None,
+) -> np.ndarray:
+    """Normwise backward error of each pair: |Q(lambda) psi| / (|lambda|^2 + |lambda||C| + |K|).
+
+    `left_over` are the |Q(lambda) psi| (m,) where they are known.
+    """
+    if left_over is None:
+        R = psi * lam**2 + product(C, psi) * lam + product(K, psi)
+        left_over = np.linalg.norm(R, axis=0)
     size = np.abs(lam)
     norm = size**2 + size * np.linalg.norm(C) + np.linalg.norm(K)
-    error: np.ndarray = np.linalg.norm(R, axis=0) / (norm * np.linalg.norm(psi, axis=0))
+    error: np.ndarray = left_over / (norm * np.linalg.norm(psi, axis=0))
     return error

@@ -35,10 +35,13 @@ class RootErrors(NamedTuple):
         Of the residual and of round-off.
     round_off : ndarray (m,)
         Of round-off alone: what no other solution would improve.
+    residual : ndarray (m,)
+        |Q(lam) x| of the vectors as they were given.
     """
 
     error: np.ndarray
     round_off: np.ndarray
+    residual: np.ndarray
 
     def doubt(self, lam: np.ndarray) -> float:
         """Largest error over the one at which no other attempt is made; above 1 one is."""
@@ -71,7 +74,7 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
     of 1e15 N/m would drown all roots.
     """
     if not len(lam):
-        return RootErrors(np.zeros(0), np.zeros(0))
+        return RootErrors(np.zeros(0), np.zeros(0), np.zeros(0))
     a, size = np.abs(psi), np.abs(lam)
     inertia, damping = _product(M, psi), _product(C, psi)
     r = inertia * lam**2 + damping * lam + _product(K, psi)
@@ -83,7 +86,7 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
         moved = conditions(lam, psi, D) / np.maximum(slope, TINY)
         round_off = EPS * energy * moved
         error = np.einsum("ij,ij->j", a, np.abs(r)) * moved + round_off
-    return RootErrors(_known(error), _known(round_off))
+    return RootErrors(_known(error), _known(round_off), np.linalg.norm(r, axis=0))
 
 
 def _known(error: np.ndarray) -> np.ndarray:

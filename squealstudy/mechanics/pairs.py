@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from squealstudy.linalg.dense_qep import backward_error
 from squealstudy.mechanics.reduction import Reduction
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.modes.full_order.finer_model import relative_errors
@@ -49,9 +48,8 @@ def point_pairs(
     """
     prepared, state = reduction.prepared, point.state()
     sliding, system = linearised_point(prepared, state)
-    lam, psi, error = band_modes(system, sliding, band_hz)
+    lam, psi, error, residual = band_modes(system, sliding, band_hz)
     energies = reduced_energy_shares(prepared.model, system.weights, psi)
-    residual = backward_error(system.C, system.K, lam, psi)
     found = PointPairs(lam, psi, residual, error, np.zeros(len(lam)), energies, DENSE)
     if not point.model.meshed:
         return found

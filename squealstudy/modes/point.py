@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -127,10 +128,31 @@ def linearised_point(
     return point, linearise(prepared.model, point, state)
 
 
+class BandModes(NamedTuple):
+    """Modes of a reduced system in a band, in the order of tables.
+
+    Attributes
+    ----------
+    lam : ndarray (m,) complex
+        rad/s.
+    psi : ndarray (n, m) complex
+        Right vectors of unit 2-norm.
+    error : ndarray (m,)
+        Of the roots, rad/s.
+    residual : ndarray (m,)
+        Normwise backward error of each pair.
+    """
+
+    lam: np.ndarray
+    psi: np.ndarray
+    error: np.ndarray
+    residual: np.ndarray
+
+
 def band_modes(
     system: LinearisedModel, point: WorkingPoint, band_hz: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Roots (m,) in a band in the order of tables, right vectors (n, m), errors (m,) [rad/s]."""
+) -> BandModes:
+    """Modes of a reduced system about its working point with |lambda|/2 pi in a band."""
     band = angular_band(band_hz)
     lam, psi = dense_roots(system.C, system.K, band, _known_count(system, band[1]))
     errors = root_errors(system.pencil.M, system.C, system.K, lam, psi)
@@ -138,7 +160,8 @@ def band_modes(
     order = told[oscillating_first(lam[told])]
     lam, psi, error = lam[order], psi[:, order], errors.error[order]
     error = np.maximum(error, ROUND_OFF * np.abs(lam)) + working_point_error(point, lam)
-    return lam, psi, error
+    residual = backward_error(system.C, system.K, lam, psi, errors.residual[order])
+    return BandModes(lam, psi, error, residual)
 
 
 def _known_count(system: LinearisedModel, top: float) -> int | None:
@@ -175,10 +198,10 @@ def solve_point(
         Where there is no working point.
     """
     point, system = linearised_point(prepared, state, gap)
-    lam, psi, error = band_modes(system, point, band_hz)
+    lam, psi, error, residual = band_modes(system, point, band_hz)
     return PointModes(
         lam=lam,
-        residual=backward_error(system.C, system.K, lam, psi),
+        residual=residual,
         energies=reduced_energy_shares(prepared.model, system.weights, psi),
         shapes=unit_shapes(prepared.shape_rows @ psi),
         working_point=point,

@@ -22,6 +22,7 @@ from squealstudy.linalg.factor import is_full
 from squealstudy.linalg.overflow import MAX_SQUARABLE_ENTRY, OVERFLOW, largest_entry, too_large
 from squealstudy.linalg.quadratic_pencil import product
 from squealstudy.linalg.sparse_qep import LowRankSum
+from squealstudy.system.row_blocks import BlockRows, weighted
 
 STIFFNESS, DAMPING, MASS = 0, 1, 2
 # whole matrices of one order, beyond which their sum is less work than their products
@@ -108,9 +109,38 @@ class ParametricSystem:
     def summed(self, weights: Weights, numbers: Iterable[int]) -> np.ndarray:
         """Dense sum (n, n) of some of the terms, whatever their orders."""
         total = np.zeros((self.n, self.n))
+        in_blocks: dict[int, list[tuple[Matrix, Any, Matrix]]] = {}
         for i in numbers:
-            _add_dense(total, self.terms[i], weights[i])
+            term, w = self.terms[i], weights[i]
+            if np.ndim(w) == 1 and i in self._block_rows:
+                in_blocks.setdefault(len(w), []).append((term.left, w, term.right))
+            else:
+                _add_dense(total, term, w)
+        for rows, terms in in_blocks.items():
+            self._blocks[rows].add(total, terms)
         return total
+
+    @cached_property
+    def _blocks(self) -> dict[int, BlockRows]:
+        """Blocks of the dense terms of so many rows, where they have any."""
+        sides: dict[int, dict[int, np.ndarray]] = {}
+        for term in self.terms:
+            if isinstance(term.left, np.ndarray) and isinstance(term.right, np.ndarray):
+                for side in (term.left, term.right):
+                    sides.setdefault(len(side), {})[id(side)] = side
+        found = {rows: BlockRows.of(list(own.values())) for rows, own in sides.items()}
+        return {rows: own for rows, own in found.items() if own.blocks}
+
+    @cached_property
+    def _block_rows(self) -> frozenset[int]:
+        """Terms whose products are taken in blocks."""
+        return frozenset(
+            i
+            for i, term in enumerate(self.terms)
+            if isinstance(term.left, np.ndarray)
+            and isinstance(term.right, np.ndarray)
+            and len(term.right) in self._blocks
+        )
 
     def matrices(self, weights: Weights) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Dense M, C, K (n, n) at a design point."""
@@ -318,9 +348,9 @@ def _add_dense(A: np.ndarray, term: Term, w: Any) -> None:
         A += w
     elif term.left is None and term.right is None:
         A[np.diag_indices_from(A)] += w
-    elif np.ndim(w) and term.left is term.right and np.all(w >= 0):
-        half = np.sqrt(w)[:, None] * _dense(term.right)
-        A += half.T @ half  # half the work: BLAS sees that this is symmetric
+    elif np.ndim(w) and term.left is term.right:
+        right = _dense(term.right)
+        A += weighted(right, np.asarray(w), right)
     elif np.ndim(w) or w:
         right = np.eye(len(A)) if term.right is None else _dense(term.right)
         scaled = (np.asarray(w)[:, None] if np.ndim(w) else w) * right

@@ -214,7 +214,7 @@ def _modes(
         gaps.add(point.structure, point, steady.gap)
     low, high = angular_band(request.band_hz)
     wider = low / (BAND_WIDENING if request.band_hz[0] else 1.0), high * BAND_WIDENING
-    lam, psi, error = band_modes(system, steady, (wider[0] / TURN, wider[1] / TURN))
+    lam, psi, error, _ = band_modes(system, steady, (wider[0] / TURN, wider[1] / TURN))
     inside = (np.abs(lam) >= low) & (np.abs(lam) <= high)
     limit = min(request.margin, -request.tolerance)
     beside = _growing_outside_band(lam[~inside & _judged(lam)], limit)

@@ -42,7 +42,7 @@ def snapshots(
         Where there is no working point.
     """
     point, system = linearised_point(prepared, state, gap)
-    _, psi, _ = band_modes(system, point, (0.0, REACH * band_hz[1]))
+    psi = band_modes(system, point, (0.0, REACH * band_hz[1])).psi
     return np.hstack([psi.real, psi.imag])
 
 
@@ -91,7 +91,7 @@ class SnapshotModel:
         """
         point = state_working_point(self._prepared, state, near=near)
         system = linearise(self._prepared.model, point, state, self._system)
-        lam, psi, _ = band_modes(system, point, self._band_hz)
+        lam, psi, *_ = band_modes(system, point, self._band_hz)
         oscillating = lam.imag > 0
         return Modes(lam[oscillating], unit_shapes(self._shape_rows @ psi[:, oscillating]))
 
