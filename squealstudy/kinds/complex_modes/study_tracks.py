@@ -6,6 +6,7 @@ of two points in common coordinates.
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from functools import lru_cache
@@ -29,6 +30,7 @@ from squealstudy.modes.tracking.steps import Pairings
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 
 POINTS_A_STEP = 2  # inserted, about
+BASIS_POINTS_A_POINT = 4  # solved in a basis in the time of an exact one
 ROUNDS = 4  # a refined step may put its followers in doubt
 BATCH = 32  # steps refined together; fixed, so that results do not depend on the workers
 
@@ -100,9 +102,10 @@ class Follower:
         Tracks
         dict
             ``ambiguous_pairs`` before refinement, steps ``refined``, ``extra_points`` solved for
-            it within a structure, ``interpolated_points`` between structures, which cost far less
-            than a reduction and are not limited, steps in doubt that were ``left``, for the budget
-            or the rounds were spent, and pairs ``still_ambiguous``, those of these steps too.
+            it within a structure (up to BASIS_POINTS_A_POINT of a step in a basis count as one),
+            ``interpolated_points`` between structures, which cost far less than a reduction and
+            are not limited, steps in doubt that were ``left``, for the budget or the rounds were
+            spent, and pairs ``still_ambiguous``, those of these steps too.
         """
         pairings = self._stepper.all()
         before = pairings.count_unresolved()
@@ -216,7 +219,7 @@ class RefineTask:
 
 
 def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
-    """Point, pairing with its parent, and number of intermediate points solved.
+    """Point, pairing with its parent, and number of intermediate points, as a budget counts them.
 
     The pairing is as it was where anything fails on the way.
     """
@@ -240,7 +243,10 @@ def _refined(task: RefineTask) -> tuple[int, Pairing, int]:
 
 
 def _refined_in_basis(task: RefineTask) -> tuple[Pairing, int] | None:
-    """The pairing by inserted points that are solved in a basis, where it leaves no doubt."""
+    """The pairing by inserted points that are solved in a basis, where it leaves no doubt.
+
+    And how many exact points they count as.
+    """
     if task.basis is None:
         return None
     try:
@@ -248,7 +254,7 @@ def _refined_in_basis(task: RefineTask) -> tuple[Pairing, int] | None:
     except FAILURES:
         return None
     sure = not pairing.ambiguous.any() and (pairing.trust > DOUBTFUL).all()
-    return (pairing, points) if sure else None
+    return (pairing, math.ceil(points / BASIS_POINTS_A_POINT)) if sure else None
 
 
 def _refined_by(task: RefineTask, solve: Solve, a: Modes, b: Modes) -> tuple[Pairing, int]:
