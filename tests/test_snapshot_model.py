@@ -112,6 +112,7 @@ values = [3e5, 20e5]
 
 [modes]
 band = [500.0, 5000.0]
+refine_points = 400
 reference_points = 0
 """
 
