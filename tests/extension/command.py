@@ -56,16 +56,23 @@ def run_here(text, folder):
 
 @contextmanager
 def laws_alone():
-    """Laws that are registered within it, unlike other extensions, would stay for other files."""
+    """The laws of the package alone, and what is registered within it, which ends with it.
+
+    Unlike other extensions laws would stay for other files, as theirs do for this one.
+    """
     with pytest.MonkeyPatch.context() as patch:
         for laws in (CONTACT_LAWS, FRICTION_CURVES):
-            patch.setattr(laws, "_known", dict(laws._known))
+            of_package = {name: law for name, law in laws._known.items() if law.in_package}
+            patch.setattr(laws, "_known", of_package)
         patch.setattr(Registry, "shared", dict(Registry.shared))
-        patch.setattr(extensions, "_read", dict(extensions._read))
-        before = set(sys.modules)
+        patch.setattr(extensions, "_read", {})
+        executed = {n: m for n, m in sys.modules.items() if n.startswith(EXECUTED)}
+        for name in executed:  # executed anew where it is read
+            del sys.modules[name]
         yield
-        for name in {n for n in sys.modules if n.startswith(EXECUTED)} - before:
-            del sys.modules[name]  # executed anew where it is read again
+        for name in [n for n in sys.modules if n.startswith(EXECUTED)]:
+            del sys.modules[name]
+        sys.modules.update(executed)
 
 
 def tables_of(folder):
