@@ -371,11 +371,21 @@ def test_law_derivatives_against_central_differences(law):
     np.testing.assert_allclose(dkappa, slope, rtol=1e-5, atol=500.0)
 
 
+VALUES = {"static_ratio": 1.3, "decay_speed": 0.5, "exponent": 1.7, "viscous_rise": 0.2}
+
+
 @pytest.mark.parametrize(
-    "name", ["friction", "sliding_speed", *(p.name for p in FRICTION_CURVES.parameters())]
+    ("kind", "name"),
+    [
+        (curve.name, name)
+        for curve in FRICTION_CURVES
+        if curve.in_package
+        for name in ("friction", "sliding_speed", *(p.name for p in curve.parameters))
+    ],
 )
-def test_friction_law_derivatives_against_central_differences(name):
-    curve = friction_curve(static_ratio=1.3, decay_speed=0.5)
+def test_friction_law_derivatives_against_central_differences(kind, name):
+    arguments = FRICTION_CURVES[kind].arguments
+    curve = friction_curve(kind, **{short: VALUES[short] for short in arguments})
     point, p = OperatingPoint(0.4, 1e6, 0.7, contact_law(), curve), np.zeros(1)
     h, one = 1e-6, np.ones(1)
     up, down = (
