@@ -364,7 +364,7 @@ def test_a_notebook_shows_ranking_and_picture(results):
     assert "share of the 13 solved points" in html
     assert "data:image/png;base64," in html
     assert "worst at" in html
-    assert "limit_cycle" in pages["transient"]
+    assert "limit cycle" in pages["transient"]
     assert all("<pre>" in page for page in pages.values())
 
 
