@@ -89,15 +89,15 @@ def cycle_growth(results: Results, point: str, ax: Axes | None = None) -> Figure
     fastest = curves.assign(rate=rate).groupby("mode")["rate"].max().sort_values(ascending=False)
     figure, axes = one_panel(ax, 8.5, 5.4)
     for place, mode in enumerate(fastest.index):
-        own = (curves["mode"] == mode).to_numpy(bool)
-        x, y = curves["contact_velocity"].to_numpy(float)[own], rate[own]
-        hz = float(curves["frequency_hz"].to_numpy(float)[own][0])
+        of_mode = (curves["mode"] == mode).to_numpy(bool)
+        x, y = curves["contact_velocity"].to_numpy(float)[of_mode], rate[of_mode]
+        hz = float(curves["frequency_hz"].to_numpy(float)[of_mode][0])
         named = place < MAX_COLOURED_FAMILIES
         style: dict[str, Any] = {"color": GREY}
         if named:
             style = {"color": COLOURS[place], "label": f"mode {mode}, {hz:.0f} Hz"}
         axes.plot(x, y, linewidth=1.5, **style)
-        zero = (curves["event"].to_numpy(str) == "C")[own]
+        zero = (curves["event"].to_numpy(str) == "C")[of_mode]
         stable = _stable(results.table("cycles"), design["point_id"], mode, x[zero])
         for is_stable, label in CYCLES.items():
             here = np.array([s is is_stable for s in stable], dtype=bool)

@@ -164,9 +164,9 @@ def cycle_levels(
     set_ticks(axes[2].xaxis, over, line[along])
     finish(axes[2], over.label, "Growth [1/s]")
     legend_below(figure, [*labelled(axes[0]), *labelled(axes[2])], 3)
-    told = set(branches["event"]) & set(EVENTS)
-    if told:
-        names = "; ".join(text for event, text in EVENTS.items() if event in told)
+    event_letters = set(branches["event"]) & set(EVENTS)
+    if event_letters:
+        names = "; ".join(text for event, text in EVENTS.items() if event in event_letters)
         axes[0].set_title(names, fontsize=9, loc="right")
     varied = parameter_columns(points, varied=True)
     others = [n for n in varied if n != along and (line[n] == line[n].iloc[0]).all()]
@@ -189,15 +189,15 @@ def _line(points: pd.DataFrame, along: str, fixed: Mapping[str, float] | None) -
 def _branches(results: Results, along: str, line: pd.DataFrame) -> pd.DataFrame:
     """Points of the branches along the parameter that begin at designs of the line."""
     table = results.table("branches")
-    own = (table["along"] == along) & table["point_id"].isin(line["point_id"])
-    return table[own.to_numpy(bool)]
+    of_line = (table["along"] == along) & table["point_id"].isin(line["point_id"])
+    return table[of_line.to_numpy(bool)]
 
 
 def _runs(results: Results, runs: Results, line: pd.DataFrame) -> pd.DataFrame:
     """Lasting motions of a study in time at designs of the line."""
     table = results.compare(runs)
-    own = table["cycles_point_id"].isin(line["point_id"]) & table["class"].isin(SUSTAINED)
-    return table[own.to_numpy(bool)]
+    lasting = table["cycles_point_id"].isin(line["point_id"]) & table["class"].isin(SUSTAINED)
+    return table[lasting.to_numpy(bool)]
 
 
 def _draw_branches(axes: Axes, over: Quantity, branches: pd.DataFrame, column: str) -> None:
@@ -213,11 +213,11 @@ def _draw_branches(axes: Axes, over: Quantity, branches: pd.DataFrame, column: s
         start = 0
         for k in range(1, len(state) + 1):
             if k == len(state) or state[k] is not state[start]:
-                known = None if pd.isna(state[start]) else bool(state[start])
-                style = dict(BRANCHES[known])
-                if known in named:
+                is_stable = None if pd.isna(state[start]) else bool(state[start])
+                style = dict(BRANCHES[is_stable])
+                if is_stable in named:
                     style.pop("label")
-                named.add(known)
+                named.add(is_stable)
                 axes.plot(x[start : k + 1], y[start : k + 1], linewidth=1.6, zorder=1, **style)
                 start = k
         for place in np.flatnonzero(event):
@@ -233,16 +233,16 @@ def _draw_branches(axes: Axes, over: Quantity, branches: pd.DataFrame, column: s
 
 
 def _cycles(axes: Axes, x: np.ndarray, cycles: pd.DataFrame, column: str) -> None:
-    known = cycles["stable"].notna().to_numpy(bool)
+    has_stability = cycles["stable"].notna().to_numpy(bool)
     stable = cycles["stable"].fillna(False).to_numpy(bool)
     y = cycles[column].to_numpy(float)
-    for own, style in (
-        (known & stable, STABLE),
-        (known & ~stable, UNSTABLE),
-        (~known, OTHER_STYLE),
+    for rows, style in (
+        (has_stability & stable, STABLE),
+        (has_stability & ~stable, UNSTABLE),
+        (~has_stability, OTHER_STYLE),
     ):
-        if own.any():
-            axes.plot(x[own], y[own], linestyle="", markersize=5.5, **style)
+        if rows.any():
+            axes.plot(x[rows], y[rows], linestyle="", markersize=5.5, **style)
 
 
 def _growth(axes: Axes, x: np.ndarray, line: pd.DataFrame) -> None:
@@ -250,7 +250,13 @@ def _growth(axes: Axes, x: np.ndarray, line: pd.DataFrame) -> None:
     growth = line["max_growth_rate"].to_numpy(float)
     axes.axhline(0.0, color=DARK, linewidth=0.8)
     for name, colour in VERDICTS.items():
-        own = (line["verdict"] == name).to_numpy(bool)
-        if own.any():
+        of_verdict = (line["verdict"] == name).to_numpy(bool)
+        if of_verdict.any():
             style: dict[str, Any] = {"linestyle": "", "marker": MARKS[name], "markersize": 5}
-            axes.plot(x[own], growth[own], color=colour, label=name.replace("_", " "), **style)
+            axes.plot(
+                x[of_verdict],
+                growth[of_verdict],
+                color=colour,
+                label=name.replace("_", " "),
+                **style,
+            )

@@ -128,8 +128,8 @@ class ParametricSystem:
             if isinstance(term.left, np.ndarray) and isinstance(term.right, np.ndarray):
                 for side in (term.left, term.right):
                     sides.setdefault(len(side), {})[id(side)] = side
-        found = {rows: BlockRows.of(list(own.values())) for rows, own in sides.items()}
-        return {rows: own for rows, own in found.items() if own.blocks}
+        by_rows = {rows: BlockRows.of(list(matrices.values())) for rows, matrices in sides.items()}
+        return {rows: matrices for rows, matrices in by_rows.items() if matrices.blocks}
 
     @cached_property
     def _block_rows(self) -> frozenset[int]:
@@ -192,8 +192,8 @@ class ParametricSystem:
             if term.left is None and term.right is not None:
                 terms.append(Term(term.order, None, V.T @ np.asarray(term.right @ V)))
             elif term.left is term.right:
-                seen = term.seen_right(V)
-                terms.append(Term(term.order, seen, seen))
+                projected_rows = term.seen_right(V)
+                terms.append(Term(term.order, projected_rows, projected_rows))
             else:
                 terms.append(Term(term.order, term.seen_left(V), term.seen_right(V)))
         return ParametricSystem(V.shape[1], tuple(terms))

@@ -18,14 +18,14 @@ LARGEST_SHARE = 0.7
 Run = tuple[slice, slice]  # neighbouring columns: in the block, in the whole matrix
 
 
-class Block(NamedTuple):
+class RowBlock(NamedTuple):
     """Rows (r,) that see the same columns, those as runs of neighbours."""
 
     rows: np.ndarray
     runs: tuple[Run, ...]
 
 
-def blocks_of(matrices: Sequence[np.ndarray]) -> tuple[Block, ...]:
+def blocks_of(matrices: Sequence[np.ndarray]) -> tuple[RowBlock, ...]:
     """Blocks of rows of matrices (m, n), in all of which they see the same columns.
 
     Rows that see nothing are in no block. There is none where they are many or save little.
@@ -43,7 +43,7 @@ def blocks_of(matrices: Sequence[np.ndarray]) -> tuple[Block, ...]:
     if work > LARGEST_SHARE * rows * float(n) ** 2:
         return ()
     return tuple(
-        Block(np.flatnonzero(which == kind), _runs(np.flatnonzero(columns)))
+        RowBlock(np.flatnonzero(which == kind), _runs(np.flatnonzero(columns)))
         for kind, columns in enumerate(sees)
         if columns.any()
     )
@@ -64,19 +64,19 @@ class BlockRows(NamedTuple):
 
     Attributes
     ----------
-    blocks : tuple of Block
+    blocks : tuple of RowBlock
     parts : dict of int -> list of ndarray
         By `id` of a matrix: its entries in each block, (rows, columns seen).
     """
 
-    blocks: tuple[Block, ...]
+    blocks: tuple[RowBlock, ...]
     parts: dict[int, list[np.ndarray]]
 
     @classmethod
     def of(cls, matrices: Sequence[np.ndarray]) -> BlockRows:
         """Of matrices (m, n); without blocks where they do not pay."""
         blocks = blocks_of(matrices)
-        return cls(blocks, {id(A): [_seen(A, block) for block in blocks] for A in matrices})
+        return cls(blocks, {id(A): [_entries_in(A, block) for block in blocks] for A in matrices})
 
     def add(self, total: np.ndarray, terms: Iterable[tuple[Any, Any, Any]]) -> None:
         """Add the sum of L^T diag(w) R of terms (L, w, R) to a matrix (n, n), in place."""
@@ -94,7 +94,7 @@ class BlockRows(NamedTuple):
                     total[there, across] += part[own, other]
 
 
-def _seen(A: np.ndarray, block: Block) -> np.ndarray:
+def _entries_in(A: np.ndarray, block: RowBlock) -> np.ndarray:
     return np.hstack([A[block.rows, there] for _, there in block.runs])
 
 

@@ -145,8 +145,8 @@ class Bases:
         varied = int((np.ptp(x, axis=0) > 0).sum())
         used, count = 0, 2 ** min(varied, MOST_DIRECTIONS) + 1
         while used < count <= min(MOST_SNAPSHOTS, most) and count < len(chosen):
-            made = self._workers.each(snapshot_task, list(enumerate(near[used:count])))
-            blocks += [block for _, block in sorted(made, key=itemgetter(0))]
+            snapshot_blocks = self._workers.each(snapshot_task, list(enumerate(near[used:count])))
+            blocks += [block for _, block in sorted(snapshot_blocks, key=itemgetter(0))]
             used = count
             V = snapshot_basis(blocks)
             if not 0 < V.shape[1] <= MOST_SHARE * n:
@@ -206,9 +206,9 @@ def check_task(task: CheckTask) -> float:
     """Unlikeness of the modes of a design point, in a basis and solved; infinite if it fails."""
     low, high = task.basis.band_hz
     try:
-        found = task.basis.solver(task.near)(task.near.x)
+        modes_in_basis = task.basis.solver(task.near)(task.near.x)
     except FAILURES:
         return np.inf
     return unlikeness(
-        task.solved, found, (2 * np.pi * low, 2 * np.pi * high), BAND_END_REL_DISTANCE
+        task.solved, modes_in_basis, (2 * np.pi * low, 2 * np.pi * high), BAND_END_REL_DISTANCE
     )
