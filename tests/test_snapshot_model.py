@@ -136,3 +136,28 @@ def test_a_study_is_tracked_alike_with_a_basis_and_without(tmp_path, monkeypatch
     assert any(basis is not None for basis in used)
     assert manifests["with"]["refined"] == manifests["without"]["refined"] > 0
     pd.testing.assert_frame_equal(tables["with"], tables["without"])
+
+
+@pytest.mark.usefixtures("tiny_brake")
+def test_a_basis_that_lacks_modes_of_other_points_is_not_taken(tmp_path, monkeypatch):
+    monkeypatch.setattr(inserted_points, "LEAST_COORDINATES", 50)
+    monkeypatch.setattr(inserted_points, "STEPS_A_SNAPSHOT", 1)
+    made, served = [], []
+
+    def poor(blocks):
+        made.append(snapshot_basis(blocks)[:, -10:])
+        return made[-1]
+
+    of = Bases.of
+
+    def recorded(self, point):
+        served.append(of(self, point))
+        return served[-1]
+
+    monkeypatch.setattr(inserted_points, "_snapshot_models", {})
+    monkeypatch.setattr(inserted_points, "snapshot_basis", poor)
+    monkeypatch.setattr(Bases, "of", recorded)
+    run_study(plan_of(STUDY), tmp_path / "results", jobs=1)
+    assert made
+    assert served
+    assert all(basis is None for basis in served)
