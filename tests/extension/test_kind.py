@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import command
+from registries import forget_extensions
 from study_runs import load_plan
 
 from squealstudy import open_results
+from squealstudy.columns import COLUMNS
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import StudyFileError
 from squealstudy.study.definition import load_study
-from squealstudy.study.kinds import kind_named, register_kind
+from squealstudy.study.kinds import kind_named, kind_names, register_kind
 
 FILE = Path(__file__).with_name("my_kind.py")
 STUDY = f"""
@@ -54,6 +56,17 @@ def test_the_belt_presses_with_its_normal_force(study, tmp_path, jobs):
     area = points["contact_stiffness"] / 5e11  # of minimal models: it carries the stiffness
     np.testing.assert_allclose(points["largest_pressure"], 300.0 / area, rtol=1e-9)
     assert run_study(load_plan(study), tmp_path / "out", 1).n_solved == 0
+
+
+def test_what_it_registered_can_be_forgotten_and_registered_again(study):
+    """As after the tests of every file: no other file of tests knows the kind."""
+    for _ in range(2):
+        load_plan(study)
+        assert "steady_sliding" in kind_names()
+        assert "steady_sliding" in COLUMNS
+        forget_extensions()
+        assert "steady_sliding" not in kind_names()
+        assert "steady_sliding" not in COLUMNS
 
 
 def test_commands_read_its_results_when_they_are_given_its_file(study, tmp_path):
