@@ -409,10 +409,10 @@ def test_a_study_is_told_what_its_model_is(tmp_path):
     study = tmp_path / "study.toml"
     head = '[study]\nname = "s"\nkind = "complex_modes"\n[model]\nname = "lumped"\n'
     study.write_text(head)
-    with pytest.raises(StudyFileError, match=r"what a file with \[\[mass\]\] describes"):
+    with pytest.raises(StudyFileError, match=r"a file with \[\[mass\]\] or \[\[term\]\] describes"):
         sq.read_study(study)
     study.write_text(head + 'file = "study.toml"\n')
-    with pytest.raises(StudyFileError, match=r"expected a file with \[\[mass\]\]"):
+    with pytest.raises(StudyFileError, match=r"expected a file with \[\[mass\]\] or \[\[term\]\]"):
         sq.read_study(study)
 
 

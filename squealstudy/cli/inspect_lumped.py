@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy.linalg
 from rich.console import RenderableType
 
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.lumped.build import LumpedBuild
-from squealstudy.models.lumped.parts import PER_AREA, Coordinates
-from squealstudy.models.lumped.tables import TRANSLATIONS, TURNS, Direction
+from squealstudy.models.lumped.masses import MassSpace
+from squealstudy.models.lumped.matrix_tables import ContactOn, DamperOn, LoadOn, Motion, SpringOn
+from squealstudy.models.lumped.parts import PER_AREA
+from squealstudy.models.lumped.tables import (
+    TRANSLATIONS,
+    TURNS,
+    ContactTable,
+    DamperTable,
+    Direction,
+    LoadTable,
+    Number,
+    SpringTable,
+)
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.screen import Rows, facts, grid
 from squealstudy.study.lumped import read_lumped
 from squealstudy.wording import in_digits
 
+MOST_FREQUENCIES = 12  # that are listed
 RIGID_FREQUENCY_RATIO = 1e-6  # of the highest frequency: a motion that springs do not hold
 
 
@@ -36,10 +49,7 @@ def lumped_facts(path: Path) -> Iterator[RenderableType]:
     assembly = ModelPoint(model, options, model.defaults()).assembly()
     yield facts([("model", model.description)])
     yield ""
-    space = Coordinates(build.file)
-    sizes = zip(space.names, assembly.M.diagonal(), strict=True)
-    masses = ([mass, axis, f"{size:g} {_unit(axis)}"] for (mass, axis), size in sizes)
-    yield grid("text:mass", "text:along", "text:size", rows=masses)
+    yield _structure(build, assembly)
     yield ""
     titles = ("text:what", "text:between", "text:along", "text:size")
     yield grid(*titles, rows=_between(build, assembly))
@@ -55,19 +65,32 @@ def lumped_facts(path: Path) -> Iterator[RenderableType]:
         yield facts(rows)
 
 
+def _structure(build: LumpedBuild, assembly: Assembly) -> RenderableType:
+    """Masses, or matrices, a row each."""
+    space = build.space
+    if isinstance(space, MassSpace):
+        sizes = zip(space.names, assembly.M.diagonal(), strict=True)
+        masses = ([mass, axis, f"{size:g} {_unit(axis)}"] for (mass, axis), size in sizes)
+        return grid("text:mass", "text:along", "text:size", rows=masses)
+    of_all = f"{space.n} x {space.n}"
+    terms = ([t.matrix, of_all, str(t.coefficient), t.file] for t in space.file.term)
+    return grid("text:matrix", "text:size", "text:coefficient", "text:file", rows=terms)
+
+
 def _unit(axis: str) -> str:
     return "kg" if axis in TRANSLATIONS else "kg m2"
 
 
 def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
     """Springs, dampers, contacts and loads, a row each."""
-    file, contact = build.file, assembly.contact
+    file, contact = build.space.file, assembly.contact
     stiffness = {s.name: s.stiffness[0] for s in assembly.springs if isinstance(s, SpringInterface)}
     others = zip(contact.pairs[len(file.contact) :], contact.spring_points, strict=True)
     numbers = dict(others)
-    for i, table in enumerate(file.spring):
-        name = file.name_of("spring", i)
-        unit = "N m/rad" if _turns(table.direction) else "N/m"
+    springs: Sequence[SpringTable | SpringOn] = file.spring
+    for i, table in enumerate(springs):
+        name, (ends, along, turns) = file.name_of("spring", i), _ends(table)
+        unit = "N m/rad" if turns else "N/m"
         if table.linear:
             size = f"{stiffness[name]:g} {unit}"
         else:
@@ -76,30 +99,49 @@ def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
             size += f", {cubic:g} {unit}3" if cubic else ""
             size += f", gap {gap:g} {unit.partition('/')[2]}" if gap else ""
             size += f", {table.side}" if table.side != "both" else ""
-        ends = " - ".join(table.between)
-        yield [f"spring {name}", ends, _direction_text(table.direction), size]
-    for damper_table, damper in zip(file.damper, assembly.dampers, strict=True):
-        unit = "N m s/rad" if _turns(damper_table.direction) else "N s/m"
-        ends = " - ".join(damper_table.between)
-        size = f"{damper.damping[0]:g} {unit}"
-        yield [f"damper {damper.name}", ends, _direction_text(damper_table.direction), size]
-    for i, point in enumerate(file.contact):
+        yield [f"spring {name}", ends, along, size]
+    dampers: Sequence[DamperTable | DamperOn] = file.damper
+    for damper_table, damper in zip(dampers, assembly.dampers, strict=True):
+        ends, along, turns = _ends(damper_table)
+        size = f"{damper.damping[0]:g} {'N m s/rad' if turns else 'N s/m'}"
+        yield [f"damper {damper.name}", ends, along, size]
+    points: Sequence[ContactTable | ContactOn] = file.contact
+    for i, point in enumerate(points):
         stiffness = contact.area[i] * PER_AREA
         size = f"{stiffness:g} N/m" if point.area is None else f"{contact.area[i]:g} m2"
-        slides = f", slides {_direction_text(point.sliding)}" if point.sliding else ", no friction"
+        slides = f", slides {_text(point.sliding)}" if point.sliding else ", no friction"
+        ends = " - ".join(point.between) if isinstance(point, ContactTable) else ""
         name = f"contact {file.name_of('contact', i)}"
-        yield [name, " - ".join(point.between), _direction_text(point.normal) + slides, size]
-    for i, load in enumerate(file.load):
+        yield [name, ends, _text(point.normal) + slides, size]
+    loads: Sequence[LoadTable | LoadOn] = file.load
+    for i, load in enumerate(loads):
         size = f"{load.force} N" if load.area is None else f"pressure on {load.area} m2"
-        yield [f"load {file.name_of('load', i)}", load.on, _direction_text(load.direction), size]
+        on = load.on if isinstance(load, LoadTable) else ""
+        along = _text(load.direction if isinstance(load, LoadTable) else load.along)
+        yield [f"load {file.name_of('load', i)}", on, along, size]
 
 
-def _direction_text(direction: Direction) -> str:
-    return direction if isinstance(direction, str) else f"[{', '.join(map(str, direction))}]"
+def _ends(table: SpringTable | DamperTable | SpringOn | DamperOn) -> tuple[str, str, bool]:
+    """What a spring or damper is between, its direction, and whether it is against turning."""
+    if isinstance(table, SpringOn | DamperOn):
+        return "", _text(table.along), False
+    turns = isinstance(table.direction, str) and table.direction.removeprefix("-") in TURNS
+    return " - ".join(table.between), _text(table.direction), turns
 
 
-def _turns(direction: Direction) -> bool:
-    return isinstance(direction, str) and direction.removeprefix("-") in TURNS
+def _text(direction: Direction | Motion) -> str:
+    """A direction, or a sum of coordinates, in words."""
+    if isinstance(direction, str):
+        return direction
+    parts = [part if isinstance(part, tuple) else ("", part) for part in direction]
+    if any(name for name, _ in parts):
+        return " + ".join(_factored(*part) for part in parts).replace("+ -", "- ")
+    return f"[{', '.join(str(part) for _, part in parts)}]"
+
+
+def _factored(name: str, factor: Number) -> str:
+    signs: dict[Number, str] = {1.0: "", -1.0: "-"}
+    return signs.get(factor, f"{factor} ") + name
 
 
 def _frequencies(assembly: Assembly) -> Rows:
@@ -107,20 +149,21 @@ def _frequencies(assembly: Assembly) -> Rows:
 
     Springs with a gap or of one side are closed with the contact; third powers are left out.
     """
-    root = 1.0 / np.sqrt(assembly.M.diagonal())
+    mass, springs = assembly.M.toarray(), assembly.K_el + assembly.K_springs()
     others = assembly.contact.spring_points
     touching = np.full(assembly.contact.n_points - len(others), PER_AREA)
     always = (others[:, 2] == 0.0) & (others[:, 3] == 0.0)
     tangent_of_springs = np.concatenate([0.0 * touching, np.where(always, others[:, 0], 0.0)])
-    springs = (assembly.K_springs() + assembly.K_contact(tangent_of_springs)).toarray()
-    tangent = np.concatenate([touching, others[:, 0]])
-    closed = assembly.K_springs().toarray() + assembly.K_contact(tangent).toarray()
+    alone = springs + assembly.K_contact(tangent_of_springs)
+    closed = springs + assembly.K_contact(np.concatenate([touching, others[:, 0]]))
     rows: Rows = []
-    for name, K in (("springs alone", springs), ("contact closed", closed)):
-        squares = np.linalg.eigvalsh(root[:, None] * K * root)
+    for name, K in (("springs alone", alone), ("contact closed", closed)):
+        squares = scipy.linalg.eigh(K.toarray(), mass, eigvals_only=True)
         hz = np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
         free = int((hz <= RIGID_FREQUENCY_RATIO * hz.max()).sum())
         texts = [f"{free} free"] if free else []
-        texts += [f"{in_digits(f, 1)} Hz" for f in hz[free:]]
+        texts += [f"{in_digits(f, 1)} Hz" for f in hz[free:][:MOST_FREQUENCIES]]
+        if more := max(len(hz) - free - MOST_FREQUENCIES, 0):
+            texts.append(f"{more} more up to {in_digits(hz[-1], 1)} Hz")
         rows.append((name, ", ".join(texts)))
     return rows

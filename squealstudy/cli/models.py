@@ -37,13 +37,13 @@ omega = 12.6                   # every name in a coefficient is a parameter and 
 
 Expressions: + - * / ** and brackets; {", ".join(CONSTANTS)}; {", ".join(FUNCTIONS)}.
 Such a model has no contact, components or energies: it is solved at full order, tracked, ranked and
-drawn, but not integrated in time."""
+drawn, but not integrated in time. Matrices with [[contact]] are those of a file: `models lumped`."""
 
 LUMPED = """\
 masses, springs, dampers, contact points and loads of a file, which a study names:
 
 [model]
-file = "groan.toml"            # a file with [[mass]] is a lumped model
+file = "groan.toml"            # a file with [[mass]] or [[term]] is a lumped model
 
 [[mass]]     name, mass [kg] or inertia [kg m2], directions (of x, y, z, rx, ry, rz), place
 [[spring]]   between (two masses, or one and "ground"), direction, stiffness, cubic [N/m3], gap,
@@ -54,6 +54,14 @@ file = "groan.toml"            # a file with [[mass]] is a lumped model
 [[load]]     on, direction, force [N] or area [m2], on which the parameter pressure acts
 [parameters] NAME = {default, unit, description, minimum, maximum}, or friction = 0.4 and others
              of the operating point with other defaults
+
+In place of masses there may be matrices, symmetric, M positive definite, of 500 coordinates at most:
+
+coordinates = ["pad_x", "pad_y"]  # names of the rows, if they have any
+[[term]]     matrix (M, C or K), file, variable, coefficient
+[[contact]]  normal, sliding, across;  [[spring]], [[damper]], [[load]]  along: each a coordinate
+             ("pad_y", or its number from 1; "-pad_y"), two (["pad_y", "disc_y"]: the first over the
+             second), or a sum {pad_y = 1, disc_y = -0.5}; other keys as above
 
 A direction is x, -x, ..., or components. Numbers are in SI units, or expressions of [parameters].
 squealstudy new FILE --model lumped writes a study and such a file, squealstudy inspect MODEL tells

@@ -34,6 +34,10 @@ from squealstudy.study.toml_text import KeyPath
 from squealstudy.wording import did_you_mean
 
 DATA_VARIABLE = "SQUEALSTUDY_DATA"  # environment variable: replaces the folder that a study names
+ACTING = ("contact", "spring", "damper", "load")  # tables of a model file with [[term]]
+BESIDE_CONTACT = (
+    'matrices with [[contact]] are a model of a file with [[term]], named by [model] file = "..."'
+)
 # columns of the tables beside the parameters
 RESERVED_NAMES = {"point_id", "status", "message", "wall_s", "method", "mode", "track", "track_mac"}
 RESERVED_NAMES |= {"track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio", "unstable"}
@@ -79,10 +83,12 @@ def family_of(definition: StudyDefinition, source: SourceText) -> FamilyDefiniti
         raise source.error(
             ("study", "kind"),
             f"a model '{NAME}' has neither contact nor components: expected 'complex_modes', "
-            f"got '{kind.name}'",
+            f"got '{kind.name}'; {BESIDE_CONTACT}",
         )
     for name in section.options:
         hint = did_you_mean(name, ("term", "folder")) or "; its options are term, folder"
+        if name in ACTING:
+            hint = f": {BESIDE_CONTACT}"
         raise source.error(("model", name), f"unknown key of model '{NAME}'{hint}")
     _check_letters(section, source)
     expressions = [_expression(term, i, source) for i, term in enumerate(section.term)]

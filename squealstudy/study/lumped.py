@@ -12,11 +12,16 @@ from pathlib import Path
 from squealstudy.errors import ParameterError
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.lumped.build import LumpedBuild
-from squealstudy.models.lumped.checks import check_held, check_tables, check_used, texts_of
+from squealstudy.models.lumped.checks import check_tables, check_used, texts_of
 from squealstudy.models.lumped.definition import DESCRIPTION, NAME, LumpedDefinition
+from squealstudy.models.lumped.held import check_held, check_pressed
+from squealstudy.models.lumped.masses import MassSpace
+from squealstudy.models.lumped.matrices import MatrixSpace
+from squealstudy.models.lumped.matrix_tables import AnyFile, MatrixFile
 from squealstudy.models.lumped.numbers import expression
 from squealstudy.models.lumped.parts import parts_of
 from squealstudy.models.lumped.tables import LumpedFile, ParameterTable
+from squealstudy.models.lumped.term_matrices import read_terms
 from squealstudy.models.matrices.expression import RESERVED
 from squealstudy.models.operating import (
     ASSUMPTIONS,
@@ -40,6 +45,7 @@ from squealstudy.wording import did_you_mean
 
 LINEAR = "bilateral"  # contact law by default: it opens never, as springs do
 ANGLES = ("deg", "°")  # units of parameters that are not of SI
+SORTS = {"mass": LumpedFile, "term": MatrixFile}  # tables that a file has one of
 POSITIVE = ("mass", "inertia", "area", "speed_factor", "radius")  # keys above zero
 NOT_NEGATIVE = (
     "stiffness",
@@ -49,22 +55,29 @@ NOT_NEGATIVE = (
 
 
 def is_lumped(path: Path) -> bool:
-    """Whether a file has [[mass]]; one that cannot be read has none."""
+    """Whether a file has [[mass]] or [[term]]; one that cannot be read has none."""
     try:
         tables = tomllib.loads(path.read_text("utf-8-sig"))
     except (OSError, ValueError, RecursionError):
         return False
-    return "mass" in tables and "components" not in tables
+    return bool(tables.keys() & SORTS.keys()) and "components" not in tables
 
 
 def read_lumped(path: Path) -> LumpedDefinition:
-    """The model of a file with [[mass]]; StudyFileError about what is wrong."""
+    """The model of a file with [[mass]] or [[term]]; StudyFileError about what is wrong."""
     return lumped_of(SourceText.read(path))
 
 
 def lumped_of(source: SourceText) -> LumpedDefinition:
     """As `read_lumped`, of a text that has been read."""
-    file = validate(LumpedFile, source, source.tables)
+    if all(name in source.tables for name in SORTS):
+        text = "expected either [[mass]] or [[term]], whose matrices hold all masses: not both"
+        raise source.error(("term",), text)
+    file: AnyFile
+    if "term" in source.tables:
+        file = validate(MatrixFile, source, source.tables)
+    else:
+        file = validate(LumpedFile, source, source.tables)
     with _with_file_and_key(source):
         check_tables(file)
     operating = _operating(file)
@@ -72,10 +85,21 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
     with _with_file_and_key(source):
         check_used(file, file_names)
     declared = _declared(file, source, operating, file_names)
-    build = LumpedBuild(str(source.path), file, file_names)
     defaults = {p.name: p.default for p in declared if isinstance(p, Parameter)}
+    folder = source.path.parent
     with _with_file_and_key(source):
-        check_held(file, parts_of(file, {name: defaults[name] for name in file_names}))
+        space = (
+            MassSpace(file)
+            if isinstance(file, LumpedFile)
+            else MatrixSpace(file, read_terms(file, folder))
+        )
+        parts = parts_of(space, {name: defaults[name] for name in file_names})
+        check_held(space, parts)
+        if isinstance(space, MatrixSpace):
+            check_pressed(space, parts)
+    build = LumpedBuild(str(source.path), space, file_names)
+    terms = () if isinstance(file, LumpedFile) else file.term
+    paths = dict.fromkeys(folder / term.file for term in terms)
     return LumpedDefinition(
         name=NAME,
         description=file.description or DESCRIPTION,
@@ -84,13 +108,16 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
             FRICTION_OPTION,
         ),
         declared=declared,
-        components=tuple(table.name for table in file.mass),
+        components=parts.structure.components,
         build=build,
         stack=build.stack,
         assumptions=ASSUMPTIONS,
         torque_unit="N" if all(t.radius is None for t in file.contact) else "N m",
         path=str(source.path.resolve()),
-        files=(hashlib.sha256(source.text.encode()).hexdigest(),),
+        files=(
+            hashlib.sha256(source.text.encode()).hexdigest(),
+            *(hashlib.sha256(path.read_bytes()).hexdigest() for path in paths),
+        ),
     )
 
 
@@ -108,7 +135,7 @@ def _with_file_and_key(source: SourceText) -> Iterator[None]:
         raise source.error(error.keys, error.message + hint) from error
 
 
-def _operating(file: LumpedFile) -> dict[str, Parameter]:
+def _operating(file: AnyFile) -> dict[str, Parameter]:
     """Parameters of the operating point that the model has."""
     pressed = (PRESSURE,) if any(table.area is not None for table in file.load) else ()
     plain = (FRICTION, *pressed, SLIDING_SPEED, DAMPING, STIFFNESS_DAMPING)
@@ -116,7 +143,10 @@ def _operating(file: LumpedFile) -> dict[str, Parameter]:
 
 
 def _declared(
-    file: LumpedFile, source: SourceText, operating: dict[str, Parameter], own: tuple[str, ...]
+    file: AnyFile,
+    source: SourceText,
+    operating: dict[str, Parameter],
+    own: tuple[str, ...],
 ) -> Declared:
     """Parameters of the operating point with the file's defaults, and those of the file."""
     of_laws = {p.name for p in (*friction_parameters(), *contact_parameters())}
@@ -131,12 +161,12 @@ def _declared(
     return (*first, *others, friction_parameters, contact_parameters, *mine)
 
 
-def _table(file: LumpedFile, name: str) -> ParameterTable:
+def _table(file: AnyFile, name: str) -> ParameterTable:
     entry = file.parameters[name]
     return entry if isinstance(entry, ParameterTable) else ParameterTable(default=entry)
 
 
-def _changed(parameter: Parameter, file: LumpedFile, source: SourceText) -> Parameter:
+def _changed(parameter: Parameter, file: AnyFile, source: SourceText) -> Parameter:
     """A parameter of the operating point with another default."""
     table, keys = _table(file, parameter.name), ("parameters", parameter.name)
     for key in ("unit", "minimum", "maximum"):
@@ -146,7 +176,7 @@ def _changed(parameter: Parameter, file: LumpedFile, source: SourceText) -> Para
     return _checked(replace(parameter, default=default), source, keys)
 
 
-def _parameter(name: str, file: LumpedFile, source: SourceText) -> Parameter:
+def _parameter(name: str, file: AnyFile, source: SourceText) -> Parameter:
     """A parameter that numbers of the file are made of."""
     table, keys = _table(file, name), ("parameters", name)
     if not name.isidentifier() or name in RESERVED_NAMES or name in RESERVED:

@@ -72,9 +72,11 @@ def named_by_content(tables: Mapping[str, Any], source: SourceText) -> Mapping[s
 
 def _no_lumped(file: object, source: SourceText) -> StudyFileError:
     if not isinstance(file, str):
-        text = f"model '{LUMPED}' is what a file with [[mass]] describes: expected file = \"...\""
+        text = f"model '{LUMPED}' is what a file with [[mass]] or [[term]] describes: expected file = \"...\""
         return source.error(("model", "name"), text)
     path = source.path.parent / file
     if not path.is_file():
         return source.error(("model", "file"), f"there is no file {path}")
-    return source.error(("model", "file"), f"expected a file with [[mass]], {path} has none")
+    return source.error(
+        ("model", "file"), f"expected a file with [[mass]] or [[term]], {path} has neither"
+    )

@@ -13,8 +13,9 @@ from squealstudy.errors import ModelError
 from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.linear_interfaces import DamperInterface, SpringInterface
-from squealstudy.models.lumped.parts import Coordinates, Interface, LumpedParts, parts_of
-from squealstudy.models.lumped.tables import LumpedFile
+from squealstudy.models.lumped.masses import MassSpace
+from squealstudy.models.lumped.matrices import MatrixSpace
+from squealstudy.models.lumped.parts import Interface, LumpedParts, parts_of
 from squealstudy.models.minimal_parts import LAW
 from squealstudy.models.stacked_assembly import StackedAssembly
 
@@ -33,13 +34,14 @@ class LumpedBuild:
     ----------
     path : str
         Of the file, for messages.
-    file : LumpedFile
+    space : MassSpace or MatrixSpace
+        Its coordinates.
     own : tuple of str
         Parameters that its numbers are made of.
     """
 
     path: str
-    file: LumpedFile
+    space: MassSpace | MatrixSpace
     own: tuple[str, ...]
 
     def __call__(
@@ -48,7 +50,7 @@ class LumpedBuild:
         values: Mapping[str, float],
     ) -> Assembly:
         """The assembly; ModelError where a number cannot be what it is."""
-        return assembly_of(self.file, self._parts(values))
+        return assembly_of(self.space, self._parts(values))
 
     def stack(
         self,
@@ -56,28 +58,28 @@ class LumpedBuild:
         values: Mapping[str, Any],
     ) -> StackedAssembly:
         """As `__call__`, of values that are numbers or arrays (m,)."""
-        return stack_of(self.file, self._parts(values))
+        return stack_of(self.space, self._parts(values))
 
     def _parts(self, values: Mapping[str, Any]) -> LumpedParts:
         try:
-            return parts_of(self.file, {name: values[name] for name in self.own})
+            return parts_of(self.space, {name: values[name] for name in self.own})
         except PlacedError as error:
             raise ModelError(f"{self.path}, {dotted(error.keys)}: {error.message}") from error
 
 
-def assembly_of(file: LumpedFile, parts: LumpedParts) -> Assembly:
+def assembly_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> Assembly:
     """The assembly of parts at numbers."""
-    space, c = Coordinates(file), parts.contact
-    n = len(space.places)
-    spans = zip(file.mass, space.offsets, space.offsets[1:], strict=False)
+    file, c, own = space.file, parts.contact, parts.structure
+    spans = zip(own.components, own.offsets, own.offsets[1:], strict=False)
     return Assembly(
         components=tuple(
             Component(
-                table.name,
-                sp.csr_matrix(np.diag(parts.masses[0, a:b])),
-                sp.csr_matrix((b - a, b - a)),
+                name,
+                sp.csr_matrix(own.M[0, a:b, a:b]),
+                sp.csr_matrix(own.K[0, a:b, a:b]),
+                C=None if own.C is None else sp.csr_matrix(own.C[0, a:b, a:b]),
             )
-            for table, a, b in spans
+            for name, a, b in spans
         ),
         contact=ContactInterface(
             N=sp.csr_matrix(c.N[0]),
@@ -96,25 +98,25 @@ def assembly_of(file: LumpedFile, parts: LumpedParts) -> Assembly:
             spring_points=c.spring_points[0],
         ),
         springs=tuple(SpringInterface(s.name, sp.csr_matrix(s.row), s.size) for s in parts.springs),
-        load=np.broadcast_to(parts.load, (1, n))[0],
-        constant_load=np.broadcast_to(parts.constant_load, (1, n))[0],
+        load=parts.load[0],
+        constant_load=parts.constant_load[0],
         dampers=tuple(DamperInterface(d.name, sp.csr_matrix(d.row), d.size) for d in parts.dampers),
     )
 
 
-def stack_of(file: LumpedFile, parts: LumpedParts) -> StackedAssembly:
+def stack_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> StackedAssembly:
     """Assemblies side by side, of parts at arrays."""
-    space, c = Coordinates(file), parts.contact
-    n = len(space.places)
-    springs = _matrix(parts.springs, n)
+    c, own = parts.contact, parts.structure
+    springs = _matrix(parts.springs, space.n)
+    dampers = _matrix(parts.dampers, space.n) if parts.dampers else None
     return StackedAssembly(
-        components=tuple(table.name for table in file.mass),
-        offsets=np.array(space.offsets),
-        M=parts.masses[:, :, None] * np.eye(n),
-        K=np.zeros((1, n, n)),
+        components=own.components,
+        offsets=np.array(own.offsets),
+        M=own.M,
+        K=own.K,
         springs=springs,
         static_springs=springs,
-        C=_matrix(parts.dampers, n) if parts.dampers else None,
+        C=dampers if own.C is None else own.C + (0.0 if dampers is None else dampers),
         N=c.N,
         T=c.T,
         T_perp=c.T_perp,

@@ -2,42 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-
-import numpy as np
+from collections.abc import Iterable, Iterator, Sequence
 
 from squealstudy.models.file_table import KeyPath, PlacedError
+from squealstudy.models.lumped.matrix_tables import AnyFile, ContactOn
 from squealstudy.models.lumped.numbers import expression
-from squealstudy.models.lumped.parts import Coordinates, LumpedParts
-from squealstudy.models.lumped.tables import GROUND, MOVING, LumpedFile
+from squealstudy.models.lumped.tables import GROUND, MOVING, ContactTable, LumpedFile
 from squealstudy.models.matrices.expression import ExpressionError
-from squealstudy.wording import listed
 
-LISTS = ("mass", "spring", "damper", "contact", "load")
-# singular value of unit rows below which a motion is held by nothing
-UNSUPPORTED_SINGULAR_VALUE = 1e-9
-TAKES_PART = 0.05  # of the largest part: a coordinate that is named
+LISTS = ("term", "mass", "spring", "damper", "contact", "load")
 
 
-def check_tables(file: LumpedFile) -> None:
+def check_tables(file: AnyFile) -> None:
     """Names, what is between what, and keys that need each other."""
     _check_names(file)
-    masses = tuple(table.name for table in file.mass)
-    for kind in ("spring", "damper"):
-        for i, table in enumerate(getattr(file, kind)):
-            _check_ends(table.between, masses, (GROUND,), (kind, i, "between"))
-    for i, contact in enumerate(file.contact):
+    if isinstance(file, LumpedFile):
+        _check_masses(file)
+    contacts: Sequence[ContactTable | ContactOn] = file.contact
+    for i, contact in enumerate(contacts):
         keys: KeyPath = ("contact", i)
-        _check_ends(contact.between, masses, (GROUND, *MOVING), (*keys, "between"))
         if (contact.stiffness is None) == (contact.area is None):
             expected = "expected a stiffness, N/m, or an area, m2"
             raise PlacedError(keys, expected + ("" if contact.area is None else "; not both"))
         if contact.friction and contact.sliding is None:
             text = "the key 'sliding' is missing: the direction in which the second slides past "
             raise PlacedError(keys, text + "the first; or friction = false")
-        if contact.friction and contact.between[1] == GROUND:
-            text = f'the ground does not slide: expected "{MOVING[0]}", or friction = false'
-            raise PlacedError((*keys, "between"), text)
         if not contact.friction and contact.sliding is not None:
             raise PlacedError((*keys, "sliding"), "a contact without friction has no such key")
         if not contact.friction and contact.friction_factor != 1.0:
@@ -45,27 +34,44 @@ def check_tables(file: LumpedFile) -> None:
                 (*keys, "friction_factor"), "a contact without friction has no such key"
             )
     for i, load in enumerate(file.load):
-        _expect_mass(load.on, masses, ("load", i, "on"))
         if (load.force is None) == (load.area is None):
             expected = "expected a force, N, or an area, m2, on which the brake pressure acts"
             raise PlacedError(("load", i), expected + ("" if load.area is None else "; not both"))
     _check_arms(file)
     _check_loads(file)
+    if isinstance(file, LumpedFile):
+        _check_pressed(file)
 
 
-def _check_names(file: LumpedFile) -> None:
+def _check_masses(file: LumpedFile) -> None:
+    """That ends are masses of the file, or what they may be else."""
+    masses = tuple(table.name for table in file.mass)
+    for i, table in enumerate(file.mass):
+        if table.name in (GROUND, MOVING[0]):
+            text = f"'{table.name}' means what does not vibrate: expected another name"
+            raise PlacedError(("mass", i, "name"), text)
+    for kind in ("spring", "damper"):
+        for i, table in enumerate(getattr(file, kind)):
+            _check_ends(table.between, masses, (GROUND,), (kind, i, "between"))
+    for i, contact in enumerate(file.contact):
+        keys: KeyPath = ("contact", i, "between")
+        _check_ends(contact.between, masses, (GROUND, *MOVING), keys)
+        if contact.friction and contact.between[1] == GROUND:
+            text = f'the ground does not slide: expected "{MOVING[0]}", or friction = false'
+            raise PlacedError(keys, text)
+    for i, load in enumerate(file.load):
+        _expect_mass(load.on, masses, ("load", i, "on"))
+
+
+def _check_names(file: AnyFile) -> None:
     for kind in LISTS:
         first: dict[str, int] = {}
-        for i in range(len(getattr(file, kind))):
+        for i in range(len(getattr(file, kind, ()))):
             name = file.name_of(kind, i)
             if name in first:
                 text = f"'{name}' is the name of {kind}[{first[name] + 1}] already"
                 raise PlacedError((kind, i, "name"), f"{text}: expected another")
             first[name] = i
-    for i, table in enumerate(file.mass):
-        if table.name in (GROUND, MOVING[0]):
-            text = f"'{table.name}' means what does not vibrate: expected another name"
-            raise PlacedError(("mass", i, "name"), text)
 
 
 def _check_ends(
@@ -84,7 +90,7 @@ def _expect_mass(name: str, known: tuple[str, ...], keys: KeyPath) -> None:
         raise PlacedError(keys, text, name, known)
 
 
-def _check_arms(file: LumpedFile) -> None:
+def _check_arms(file: AnyFile) -> None:
     arms = [table.radius is not None for table in file.contact if table.friction]
     if any(arms) and not all(arms):
         text = "the key 'radius' is missing: expected of all contacts with friction, or of none"
@@ -92,8 +98,8 @@ def _check_arms(file: LumpedFile) -> None:
         raise PlacedError(("contact", next(without)), text)
 
 
-def _check_loads(file: LumpedFile) -> None:
-    """That there is contact, that something presses, and that each load comes to a contact."""
+def _check_loads(file: AnyFile) -> None:
+    """That there is contact, and that something presses it."""
     if not file.contact:
         key = ("load", 0) if file.load else ()
         text = "there is no [[contact]]: expected one that the load presses"
@@ -101,6 +107,10 @@ def _check_loads(file: LumpedFile) -> None:
     if not file.load and all(table.gap == 0.0 for table in file.contact):
         text = "there is no [[load]], and no contact has a gap: nothing presses the contact"
         raise PlacedError(("load",), text)
+
+
+def _check_pressed(file: LumpedFile) -> None:
+    """That each load comes to a contact."""
     touching = {end for table in file.contact for end in table.between}
     for i, load in enumerate(file.load):
         if not _reached(load.on, file) & touching:
@@ -119,7 +129,7 @@ def _reached(mass: str, file: LumpedFile) -> set[str]:
     return reached
 
 
-def check_used(file: LumpedFile, own: Iterable[str]) -> None:
+def check_used(file: AnyFile, own: Iterable[str]) -> None:
     """That expressions use each parameter of the file, and no others."""
     own, used = tuple(own), set[str]()
     for keys, text in texts_of(file):
@@ -139,46 +149,25 @@ def check_used(file: LumpedFile, own: Iterable[str]) -> None:
             raise PlacedError(("parameters", name), text)
 
 
-def texts_of(file: LumpedFile) -> Iterator[tuple[KeyPath, str]]:
+def texts_of(file: AnyFile) -> Iterator[tuple[KeyPath, str]]:
     """Expressions of the file and their keys."""
     numbers = {
+        "term": ("coefficient",),
         "mass": ("mass", "inertia"),
         "spring": ("stiffness", "cubic", "gap"),
         "damper": ("damping",),
         "contact": ("stiffness", "area", "gap", "friction_factor", "speed_factor", "radius"),
         "load": ("force", "area"),
     }
-    directions = ("direction", "normal", "sliding")
+    directions = ("direction", "normal", "sliding", "across", "along")
     for kind in LISTS:
-        for i, table in enumerate(getattr(file, kind)):
+        for i, table in enumerate(getattr(file, kind, ())):
             for key in numbers[kind]:
                 if isinstance(text := getattr(table, key), str):
                     yield (kind, i, key), text
             for key in directions:
                 parts = getattr(table, key, None)
-                if isinstance(parts, tuple):
-                    for k, part in enumerate(parts):
-                        if isinstance(part, str):
-                            yield (kind, i, key, k), part
-
-
-def check_held(file: LumpedFile, parts: LumpedParts) -> None:
-    """That springs or contact hold every motion, at the values of `parts`."""
-    rows = [s.row[0] for s in parts.springs if s.size[0] > 0.0]
-    points, numbers = parts.contact.N[0], parts.contact.spring_points[0]
-    acts = np.ones(len(points), dtype=bool)
-    acts[len(points) - len(numbers) :] = numbers[:, 0] > 0.0
-    holding_rows = np.vstack([*rows, *points[acts]])
-    holding_rows = holding_rows / np.linalg.norm(holding_rows, axis=1, keepdims=True)
-    _, sizes, motions = np.linalg.svd(holding_rows)
-    free = motions[int((sizes > UNSUPPORTED_SINGULAR_VALUE).sum()) :]
-    if not len(free):
-        return
-    space = Coordinates(file)
-    part = np.abs(free[0])
-    moving = [space.names[j] for j in np.flatnonzero(part > TAKES_PART * part.max())]
-    motions_text = listed([f"'{mass}' along {axis}" for mass, axis in moving])
-    number = next(i for i, table in enumerate(file.mass) if table.name == moving[0][0])
-    together = "" if len(moving) == 1 else ", moving together"
-    text = f"nothing holds {motions_text}{together}: expected a [[spring]] or [[contact]] that does"
-    raise PlacedError(("mass", number, "name"), text)
+                for k, part in enumerate(parts if isinstance(parts, tuple) else ()):
+                    place, text = (k, part) if not isinstance(part, tuple) else part
+                    if isinstance(text, str):
+                        yield (kind, i, key, place), text

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from squealstudy.models.components.definition import FileDefinition
 
 NAME = "lumped"
-DESCRIPTION = "point masses, springs, dampers and contact points of a model file with [[mass]]"
+DESCRIPTION = (
+    "point masses, or own matrices, with springs, dampers and contact points: a model file with "
+    "[[mass]] or [[term]]"
+)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -88,3 +88,10 @@ def along(direction: Direction, values: Values, keys: KeyPath, *, turns: bool = 
     if (length <= LEAST_DIRECTION).any():
         raise PlacedError(keys, "expected a direction, got components that are all zero")
     return Along(vector / length, turn=False)
+
+
+def side_by_side(columns: Sequence[np.ndarray]) -> np.ndarray:
+    """Numbers or arrays (m,) side by side: (m or 1, k)."""
+    if not columns:
+        return np.zeros((1, 0))
+    return np.stack([np.atleast_1d(c) for c in np.broadcast_arrays(*columns)], axis=-1)

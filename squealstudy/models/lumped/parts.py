@@ -1,8 +1,7 @@
-"""A lumped model in numbers: masses, springs, dampers, contact and loads over its coordinates."""
+"""A lumped model in numbers: its structure, springs, dampers, contact and loads."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,31 +10,15 @@ import numpy as np
 from squealstudy.laws import contact_law
 from squealstudy.laws.contact.unilateral import STIFFNESS
 from squealstudy.laws.spring import N_SPRING
-from squealstudy.models.file_table import KeyPath, PlacedError
-from squealstudy.models.lumped.numbers import (
-    Along,
-    Values,
-    along,
-    bounded,
-    value_of,
-)
-from squealstudy.models.lumped.tables import (
-    AXES,
-    GROUND,
-    MOVING,
-    TRANSLATIONS,
-    ContactTable,
-    DamperTable,
-    LoadTable,
-    LumpedFile,
-    SpringTable,
-)
+from squealstudy.models.file_table import KeyPath
+from squealstudy.models.lumped.numbers import Values, bounded, side_by_side, value_of
+from squealstudy.models.lumped.space import Space, Structure
+from squealstudy.models.lumped.tables import ContactNumbers, SpringNumbers
 from squealstudy.models.minimal_parts import LEVER_ARM_M
 
 PER_AREA = contact_law("bilateral").value(STIFFNESS.name)  # Pa/m: a stiffness is this times an area
 # columns of springs that are not linear: their elongations are the gaps of points of 1 m2
 OF_SPRINGS = {"area": 1.0, "gap": 0.0, "radius": 0.0, "frictional": 0.0, "speed_factor": 1.0}
-RIGHT_ANGLE = 1e-9  # cosine of normal and sliding direction, at most
 
 
 class Interface(NamedTuple):
@@ -69,15 +52,14 @@ class LumpedParts:
 
     Attributes
     ----------
-    masses : ndarray (m or 1, n)
-        kg, or kg m2 of turns, of each coordinate.
+    structure : Structure
     springs, dampers : list of Interface
     contact : Points
     load, constant_load : ndarray (m or 1, n)
         N/Pa, and N.
     """
 
-    masses: np.ndarray
+    structure: Structure
     springs: list[Interface]
     dampers: list[Interface]
     contact: Points
@@ -85,42 +67,7 @@ class LumpedParts:
     constant_load: np.ndarray
 
 
-class Coordinates:
-    """Where the coordinates of each mass of a file are: masses in order, then their directions."""
-
-    def __init__(self, file: LumpedFile) -> None:
-        self.file = file
-        self.tables = {table.name: table for table in file.mass}
-        self.offsets = [0]
-        self.places: dict[tuple[str, str], int] = {}
-        for table in file.mass:
-            for axis in table.axes:
-                self.places[table.name, axis] = len(self.places)
-            self.offsets.append(len(self.places))
-
-    @property
-    def names(self) -> list[tuple[str, str]]:
-        """Mass and direction of each coordinate."""
-        return list(self.places)
-
-    def moved(self, mass: str, motion: Along, at: Sequence[float] | None) -> np.ndarray:
-        """Motion (m or 1, n) of a point of a mass along a direction, or its turn about an axis."""
-        motion_rows = np.zeros((len(motion.vector), len(self.places)))
-        arm = np.zeros(3) if at is None else np.array(at) - self.tables[mass].place
-        translations = np.zeros_like(motion.vector) if motion.turn else motion.vector
-        turns = motion.vector if motion.turn else np.cross(arm, motion.vector)
-        parts = np.concatenate([translations, turns], axis=1)
-        for axis in self.tables[mass].axes:
-            motion_rows[:, self.places[mass, axis]] = parts[:, AXES.index(axis)]
-        return motion_rows
-
-    def apart(self, ends: Sequence[str], motion: Along, at: Sequence[float] | None) -> np.ndarray:
-        """Motion (m or 1, n) of the first of two ends over the second."""
-        first = self.moved(ends[0], motion, at)
-        return first - self.moved(ends[1], motion, at) if ends[1] in self.tables else first
-
-
-def parts_of(file: LumpedFile, values: Values) -> LumpedParts:
+def parts_of(space: Space, values: Values) -> LumpedParts:
     """The model at values of its parameters.
 
     Raises
@@ -128,17 +75,17 @@ def parts_of(file: LumpedFile, values: Values) -> LumpedParts:
     PlacedError
         A number that its place cannot have, a direction that is none or in which nothing moves.
     """
-    space = Coordinates(file)
+    file = space.file
     load, constant = _loads(space, values)
     return LumpedParts(
-        masses=_masses(space, values),
+        structure=space.structure(values),
         springs=[
-            _interface(space, "spring", i, table, values)
+            _interface(space, "spring", "stiffness", i, values)
             for i, table in enumerate(file.spring)
             if table.linear
         ],
         dampers=[
-            _interface(space, "damper", i, table, values) for i, table in enumerate(file.damper)
+            _interface(space, "damper", "damping", i, values) for i in range(len(file.damper))
         ],
         contact=_contact(space, values),
         load=load,
@@ -146,26 +93,7 @@ def parts_of(file: LumpedFile, values: Values) -> LumpedParts:
     )
 
 
-def _masses(space: Coordinates, values: Values) -> np.ndarray:
-    columns = []
-    for i, table in enumerate(space.file.mass):
-        for axis in table.axes:
-            key, unit = ("mass", "kg") if axis in TRANSLATIONS else ("inertia", "kg m2")
-            columns.append(bounded(getattr(table, key), values, ("mass", i, key), unit))
-    return _side_by_side(columns)
-
-
-def _elongation(
-    space: Coordinates, kind: str, i: int, table: SpringTable | DamperTable, values: Values
-) -> np.ndarray:
-    """Motion (m or 1, n) of the first end over the second."""
-    motion = along(table.direction, values, (kind, i, "direction"), turns=True)
-    row = space.apart(table.between, motion, table.at)
-    _expect_motion(row, table.between, (kind, i, "direction"))
-    return row
-
-
-def _spring_numbers(i: int, table: SpringTable, values: Values) -> np.ndarray:
+def _spring_numbers(i: int, table: SpringNumbers, values: Values) -> np.ndarray:
     """Stiffness, third power, gap and side (m or 1, 4) of a spring that is not linear."""
     keys = ("spring", i)
     side = {"both": 0.0, "tension": 1.0, "compression": -1.0}[table.side]
@@ -176,34 +104,25 @@ def _spring_numbers(i: int, table: SpringTable, values: Values) -> np.ndarray:
         gap = bounded(table.gap, values, (*keys, "gap"), "m", zero=True)
     cubic = value_of(0.0 if table.cubic is None else table.cubic, values, (*keys, "cubic"))
     stiffness = bounded(table.stiffness, values, (*keys, "stiffness"), "N/m", zero=True)
-    return _side_by_side([stiffness, cubic, gap, np.asarray(side)])
+    return side_by_side([stiffness, cubic, gap, np.asarray(side)])
 
 
-def _interface(
-    space: Coordinates, kind: str, i: int, table: SpringTable | DamperTable, values: Values
-) -> Interface:
-    keys = (kind, i)
-    key = "stiffness" if isinstance(table, SpringTable) else "damping"
-    number = table.stiffness if isinstance(table, SpringTable) else table.damping
+def _interface(space: Space, kind: str, key: str, i: int, values: Values) -> Interface:
     unit = "N/m" if key == "stiffness" else "N s/m"
-    row = _elongation(space, kind, i, table, values)
-    size = bounded(number, values, (*keys, key), unit, zero=True)
+    number = getattr(getattr(space.file, kind)[i], key)
+    row = space.elongation(kind, i, values)
+    size = bounded(number, values, (kind, i, key), unit, zero=True)
     return Interface(space.file.name_of(kind, i), row, np.atleast_1d(size))
 
 
-def _contact(space: Coordinates, values: Values) -> Points:
-    n = len(space.places)
+def _contact(space: Space, values: Values) -> Points:
     rows: dict[str, list[np.ndarray]] = {"N": [], "T": [], "T_perp": []}
     columns: dict[str, list[np.ndarray]] = {
         key: [] for key in ("area", "gap", "radius", "frictional", "speed_factor")
     }
     for i, table in enumerate(space.file.contact):
         keys: KeyPath = ("contact", i)
-        normal = along(table.normal, values, (*keys, "normal"))
-        opening = space.apart(table.between, normal, table.at)
-        _expect_motion(opening, table.between, (*keys, "normal"))
-        slid, across = _sliding(space, table, keys, normal, values)
-        for name, row in zip(rows, (opening, slid, across), strict=True):
+        for name, row in zip(rows, space.contact_rows(i, values), strict=True):
             rows[name].append(row)
         columns["area"].append(_area(table, keys, values))
         columns["gap"].append(value_of(table.gap, values, (*keys, "gap")))
@@ -220,20 +139,20 @@ def _contact(space: Coordinates, values: Values) -> Points:
     for i, spring in enumerate(space.file.spring):
         if spring.linear:
             continue
-        rows["N"].append(_elongation(space, "spring", i, spring, values))
+        rows["N"].append(space.elongation("spring", i, values))
         for name in ("T", "T_perp"):
-            rows[name].append(np.zeros((1, n)))
+            rows[name].append(np.zeros((1, space.n)))
         for name, number in OF_SPRINGS.items():
             columns[name].append(np.asarray(number))
         numbers.append(_spring_numbers(i, spring, values))
     return Points(
-        **{name: _stacked(parts, n) for name, parts in rows.items()},
-        **{name: _side_by_side(parts) for name, parts in columns.items()},
+        **{name: _stacked(parts, space.n) for name, parts in rows.items()},
+        **{name: side_by_side(parts) for name, parts in columns.items()},
         spring_points=_stacked(numbers, N_SPRING),
     )
 
 
-def _area(table: ContactTable, keys: KeyPath, values: Values) -> np.ndarray:
+def _area(table: ContactNumbers, keys: KeyPath, values: Values) -> np.ndarray:
     if table.area is not None:
         return bounded(table.area, values, (*keys, "area"), "m2")
     assert table.stiffness is not None
@@ -241,28 +160,11 @@ def _area(table: ContactTable, keys: KeyPath, values: Values) -> np.ndarray:
     return area
 
 
-def _sliding(
-    space: Coordinates, table: ContactTable, keys: KeyPath, normal: Along, values: Values
-) -> tuple[np.ndarray, np.ndarray]:
-    """Sliding of the second under the first, and across it (m or 1, n); zeros without friction."""
-    if table.sliding is None:
-        still = np.zeros((1, len(space.places)))
-        return still, still
-    sliding = along(table.sliding, values, (*keys, "sliding"))
-    cosine = np.abs((normal.vector * sliding.vector).sum(axis=1))
-    if (cosine > RIGHT_ANGLE).any():
-        raise PlacedError((*keys, "sliding"), "expected a direction at right angles to its normal")
-    slid = space.apart(table.between, sliding, table.at)
-    _expect_motion(slid, table.between, (*keys, "sliding"))
-    across = Along(np.cross(normal.vector, sliding.vector), turn=False)
-    return -slid, -space.apart(table.between, across, table.at)
-
-
-def _loads(space: Coordinates, values: Values) -> tuple[np.ndarray, np.ndarray]:
+def _loads(space: Space, values: Values) -> tuple[np.ndarray, np.ndarray]:
     """Of a unit brake pressure, and constant (m or 1, n)."""
-    loads = [np.zeros((1, len(space.places))), np.zeros((1, len(space.places)))]
+    loads = [np.zeros((1, space.n)), np.zeros((1, space.n))]
     for i, table in enumerate(space.file.load):
-        row = _load_row(space, table, ("load", i), values)
+        row = space.load_row(i, values)
         if table.area is not None:
             size = bounded(table.area, values, ("load", i, "area"), "m2")
             loads[0] = loads[0] + np.atleast_1d(size)[:, None] * row
@@ -271,28 +173,6 @@ def _loads(space: Coordinates, values: Values) -> tuple[np.ndarray, np.ndarray]:
             size = value_of(table.force, values, ("load", i, "force"))
             loads[1] = loads[1] + np.atleast_1d(size)[:, None] * row
     return loads[0], loads[1]
-
-
-def _load_row(space: Coordinates, table: LoadTable, keys: KeyPath, values: Values) -> np.ndarray:
-    motion = along(table.direction, values, (*keys, "direction"), turns=True)
-    row = space.moved(table.on, motion, table.at)
-    _expect_motion(row, (table.on,), (*keys, "direction"))
-    return row
-
-
-def _expect_motion(row: np.ndarray, ends: Sequence[str], keys: KeyPath) -> None:
-    """PlacedError where no coordinate of a mass has a part in a row."""
-    if not np.abs(row).max(axis=1).min() > 0.0:
-        whose = " nor ".join(f"'{e}'" for e in ends if e not in (GROUND, *MOVING))
-        text = f"neither {whose} moves" if " nor " in whose else f"{whose} does not move"
-        raise PlacedError(keys, f"{text} this way: expected one of its directions")
-
-
-def _side_by_side(columns: list[np.ndarray]) -> np.ndarray:
-    """Numbers or arrays (m,) side by side: (m or 1, k)."""
-    if not columns:
-        return np.zeros((1, 0))
-    return np.stack([np.atleast_1d(c) for c in np.broadcast_arrays(*columns)], axis=-1)
 
 
 def _stacked(rows: list[np.ndarray], n: int) -> np.ndarray:

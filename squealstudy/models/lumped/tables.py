@@ -65,12 +65,10 @@ class MassTable(Table):
         return self
 
 
-class SpringTable(Table):
-    """A spring: linear, with a third power, with a gap or of one side."""
+class SpringNumbers(Table):
+    """What a spring is, whatever it is between: linear, with a third power, a gap or one side."""
 
     name: Name | None = None
-    between: Ends = Field(description='two masses, or a mass and "ground"')
-    direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
     stiffness: Number = Field(description="N/m, or N m/rad")
     cubic: Number | None = Field(
         default=None, description="N/m3, or N m/rad3, of the third power; negative: it softens"
@@ -84,7 +82,6 @@ class SpringTable(Table):
         description="where it acts: tension, where the first has moved along the direction away "
         "from the second; compression, against it, as a stop",
     )
-    at: Vector | None = Field(default=None, description=PLACE_TEXT)
 
     @property
     def linear(self) -> bool:
@@ -92,29 +89,33 @@ class SpringTable(Table):
         return self.cubic is None and self.gap is None and self.side == "both"
 
 
-class DamperTable(Table):
-    """A linear damper."""
+class SpringTable(SpringNumbers):
+    """A spring between masses, or to the ground."""
 
-    name: Name | None = None
     between: Ends = Field(description='two masses, or a mass and "ground"')
     direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
-    damping: Number = Field(description="N s/m, or N m s/rad")
     at: Vector | None = Field(default=None, description=PLACE_TEXT)
 
 
-class ContactTable(Table):
-    """A contact point; friction and contact law are the study's."""
+class DamperNumbers(Table):
+    """What a linear damper is."""
 
     name: Name | None = None
-    between: Ends = Field(
-        description='a mass and what it touches: a mass, "belt" or "disc" that slide at '
-        'sliding_speed, or "ground" without friction'
-    )
-    normal: Direction = Field(description=ALONG + "in which the first leaves the second")
-    sliding: Direction | None = Field(
-        default=None,
-        description=ALONG + "in which the second slides past the first, and pulls it",
-    )
+    damping: Number = Field(description="N s/m, or N m s/rad")
+
+
+class DamperTable(DamperNumbers):
+    """A linear damper between masses, or to the ground."""
+
+    between: Ends = Field(description='two masses, or a mass and "ground"')
+    direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
+    at: Vector | None = Field(default=None, description=PLACE_TEXT)
+
+
+class ContactNumbers(Table):
+    """What a contact point is; friction and contact law are the study's."""
+
+    name: Name | None = None
     stiffness: Number | None = Field(
         default=None, description="N/m at 5e11 Pa/m, the default of contact.stiffness"
     )
@@ -128,19 +129,38 @@ class ContactTable(Table):
     radius: Number | None = Field(
         default=None, description="arm of its friction in torques, m; without any they are forces"
     )
+
+
+class ContactTable(ContactNumbers):
+    """A contact point of a mass."""
+
+    between: Ends = Field(
+        description='a mass and what it touches: a mass, "belt" or "disc" that slide at '
+        'sliding_speed, or "ground" without friction'
+    )
+    normal: Direction = Field(description=ALONG + "in which the first leaves the second")
+    sliding: Direction | None = Field(
+        default=None,
+        description=ALONG + "in which the second slides past the first, and pulls it",
+    )
     at: Vector | None = Field(default=None, description=PLACE_TEXT)
 
 
-class LoadTable(Table):
-    """A force on a mass that is always there, or that follows the brake pressure."""
+class LoadNumbers(Table):
+    """A force that is always there, or that follows the brake pressure."""
 
     name: Name | None = None
-    on: str = Field(description="the mass")
-    direction: Direction = Field(description=ALONG + "rx, ry or rz of a moment")
     force: Number | None = Field(default=None, description="N, or N m")
     area: Number | None = Field(
         default=None, description="m2, instead of a force: the parameter 'pressure' acts on it"
     )
+
+
+class LoadTable(LoadNumbers):
+    """A force on a mass."""
+
+    on: str = Field(description="the mass")
+    direction: Direction = Field(description=ALONG + "rx, ry or rz of a moment")
     at: Vector | None = Field(default=None, description=PLACE_TEXT)
 
 
@@ -154,17 +174,22 @@ class ParameterTable(Table):
     maximum: float | None = None
 
 
-class LumpedFile(Table):
-    """A whole file of a lumped model."""
+class PartsFile(Table):
+    """What a file of masses and one of matrices share."""
 
     description: str = ""
-    mass: Annotated[tuple[MassTable, ...], Strict(False)] = Field(min_length=1)
-    spring: Annotated[tuple[SpringTable, ...], Strict(False)] = ()
-    damper: Annotated[tuple[DamperTable, ...], Strict(False)] = ()
-    contact: Annotated[tuple[ContactTable, ...], Strict(False)] = ()
-    load: Annotated[tuple[LoadTable, ...], Strict(False)] = ()
     parameters: dict[str, ParameterTable | float | str] = Field(default={})
 
     def name_of(self, kind: str, number: int) -> str:
         """Name of a mass, spring, damper, contact or load."""
         return getattr(self, kind)[number].name or f"{kind}_{number + 1}"
+
+
+class LumpedFile(PartsFile):
+    """A whole file of a lumped model of masses."""
+
+    mass: Annotated[tuple[MassTable, ...], Strict(False)] = Field(min_length=1)
+    spring: Annotated[tuple[SpringTable, ...], Strict(False)] = ()
+    damper: Annotated[tuple[DamperTable, ...], Strict(False)] = ()
+    contact: Annotated[tuple[ContactTable, ...], Strict(False)] = ()
+    load: Annotated[tuple[LoadTable, ...], Strict(False)] = ()

@@ -1,0 +1,129 @@
+"""The tables of a model file of matrices: terms of M, C and K, and what acts on coordinates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, Strict
+
+from squealstudy.models.file_table import Name, Table
+from squealstudy.models.lumped.tables import (
+    ContactNumbers,
+    DamperNumbers,
+    LoadNumbers,
+    LumpedFile,
+    NameTuple,
+    Number,
+    PartsFile,
+    SpringNumbers,
+)
+
+EXPECTED = (
+    'expected a coordinate by number or name, two in a list, or {NAME = factor}, such as "-x"'
+)
+MOTION_TEXT = (
+    "coordinate by number from 1 or by name, with a minus the other way; two in a list: the first "
+    "over the second; {NAME = factor}: their sum"
+)
+
+
+def _motion(written: Any) -> Any:
+    """Coordinates and their factors, as `Motion` has them, of what a file says."""
+    if isinstance(written, Mapping):
+        pairs = [(name, _factor(written[name])) for name in written]
+    elif isinstance(written, list):
+        if len(written) not in (1, 2):
+            raise ValueError(f"expected one coordinate or two, got {len(written)}")
+        pairs = [_signed(one, sign) for one, sign in zip(written, (1.0, -1.0), strict=False)]
+    else:
+        pairs = [_signed(written, 1.0)]
+    names = [name for name, _ in pairs]
+    if not names:
+        raise ValueError(EXPECTED + ", got none")
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"expected two coordinates that differ, got '{name}' twice")
+    return tuple(pairs)
+
+
+def _factor(written: Any) -> Number:
+    number = isinstance(written, int | float | str) and not isinstance(written, bool)
+    if not number:
+        raise ValueError(f"expected a number or an expression as factor, got {written}")
+    if not isinstance(written, str) and not math.isfinite(written):
+        raise ValueError(f"expected a finite factor, got {written}")
+    return written if isinstance(written, str) else float(written)
+
+
+def _signed(written: Any, sign: float) -> tuple[str, float]:
+    named = isinstance(written, int | str) and not isinstance(written, bool)
+    if not named:
+        raise ValueError(f"{EXPECTED}, got {written}")
+    text = str(written).strip()
+    negative = text.startswith("-")
+    return text.removeprefix("-"), -sign if negative else sign
+
+
+Motion = Annotated[tuple[tuple[str, Number], ...], BeforeValidator(_motion)]
+
+
+class TermTable(Table):
+    """A summand of the mass, damping or stiffness: a matrix times its coefficient."""
+
+    name: Name | None = None
+    matrix: Literal["M", "C", "K"] = Field(description="mass, damping or stiffness")
+    file: str = Field(
+        min_length=1, description="file of the matrix, relative to the model file or absolute"
+    )
+    variable: str | None = Field(
+        default=None, description="which matrix, where the file holds several"
+    )
+    coefficient: Number = Field(default=1.0, description="number, or expression of parameters")
+
+
+class SpringOn(SpringNumbers):
+    """A spring on coordinates."""
+
+    along: Motion = Field(description=MOTION_TEXT)
+
+
+class DamperOn(DamperNumbers):
+    """A linear damper on coordinates."""
+
+    along: Motion = Field(description=MOTION_TEXT)
+
+
+class ContactOn(ContactNumbers):
+    """A contact point on coordinates."""
+
+    normal: Motion = Field(description="motion that opens it: " + MOTION_TEXT)
+    sliding: Motion | None = Field(
+        default=None, description="motion that friction pulls along: " + MOTION_TEXT
+    )
+    across: Motion | None = Field(
+        default=None, description="motion across the sliding: " + MOTION_TEXT
+    )
+
+
+class LoadOn(LoadNumbers):
+    """A force on coordinates."""
+
+    along: Motion = Field(description=MOTION_TEXT)
+
+
+class MatrixFile(PartsFile):
+    """A whole model file of matrices."""
+
+    coordinates: NameTuple = Field(
+        default=(), description="names of all coordinates in the order of the rows"
+    )
+    term: Annotated[tuple[TermTable, ...], Strict(False)] = Field(min_length=1)
+    spring: Annotated[tuple[SpringOn, ...], Strict(False)] = ()
+    damper: Annotated[tuple[DamperOn, ...], Strict(False)] = ()
+    contact: Annotated[tuple[ContactOn, ...], Strict(False)] = ()
+    load: Annotated[tuple[LoadOn, ...], Strict(False)] = ()
+
+
+AnyFile = LumpedFile | MatrixFile

@@ -1,0 +1,101 @@
+"""The matrices of a model file, read and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from squealstudy.errors import ModelError
+from squealstudy.models.file_table import PlacedError
+from squealstudy.models.lumped.matrix_tables import MatrixFile
+from squealstudy.models.matrices.files import read_term_matrix
+from squealstudy.models.matrices.labelled import SLOTS_PER_NODE, LabelledMatrix, together
+from squealstudy.models.matrix_checks import check_size
+
+NEEDED = {"M": "mass", "K": "stiffness"}  # without a term of them there is no model
+MOST_ROWS = 500  # matrices are full: a point of 400 takes a second
+SKEW_SHARE = 1e-9  # of the largest entry, by which the two triangles may differ
+
+
+class TermMatrices(NamedTuple):
+    """Matrices of all terms.
+
+    Attributes
+    ----------
+    matrices : list of ndarray (n, n)
+    labels : tuple of str
+        ``node.direction`` of each row where the files say so; else empty.
+    """
+
+    matrices: list[np.ndarray]
+    labels: tuple[str, ...]
+
+
+def read_terms(file: MatrixFile, folder: Path) -> TermMatrices:
+    """Read the matrix of every term; files are relative to a folder.
+
+    Raises
+    ------
+    PlacedError
+        No term of M or of K; a file that cannot be used; sizes that differ; too many coordinates;
+        a matrix that is not symmetric.
+    """
+    for letter, what in NEEDED.items():
+        if all(term.matrix != letter for term in file.term):
+            text = f'expected a [[term]] with matrix = "{letter}", the {what}: there is none'
+            raise PlacedError(("term",), text)
+    written = [_read(file, i, folder) for i in range(len(file.term))]
+    labelled = [matrix for matrix in written if isinstance(matrix, LabelledMatrix)]
+    placed = iter(together(labelled) if labelled else [])
+    matrices = [next(placed) if isinstance(m, LabelledMatrix) else m for m in written]
+    n = matrices[0].shape[0]
+    if n > MOST_ROWS:
+        text = f"it has {n} coordinates, expected at most {MOST_ROWS}: reduce it, or give "
+        raise PlacedError(("term", 0, "file"), text + "matrices of parts, which are reduced here")
+    for i, matrix in enumerate(matrices):
+        if matrix.shape[0] != n:
+            text = (
+                f"its matrix is {matrix.shape[0]} x {matrix.shape[0]}, the first term's {n} x {n}"
+            )
+            raise PlacedError(("term", i, "file"), text)
+    return TermMatrices(
+        [_symmetric(file, i, matrix) for i, matrix in enumerate(matrices)], _labels(labelled)
+    )
+
+
+def _read(file: MatrixFile, i: int, folder: Path) -> sp.csr_matrix | LabelledMatrix:
+    term = file.term[i]
+    try:
+        matrix = read_term_matrix(folder / term.file, term.variable)
+        check_size("its matrix", matrix.matrix if isinstance(matrix, LabelledMatrix) else matrix)
+    except ModelError as error:
+        key = "file" if term.variable is None else "variable"
+        raise PlacedError(("term", i, key), str(error)) from error
+    return matrix
+
+
+def _symmetric(file: MatrixFile, i: int, matrix: sp.csr_matrix) -> np.ndarray:
+    """The matrix in full, without the round-off by which its triangles differ."""
+    full: np.ndarray = matrix.toarray()
+    if np.abs(full - full.T).max() > SKEW_SHARE * np.abs(full).max():
+        text = {
+            "K": "K is not symmetric: expected the stiffness without friction, which [[contact]] "
+            "adds",
+            "C": "C is not symmetric: expected damping without gyroscopic terms, which complex "
+            "modes of a model 'matrices' alone have",
+            "M": "M is not symmetric",
+        }
+        raise PlacedError(("term", i, "file"), text[file.term[i].matrix])
+    symmetric: np.ndarray = (full + full.T) / 2
+    return symmetric
+
+
+def _labels(matrices: Sequence[LabelledMatrix]) -> tuple[str, ...]:
+    if not matrices:
+        return ()
+    places = np.unique(np.concatenate([SLOTS_PER_NODE * m.nodes + m.directions for m in matrices]))
+    return tuple(f"{p // SLOTS_PER_NODE}.{p % SLOTS_PER_NODE}" for p in places.tolist())

@@ -1,0 +1,150 @@
+"""Bad input of model files with own matrices and contact: one sentence each."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sp
+
+import squealstudy as sq
+from squealstudy.errors import ModelError, StudyFileError
+from squealstudy.study.lumped import read_lumped
+
+BAND = (1.0, 20000.0)
+
+OWN = """\
+coordinates = ["pad_x", "pad_y", "disc_y"]
+[[term]]
+matrix = "M"
+file = "m.mtx"
+[[term]]
+matrix = "K"
+file = "k.mtx"
+coefficient = "factor"
+[[contact]]
+normal = ["pad_y", "disc_y"]
+sliding = "-pad_x"
+stiffness = 1e6
+[[load]]
+along = "-pad_y"
+force = 100
+[[spring]]
+along = {pad_x = 1, pad_y = 0.5}
+stiffness = 1e4
+cubic = 1e9
+[parameters]
+factor = 1.0
+"""
+BAD = [
+    ('["pad_y", "disc_y"]\ns', '["pad_y", "disk_y"]\ns', "contact[1].normal",
+     "no coordinate 'disk_y', expected a number from 1 to 3, or one of pad_x, pad_y, disc_y"),
+    ('normal = ["pad_y", "disc_y"]\n', "", "contact[1].normal", "'normal' is missing"),
+    ('normal = ["pad_y", "disc_y"]\n', "normal = 4\n", "contact[1].normal", "no coordinate '4'"),
+    ('normal = ["pad_y", "disc_y"]\n', "normal = 0\n", "contact[1].normal", "no coordinate '0'"),
+    ('normal = ["pad_y", "disc_y"]\n', 'normal = "pad_x"\n', "contact[1].sliding",
+     "another motion than that of its normal"),
+    ('normal = ["pad_y", "disc_y"]\n', "normal = {}\n", "contact[1].normal", "got none"),
+    ('normal = ["pad_y", "disc_y"]\n', "normal = 2.3\n", "contact[1].normal",
+     "expected a coordinate"),
+    ('normal = ["pad_y", "disc_y"]\n', "normal = [1, 2, 3]\n", "contact[1].normal",
+     "one coordinate or two, got 3"),
+    ('normal = ["pad_y", "disc_y"]\n', "normal = [2, -2]\n", "contact[1].normal", "'2' twice"),
+    ('normal = ["pad_y", "disc_y"]\n', "normal = {pad_y = 0.0}\n", "contact[1].normal",
+     "all zero"),
+    ('normal = ["pad_y", "disc_y"]\n', "normal = {pad_y = inf}\n", "contact[1].normal",
+     "finite factor"),
+    ('normal = ["pad_y", "disc_y"]\n', 'normal = {pad_y = "q"}\n', "contact[1].normal.pad_y",
+     "no parameter 'q'"),
+    ('sliding = "-pad_x"\n', "", "contact[1]", "'sliding' is missing"),
+    ('along = "-pad_y"\n', 'along = "-hub"\n', "load[1].along", "no coordinate 'hub'"),
+    ('along = "-pad_y"\nforce', 'along = "disc_z"\nforce', "load[1].along",
+     "no coordinate 'disc_z'"),
+    ('along = "-pad_y"\n', "", "load[1].along", "'along' is missing"),
+    ('"pad_y", "disc_y"]\n[', '"pad_y"]\n[', "coordinates", "expected 3 names"),
+    ('"pad_y", "disc_y"]\n[', '"pad_y", "pad_y"]\n[', "coordinates[3]", "row 2 already"),
+    ('"pad_y", "disc_y"]\n[', '"pad_y", "3"]\n[', "coordinates[3]", "no number"),
+    ('file = "k.mtx"', 'file = "skew.mtx"', "term[2].file",
+     "without friction, which [[contact]] adds"),
+    ('file = "k.mtx"', 'file = "big.mtx"', "term[2].file", "4 x 4, the first term's 3 x 3"),
+    ('file = "k.mtx"', 'file = "wide.mtx"', "term[2].file", "square"),
+    ('file = "k.mtx"', 'file = "nan.mtx"', "term[2].file", "nan"),
+    ('file = "k.mtx"', 'file = "none.mtx"', "term[2].file", "there is no file"),
+    ('file = "k.mtx"', 'file = "negative.mtx"', "term[2]",
+     "K has a negative eigenvalue at factor = 1"),
+    ('file = "m.mtx"', 'file = "massless.mtx"', "term[1]", "0 on its diagonal in row 2"),
+    ('file = "m.mtx"', 'file = "negative.mtx"', "term[1]", "M is not positive definite"),
+    ('matrix = "K"', 'matrix = "C"', "term", 'matrix = "K", the stiffness: there is none'),
+    ('matrix = "K"', 'matrix = "G"', "term[2].matrix", "'M', 'C' or 'K'"),
+    ("factor = 1.0", "factor = -1.0", "term[2]", "K has a negative eigenvalue at factor = -1"),
+    ('file = "k.mtx"', 'file = "zero.mtx"', "term[2]", "nothing holds"),
+    ("[[contact]]", '[[mass]]\nname = "a"\nmass = 1.0\n[[contact]]', "term", "not both"),
+    ("[[contact]]", '[[term]]\nmatrix = "C"\nfile = "skew.mtx"\n[[contact]]', "term[3].file",
+     "without gyroscopic terms"),
+]  # fmt: skip
+
+
+def write_matrices(folder):
+    """Of one that serves, and of those that do not."""
+    K = np.array([[3e6, -1e6, 0], [-1e6, 2e6, 0], [0, 0, 1e6]])
+    skew = K + np.array([[0, 1e5, 0], [0, 0, 0], [0, 0, 0]])
+    negative = np.array([[1.0, 2, 0], [2, 1, 0], [0, 0, 1]])
+    matrices = {
+        "m": np.diag([1.0, 2, 3]), "k": K, "skew": skew, "big": np.eye(4), "wide": np.ones((2, 3)),
+        "negative": negative, "massless": np.diag([1.0, 0, 1]), "zero": np.zeros((3, 3)),
+    }  # fmt: skip
+    for name, A in matrices.items():
+        scipy.io.mmwrite(folder / f"{name}.mtx", sp.coo_matrix(A))
+    text = (folder / "k.mtx").read_text().rstrip()
+    (folder / "nan.mtx").write_text(text.rpartition(" ")[0] + " nan\n")
+
+
+@pytest.mark.parametrize(("old", "new", "key", "words"), BAD)
+def test_bad_input_is_one_sentence(old, new, key, words, tmp_path):
+    """With file, line and key, and what was expected."""
+    write_matrices(tmp_path)
+    path = tmp_path / "own.toml"
+    path.write_text(OWN)
+    read_lumped(path)
+    assert OWN.count(old) == 1, old
+    path.write_text(OWN.replace(old, new))
+    with pytest.raises(StudyFileError) as told:
+        read_lumped(path)
+    assert words in str(told.value)
+    assert key in told.value.key or key in str(told.value)
+    assert str(path) in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+def test_loads_come_to_contact_and_coefficients_stay_in_bounds(tmp_path):
+    """A load on what nothing joins to a contact; a factor below zero is its own point."""
+    write_matrices(tmp_path)
+    path = tmp_path / "own.toml"
+    path.write_text(OWN.replace('["pad_y", "disc_y"]\nsl', '"disc_y"\nsl'))
+    with pytest.raises(StudyFileError, match="no contact is pressed: no stiffness joins"):
+        read_lumped(path)
+    path.write_text(OWN)
+    model = sq.model(str(path))
+    batch = model.at(factor=np.array([1.0, -0.5, 2.0])).modes(BAND)
+    assert list(batch.status)[0::2] == ["ok", "ok"]
+    assert "K has a negative eigenvalue at factor = -0.5" in batch.message[1]
+    with pytest.raises(ModelError, match=r"own.toml, term\[2\]"):
+        model.at(factor=-0.5).assembly  # noqa: B018
+
+
+def test_a_model_of_matrices_tells_where_contact_goes(tmp_path):
+    """[[model.contact]] of a study, and runs in time of one without contact."""
+    write_matrices(tmp_path)
+    study = '[study]\nname = "s"\nkind = "complex_modes"\n[model]\nname = "matrices"\n'
+    study += '[[model.term]]\nmatrix = "M"\nfile = "m.mtx"\n'
+    study += '[[model.term]]\nmatrix = "K"\nfile = "k.mtx"\n[modes]\nband = [1.0, 1000.0]\n'
+    path = tmp_path / "study.toml"
+    for text in (
+        study + "[[model.contact]]\nnormal = 1\n",
+        study.replace("complex_modes", "transient"),
+    ):
+        path.write_text(text)
+        with pytest.raises(
+            StudyFileError, match=r"a file with \[\[term\]\], named by \[model\] file"
+        ):
+            sq.read_study(path)
