@@ -37,7 +37,7 @@ omega = 12.6                   # every name in a coefficient is a parameter and 
 
 Expressions: + - * / ** and brackets; {", ".join(CONSTANTS)}; {", ".join(FUNCTIONS)}.
 Such a model has no contact, components or energies: it is solved at full order, tracked, ranked and
-drawn, but not integrated in time. Matrices with [[contact]] are those of a file: `models lumped`."""
+drawn, but not integrated in time. Matrices with [[contact]]: squealstudy models lumped."""
 
 LUMPED = """\
 masses, springs, dampers, contact points and loads of a file, which a study names:
@@ -55,7 +55,7 @@ file = "groan.toml"            # a file with [[mass]] or [[term]] is a lumped mo
 [parameters] NAME = {default, unit, description, minimum, maximum}, or friction = 0.4 and others
              of the operating point with other defaults
 
-In place of masses there may be matrices, symmetric, M positive definite, of 500 coordinates at most:
+In place of masses there may be matrices, symmetric, of 500 coordinates at most:
 
 coordinates = ["pad_x", "pad_y"]  # names of the rows, if they have any
 [[term]]     matrix (M, C or K), file, variable, coefficient

@@ -72,7 +72,7 @@ def named_by_content(tables: Mapping[str, Any], source: SourceText) -> Mapping[s
 
 def _no_lumped(file: object, source: SourceText) -> StudyFileError:
     if not isinstance(file, str):
-        text = f"model '{LUMPED}' is what a file with [[mass]] or [[term]] describes: expected file = \"...\""
+        text = f"model '{LUMPED}' is what a file with {TABLES} describes: expected file = \"...\""
         return source.error(("model", "name"), text)
     path = source.path.parent / file
     if not path.is_file():
