@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from squealstudy.study.added_parts import AddedPart
     from squealstudy.study.sections import StudyDefinition
 
+TABLES = "[[mass]] or [[term]]"  # of a lumped model's file
+
 
 def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefinition:
     """The model of a study's ``[model] file``.
@@ -77,6 +79,5 @@ def _no_lumped(file: object, source: SourceText) -> StudyFileError:
     path = source.path.parent / file
     if not path.is_file():
         return source.error(("model", "file"), f"there is no file {path}")
-    return source.error(
-        ("model", "file"), f"expected a file with [[mass]] or [[term]], {path} has neither"
-    )
+    text = f"expected a file with {TABLES}, {path} has neither"
+    return source.error(("model", "file"), text)
