@@ -1,0 +1,148 @@
+"""The shipped disc of two tilts, by Euler's equations of finite tilts; gyroscopic own matrices."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import squealstudy as sq
+
+STUDY = Path(__file__).parents[1] / "studies" / "lumped" / "wobbling_disc.toml"
+SPEEDS = [5.0, 20.0, 40.0, 100.0]
+
+
+class FiniteTilts:
+    """Moments on a rigid disc between two pins at any tilt, from positions and directions alone."""
+
+    def __init__(self, **values):
+        self.__dict__ |= values
+
+    def axes(self, q):
+        """The axis that the second tilt is about, and the disc's own."""
+        (s1, s2), (c1, c2) = np.sin(q), np.cos(q)
+        return np.array([0.0, c1, s1]), np.array([s2, -s1 * c2, c1 * c2])
+
+    def turning(self, q, rate):
+        second, own = self.axes(q)
+        return rate[0] * np.array([1.0, 0.0, 0.0]) + rate[1] * second + self.omega * own
+
+    def momentum(self, q, rate):
+        _, own = self.axes(q)
+        w = self.turning(q, rate)
+        along = (w @ own) * own
+        return self.theta * (w - along) + self.phi * along
+
+    def pins(self, q):
+        """Heights of the two pins on the faces."""
+        own = self.axes(q)[1]
+        return (np.array([0.5, -0.5]) * self.h - self.r * own[1]) / own[2]
+
+    def moments(self, q, rate):
+        """Of pins, springs and dampers along the axes of the tilts."""
+        second, own = self.axes(q)
+        step = 1e-6
+        heights = self.pins(q)
+        speeds = (self.pins(q + step * rate) - self.pins(q - step * rate)) / (2 * step)
+        total = np.zeros(3)
+        for side, z, speed in zip((1.0, -1.0), heights, speeds, strict=True):
+            place = np.array([0.0, self.r, z])
+            past = np.cross(self.turning(q, rate), place) - np.array([0.0, 0.0, speed])
+            past = past - (past @ own) * own
+            past = past / np.linalg.norm(past)
+            pressed = self.n0 + side * (self.k * (z - side * self.h / 2) + self.d * speed)
+            normal = pressed / (own[2] + side * self.mu * past[2])
+            total += np.cross(place, -side * normal * own - self.mu * normal * past)
+        held = self.k_t * q + self.d_t * rate
+        return np.array([total[0], total @ second]) - held
+
+    def residual(self, q, rate, acceleration):
+        """Change of angular momentum less the moments, along the axes of the tilts."""
+        step = 1e-6
+        ends = [
+            self.momentum(q + s * rate + s * s / 2 * acceleration, rate + s * acceleration)
+            for s in (-step, step)
+        ]
+        change = (ends[1] - ends[0]) / (2 * step)
+        return np.array([change[0], change @ self.axes(q)[0]]) - self.moments(q, rate)
+
+    def linear(self):
+        """M, C, K about no tilt, by central differences."""
+        columns = {}
+        still = np.zeros(2)
+        for name, size in (("M", 1.0), ("C", 1e-3), ("K", 1e-6)):
+            columns[name] = np.zeros((2, 2))
+            for j in range(2):
+                x = size * np.eye(2)[j]
+                at = {"M": (still, still, x), "C": (still, x, still), "K": (x, still, still)}[name]
+                ahead, back = self.residual(*at), self.residual(*(-a for a in at))
+                columns[name][:, j] = (ahead - back) / (2 * size)
+        return columns["M"], columns["C"], columns["K"]
+
+
+def by_frequency(lam):
+    lam = lam[lam.imag > 0]
+    return lam[np.argsort(lam.imag)]
+
+
+def eigenvalues(M, C, K):
+    n = len(M)
+    below = np.hstack([-np.linalg.solve(M, K), -np.linalg.solve(M, C)])
+    return by_frequency(np.linalg.eigvals(np.vstack([np.eye(n, 2 * n, n), below])))
+
+
+def solved(folder, name="disc", **values):
+    """Tables of the shipped study at four speeds, with other values of its parameters."""
+    text = re.sub(r"start = 2.0\nstop = 100.0\nnum = 50", f"values = {SPEEDS}", STUDY.read_text())
+    for key, value in values.items():
+        text = re.sub(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
+    path = folder / f"{name}.toml"
+    path.write_text(text.replace("[model]\n", f'[model]\nfolder = "{STUDY.parent}"\n'))
+    return sq.run(path, folder / name, jobs=1)
+
+
+def roots(results):
+    """Oscillating roots by speed, 1/s."""
+    table = results.modes.merge(results.points[["point_id", "omega"]], on="point_id")
+    table["size"] = 2 * np.pi * table["frequency_hz"]
+    imaginary = np.sqrt(table["size"] ** 2 - table["growth_rate"] ** 2)
+    table["lam"] = table["growth_rate"] + 1j * imaginary
+    return {omega: by_frequency(t["lam"].to_numpy()) for omega, t in table.groupby("omega")}
+
+
+@pytest.fixture(scope="module")
+def parameters():
+    return tomllib.loads(STUDY.read_text())["parameters"]
+
+
+def test_the_study_has_the_equations_of_finite_tilts(parameters, tmp_path):
+    """Roots over speed, and the speed from which friction makes the disc wobble."""
+    results = solved(tmp_path)
+    judged = {w: FiniteTilts(**parameters | {"omega": w}).linear() for w in SPEEDS}
+    for omega, lam in roots(results).items():
+        M, C, K = judged[omega]
+        expected = eigenvalues(M, C, K)
+        assert lam.imag == pytest.approx(expected.imag, rel=1e-8)
+        assert lam.real == pytest.approx(expected.real, abs=2e-3)
+    grows = results.points.set_index("omega")["n_unstable"] > 0
+    assert grows.to_dict() == {w: w > 31.56 for w in SPEEDS}
+    assert results.onsets["onset"].to_list() == pytest.approx([31.56], abs=0.02)
+
+
+def test_without_gyroscopic_terms_it_stays(tmp_path):
+    """They alone let friction feed the disc."""
+    assert (solved(tmp_path, phi=0.0).points["n_unstable"] == 0).all()
+
+
+def test_a_free_rotor_splits_as_its_closed_form(parameters, tmp_path):
+    """Forward and backward: sqrt(k / theta + (phi omega / 2 theta)^2) -+ phi omega / 2 theta."""
+    free = dict.fromkeys(("mu", "n0", "k", "d", "d_t"), 0.0)
+    stiffness, inertia = parameters["k_t"], parameters["theta"]
+    for omega, lam in roots(solved(tmp_path, **free)).items():
+        half = parameters["phi"] * omega / (2 * inertia)
+        middle = np.sqrt(stiffness / inertia + half**2)
+        assert lam.imag == pytest.approx([middle - half, middle + half], rel=1e-12)
+        assert lam.real == pytest.approx([0.0, 0.0], abs=1e-7)
