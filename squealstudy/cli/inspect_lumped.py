@@ -14,15 +14,14 @@ from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.lumped.build import LumpedBuild
 from squealstudy.models.lumped.masses import MassSpace
 from squealstudy.models.lumped.matrix_tables import ContactOn, DamperOn, LoadOn, Motion, SpringOn
+from squealstudy.models.lumped.number_types import Direction, Number
 from squealstudy.models.lumped.parts import PER_AREA
 from squealstudy.models.lumped.tables import (
     TRANSLATIONS,
     TURNS,
     ContactTable,
     DamperTable,
-    Direction,
     LoadTable,
-    Number,
     SpringTable,
 )
 from squealstudy.models.model_point import ModelPoint

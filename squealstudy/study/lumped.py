@@ -161,14 +161,9 @@ def _declared(
     return (*first, *others, friction_parameters, contact_parameters, *mine)
 
 
-def _table(file: AnyFile, name: str) -> ParameterTable:
-    entry = file.parameters[name]
-    return entry if isinstance(entry, ParameterTable) else ParameterTable(default=entry)
-
-
 def _changed(parameter: Parameter, file: AnyFile, source: SourceText) -> Parameter:
     """A parameter of the operating point with another default."""
-    table, keys = _table(file, parameter.name), ("parameters", parameter.name)
+    table, keys = file.parameters[parameter.name], ("parameters", parameter.name)
     for key in ("unit", "minimum", "maximum"):
         if getattr(table, key) is not None:
             raise source.error((*keys, key), "it belongs to the operating point: default alone")
@@ -178,7 +173,7 @@ def _changed(parameter: Parameter, file: AnyFile, source: SourceText) -> Paramet
 
 def _parameter(name: str, file: AnyFile, source: SourceText) -> Parameter:
     """A parameter that numbers of the file are made of."""
-    table, keys = _table(file, name), ("parameters", name)
+    table, keys = file.parameters[name], ("parameters", name)
     if not name.isidentifier() or name in RESERVED_NAMES or name in RESERVED:
         text = f"'{name}' has another meaning: expected a name of letters, digits and _"
         raise source.error(keys, text if name.isidentifier() else text.partition(": ")[2])

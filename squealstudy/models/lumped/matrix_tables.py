@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, Strict
 
 from squealstudy.models.file_table import Name, Table
+from squealstudy.models.lumped.number_types import Number, checked_number
 from squealstudy.models.lumped.tables import (
     ContactNumbers,
     DamperNumbers,
     LoadNumbers,
     LumpedFile,
     NameTuple,
-    Number,
     PartsFile,
     SpringNumbers,
 )
@@ -32,7 +31,7 @@ MOTION_TEXT = (
 def _motion(written: Any) -> Any:
     """Coordinates and their factors, as `Motion` has them, of what a file says."""
     if isinstance(written, Mapping):
-        pairs = [(name, _factor(written[name])) for name in written]
+        pairs = [(name, checked_number(part)) for name, part in written.items()]
     elif isinstance(written, list):
         if len(written) not in (1, 2):
             raise ValueError(f"expected one coordinate or two, got {len(written)}")
@@ -46,15 +45,6 @@ def _motion(written: Any) -> Any:
         if names.count(name) > 1:
             raise ValueError(f"expected two coordinates that differ, got '{name}' twice")
     return tuple(pairs)
-
-
-def _factor(written: Any) -> Number:
-    number = isinstance(written, int | float | str) and not isinstance(written, bool)
-    if not number:
-        raise ValueError(f"expected a number or an expression as factor, got {written}")
-    if not isinstance(written, str) and not math.isfinite(written):
-        raise ValueError(f"expected a finite factor, got {written}")
-    return written if isinstance(written, str) else float(written)
 
 
 def _signed(written: Any, sign: float) -> tuple[str, float]:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from squealstudy.models.file_table import KeyPath, PlacedError
-from squealstudy.models.lumped.tables import AXES, TRANSLATIONS, TURNS, Direction, Number
+from squealstudy.models.lumped.number_types import LARGEST_NUMBER, Direction, Number
+from squealstudy.models.lumped.tables import AXES, TRANSLATIONS, TURNS
 from squealstudy.models.matrices.expression import Expression, ExpressionError
 
 Values = Mapping[str, Any]  # of the parameters: numbers, or arrays (m,)
@@ -33,9 +34,24 @@ def value_of(number: Number, values: Values, keys: KeyPath) -> np.ndarray:
     if not isinstance(number, str):
         return np.asarray(number, dtype=float)
     try:
-        return expression(number).of_arrays(values)
+        number_values = expression(number).of_arrays(values)
     except ExpressionError as error:
         raise PlacedError(keys, str(error)) from None
+    wrong = np.flatnonzero(np.abs(number_values) > LARGEST_NUMBER)
+    if len(wrong):
+        got = _got(number, number_values, wrong[0], values)
+        raise PlacedError(keys, f"expected a number of at most {LARGEST_NUMBER:g}, got {got}")
+    return number_values
+
+
+def _got(number: Number, number_values: np.ndarray, place: int, values: Values) -> str:
+    """One of the values of a number, and of what parameters it is."""
+    text = f"{np.atleast_1d(number_values)[place]:g}"
+    if names := names_in(number):
+        at = (np.broadcast_to(values[n], number_values.shape).flat[place] for n in names)
+        at_values = ", ".join(f"{n} = {v:g}" for n, v in zip(names, at, strict=True))
+        text += f" of '{number}' at {at_values}"
+    return text
 
 
 def bounded(
@@ -45,11 +61,7 @@ def bounded(
     number_values = value_of(number, values, keys)
     wrong = np.flatnonzero(number_values < 0.0 if zero else number_values <= 0.0)
     if len(wrong):
-        got = f"{np.atleast_1d(number_values)[wrong[0]]:g}"
-        if names := names_in(number):
-            at = (np.broadcast_to(values[n], number_values.shape).flat[wrong[0]] for n in names)
-            at_values = ", ".join(f"{n} = {v:g}" for n, v in zip(names, at, strict=True))
-            got += f" of '{number}' at {at_values}"
+        got = _got(number, number_values, wrong[0], values)
         expected = "at least 0" if zero else "a value above 0"
         raise PlacedError(keys, f"expected {' '.join(filter(None, (expected, unit)))}, got {got}")
     return number_values

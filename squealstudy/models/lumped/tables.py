@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, Strict, model_validator
 
-from squealstudy.models.file_table import Name, Table, Vector
+from squealstudy.models.file_table import Name, Table
+from squealstudy.models.lumped.number_types import Direction, Number, NumberWithUnit, Place
 
 GROUND = "ground"  # what does not move
 MOVING = ("belt", "disc")  # what slides at the imposed speed, and does not vibrate
 TRANSLATIONS, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 AXES = (*TRANSLATIONS, *TURNS)
 
-Number = float | str  # a number, or an expression of the file's parameters
-Components = Annotated[
-    tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)
-]  # along x, y and z; z is 0 where there are two
-Direction = str | Components
 Ends = Annotated[tuple[str, str], Strict(False)]
 NameTuple = Annotated[tuple[str, ...], Strict(False)]
 
@@ -34,7 +30,7 @@ class MassTable(Table):
     directions: NameTuple = Field(
         default=(), description="its coordinates, of x, y, z (m) and rx, ry, rz (rad)"
     )
-    place: Vector = Field(default=(0.0, 0.0, 0.0), description="of its centre of mass, m")
+    place: Place = Field(default=(0.0, 0.0, 0.0), description="of its centre of mass, m")
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -94,7 +90,7 @@ class SpringTable(SpringNumbers):
 
     between: Ends = Field(description='two masses, or a mass and "ground"')
     direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
-    at: Vector | None = Field(default=None, description=PLACE_TEXT)
+    at: Place | None = Field(default=None, description=PLACE_TEXT)
 
 
 class DamperNumbers(Table):
@@ -109,7 +105,7 @@ class DamperTable(DamperNumbers):
 
     between: Ends = Field(description='two masses, or a mass and "ground"')
     direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
-    at: Vector | None = Field(default=None, description=PLACE_TEXT)
+    at: Place | None = Field(default=None, description=PLACE_TEXT)
 
 
 class ContactNumbers(Table):
@@ -143,7 +139,7 @@ class ContactTable(ContactNumbers):
         default=None,
         description=ALONG + "in which the second slides past the first, and pulls it",
     )
-    at: Vector | None = Field(default=None, description=PLACE_TEXT)
+    at: Place | None = Field(default=None, description=PLACE_TEXT)
 
 
 class LoadNumbers(Table):
@@ -161,24 +157,29 @@ class LoadTable(LoadNumbers):
 
     on: str = Field(description="the mass")
     direction: Direction = Field(description=ALONG + "rx, ry or rz of a moment")
-    at: Vector | None = Field(default=None, description=PLACE_TEXT)
+    at: Place | None = Field(default=None, description=PLACE_TEXT)
 
 
 class ParameterTable(Table):
     """A parameter that numbers of the file are made of, or one of the operating point."""
 
-    default: float | str = Field(description='number in SI units, or with its unit: "7 kN/mm"')
+    default: NumberWithUnit = Field(description='number in SI units, or with its unit: "7 kN/mm"')
     unit: str | None = Field(default=None, description="of SI, or deg; empty for a pure number")
     description: str = ""
     minimum: float | None = None
     maximum: float | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_its_default(cls, written: Any) -> Any:
+        return written if isinstance(written, dict | ParameterTable) else {"default": written}
 
 
 class PartsFile(Table):
     """What a file of masses and one of matrices share."""
 
     description: str = ""
-    parameters: dict[str, ParameterTable | float | str] = Field(default={})
+    parameters: dict[str, ParameterTable] = Field(default={})
 
     def name_of(self, kind: str, number: int) -> str:
         """Name of a mass, spring, damper, contact or load."""

@@ -1,4 +1,4 @@
-"""Bad input of model files with own matrices and contact: one sentence each."""
+"""Bad input of files of lumped models, with own matrices too: one sentence each."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sp
+from test_lumped import BELT, ROCKER, changed, model_of
 
 import squealstudy as sq
 from squealstudy.errors import ModelError, StudyFileError
@@ -53,7 +54,7 @@ BAD = [
     ('normal = ["pad_y", "disc_y"]\n', "normal = {pad_y = 0.0}\n", "contact[1].normal",
      "all zero"),
     ('normal = ["pad_y", "disc_y"]\n', "normal = {pad_y = inf}\n", "contact[1].normal",
-     "finite factor"),
+     "finite number"),
     ('normal = ["pad_y", "disc_y"]\n', 'normal = {pad_y = "q"}\n', "contact[1].normal.pad_y",
      "no parameter 'q'"),
     ('sliding = "-pad_x"\n', "", "contact[1]", "'sliding' is missing"),
@@ -148,3 +149,43 @@ def test_a_model_of_matrices_tells_where_contact_goes(tmp_path):
             StudyFileError, match=r"a file with \[\[term\]\], named by \[model\] file"
         ):
             sq.read_study(path)
+
+
+NOT_NUMBERS = ["inf", "-inf", "nan", "1e400", "1e60", "true"]
+PLACES = [
+    (BELT, 'mass = "m"', "mass = {}", "mass[1].mass"),
+    (BELT, 'stiffness = "contact_stiffness"', "stiffness = {}", "contact[1].stiffness"),
+    (BELT, 'force = "normal_force"', "force = {}", "load[1].force"),
+    (BELT, 'direction = "-y"', "direction = [0, {}]", "load[1].direction"),
+    (BELT, "friction = 0.5", "friction = {}", "parameters.friction"),
+    (BELT, "m = { default = 1.0", "m = { default = {}", "parameters.m.default"),
+    (BELT, 'sliding = "-x"', 'sliding = "-x"\ngap = {}', "contact[1].gap"),
+    (ROCKER, "at = [0.02, -0.01", "at = [0.02, {}", "contact[2].at[2]"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "old", "new", "key"), PLACES)
+def test_what_is_no_number_is_told_with_its_key(text, old, new, key, tmp_path):
+    """Not finite, absurdly large, of another type: one sentence each."""
+    path = tmp_path / "bad.toml"
+    for written in NOT_NUMBERS:
+        path.write_text(changed(text, old, new.replace("{}", written)))
+        with pytest.raises(StudyFileError) as told:
+            read_lumped(path)
+        message = str(told.value)
+        assert f"key '{key}': expected a" in message, message
+        assert ("finite number" in message or "at most 1e+50" in message) or written == "true"
+        assert "\n" not in message
+
+
+def test_expressions_beyond_all_bounds(tmp_path):
+    """Of the file at its defaults, and of one design point of a batch."""
+    path = tmp_path / "bad.toml"
+    path.write_text(changed(BELT, 'mass = "m"', 'mass = "m * 1e60"'))
+    with pytest.raises(StudyFileError, match=r"at most 1e\+50, got 1e\+60 of 'm \* 1e60'"):
+        read_lumped(path)
+    model = model_of(tmp_path, changed(BELT, 'mass = "m"', 'mass = "m**20"'))
+    batch = model.at(m=np.array([1.0, 1e4, 1.1])).modes((1.0, 5000.0))
+    assert list(batch.status)[0::2] == ["ok", "ok"]
+    assert "mass[1].mass" in batch.message[1]
+    assert "got 1e+80 of 'm**20' at m = 10000" in batch.message[1]

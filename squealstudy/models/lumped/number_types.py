@@ -1,0 +1,48 @@
+"""Numbers, directions and places in files of lumped models: what they may be, in one sentence."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, Strict
+
+from squealstudy.wording import shown
+
+# a stiffness of this size times the square of an arm of this size is MAX_SQUARABLE_ENTRY
+LARGEST_NUMBER = 1e50
+
+
+def checked_number(written: Any, *, text: str = "an expression in quotes") -> float | str:
+    """A finite number as it is, or a text; ValueError where it is neither, or too large."""
+    if isinstance(written, str):
+        return written
+    number = isinstance(written, int | float) and not isinstance(written, bool)
+    if not number or not math.isfinite(written):
+        raise ValueError(f"expected a finite number, or {text}, got {shown(written)}")
+    if abs(written) > LARGEST_NUMBER:
+        raise ValueError(f"expected a number of at most {LARGEST_NUMBER:g}, got {written:g}")
+    return float(written)
+
+
+def _with_unit(written: Any) -> float | str:
+    return checked_number(written, text='text with its unit, such as "7 kN/mm"')
+
+
+def _direction(written: Any) -> str | tuple[float | str, ...]:
+    if isinstance(written, str):
+        return written
+    if not isinstance(written, list):
+        text = f"expected a direction such as 'x', or components [x, y], got {shown(written)}"
+        raise ValueError(text)  # noqa: TRY004 - pydantic tells no TypeError
+    if len(written) not in (2, 3):
+        raise ValueError(f"expected two or three components, got {len(written)}")
+    return tuple(checked_number(part) for part in written)
+
+
+Number = Annotated[float | str, BeforeValidator(checked_number)]  # or of the file's parameters
+NumberWithUnit = Annotated[float | str, BeforeValidator(_with_unit)]
+# along x, y and z; z is 0 where there are two
+Direction = Annotated[str | tuple[float | str, ...], BeforeValidator(_direction)]
+_OnAxis = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
+Place = Annotated[tuple[_OnAxis, _OnAxis, _OnAxis], Strict(False)]
