@@ -44,11 +44,11 @@ def value_of(number: Number, values: Values, keys: KeyPath) -> np.ndarray:
     return number_values
 
 
-def _got(number: Number, number_values: np.ndarray, place: int, values: Values) -> str:
+def _got(number: Number, number_values: np.ndarray, i: int, values: Values) -> str:
     """One of the values of a number, and of what parameters it is."""
-    text = f"{np.atleast_1d(number_values)[place]:g}"
+    text = f"{np.atleast_1d(number_values)[i]:g}"
     if names := names_in(number):
-        at = (np.broadcast_to(values[n], number_values.shape).flat[place] for n in names)
+        at = (np.broadcast_to(values[n], number_values.shape).flat[i] for n in names)
         at_values = ", ".join(f"{n} = {v:g}" for n, v in zip(names, at, strict=True))
         text += f" of '{number}' at {at_values}"
     return text
