@@ -45,4 +45,4 @@ NumberWithUnit = Annotated[float | str, BeforeValidator(_with_unit)]
 # along x, y and z; z is 0 where there are two
 Direction = Annotated[str | tuple[float | str, ...], BeforeValidator(_direction)]
 _OnAxis = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
-Place = Annotated[tuple[_OnAxis, _OnAxis, _OnAxis], Strict(False)]
+Position = Annotated[tuple[_OnAxis, _OnAxis, _OnAxis], Strict(False)]

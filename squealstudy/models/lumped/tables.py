@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Strict, model_validator
 
 from squealstudy.models.file_table import Name, Table
-from squealstudy.models.lumped.number_types import Direction, Number, NumberWithUnit, Place
+from squealstudy.models.lumped.number_types import Direction, Number, NumberWithUnit, Position
 
 GROUND = "ground"  # what does not move
 MOVING = ("belt", "disc")  # what slides at the imposed speed, and does not vibrate
@@ -30,7 +30,7 @@ class MassTable(Table):
     directions: NameTuple = Field(
         default=(), description="its coordinates, of x, y, z (m) and rx, ry, rz (rad)"
     )
-    place: Place = Field(default=(0.0, 0.0, 0.0), description="of its centre of mass, m")
+    place: Position = Field(default=(0.0, 0.0, 0.0), description="of its centre of mass, m")
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -90,7 +90,7 @@ class SpringTable(SpringNumbers):
 
     between: Ends = Field(description='two masses, or a mass and "ground"')
     direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
-    at: Place | None = Field(default=None, description=PLACE_TEXT)
+    at: Position | None = Field(default=None, description=PLACE_TEXT)
 
 
 class DamperNumbers(Table):
@@ -105,7 +105,7 @@ class DamperTable(DamperNumbers):
 
     between: Ends = Field(description='two masses, or a mass and "ground"')
     direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
-    at: Place | None = Field(default=None, description=PLACE_TEXT)
+    at: Position | None = Field(default=None, description=PLACE_TEXT)
 
 
 class ContactNumbers(Table):
@@ -139,7 +139,7 @@ class ContactTable(ContactNumbers):
         default=None,
         description=ALONG + "in which the second slides past the first, and pulls it",
     )
-    at: Place | None = Field(default=None, description=PLACE_TEXT)
+    at: Position | None = Field(default=None, description=PLACE_TEXT)
 
 
 class LoadNumbers(Table):
@@ -157,7 +157,7 @@ class LoadTable(LoadNumbers):
 
     on: str = Field(description="the mass")
     direction: Direction = Field(description=ALONG + "rx, ry or rz of a moment")
-    at: Place | None = Field(default=None, description=PLACE_TEXT)
+    at: Position | None = Field(default=None, description=PLACE_TEXT)
 
 
 class ParameterTable(Table):
