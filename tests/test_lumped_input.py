@@ -76,12 +76,14 @@ BAD = [
     ('file = "m.mtx"', 'file = "massless.mtx"', "term[1]", "0 on its diagonal in row 2"),
     ('file = "m.mtx"', 'file = "negative.mtx"', "term[1]", "M is not positive definite"),
     ('matrix = "K"', 'matrix = "C"', "term", 'matrix = "K", the stiffness: there is none'),
-    ('matrix = "K"', 'matrix = "G"', "term[2].matrix", "'M', 'C' or 'K'"),
+    ('matrix = "K"', 'matrix = "B"', "term[2].matrix", "'M', 'C', 'K' or 'G'"),
+    ("[[contact]]", '[[term]]\nmatrix = "G"\nfile = "k.mtx"\n[[contact]]', "term[3].file",
+     "not skew-symmetric"),
     ("factor = 1.0", "factor = -1.0", "term[2]", "K has a negative eigenvalue at factor = -1"),
     ('file = "k.mtx"', 'file = "zero.mtx"', "term[2]", "nothing holds"),
     ("[[contact]]", '[[mass]]\nname = "a"\nmass = 1.0\n[[contact]]', "term", "not both"),
     ("[[contact]]", '[[term]]\nmatrix = "C"\nfile = "skew.mtx"\n[[contact]]', "term[3].file",
-     "without gyroscopic terms"),
+     "gyroscopic terms have matrix"),
 ]  # fmt: skip
 
 

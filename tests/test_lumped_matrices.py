@@ -189,6 +189,7 @@ class Pads:
     """
 
     speed, friction, cubic = 5.0, np.array([0.8, 0.24]), 1e14
+    rotation = 20.0  # rad/s, of gyroscopic terms
     contact = np.array([4e6 / 3, 1.7e6])
 
     def __init__(self):
@@ -201,8 +202,10 @@ class Pads:
         K[2:, 2:] += 1.3 * block
         C = 2e-5 * K + np.diag([15.0, 15.0, 25.0, 25.0])
         self.mixed = np.random.default_rng(3).standard_normal((4, 4))
-        self.M, self.K, self.C = (
-            self.mixed.T @ A @ self.mixed for A in (np.diag([1.0, 1.0, 0.7, 0.7]), K, C)
+        turning = np.zeros((4, 4))
+        turning[[0, 1, 2, 3], [1, 0, 3, 2]] = [1.0, -1.0, -0.5, 0.5]
+        self.M, self.K, self.C, self.G = (
+            self.mixed.T @ A @ self.mixed for A in (np.diag([1.0, 1.0, 0.7, 0.7]), K, C, turning)
         )
         self.N = np.eye(4)[[1, 3]] @ self.mixed
         self.T = np.eye(4)[[0, 2]] @ self.mixed
@@ -211,10 +214,11 @@ class Pads:
 
     def write(self, folder):
         """The model file, with names of the coordinates."""
-        np.savez(folder / "pads.npz", **{k: (A + A.T) / 2 for k, A in self.terms.items()})
+        np.savez(folder / "pads.npz", **self.terms)
         text = 'coordinates = ["one", "two", "three", "four"]\n'
         for letter in self.terms:
             text += f'[[term]]\nmatrix = "{letter}"\nfile = "pads.npz"\nvariable = "{letter}"\n'
+        text += 'coefficient = "speed"\n'  # of the last: gyroscopic
         for i in (0, 1):
             text += f"[[contact]]\nnormal = {self.named(self.N[i])}\n"
             text += f"sliding = {self.named(-self.T[i])}\nstiffness = {self.contact[i]}\n"
@@ -223,12 +227,13 @@ class Pads:
         text += f"cubic = {self.cubic}\n"
         text += f"[[load]]\nalong = {self.named(self.load)}\nforce = 1.0\n"
         text += f"[parameters]\nfriction = {self.friction[0]}\nsliding_speed = {self.speed}\n"
+        text += f"speed = {self.rotation}\n"
         (folder / "pads.toml").write_text(text)
         return str(folder / "pads.toml")
 
     @property
     def terms(self):
-        return {"M": self.M, "K": self.K, "C": self.C}
+        return {"M": self.M, "K": self.K, "C": self.C, "G": self.G}
 
     @staticmethod
     def named(row):
@@ -242,12 +247,13 @@ class Pads:
         """Mean and RMS of the friction force, and its frequency [Hz], of the second half."""
         inverse = np.linalg.inv(self.M)
         pull = self.N.T - self.T.T * self.friction
+        rates = self.C + self.rotation * self.G
 
         def acceleration(q, v):
             slid = np.sign(self.speed + self.T @ v)
             assert (slid > 0).all()  # as `pull` has it
             bent = self.cubic * (self.spring @ q) ** 3 * self.spring
-            return inverse @ (self.load + pull @ self.pressed(q) - self.K @ q - self.C @ v - bent)
+            return inverse @ (self.load + pull @ self.pressed(q) - self.K @ q - rates @ v - bent)
 
         q = np.linalg.solve(self.K + pull @ np.diag(self.contact) @ self.N, self.load)
         v = kick * np.linalg.solve(self.mixed, [1.0, 0.0, 0.0, 0.0])
@@ -346,3 +352,40 @@ def test_the_shipped_pads_squeal_if_kicked():
     cycles = system.limit_cycles(band=(10.0, 1000.0)).to_pandas()
     assert list(cycles["stable"]) == [False, True]
     assert cycles["frequency_hz"].iloc[1] == pytest.approx(170.6, abs=0.05)
+
+
+def test_a_disc_that_turns_splits_its_roots(tmp_path):
+    """Forward and backward, by closed form; one by one, as a batch, by rates of speed, in time."""
+    theta, phi, k = 0.16, 0.32, 1.88e7
+    np.savez(
+        tmp_path / "disc.npz",
+        M=theta * np.eye(2), K=k * np.eye(2), G=phi * np.array([[0.0, 1.0], [-1.0, 0.0]]),
+    )  # fmt: skip
+    text = "".join(
+        f'[[term]]\nmatrix = "{x}"\nfile = "disc.npz"\nvariable = "{x}"\n' for x in "MKG"
+    )
+    text += 'coefficient = "speed"\n[[contact]]\nnormal = 1\nsliding = 2\nstiffness = 1e-3\n'
+    text += "[[load]]\nalong = -1\nforce = 1\n[parameters]\nspeed = 50.0\nfriction = 0.0\n"
+    (tmp_path / "disc.toml").write_text(text)
+    model = sq.model(str(tmp_path / "disc.toml"))
+
+    def expected(speed):
+        half = phi * speed / (2 * theta)
+        return np.sqrt(k / theta + half**2) + np.array([-half, half])
+
+    speeds = np.array([0.0, 50.0, -200.0, 400.0])
+    batch = model.at(speed=speeds).modes((500.0, 3000.0))
+    for i, speed in enumerate(speeds):
+        one = model.at(speed=float(speed)).modes((500.0, 3000.0))
+        for lam in (batch.lam[i], one.lam):
+            assert lam.imag == pytest.approx(np.sort(expected(speed)), rel=1e-9)
+            assert np.abs(lam.real).max() < 1e-6
+    found = model.at().sensitivities("speed", modes=2, band=(500.0, 3000.0))
+    rates = (expected(50.001) - expected(49.999)) / 0.002
+    assert found.derivative[:, 0].imag == pytest.approx(rates, rel=1e-4)
+    run = model.at().simulate(duration=0.05, step=2e-6, perturbation=0.1, band=(500.0, 3000.0))
+    summary = run.summary().iloc[0]
+    hz = expected(50.0) / (2 * np.pi)
+    assert np.abs(hz - summary["frequency_hz"]).min() < 0.1
+    assert abs(summary["energy_balance"]) < 1e-4
+    assert abs(summary["growth_rate"]) < 1e-2

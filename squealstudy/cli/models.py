@@ -58,7 +58,7 @@ file = "groan.toml"            # a file with [[mass]] or [[term]] is a lumped mo
 In place of masses there may be matrices, symmetric, of 500 coordinates at most:
 
 coordinates = ["pad_x", "pad_y"]  # names of the rows, if they have any
-[[term]]     matrix (M, C or K), file, variable, coefficient
+[[term]]     matrix (M, C, K; G: gyroscopic), file, variable, coefficient
 [[contact]]  normal, sliding, across;  [[spring]], [[damper]], [[load]]  along: each a coordinate
              ("pad_y", or its number from 1; "-pad_y"), two (["pad_y", "disc_y"]: the first over the
              second), or a sum {pad_y = 1, disc_y = -0.5}; other keys as above

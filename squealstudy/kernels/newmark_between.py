@@ -7,6 +7,8 @@ by since.
 
 D is read from memory at every evaluation, by each design of a batch its own: it is kept in single
 precision (entries to 6e-8, of a part of the damping) and its lower half alone is read.
+
+So is G, the gyroscopic matrix of a design that turns, which is read whole.
 """
 
 from __future__ import annotations
@@ -49,17 +51,26 @@ def multiply(D: np.ndarray, v: np.ndarray, u: np.ndarray) -> None:
         u[i + 3] += u3
 
 
+@fast_kernel
+def turn(G: np.ndarray, v: np.ndarray, u: np.ndarray) -> None:
+    """Take G v off u, of a full G (n, n): it does no work, and counts in none."""
+    for i in range(v.size):
+        for j in range(v.size):
+            u[i] -= G[i, j] * v[j]
+
+
 @hot_kernel
 def resist(modal: ModalArrays, work: WorkArrays, k: int) -> bool:
-    """Take D q' off row DELTA of design k at its trial state; False where it has no D."""
-    place = modal.between_of[k]
-    if place < 0:
-        return False
-    x, D = work.x[k], modal.between[place]
-    copy(x[at.V_TRIAL], x[at.V_SEEN])
-    multiply(D, x[at.V_SEEN], x[at.RESISTED])
-    move(x[at.DELTA], -1.0, x[at.RESISTED])
-    return True
+    """Take (D + G) q' off row DELTA of design k at its trial state; False where it has neither."""
+    place, turning = modal.between_of[k], modal.turning_of[k]
+    x = work.x[k]
+    if place >= 0:
+        copy(x[at.V_TRIAL], x[at.V_SEEN])
+        multiply(modal.between[place], x[at.V_SEEN], x[at.RESISTED])
+        move(x[at.DELTA], -1.0, x[at.RESISTED])
+    if turning >= 0:
+        turn(modal.turning[turning], x[at.V_TRIAL], x[at.DELTA])
+    return place >= 0 or turning >= 0
 
 
 @fast_kernel

@@ -168,13 +168,16 @@ def lu_solve(A: np.ndarray, pivots: np.ndarray, x: np.ndarray) -> None:
 def linear_jacobian(modal: ModalArrays, k: int, level: int, row: np.ndarray, A: np.ndarray) -> None:
     """A of design k without contact beyond the reference tangent; `row` (3, n) is room."""
     component_terms, E = modal.component_terms[k], modal.steps[k, level]
-    place = modal.between_of[k]
+    place, turning = modal.between_of[k], modal.turning_of[k]
     for i in range(A.shape[0]):
         fill(A[i], 0.0)
         A[i, i] = 1.0
         if place >= 0:
             for j in range(A.shape[1]):
                 A[i, j] += modal.between[place, i, j] * E[at.LAST_V, j]
+        if turning >= 0:
+            for j in range(A.shape[1]):
+                A[i, j] += modal.turning[turning, i, j] * E[at.LAST_V, j]
     for m in range(modal.shapes.shape[0]):
         d, s, u, answer = component_terms[0, m], component_terms[1, m], modal.shapes[m], row[0]
         for j in range(u.size):

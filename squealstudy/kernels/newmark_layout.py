@@ -145,6 +145,8 @@ class ModalArrays(NamedTuple):
     component_terms: np.ndarray  # (nb, 2, m) d, s
     between: np.ndarray  # (.., n, n) f4, dampings D between coordinates, diagonal zero, 1/s
     between_of: np.ndarray  # (nb,) int, the place of each design's D; -1 where it has none
+    turning: np.ndarray  # (.., n, n) f4, gyroscopic matrices G, skew-symmetric, 1/s
+    turning_of: np.ndarray  # (nb,) int, the place of each design's G; -1 where it has none
     fixed: np.ndarray  # (nb, 2, nc) in the Jacobian: N/m beyond k_ref, tangential N s/m
     sensors: np.ndarray  # (nb, ns, n) zeros where a design has fewer
     tangential: np.ndarray  # (2 nc, n) T1 and T2 of each point

@@ -56,7 +56,7 @@ class Unreduced:
 
     @cached_property
     def C(self) -> sp.csr_matrix:
-        """Damping (n_dof, n_dof) of the components' own, N s/m; modal damping is none of it."""
+        """Own damping and gyroscopic terms (n_dof, n_dof), N s/m; modal damping is none of it."""
         component_damping = self.assembled.C_el
         return sp.csr_matrix(self.M.shape) if component_damping is None else component_damping
 

@@ -24,7 +24,7 @@ from squealstudy.models.linear_interfaces import (
     SpringInterface,
     StressStiffness,
 )
-from squealstudy.models.matrix_checks import check_masses, check_size, check_symmetric
+from squealstudy.models.matrix_checks import check_masses, check_size, check_skew, check_symmetric
 
 if TYPE_CHECKING:  # scikit-fem is slow to load
     from squealstudy.models.fem.sampling import Surface
@@ -55,6 +55,8 @@ class Component:
         Displacements of the nodes, where some follow others; None: those of `dofs`.
     C : csr_matrix (n, n) or None
         Damping of its own, N s/m, symmetric; None: it has none.
+    G : csr_matrix (n, n) or None
+        Gyroscopic terms, N s/m, skew-symmetric; None: it does not turn, or they are left out.
     sets : mapping of name -> callable
         Named faces of a generated one: () -> points of a face (models.fem.sampling.Surface).
 
@@ -74,6 +76,7 @@ class Component:
     expansion: sp.csr_matrix | None = None
     C: sp.csr_matrix | None = None
     sets: Mapping[str, Callable[[], Surface]] = field(default_factory=dict)
+    G: sp.csr_matrix | None = None
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
@@ -82,6 +85,8 @@ class Component:
             check_symmetric(f"component '{self.name}': {label} matrix", A, self.n_dof)
         if self.C is not None:
             check_symmetric(f"component '{self.name}': damping matrix", self.C, self.n_dof)
+        if self.G is not None:
+            check_skew(f"component '{self.name}': gyroscopic matrix", self.G, self.n_dof)
         check_masses(f"component '{self.name}': mass matrix", self.M)
         if (self.K.diagonal() < 0).any():
             raise ModelError(f"component '{self.name}': stiffness is not positive semi-definite")
@@ -339,10 +344,13 @@ class Assembly:
 
     @cached_property
     def C_el(self) -> sp.csr_matrix | None:
-        """Damping (n_dof, n_dof) of components and dampers, N s/m; None for none."""
-        if all(c.C is None for c in self.components) and not self.dampers:
+        """Damping and gyroscopic terms (n_dof, n_dof) of components and dampers, N s/m."""
+        if all(c.C is None and c.G is None for c in self.components) and not self.dampers:
             return None
-        blocks = [sp.csr_matrix(c.K.shape) if c.C is None else c.C for c in self.components]
+        blocks = [
+            sum((A for A in (c.C, c.G) if A is not None), sp.csr_matrix(c.K.shape))
+            for c in self.components
+        ]
         return sum((d.matrix() for d in self.dampers), sp.block_diag(blocks, format="csr"))
 
     @cached_property

@@ -8,6 +8,24 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.linalg.overflow import LEAST_MASS, MAX_SQUARABLE_ENTRY, largest_entry, too_large
 
+SKEW_SHARE = 1e-12  # of the largest entry: a matrix that is symmetric but for it
+
+
+def is_skew(A: np.ndarray | sp.spmatrix) -> bool:
+    """Whether a matrix has a skew-symmetric part that is no round-off: something turns."""
+    skew = abs(A - A.T)
+    return bool(skew.max() > SKEW_SHARE * max(abs(A).max(), 1e-300)) if A.size else False
+
+
+def check_skew(what: str, A: sp.spmatrix, n: int) -> None:
+    """Raise ModelError unless `A` is (n, n), finite and the opposite of its transpose."""
+    if A.shape != (n, n):
+        raise ModelError(f"{what} has shape {A.shape}, expected {(n, n)}")
+    check_size(what, A)
+    both = abs(A + A.T)
+    if both.nnz and both.max() > SKEW_SHARE * max(abs(A).max(), 1e-300):
+        raise ModelError(f"{what} is not skew-symmetric")
+
 
 def check_symmetric(what: str, A: sp.spmatrix, n: int) -> None:
     """Raise ModelError unless `A` is (n, n), finite and symmetric to round-off."""
@@ -15,7 +33,7 @@ def check_symmetric(what: str, A: sp.spmatrix, n: int) -> None:
         raise ModelError(f"{what} has shape {A.shape}, expected {(n, n)}")
     check_size(what, A)
     skew = abs(A - A.T)
-    if skew.nnz and skew.max() > 1e-12 * max(abs(A).max(), 1e-300):
+    if skew.nnz and skew.max() > SKEW_SHARE * max(abs(A).max(), 1e-300):
         raise ModelError(f"{what} is not symmetric")
 
 

@@ -29,7 +29,7 @@ class StackedAssembly:
     springs, static_springs : ndarray (m, n, n)
         Linear interfaces in vibration and at rest, N/m.
     C : ndarray (m, n, n) or None
-        Damping of the components' own, N s/m.
+        Damping of the components' own, and gyroscopic terms, N s/m.
     N, T, T_perp : ndarray (m, c, n)
         Contact observation (`ContactInterface`).
     area, gap0, frictional, speed_factor : ndarray (m, c)

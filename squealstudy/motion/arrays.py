@@ -83,7 +83,6 @@ def modal_arrays(
     steps = step_tables(modes, integrator, h, _levels(integrator, nc))
     stuck = isinstance(integrator, FixedJacobian) and integrator.mockup == "auto"
     tangential, compliance, self_compliance = _tangential(system, steps[0, 0, layout.LAST_V], stuck)
-    between, between_of = _between(system, designs, n)
     modal = layout.ModalArrays(
         points=points,
         laws=law_rows((x.contact, x.friction) for x in designs),
@@ -91,8 +90,7 @@ def modal_arrays(
         steps=steps,
         shapes=_padded_rows(system.shapes, n),
         component_terms=np.stack(component_terms, axis=1),
-        between=between,
-        between_of=between_of,
+        **_between(system, designs, n),
         fixed=fixed,
         sensors=_sensors(system, designs, n),
         tangential=tangential,
@@ -134,19 +132,17 @@ def _padded_rows(rows: np.ndarray, n: int) -> np.ndarray:
     return full
 
 
-def _between(
-    system: ModalSystem, designs: Sequence[MotionPoint], n: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Modal.between and between_of; designs whose matrix is one object share it.
+def _between(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> dict[str, np.ndarray]:
+    """Modal.between, turning, and which of them each design has; equal objects are shared.
 
     Raises
     ------
     ModelError
-        A matrix of another size, not finite, not symmetric, or with a diagonal.
+        A matrix of another size, not finite, or with a diagonal.
     """
-    matrices: list[np.ndarray] = []
-    places: dict[int, int] = {}
-    between_of = np.full(len(designs), -1)
+    kinds: dict[str, list[np.ndarray]] = {"between": [], "turning": []}
+    places: dict[int, dict[str, int]] = {}
+    of_designs = {name: np.full(len(designs), -1) for name in kinds}
     for k, D in enumerate(x.damping_between for x in designs):
         if D is None:
             continue
@@ -155,15 +151,22 @@ def _between(
                 raise ModelError(
                     f"design point: 'damping_between' needs {system.n} x {system.n} finite values"
                 )
-            if np.diag(D).any() or np.abs(D - D.T).max() > SYMMETRY_TOLERANCE * np.abs(D).max():
-                raise ModelError("design point: 'damping_between' is symmetric, its diagonal zero")
-            places[id(D)] = len(matrices)
-            matrices.append(D)
-        between_of[k] = places[id(D)]
-    between = aligned_zeros(len(matrices), n, n, dtype=np.float32)
-    for full, D in zip(between, matrices, strict=True):
-        full[: system.n, : system.n] = D
-    return between, between_of
+            if np.diag(D).any():
+                raise ModelError("design point: 'damping_between' has zeros on its diagonal")
+            halves = {"between": (D + D.T) / 2, "turning": (D - D.T) / 2}
+            least = SYMMETRY_TOLERANCE * np.abs(D).max()
+            used = {name: half for name, half in halves.items() if np.abs(half).max() > least}
+            places[id(D)] = {name: len(kinds[name]) for name in used}
+            for name, half in used.items():
+                kinds[name].append(half)
+        for name, i in places[id(D)].items():
+            of_designs[name][k] = i
+    arrays = {f"{name}_of": of for name, of in of_designs.items()}
+    for name, halves_of_all in kinds.items():
+        arrays[name] = aligned_zeros(len(halves_of_all), n, n, dtype=np.float32)
+        for full, half in zip(arrays[name], halves_of_all, strict=True):
+            full[: system.n, : system.n] = half
+    return arrays
 
 
 def _sensors(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> np.ndarray:

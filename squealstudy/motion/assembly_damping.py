@@ -7,11 +7,13 @@ complex modes have it. In the modes of a reference working point that is a full 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
 
 from squealstudy.errors import ParameterError
+from squealstudy.models.matrix_checks import is_skew
 from squealstudy.models.operating import DesignState
 from squealstudy.reduction.hybrid import SAME
 from squealstudy.system.linearise import modal_damping
@@ -32,7 +34,7 @@ class AssemblyDamping:
     shapes : ndarray (m, n)
         Rows of component modes that design points stiffen.
     own : ndarray (n, n) or None
-        The components' own damping, rad/s; None where they have none.
+        The components' own damping and gyroscopic terms, rad/s; None where they have none.
     damped_to : float
         rad/s; modes beyond have the damping coefficient of a mode there.
     basis : ndarray (n, r) or None
@@ -49,6 +51,11 @@ class AssemblyDamping:
     damped_to: float
     n_exact: int
     basis: np.ndarray | None = None
+
+    @cached_property
+    def turns(self) -> bool:
+        """Whether there are gyroscopic terms."""
+        return self.own is not None and is_skew(self.own)
 
     def on(self, basis: np.ndarray, n_exact: int) -> AssemblyDamping:
         """The same in coordinates of orthonormal columns (n, r) of all modes."""
@@ -72,7 +79,8 @@ class AssemblyDamping:
         diagonal : ndarray (r,)
             1/s, not negative.
         between : ndarray (r, r) or None
-            Symmetric with zeros on the diagonal, 1/s; None where nothing is beside the diagonal.
+            With zeros on the diagonal, symmetric where nothing turns, 1/s; None where nothing is
+            beside the diagonal.
 
         Raises
         ------
@@ -95,8 +103,8 @@ class AssemblyDamping:
             C = C + self.own
         if self.basis is not None:
             C = self.basis.T @ C @ self.basis
-        between = 0.5 * (C + C.T)
-        np.fill_diagonal(between, 0.0)
+        between = C if self.turns else 0.5 * (C + C.T)
+        between = between - np.diag(np.diag(C))
         return np.maximum(np.diag(C), 0.0), between if between.any() else None
 
     def _ratios(self, state: DesignState) -> np.ndarray:

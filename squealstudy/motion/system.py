@@ -153,7 +153,8 @@ class MotionPoint:
     continued : bool
         The start is the end of an earlier run; otherwise its energy is that of a perturbation.
     damping_between : ndarray (n, n) or None
-        Damping between coordinates, symmetric, zeros on its diagonal, 1/s; None for none.
+        Damping between coordinates and gyroscopic terms, the symmetric and the skew-symmetric part,
+        zeros on its diagonal, 1/s; None for none.
     beta : float
         Of a hybrid system: stiffness-proportional damping of all that is no real mode, s.
     static_torque : float

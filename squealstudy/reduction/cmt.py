@@ -12,6 +12,7 @@ from squealstudy.errors import ModelError
 from squealstudy.laws.spring import NO_SPRINGS
 from squealstudy.linalg.factor import RefinedFactor, factorise, side_by_side
 from squealstudy.linalg.real_modes import real_modes, shifted
+from squealstudy.models.matrix_checks import is_skew
 from squealstudy.models.operating import ModeKey
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.projected import AnyAssembly, Part
@@ -328,5 +329,5 @@ def _own_damping(assembly: AnyAssembly, basis: ComponentBasis) -> np.ndarray | N
     spans = [assembly.slices[name] for name in assembly.component_names]
     damped = np.hstack([C[:, s] @ T for s, T in zip(spans, basis.blocks, strict=True)])
     projected = np.vstack([T.T @ damped[s] for s, T in zip(spans, basis.blocks, strict=True)])
-    damping: np.ndarray = (projected + projected.T) / 2
+    damping: np.ndarray = projected if is_skew(C) else (projected + projected.T) / 2
     return damping

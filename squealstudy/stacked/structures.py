@@ -86,7 +86,7 @@ class StackedStructures:
             k_el=k_el,
             springs=_symmetric(back @ a.springs @ phi),
             static_springs=_symmetric(back @ a.static_springs @ phi),
-            C=None if a.C is None else _symmetric(back @ a.C @ phi),
+            C=None if a.C is None else back @ a.C @ phi,
             N=a.N @ phi,
             T=a.T @ phi,
             T_perp=a.T_perp @ phi,

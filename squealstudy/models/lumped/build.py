@@ -78,6 +78,7 @@ def assembly_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> Assembly:
                 sp.csr_matrix(own.M[0, a:b, a:b]),
                 sp.csr_matrix(own.K[0, a:b, a:b]),
                 C=None if own.C is None else sp.csr_matrix(own.C[0, a:b, a:b]),
+                G=None if own.G is None else sp.csr_matrix(own.G[0, a:b, a:b]),
             )
             for name, a, b in spans
         ),
@@ -109,6 +110,7 @@ def stack_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> StackedAssem
     c, own = parts.contact, parts.structure
     springs = _matrix(parts.springs, space.n)
     dampers = _matrix(parts.dampers, space.n) if parts.dampers else None
+    rates = [A for A in (own.C, own.G, dampers) if A is not None]
     return StackedAssembly(
         components=own.components,
         offsets=np.array(own.offsets),
@@ -116,7 +118,7 @@ def stack_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> StackedAssem
         K=own.K,
         springs=springs,
         static_springs=springs,
-        C=dampers if own.C is None else own.C + (0.0 if dampers is None else dampers),
+        C=sum(rates[1:], rates[0]) if rates else None,
         N=c.N,
         T=c.T,
         T_perp=c.T_perp,

@@ -65,7 +65,6 @@ class MassSpace:
             self.offsets,
             M=side_by_side(columns)[:, :, None] * np.eye(self.n),
             K=np.zeros((1, self.n, self.n)),
-            C=None,
         )
 
     def elongation(self, kind: str, i: int, values: Values) -> np.ndarray:

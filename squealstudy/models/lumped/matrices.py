@@ -69,13 +69,14 @@ class MatrixSpace:
         PlacedError
             A coefficient without a value, M that is not positive definite, K that is negative.
         """
-        damped = any(term.matrix == "C" for term in self.file.term)
+        letters = {term.matrix for term in self.file.term}
         return Structure(
             (COMPONENT,),
             [0, self.n],
             M=self._sum("M", values),
             K=self._sum("K", values),
-            C=self._sum("C", values) if damped else None,
+            C=self._sum("C", values) if "C" in letters else None,
+            G=self._sum("G", values) if "G" in letters else None,
         )
 
     def _sum(self, letter: str, values: Values) -> np.ndarray:
@@ -90,7 +91,7 @@ class MatrixSpace:
             keys: KeyPath = ("term", i, "coefficient")
             weight = np.atleast_1d(value_of(self.file.term[i].coefficient, values, keys))
             total = total + weight[:, None, None] * self._matrices[i]
-        if letter != "C" and (fault := _fault(letter, total)):
+        if letter in "MK" and (fault := _fault(letter, total)):
             k, text, expected = fault
             at = (f"{n} = {np.ravel(values[n])[min(k, np.size(values[n]) - 1)]:g}" for n in names)
             at_values = f" at {', '.join(at)}" if names else ""

@@ -63,7 +63,9 @@ class TermTable(Table):
     """A summand of the mass, damping or stiffness: a matrix times its coefficient."""
 
     name: Name | None = None
-    matrix: Literal["M", "C", "K"] = Field(description="mass, damping or stiffness")
+    matrix: Literal["M", "C", "K", "G"] = Field(
+        description="mass, damping, stiffness, or gyroscopic"
+    )
     file: str = Field(
         min_length=1, description="file of the matrix, relative to the model file or absolute"
     )

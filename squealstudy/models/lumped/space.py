@@ -20,15 +20,16 @@ class Structure(NamedTuple):
         First coordinate of each component, then n.
     M, K : ndarray (m or 1, n, n)
         kg and N/m, or what belongs to turns.
-    C : ndarray (m or 1, n, n) or None
-        N s/m.
+    C, G : ndarray (m or 1, n, n) or None
+        Damping, symmetric, and gyroscopic terms, skew-symmetric, N s/m.
     """
 
     components: tuple[str, ...]
     offsets: list[int]
     M: np.ndarray
     K: np.ndarray
-    C: np.ndarray | None
+    C: np.ndarray | None = None
+    G: np.ndarray | None = None
 
 
 class Space(Protocol):

@@ -42,7 +42,7 @@ def read_terms(file: MatrixFile, folder: Path) -> TermMatrices:
     ------
     PlacedError
         No term of M or of K; a file that cannot be used; sizes that differ; too many coordinates;
-        a matrix that is not symmetric.
+        a matrix that is not symmetric, or G that is not the opposite of its transpose.
     """
     for letter, what in NEEDED.items():
         if all(term.matrix != letter for term in file.term):
@@ -63,7 +63,7 @@ def read_terms(file: MatrixFile, folder: Path) -> TermMatrices:
             )
             raise PlacedError(("term", i, "file"), text)
     return TermMatrices(
-        [_symmetric(file, i, matrix) for i, matrix in enumerate(matrices)], _labels(labelled)
+        [_checked(file, i, matrix) for i, matrix in enumerate(matrices)], _labels(labelled)
     )
 
 
@@ -78,20 +78,22 @@ def _read(file: MatrixFile, i: int, folder: Path) -> sp.csr_matrix | LabelledMat
     return matrix
 
 
-def _symmetric(file: MatrixFile, i: int, matrix: sp.csr_matrix) -> np.ndarray:
+def _checked(file: MatrixFile, i: int, matrix: sp.csr_matrix) -> np.ndarray:
     """The matrix in full, without the round-off by which its triangles differ."""
     full: np.ndarray = matrix.toarray()
-    if np.abs(full - full.T).max() > SKEW_SHARE * np.abs(full).max():
+    letter = file.term[i].matrix
+    mirrored = -full.T if letter == "G" else full.T
+    if np.abs(full - mirrored).max() > SKEW_SHARE * np.abs(full).max():
         text = {
             "K": "K is not symmetric: expected the stiffness without friction, which [[contact]] "
             "adds",
-            "C": "C is not symmetric: expected damping without gyroscopic terms, which complex "
-            "modes of a model 'matrices' alone have",
+            "C": 'C is not symmetric: expected damping; gyroscopic terms have matrix = "G"',
             "M": "M is not symmetric",
+            "G": "G is not skew-symmetric: expected gyroscopic terms, G^T = -G",
         }
-        raise PlacedError(("term", i, "file"), text[file.term[i].matrix])
-    symmetric: np.ndarray = (full + full.T) / 2
-    return symmetric
+        raise PlacedError(("term", i, "file"), text[letter])
+    mean: np.ndarray = (full + mirrored) / 2
+    return mean
 
 
 def _labels(matrices: Sequence[LabelledMatrix]) -> tuple[str, ...]:
