@@ -191,3 +191,31 @@ def test_expressions_beyond_all_bounds(tmp_path):
     assert list(batch.status)[0::2] == ["ok", "ok"]
     assert "mass[1].mass" in batch.message[1]
     assert "got 1e+80 of 'm**20' at m = 10000" in batch.message[1]
+
+
+def test_rows_of_nastran_are_named_by_node_and_direction(tmp_path):
+    """Contact between freedoms of DMIG cards, that of a matrix without them by number."""
+    for letter, diagonal in (("M", (1.0, 2.0, 3.0)), ("K", (4e6, 5e6, 6e6))):
+        places = ((12, 1), (12, 3), (40, 3))
+        cards = [f"DMIG,{letter}AA,0,6,1,0"]
+        cards += [
+            f"DMIG,{letter}AA,{n},{c},,{n},{c},{x}"
+            for (n, c), x in zip(places, diagonal, strict=True)
+        ]
+        (tmp_path / f"{letter}.bdf").write_text("\n".join(cards) + "\n")
+    scipy.io.mmwrite(tmp_path / "C.mtx", sp.coo_matrix(np.diag([10.0, 20.0, 30.0])))
+    text = "".join(
+        f'[[term]]\nmatrix = "{x}"\nfile = "{x}.{end}"\n'
+        for x, end in (("M", "bdf"), ("K", "bdf"), ("C", "mtx"))
+    )
+    text += '[[contact]]\nnormal = ["12.3", "40.3"]\nsliding = "-12.1"\nstiffness = 1e6\n'
+    text += '[[load]]\nalong = "-12.3"\nforce = 10\n'
+    (tmp_path / "own.toml").write_text(text)
+    a = sq.model(str(tmp_path / "own.toml")).at().assembly
+    assert a.contact.N.toarray().tolist() == [[0.0, 1.0, -1.0]]
+    assert a.contact.T.toarray().tolist() == [[1.0, 0.0, 0.0]]
+    assert a.M.diagonal().tolist() == [1.0, 2.0, 3.0]
+    assert a.C.diagonal().tolist() == [10.0, 20.0, 30.0]
+    (tmp_path / "own.toml").write_text(text.replace('"-12.3"', '"-12.2"'))
+    with pytest.raises(StudyFileError, match=r"from 1 to 3, or one of 12\.1, 12\.3"):
+        read_lumped(tmp_path / "own.toml")

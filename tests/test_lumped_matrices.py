@@ -42,6 +42,7 @@ def as_matrices(path: Path) -> Path:
     for i in range(n_contacts):
         text += f"[[contact]]\nnormal = {combination(c.N[i])}\n"
         text += f"sliding = {combination(-c.T[i])}\narea = {float(c.area[i])!r}\n"
+        text += f"across = {combination(-c.T_perp[i])}\n" if c.T_perp[i].count_nonzero() else ""
         text += f"gap = {float(c.gap0[i])!r}\nfriction_factor = {float(c.frictional[i])!r}\n"
     for row, (stiffness, cubic, gap, side) in zip(
         c.N[n_contacts:], c.spring_points.tolist(), strict=True
@@ -120,9 +121,45 @@ damping_ratio = 0.002
     return path
 
 
+# slides along x and across it, on a slant: both tangential directions move
+IN_SPACE = """\
+[[mass]]
+name = "pad"
+mass = 2.0
+directions = ["x", "y", "z"]
+[[spring]]
+between = ["pad", "ground"]
+direction = [1, 0.4, 0.3]
+stiffness = 4e6
+[[spring]]
+between = ["pad", "ground"]
+direction = [-0.5, 1, 0.2]
+stiffness = 2e6
+[[spring]]
+between = ["pad", "ground"]
+direction = [0.2, 0.5, 1]
+stiffness = 1e6
+[[contact]]
+between = ["pad", "disc"]
+normal = "z"
+sliding = [-1, 0.7]
+stiffness = 3e6
+[[load]]
+on = "pad"
+direction = "-z"
+force = 200.0
+[parameters]
+sliding_speed = 0.3
+"""
+
+
 def written(name, folder):
     if name == "five":
         return five_masses(folder / "five.toml", 5)
+    if name == "in_space":
+        path = folder / "in_space.toml"
+        path.write_text(IN_SPACE)
+        return path
     if name == "two_pads":
         path = folder / "two_pads.toml"
         path.write_text(TWO_PADS)
@@ -135,7 +172,7 @@ def pair(name, folder):
     return sq.model(str(path)), sq.model(str(as_matrices(path)))
 
 
-@pytest.mark.parametrize("name", ["hoffmann", "belt", "hulten", "two_pads", "five"])
+@pytest.mark.parametrize("name", ["hoffmann", "belt", "hulten", "two_pads", "five", "in_space"])
 def test_matrices_with_contact_are_the_masses_that_they_are_of(name, tmp_path):
     """Roots, steady sliding, sensitivities, one by one and as a batch."""
     masses, matrices = pair(name, tmp_path)
@@ -352,40 +389,3 @@ def test_the_shipped_pads_squeal_if_kicked():
     cycles = system.limit_cycles(band=(10.0, 1000.0)).to_pandas()
     assert list(cycles["stable"]) == [False, True]
     assert cycles["frequency_hz"].iloc[1] == pytest.approx(170.6, abs=0.05)
-
-
-def test_a_disc_that_turns_splits_its_roots(tmp_path):
-    """Forward and backward, by closed form; one by one, as a batch, by rates of speed, in time."""
-    theta, phi, k = 0.16, 0.32, 1.88e7
-    np.savez(
-        tmp_path / "disc.npz",
-        M=theta * np.eye(2), K=k * np.eye(2), G=phi * np.array([[0.0, 1.0], [-1.0, 0.0]]),
-    )  # fmt: skip
-    text = "".join(
-        f'[[term]]\nmatrix = "{x}"\nfile = "disc.npz"\nvariable = "{x}"\n' for x in "MKG"
-    )
-    text += 'coefficient = "speed"\n[[contact]]\nnormal = 1\nsliding = 2\nstiffness = 1e-3\n'
-    text += "[[load]]\nalong = -1\nforce = 1\n[parameters]\nspeed = 50.0\nfriction = 0.0\n"
-    (tmp_path / "disc.toml").write_text(text)
-    model = sq.model(str(tmp_path / "disc.toml"))
-
-    def expected(speed):
-        half = phi * speed / (2 * theta)
-        return np.sqrt(k / theta + half**2) + np.array([-half, half])
-
-    speeds = np.array([0.0, 50.0, -200.0, 400.0])
-    batch = model.at(speed=speeds).modes((500.0, 3000.0))
-    for i, speed in enumerate(speeds):
-        one = model.at(speed=float(speed)).modes((500.0, 3000.0))
-        for lam in (batch.lam[i], one.lam):
-            assert lam.imag == pytest.approx(np.sort(expected(speed)), rel=1e-9)
-            assert np.abs(lam.real).max() < 1e-6
-    found = model.at().sensitivities("speed", modes=2, band=(500.0, 3000.0))
-    rates = (expected(50.001) - expected(49.999)) / 0.002
-    assert found.derivative[:, 0].imag == pytest.approx(rates, rel=1e-4)
-    run = model.at().simulate(duration=0.05, step=2e-6, perturbation=0.1, band=(500.0, 3000.0))
-    summary = run.summary().iloc[0]
-    hz = expected(50.0) / (2 * np.pi)
-    assert np.abs(hz - summary["frequency_hz"]).min() < 0.1
-    assert abs(summary["energy_balance"]) < 1e-4
-    assert abs(summary["growth_rate"]) < 1e-2

@@ -146,3 +146,40 @@ def test_a_free_rotor_splits_as_its_closed_form(parameters, tmp_path):
         middle = np.sqrt(stiffness / inertia + half**2)
         assert lam.imag == pytest.approx([middle - half, middle + half], rel=1e-12)
         assert lam.real == pytest.approx([0.0, 0.0], abs=1e-7)
+
+
+def test_a_disc_that_turns_splits_its_roots(tmp_path):
+    """Forward and backward, by closed form; one by one, as a batch, by rates of speed, in time."""
+    theta, phi, k = 0.16, 0.32, 1.88e7
+    np.savez(
+        tmp_path / "disc.npz",
+        M=theta * np.eye(2), K=k * np.eye(2), G=phi * np.array([[0.0, 1.0], [-1.0, 0.0]]),
+    )  # fmt: skip
+    text = "".join(
+        f'[[term]]\nmatrix = "{x}"\nfile = "disc.npz"\nvariable = "{x}"\n' for x in "MKG"
+    )
+    text += 'coefficient = "speed"\n[[contact]]\nnormal = 1\nsliding = 2\nstiffness = 1e-3\n'
+    text += "[[load]]\nalong = -1\nforce = 1\n[parameters]\nspeed = 50.0\nfriction = 0.0\n"
+    (tmp_path / "disc.toml").write_text(text)
+    model = sq.model(str(tmp_path / "disc.toml"))
+
+    def expected(speed):
+        half = phi * speed / (2 * theta)
+        return np.sqrt(k / theta + half**2) + np.array([-half, half])
+
+    speeds = np.array([0.0, 50.0, -200.0, 400.0])
+    batch = model.at(speed=speeds).modes((500.0, 3000.0))
+    for i, speed in enumerate(speeds):
+        one = model.at(speed=float(speed)).modes((500.0, 3000.0))
+        for lam in (batch.lam[i], one.lam):
+            assert lam.imag == pytest.approx(np.sort(expected(speed)), rel=1e-9)
+            assert np.abs(lam.real).max() < 1e-6
+    found = model.at().sensitivities("speed", modes=2, band=(500.0, 3000.0))
+    rates = (expected(50.001) - expected(49.999)) / 0.002
+    assert found.derivative[:, 0].imag == pytest.approx(rates, rel=1e-4)
+    run = model.at().simulate(duration=0.05, step=2e-6, perturbation=0.1, band=(500.0, 3000.0))
+    summary = run.summary().iloc[0]
+    hz = expected(50.0) / (2 * np.pi)
+    assert np.abs(hz - summary["frequency_hz"]).min() < 0.1
+    assert abs(summary["energy_balance"]) < 1e-4
+    assert abs(summary["growth_rate"]) < 1e-2
