@@ -219,3 +219,17 @@ def test_rows_of_nastran_are_named_by_node_and_direction(tmp_path):
     (tmp_path / "own.toml").write_text(text.replace('"-12.3"', '"-12.2"'))
     with pytest.raises(StudyFileError, match=r"from 1 to 3, or one of 12\.1, 12\.3"):
         read_lumped(tmp_path / "own.toml")
+
+
+def test_matrices_that_are_too_large_or_not_there(tmp_path):
+    """More coordinates than are solved in full, and a variable that the file does not have."""
+    write_matrices(tmp_path)
+    path = tmp_path / "own.toml"
+    scipy.io.mmwrite(tmp_path / "many.mtx", sp.eye_array(501).tocoo())
+    path.write_text(OWN.replace("m.mtx", "many.mtx").replace("k.mtx", "many.mtx"))
+    with pytest.raises(StudyFileError, match="it has 501 coordinates, expected at most 500"):
+        read_lumped(path)
+    np.savez(tmp_path / "two.npz", A=np.eye(3), B=np.eye(3))
+    path.write_text(OWN.replace('file = "k.mtx"', 'file = "two.npz"\nvariable = "K"'))
+    with pytest.raises(StudyFileError, match=r"key 'term\[2\].variable': .*A, B"):
+        read_lumped(path)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import squealstudy as sq
+from squealstudy.errors import StudyFileError
 
 STUDY = Path(__file__).parents[1] / "studies" / "lumped" / "wobbling_disc.toml"
 SPEEDS = [5.0, 20.0, 40.0, 100.0]
@@ -183,3 +184,67 @@ def test_a_disc_that_turns_splits_its_roots(tmp_path):
     assert np.abs(hz - summary["frequency_hz"]).min() < 0.1
     assert abs(summary["energy_balance"]) < 1e-4
     assert abs(summary["growth_rate"]) < 1e-2
+
+
+SPINNING = """\
+[[mass]]
+name = "disc"
+inertia = 0.16
+directions = ["rx", "ry", "rz"]
+spin = "phi * speed"
+spin_axis = [AXIS]
+[[spring]]
+between = ["disc", "ground"]
+direction = "rx"
+stiffness = 1.88e7
+[[spring]]
+between = ["disc", "ground"]
+direction = "ry"
+stiffness = 2e7
+[[spring]]
+between = ["disc", "ground"]
+direction = "rz"
+stiffness = 1e7
+[[contact]]
+between = ["disc", "belt"]
+normal = "z"
+sliding = "x"
+stiffness = 1e7
+at = [0.05, 0.13, 0.01]
+[[load]]
+on = "disc"
+direction = "-z"
+force = 100
+at = [0.05, 0.13, 0.01]
+[parameters]
+friction = 0.3
+sliding_speed = 2.0
+phi = { default = 0.32, unit = "kg m2" }
+speed = { default = 100.0, unit = "rad/s" }
+"""
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (2.0, -1.0, 2.0)])
+def test_a_mass_that_spins(axis, tmp_path):
+    """Roots with contact beside numpy's, about z and about a slanted axis; tilts that are not."""
+    path = tmp_path / "disc.toml"
+    text = SPINNING.replace("AXIS", ", ".join(map(str, axis)))
+    path.write_text(text)
+    model = sq.model(str(path))
+    e = np.array(axis) / np.linalg.norm(axis)
+    arm = np.array([0.05, 0.13, 0.01])
+    sliding, across, normal = (np.cross(arm, direction) for direction in np.eye(3))
+    K = np.diag([1.88e7, 2e7, 1e7]) + 1e7 * np.outer(normal + 0.3 * sliding, normal)
+    pressed = -1e7 * normal @ np.linalg.solve(K, -100.0 * normal)
+    C = 0.3 * pressed / 2.0 * np.outer(across, across)  # of friction, across the sliding
+    speeds = np.array([0.0, 100.0, -400.0])
+    batch = model.at(speed=speeds).modes((100.0, 5000.0))
+    for i, speed in enumerate(speeds):
+        G = 0.32 * speed * np.array([np.cross(tilt, e) for tilt in np.eye(3)]).T
+        expected = eigenvalues(0.16 * np.eye(3), C + G, K)
+        one = model.at(speed=float(speed)).modes((100.0, 5000.0))
+        for lam in (one.lam, batch.lam[i]):
+            assert np.abs(by_frequency(lam) - expected).max() < 1e-9 * np.abs(expected).max()
+    path.write_text(text.replace('["rx", "ry", "rz"]', '["rx"]'))
+    with pytest.raises(StudyFileError, match="two directions of turns across spin_axis"):
+        sq.model(str(path))

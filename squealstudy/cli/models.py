@@ -45,7 +45,8 @@ masses, springs, dampers, contact points and loads of a file, which a study name
 [model]
 file = "groan.toml"            # a file with [[mass]] or [[term]] is a lumped model
 
-[[mass]]     name, mass [kg] or inertia [kg m2], directions (of x, y, z, rx, ry, rz), place
+[[mass]]     name, mass [kg] or inertia [kg m2], directions (of x, y, z, rx, ry, rz), place,
+             spin [kg m2 rad/s] about spin_axis: gyroscopic terms
 [[spring]]   between (two masses, or one and "ground"), direction, stiffness, cubic [N/m3], gap,
              side (tension, compression: of one side), at
 [[damper]]   between, direction, damping, at

@@ -153,13 +153,13 @@ def texts_of(file: AnyFile) -> Iterator[tuple[KeyPath, str]]:
     """Expressions of the file and their keys."""
     numbers = {
         "term": ("coefficient",),
-        "mass": ("mass", "inertia"),
+        "mass": ("mass", "inertia", "spin"),
         "spring": ("stiffness", "cubic", "gap"),
         "damper": ("damping",),
         "contact": ("stiffness", "area", "gap", "friction_factor", "speed_factor", "radius"),
         "load": ("force", "area"),
     }
-    directions = ("direction", "normal", "sliding", "across", "along")
+    directions = ("direction", "normal", "sliding", "across", "along", "spin_axis")
     for kind in LISTS:
         for i, table in enumerate(getattr(file, kind, ())):
             for key in numbers[kind]:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from squealstudy.models.file_table import KeyPath, PlacedError
-from squealstudy.models.lumped.numbers import Along, Values, along, bounded, side_by_side
+from squealstudy.models.lumped.numbers import Along, Values, along, bounded, side_by_side, value_of
 from squealstudy.models.lumped.space import Structure
-from squealstudy.models.lumped.tables import AXES, GROUND, MOVING, TRANSLATIONS, LumpedFile
+from squealstudy.models.lumped.tables import AXES, GROUND, MOVING, TRANSLATIONS, TURNS, LumpedFile
 
 RIGHT_ANGLE = 1e-9  # cosine of normal and sliding direction, at most
 
@@ -65,7 +65,37 @@ class MassSpace:
             self.offsets,
             M=side_by_side(columns)[:, :, None] * np.eye(self.n),
             K=np.zeros((1, self.n, self.n)),
+            G=self._gyroscopic(values),
         )
+
+    def _gyroscopic(self, values: Values) -> np.ndarray | None:
+        """What holds spins against tilts (m or 1, n, n), N m s; None where nothing turns.
+
+        An angular momentum s along e changes by s w x e where its body tilts by w a second.
+        """
+        spinning = [i for i, table in enumerate(self.file.mass) if table.spin is not None]
+        if not spinning:
+            return None
+        total = np.zeros((1, self.n, self.n))
+        for i in spinning:
+            table, keys = self.file.mass[i], ("mass", i)
+            assert table.spin is not None
+            momentum = np.atleast_1d(value_of(table.spin, values, (*keys, "spin")))
+            axis = along(table.spin_axis, values, (*keys, "spin_axis")).vector
+            turns = [axis_name for axis_name in table.axes if axis_name in TURNS]
+            matrix = np.zeros((1, self.n, self.n))
+            for column in turns:
+                tilt = np.eye(3)[TURNS.index(column)]
+                change = momentum[:, None] * np.cross(tilt, axis)
+                for row in turns:
+                    entry = np.zeros((1, self.n, self.n))
+                    entry[0, self.places[table.name, row], self.places[table.name, column]] = 1.0
+                    matrix = matrix + change[:, TURNS.index(row), None, None] * entry
+            if not turns or (not np.abs(matrix).max() > 0.0 and momentum.any()):
+                text = "expected two directions of turns across spin_axis, such as rx and ry of z"
+                raise PlacedError((*keys, "spin"), text)
+            total = total + matrix
+        return total
 
     def elongation(self, kind: str, i: int, values: Values) -> np.ndarray:
         """Motion (m or 1, n) of the first end of a spring or damper over the second."""

@@ -31,6 +31,12 @@ class MassTable(Table):
         default=(), description="its coordinates, of x, y, z (m) and rx, ry, rz (rad)"
     )
     place: Position = Field(default=(0.0, 0.0, 0.0), description="of its centre of mass, m")
+    spin: Number | None = Field(
+        default=None,
+        description="kg m2 rad/s: polar inertia times speed of a body that turns about spin_axis, "
+        "whose tilts gyroscopic terms couple",
+    )
+    spin_axis: Direction = Field(default="z", description="axis of the spin, with its sense")
 
     @property
     def axes(self) -> tuple[str, ...]:
