@@ -69,7 +69,9 @@ def _structure(build: LumpedBuild, assembly: Assembly) -> RenderableType:
     space = build.space
     if isinstance(space, MassSpace):
         sizes = zip(space.names, assembly.M.diagonal(), strict=True)
-        masses = ([mass, axis, f"{size:g} {_unit(axis)}"] for (mass, axis), size in sizes)
+        masses = [[mass, axis, f"{size:g} {_unit(axis)}"] for (mass, axis), size in sizes]
+        spinning = [t for t in space.file.mass if t.spin is not None]
+        masses += [[t.name, _text(t.spin_axis), f"spin {t.spin} kg m2 rad/s"] for t in spinning]
         return grid("text:mass", "text:along", "text:size", rows=masses)
     of_all = f"{space.n} x {space.n}"
     terms = ([t.matrix, of_all, str(t.coefficient), t.file] for t in space.file.term)
