@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from motions import made_up
 from scipy.integrate import solve_ivp
 
-from squealstudy.motion.outcome.fundamental import fundamental, fundamental_hz
+from squealstudy.motion.outcome import own_frequency as own_frequency_of
+from squealstudy.motion.outcome.fundamental import fundamental
 from squealstudy.wording import motion_frequency
 
 PERIODS = {1.0: 6.66328686, 10.0: 19.07836957}  # of van der Pol's oscillator, by mu (published)
@@ -28,7 +32,7 @@ def test_relaxation_oscillations(mu, rows):
     time = 20 * period + np.arange(0, 12 * period, step)
     flow = lambda _, y: [y[1], mu * (1 - y[0] ** 2) * y[1] - y[0]]  # noqa: E731
     y = solve_ivp(flow, (0, time[-1]), [2, 0], "LSODA", time, rtol=1e-9, atol=1e-9).y
-    found = fundamental_hz(step, y[0][:, None], y[1][:, None], np.ones(1))
+    found = fundamental(step, y[0][:, None], y[1][:, None], np.ones(1)).hz
     if rows == 8 and mu == 10.0:  # eight rows do not show its jumps
         assert np.isnan(found) or found * period == pytest.approx(1.0, abs=2e-3)
     else:
@@ -46,13 +50,13 @@ def test_relaxation_oscillations(mu, rows):
     ],
 )
 def test_the_loudest_line_is_not_the_frequency(parts, told):
-    assert fundamental_hz(*tones(2.5e-4, 4000, *parts)) == pytest.approx(
+    assert fundamental(*tones(2.5e-4, 4000, *parts)).hz == pytest.approx(
         told, rel=1e-6, nan_ok=True
     )
 
 
 def test_what_has_no_frequency():
-    assert np.isnan(fundamental_hz(*tones(1 / 950, 2000, (1, 1000.0, 0.0))))  # rows in step with it
+    assert np.isnan(fundamental(*tones(1 / 950, 2000, (1, 1000.0, 0.0))).hz)  # rows in step with it
     time = np.arange(20, 60, 0.02)
 
     def lorenz(_, y):
@@ -60,11 +64,11 @@ def test_what_has_no_frequency():
 
     x = solve_ivp(lorenz, (0, 60), [1, 1, 1], t_eval=time, rtol=1e-8).y.T
     v = np.array([lorenz(0, row) for row in x])
-    assert np.isnan(fundamental_hz(0.02, x, v, np.ones(3)))
-    assert np.isnan(fundamental_hz(0.1, np.ones((50, 1)), np.zeros((50, 1)), np.ones(1)))  # at rest
-    assert np.isnan(fundamental_hz(0.1, np.ones((50, 0)), np.ones((50, 0)), np.ones(0)))
+    assert np.isnan(fundamental(0.02, x, v, np.ones(3)).hz)
+    assert np.isnan(fundamental(0.1, np.ones((50, 1)), np.zeros((50, 1)), np.ones(1)).hz)  # at rest
+    assert np.isnan(fundamental(0.1, np.ones((50, 0)), np.ones((50, 0)), np.ones(0)).hz)
     decays = np.exp(-30 * time)[:, None] * np.cos(300 * time)[:, None]
-    assert np.isnan(fundamental_hz(0.02, decays, decays, np.ones(1)))
+    assert np.isnan(fundamental(0.02, decays, decays, np.ones(1)).hz)
 
 
 def test_words():
@@ -82,3 +86,27 @@ def test_the_error_holds_what_another_motion_does(hz, second):
     found = fundamental(*tones(1e-3, 900, (1, hz, 1.0), (second, hz * 2**0.5, 0.3)))
     assert abs(found.hz / hz - 1) <= found.error
     assert found.error < 0.02
+
+
+def test_a_window_of_a_run_is_searched_once(monkeypatch):
+    step, q, v, omega = tones(2.5e-4, 4000, (1.0, 100.0, 0.0))
+    history = {"time": step * np.arange(len(q)), "torque": q[:, 0]}
+    run = made_up(history, q, v, omega, None, (q[:, :0], q[:, :0]))
+    asked = []
+    search = lambda *record: asked.append(record) or fundamental(*record)  # noqa: E731
+    monkeypatch.setattr(own_frequency_of, "fundamental", search)
+    window = own_frequency_of.judged_window(run)
+    assert (window.start, window.stop) == (2400, 4000)
+    for rows in (window, slice(2400, None)):  # the same rows
+        assert own_frequency_of.own_frequency(run, rows).hz == pytest.approx(100.0, rel=1e-6)
+    assert len(asked) == 1
+    faster = replace(
+        run, displacement=q[::2], velocity=v[::2], history={k: x[::2] for k, x in history.items()}
+    )
+    assert own_frequency_of.judged_window(faster) == slice(1200, 2000)
+    assert own_frequency_of.own_frequency(faster, slice(1200, 2000)).hz == pytest.approx(
+        100.0, rel=1e-6
+    )
+    own_frequency_of.own_frequency(run, slice(0, 2400))
+    assert len(asked) == 3
+    assert np.isnan(own_frequency_of.own_frequency(run, slice(5000, None)).hz)  # no rows

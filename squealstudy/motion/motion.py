@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -94,6 +95,8 @@ class Motion:
         Whole steps taken.
     stopped : str
         Why a watch ended the run before its time; empty otherwise.
+    windows : dict
+        What was found of windows of its rows (`outcome.own_frequency`); a changed run has none.
     """
 
     point: MotionPoint
@@ -118,6 +121,7 @@ class Motion:
     stopped: str = ""
     cuts: int = 0
     squares: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 0)))
+    windows: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def stop_reason(self) -> str:

@@ -104,8 +104,8 @@ def simulate(
 
 
 def _copied(array: np.ndarray) -> np.ndarray:
-    """A copy whose rows are contiguous."""
-    return np.array(array, order="C")
+    """A copy whose columns are contiguous: each is read by itself, and often."""
+    return np.array(array, order="F")
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ class KernelRun:
         steps = count[layout.STEP] + count[layout.POSITION] / 2**self.options.levels
         time = float(steps * settings.step)
         rows = int(count[layout.SAVED])
-        columns = take(saved.history[k, :rows].T)
+        columns = take(saved.history[k, :rows]).T
         outcome, message = outcome_of(int(count[layout.STATUS]), time)
         return Motion(
             point=self.designs[k],

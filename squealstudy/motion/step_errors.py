@@ -20,9 +20,10 @@ from squealstudy.motion.arrays import FEW_POINTS
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import NOT_ASKED, OF_THE_WINDOW, StepParts
-from squealstudy.motion.outcome.levels import TorqueSums, last_window, plain_levels, torque_levels
+from squealstudy.motion.outcome.levels import TorqueSums, plain_levels, torque_levels
+from squealstudy.motion.outcome.own_frequency import judged_window, own_frequency
 from squealstudy.motion.outcome.spectrum import hann
-from squealstudy.motion.outcome.summary import over_steps, own_frequency
+from squealstudy.motion.outcome.summary import over_steps
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem
@@ -99,7 +100,7 @@ def _by_other_steps(run: Motion, others: Sequence[Motion], lasts: bool) -> StepP
 
     Where corners make levels converge unevenly one of the changes may be small by chance.
     """
-    window, found = last_window(run.times, run.history["torque"]), []
+    window, found = judged_window(run), []
     for factor, other in zip(OTHER_STEPS, others, strict=False):
         if other.outcome == "ok" and len(other.times) == len(run.times):
             found.append(_levels(other, window))
@@ -149,7 +150,7 @@ def _parts(
 def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) -> StepParts:
     """Of 20 periods from the state in which the run ended."""
     torque = run.history["torque"]
-    window = last_window(run.times, torque)
+    window = judged_window(run)
     frequency = torque_levels(run.times[window], torque[window]).frequency_hz
     if not np.isfinite(frequency):
         return StepParts.unknown("the torque has no line whose periods could be counted")

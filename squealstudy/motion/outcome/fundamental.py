@@ -58,8 +58,8 @@ class Fundamental(NamedTuple):
     error: float = np.nan
 
 
-def fundamental_hz(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> float:
-    """Frequency [Hz] of a motion that repeats within 5 %; NaN where it does not, or is not told.
+def fundamental(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> Fundamental:
+    """Frequency of a motion that repeats within 5 %; NaN where it does not, or is not told.
 
     The first time after which displacements are as they were (the mean over the record, between
     rows by cubics of displacement and velocity), or a multiple of it after which a quarter of what
@@ -76,11 +76,6 @@ def fundamental_hz(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray)
     omega : ndarray (m,)
         rad/s: coordinates count by the root of their elastic energy, rigid ones as slow ones.
     """
-    return fundamental(step, q, v, omega).hz
-
-
-def fundamental(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> Fundamental:
-    """The same with its error; parameters as of `fundamental_hz`."""
     if len(q) <= 2 * MIN_PERIODS:
         return Fundamental()
     return _Record.of(step, q, v, omega).frequency()

@@ -14,12 +14,9 @@ from itertools import pairwise
 import numpy as np
 
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.fundamental import (
-    EXACT_PERIOD_RESIDUAL,
-    fundamental,
-    fundamental_hz,
-)
-from squealstudy.motion.outcome.levels import JUDGED_SHARE, last_window
+from squealstudy.motion.outcome.fundamental import EXACT_PERIOD_RESIDUAL
+from squealstudy.motion.outcome.levels import JUDGED_SHARE
+from squealstudy.motion.outcome.own_frequency import judged_window, own_frequency
 
 MIN_STICK_SHARE = 0.5  # share of the time and area that sticks
 ALL_STUCK_AREA_SHARE = 0.99  # share of the area, once in each period at least
@@ -82,8 +79,7 @@ def _step(run: Motion) -> float:
 
 
 def _hz(run: Motion) -> float:
-    last = _last(run)
-    return fundamental_hz(_step(run), run.sensed_q[last], run.sensed_v[last], run.omega)
+    return own_frequency(run, _last(run)).hz
 
 
 def comes_back(run: Motion) -> bool:
@@ -99,7 +95,7 @@ def comes_back(run: Motion) -> bool:
     if not finite or modes.n_outside or modes.n_unstable > modes.n_followed:
         return False
     rows = len(run.times)
-    judged = last_window(run.times, run.history["torque"])
+    judged = judged_window(run)
     late = slice(rows - (rows - judged.start) // 2, rows)
     return any(_is_periodic(run, window) for window in (judged, late))
 
@@ -116,7 +112,7 @@ def _is_periodic(run: Motion, window: slice) -> bool:
     if not (sticks or pace * length >= WOULD_CHANGE):
         return False
     step = length / (len(time) - 1)
-    hz, residual, _ = fundamental(step, run.sensed_q[window], v, run.omega)
+    hz, residual, _ = own_frequency(run, window)
     if not (length * hz >= MIN_JUDGED_PERIODS and residual <= EXACT_PERIOD_RESIDUAL):
         return False
     half = round(np.floor(0.5 * length * hz) / (hz * step))  # rows of whole periods

@@ -30,6 +30,7 @@ from squealstudy.motion.outcome.levels import (
     last_window,
     torque_levels,
 )
+from squealstudy.motion.outcome.own_frequency import judged_window
 from squealstudy.motion.outcome.spectrum import FLUCTUATION_ROUND_OFF, hann
 from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
 from squealstudy.wording import STABLE, SUSTAINED
@@ -191,7 +192,7 @@ def _has_settled(
 ) -> bool:
     """The cheap tests first."""
     torque = run.history["torque"]
-    window = last_window(run.times, torque)
+    window = judged_window(run)
     levels = torque_levels(run.times[window], torque[window])
     length = float(run.times[-1] - run.times[window][0])
     if not (levels.rms > 0 and length * levels.frequency_hz >= LEAST_PERIODS):

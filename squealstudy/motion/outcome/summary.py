@@ -20,17 +20,16 @@ from squealstudy.motion.outcome.energies import (
     moving_energy,
     transfer,
 )
-from squealstudy.motion.outcome.fundamental import Fundamental, fundamental
 from squealstudy.motion.outcome.growth_rows import growth_columns, growth_rows, has_moved, mode_fits
 from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
 from squealstudy.motion.outcome.levels import (
     TorqueSums,
-    last_window,
     levels_by_rows,
     period_swings,
     swing_spread,
     torque_levels,
 )
+from squealstudy.motion.outcome.own_frequency import judged_window, own_frequency
 from squealstudy.motion.outcome.settling import settled
 from squealstudy.motion.outcome.verdict import run_verdict
 from squealstudy.wording import FAILED, GROWING, STABLE, SUSTAINED
@@ -124,7 +123,7 @@ def run_levels(
     step is known, bounds are the step's.
     """
     torque = run.history["torque"]
-    window = last_window(run.times, torque)
+    window = judged_window(run)
     rows_judged = slice(max(window.start, min(1, len(torque) - 1)), window.stop)
     sums = TorqueSums.of(run.history, rows_judged)
     all_sums = TorqueSums.of_rows(torque[rows_judged]) if sums is None else sums
@@ -183,13 +182,6 @@ def _least_swing(sums: TorqueSums, width: float) -> float:
 def _rows_of(run: Motion, hz: float) -> float:
     """Rows in a period of a frequency; NaN without."""
     return 1.0 / (hz * float(run.times[-1] - run.times[0]) / max(len(run.times) - 1, 1))
-
-
-def own_frequency(run: Motion, window: slice) -> Fundamental:
-    """Of the motion of the sensed modes over a window."""
-    time = run.times[window]
-    step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
-    return fundamental(step, run.sensed_q[window], run.sensed_v[window], run.omega)
 
 
 def _class(run: Motion, energy: np.ndarray) -> RunClass:

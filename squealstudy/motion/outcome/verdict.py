@@ -13,7 +13,8 @@ from squealstudy.motion.outcome.behaviour import (
 )
 from squealstudy.motion.outcome.energies import energy_round_off, level_shares
 from squealstudy.motion.outcome.envelope import level_trend
-from squealstudy.motion.outcome.levels import JUDGED_SHARE, block_mean_squares, last_window
+from squealstudy.motion.outcome.levels import JUDGED_SHARE, block_mean_squares
+from squealstudy.motion.outcome.own_frequency import judged_window
 from squealstudy.motion.outcome.repeating import (
     comes_back,
     decided_by,
@@ -79,7 +80,7 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
 def torque_drifts(run: Motion) -> bool:
     """Whether the RMS of the torque has a trend over the judged rows, or their second half."""
     torque = run.history["torque"]
-    judged = torque[last_window(run.times, torque)]
+    judged = torque[judged_window(run)]
     if len(judged) < JUDGED_ROWS:
         return False
     squares = block_mean_squares(judged, N_TORQUE_BLOCKS)
