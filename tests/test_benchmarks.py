@@ -83,7 +83,11 @@ RUNS = [
     Run("size_parts", "points --sizes 15k --top 1500", "a point"),
     Run("size_parts", "checks --sizes 15k --top 1500", "real modes"),
     Run("mode_columns", "--number 1", "CPU-seconds"),
-    Run("small_batches", "--samples 8 --points 11", "library: 11 frictions"),
+    Run(
+        "small_batches",
+        "--samples 8 --points 11 --sensitivities 3 --cycles 3 --runs 3",
+        "transient of belt | 3",
+    ),
     Run("squeal_judge", "blocks coarse", "ours took"),
     Run("tracking", "--fine 0.35 --steps 0.7 --top 1500 --jobs 1", "step 0.7"),
     Run("transient_kernels", "--modes 4 --points 3 --steps 20 --batches 2", "GB/s"),

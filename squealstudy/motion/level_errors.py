@@ -10,7 +10,7 @@ import numpy as np
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.energies import energy_round_off
-from squealstudy.motion.outcome.growth import LEFT_VECTOR
+from squealstudy.motion.outcome.growth import LEFT_VECTOR, median_of
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint, stick_number
 
@@ -131,7 +131,7 @@ def energy_drift(motion: Motion) -> float:
         return float("nan")
     work = h["work_load"] + h["work_belt"] - h["dissipated_friction"] - h["dissipated_damping"]
     imbalance = work - (h["stored"] - h["stored"][0])
-    medians = [_median(part) for part in np.array_split(imbalance, N_BALANCE_BLOCKS)]
+    medians = [median_of(part) for part in np.array_split(imbalance, N_BALANCE_BLOCKS)]
     size = h["modal_energy"].max() + h["dissipated_damping"][-1]
     size += ENERGY_BALANCE_ROUND_OFF * (
         abs(h["dissipated_friction"][-1]) + float(np.abs(h["stored"]).max())
@@ -141,14 +141,6 @@ def energy_drift(motion: Motion) -> float:
     last = abs(float(imbalance[-1])) / float(size)
     drift = max(abs(m) for m in medians) / float(size)
     return max(drift, last) if last > MAX_LAST_ROW_ENERGY_JUMP else drift
-
-
-def _median(values: np.ndarray) -> float:
-    """Of values (m,), without numpy's general treatment of axes; NaN where there is one."""
-    middle = len(values) // 2
-    ranked = np.sort(values)  # NaN at the end
-    lower = ranked[middle - 1] if len(values) % 2 == 0 else ranked[middle]
-    return float(0.5 * (lower + ranked[middle])) if ranked[-1] == ranked[-1] else np.nan
 
 
 def storage_number(system: ModalSystem, design: MotionPoint, energy: float) -> float:

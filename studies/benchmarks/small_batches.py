@@ -1,14 +1,15 @@
 """What small models cost in batches, in studies and in the library.
 
     python studies/benchmarks/small_batches.py [--samples 128 16384] [--points 100001]
-        [--sensitivities 10000] [--cycles 200]
+        [--sensitivities 10000] [--cycles 200] [--runs 10000]
 
 Studies are run by the command in a process of its own, without pictures, from an empty cache. For
 each number of Sobol samples complex modes over the scatter of friction and of two parameters of the
 structure: of Hulten's model, and of Hoffmann's with the exponential law. Then so many frictions:
-sensitivities of Hoffmann's model, limit cycles of Hulten's with a contact that hardens. Processor
-seconds, those beyond a study of two points of the same sort, the same a point, peak memory, and
-files in the cache afterwards. Last modes of a batch of frictions by the library, without a study.
+sensitivities of Hoffmann's model, limit cycles of Hulten's with a contact that hardens, runs of a
+mass on a belt. Processor seconds, those beyond a study of two points of the same sort, the same a
+point, peak memory, and files in the cache afterwards; kernels are compiled before. Last modes of a
+batch of frictions by the library, without a study.
 """
 
 from __future__ import annotations
@@ -78,7 +79,9 @@ LINES = {  # kind of study: model, options, parameters, ends of the frictions
         '"contact.cubic_stiffness" = 5e17',
         (0.32, 0.6),
     ),
+    "transient": ("belt", "", "", (0.2, 0.5)),
 }
+SECTIONS = {"transient": "[transient]\nduration = 0.1\nstep = 2e-5\nsave_every = 0\n"}
 
 
 def scatter(model: str, samples: int) -> str:
@@ -96,17 +99,23 @@ def line(kind: str, points: int) -> str:
     """Text of a study of so many frictions; with 0 points that of the two ends."""
     model, options, parameters, (start, stop) = LINES[kind]
     head = HEAD.format(kind=kind, model=model, options=options, parameters=parameters)
-    return head + f"start = {start}\nstop = {stop}\nnum = {points or 2}\n"
+    sweep = f"start = {start}\nstop = {stop}\nnum = {points or 2}\n"
+    return head + sweep + SECTIONS.get(kind, "")
 
 
 def run(folder: Path, text: str) -> tuple[float, float, int, int]:
-    """Processor seconds, peak memory [MB], points, and files in the cache of a study."""
+    """Processor seconds, peak memory [MB], points, and files in the cache of a study.
+
+    Compiled kernels are kept beside its folder.
+    """
     import pandas as pd
 
     path, cache = folder / "study.toml", folder / "cache"
+    folder.mkdir()
     path.write_text(text, encoding="utf-8")
     command = [sys.executable, "-m", "squealstudy", "run", str(path), "-o", str(folder / "out")]
-    environment = os.environ | {"SQUEALSTUDY_CACHE": str(cache)}
+    kernels = {"NUMBA_CACHE_DIR": str(folder.parent / "kernels")}
+    environment = kernels | os.environ | {"SQUEALSTUDY_CACHE": str(cache)}
     process = subprocess.Popen(
         [*command, "--no-pictures", "--yes"],
         stdout=subprocess.DEVNULL,
@@ -125,14 +134,28 @@ def run(folder: Path, text: str) -> tuple[float, float, int, int]:
 def rows(name: str, texts: list[str]) -> None:
     """Print a row a study; what the others take beyond the first."""
     least = None
-    for text in texts:
-        with tempfile.TemporaryDirectory() as folder:
-            seconds, memory, points, files = run(Path(folder), text)
+    with tempfile.TemporaryDirectory() as folder:
+        run(Path(folder) / "first", texts[0])  # compiles what is not there
+        runs = [run(Path(folder) / str(k), text) for k, text in enumerate(texts)]
+    for seconds, memory, points, files in runs:
         least = seconds if least is None else least
         beyond = seconds - least
         each = f"{1e6 * beyond / points:.0f}" if points > 2 else ""
         row = f"| {name} | {points:,} | {seconds:.2f} | {beyond:.2f} | {each} "
         print(f"{row}| {memory:.0f} | {files} |", flush=True)
+
+
+def studies(asked: argparse.Namespace) -> None:
+    """Print the table of studies."""
+    print("| study | points | CPU-s | beyond two points | us a point | MB | files in the cache |")
+    print("|---|---|---|---|---|---|---|")
+    for model in MODELS if asked.samples else ():
+        texts = [scatter(model, samples) for samples in (0, *asked.samples)]
+        rows(f"complex modes of {model}", texts)
+    counts = (asked.sensitivities, asked.cycles, asked.runs)
+    for kind, count in zip(LINES, counts, strict=True):
+        if count:
+            rows(f"{kind} of {LINES[kind][0]}", [line(kind, n) for n in (0, count)])
 
 
 def main() -> None:
@@ -142,15 +165,9 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=100_001)
     parser.add_argument("--sensitivities", type=int, default=10_000)
     parser.add_argument("--cycles", type=int, default=200)
+    parser.add_argument("--runs", type=int, default=10_000)
     asked = parser.parse_args()
-    print("| study | points | CPU-s | beyond two points | us a point | MB | files in the cache |")
-    print("|---|---|---|---|---|---|---|")
-    for model in MODELS if asked.samples else ():
-        texts = [scatter(model, samples) for samples in (0, *asked.samples)]
-        rows(f"complex modes of {model}", texts)
-    for kind, count in (("sensitivity", asked.sensitivities), ("limit_cycles", asked.cycles)):
-        if count:
-            rows(f"{kind} of {LINES[kind][0]}", [line(kind, n) for n in (0, count)])
+    studies(asked)
     model = sq.model("hulten")
     model.at(friction=np.linspace(0.0, 1.0, 3)).modes()  # imports
     started = time.process_time()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -140,6 +140,10 @@ class BatchTask:
 
     def settings(self) -> MotionSettings:
         """How the points are integrated; rows are kept as summaries need them."""
+        return self._settings
+
+    @cached_property
+    def _settings(self) -> MotionSettings:
         every = sampling(self.section, self.band_hz)
         return replace(settings_of(self.section, every), integrator=self.integrator)
 

@@ -167,10 +167,12 @@ def complex_shares(states: np.ndarray, overlap: np.ndarray, energy: float) -> np
     m = len(overlap) // 2
     rest = states - states.mean(axis=0)
     product = rest.T @ rest / len(rest)
-    order = np.argsort([-_projected(product, overlap, [k]) for k in range(m)], kind="stable")
+    alone = [_projected(product, overlap, [k]) for k in range(m)]
+    order = np.argsort([-energy for energy in alone], kind="stable")
     share, energy_so_far = np.zeros(m), 0.0
     for place, k in enumerate(order):
-        energy_with_mode = _projected(product, overlap, list(order[: place + 1]))
+        modes = list(order[: place + 1])
+        energy_with_mode = _projected(product, overlap, modes) if place else alone[k]
         share[k], energy_so_far = (
             max(energy_with_mode - energy_so_far, 0.0),
             max(energy_with_mode, energy_so_far),

@@ -137,7 +137,7 @@ class _Record:
         """
         rows, longest = len(self.x), self._longest
         size = np.concatenate([[0.0], np.cumsum((self.x**2).sum(axis=1))])
-        length = next_fast_len(2 * rows, real=True)
+        length = next_fast_len(rows + longest + 2, real=True)  # no longer delay is looked at
         spectrum = np.fft.rfft(self.x, length, axis=0)
         product = np.fft.irfft((np.abs(spectrum) ** 2).sum(axis=1), length)[: longest + 2]
         later = np.arange(longest + 2)

@@ -131,7 +131,15 @@ def whole_periods(first: int, end: int, period: float) -> int:
 
 def final_level(log: np.ndarray) -> float:
     """Median over the last fifth of a record."""
-    return float(np.median(log[-max(1, int(FINAL_LEVEL_SHARE * len(log))) :]))
+    return median_of(log[-max(1, int(FINAL_LEVEL_SHARE * len(log))) :])
+
+
+def median_of(values: np.ndarray) -> float:
+    """Of values (m,), without numpy's general treatment of axes; NaN where there is one."""
+    middle = len(values) // 2
+    ranked = np.sort(values)  # NaN at the end
+    lower = ranked[middle - 1] if len(values) % 2 == 0 else ranked[middle]
+    return float(0.5 * (lower + ranked[middle])) if ranked[-1] == ranked[-1] else np.nan
 
 
 @dataclass(frozen=True)
