@@ -6,7 +6,7 @@ A study may name what is registered, and nothing else.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -34,6 +34,8 @@ class LawDefinition:
         In the order in which the functions take their values, behind their other arguments.
     plain : (..) -> str, or None
         What is left of the law, in words, at values of its parameters that switch it off; else "".
+    refuses : (sequence of values) -> str, or None
+        Why values that are each within their bounds do not fit each other; empty where they do.
     """
 
     registry: ClassVar[Registry[Any]]
@@ -43,6 +45,7 @@ class LawDefinition:
     description: str
     parameters: tuple[Parameter, ...] = ()
     plain: Callable[..., str] | None = None
+    refuses: Callable[[Sequence[float]], str] | None = None
 
     @property
     def functions(self) -> dict[str, Callable[..., Any]]:
@@ -189,6 +192,9 @@ class Law(Generic[D]):
         except ParameterError as e:
             raise ModelError(f"{title}: {e}") from None
         object.__setattr__(self, "parameters", checked)
+        refuses = self.definition.refuses
+        if refuses is not None and (why := refuses(checked)):
+            raise ModelError(f"{title}: {why}")
 
     @classmethod
     def named(cls, kind: str, **parameters: float) -> Self:

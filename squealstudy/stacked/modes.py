@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from squealstudy.errors import ConvergenceError, ParameterError, SquealstudyError
+from squealstudy.errors import ConvergenceError, ModelError, ParameterError, SquealstudyError
 from squealstudy.linalg.overflow import LEAST_MASS, LIMITS, OVERFLOW
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.model_point import ModelPoint
@@ -289,7 +289,11 @@ def _damping(
 
 
 def _reason(state: int, operating: StackedOperating, row: int) -> tuple[str, str]:
-    """Status and message of a point without steady sliding."""
+    """Status and message of a point without steady sliding, or whose laws refuse their values."""
+    try:
+        operating.point_at(row)
+    except ModelError as error:
+        return "failed", str(error)
     if state == SINGULAR:
         return "singular", FREE_MOTION
     if state == AT_CORNER:

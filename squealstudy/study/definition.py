@@ -146,7 +146,7 @@ def given_keys(study: ResolvedStudy) -> set[str]:
 def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStudy:
     """The study of a file's tables, perhaps with some values changed; errors are about the file."""
     from squealstudy.study.design import DesignPoint
-    from squealstudy.study.laws import check_outside_laws
+    from squealstudy.study.laws import check_laws
     from squealstudy.study.model_files import named_by_content
 
     extensions = extensions_of(source, tables)
@@ -193,7 +193,7 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStud
         sweeps=sweeps,
         extensions=extensions,
     )
-    check_outside_laws(DesignPoint(model, options, values), sweeps, study.error)
+    check_laws(DesignPoint(model, options, values), sweeps, study.error)
     return study
 
 

@@ -15,12 +15,12 @@ from squealstudy.study.sweeps import Sweep
 from squealstudy.study.toml_text import KeyPath
 
 
-def check_outside_laws(
+def check_laws(
     design: DesignPoint,
     sweeps: Iterable[Sweep],
     error_at: Callable[[KeyPath, str], StudyFileError],
 ) -> None:
-    """Try laws from outside the package at the study's nominal values and the ends of its sweeps.
+    """Try laws from outside, and tables, at the study's nominal values and the ends of its sweeps.
 
     Parameters
     ----------
@@ -37,12 +37,15 @@ def check_outside_laws(
     """
     if not design.has_working_point:
         return
-    nominal, numbered = design.operating_point(), list(enumerate(sweeps))
+    try:
+        nominal, numbered = design.operating_point(), list(enumerate(sweeps))
+    except ModelError as error:  # values of a law that do not fit each other
+        raise error_at(("parameters",), str(error)) from None
     for option, law, tried in (
         (CONTACT_OPTION.name, nominal.law, _try_contact),
         (FRICTION_OPTION.name, nominal.curve, _try_friction),
     ):
-        if law.definition.in_package:
+        if law.definition.in_package and law.definition.refuses is None:
             continue
         places: list[tuple[KeyPath, Mapping[str, float]]] = [(("model", option), {})]
         for number, sweep in numbered:
@@ -66,6 +69,8 @@ def _try_contact(operating: OperatingPoint) -> None:
 
 
 def _try_friction(operating: OperatingPoint) -> None:
+    if operating.curve.definition.in_package:  # it is sound where its values fit each other
+        return
     for s, p in product((*TEST_SPEEDS, abs(operating.sliding_speed)), TEST_PRESSURES):
         with suppress(NotComputedError):
             operating.curve.expect_consistent(operating.friction, s, [p])
