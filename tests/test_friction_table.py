@@ -14,6 +14,7 @@ from test_lumped_springs import BAND, BLOCK
 import squealstudy as sq
 from squealstudy.errors import ModelError, ParameterError, StudyFileError
 from squealstudy.laws import FRICTION_CURVES, FrictionCurve
+from squealstudy.models.operating import FRICTION_RANGE
 from squealstudy.study.definition import parse_study
 
 SPEEDS = (0.02, 0.1, 0.25, 0.4, 0.9, 2.0)
@@ -155,3 +156,11 @@ def test_a_study_says_where_its_table_does_not_ascend():
             text = text.replace("friction_law.speed_2 = 0.0", "friction_law.ratio_4 = 0.5")
         with pytest.raises(StudyFileError, match=f"{keys}.*friction law table"):
             parse_study(text, Path("a.toml"))
+
+
+@pytest.mark.parametrize(("ratio", "doubted"), [(4.0, False), (12.0, True)])
+def test_friction_beyond_dry_contacts_is_doubted(ratio, doubted):
+    values = points(ratios=(*RATIOS[:2], ratio)) | {"friction": 0.3}
+    many = {name: np.full(2, value) for name, value in values.items()}
+    for given in (values, many):
+        assert np.all((FRICTION_RANGE.values(given, 2) > FRICTION_RANGE.most) == doubted)

@@ -22,6 +22,7 @@ from squealstudy.laws import (
     friction_curve,
 )
 from squealstudy.laws.friction.exponential_fall import STATIC_RATIO
+from squealstudy.laws.friction.table import RATIOS
 from squealstudy.models.parameter import Assumption, ModelOption
 from squealstudy.parameter import Parameter
 
@@ -109,7 +110,8 @@ LARGEST_MODAL_DAMPING = (
 
 
 def _static_friction(values: Mapping[str, Any]) -> Any:
-    return values["friction"] * values[STATIC_RATIO.name]
+    ratios = [values[name] for name in (STATIC_RATIO.name, *RATIOS) if name in values]
+    return values["friction"] * np.maximum.reduce(np.broadcast_arrays(*ratios))
 
 
 def _damping_ratio(values: Mapping[str, Any]) -> Any:

@@ -15,6 +15,7 @@ from squealstudy.laws.registry import register
 from squealstudy.parameter import Parameter
 
 POINTS = 8  # points that a table can have
+RATIOS = tuple(f"friction_law.ratio_{k}" for k in range(1, POINTS + 1))
 
 
 def _point(number: int) -> tuple[Parameter, Parameter]:
