@@ -19,7 +19,7 @@ from squealstudy.motion.step_roots import integrated_roots
 from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import contact_weights
-from squealstudy.system.linearise import ContactStructure, StructureWeights, structure_weights
+from squealstudy.system.linearise import StructureWeights, structure_weights
 
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
 AT_REST = 1e-6  # of the sliding speed: what may be left of it where a point is to stick
@@ -193,21 +193,7 @@ def tangent(
         contact._replace(normal=contact.normal - system.k_ref),  # which omega2 holds
         (design.c, shapes[1]),
     )
-    structure = ContactStructure(
-        mass=None,
-        elastic=None,
-        stiffness=system.omega2,
-        springs=None,
-        N=system.N,
-        T=system.T1,
-        T_perp=system.T2,
-        area=system.area,
-        frictional=system.frictional,
-        speed_factor=system.speed_factor,
-        frequencies={},
-        places={},
-        shapes=system.shapes,
-    )
+    structure = system.structure
     structure.system.expect_computable(weights, StructureWeights._fields)
     _, C, K = structure.system.matrices(weights)
     return (C if design.damping_between is None else C + design.damping_between), K

@@ -27,6 +27,7 @@ from squealstudy.kernels.newmark_layout import POINT_SPRING
 from squealstudy.laws import ContactLaw, FrictionLaw
 from squealstudy.laws.spring import N_SPRING, NO_SPRINGS, evaluate_points
 from squealstudy.motion.growing_modes import GrowingModes
+from squealstudy.system.linearise import ContactStructure
 
 if TYPE_CHECKING:
     from squealstudy.reduction.hybrid import HybridModel
@@ -118,6 +119,25 @@ class ModalSystem:
     def tiles(self) -> dict[type[np.floating], np.ndarray]:
         """The observation matrix by precision; `observation` puts it here when needed."""
         return {}
+
+    @cached_property
+    def structure(self) -> ContactStructure:
+        """As what it is linearised: one of all design points, whose weights alone differ."""
+        return ContactStructure(
+            mass=None,
+            elastic=None,
+            stiffness=self.omega2,
+            springs=None,
+            N=self.N,
+            T=self.T1,
+            T_perp=self.T2,
+            area=self.area,
+            frictional=self.frictional,
+            speed_factor=self.speed_factor,
+            frequencies={},
+            places={},
+            shapes=self.shapes,
+        )
 
     @property
     def frequencies(self) -> np.ndarray:
