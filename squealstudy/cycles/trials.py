@@ -269,7 +269,7 @@ class Refined(Motion):
     @classmethod
     def of(cls, motion: Motion, by_step: StepParts) -> Refined:
         """The motion with it."""
-        motion_fields = {one.name: getattr(motion, one.name) for one in fields(Motion)}
+        motion_fields = {one.name: getattr(motion, one.name) for one in fields(Motion) if one.init}
         return cls(**motion_fields, by_step=by_step)
 
 
