@@ -128,6 +128,23 @@ def test_factors_are_swept_as_a_batch(tmp_path):
         assert lam == pytest.approx(roots(*matrices(*pair)[:3]), rel=1e-11)
 
 
+@pytest.mark.parametrize("upper", [0.7, 0.0])
+def test_derivatives_by_a_factor_are_those_of_matrices_by_hand(tmp_path, upper):
+    """Steady sliding moves with it, too; alone, and as a batch."""
+    model, h = sq.model(str(write(tmp_path))), 1e-5
+    asked = {"modes": 2, "band": (1.0, 1000.0)}
+    ends = [matrices(*x)[:3] for x in ((upper + h, 1.2), (upper, 1.2 + h), (upper, 1.2))]
+    lam = [roots(*x) for x in ends]
+    expected = np.transpose([(moved - lam[2]) / h for moved in lam[:2]])
+    batch = model.at(upper=[upper, 0.9], lower=1.2).sensitivities("upper", "lower", **asked)
+    for found in (
+        model.at(upper=upper, lower=1.2).sensitivities("upper", "lower", **asked),
+        batch[0],
+    ):
+        order = np.argsort(found.lam.imag)
+        np.testing.assert_allclose(found.derivative[order], expected, rtol=1e-3)
+
+
 def test_half_the_factor_is_half_the_friction_in_time(tmp_path):
     """Run for run: a factor of 1/2 on a friction of 0.8 is a friction of 0.4."""
     plain = BETWEEN.replace('"1.5 * lower"', '"lower"')

@@ -96,6 +96,16 @@ def test_derivatives_are_those_of_finite_changes(name, tmp_path):
         assert ours.derivative[0, 0] == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
+def test_a_finite_change_beyond_the_next_point_is_missing_and_the_derivative_is_there(tmp_path):
+    """One hundredth of the fourth speed is beyond the fifth."""
+    speeds, name = (0.02, 0.1, 0.25, 0.4, 0.402, 2.0), "friction_law.speed_4"
+    model, h = block(tmp_path, **points(speeds)), 1e-6
+    found = model.at(sliding_speed=0.3).sensitivities(name, modes=1, band=SLOW)
+    lam = [model.at(sliding_speed=0.3, **{name: 0.4 + x}).modes(SLOW).lam[0] for x in (h, -h)]
+    assert found.derivative[0, 0] == pytest.approx((lam[0] - lam[1]) / (2 * h), rel=1e-5)
+    assert np.isnan(found.finite[0, 0])
+
+
 def test_stick_and_slip_against_event_located_integration(tmp_path):
     """Mean and RMS of the friction force, and frequency."""
     case = Tabled(0.15)

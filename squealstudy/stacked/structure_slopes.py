@@ -130,15 +130,16 @@ class StructureSlopes:
             dampers = slope(changed[0].dampers, changed[1].dampers)
             damping = dampers if damping is None else damping + dampers
         sliding, p = self.slopes.sliding, system.sliding.pressure
-        area = np.broadcast_to(of("area"), p.shape)
+        area, factor = (np.broadcast_to(of(x), p.shape) for x in ("area", "frictional"))
         loads = np.einsum("mij,mi->mj", phi, of("load")) * system.operating.pressure[:, None]
         loads = loads + np.einsum("mij,mi->mj", phi, of("constant_load"))
         dp, dkappa = self._by_springs(first, second, width)
         force, s = area * p + sliding.area * dp, system.structures
-        drag = sliding.friction.mu * sliding.frictional * force
+        drag = sliding.frictional * force + factor * sliding.area * p
+        drag = sliding.friction.mu * drag
         unbalanced = np.einsum("mij,mj->mi", elastic + static, sliding.displacement) - loads
         unbalanced = unbalanced - _along(s.N, force) + _along(s.T, drag)
-        by = ContactChange(area=area, pressure=dp, tangent=dkappa)
+        by = ContactChange(area=area, frictional=factor, pressure=dp, tangent=dkappa)
         opening = np.broadcast_to(of("gap0"), p.shape)
         gaps = sliding.gaps_by_forces(unbalanced) + sliding.gaps_by_opening(opening)
         contact = sliding.contact(gaps, by)

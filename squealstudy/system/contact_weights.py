@@ -71,6 +71,8 @@ class ContactChange(NamedTuple):
         Of p [Pa] and kappa [Pa/m].
     area : ndarray or float
         m2.
+    frictional : ndarray or float
+        Of the factor of each point on the friction coefficient.
     speed : float or ndarray
         Of the sliding velocities along T, m/s.
     mu, by_speed, by_pressure : float or ndarray
@@ -80,6 +82,7 @@ class ContactChange(NamedTuple):
     pressure: Any = 0.0
     tangent: Any = 0.0
     area: Any = 0.0
+    frictional: Any = 0.0
     speed: Any = 0.0
     mu: Any = 0.0
     by_speed: Any = 0.0
@@ -125,9 +128,11 @@ def changed_weights(
     following = friction.following(p)
     d_following = by.mu + p * by.by_pressure + by.pressure * friction.by_pressure
     d_drag = (by.mu - friction.mu * by.speed / speed) * force + friction.mu * d_force
+    d_along = by.by_speed * force + friction.by_speed * d_force
+    more = by.frictional
     return ContactWeights(
         normal=d_k_n,
-        coupling=-frictional * (d_following * k_n + following * d_k_n),
-        across=frictional * d_drag / speed,
-        along=frictional * (by.by_speed * force + friction.by_speed * d_force),
+        coupling=-frictional * (d_following * k_n + following * d_k_n) - more * following * k_n,
+        across=(frictional * d_drag + more * friction.mu * force) / speed,
+        along=frictional * d_along + more * friction.by_speed * force,
     )

@@ -100,10 +100,12 @@ def point_sensitivities(
     derivatives = StateDerivatives(design.prepared, design.state, design.point)
     gradients = _gradients(design, derivatives, parameters)
     for parameter, step in zip(parameters, steps, strict=True):
-        moved = parameter.moved(design.state, step.value + step.size)
 
-        def changed(state: DesignState = moved) -> QuadraticPencil:
-            return linearised_point(design.prepared, state, design.point.gap)[1].pencil
+        def changed(
+            parameter: StateParameter = parameter, value: float = step.value + step.size
+        ) -> QuadraticPencil:
+            moved = parameter.moved(design.state, value)
+            return linearised_point(design.prepared, moved, design.point.gap)[1].pencil
 
         finite, reason = followed_roots(
             design.system.pencil, design.families, changed if reanalysis else None

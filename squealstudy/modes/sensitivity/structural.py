@@ -189,8 +189,8 @@ class StaticResponse:
         shapes = np.asarray(full.structure.shapes)
         dk = np.broadcast_to(full.weights.shapes, len(shapes))
         self._factor = WoodburyFactor(LowRankSum(K0, shapes.T, dk))
-        mu = operating.friction_at(w.contact_pressure, c.speed_factor).mu
-        self._mu = mu * c.frictional
+        self._friction = operating.friction_at(w.contact_pressure, c.speed_factor).mu
+        self._mu = self._friction * c.frictional
         load = operating.brake_pressure * full.assembly.load + full.assembly.constant_load
         normal = c.area * (w.contact_pressure + k_c * (w.gap - c.gap0))
         sliding = c.area * self._mu * w.contact_pressure
@@ -203,11 +203,12 @@ class StaticResponse:
         force = by.area * w.contact_pressure + c.area * dp
         unbalanced = by.static_stiffness @ self._displacement
         unbalanced -= self._full.state.operating.brake_pressure * by.load + by.constant_load
-        unbalanced -= c.N.T @ force - c.T.T @ (self._mu * force)
+        drag = self._mu * force + self._friction * by.frictional * c.area * w.contact_pressure
+        unbalanced -= c.N.T @ force - c.T.T @ drag
         unbalanced += c.N.T @ (c.area * self._k_c * by.opening)
         imbalance = c.N @ self._factor.solve(unbalanced) - by.opening
         gap = self._derivatives.motion.solve(imbalance)
-        return self._derivatives.contact(gap, ContactChange(dp, dkappa, by.area))
+        return self._derivatives.contact(gap, ContactChange(dp, dkappa, by.area, by.frictional))
 
 
 def structural_products(
@@ -255,6 +256,8 @@ class AssemblyChange:
         those that are always there, N.
     area : ndarray (nc,)
         m2, of the contact points.
+    frictional : ndarray (nc,)
+        Of their factors on the friction coefficient.
     opening : ndarray (nc,)
         Of the gaps without load, m.
     ends : (first, second) and the step between them
@@ -269,6 +272,7 @@ class AssemblyChange:
     load: np.ndarray
     constant_load: np.ndarray
     area: np.ndarray
+    frictional: np.ndarray
     opening: np.ndarray
     ends: tuple[np.ndarray, np.ndarray, float]
 
@@ -324,6 +328,7 @@ def assembly_change(structure: StructureBuilder, name: str, state: DesignState) 
         load=slope(lambda a: a.load),
         constant_load=slope(lambda a: a.constant_load),
         area=slope(lambda a: a.contact.area),
+        frictional=slope(lambda a: a.contact.frictional),
         opening=slope(lambda a: a.contact.gap0),
         ends=(ends[0].contact.spring_points, ends[1].contact.spring_points, high - low),
     )
