@@ -6,6 +6,7 @@ Only what has changed is written: Sphinx reads no other page again.
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import re
 from collections.abc import Iterator
@@ -60,6 +61,11 @@ KIND_TITLES = {
     "work_precision": "Error over time of methods",
     "method_stability": "Where methods fail",
 }
+EXTENSIONS = ROOT / "tests" / "extension"
+TO_DEFINE = (  # classes that extensions make instances of, or derive from
+    *("Column", "ContactLawDefinition", "FixedJacobian", "FrictionCurveDefinition"),
+    *("ModelDefinition", "ModelKind", "Parameter", "Rung"),
+)
 # the library behind `squealstudy.model(...).at(...)`: module and class
 MECHANICS = (
     ("squealstudy.mechanics.unreduced", "Unreduced"),
@@ -77,7 +83,7 @@ def parts() -> dict[str, str]:
     """Text of what pages of the reference include, by name."""
     made = {name: _keys(of) for name, of in KEY_PAGES}
     made |= {"commands": _commands(), "columns": _columns(), "models": _models(), "laws": _laws()}
-    return made | {"python": _python()}
+    return made | {"python": _python(), "extensions": _extensions()}
 
 
 def pages() -> dict[str, str]:
@@ -287,7 +293,7 @@ def _python() -> str:
             continue
         found = getattr(squealstudy, name)
         kind = "class" if inspect.isclass(found) else "function"
-        lines += [f"## `{name}`", "", *_documented(kind, f"squealstudy.{name}")]
+        lines += [f"### `{name}`", "", *_documented(kind, f"squealstudy.{name}")]
     lines += [
         "## Pictures: `results.plot`",
         "",
@@ -298,14 +304,61 @@ def _python() -> str:
         shown = ", ".join(str(p.replace(annotation=p.empty)) for p in own)
         lines += [f"### `plot.{name}`", ""]
         lines += _documented("function", f"{plot.draw.__module__}.{plot.draw.__name__}({shown})")
+    lines += ["## Steps of the mechanics", ""]
     for module, name in MECHANICS:
-        lines += [f"## `{name}`", "", *_documented("class", f"{module}.{name}")]
+        lines += [f"### `{name}`", "", *_documented("class", f"{module}.{name}")]
     return "\n".join(lines)
+
+
+def extension_names() -> dict[tuple[str, str], list[str]]:
+    """Files that import a name of a module, by module and name: the examples of extensions."""
+    files: dict[tuple[str, str], list[str]] = {}
+    for path in sorted(EXTENSIONS.glob("my_*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("squealstudy"):
+                for imported in node.names:
+                    files.setdefault((str(node.module), imported.name), []).append(path.name)
+    return files
+
+
+def _extensions() -> str:
+    """A table of what the examples import, and what is registered or derived from, in full."""
+    from importlib import import_module
+
+    lines = ["| from | import | as in |", "|---|---|---|"]
+    names = extension_names()
+    for module in sorted({module for module, _ in names}):
+        imported = {name: used for (of, name), used in names.items() if of == module}
+        files = sorted({file for used in imported.values() for file in used})
+        cells = (f"`{module}`", ", ".join(f"`{n}`" for n in sorted(imported)))
+        links = ", ".join(f"[{f}](../../tests/extension/{f})" for f in files)
+        lines.append("| " + " | ".join((*cells, links)) + " |")
+    lines.append("")
+    for module, name in sorted(names):
+        hook = getattr(import_module(module), name)
+        if module != "squealstudy" and name.startswith("register"):
+            lines += [f"### `{name}`", "", *_documented("function", f"{module}.{name}")]
+        elif name in TO_DEFINE:
+            lines += [f"### `{name}`", "", *_documented("class", f"{hook.__module__}.{name}")]
+    return "\n".join(lines)
+
+
+def public_of_results() -> list[str]:
+    """What `dir(results)` lists, of results of any kind."""
+    from squealstudy import Results
+    from squealstudy.engine.named_tables import NamedTables
+    from squealstudy.engine.results import OF_SOME_KINDS, PUBLIC
+
+    tables = [name for name in vars(NamedTables) if not name.startswith("_")]
+    names = dict.fromkeys((*PUBLIC, *OF_SOME_KINDS, *tables))
+    return [name for name in names if hasattr(Results, name)]
 
 
 def _documented(kind: str, name: str) -> list[str]:
     lines = ["```{eval-rst}", f".. auto{kind}:: {name}"]
-    if kind == "class":
+    if name == "squealstudy.Results":
+        lines += [f"   :members: {', '.join(public_of_results())}"]
+    elif kind == "class":
         lines += ["   :members:"]
     if name == "squealstudy.Model":  # with those of the library's
         lines += ["   :inherited-members:"]

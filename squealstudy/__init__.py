@@ -66,11 +66,13 @@ ELSEWHERE = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    """A name of the face; AttributeError for another."""
-    if name.startswith("_") or name not in __all__:
-        raise AttributeError(f"module 'squealstudy' has no attribute '{name}'")
-    return getattr(import_module(ELSEWHERE.get(name, FACE)), name)
+if not TYPE_CHECKING:  # there a name that is not above is an error
+
+    def __getattr__(name: str) -> Any:
+        """A name of the face; AttributeError for another."""
+        if name.startswith("_") or name not in __all__:
+            raise AttributeError(f"module 'squealstudy' has no attribute '{name}'")
+        return getattr(import_module(ELSEWHERE.get(name, FACE)), name)
 
 
 def __dir__() -> list[str]:

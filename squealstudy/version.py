@@ -2,5 +2,5 @@
 
 from pathlib import Path
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 PACKAGE_FOLDER = Path(__file__).parent

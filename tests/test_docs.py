@@ -133,6 +133,28 @@ def test_every_public_name_is_on_the_page(parts):
     assert {path.rpartition(".")[2] for path in shown} >= {*plots(), "Plots"}
 
 
+def test_what_extensions_import_is_on_the_page(parts, generate):
+    page = parts["extensions"]
+    rows = dict(re.findall(r"^\| `([\w.]+)` \| (.*?) \| \[", page, re.MULTILINE))
+    names = generate.extension_names()
+    assert {len(files) > 0 for files in names.values()} == {True}
+    for module, imported in names:
+        assert f"`{imported}`" in rows[module], (module, imported)
+    shown = set(re.findall(r"^\.\. auto\w+:: ([\w.]+)", page, re.MULTILINE))
+    hooks = {f"{module}.{n}" for module, n in names if n.startswith("register")}
+    assert len(hooks) == 6
+    assert hooks - {"squealstudy.register_plot"} <= shown
+    assert {path.rpartition(".")[2] for path in shown} >= set(generate.TO_DEFINE)
+
+
+def test_public_members_of_results_are_those_that_dir_lists(parts, generate):
+    """Of no results all: what a kind has not is not listed for it."""
+    (members,) = re.findall(r"autoclass:: squealstudy.Results\n   :members: (.*)", parts["python"])
+    assert members.split(", ") == generate.public_of_results()
+    assert {"rank", "modes", "shape", "robust"} < set(generate.public_of_results())
+    assert not {"rows", "batches", "screen", "store"} & set(generate.public_of_results())
+
+
 def test_every_command_and_option_is_on_the_page(parts):
     for command in app.registered_commands:
         word = command.callback.__name__

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from study_texts import study_text
 from typer.testing import CliRunner
@@ -110,3 +111,28 @@ def test_what_has_not_changed_is_not_warned_of(tmp_path):
     assert outdated(tmp_path, manifest) == ""
     assert outdated(tmp_path, {**manifest, "model": "matrices"}) == ""
     assert "damping_ratio is 0.005" in outdated(tmp_path, {**manifest, "model": "disc_brake"})
+
+
+def hoffmann() -> squealstudy.Study:
+    model = squealstudy.model("hoffmann", damping_ratio=0.01)
+    return model.study(band=(10.0, 1000.0)).with_(friction=[0.5, 0.8])
+
+
+def test_another_version_of_the_same_code_opens_results_and_solves_nothing_again(
+    tmp_path, monkeypatch
+):
+    """A version is told in the manifest; ids and hashes are of the code, not of its number."""
+    first = squealstudy.run(hoffmann(), tmp_path / "results", jobs=1)
+    manifest = read_manifest(first.directory)
+    manifest["versions"]["squealstudy"] = "0.2.0"
+    write_manifest(first.directory, manifest)
+    pd.testing.assert_frame_equal(squealstudy.open_results(first.directory).modes, first.modes)
+    monkeypatch.setattr("squealstudy.engine.manifest.__version__", "9.9.9")
+    again = squealstudy.run(hoffmann(), first.directory, jobs=1)
+    assert (first.solved, again.solved) == (2, 0)
+    pd.testing.assert_frame_equal(again.modes, first.modes)
+
+
+def test_the_citation_names_this_version():
+    text = (Path(squealstudy.__file__).parents[1] / "CITATION.cff").read_text("utf-8")
+    assert f"version: {squealstudy.__version__}\n" in text

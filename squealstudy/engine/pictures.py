@@ -17,7 +17,7 @@ from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from squealstudy.engine.manifest_file import PICTURES, write_manifest
 from squealstudy.engine.result_tables import ResultTables
@@ -35,6 +35,7 @@ NOTHING_TO_SEE = "nothing to see"  # label of a figure that only says why
 PACKAGE = "squealstudy"
 FOLDER = "squealstudy.plots"
 Draw = Callable[..., "Figure"]
+AnyDraw = TypeVar("AnyDraw", bound=Draw)
 Choices = Mapping[str, Any]  # arguments of a plot beside the results
 Pictures = Callable[[Any], Iterable[tuple[str, Choices]]]  # of `Results`
 
@@ -127,7 +128,9 @@ def _png(figure: Figure) -> bytes:
 _REGISTERED: dict[str, Plot] = {}
 
 
-def register_plot(pictures: Pictures = once, **needs: Sequence[str]) -> Callable[[Draw], Draw]:
+def register_plot(
+    pictures: Pictures = once, **needs: Sequence[str]
+) -> Callable[[AnyDraw], AnyDraw]:
     """Decorator: a function of results, and of choices, that gives a Figure is a plot of its name.
 
     Parameters
@@ -143,7 +146,7 @@ def register_plot(pictures: Pictures = once, **needs: Sequence[str]) -> Callable
         Where another plot has the name.
     """
 
-    def registered(draw: Draw) -> Draw:
+    def registered(draw: AnyDraw) -> AnyDraw:
         name = draw.__name__
         earlier = _REGISTERED.get(name)
         if earlier is not None and earlier.draw.__module__ != draw.__module__:

@@ -33,6 +33,10 @@ PUBLIC = (  # of results of every kind
     *("along", "columns", "design", "directory", "draw", "kind", "manifest", "n_points"),
     *("parameters", "plot", "rank", "swept", "table", "tables", "units"),
 )
+OF_SOME_KINDS = (  # methods and facts that `dir` lists where results have what they need
+    *("boundary", "compare", "end_motion", "explore", "history", "names"),
+    *("occurrence", "robust", "shape", "sobol_indices"),
+)
 EXPLORE = "squealstudy.explore.page"
 EXPLORED = ("complex_modes", "limit_cycles", "transient")  # kinds that have such a page
 MOST_NAMED = 12  # design points of a track at which it is named, unless more are asked for
@@ -66,19 +70,20 @@ class Results(ResultTables):
         """What is for users, and of it what these results have."""
         tables_there = (name for name in self.tables if hasattr(type(self), name))
         random = self.design in RANDOM_DESIGNS and "onsets" in self.tables
-        of_some = {
-            ("names", "shape"): "onsets" in self.tables,
-            ("end_motion", "history"): "growth" in self.tables,
-            ("compare",): bool({"onsets", "growth", "cycles"} & {*self.tables}),
-            ("occurrence",): "growth" in self.tables
-            or ("onsets" in self.tables and self.boundary is None),
-            ("robust",): random,
-            ("sobol_indices",): random and self.design == SOBOL_INDICES,
-            ("explore",): self.kind in EXPLORED,
-            ("boundary",): self.design == BOUNDARY,
+        has_onsets, has_runs = "onsets" in self.tables, "growth" in self.tables
+        applies = {
+            "boundary": self.design == BOUNDARY,
+            "compare": bool({"onsets", "growth", "cycles"} & {*self.tables}),
+            "end_motion": has_runs,
+            "explore": self.kind in EXPLORED,
+            "history": has_runs,
+            "names": has_onsets,
+            "occurrence": has_runs or (has_onsets and self.boundary is None),
+            "robust": random,
+            "shape": has_onsets,
+            "sobol_indices": random and self.design == SOBOL_INDICES,
         }
-        methods_there = (name for names, there in of_some.items() if there for name in names)
-        return sorted({*PUBLIC, *tables_there, *methods_there})
+        return sorted({*PUBLIC, *tables_there, *(n for n in OF_SOME_KINDS if applies[n])})
 
     def __repr__(self) -> str:
         """Directory, kind, model, what varies and how many points there are, on one line."""

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from squealstudy.system.linearise import StructureWeights
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +26,9 @@ class LinearSystem:
     K_sym : ndarray (n, n)
         Symmetric stiffness without friction: its eigenvalues are squares of real frequencies. Of a
         family the symmetric part of K.
-    weights : StructureWeights, or tuple of them
-        Of the terms that the matrices are sums of (`system.linearise`); None of a family and of
-        failures.
+    weights : StructureWeights, tuple of them or None
+        Of the terms that the matrices are sums of (`system.linearise`); of a batch one of each
+        design point. None of a family and of failures.
     status, message : str or ndarray (m,) of str
         ``ok``, or why there is none; rows of these are NaN.
 
@@ -43,6 +46,6 @@ class LinearSystem:
     C: np.ndarray
     K: np.ndarray
     K_sym: np.ndarray
-    weights: Any
+    weights: StructureWeights | tuple[StructureWeights | None, ...] | None
     status: str | np.ndarray
     message: str | np.ndarray

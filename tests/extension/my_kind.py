@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from types import MappingProxyType
 from typing import Any
 
@@ -65,7 +65,7 @@ class SteadySliding(ModelKind):
 
     def build_tables(
         self, plan: Plan, store: Store, workers: Workers
-    ) -> tuple[pd.DataFrame, Mapping[str, Any]]:
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """The points."""
         table = points_table(plan, tabled(planned_rows(plan, store, self.schema), FIELDS))
         store.write_table(POINTS, table)

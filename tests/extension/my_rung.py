@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
@@ -9,21 +10,25 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.modes.rung import Rung
+from squealstudy.modes.point import PointModes
+from squealstudy.modes.problem import Point, Problem
+from squealstudy.modes.reanalysis.patch import Box
+from squealstudy.modes.rung import Rung, Scope
 from squealstudy.modes.rungs import register_rung
 
 SAFETY = 1.5  # roots are no parabolas
 LEAST_MAC = 0.5  # of shapes of one mode at two points
+Ends = tuple[PointModes, PointModes, np.ndarray]  # at low, at high, distance from the line (k,)
 
 
-def taken(modes, order):
+def taken(modes: PointModes, order: np.ndarray) -> PointModes:
     """Modes in another order."""
     names = ("lam", "residual", "shapes", "error_rung")
     parts = {name: getattr(modes, name)[order] for name in names}
     return replace(modes, energies=modes.energies[:, order], **parts)
 
 
-def paired(modes, others):
+def paired(modes: PointModes, others: PointModes) -> PointModes:
     """`modes` in the order of `others`, by shapes: their own order is that of the frequencies."""
     mac = np.abs(others.shapes.conj() @ modes.shapes.T) ** 2
     rows, order = linear_sum_assignment(-mac)
@@ -40,13 +45,17 @@ class Linear(Rung):
     keeps_tolerance = False
     shares_work = True
 
-    def __init__(self):
-        self._known = WeakKeyDictionary()  # what a box costs, for points that are asked for later
+    def __init__(self) -> None:
+        self._ends_of_boxes: WeakKeyDictionary[Problem, dict[tuple[float, ...], Ends]] = (
+            WeakKeyDictionary()  # what a box costs, for points that are asked for later
+        )
 
-    def refusal(self, scope):
+    def refusal(self, scope: Scope) -> str:
         return "" if scope.varied == 1 else f"linear serves one parameter, {scope.varied} vary"
 
-    def solve(self, problem, points, box):
+    def solve(
+        self, problem: Problem, points: Sequence[Point], box: Box
+    ) -> Iterator[tuple[int, PointModes | ConvergenceError]]:
         low, high, curved = self._ends(problem, box)
         theta = problem.theta(points)
         for i, (at, own) in enumerate(zip(theta, problem.swept.samples(theta), strict=True)):
@@ -69,15 +78,15 @@ class Linear(Rung):
             )
 
     @property
-    def setup_solves(self):
+    def setup_solves(self) -> int:
         return 3  # the nodes
 
-    def relative_cost(self, points, varied):
+    def relative_cost(self, points: int, varied: int) -> float:
         return 0.05  # of a point between them
 
-    def _ends(self, problem, box):
+    def _ends(self, problem: Problem, box: Box) -> Ends:
         """Modes at both ends, and how far roots lie off the line in the middle; once a box."""
-        boxes = self._known.setdefault(problem, {})
+        boxes = self._ends_of_boxes.setdefault(problem, {})
         key = (*box.low, *box.high)
         if key not in boxes:
             low, middle, high = (

@@ -331,9 +331,9 @@ def test_what_is_no_answer_of_a_rung_ends_a_study_with_its_name(
 
 
 def test_an_error_of_a_rung_s_own_code_is_told_with_its_line(linear, tmp_path, monkeypatch):
-    monkeypatch.setattr(linear, "_known", None)
+    monkeypatch.setattr(linear, "_ends_of_boxes", None)
     line = 1 + FILE.read_text().splitlines().index(
-        "        boxes = self._known.setdefault(problem, {})"
+        "        boxes = self._ends_of_boxes.setdefault(problem, {})"
     )
     with pytest.raises(ExtensionError, match=rf"my_rung.py: line {line}: rung 'linear': Attribute"):
         run_study(plan_of(HULTEN, tmp_path), tmp_path / "r", jobs=1)
