@@ -7,38 +7,41 @@ from __future__ import annotations
 
 import contextlib
 import re
+import shlex
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from io import StringIO
-from typing import TYPE_CHECKING, Any
+from itertools import zip_longest
+from typing import TYPE_CHECKING
 from unicodedata import category
 
-from rich.console import Console, RenderableType
+from rich.cells import cell_len, set_cell_size
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.table import Table
 from rich.text import Text
 
 from squealstudy.faults import named
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import pandas as pd
 
 Rows = list[tuple[str, str]]
 STDOUT = "standard output"
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # how texts begin that spreadsheets compute
 NUMBERS = re.compile(r"[-+\d.,eE\s]*")
-MIN_COLUMN_WIDTH = 6  # least width of a column: figures are never cut
+WORDS = re.compile(r"\S+\s*|\s+")  # pieces of a text
+NAME_BREAKS = "_./"  # after which a name that is too long is broken
+PIECES = re.compile(r"[^\s_]+[\s_]*|[\s_]+")  # of a title: names of parameters have underscores
 MOST_ACROSS, MOST_UP = 45, 30  # points of a map of letters
-LEAST_WIDTH = 110  # of the ranking; a narrower terminal wraps its lines, nothing is cut
-COLUMNS: dict[str, dict[str, Any]] = {
-    "number": {"justify": "right", "no_wrap": True, "min_width": MIN_COLUMN_WIDTH},
-    "value": {
-        "justify": "right",
-        "overflow": "fold",
-        "min_width": MIN_COLUMN_WIDTH,
-    },  # of a parameter
-    "word": {"no_wrap": True},
-    "text": {"overflow": "fold"},
-}
+LEAST_WIDTH = 80  # characters; a narrower terminal wraps its lines, nothing is cut
+WIDTH_OF_FILES = 110  # of what is written to a file or a pipe, or stands in a page
+# columns of a grid: numbers and values stand right, and only texts are broken into lines
+NUMBER, VALUES, WORD, TEXT = "number", "value", "word", "text"
+GAP = 2  # characters between columns
+MIN_NUMBER_WIDTH = 4  # characters
+MIN_TEXT_WIDTH = 12  # of a column of texts, where some are so long
 
 
 class _Screen(Console):
@@ -48,7 +51,9 @@ class _Screen(Console):
 
 
 console = _Screen(
-    width=max(shutil.get_terminal_size().columns, LEAST_WIDTH), markup=False, highlight=False
+    width=max(shutil.get_terminal_size((WIDTH_OF_FILES, 24)).columns, LEAST_WIDTH),
+    markup=False,
+    highlight=False,
 )
 messages = Console(stderr=True, markup=False)
 
@@ -64,7 +69,7 @@ def show(*parts: RenderableType) -> None:
     """Print to stdout."""
     with named(STDOUT):
         for part in parts:
-            console.print(plain(part) if isinstance(part, str) else part)
+            console.print(plain(part) if isinstance(part, str) else part, crop=False)
 
 
 def write(text: str) -> None:
@@ -94,14 +99,14 @@ def _no_formula(text: str) -> str:
     return f"'{text}" if text[:1] in FORMULA and not NUMBERS.fullmatch(text) else text
 
 
-def as_text(parts: Iterable[RenderableType]) -> str:
-    """What `show` would print, in lines of at most LEAST_WIDTH characters."""
+def as_text(parts: Iterable[RenderableType], width: int = WIDTH_OF_FILES) -> str:
+    """What `show` would print, in lines of at most `width` characters."""
     written = Console(
-        width=LEAST_WIDTH, markup=False, highlight=False, file=StringIO(), force_jupyter=False
+        width=width, markup=False, highlight=False, file=StringIO(), force_jupyter=False
     )
     with written.capture() as captured:
         for part in parts:
-            written.print(part)
+            written.print(part, crop=False)
     return captured.get()
 
 
@@ -111,25 +116,115 @@ def warning(text: str) -> None:
         messages.print(f"warning: {plain(text)}", highlight=False, soft_wrap=True)
 
 
-def grid(*columns: str, rows: Iterable[Iterable[str]]) -> Table:
+class Grid:
+    """A table of texts, as wide as the screen at most: titles are broken first, then texts.
+
+    Numbers and words are never broken, so that a table of very many columns is wider than asked.
+
+    Parameters
+    ----------
+    kinds : sequence of str
+        NUMBER, VALUES, WORD or TEXT, of each column.
+    titles : sequence of str
+    rows : sequence of sequence of str
+    """
+
+    def __init__(
+        self, kinds: Sequence[str], titles: Sequence[str], rows: Sequence[Sequence[str]]
+    ) -> None:
+        self.kinds, self.titles, self.rows = kinds, titles, rows
+
+    def __rich_console__(self, _: Console, options: ConsoleOptions) -> RenderResult:
+        widths = self.widths(options.max_width)
+        heads = [_in_lines(t, w, PIECES) for t, w in zip(self.titles, widths, strict=True)]
+        deepest = max(map(len, heads), default=0)
+        yield self._line([[""] * (deepest - len(h)) + h for h in heads], widths, "bold")
+        for row in self.rows:
+            cells = [
+                _in_lines(cell, width, WORDS) if kind == TEXT else [cell]
+                for kind, cell, width in zip(self.kinds, row, widths, strict=True)
+            ]
+            yield self._line(cells, widths, "")
+
+    def widths(self, available: int) -> list[int]:
+        """Characters of each column."""
+        columns = [[row[k] for row in self.rows] for k in range(len(self.titles))]
+        longest = [max(map(cell_len, cells), default=0) for cells in columns]
+        least = [MIN_NUMBER_WIDTH if k in (NUMBER, VALUES) else 0 for k in self.kinds]
+        widths = [
+            max(cell_len(t), long, w)
+            for t, long, w in zip(self.titles, longest, least, strict=True)
+        ]
+        available -= GAP * (len(widths) - 1)
+        narrow = [
+            max(_longest_piece(t, PIECES), 0 if kind == TEXT else long, w)
+            for kind, t, long, w in zip(self.kinds, self.titles, longest, least, strict=True)
+        ]
+        savings = {k: widths[k] - narrow[k] for k, kind in enumerate(self.kinds) if kind != TEXT}
+        for k in sorted(savings, key=savings.__getitem__, reverse=True):
+            if sum(widths) > available:
+                widths[k] = narrow[k]
+        texts = [k for k, kind in enumerate(self.kinds) if kind == TEXT]
+        for k in texts:
+            in_words = max((_longest_piece(cell, WORDS) for cell in columns[k]), default=0)
+            narrow[k] = max(narrow[k], min(in_words, MIN_TEXT_WIDTH))
+        while sum(widths) > available:
+            wide = [k for k in texts if widths[k] > narrow[k]]
+            if not wide:
+                break
+            widths[max(wide, key=widths.__getitem__)] -= 1
+        return widths
+
+    def _line(self, cells: Sequence[Sequence[str]], widths: Sequence[int], style: str) -> Text:
+        """A row, of as many lines as its highest cell."""
+        lines = []
+        for of_line in zip_longest(*cells, fillvalue=""):
+            parts = [
+                " " * max(w - cell_len(c), 0) + c
+                if kind in (NUMBER, VALUES)
+                else set_cell_size(c, w)
+                for kind, c, w in zip(self.kinds, of_line, widths, strict=True)
+            ]
+            lines.append((" " * GAP).join(parts).rstrip())
+        return Text("\n".join(lines), style=style, no_wrap=True, overflow="ignore")
+
+
+def _longest_piece(text: str, pieces: re.Pattern[str]) -> int:
+    return max(map(cell_len, map(str.strip, pieces.findall(text))), default=0)
+
+
+def _in_lines(text: str, width: int, pieces: re.Pattern[str]) -> list[str]:
+    """A text in lines of at most `width` characters, broken between pieces where that does."""
+    lines = [""]
+    for piece in pieces.findall(text):
+        if cell_len(lines[-1] + piece.rstrip()) > width and lines[-1]:
+            lines.append("")
+        left_over = lines[-1] + piece
+        while cell_len(left_over.rstrip()) > width:
+            cut = max(left_over.rfind(mark, 0, width) for mark in NAME_BREAKS) + 1 or width
+            lines[-1], left_over = left_over[:cut], left_over[cut:]
+            lines.append("")
+        lines[-1] = left_over
+    return [line.rstrip() for line in lines]
+
+
+def grid(*columns: str, rows: Iterable[Iterable[str]]) -> Grid:
     """A table of texts.
 
     Parameters
     ----------
     *columns : str
-        Titles, each after its kind (a key of COLUMNS) and a colon, as ``word:energy in``; without
-        one a number.
+        Titles, each after its kind and a colon, as ``word:energy in``; without one a number.
     rows : iterable of iterable of str
     """
-    table = Table(box=None, pad_edge=False, header_style="bold")
+    kinds, titles = [], []
     for column in columns:
         kind, colon, title = column.partition(":")
-        if not colon or kind not in COLUMNS:  # a title that has a colon itself
-            kind, title = "number", column
-        table.add_column(title, **COLUMNS[kind])
-    for row in rows:
-        table.add_row(*map(plain, row))
-    return table
+        if not colon or kind not in (NUMBER, VALUES, WORD, TEXT):  # a title that has a colon itself
+            kind, title = NUMBER, column
+        kinds.append(kind)
+        titles.append(plain(title))
+    return Grid(kinds, titles, [[plain(cell) for cell in row] for row in rows])
 
 
 def letter_map(
@@ -169,6 +264,16 @@ def letter_map(
         Text("\n".join(lines)),
         notes(f"to the right: {names[0]}, {x[0]:.6g} to {x[-1]:.6g} ({len(x)} values); {meaning}"),
     ]
+
+
+def command_text(verb: str, path: Path, *options: str) -> str:
+    """A command on a file or a folder, to be copied."""
+    return shlex.join(["squealstudy", verb, str(path), *options])
+
+
+def heading(title: str) -> Text:
+    """What stands above a block of lines."""
+    return Text(title, style="bold")
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> Table:

@@ -186,9 +186,15 @@ def figure(value: float, form: str = ".4g", unknown: str = UNKNOWN) -> str:
 
 
 def small_percent(share: float) -> str:
-    """A relative error in percent, in two digits; what nobody asks for is ``< .001``."""
+    """A relative error in percent, in two digits; what nobody asks for is ``<0.001``."""
     least = 0.001  # %
-    return f"< {least:g}" if 0.0 <= 100 * share < least else figure(100 * share, ".2g")
+    return f"<{least:g}" if 0.0 <= 100 * share < least else figure(100 * share, ".2g")
+
+
+def error_percent(share: float) -> str:
+    """A relative error to follow "by" or "to": ``less than 0.001 %``, ``0.012 %``."""
+    text = small_percent(share)
+    return f"{text.replace('<', 'less than ')} %"
 
 
 def units_of(names: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:

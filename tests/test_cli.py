@@ -204,6 +204,25 @@ def test_run_rank_and_plot(study, capsys, tmp_path):
     assert "nothing to do" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("one_by_one")
+def test_a_screen_says_what_was_found_how_sure_that_is_and_what_next(study, capsys):
+    run = ("run", "study.toml", "-j", "1", "--no-pictures")
+    assert command(*run) == 0
+    short = capsys.readouterr().out
+    found, rest = short.split("\n\nHow sure\n")
+    sure, after = rest.split("\n\nWhat next\n")
+    assert found.startswith("1 mode is unstable between 1 and 1000 Hz: T1 at 94 Hz first at")
+    assert [line.split("  ")[0].strip() for line in sure.splitlines() if line[0] != " "] == [
+        *("design points", "outside band", "estimates", "error")
+    ]
+    assert "squealstudy rank results/lockin --why" in after
+    assert command(*run, "--verbose") == 0
+    long = capsys.readouterr().out
+    assert "What was done\ntime" in long
+    assert "points by rung" in long
+    assert "points by rung" not in short
+
+
 def test_bad_rank_is_one_message(study, capsys):
     assert command("run", "study.toml", "-j", "1", "--no-pictures") == 0
     capsys.readouterr()
@@ -369,7 +388,7 @@ def test_fast_growing_modes_are_checked_too(study, capsys):
     """At 0.4 the modes of Hulten's model grow and decay with 13 % damping."""
     study.write_text(STUDY.replace("start = 0.0\nstop = 0.6\nnum = 13", "values = [0.4]"))
     assert command("run", "study.toml", "--no-pictures") == 0
-    assert "0 modes missed" in capsys.readouterr().out
+    assert "none is missed" in capsys.readouterr().out
     assert open_results("results/lockin").points["reference_frequency_error"].max() < 1e-9
 
 
@@ -415,7 +434,7 @@ def test_lines_of_the_help_are_not_cut_off(capsys):
     assert command("--help") == 0
     screen = capsys.readouterr().out
     assert "..." not in screen.replace("[ARGS]...", "")
-    assert "print the ranking and where the tables are." in " ".join(screen.split())
+    assert "print what was found, how sure that is, what next." in " ".join(screen.split())
 
 
 def test_help_imports_nothing_heavy():

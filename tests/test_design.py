@@ -51,7 +51,7 @@ from squealstudy.kinds.design.state import (
 from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.plots.design_history import design_history
 from squealstudy.plots.operating_matrix import chosen_word, operating_matrix
-from squealstudy.screen import LEAST_WIDTH, as_text
+from squealstudy.screen import WIDTH_OF_FILES, as_text
 from squealstudy.study.design import DesignPoint
 
 MARGIN = 0.002
@@ -984,7 +984,7 @@ def test_effects_of_variables_with_long_names_stay_on_their_lines(trap) -> None:
     told = "; ".join(" ".join(item) for item in effects.items())
     table = trap.rank().head(1).assign(changes=told, name="interfaces 3150 Hz")
     lines = as_text(trap.screen.listed(trap, table, None)).splitlines()
-    assert max(map(len, lines)) <= LEAST_WIDTH
+    assert max(map(len, lines)) <= WIDTH_OF_FILES
     assert [line.split()[-2:] for line in lines if "modes[" in line] == [
         [*e] for e in effects.items()
     ]

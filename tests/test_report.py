@@ -262,8 +262,8 @@ def test_of_a_design_errors_that_are_not_known_are_told():
         margins = pd.DataFrame({"damping_error": [error, np.nan]})
         told[error] = dict(DESIGN.facts(made(kind="design", facts=facts, margins=margins)))
     texts = [found.get("error") for found in told.values()]
-    unknown = "solver: damping ratios of some modes not known"
-    assert texts == ["solver: damping ratios to 1.0e-09", unknown, None]
+    unknown = "damping of some modes is not known: the solver's error"
+    assert texts == ["the solver errs by less than 0.001 % of critical damping", unknown, None]
 
 
 # -- pictures, and one name for one squeal ------------------------------------------------------

@@ -82,6 +82,24 @@ def test_a_grid_of_two_parameters_is_a_map_of_letters():
     assert screen.letter_map(("mu", "load N"), (x, y), strange, CLASS_LETTERS) == []
 
 
+def test_a_grid_is_no_wider_than_the_screen_and_breaks_no_number_and_no_name():
+    titles = ("sliding_speed m/s", "word:class", "growth 1/s", "text:where most of the energy is")
+    rows = [["0.25", "limit cycle", "-0.0002182", "interfaces 46 %, outer_pad.layers 36 %"]] * 2
+    shown = screen.grid(*titles, rows=rows)
+    wide = screen.as_text([shown])
+    assert len(wide.splitlines()) == 3
+    assert "where most of the energy is" in wide
+    for width in range(52, 80):
+        lines = screen.as_text([shown], width).splitlines()
+        assert max(map(len, lines)) <= width
+        for whole in ("0.25", "limit cycle", "-0.0002182", "growth", "outer_pad"):
+            assert any(whole in line for line in lines), (whole, width)
+    names = screen.as_text([screen.grid("text:name", rows=[["a.long_name_of_a_parameter"]])], 12)
+    assert names.splitlines()[1:] == ["a.long_name_", "of_a_", "parameter"]
+    wider = screen.as_text([screen.grid(*"abcdefgh", rows=[["-0.0002182"] * 8])], 40)
+    assert wider.splitlines()[1].split() == ["-0.0002182"] * 8  # beyond the screen, never cut
+
+
 def test_every_class_and_verdict_has_a_letter_of_its_own():
     for letters, names in ((VERDICT_LETTERS, VERDICTS), (CLASS_LETTERS, (*LASTING, STABLE))):
         assert set(letters) == {*names, UNDECIDED, FAILED}

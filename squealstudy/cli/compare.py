@@ -25,7 +25,6 @@ from squealstudy.wording import (
 
 TITLES = ("mode", "Hz", "growth 1/s", "forecast", "fitted", "95 %", "dev %", "energy %", "lives")
 AGREEMENTS = {AGREES: "agree", DIFFERS: "differ", CANNOT: "open"}
-MIN_MOTION_COLUMN_WIDTH = 13  # least width of what happens in time: its words stay whole
 
 
 def comparison(
@@ -46,7 +45,6 @@ def comparison(
             [*(f"{row[n]:.6g}" for n in varied), *_cells(row)] for row in table.to_dict("records")
         ),
     )
-    shown.columns[-1].min_width = MIN_MOTION_COLUMN_WIDTH
     legend = notes(
         "growth: of the frequency study; forecast: of the time study's own complex mode; fitted: "
         "in time; dev: fitted against growth; energy: share of the vibration that lasts, in the "

@@ -1,4 +1,4 @@
-"""What `squealstudy run` prints: findings, then what was done and where everything is."""
+"""What `squealstudy run` prints below its findings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from squealstudy.screen import Rows
+from rich.console import RenderableType
+
+from squealstudy.screen import Rows, facts, heading
 from squealstudy.tables.validity import outside_validity
 from squealstudy.wording import failure_counts, plural
 
@@ -14,28 +16,64 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 
-def summary(results: Results, drawn: list[Path]) -> Rows:
-    """What a run did, how accurate it is, and where tables and pictures are."""
-    manifest, directory = results.manifest, results.directory
+def blocks(results: Results, drawn: list[Path], verbose: bool = False) -> list[RenderableType]:
+    """What stands below the findings: how sure they are, what next, and all else if asked for."""
+    manifest, kind = results.manifest, results.screen
+    rows_by_block = _by_block(results)
+    files = [("tables", _files_text(results.directory, [f"{n}.parquet" for n in results.tables]))]
+    if drawn:
+        files.append(("pictures", _files_text(results.directory, [path.name for path in drawn])))
     solved, total = results.solved or 0, manifest["n_points"]
-    failed = ""
+    time = f"{manifest['timings']['total_s']:.1f} s{_of_run(solved, total)}"
+    done = [("time", time), *rows_by_block[""]]
+    shown: list[RenderableType] = [
+        "",
+        heading("How sure"),
+        facts(
+            [
+                (f"{kind.row_word}s", _counts(results)),
+                *[("validity", text) for text in outside(results)],
+                *fidelity(manifest.get("fidelity")),
+                *rows_by_block["sure"],
+            ]
+        ),
+        "",
+        heading("What next"),
+        facts([*kind.next_steps(results), *files]),
+    ]
+    if rows_by_block["found"]:
+        shown = ["", facts(rows_by_block["found"]), *shown]
+    return [*shown, "", heading("What was done"), facts(done)] if verbose else shown
+
+
+def _by_block(results: Results) -> dict[str, Rows]:
+    """The facts of results by the block they stand in; of no block's those that few ask for.
+
+    A name that is empty or begins with a blank goes on with the line before it.
+    """
+    kind, block = results.screen, ""
+    rows: dict[str, Rows] = {"found": [], "sure": [], "": []}
+    for name, text in kind.facts(results):
+        if name and not name.startswith(" "):
+            block = "found" if name in kind.found else "sure" if name in kind.sure else ""
+        rows[block].append((name, text))
+    return rows
+
+
+def _counts(results: Results) -> str:
+    """How many design points are solved, and what became of the others."""
+    manifest = results.manifest
+    solved, total = results.solved or 0, manifest["n_points"]
+    if not solved:
+        text = f"{total}: all were there already, nothing to do"
+    elif solved < total:
+        text = f"{total}: {solved} solved now, {total - solved} found in {results.directory}"
+    else:
+        text = f"{total} solved"
     if lost := manifest["n_failed"] + manifest.get("n_inaccurate", 0):
         rows = results.table(results.tables[0])["status"]
-        failed = f", {lost} not ok ({failure_counts(rows)}; see message in {results.tables[0]})"
-    counts = f"{total}: {solved} solved now, {total - solved} found in {directory}{failed}"
-    return [
-        (f"{results.screen.row_word}s", counts),
-        *(
-            []
-            if solved
-            else [("nothing to do", f"all {results.screen.row_word}s were there already")]
-        ),
-        ("time", f"{manifest['timings']['total_s']:.1f} s{_of_run(solved, total)}"),
-        *fidelity(manifest.get("fidelity")),
-        *results.screen.facts(results),
-        ("tables", _files_text(directory, [f"{name}.parquet" for name in results.tables])),
-        *([("pictures", _files_text(directory, [path.name for path in drawn]))] if drawn else []),
-    ]
+        text += f", {lost} not ok ({failure_counts(rows)}; see message in {results.tables[0]})"
+    return text
 
 
 def _of_run(solved: int, total: int) -> str:

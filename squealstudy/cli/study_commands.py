@@ -29,16 +29,19 @@ def run(
         bool, typer.Option("--fresh", help="Remove what the study wrote there, and begin anew.")
     ] = False,
     scheduler: Scheduler = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Print times and methods, too.")
+    ] = False,
 ) -> None:
-    """Run a study, or what is left of it; print the ranking and where the tables are."""
+    """Run a study, or what is left of it: print what was found, how sure that is, what next."""
     from squealstudy import face, screen
-    from squealstudy.cli.run import outside, summary
+    from squealstudy.cli.run import blocks
 
     _expect_one_place(jobs, scheduler)
     results = face.run(face.read_study(study), output, jobs, yes, screen.warning, fresh, scheduler)
-    screen.show(*results.screen.findings(results), *outside(results), "")
+    screen.show(*results.screen.findings(results))
     drawn = (results.drawn or results.draw()) if pictures else []
-    screen.show(screen.facts(summary(results, drawn)))
+    screen.show(*blocks(results, drawn, verbose))
 
 
 def _expect_one_place(jobs: int | None, scheduler: str | None) -> None:

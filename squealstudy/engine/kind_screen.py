@@ -33,12 +33,17 @@ class KindScreen:
         Whether results can be read while a later run of the study is not finished.
     needs : mapping of str -> sequence of str
         Columns by table without which nothing can be shown.
+    found, sure : tuple of str
+        Names of lines of `facts` that stand below the findings, and of those that tell how sure
+        these are; the others are for who asks for all of them.
     """
 
     tables: tuple[str, ...] = ()
     row_word: str = "design point"
     unfinished: bool = True
     needs: Mapping[str, Sequence[str]] = MappingProxyType({})
+    found: tuple[str, ...] = ()
+    sure: tuple[str, ...] = ()
 
     def __init__(self, tables: tuple[str, ...] = (), row_word: str = "") -> None:
         self.tables, self.row_word = tables or self.tables, row_word or self.row_word
@@ -93,7 +98,7 @@ class KindScreen:
         """
         points, words = results.points, [str(word).replace("_", " ") for word in words]
         varied = [p for p in results.parameters if len(set(points[p].tolist())) > 1]
-        ranges_text = ""
+        ranges_text = words[0] if len(words) == 1 else ""
         if len(varied) == 1:
             (name,) = varied
             ranges_text = by_ranges(name, results.units.get(name, ""), points[name].tolist(), words)
@@ -113,6 +118,10 @@ class KindScreen:
         names = with_unit(first, units), with_unit(second, units)
         values = points[first].tolist(), points[second].tolist()
         return letter_map(names, values, words, letters)
+
+    def next_steps(self, results: ResultTables) -> Rows:
+        """What leads on from these findings, each with its command or key."""
+        return []
 
     def facts(self, results: ResultTables) -> Rows:
         """Lines on methods and errors beneath the findings."""

@@ -93,13 +93,14 @@ def test_the_error_line_says_that_checked_points_are_the_nodes(tmp_path):
     text = HULTEN.replace("reference_points = 0", "reference_points = 2")
     run_study(plan_of(text, tmp_path), tmp_path / "r", jobs=1)
     facts = dict(SCREEN.facts(open_results(tmp_path / "r")))
-    assert re.search(
-        r"hardly errs there, by \de-\d+ in .* which is [\d.]+e-0\d elsewhere", facts["error"]
+    told = (
+        r"by its own estimate the method errs by less than 0.001 % there, but by [\d.]+ % elsewhere"
     )
+    assert re.search(told, facts["error"])
     between = text.replace("reference_points = 2", "reference_points = 3")
     run_study(plan_of(between, tmp_path), tmp_path / "between", jobs=1)
     facts = dict(SCREEN.facts(open_results(tmp_path / "between")))
-    assert "hardly errs" not in facts["error"]
+    assert "its own estimate" not in facts["error"]
 
 
 CROSSING = """

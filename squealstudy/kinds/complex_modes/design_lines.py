@@ -199,7 +199,7 @@ def design_table(results: ResultTables, lines: list[DesignLine]) -> list[Rendera
         notes(
             meaning,
             f"first onset: least {along} at which a mode turns unstable; growth: the fastest of "
-            "all; unstable: share of its solved points\n",
+            "all; Hz: where the mode grows fastest; unstable: share of its solved points\n",
         ),
     ]
 

@@ -11,7 +11,7 @@ from squealstudy.models.components.definition import NAME as OF_FILE
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.root_pairs import LIGHT_DAMPING
 from squealstudy.screen import Rows
-from squealstudy.wording import plural
+from squealstudy.wording import error_percent, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
@@ -36,9 +36,9 @@ def method_rows(manifest: Mapping[str, Any]) -> Rows:
     audit = manifest.get("audit")
     if audit and audit["modes"]:
         text = (
-            f"{audit['modes']} modes of {audit['points']} points at full order: largest error "
-            f"{audit['largest_true_error']:.1e}, largest estimate {audit['largest_estimate']:.1e}, "
-            f"{audit['missed_modes']} missed"
+            f"{plural(audit['modes'], 'mode')} of {plural(audit['points'], 'point')} at full "
+            f"order: eigenvalues err by {error_percent(audit['largest_true_error'])}, estimated "
+            f"{error_percent(audit['largest_estimate'])}; {_missed(audit['missed_modes'])}"
         )
         rows.append(("audit", text))
     return [*rows, *_estimates(manifest)]
@@ -50,23 +50,27 @@ def _estimates(manifest: Mapping[str, Any]) -> Rows:
     if not errors or errors["largest_rung"] is None:
         return []
     largest = errors["largest_rung"]
-    text = f"method {largest:.1e}, " if largest < 1.0 else "method above the root itself, "
+    by_method = error_percent(largest) if largest < 1.0 else "more than the eigenvalue itself"
+    text = f"eigenvalues of {JUDGED} err by {by_method} from the method"
     if unknown := errors.get("unknown_rung"):
-        text += f"of {plural(unknown, 'mode')} not known, "
+        text += f" (not known of {plural(unknown, 'mode')})"
     if not errors["reduced"]:
-        return [("estimates", f"{text}no reduction: relative errors of {JUDGED}")]
+        return [("estimates", f"{text}; the model is not reduced")]
     reduction, tolerance = errors["largest_reduction"], manifest["method"]["tolerance"]
     if reduction is None:
-        return [("estimates", f"{text}reduction not known: no sample point has modes")]
+        return [("estimates", f"{text}; from the reduction not known: no sample point has modes")]
     points = plural(errors["reduction_sample_points"], "sample point")
-    text += f"reduction {reduction:.1e}, from a finer model at {points}"
+    text += f" and {error_percent(reduction)} from the reduction, by a finer model at {points}"
     if errors["reduction_widened"] > 1:
-        text += f", {errors['reduction_widened']:.2g} times that for what full order showed"
+        text += f" and {errors['reduction_widened']:.2g} times that for what full order showed"
     if manifest.get("basis_enriched"):
         text += "; the basis was enriched"
         if reduction > tolerance:
-            text += f", which is not enough for {tolerance:g}: a smaller [reduction] tolerance is"
-    return [("estimates", f"{text}: relative errors of {JUDGED}, without that of the mesh")]
+            text += (
+                f", which is not enough for {100 * tolerance:g} %: a smaller [reduction] tolerance "
+                "is"
+            )
+    return [("estimates", text)]
 
 
 def full_order_error_text(manifest: Mapping[str, Any]) -> str:
@@ -93,9 +97,17 @@ def full_order_error_text(manifest: Mapping[str, Any]) -> str:
     damping = max(c["damping_error"] for c in compared)
     missed = sum(c["missed_modes"] for c in compared)
     return (
-        f"frequency {frequency:.1e} relative, damping ratio {damping:.1e}, "
-        f"{plural(missed, 'mode')} missed: modes of damping < 5 % against {other} at "
-        f"{points}{of_mesh}"
+        f"{other} gives frequencies that differ by {error_percent(frequency)} and damping by "
+        f"{error_percent(damping)} of critical, for modes of damping < 5 % at {points}; "
+        f"{_missed(missed)}{of_mesh}"
+    )
+
+
+def _missed(modes: int) -> str:
+    return (
+        f"{plural(modes, 'mode')} {'is' if modes == 1 else 'are'} missed"
+        if modes
+        else "none is missed"
     )
 
 
@@ -114,6 +126,6 @@ def unseen_text(results: ResultTables) -> str:
     if not (np.isfinite(there) and anywhere > EXACT and there < SEEN * anywhere):
         return ""  # or the method has no light mode at these points
     return (
-        f"; the method hardly errs there, by {there:.0e} in its own estimate, which is "
-        f"{anywhere:.1e} elsewhere: audit checks points drawn at random"
+        f"; by its own estimate the method errs by {error_percent(there)} there, but by "
+        f"{error_percent(anywhere)} elsewhere: audit checks points drawn at random"
     )

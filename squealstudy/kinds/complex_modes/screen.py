@@ -22,7 +22,7 @@ from squealstudy.kinds.complex_modes.error_text import (
     unseen_text,
 )
 from squealstudy.kinds.complex_modes.outside_text import grows_outside, outside_text
-from squealstudy.screen import Rows, grid, notes
+from squealstudy.screen import Rows, command_text, grid, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.mode_ranking import (
     FIRST_UNTRACKED_GROUP,
@@ -78,6 +78,7 @@ class ComplexModesScreen(KindScreen):
     """Unstable modes: how widely, how strongly, from where on, in which component."""
 
     tables = ("points", "modes", "onsets")
+    sure = ("outside band", "left over", "audit", "estimates", "not refined", "error")
 
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
@@ -122,7 +123,7 @@ class ComplexModesScreen(KindScreen):
         shown = grid(
             *("mode", "Hz", "unstable", "growth 1/s", "damping %"),
             *(["onset"] if results.along else []),
-            *(["word:energy in"] if energies else []),
+            *(["text:energy in"] if energies else []),
             "text:worst at",
             rows=(
                 _cells(row, results.along, energies, results.units)
@@ -164,6 +165,22 @@ class ComplexModesScreen(KindScreen):
         text += f"{in_digits(fast['max_growth_rate'], 1)} 1/s"
         where = ", ".join(map(" ".join, settings_of(fast["at"], results.units).items()))
         return f"{text}{f' at {where}' if where else ''}.{but}"
+
+    def next_steps(self, results: ResultTables) -> Rows:
+        """Why modes grow, or where else to look where none does."""
+        explored = ("click through", command_text("explore", results.directory))
+        if len(self.rank(results, "share", 1, None)):
+            why = command_text("rank", results.directory, "--why")
+            return [
+                ("why they grow", why),
+                explored,
+                ("least change", 'kind = "design" searches the least that silences them'),
+            ]
+        return [
+            explored,
+            ("squeal elsewhere", "a wider band of [modes], or other values in [[sweep]]"),
+            ("squeal if kicked", 'kind = "limit_cycles" looks for vibration beside stable sliding'),
+        ]
 
     def facts(self, results: ResultTables) -> Rows:
         """Which rungs served the points, what an audit of them found, estimates and errors."""

@@ -12,7 +12,7 @@ from squealstudy.engine.kind_screen import N_RANKING_ROWS, KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import DAMPING
 from squealstudy.screen import Rows, grid, notes
-from squealstudy.wording import figure, in_digits, plural
+from squealstudy.wording import error_percent, figure, in_digits, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
@@ -29,6 +29,7 @@ class DesignScreen(KindScreen):
     """Verdict first."""
 
     tables = ("points", "designs", "margins", "slopes", "proof", "variants")
+    sure = ("one basis", "error")
 
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
@@ -66,11 +67,12 @@ class DesignScreen(KindScreen):
             text += f" by {plural(facts['n_reductions'], 'reduction')}"
         rows = [("search", text)]
         if (shared := results.manifest.get("shared_basis", {})).get("used"):
-            text = f"made for {shared['range']}; roots to {shared['error']:.1e} where it was tested"
+            error_text = error_percent(shared["error"])
+            text = f"made for {shared['range']}; eigenvalues to {error_text} where it was tested"
             rows.append(("one basis", text))
         if error == error:
-            text = f"solver: damping ratios to {error:.1e}"
-            text = text if error < 1.0 else "solver: damping ratios of some modes not known"
+            text = f"the solver errs by {error_percent(error)} of critical damping"
+            text = text if error < 1.0 else "damping of some modes is not known: the solver's error"
             rows.append(("error", text + _of_reduction(results)))
         return rows
 
@@ -90,7 +92,7 @@ def _of_reduction(results: ResultTables) -> str:
         return "; the reduced model was not held against full order"
     apart = (both["min_damping_ratio"] - both["min_damping_ratio_reduced"]).abs().max()
     where = plural(len(both), "point")
-    return f"; reduction: least damping ratios within {apart:.1e} of full order at {where}"
+    return f"; the reduction by {error_percent(apart)}, against full order at {where}"
 
 
 def today_rows(results: ResultTables) -> pd.DataFrame:
@@ -263,16 +265,17 @@ def _modes(table: pd.DataFrame) -> list[RenderableType]:
 
 def _variants(table: pd.DataFrame) -> list[RenderableType]:
     titles = ("unstable", "damping %", "cost", "damping % then", "Hz")
+    own_models = len(set(table["model"])) > 1
     shown = grid(
         "text:variant",
-        "text:model",
+        *(["text:model"] if own_models else []),
         "word:outcome",
         *(f"value:{t}" for t in titles),
         "text:change",
         rows=(
             [
                 str(r["variant"]),
-                str(r["model"]),
+                *([str(r["model"])] if own_models else []),
                 str(r["outcome"]).replace("_", " "),
                 _share_text(r["n_unstable"], r["n_operating_points"]),
                 _number(100 * r["today_damping_ratio"], ".3g"),

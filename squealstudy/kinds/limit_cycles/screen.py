@@ -14,14 +14,17 @@ from squealstudy.cycles.branch import CLOSED, RANGE, SHRUNK
 from squealstudy.cycles.growth import FAR
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
-from squealstudy.screen import Rows, grid, notes
+from squealstudy.screen import Rows, command_text, grid, notes
 from squealstudy.wording import (
     FAILED,
+    IF_KICKED,
     NO_CYCLE,
+    SQUEALS,
     TORQUE,
     VERDICT_LETTERS,
     amount,
     band_text,
+    error_percent,
     figure,
     motion_frequency,
     plural,
@@ -58,6 +61,8 @@ class LimitCyclesScreen(KindScreen):
     """Whether each design squeals, squeals if kicked, or has no cycle that was found."""
 
     tables = ("points", "verdicts", "cycles", "branches", "borders", "curves", "velocities")
+    found = ("branch", "borders")
+    sure = ("cycles",)
 
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
@@ -126,6 +131,15 @@ class LimitCyclesScreen(KindScreen):
         band = band_text(results.fact("band_hz"))
         return f"{plural(len(points), 'design')}, of modes {band}: {counts_text}."
 
+    def next_steps(self, results: ResultTables) -> Rows:
+        """The page of curves and levels; silence by a change, where something squeals."""
+        squeals = results.points["verdict"].isin((SQUEALS, IF_KICKED)).any()
+        change = [("least change", 'kind = "design" searches the least that silences it')]
+        return [
+            ("click through", command_text("explore", results.directory)),
+            *(change if squeals else []),
+        ]
+
     def facts(self, results: ResultTables) -> Rows:
         """Modes that were followed, and cycles; what the levels err by."""
         cycles, verdicts = results.table("cycles"), results.table("verdicts")
@@ -138,7 +152,7 @@ class LimitCyclesScreen(KindScreen):
             error = distinct_cycles.loc[distinct_cycles["status"] == "ok", "level_error"].max()
             said = plural(len(distinct_cycles), "cycle")
             said += (
-                f", error of their levels {small_percent(error)} % at most"
+                f"; the largest error of a level is {error_percent(error)}"
                 if bad < len(distinct_cycles)
                 else ""
             )

@@ -12,7 +12,7 @@ from rich.console import RenderableType
 from squealstudy.engine.kind_screen import N_RANKING_ROWS, KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.sensitivity.section import UNSTABLE
-from squealstudy.screen import Rows, grid, notes
+from squealstudy.screen import Rows, command_text, grid, notes
 from squealstudy.tables.sensitivity_ranking import (
     mode_sensitivities,
     parameter_text,
@@ -31,6 +31,7 @@ class SensitivityScreen(KindScreen):
     """Derivatives of one mode, each beside a finite change."""
 
     tables = ("points", "sensitivities")
+    sure = ("without", "error")
 
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
@@ -44,6 +45,11 @@ class SensitivityScreen(KindScreen):
     def findings(self, results: ResultTables) -> list[RenderableType]:
         """The sensitivities of the mode of largest growth."""
         return sensitivities(results)
+
+    def next_steps(self, results: ResultTables) -> Rows:
+        """The same of another mode."""
+        of_another = f"{command_text('sensitivity', results.directory, '--mode')} HZ"
+        return [("of another mode", of_another)] if len(results.sensitivities) else []
 
     def facts(self, results: ResultTables) -> Rows:
         """How far derivatives and reanalysis agree, where the derivative is said to hold."""

@@ -11,7 +11,7 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
-from squealstudy.screen import Rows, facts, grid, notes
+from squealstudy.screen import Rows, command_text, facts, grid, notes
 from squealstudy.tables.energy_ranking import rank_energy
 from squealstudy.wording import (
     CLASS_LETTERS,
@@ -19,6 +19,7 @@ from squealstudy.wording import (
     SUSTAINED,
     TORQUE,
     UNDECIDED,
+    error_percent,
     figure,
     in_digits,
     motion_frequency,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 MOST_COLUMNS = 2  # parameters with a column of their own
 MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
+MOST_LONGER = 20  # times the duration of a run: a longer one is not advised
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
 N_FINDING_COLUMNS = 9  # columns of `_findings`
@@ -41,6 +43,7 @@ class TransientScreen(KindScreen):
     """What every design point comes to in time, and which assembly modes have the energy."""
 
     tables = ("points", "modes", "growth")
+    sure = ("friction", "error")
 
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
@@ -104,11 +107,25 @@ class TransientScreen(KindScreen):
             text += f"{unit}, at {_frequency(row)} Hz."
         return text
 
+    def next_steps(self, results: ResultTables) -> Rows:
+        """The page of runs; longer ones, where they have told too little."""
+        untils = _worth_waiting(results.points)
+        longer = f"a duration of {_seconds(max(untils))} in [transient]" if untils else ""
+        return [
+            *([("decide runs", longer)] if longer else []),
+            ("click through", command_text("explore", results.directory)),
+            (
+                "with forecasts",
+                f"{command_text('compare', results.directory)} RESULTS_OF_COMPLEX_MODES",
+            ),
+        ]
+
     def facts(self, results: ResultTables) -> Rows:
         """What ending early has saved, the slope of friction and its error, the energy balance."""
         solved = results.points[(results.points["status"] == "ok").to_numpy()]
         balance = solved["energy_balance"].abs().max()
-        text = f"energies balance to {balance:.1e} of the work of friction in the worst run"
+        worst = error_percent(balance)
+        text = f"energies balance to {worst} of the work of friction in the worst run"
         text = text if np.isfinite(balance) else "energy balance not known: no run reached its end"
         manifest = results.manifest
         slope = regularisation(manifest.get("regularisation"))
@@ -161,18 +178,33 @@ def _frequency(row: Mapping[Hashable, Any] | pd.Series) -> str:
 
 def _undecided(table: pd.DataFrame) -> list[RenderableType]:
     """How many runs are too short for a class, and how long they would have to be."""
-    until = table.loc[table["class"] == UNDECIDED, "undecided_until"]
-    if not len(until):
+    n_undecided = int((table["class"] == UNDECIDED).sum())
+    if not n_undecided:
         return []
-    finite = until[np.isfinite(until)]
-    runs = "run is" if len(until) == len(table) == 1 else "runs are"
-    text = f"undecided: {len(until)} of {len(table)} {runs} too short to tell what they come to"
-    if len(finite):
-        text += f"; a duration of about {finite.max():.2g} s would decide "
-        text += "them" if len(finite) == len(until) else f"{len(finite)} of them"
-    if len(finite) < len(until):
-        text += f"; of {len(until) - len(finite)} no duration is known that would"
+    untils = _worth_waiting(table)
+    one = n_undecided == 1
+    runs = "run is" if n_undecided == len(table) == 1 else "runs are" if not one else "runs is"
+    comes = "it comes" if one else "they come"
+    text = f"undecided: {n_undecided} of {len(table)} {runs} too short to tell what {comes} to"
+    if untils:
+        text += f"; a duration of about {_seconds(max(untils))} would decide "
+        every = "it" if one else "them"
+        text += every if len(untils) == n_undecided else f"{len(untils)} of them"
+    if n_left := n_undecided - len(untils):
+        which = f"{n_left} of them" if untils else "it" if one else "them"
+        text += f"; no duration up to {MOST_LONGER} times as long is known to decide {which}"
     return [text]
+
+
+def _worth_waiting(table: pd.DataFrame) -> list[float]:
+    """Durations [s] at which undecided runs would be decided; of those that are not too long."""
+    undecided = table[(table["class"] == UNDECIDED).to_numpy()]
+    until = undecided["undecided_until"]
+    return until[(until <= MOST_LONGER * undecided["time_reached"]).to_numpy()].tolist()
+
+
+def _seconds(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g} s"
 
 
 def _changes(table: pd.DataFrame, varied: Sequence[str]) -> RenderableType:
