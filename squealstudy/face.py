@@ -46,6 +46,17 @@ class Study:
         What it says, changes included.
     resolved : object
         The same as its kind has read it: of a model a `ResolvedStudy`.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.model("hulten").study("flutter").with_(friction=[0.2, 0.5])
+    >>> study.owner, len(study.plan().tasks)
+    (('flutter', 'complex_modes', 'hulten'), 2)
+    >>> print(study.sensitivities().text.split("[model]")[0].strip())
+    [study]
+    name = "flutter_sensitivity"
+    kind = "sensitivity"
     """
 
     source: SourceText
@@ -64,7 +75,13 @@ class Study:
         return owner
 
     def plan(self) -> Any:
-        """Its design points, or runs; StudyFileError for what only they show."""
+        """Its design points, or runs.
+
+        Raises
+        ------
+        StudyFileError
+            What only the design points show.
+        """
         return self.resolved.kind.plan(self.resolved)
 
     @property
@@ -141,8 +158,12 @@ class Study:
     def sensitivities(self) -> Study:
         """The study of sensitivities at the [parameters] of a complex-mode study; itself if it is.
 
-        It has no sweeps, all defaults of [sensitivity], and a name of its own. StudyFileError for
-        studies of other kinds.
+        It has no sweeps, all defaults of [sensitivity], and a name of its own.
+
+        Raises
+        ------
+        StudyFileError
+            A study of another kind.
         """
         kind, name = self.resolved.kind, self.tables["study"]["name"]
         if kind.name == SENSITIVITY:
@@ -159,10 +180,21 @@ class Study:
 def read_study(path: str | Path) -> Study:
     """Read and check a study file, of any kind.
 
+    Parameters
+    ----------
+    path : str or Path
+
     Raises
     ------
     StudyFileError
         With file, line, key and what was expected, whatever is wrong with the file.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> files = sq.write_example("hulten_flutter")
+    >>> sq.read_study(files[0])
+    <Study 'hulten_flutter': complex_modes of hulten, hulten_flutter.toml>
     """
     source = SourceText.read(path)
     return resolved_study(source, source.tables, source.text)
@@ -177,10 +209,21 @@ def resolved_study(source: SourceText, tables: Mapping[str, Any], text: str) -> 
 def open_results(path: str | Path) -> Results:
     """Open a results directory.
 
+    Parameters
+    ----------
+    path : str or Path
+
     Raises
     ------
     ResultsError
         Missing, not of squealstudy, or not finished.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> _ = sq.run(sq.model("hulten").study("one_point"), jobs=1)
+    >>> sq.open_results("results/one_point").points["status"].tolist()
+    ['ok']
     """
     from squealstudy.engine.results import Results
 
@@ -226,6 +269,15 @@ def run(
     MachineError
         What the machine refuses: a full disk, memory, a worker that was killed, a scheduler that
         is lost. What is finished is kept, and the next run goes on from there.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.model("hulten").study("flutter").with_(friction=[0.2, 0.5])
+    >>> sq.run(study, jobs=1).points["n_unstable"].tolist()
+    [0, 1]
+    >>> sq.run(study, jobs=1).solved  # all is there already
+    0
     """
     if not isinstance(study, Study):
         study = read_study(study)

@@ -26,10 +26,29 @@ MODEL_FILE = ".toml"
 
 @dataclass(frozen=True, repr=False)
 class Model(MechanicalModel):
-    """A model at one design point, which a study can be made of (`mechanics.model.Model`)."""
+    """A model at one design point, which a study can be made of (`mechanics.model.Model`).
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> model = sq.model("hulten", friction=0.5)
+    >>> model.with_(mass="2 kg")
+    <Model 'hulten': friction = 0.5, mass = 2.0>
+    >>> model.component_modes()["rigid"].tolist()
+    [True, True]
+    >>> model.study(band=(10.0, 1e3))
+    <Study 'model': complex_modes of hulten, model.toml>
+    """
 
     def study(self, name: str = "model", band: tuple[float, float] | None = None) -> Study:
-        """The complex-mode study of this one design point; `band` [Hz] as of study files.
+        """The complex-mode study of this one design point.
+
+        Parameters
+        ----------
+        name : str
+            Of the study and of its results directory.
+        band : (low, high) or None
+            Hz; by default that of study files.
 
         Raises
         ------
@@ -77,6 +96,12 @@ def model(name: str, **values: Any) -> Model:
     ------
     SquealstudyError
         An unknown model; a parameter that it does not have, or a value that it cannot take.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> sq.model("hulten", friction=0.5)
+    <Model 'hulten': friction = 0.5>
     """
     if name.endswith(MODEL_FILE):
         from squealstudy.study.model_files import read_model_file
@@ -95,7 +120,14 @@ def model(name: str, **values: Any) -> Model:
 
 
 def list_models() -> dict[str, str]:
-    """Descriptions of the models by name."""
+    """Descriptions of the models by name.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> "hulten" in sq.list_models()
+    True
+    """
     named = {m.name: m.description for m in MODELS.values()}
     by_path = "its path in place of the name"
     files = {OF_FILE: f"{OF_A_FILE}: {by_path}", LUMPED: f"{OF_LUMPED}: {by_path}"}

@@ -17,15 +17,16 @@ class Parameter:
     name : str
         As in study files.
     default : float
+        In the unit [unit], as all numbers here.
     unit : str
         Empty for a pure number.
     description : str
     minimum, maximum : float
-        Closed bounds; with `positive` the minimum itself is excluded.
+        Closed bounds [unit]; with `positive` the minimum itself is excluded.
     positive : bool
         The value must be greater than zero.
     above, below : float
-        Open bounds.
+        Open bounds [unit].
     nonzero : bool
         Of either sign, a direction: never zero, and a sweep stays on one side of it.
     usual : (low, high)

@@ -9,11 +9,13 @@ import pytest
 import typed_face
 
 import squealstudy
+from squealstudy.engine import pictures
 
 ROOT = Path(__file__).parents[1]
 
 
-def test_the_script_with_types_does_what_it_says(tmp_path):
+def test_the_script_with_types_does_what_it_says(tmp_path, monkeypatch):
+    monkeypatch.setattr(pictures, "_REGISTERED", dict(pictures.plots()))  # what it adds ends
     typed_face.mechanics()
     typed_face.study_and_results(tmp_path)
 

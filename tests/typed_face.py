@@ -33,14 +33,6 @@ HOOKS = (register, register_rung, register_integrator, register_kind)
 DEFINITIONS = (ContactLawDefinition, FrictionCurveDefinition)
 
 
-@sq.register_plot(modes=("frequency_hz", "growth_rate"))
-def growth_over_frequency(results: sq.Results, size: float = 9.0) -> Figure:
-    """Growth rate over frequency."""
-    figure = Figure()
-    figure.add_subplot().scatter(results.modes["frequency_hz"], results.modes["growth_rate"], size)
-    return figure
-
-
 def mechanics() -> None:
     """Models and each step of the library."""
     model = sq.model("hulten", friction=0.5, damping_ratio=0.01)
@@ -84,7 +76,15 @@ def study_and_results(folder: Path) -> None:
     assert_type(sq.other_codes(results.modes), pd.DataFrame)
     assert_type(results.units, dict[str, str])
     assert_type(results.plot.evolution(along="friction"), Figure)
-    assert_type(growth_over_frequency(results, size=4.0), Figure)
+
+    @sq.register_plot(modes=("frequency_hz", "growth_rate"))
+    def roots(results: sq.Results, size: float = 9.0) -> Figure:
+        figure = Figure()
+        modes = results.modes
+        figure.add_subplot().scatter(modes["frequency_hz"], modes["growth_rate"], size)
+        return figure
+
+    assert_type(roots(results, size=4.0), Figure)
     assert_type(sq.open_results(folder / "results"), sq.Results)
     with contextlib.suppress(StudyFileError):
         study.with_({"modes.method": "none"})

@@ -144,6 +144,17 @@ def register_plot(
     ------
     ValueError
         Where another plot has the name.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> from matplotlib.figure import Figure
+    >>> @sq.register_plot(modes=("frequency_hz", "growth_rate"))
+    ... def growth_over_frequency(results: sq.Results) -> Figure:
+    ...     figure = Figure()
+    ...     modes = results.modes
+    ...     figure.add_subplot().plot(modes["frequency_hz"], modes["growth_rate"], ".")
+    ...     return figure
     """
 
     def registered(draw: AnyDraw) -> AnyDraw:

@@ -94,6 +94,11 @@ class ResultTables(NamedTables):
     def table(self, name: str) -> pd.DataFrame:
         """A table by name, read once, with units in ``attrs``.
 
+        Parameters
+        ----------
+        name : str
+            Of `tables`.
+
         Raises
         ------
         ResultsError
@@ -138,7 +143,18 @@ class ResultTables(NamedTables):
         return {}
 
     def columns(self, name: str) -> list[str]:
-        """Names of the columns of a table, without reading it; ResultsError as of `table`."""
+        """Names of the columns of a table, without reading it.
+
+        Parameters
+        ----------
+        name : str
+            Of `tables`.
+
+        Raises
+        ------
+        ResultsError
+            As of `table`.
+        """
         if name in self._loaded or name not in self.tables:
             return [str(column) for column in self.table(name)]
         return self._expect_fit(name).names
@@ -245,7 +261,10 @@ class ResultTables(NamedTables):
             ``point_id`` of a design point, or its row of `points`, counted from 0 (from the end
             where negative).
 
-        ResultsError where there is no such point, none was kept, or it is no transient study.
+        Raises
+        ------
+        ResultsError
+            No such point; none was kept; no transient study.
         """
         if "growth" not in self.tables:
             raise ResultsError(f"{self.directory}: a {self.kind} study has no histories")

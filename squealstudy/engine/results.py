@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import cached_property
 from html import escape
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from squealstudy.engine.journal import MISSING, UNFINISHED
 from squealstudy.engine.manifest_file import PICTURES, read_manifest
 from squealstudy.engine.pictures import Plots, draw_pictures
-from squealstudy.engine.result_tables import ResultTables
+from squealstudy.engine.result_rankings import RankedResults
 from squealstudy.errors import ResultsError
 from squealstudy.screen import as_text
 from squealstudy.study.sweeps import BOUNDARY, RANDOM_DESIGNS, SOBOL_INDICES
-from squealstudy.wording import GROWING, SUSTAINED, UNDECIDED, plural
+from squealstudy.wording import plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.exploration import Exploration
-    from squealstudy.engine.kind_screen import KindScreen
     from squealstudy.engine.motion_shapes import EndMotion
     from squealstudy.shapes.shape import Shape
 
@@ -43,7 +41,7 @@ MOST_NAMED = 12  # design points of a track at which it is named, unless more ar
 
 
 @dataclass(frozen=True)
-class Results(ResultTables):
+class Results(RankedResults):
     """A finished results directory.
 
     Its tables are attributes, DataFrames with a unit of every numeric column in
@@ -54,17 +52,43 @@ class Results(ResultTables):
     ----------
     plot : Plots
         The plots as methods that return matplotlib figures.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> model = sq.model("hulten", damping_ratio=0.01)
+    >>> study = model.study("flutter", band=(10.0, 1e3)).with_(friction=[0.2, 0.5])
+    >>> results = sq.run(study, jobs=1)
+    >>> results.modes["unstable"].tolist(), results.table("points")["friction"].tolist()
+    ([False, False, True, False], [0.2, 0.5])
+    >>> results.columns("onsets")[:3], results.rank()["threshold_kind"].tolist()
+    (['track', 'onset', 'bracket_low'], ['refined'])
+    >>> results.occurrence(bins_hz=[0, 100, 200], bins=[0, 1e3])["n_points"].tolist()
+    [1, 0]
+    >>> results.plot.evolution(along="friction").savefig("evolution.png")
+    >>> results.draw()[0].name, results.explore().save("page.html").name
+    ('evolution_friction.png', 'page.html')
+
+    The same design points in time, and scattered:
+
+    >>> changes = {"study.kind": "transient", "study.name": "in_time", "modes": None}
+    >>> changes["transient"] = {"duration": 0.05, "step": 1e-5}
+    >>> runs = sq.run(study.with_(changes), jobs=1)
+    >>> results.compare(runs)["kind"].tolist(), runs.history(1).shape[0]
+    (['vibration', 'both'], 501)
+    >>> sweep = {"parameter": "friction", "distribution": "normal", "mean": 0.3, "std": 0.05}
+    >>> load = {"parameter": "normal_force", "distribution": "uniform", "start": 90, "stop": 110}
+    >>> changes = {"study.name": "scatter", "sweep": [sweep, load]}
+    >>> changes["design"] = {"type": "sobol_indices", "samples": 16, "seed": 1}
+    >>> scatter = sq.run(study.with_(changes), jobs=1)
+    >>> len(scatter.robust()), scatter.sobol_indices()["parameter"].unique().tolist()
+    (2, ['friction', 'normal_force'])
     """
 
     plot: Plots = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "plot", Plots(self))  # no property: editors complete its names
-
-    @cached_property
-    def screen(self) -> KindScreen:
-        """What is shown of results of this kind; ResultsError of a kind that there is not."""
-        return cast("KindScreen", super().screen)
 
     def __dir__(self) -> list[str]:
         """What is for users, and of it what these results have."""
@@ -157,6 +181,11 @@ class Results(ResultTables):
         ResultsError
             Results of another kind, a model without a mesh, no such point or mode, a point that
             failed, or results that this version of squealstudy does not find again.
+
+        Examples
+        --------
+        >>> import squealstudy as sq
+        >>> sq.open_results("results/first_brake").shape(track=23)  # doctest: +SKIP
         """
         from squealstudy.engine.mode_shapes import shape
 
@@ -165,8 +194,22 @@ class Results(ResultTables):
     def end_motion(self, point: str | int | None = None) -> EndMotion:
         """The motion at the end of a run: on all nodes, and by its complex modes.
 
-        See `engine.motion_shapes.EndMotion`. By default of the run with the largest torque's RMS.
-        ResultsError of other kinds, and where no motion is there.
+        See `engine.motion_shapes.EndMotion`.
+
+        Parameters
+        ----------
+        point : str, int or None
+            As of `shape`; by default of the run with the largest torque's RMS.
+
+        Raises
+        ------
+        ResultsError
+            Results of another kind; no motion is there.
+
+        Examples
+        --------
+        >>> import squealstudy as sq
+        >>> sq.open_results("results/squeal_nominal").end_motion()  # doctest: +SKIP
         """
         from squealstudy.engine.motion_shapes import end_motion, loudest
 
@@ -177,8 +220,24 @@ class Results(ResultTables):
     ) -> pd.DataFrame:
         """Names of modes by their shapes, a row a mode (`engine.mode_names.mode_names`).
 
-        By default at up to MOST_NAMED points of each mode that is unstable somewhere;
         ``modes.merge(names, on=["point_id", "mode"])`` has them as a column.
+
+        Parameters
+        ----------
+        tracks : iterable of int or None
+            Numbers of modes in rankings; by default those that are unstable somewhere.
+        most : int or None
+            Design points of each at which it is named; None: all.
+
+        Raises
+        ------
+        ResultsError
+            Results of another kind, or of a model without a mesh.
+
+        Examples
+        --------
+        >>> import squealstudy as sq
+        >>> sq.open_results("results/first_brake").names()  # doctest: +SKIP
         """
         from squealstudy.engine.mode_names import mode_names
 
@@ -209,6 +268,18 @@ class Results(ResultTables):
         """Draw every picture that the tables allow, beside them or elsewhere; their paths.
 
         Those beside them stand in the manifest, so that new tables remove them.
+
+        Parameters
+        ----------
+        directory : Path or None
+            Where to; by default that of the results.
+
+        Raises
+        ------
+        ExtensionError
+            A plot from outside the package fails; the others are drawn.
+        OSError
+            A file that cannot be written.
         """
         return draw_pictures(self, directory)
 
@@ -229,124 +300,3 @@ class Results(ResultTables):
     def file_word(self, parameter: str) -> str:
         """A parameter's name as it stands in names of files."""
         return parameter.translate(NOT_IN_NAMES)
-
-    def rank(
-        self, by: str = "share", top: int | None = None, where: str | None = None
-    ) -> pd.DataFrame:
-        """Unstable modes, the most important first, one row each.
-
-        Unstable tracked modes (tables.mode_ranking.rank_modes), or the modes that carry
-        the energy of a transient study (tables.energy_ranking.rank_energy), which has no
-        choice of `by`.
-
-        Raises
-        ------
-        ResultsError
-            A kind of study without such a ranking, an unknown `by`, a query that cannot be used.
-        """
-        table = self.screen.rank(self, by, top, where)
-        attrs = dict(table.attrs)
-        self._give_units(table)
-        table.attrs |= attrs
-        return table
-
-    def occurrence(
-        self,
-        bins_hz: Sequence[float],
-        bins: Sequence[float],
-        weights: Sequence[float] | None = None,
-    ) -> pd.DataFrame:
-        """At how many design points something squeals, by bins of frequency and level.
-
-        Of complex modes unstable ones that oscillate, the level being their growth rate [1/s]; in
-        time the leading line of vibrations that last, the level being the RMS of the torque. Runs
-        that still grow or are undecided are in no bin: ``attrs["n_undecided"]`` counts them. See
-        tables.occurrence.occurrence.
-
-        Raises
-        ------
-        ResultsError
-            A kind of study without either; edges or weights that cannot be used.
-        """
-        from squealstudy.tables.occurrence import occurrence
-
-        points, open_ = self.points, 0
-        if self.kind == "complex_modes" and self.boundary is None:
-            level, flags = "growth_rate", ["unstable", "overdamped"]
-            squeals = self.rows(
-                "modes",
-                ["point_id", "frequency_hz", level, *flags],
-                lambda modes: (modes["unstable"] & ~modes["overdamped"]).to_numpy(bool),
-            )
-        elif self.kind == "transient":
-            level, sustained = "torque_rms", points[points["class"].isin(SUSTAINED).to_numpy(bool)]
-            squeals = sustained.assign(
-                frequency_hz=sustained["torque_line_hz"]
-            )  # where it is loudest
-            open_ = int(points["class"].isin((GROWING, UNDECIDED)).sum())
-        else:
-            raise ResultsError(
-                f"{self.directory}: occurrence is of complex modes or of runs in time at design "
-                f"points, this is {self.kind} of a {self.design} design"
-            )
-        table = occurrence(points, squeals, level, bins_hz, bins, weights)
-        table.attrs["n_undecided"] = open_
-        return table
-
-    def compare(self, other: Results) -> pd.DataFrame:
-        """What is predicted beside what happens in time: one study of each, in any order.
-
-        Of complex modes see tables.comparison.compare, of limit cycles
-        tables.cycle_comparison.compare_cycles. ResultsError where these are not a study that
-        predicts and a transient one of one model, with common design points.
-        """
-        from squealstudy.engine.comparison import compare_results
-
-        return compare_results(self, other)
-
-    def robust(self, confidence: float = 0.95) -> pd.DataFrame:
-        """Probability of instability with its interval, of any mode and of each track.
-
-        The points of a random design count as draws (tables.robustness.robust_table);
-        of a sobol_indices design its two independent samples alone.
-
-        Raises
-        ------
-        ResultsError
-            Where the design is not random, or every point failed.
-        """
-        if self.design not in RANDOM_DESIGNS or "onsets" not in self.tables:
-            raise ResultsError(
-                f"{self.directory}: probability of instability needs complex modes of a random "
-                f"design ({', '.join(RANDOM_DESIGNS)}), this is {self.kind} of a {self.design} "
-                "design"
-            )
-        from squealstudy.tables.robustness import GROWTH, robust_table
-        from squealstudy.tables.sobol import base_rows
-
-        n, d = len(self.points), len(self.swept)
-        drawn = base_rows(n, d) if self.design == SOBOL_INDICES else None
-        modes = self.rows("modes", GROWTH)
-        return self._give_units(robust_table(self.points, modes, drawn, confidence))
-
-    def sobol_indices(self, top: int | None = 8, confidence: float = 0.95) -> pd.DataFrame:
-        """First and total Sobol indices of the largest growth rate and of unstable tracks.
-
-        See tables.sobol.sobol_table.
-
-        Raises
-        ------
-        ResultsError
-            Where the design is not ``sobol_indices``, or too many points failed.
-        """
-        if self.design != SOBOL_INDICES:
-            raise ResultsError(
-                f"{self.directory}: Sobol indices need a design of type '{SOBOL_INDICES}', "
-                f"this is {self.design}"
-            )
-        from squealstudy.tables.robustness import GROWTH
-        from squealstudy.tables.sobol import sobol_table
-
-        modes = self.rows("modes", GROWTH)
-        indices = sobol_table(self.points, modes, self.swept, top, confidence)
-        return self._give_units(indices)

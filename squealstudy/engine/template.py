@@ -118,6 +118,12 @@ def new_study(
     ------
     SquealstudyError
         A file that is there, an unknown kind or model, or two that do not go together.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> sq.read_study(sq.new_study("new.toml", kind="limit_cycles", model="hulten"))
+    <Study 'new': limit_cycles of hulten, new.toml>
     """
     path = Path(path)
     text = study_text(path.stem, kind, model, whole)

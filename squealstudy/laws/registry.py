@@ -146,6 +146,10 @@ class Registry(Generic[D]):
 def register(law: D) -> D:
     """Make a contact law, a friction curve or a regularisation known by its name; returns it.
 
+    Parameters
+    ----------
+    law : ContactLawDefinition, FrictionCurveDefinition or Regularisation
+
     Raises
     ------
     ModelError

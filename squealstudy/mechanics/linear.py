@@ -24,8 +24,8 @@ class LinearSystem:
         Mass; damping [rad/s] with that of friction and modal damping; stiffness [(rad/s)^2], not
         symmetric with friction. Of a family in the units of its files.
     K_sym : ndarray (n, n)
-        Symmetric stiffness without friction: its eigenvalues are squares of real frequencies. Of a
-        family the symmetric part of K.
+        Symmetric stiffness without friction, (rad/s)^2: its eigenvalues are squares of real
+        frequencies. Of a family the symmetric part of K.
     weights : StructureWeights, tuple of them or None
         Of the terms that the matrices are sums of (`system.linearise`); of a batch one of each
         design point. None of a family and of failures.

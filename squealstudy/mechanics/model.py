@@ -93,7 +93,18 @@ class Model:
         return {**self.definition.defaults(), **mode_values}
 
     def with_(self, **values: Any) -> Self:
-        """The model with other values of parameters or options, as of `squealstudy.model`."""
+        """The model with other values.
+
+        Parameters
+        ----------
+        **values
+            Of parameters or options, as of `squealstudy.model`.
+
+        Raises
+        ------
+        ParameterError
+            As `squealstudy.model`.
+        """
         return replace(self, given={**self.given, **values})
 
     def with_basis(self, **changes: Any) -> Self:
@@ -104,6 +115,19 @@ class Model:
         **changes
             Fields of `Basis`: ``band_hz=(1e3, 6e3)``, ``component_cutoff_factor=2.0``,
             ``ranges={"pressure": (2e5, 20e5)}``, over which one basis serves.
+
+        Raises
+        ------
+        ParameterError
+            A band that is none.
+        TypeError
+            No field of `Basis`.
+
+        Examples
+        --------
+        >>> import squealstudy as sq
+        >>> sq.model("hulten").with_basis(band_hz=(10.0, 80.0)).at(friction=0.1).modes().counts
+        1
         """
         basis = self.basis or Basis.of_modes(self.definition)
         return replace(self, basis=replace(basis, **changes))
@@ -266,6 +290,16 @@ class Model:
 
         Columns ``component``, ``n_dof``, ``mode`` (from 1, rigid ones first), ``frequency_hz`` [Hz]
         and ``rigid``. The model is meshed for this.
+
+        Parameters
+        ----------
+        cutoff_hz : float
+            Modes up to here, Hz.
+
+        Raises
+        ------
+        ModelError
+            A family of matrices; a geometry that cannot be built.
         """
         return component_modes(self.at().point, cutoff_hz)
 
@@ -296,5 +330,11 @@ class Model:
         ------
         ParameterError
             What is no modulus of a component or not all of a material's, or a negative factor.
+
+        Examples
+        --------
+        >>> import squealstudy as sq
+        >>> brake = sq.model("disc_brake", mesh="coarse")
+        >>> brake.loss_damping({"pad.plate_young_modulus": 0.01}, 4e3)  # doctest: +SKIP
         """
         return loss_damping(self.at().point, factors, cutoff_hz)

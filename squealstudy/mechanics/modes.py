@@ -52,7 +52,7 @@ class ComplexModes:
     lam : ndarray (k,) complex
         rad/s; one of each conjugate pair, ascending in modulus, then real roots.
     right : ndarray (n, k) complex
-        Right vectors x of unit 2-norm, in the coordinates of `System.linear`.
+        Right vectors x, of 2-norm 1 without unit, in the coordinates of `System.linear`.
     residual : ndarray (k,)
         Normwise backward error of each pair.
     error_rung, error_reduction : ndarray (k,)
@@ -101,35 +101,35 @@ class ComplexModes:
 
     @property
     def error(self) -> np.ndarray:
-        """Estimated abs(lam - lam of the unreduced model), rad/s."""
+        """Estimated abs(lam - lam of the unreduced model) (k,), rad/s."""
         return self.error_rung + self.error_reduction
 
     @property
     def frequency_hz(self) -> np.ndarray:
-        """abs(lam) / 2 pi."""
+        """abs(lam) / 2 pi (k,), Hz."""
         hertz: np.ndarray = np.abs(self.lam) / (2 * np.pi)
         return hertz
 
     @property
     def growth_rate(self) -> np.ndarray:
-        """Re lam, 1/s."""
+        """Re lam (k,), 1/s."""
         growth: np.ndarray = self.lam.real
         return growth
 
     @property
     def damping_ratio(self) -> np.ndarray:
-        """-Re lam / abs(lam)."""
+        """-Re lam / abs(lam) (k,), without unit: a ratio."""
         return damping_ratios(self.lam)
 
     @property
     def overdamped(self) -> np.ndarray:
-        """Which roots are real."""
+        """Whether a root is real (k,)."""
         is_real: np.ndarray = self.lam.imag == 0
         return is_real
 
     @property
     def unstable(self) -> np.ndarray:
-        """Which modes grow by more than their error, their damping ratio below -1e-7."""
+        """Whether a mode grows by more than its error (k,), its damping ratio below -1e-7."""
         with np.errstate(invalid="ignore"):
             judged = settled(self.lam, self.error_rung, MODE_TOLERANCE)
             is_unstable: np.ndarray = damping_ratios(judged) < -STABILITY_TOLERANCE
@@ -137,7 +137,7 @@ class ComplexModes:
 
     @property
     def uncertain(self) -> np.ndarray:
-        """Which modes may be stable or unstable within their error; False where there is none."""
+        """Whether a mode may be stable or unstable within its error (k,); False where none is."""
         is_solved = ~np.isnan(self.lam.real)
         return is_solved & uncertain_roots(self.lam, self.error, STABILITY_TOLERANCE)
 
@@ -145,7 +145,7 @@ class ComplexModes:
     def left(self) -> np.ndarray:
         """Left vectors y (n, k), y^H Q(lam) = 0, scaled so that y^H (2 lam M + C) x = 1.
 
-        With these d lam / dp = -y^H (lam^2 M_p + lam C_p + K_p) x.
+        With these d lam / dp = -y^H (lam^2 M_p + lam C_p + K_p) x. Their unit is that of 1/lam [s].
         """
         assert self.linear_of is not None
         if not isinstance(self.counts, np.ndarray):

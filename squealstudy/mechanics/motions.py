@@ -117,6 +117,8 @@ class Runs:
     >>> runs = model.at().simulate(duration=0.02, step=1e-5, save_every=20)
     >>> runs.status, runs.time.shape, float(runs.time[-1].round(6))
     ('ok', (101,), 0.02)
+    >>> runs.history("stick").shape
+    (101,)
     """
 
     motions: tuple[Motion | None, ...] = field(repr=False)
@@ -127,9 +129,17 @@ class Runs:
     single: bool
 
     def history(self, name: str) -> np.ndarray:
-        """A column of the saved rows (rows,): ``torque``, ``stick``, ``modal_energy``, ...
+        """A column of the saved rows (rows,), as ``torque``; NaN behind the end of a run.
 
-        NaN behind the end of a run that stopped. KeyError with the names where there is none.
+        Parameters
+        ----------
+        name : str
+            ``time``, ``torque``, ``stick``, ``modal_energy``, ...
+
+        Raises
+        ------
+        KeyError
+            No such column: its text names those that there are.
         """
         rows = [None if m is None else m.history for m in self.motions]
         columns = next((h for h in rows if h is not None), {})
@@ -144,12 +154,12 @@ class Runs:
 
     @property
     def time(self) -> np.ndarray:
-        """Of the saved rows, s."""
+        """Of the saved rows (rows,), s."""
         return self.history("time")
 
     @property
     def torque(self) -> np.ndarray:
-        """Of friction at the saved rows, positive where it brakes, N m; of a straight belt N."""
+        """Of friction at the saved rows (rows,), positive where it brakes, N m; of a belt N."""
         return self.history("torque")
 
     def summary(self) -> pd.DataFrame:

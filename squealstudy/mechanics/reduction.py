@@ -43,6 +43,9 @@ class Reduction:
     >>> reduction = sq.model("hulten").at().reduced()
     >>> reduction.n, reduction.basis_matrix.shape
     (2, (2, 2))
+    >>> import numpy as np
+    >>> reduction.expand(np.array([1.0, 0.0])).shape
+    (2,)
     """
 
     assembly: AnyAssembly
@@ -67,7 +70,18 @@ class Reduction:
         return self.expand(np.eye(self.n))
 
     def expand(self, x: np.ndarray) -> np.ndarray:
-        """Displacements (n_dof, ...) of the assembly from coordinates x (n, ...)."""
+        """Displacements (n_dof, ...) of the assembly.
+
+        Parameters
+        ----------
+        x : ndarray (n, ...)
+            Coordinates of the basis, sqrt(kg) m.
+
+        Raises
+        ------
+        ValueError
+            Another number of coordinates.
+        """
         return self.basis.expand(x)
 
 

@@ -58,16 +58,18 @@ class Sensitivities:
     derivative : ndarray (k, p) complex
         1/s per unit of the parameter; total: the working point moves.
     change : ndarray (k, p)
-        Finite change of each parameter, in its unit.
+        Finite change of each parameter, in the unit [of the parameter].
     finite : ndarray (k, p) complex
         What that changes the root by, solved again, 1/s; NaN where the changed design has none.
     match : ndarray (k, p)
-        Of the root found then with the mode: 1 is the mode itself.
+        Share of the root found then that is the mode: 1 is the mode itself.
     validity : ndarray (k, p)
-        Change up to which the derivative says more than the curvature.
+        Change up to which the derivative says more than the curvature, in that unit too [of the
+        parameter].
     condition : ndarray (k,)
-        Of the eigenvalue; from 100 on a derivative means nothing.
+        Of the eigenvalue, without unit; from 100 on a derivative means nothing.
     near_coalescence : ndarray (k, p) of bool
+        Whether the derivative means nothing: `condition` from 100 on, `validity` below `change`.
     status, message : str
         ``ok``, or in a batch why there are none.
 
@@ -93,7 +95,7 @@ class Sensitivities:
     message: str = ""
 
     @classmethod
-    def of(cls, modes: Sequence[ModeSensitivities]) -> Sensitivities:
+    def _of_modes(cls, modes: Sequence[ModeSensitivities]) -> Sensitivities:
         """The arrays of modes."""
         names = tuple(s.step.name for s in modes[0].sensitivities) if modes else ()
         shape = (len(modes), len(names))
@@ -115,7 +117,7 @@ class Sensitivities:
         )
 
     @classmethod
-    def of_batch(cls, found: StackedSensitivities, row: int) -> Sensitivities:
+    def _of_batch(cls, found: StackedSensitivities, row: int) -> Sensitivities:
         """The arrays of one design point of a batch that is solved at once."""
         start, end = np.searchsorted(found.owner, [row, row + 1])
         names = found.names if end > start else ()
@@ -229,7 +231,7 @@ def point_derivatives(
         check_structural(builder, structural)
         more = structural_sensitivities(solved, builder, structural, change)
         mode_list = [with_more(m, s) for m, s in zip(mode_list, more, strict=True)]
-    return Sensitivities.of(mode_list)
+    return Sensitivities._of_modes(mode_list)
 
 
 def all_sensitivities(
@@ -257,7 +259,7 @@ def _or_raise(found: Sensitivities | Exception) -> Sensitivities:
     if not isinstance(found, Exception):
         return found
     status, message = reason(found)
-    return replace(Sensitivities.of(()), status=status, message=message)
+    return replace(Sensitivities._of_modes(()), status=status, message=message)
 
 
 def _at_once(
@@ -289,7 +291,7 @@ def _at_once(
         for rows, batch_part in parts:
             for row, number in enumerate(rows.tolist()):
                 of_points[number] = (
-                    None if batch_part.left[row] else Sensitivities.of_batch(batch_part, row)
+                    None if batch_part.left[row] else Sensitivities._of_batch(batch_part, row)
                 )
     except FAILURES:  # which the way point by point tells
         return none

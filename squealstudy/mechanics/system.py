@@ -60,6 +60,13 @@ class System(Design):
     >>> system = sq.model("hulten").at(friction=[0.1, 0.5])
     >>> len(system), [int(point.modes().unstable.sum()) for point in system]
     (2, [0, 1])
+    >>> point = sq.model("hulten", damping_ratio=0.01).at(friction=0.5)
+    >>> point.sensitivities("friction").d_growth_rate.round(1).tolist()  # 1/s per unit of friction
+    [[311.3]]
+    >>> point.reduced().n, point.simulate(0.05, step=1e-5).summary()["class"][0]
+    (2, 'growing')
+    >>> [family.verdict for number, family in point.limit_cycles().families]
+    ['squeals', 'no_cycle_found']
     """
 
     # -- steady sliding and the system about it ----------------------------------------------------

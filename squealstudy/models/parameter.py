@@ -151,6 +151,10 @@ class ModelDefinition:
 
     Attributes
     ----------
+    name, description : str
+        As in study files; in a line.
+    options : tuple of ModelOption
+        Choices that are no numbers.
     declared : tuple of Parameter, or of callable
         The model's parameters; a callable gives those of a register. A model may have one of them
         as its own with another default.

@@ -163,6 +163,10 @@ _integrators: dict[str, type[Integrator]] = {}
 def register_integrator(integrator: type[Integrator]) -> type[Integrator]:
     """Make an integrator known to studies under its name; also a decorator.
 
+    Parameters
+    ----------
+    integrator : subclass of Integrator, as FixedJacobian
+
     Raises
     ------
     ParameterError

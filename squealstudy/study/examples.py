@@ -68,7 +68,14 @@ def examples() -> Mapping[str, Example]:
 
 
 def list_examples() -> dict[str, str]:
-    """Descriptions of the shipped studies by name: `write_example` writes one."""
+    """Descriptions of the shipped studies by name: `write_example` writes one.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> sq.list_examples()["hulten_flutter"]
+    "lock-in of the two modes of Hulten's model over friction"
+    """
     return {name: example.description for name, example in examples().items()}
 
 
@@ -92,6 +99,12 @@ def write_example(name: str, folder: Path | str | None = None) -> list[Path]:
     ------
     SquealstudyError
         No such study; files that are there already.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> [path.name for path in sq.write_example("hulten_flutter")]
+    ['hulten_flutter.toml']
     """
     shipped = examples()
     if name not in shipped:

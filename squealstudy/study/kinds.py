@@ -42,7 +42,18 @@ def kind_names() -> tuple[str, ...]:
 
 
 def register_kind(kind: StudyKind) -> None:
-    """Add a kind from outside the package; ValueError where another one has its name."""
+    """Add a kind from outside the package.
+
+    Parameters
+    ----------
+    kind : StudyKind
+        An instance, of a class derived from ModelKind.
+
+    Raises
+    ------
+    ValueError
+        Where another one has its name.
+    """
     registered = _registered.get(kind.name, kind)
     if kind.name in _folders() or type(registered) is not type(kind):
         raise ValueError(f"there is a kind of study '{kind.name}' already")

@@ -59,6 +59,13 @@ def other_codes(modes: pd.DataFrame) -> pd.DataFrame:
     ------
     ResultsError
         A table without the columns of complex modes.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> modes = sq.model("hulten", friction=0.5, damping_ratio=0.01).modes()
+    >>> sq.other_codes(modes)["effective_damping"].round(3).tolist()
+    [-0.357, 0.395]
     """
     lam = roots_of(modes)
     omega = np.abs(lam.imag)

@@ -15,7 +15,17 @@ MODELS: dict[str, ModelDefinition] = {}
 
 
 def register_model(model: ModelDefinition) -> None:
-    """Add a model; ValueError where another one has its name."""
+    """Add a model.
+
+    Parameters
+    ----------
+    model : ModelDefinition
+
+    Raises
+    ------
+    ValueError
+        Where another one has its name.
+    """
     if model.name in (MATRICES, OF_FILE, LUMPED) or MODELS.get(model.name, model) != model:
         raise ValueError(f"there is a model '{model.name}' already")
     MODELS[model.name] = model

@@ -19,6 +19,11 @@ _registered: dict[str, Rung] = {}
 def register_rung(rung: Rung) -> None:
     """Add a rung from outside the package, under its name.
 
+    Parameters
+    ----------
+    rung : Rung
+        An instance.
+
     Raises
     ------
     TypeError
