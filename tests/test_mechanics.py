@@ -469,3 +469,4 @@ def test_a_run_says_what_its_step_may_do_to_its_numbers():
     )
     assert all("step" in reason for reason in long["invalid_reason"])
     assert list(short["invalid_reason"]) == ["", ""]
+    assert all("the step changes is left out" in reason for reason in short["bounds_reason"])

@@ -84,7 +84,9 @@ def close_step(
     kinetic = 0.5 * dot(v, v)
     if not (kinetic < MAX_FINITE_SQUARE and finite(work.x[0, at.FORCE])):
         counts[at.STATUS] = at.NOT_FINITE
-    elif kinetic > BLOW_UP * (real[SCALE] + abs(real[at.W_LOAD]) + abs(real[at.W_BELT])):
+    elif kinetic > BLOW_UP * (
+        real[SCALE] + abs(real[at.W_LOAD]) + abs(real[at.W_BELT]) + max(-real[at.D_DAMPING], 0.0)
+    ):
         counts[at.STATUS] = at.BLOWN_UP
     else:
         if settings.save_every > 0 and counts[at.STEP] % settings.save_every == 0:

@@ -27,6 +27,7 @@ from squealstudy.modes.point import state_working_point
 from squealstudy.motion.integrator import Integrator, integrator
 from squealstudy.motion.level_errors import doubts
 from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.level import ONE_STEP
 from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.point import friction_law, motion_point, perturbed
 from squealstudy.motion.settings import MotionSettings
@@ -166,7 +167,8 @@ class Runs:
         """What each run came to, a row a design point: class, levels, growth.
 
         ``invalid_reason`` tells what the run breaks of what its numbers need, such as a step too
-        long for friction that sticks, and the step to take; empty of a sound run.
+        long for friction that sticks, and the step to take; empty of a sound run. Bounds of levels
+        leave out what the step changes, as ``bounds_reason`` says; those of a study have it.
         """
         import pandas as pd
 
@@ -181,7 +183,7 @@ class Runs:
     def _row(self, motion: Motion | None, system: ModalSystem | None) -> dict[str, Any]:
         if motion is None or system is None:
             return {}
-        columns = summarise(motion).point
+        columns = summarise(motion, lambda _: ONE_STEP).point
         broken = doubts(motion, system, self.settings, columns) if motion.outcome == "ok" else {}
         reason = "; ".join(f"{rule}: {text}" for rule, text in broken.items())
         return {**columns, "invalid_reason": reason}

@@ -77,7 +77,7 @@ class AssemblyDamping:
         Returns
         -------
         diagonal : ndarray (r,)
-            1/s, not negative.
+            1/s; negative where the own damping is, or a stiffness that is damped by beta.
         between : ndarray (r, r) or None
             With zeros on the diagonal, symmetric where nothing turns, 1/s; None where nothing is
             beside the diagonal.
@@ -97,7 +97,7 @@ class AssemblyDamping:
             with np.errstate(over="ignore"):  # infinite ones fail the point where they are used
                 rates += state.stiffness_damping * self.omega2
             if self.own is None and self.basis is None:
-                return np.maximum(rates, 0.0), None
+                return rates, None
             C = np.diag(rates)
         if self.own is not None:
             C = C + self.own
@@ -105,7 +105,7 @@ class AssemblyDamping:
             C = self.basis.T @ C @ self.basis
         between = C if self.turns else 0.5 * (C + C.T)
         between = between - np.diag(np.diag(C))
-        return np.maximum(np.diag(C), 0.0), between if between.any() else None
+        return np.diag(C), between if between.any() else None
 
     def _ratios(self, state: DesignState) -> np.ndarray:
         """Damping ratios (n,) of the assembly's modes."""

@@ -124,7 +124,7 @@ def energy_drift(motion: Motion) -> float:
     of that work. Here the imbalance is followed over the run: the medians of ten parts of the
     history are compared with the start, and the last row where it is most of the energy, a run
     that explodes at its end. The vibration's energy is its largest modal energy and what damping
-    took from it. NaN for a history shorter than ten rows.
+    took from it, or gave. NaN for a history shorter than ten rows.
     """
     h = motion.history
     if len(h["time"]) < N_BALANCE_BLOCKS:
@@ -132,7 +132,7 @@ def energy_drift(motion: Motion) -> float:
     work = h["work_load"] + h["work_belt"] - h["dissipated_friction"] - h["dissipated_damping"]
     imbalance = work - (h["stored"] - h["stored"][0])
     medians = [median_of(part) for part in np.array_split(imbalance, N_BALANCE_BLOCKS)]
-    size = h["modal_energy"].max() + h["dissipated_damping"][-1]
+    size = h["modal_energy"].max() + abs(h["dissipated_damping"][-1])
     size += ENERGY_BALANCE_ROUND_OFF * (
         abs(h["dissipated_friction"][-1]) + float(np.abs(h["stored"]).max())
     )

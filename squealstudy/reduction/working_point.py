@@ -142,15 +142,15 @@ def working_point(
             )
         if damping < 1.0 or not np.abs(F).max() < NEARER * before:
             jacobian = None
-    raise ConvergenceError(
-        "working_point", no_sliding_text(float(point.friction), float(point.brake_pressure))
-    )
+    pressure = float(point.brake_pressure) if space.C_Nf[:, 0].any() else None
+    raise ConvergenceError("working_point", no_sliding_text(float(point.friction), pressure))
 
 
-def no_sliding_text(friction: float, pressure: float) -> str:
-    """The failure of Newton at a friction and a brake pressure [Pa]."""
+def no_sliding_text(friction: float, pressure: float | None) -> str:
+    """The failure of Newton at a friction and a brake pressure [Pa], where one acts."""
+    pressed = "" if pressure is None else f", pressure {pressure:g} Pa"
     return (
-        f"no steady sliding equilibrium found at friction {friction:g}, pressure {pressure:g} Pa: "
+        f"no steady sliding equilibrium found at friction {friction:g}{pressed}: "
         "does friction tip, lift or jam a part there, held too softly or too far from its contact?"
     )
 

@@ -184,8 +184,9 @@ def system_about_sliding(
     failures, count = dict(failures), len(operating.friction)
     elastic = np.broadcast_to(structures.k_el * damping.scale**2, (count, structures.n))
     sliding = steady_sliding(structures, elastic, operating)
+    pressed = bool(structures.load[..., 0].any())
     for i in np.flatnonzero(sliding.state != SOLVED):
-        failures.setdefault(int(i), _reason(int(sliding.state[i]), operating, int(i)))
+        failures.setdefault(int(i), _reason(int(sliding.state[i]), operating, int(i), pressed))
     linear = linearised(structures, sliding, operating, damping)
     for i in np.flatnonzero(~linear.finite):
         text = f"a matrix of the linearised system has entries too large: {LIMITS}"
@@ -288,8 +289,11 @@ def _damping(
     )
 
 
-def _reason(state: int, operating: StackedOperating, row: int) -> tuple[str, str]:
-    """Status and message of a point without steady sliding, or whose laws refuse their values."""
+def _reason(state: int, operating: StackedOperating, row: int, pressed: bool) -> tuple[str, str]:
+    """Status and message of a point without steady sliding, or whose laws refuse their values.
+
+    `pressed` is whether loads follow the brake pressure.
+    """
     try:
         operating.point_at(row)
     except ModelError as error:
@@ -298,7 +302,8 @@ def _reason(state: int, operating: StackedOperating, row: int) -> tuple[str, str
         return "singular", FREE_MOTION
     if state == AT_CORNER:
         return "working_point", SPRING_AT_CORNER
-    return "working_point", no_sliding_text(operating.friction[row], operating.pressure[row])
+    pressure = operating.pressure[row] if pressed else None
+    return "working_point", no_sliding_text(operating.friction[row], pressure)
 
 
 def _contradictions(

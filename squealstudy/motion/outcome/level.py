@@ -93,7 +93,7 @@ class StepParts:
     @property
     def measured(self) -> bool:
         """Whether another step was tried."""
-        return np.isfinite(self.rms) and self not in (OF_THE_WINDOW, NOT_ASKED)
+        return np.isfinite(self.rms) and self not in (OF_THE_WINDOW, NOT_ASKED, ONE_STEP)
 
     @classmethod
     def unknown(cls, reason: str) -> StepParts:
@@ -103,3 +103,4 @@ class StepParts:
 
 OF_THE_WINDOW = StepParts(0.0, 0.0, 0.0, 0.0)  # where nobody asked for another step
 NOT_ASKED = replace(OF_THE_WINDOW, reason="of motion that passes bounds are those of the window")
+ONE_STEP = replace(OF_THE_WINDOW, reason="what the step changes is left out: no other was tried")
