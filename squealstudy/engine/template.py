@@ -332,20 +332,14 @@ def _parameters(begun: Begun) -> Iterator[str]:
     shown = begun.shown("parameters")
     yield "[parameters]"
     for parameter in begun.model.parameters:
-        matters = (
-            shown is None or parameter.name in shown or _is_of_the_model(parameter, begun.model)
-        )
+        of_minimal_model = not begun.model.meshed and parameter.structural
+        matters = shown is None or parameter.name in shown or of_minimal_model
         if not matters and parameter.name not in begun_with:
             continue
         described = parameter.description + (f" [{parameter.unit}]" if parameter.unit else "")
         described += f" ({parameter.default:g} by default)" if parameter.name in begun_with else ""
         yield from key_lines(parameter.name, parameter.default, described, begun_with)
     yield ""
-
-
-def _is_of_the_model(parameter: Parameter, model: ModelDefinition) -> bool:
-    """Whether it is one of the few of a minimal model."""
-    return not model.meshed and parameter.structural
 
 
 def _sweeps(begun: Begun) -> Iterator[str]:

@@ -76,7 +76,11 @@ class BlockRows(NamedTuple):
     def of(cls, matrices: Sequence[np.ndarray]) -> BlockRows:
         """Of matrices (m, n); without blocks where they do not pay."""
         blocks = blocks_of(matrices)
-        return cls(blocks, {id(A): [_entries_in(A, block) for block in blocks] for A in matrices})
+        entries = {
+            id(A): [np.hstack([A[b.rows, there] for _, there in b.runs]) for b in blocks]
+            for A in matrices
+        }
+        return cls(blocks, entries)
 
     def add(self, total: np.ndarray, terms: Iterable[tuple[Any, Any, Any]]) -> None:
         """Add the sum of L^T diag(w) R of terms (L, w, R) to a matrix (n, n), in place."""
@@ -92,10 +96,6 @@ class BlockRows(NamedTuple):
             for own, there in block.runs:
                 for other, across in block.runs:
                     total[there, across] += part[own, other]
-
-
-def _entries_in(A: np.ndarray, block: RowBlock) -> np.ndarray:
-    return np.hstack([A[block.rows, there] for _, there in block.runs])
 
 
 def weighted(left: np.ndarray, w: np.ndarray, right: np.ndarray) -> np.ndarray:

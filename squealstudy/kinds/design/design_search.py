@@ -28,7 +28,8 @@ from squealstudy.kinds.design.state import (
     SearchCache,
 )
 from squealstudy.kinds.design.study import DesignStudy
-from squealstudy.kinds.design.targets import Realisation, is_target, nearest, part_of
+from squealstudy.kinds.design.targets import Realisation, nearest, part_of
+from squealstudy.models.parameter_names import ModeParameter
 
 SCAN_DESIGNS_PER_VARIABLE = 16  # designs a variable, where a variable costs no reduction
 MOST_CORNERS = 6  # variables of a box whose corners are in the scan
@@ -60,7 +61,8 @@ class DesignSearch(EvaluatedDesigns):
         memory: SearchCache,
     ) -> None:
         super().__init__(study, rows, reduced, cyclic, memory)
-        self.targets = np.array([is_target(v.parameter) for v in study.variables], dtype=bool)
+        of_modes = [isinstance(v.parameter, ModeParameter) for v in study.variables]
+        self.targets = np.array(of_modes, dtype=bool)  # what nobody can build
         self.both = bool(self.targets.any() and not self.targets.all())
         self.whole, self.kept = self.box, np.ones(len(self.ranges), dtype=bool)
         try:

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from squealstudy.kinds.design.search import Box
-from squealstudy.models.parameter_names import ModeParameter, StudyParameter
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +39,6 @@ class Realisation:
     enough: bool
     begun: np.ndarray
     matched: float
-
-
-def is_target(parameter: StudyParameter) -> bool:
-    """Whether nobody can build it: a frequency or damping of modes."""
-    return isinstance(parameter, ModeParameter)
 
 
 def part_of(box: Box, kept: np.ndarray) -> Box:

@@ -50,7 +50,7 @@ KNOBS = (
 
 def measure(knobs: Mapping[str, float]) -> CaseResult:
     """`measured` is the largest relative error of a root over the tolerance."""
-    problem = flutter_problem(knobs["damping_ratio"])
+    problem = SmallProblem(*flutter_matrices(knobs["damping_ratio"]))
     to = np.array([knobs["anchor"] + knobs["step"]])
     with np.errstate(all="ignore"):
         anchor = make_anchor(problem, np.array([knobs["anchor"]]), ANCHOR_BAND_FACTOR)
@@ -70,11 +70,6 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
         error=error,
         cost=1.0,
     )
-
-
-def flutter_problem(damping_ratio: float) -> SmallProblem:
-    """Hulten's mass over its friction, damped alike in all directions."""
-    return SmallProblem(*flutter_matrices(damping_ratio))
 
 
 def flutter_matrices(damping_ratio: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -143,7 +143,8 @@ def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: s
         target = {"E": E, "nu": nu, "G": G}[str(key[0])]
         place = int(key[1]) if len(key) > 1 else 0
         if (len(key) > 1) != isinstance(material, Orthotropic) or place >= len(target):
-            text = f"material {name} has {wrong}, not {key[0]}{_key_text(key)}"
+            place_text = f"[{place + 1}]" if len(key) > 1 else ""
+            text = f"material {name} has {wrong}, not {key[0]}{place_text}"
             raise PlacedError(keys, text)
         target[place] = number
     try:
@@ -152,10 +153,6 @@ def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: s
         return Orthotropic.from_engineering(tuple(E), tuple(nu), tuple(G), density)  # type: ignore[arg-type]
     except ModelError as error:
         raise ValuesError(tuple(values), f"material {name}: {error}") from error
-
-
-def _key_text(key: tuple[str | int, ...]) -> str:
-    return f"[{int(key[1]) + 1}]" if len(key) > 1 else ""
 
 
 def engineering(

@@ -111,12 +111,9 @@ def _in_blocks(lines: Sequence[list[bytes]], word: str) -> list[int]:
     if len(numbers) != stated:
         raise ValueError(f"its header states {stated} {word}s, its blocks {len(numbers)}")
     if place != len(lines):
-        raise ValueError(f"{abs(len(lines) - place)} lines too {_many_or_few(len(lines) > place)}")
+        many_or_few = "many" if len(lines) > place else "few"
+        raise ValueError(f"{abs(len(lines) - place)} lines too {many_or_few}")
     return numbers
-
-
-def _many_or_few(more: bool) -> str:
-    return "many" if more else "few"
 
 
 def _whole_numbers(lines: Sequence[list[bytes]], place: int, count: int) -> list[int]:
@@ -125,12 +122,9 @@ def _whole_numbers(lines: Sequence[list[bytes]], place: int, count: int) -> list
         raise ValueError("it ends before the last that its header states")
     words = lines[place][:count]
     if len(words) < count or not all(word.isdigit() for word in words):
-        raise ValueError(f"expected whole numbers, found '{_words_text(lines[place])}'")
+        line_text = b" ".join(lines[place])[:40].decode(errors="replace")
+        raise ValueError(f"expected whole numbers, found '{line_text}'")
     return [int(word) for word in words]
-
-
-def _words_text(words: Sequence[bytes]) -> str:
-    return b" ".join(words)[:40].decode(errors="replace")
 
 
 def _expect_unique(numbers: Sequence[Number], path: Path, word: str) -> None:

@@ -77,19 +77,6 @@ def vibration_energy(v: np.ndarray) -> np.ndarray:
     return energy
 
 
-def static_energy(q: np.ndarray, omega: np.ndarray) -> float:
-    """Energy of the mean position of modes over a window, J: a static shift, no vibration.
-
-    Parameters
-    ----------
-    q : ndarray (rows, ns)
-        Modal amplitudes over the window.
-    omega : ndarray (ns,)
-        rad/s.
-    """
-    return float(0.5 * ((omega * q.mean(axis=0)) ** 2).sum())
-
-
 def energy_outside(energies: np.ndarray, total: np.ndarray) -> np.ndarray:
     """Energy (rows,) outside the sensed modes, J.
 
@@ -197,7 +184,8 @@ def level_shares(run: Motion, window: slice) -> np.ndarray:
     if not len(run.point.growing.lam):
         return np.zeros(0)
     states = [run.plane(k)[window] for k in range(len(run.point.growing.lam))]
-    energy = float(run.modal_energy[window].mean()) - static_energy(run.sensed_q[window], run.omega)
+    shift = run.sensed_q[window].mean(axis=0)  # static: no vibration
+    energy = float(run.modal_energy[window].mean() - 0.5 * ((run.omega * shift) ** 2).sum())
     return complex_shares(np.hstack(states), run.point.growing.overlap, energy)
 
 
