@@ -18,6 +18,7 @@ import squealstudy as sq
 from squealstudy import screen
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
+from squealstudy.kinds.transient.preparation import warnings
 
 BELT = (
     study_text("belt", "transient", "belt")
@@ -87,6 +88,25 @@ def test_a_light_decay_is_undecided_until_the_duration_that_it_names(tmp_path):
     assert 2.0 < row["undecided_until"] < 10.0
     longer = results_of(tmp_path / "long", [12.0], duration=row["undecided_until"], **light)
     assert longer.points["class"].tolist() == ["stable"]
+
+
+@pytest.mark.parametrize("periods", [2, 8])
+def test_a_run_of_few_periods_names_a_duration_that_tells(periods):
+    """Of 10 ms each: growth is not over, or stick-slip is too short to be seen to repeat."""
+    system = sq.model("belt", friction=0.4, sliding_speed=0.3).at()
+    run = {"step": 2e-5, "perturbation": 1e-2, "save_every": 5}
+    short = system.simulate(duration=0.01 * periods, **run).summary().iloc[0]
+    assert short["class"] == "undecided"
+    longer = system.simulate(duration=short["undecided_until"], **run).summary().iloc[0]
+    assert longer["class"] == "limit_cycle"
+
+
+@pytest.mark.parametrize(("start", "still"), [("working_point", True), ("stuck", False)])
+def test_without_a_perturbation_steady_sliding_stays_and_what_is_stuck_moves(start, still):
+    more = f'start = "{start}"'
+    text = BELT.format(speeds=[1.0], damping=0.05, duration=0.1, kick=0.0, more=more)
+    told = any("steady sliding stays as it is" in one for one in warnings(plan_of(text)))
+    assert told == still
 
 
 def test_undecided_runs_are_told_and_not_ranked(tmp_path, monkeypatch):

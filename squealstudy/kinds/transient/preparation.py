@@ -34,7 +34,7 @@ from squealstudy.kinds.transient.batch import (
     truncated_choice,
 )
 from squealstudy.kinds.transient.plan_facts import regularised, training_designs
-from squealstudy.kinds.transient.section import TransientSection
+from squealstudy.kinds.transient.section import WORKING_POINT, TransientSection
 from squealstudy.kinds.transient.worker import set_up
 from squealstudy.laws.friction.exponential_fall import DECAY_SPEED, STATIC_RATIO
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
@@ -122,7 +122,7 @@ def _outside(plan: Plan, outside: Sequence[tuple[float, float]]) -> list[str]:
 
 def _standstill_warnings(plan: Plan) -> list[str]:
     section = plan.study.section
-    if section.perturbation or section.continued:
+    if section.perturbation or section.start != WORKING_POINT:
         return []
     return ["perturbation is 0: steady sliding stays as it is, unstable or not"]
 

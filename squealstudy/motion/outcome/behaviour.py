@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.motion.outcome.envelope import (
+    BURST_PERIODS,
     WINDOW_COUNT_RANGE,
     LevelTrend,
     LevelWindows,
@@ -387,7 +388,8 @@ def _times_longer(found: Envelope, course: LevelTrend) -> float:
         return np.inf
     scatter, _, count = found.scatter()
     if scatter > MAX_REL_SCATTER and count < MIN_BURST_WINDOWS:
-        return MIN_BURST_WINDOWS / count
+        periods = MIN_BURST_WINDOWS * BURST_PERIODS / JUDGED_SHARE  # of a record that holds them
+        return float(np.fmax(MIN_BURST_WINDOWS / count, periods / found.windows.periods))
     return 2.0 if np.isnan(light) or found.grew else max(2.0, course.error / light)
 
 
