@@ -216,7 +216,7 @@ def _columns() -> str:
             lines += ["| column | unit | meaning | error |", "|---|---|---|---|"]
             for column in columns:
                 names = column_names(column.name)
-                unit = unit_of(names[0].replace("*", "1")) or ""
+                unit = unit_of(names[0].replace("*", "1"), table) or ""
                 error = ", ".join(f"`{e}`" for e in column.errors) or sentence(column.leaves_out)
                 shown = ", ".join(f"`{name}`" for name in names)
                 cells = (shown, unit, sentence(column.definition), error)

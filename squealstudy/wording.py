@@ -54,6 +54,10 @@ TORQUE_COLUMN = re.compile(
 )
 OF_THE_ONSET = "unit of the parameter along which onsets are sought"
 OF_THE_ROW = "unit of the row"  # numbers of a table in which each row has a unit of its own
+OWN_UNITS = {  # of columns of a table that have another one elsewhere
+    **{table: {"cost": ""} for table in ("cells", "designs", "variants")},
+    "onsets": {"error_estimate": OF_THE_ONSET},
+}
 # unit of a column of the result tables; the first pattern that fits it whole
 UNITS: tuple[tuple[str, str], ...] = (
     (r"\w+_velocity|velocity_(rms|peak)", "m/s"),

@@ -8,6 +8,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from study_runs import command
 
 from squealstudy.columns import COLUMNS, column_of, unit_of
 from squealstudy.columns.column import DEFINITION, ERROR, LEAVES_OUT
@@ -17,6 +18,7 @@ from squealstudy.engine.runner import run_study
 from squealstudy.engine.store import UNIT, column_units
 from squealstudy.face import read_study
 from squealstudy.study.kinds import kind_named, kind_names
+from squealstudy.wording import OF_THE_ONSET
 
 MODES = "[modes]\nband = [20.0, 1000.0]\n"
 STUDIES = {
@@ -223,3 +225,17 @@ def test_the_page_of_words_has_all_columns_that_were_renamed():
     ]
     assert rows
     assert [row for row in rows if row not in page] == []
+
+
+def test_the_command_tells_the_unit_that_a_table_has(capsys):
+    """The error of an onset is in its parameter's unit, the cost of a design is a number."""
+    assert unit_of("error_estimate", "modes") == "1/s"
+    assert unit_of("error_estimate", "onsets") == OF_THE_ONSET
+    for kind, table, column in (
+        ("complex_modes", "onsets", "error_estimate"),
+        ("design", "designs", "cost"),
+    ):
+        assert command("columns", kind, table) == 0
+        lines = capsys.readouterr().out.splitlines()
+        line = next(x for x in lines if x.startswith(column))
+        assert line.split()[1] not in ("1/s", "s")

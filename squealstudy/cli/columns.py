@@ -31,7 +31,7 @@ def described(kind: str, table: str | None) -> Iterator[RenderableType]:
         rows = []
         for column in tables[name]:
             names = column_names(column.name)
-            unit = unit_of(names[0].replace("*", "1")) or ""
+            unit = unit_of(names[0].replace("*", "1"), name) or ""
             error = (
                 f"Its error: {', '.join(column.errors)}." if column.errors else column.leaves_out
             )

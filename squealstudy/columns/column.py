@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from squealstudy.wording import units_of
+from squealstudy.wording import OWN_UNITS, units_of
 
 NUMBERS, TEXTS, FLAGS, LISTS = (
     "numbers",
@@ -93,9 +93,9 @@ def same_in(columns: Sequence[Column], *names: str) -> tuple[Column, ...]:
     return tuple(by_name[name] for name in names)
 
 
-def unit_of(column: str) -> str | None:
+def unit_of(column: str, table: str = "") -> str | None:
     """Unit of a column that is no parameter; None where it has none, empty for a pure number."""
-    return units_of([column], {}).get(column)
+    return units_of([column], OWN_UNITS.get(table, {})).get(column)
 
 
 def column_names(pattern: str) -> list[str]:

@@ -49,7 +49,7 @@ from squealstudy.files import (
 )
 from squealstudy.study.kinds import facts_of
 from squealstudy.study.parameters import onset_parameter
-from squealstudy.wording import OF_THE_ONSET, listed, units_of
+from squealstudy.wording import OF_THE_ONSET, OWN_UNITS, listed, units_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,10 +67,6 @@ INACCURATE = "inaccurate"  # status of a point whose roots are there, with too l
 PART_ROWS = 1_000_000  # rows of a table up to which it is one file
 GROUP_ROWS = 2**17  # rows of a table that are read together
 UNIT = b"unit"  # of a column, in the metadata of its field
-OWN_UNITS = {  # elsewhere others
-    **{table: {"cost": ""} for table in (CELLS, DESIGNS, VARIANTS)},
-    ONSETS: {"error_estimate": OF_THE_ONSET},
-}
 
 
 def column_units(
@@ -82,7 +78,9 @@ def column_units(
     """
     parameter_units = dict(manifest.get("units", {}))
     along = parameter_units.get(onset_parameter(manifest.get("sweeps", [])) or "", "")
-    units = units_of(columns, {**parameter_units, **OWN_UNITS.get(table, {})})
+    units = units_of(
+        columns, {**parameter_units, **OWN_UNITS.get(table.removesuffix(".parquet"), {})}
+    )
     return {name: along if unit == OF_THE_ONSET else unit for name, unit in units.items()}
 
 

@@ -262,10 +262,8 @@ def _levels_off(found: Envelope, course: LevelTrend) -> bool:
     if not found.saturated or len(late) < MIN_LATE_WINDOWS:
         return False
     course = LevelTrend.of(late)
-    even = (
-        max(course.scatter, level_trend(last_part(found.windows.burst, LATE_SHARE))[2])
-        <= MAX_REL_SCATTER
-    )
+    burst = level_trend(last_part(found.windows.burst, LATE_SHARE))[2]
+    even = max(course.scatter, burst) <= MAX_REL_SCATTER
     return even and _quiet(course) and course.error <= MAX_LN_TREND
 
 
