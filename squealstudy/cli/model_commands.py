@@ -125,7 +125,8 @@ def models(
     elif name == MATRICES and mesh is None:
         screen.show(f"{MATRICES}: {listed[MATRICES]}\n\n{CONTRACT}")
     else:
-        screen.show(*described(face_model.model(name, **chosen), modes))
+        for part in described(face_model.model(name, **chosen), modes):
+            screen.show(part)  # modes take their time
 
 
 def warmup(

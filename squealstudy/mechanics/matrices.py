@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,7 +18,7 @@ from squealstudy.models.matrices.family import (
     MatrixFamily,
     family_definition,
 )
-from squealstudy.wording import did_you_mean
+from squealstudy.wording import did_you_mean, shown
 
 
 def matrices(M: Any, K: Any, *, C: Any = None, **values: float) -> Model:
@@ -50,13 +51,19 @@ def matrices(M: Any, K: Any, *, C: Any = None, **values: float) -> Model:
     >>> model.at(mu=[0.05, 0.15]).modes().unstable.any(axis=1).tolist()
     [False, True]
     """
-    terms = []
+    terms, letters = [], []
     for letter, matrix_or_parts in (("M", M), ("C", C), ("K", K)):
         parts = matrix_or_parts if isinstance(matrix_or_parts, Mapping) else {"1": matrix_or_parts}
         for coefficient, matrix in parts.items():
             if matrix is not None:
                 term = FamilyTerm(ORDERS[letter], _real(letter, matrix), Expression(coefficient))
                 terms.append(term)
+                letters.append(letter)
+    sizes = [(letter, term.matrix.shape[0]) for letter, term in zip(letters, terms, strict=True)]
+    for letter, n in sizes:
+        if n != sizes[0][1]:
+            first, most = sizes[0]
+            raise ModelError(f"{letter} is {n} x {n}, {first} is {most} x {most}")
     family = MatrixFamily(tuple(terms))
     for name in values:
         if name not in family.names:
@@ -65,8 +72,19 @@ def matrices(M: Any, K: Any, *, C: Any = None, **values: float) -> Model:
     for name in family.names:
         if name not in values:
             raise ParameterError(name, f"'{name}' of the coefficients has no value")
-    nominal = {name: float(values[name]) for name in family.names}
+    nominal = {name: _number(name, values[name]) for name in family.names}
     return Model(family_definition((), nominal), {}, family=family)
+
+
+def _number(name: str, given: Any) -> float:
+    """The value of a parameter; ParameterError where it is no finite number."""
+    try:
+        number = float(given)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ParameterError(name, f"expected a finite number, got {shown(given)}")
+    return number
 
 
 def _real(letter: str, matrix: Any) -> sp.csr_matrix:
