@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
-from squealstudy.cycles.branch import TURN, branch
+from squealstudy.cycles.branch import FOLD, branch
 from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import families
@@ -140,6 +140,6 @@ def test_the_fold_of_a_soft_belt_over_its_speed(designs, found):
         1.0,
         models.shrunk(designs.at().oscillator, 1e-4),
     )
-    fold = next(p.motion for p in points if p.event == TURN)
+    fold = next(p.motion for p in points if p.event == FOLD)
     exact = brentq(lambda v: Belt(v).best()[1], 0.98 * fold.mu, 1.02 * fold.mu, xtol=1e-5)
     assert fold.mu == pytest.approx(exact, rel=EQUAL)

@@ -12,7 +12,7 @@ from test_limit_cycles_study import STUDY, study
 
 import squealstudy as sq
 from squealstudy.cycles.borders import MET, TURNED, BorderPoint, fold_near, follow_border
-from squealstudy.cycles.branch import RANGE, TURN, cycles_along
+from squealstudy.cycles.branch import FOLD, RANGE, cycles_along
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.errors import ConvergenceError, StudyFileError
 from squealstudy.kinds.limit_cycles import bordering, continued, onset
@@ -46,7 +46,7 @@ class Family:
         found = []
         for way in (-1.0, 1.0):
             curve = cycles_along(self.line(q), start, self.bounds, way, self._small)[1]
-            found += [point.motion for point in curve if point.event == TURN]
+            found += [point.motion for point in curve if point.event == FOLD]
         return found
 
     @staticmethod
@@ -218,11 +218,11 @@ def test_a_map_has_borders_as_lines(bordered):
 
 
 def test_folds_of_large_models_are_not_continued(bordered, monkeypatch):
-    monkeypatch.setattr(bordering, "WHOLE", 1)
+    monkeypatch.setattr(bordering, "MAX_UNPROJECTED_COORDINATES", 1)
     plan = plan_of(TEXT, STUDY)
     first = bordered.table("borders").query("event == 'F'").iloc[0]
     motion = PeriodicMotion(np.zeros((3, 2)), 2 * np.pi * first["frequency_hz"], first["value"])
-    marks = [continued.Mark(first["point_id"], TURN, motion)]
+    marks = [continued.Mark(first["point_id"], FOLD, motion)]
     (task,) = bordering.planes(plan, request(plan), "friction", "contact.cubic_stiffness", marks)
     rows, (lost,) = bordering.follow_borders(task)
     assert rows == []

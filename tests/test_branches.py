@@ -13,11 +13,11 @@ import squealstudy.cycles.projection as projected
 from squealstudy.cycles.branch import (
     BP,
     CLOSED,
+    FOLD,
     HOPF,
     NS,
     PD,
     RANGE,
-    TURN,
     Loop,
     Moving,
     branch,
@@ -27,7 +27,7 @@ from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
-from squealstudy.cycles.projection import TARGET
+from squealstudy.cycles.projection import CURVE_BASIS_ERROR
 from squealstudy.kinds.limit_cycles import continued, screen
 
 MU = 0.02  # of van der Pol's oscillator: its cycle is 2 cos t, to first order
@@ -118,11 +118,11 @@ def test_a_branch_on_a_basis_that_grows(folding, monkeypatch):
     """Fold and Hopf point as in all coordinates; events know how exactly they are known."""
     bounds, stop = (-0.05, 0.2), models.shrunk(many(0.0), 1e-3)
     exact, end = branch(many, folding, bounds, 1.0, stop)
-    monkeypatch.setattr(projected, "WHOLE", 4)
+    monkeypatch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 4)
     # with few modes errors of multipliers are so wide that one torus is not told
     few, few_end = branch(many, folding, bounds, 1.0, stop, SHORT, highest=8.0)
     assert end == few_end == "hopf"
-    (fold,), (near,) = ([p for p in found if p.event == TURN] for found in (exact, few))
+    (fold,), (near,) = ([p for p in found if p.event == FOLD] for found in (exact, few))
     assert near.motion.mu == pytest.approx(fold.motion.mu, rel=1e-3)
     assert near.motion.omega == pytest.approx(fold.motion.omega, rel=1e-4)
     tori, near = ([p for p in found if p.event == NS] for found in (exact, few))
@@ -132,8 +132,8 @@ def test_a_branch_on_a_basis_that_grows(folding, monkeypatch):
         assert abs(one.motion.mu - other.motion.mu) < other.apart
     assert exact[-1].event == few[-1].event == HOPF
     assert few[-1].motion.mu == pytest.approx(exact[-1].motion.mu, abs=1e-5)
-    assert max(p.error for p in few) < TARGET
-    assert all(p.residual < projected.PROJECTED for p in few)
+    assert max(p.error for p in few) < CURVE_BASIS_ERROR
+    assert all(p.residual < projected.PROJECTED_TOLERANCE for p in few)
 
 
 # -- closed branches -------------------------------------------------------------------------------
@@ -163,7 +163,7 @@ def isola():
         1.0,
         models.shrunk(osc, 1e-3),
     )
-    (fold,) = (p.motion.mu for p in points if p.event == TURN)  # AUTO-07p: test_cycles_auto
+    (fold,) = (p.motion.mu for p in points if p.event == FOLD)  # AUTO-07p: test_cycles_auto
     return inner, outer, np.sqrt(fold - LEAST)
 
 
@@ -192,7 +192,7 @@ def test_a_closed_branch_on_a_basis_that_grows(folding, monkeypatch):
     def at(p):
         return many(0.03 + p**2)
 
-    monkeypatch.setattr(projected, "WHOLE", 4)
+    monkeypatch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 4)
     start = PeriodicMotion(folding.Q, folding.omega, 0.0)
     _, curve, end = cycles_along(at, start, (-0.5, 0.5), 1.0, lambda _: "")
     assert end == CLOSED
@@ -232,7 +232,7 @@ def test_a_line_has_a_closed_branch_once(isola, monkeypatch):
     way = SimpleNamespace(bounds=ISOLA, oscillator=on_isola, asked=SimpleNamespace(band=(0.0, 9.0)))
     found = continued._branch(way, continued.Start("a-1-1", 1, 0.0, outer.Q, outer.omega))
     assert found.ends == (CLOSED, CLOSED)
-    assert [p.event for p in found.points].count(TURN) == 2
+    assert [p.event for p in found.points].count(FOLD) == 2
     assert len(found.crossings(0.1)) == 2
 
 

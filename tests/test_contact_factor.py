@@ -103,7 +103,7 @@ def test_meshes_that_do_not_match():
 
 def test_solves_that_lose_too_much_are_refined(monkeypatch, least_brake, held):
     _, system = systems(least_brake, STATES["strong friction"], held)
-    monkeypatch.setattr(contact_factor, "LOOSE", 0.0)
+    monkeypatch.setattr(contact_factor, "MAX_UNREFINED_BACKWARD_ERROR", 0.0)
     assert system.factor.lean() == system.factor.solve
 
 

@@ -15,9 +15,9 @@ from squealstudy.cycles.cycle import LEVELS, Cycle, Search, cycle_near
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import families
 from squealstudy.cycles.floquet import Floquet
-from squealstudy.cycles.growth import STILL, SecondLook
+from squealstudy.cycles.growth import STANDSTILL, SecondLook
 from squealstudy.cycles.harmonics import series_at
-from squealstudy.cycles.kicked import PHASES, decided_in_time, kick_along_mode, kicks
+from squealstudy.cycles.kicked import N_PHASES, decided_in_time, kick_along_mode, kicks
 from squealstudy.cycles.projection import Projection
 from squealstudy.cycles.series_error import Found, change
 from squealstudy.cycles.trials import DECAYS, GROWS, LASTS, Trials, ended, run_on, state_of
@@ -475,7 +475,7 @@ def test_motions_that_come_to_a_standstill_are_no_cycles():
     contact = models.Designs("hulten", values).at(friction=0.2)
     found = families(contact, (1.0, 1e6), [1], 1e-9, Search(5, 1e-2, 15.0))
     ((_, family),) = found.families
-    assert family.end == STILL
+    assert family.end == STANDSTILL
     speed = contact.point.speed
     assert all(c.levels["contact_velocity"] > 1e-3 * speed for c in family.cycles)
     assert all(c.motion.omega > 0.1 * abs(family.lam) for c in family.cycles)
@@ -498,7 +498,7 @@ def crossings(contact, motion, lam, phi):
     along = contact.system.T1[0]
     w = abs(lam)
     orbit = w * (synthesis @ motion.Q @ along) + 1j * motion.omega * (slope @ motion.Q @ along)
-    x = (along @ phi) * np.exp(2j * np.pi * np.arange(PHASES) / PHASES)
+    x = (along @ phi) * np.exp(2j * np.pi * np.arange(N_PHASES) / N_PHASES)
     rays = w * x.real + 1j * (lam * x).real
     radii = np.interp(np.angle(rays), *_sorted(np.angle(orbit), np.abs(orbit)), period=2 * np.pi)
     return radii / np.abs(rays)
@@ -522,7 +522,7 @@ def test_the_least_kick_is_where_the_mode_crosses_the_unstable_cycle(belt):
     (kick,) = kicks(contact, found, 10.0).values()
     assert kick.status == "ok"
     assert exact.min() <= kick.velocity <= 1.02 * exact.min() + 1e-3
-    assert exact[round(kick.phase * PHASES / (2 * np.pi))] <= kick.velocity
+    assert exact[round(kick.phase * N_PHASES / (2 * np.pi))] <= kick.velocity
     assert kick.error < 0.02
     assert 0.5 < kick.energy / family.threshold.levels["energy"] < 2.0
     # nothing is said of a design of which a mode is unstable

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from squealstudy.cycles import growth
 from squealstudy.cycles.balance import Balance
-from squealstudy.cycles.branch import HOPF, TURN, branch
+from squealstudy.cycles.branch import FOLD, HOPF, branch
 from squealstudy.cycles.continuation import Steps, follow
 from squealstudy.cycles.curve import CurveMotion
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
@@ -168,10 +168,10 @@ def test_continuation_of_the_normal_form():
         start,
         along,
         Steps(),
-        {TURN: lambda _, t: t[-1]},
+        {FOLD: lambda _, t: t[-1]},
         lambda u: "over" if u[1] > 0.5 else "",
     )
-    (fold,) = curve.at(TURN)
+    (fold,) = curve.at(FOLD)
     assert curve.end == "over"
     assert fold.u[1] == pytest.approx(-0.25, abs=1e-12)
     assert fold.u[0] == pytest.approx(np.sqrt(0.5), abs=1e-7)
@@ -286,7 +286,7 @@ def test_quintic_oscillator_folds():
     )
     assert end == "hopf"
     fold, hopf = (p for p in points if p.event)
-    assert (fold.event, hopf.event) == (TURN, HOPF)
+    assert (fold.event, hopf.event) == (FOLD, HOPF)
     assert fold.motion.mu == pytest.approx(0.124993, abs=5e-7)
     assert hopf.motion.mu == pytest.approx(0.0, abs=1e-8)
     assert fold.multipliers.stable is None  # two multipliers at one: neither can be said

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from squealstudy.cycles.borders import BorderPoint, fold_near, follow_border
-from squealstudy.cycles.branch import HOPF, NS, TURN, branch
+from squealstudy.cycles.branch import FOLD, HOPF, NS, branch
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import floquet
 from squealstudy.cycles.harmonics import derivative
@@ -71,8 +71,8 @@ def test_quintic_oscillator_through_its_fold(tmp_path):
         at, PeriodicMotion(last.Q, last.omega, 0.05), (-0.1, 0.2), 1.0, models.shrunk(osc, 1e-4)
     )
     assert end == "hopf"
-    (own_fold,) = (p for p in points if p.event == TURN)
-    assert [p.event for p in points if p.event] == [TURN, HOPF]
+    (own_fold,) = (p for p in points if p.event == FOLD)
+    assert [p.event for p in points if p.event] == [FOLD, HOPF]
     assert points[-1].motion.mu == pytest.approx(hopf.parameter, abs=EQUAL)
     (fold,) = (p for p in cycles if p.kind == "LP")
     assert own_fold.motion.mu == pytest.approx(fold.parameter, abs=EQUAL)
@@ -235,7 +235,7 @@ def test_cubic_springs(tmp_path, name):
     )
     assert end == "hopf"
     assert points[-1].motion.mu == pytest.approx(hopf.parameter, abs=EQUAL)
-    folds = [p for p in points if p.event == TURN]
+    folds = [p for p in points if p.event == FOLD]
     judges = [p for p in cycles if p.kind == "LP"]
     assert len(folds) == len(judges) == count - 1
     for motion, judge in zip(folds, judges, strict=True):
@@ -313,7 +313,7 @@ def test_a_brake_on_twelve_coordinates(tmp_path, prepared, name):
     assert end == "hopf"
     hopf = next(p for p in rest if p.kind == "HB")
     assert points[-1].motion.mu == pytest.approx(hopf.parameter, abs=EQUAL)
-    (fold,) = (p.motion for p in points if p.event == TURN)
+    (fold,) = (p.motion for p in points if p.event == FOLD)
     (judge,) = (p for p in cycles if p.kind == "LP")
     assert fold.mu == pytest.approx(judge.parameter, abs=EQUAL)
     assert period(fold) == pytest.approx(judge.period, rel=EQUAL)

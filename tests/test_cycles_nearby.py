@@ -37,7 +37,7 @@ NAME = "the first"
 @pytest.fixture(autouse=True)
 def large(monkeypatch):
     """Two coordinates are as many as those of a brake."""
-    monkeypatch.setattr(searched, "WHOLE", 1)
+    monkeypatch.setattr(searched, "MAX_UNPROJECTED_COORDINATES", 1)
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +186,7 @@ def test_all_is_followed_anew_where_less_grows_than_there(damped, first):
 
 
 def test_small_models_are_followed_as_they_are(damped, first, monkeypatch):
-    monkeypatch.setattr(searched, "WHOLE", 2)
+    monkeypatch.setattr(searched, "MAX_UNPROJECTED_COORDINATES", 2)
     assert not followed(damped.at(friction=0.0782), first)[1].origin
 
 

@@ -19,7 +19,7 @@ from squealstudy.cycles.floquet import floquet, floquet_on, monodromy, trapezoid
 from squealstudy.cycles.growth import family_curve, linear_motion
 from squealstudy.cycles.harmonics import derivative, with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
-from squealstudy.cycles.projection import ADDED, FINE, SIZE, Projection
+from squealstudy.cycles.projection import CYCLE_BASIS_ERROR, DAMPING_HELD, SIZE_HELD, Projection
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
@@ -72,9 +72,9 @@ def both():
     with pytest.MonkeyPatch.context() as patch:
         exact, cycle = found(osc)
         assert exact.complete
-        patch.setattr(projected, "WHOLE", 10)
+        patch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
         few, near = found(osc)
-    return osc, exact.solve(cycle, ADDED)[0], few, replace(near, mu=0.0)
+    return osc, exact.solve(cycle, DAMPING_HELD)[0], few, replace(near, mu=0.0)
 
 
 def within(projection, motion):
@@ -98,25 +98,25 @@ def wrong(projection, motion, exact):
 def test_a_projected_cycle_is_that_of_all_coordinates(both):
     _, exact, few, near = both
     assert not few.complete
-    cycle, error, residual = few.improve(near, FINE, ADDED)
+    cycle, error, residual = few.improve(near, CYCLE_BASIS_ERROR, DAMPING_HELD)
     assert few.size < N
-    assert error < FINE
-    assert residual < projected.PROJECTED
-    assert distance(few, cycle, exact) < FINE
+    assert error < CYCLE_BASIS_ERROR
+    assert residual < projected.PROJECTED_TOLERANCE
+    assert distance(few, cycle, exact) < CYCLE_BASIS_ERROR
     corrected = few.corrected(cycle)
     assert corrected.omega == pytest.approx(exact.omega, abs=5e-6)
-    assert wrong(few, corrected, exact) < 0.4 * wrong(few, cycle, exact) < 0.4 * FINE
+    assert wrong(few, corrected, exact) < 0.4 * wrong(few, cycle, exact) < 0.4 * CYCLE_BASIS_ERROR
 
 
 def test_a_correction_to_first_order_mends_most_of_what_a_small_basis_lacks(both):
     """In all coordinates; of the frequency alone, which errs by less, it need not."""
     osc, exact, _, _ = both
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(projected, "WHOLE", 10)
+        patch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
         poor = of_fastest_mode(osc)[0]
-        cycle, _ = poor.solve(exact, ADDED)
+        cycle, _ = poor.solve(exact, DAMPING_HELD)
         poor.join(cycle, poor.correction(cycle, True))
-        cycle, _ = poor.solve(exact, ADDED)
+        cycle, _ = poor.solve(exact, DAMPING_HELD)
         poor.correction(cycle, True)
         before, after = (wrong(poor, m, exact) for m in (cycle, poor.corrected(cycle)))
     assert poor.size < 8
@@ -169,7 +169,7 @@ def test_absurd_motions_are_told_and_do_not_spoil_a_basis(both):
     """Forces beyond single precision are corrected all the same; beyond double they are told."""
     osc, exact, _, _ = both
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(projected, "WHOLE", 10)
+        patch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
         poor = of_fastest_mode(osc)[0]
         poor.correction(exact, True)
         far = replace(exact, Q=1e20 * exact.Q)
@@ -194,10 +194,10 @@ def test_a_cycle_of_another_size_is_not_that_of_a_motion(both):
 def test_a_basis_in_which_the_way_on_cannot_be_told_is_refused(both):
     """A direction across a curve may as well be the way back; one along it tells which way."""
     _, exact, few, _ = both
-    path = Path(few, 5, (SIZE, 1.0), lambda *_: "", STEPS, {})
+    path = Path(few, 5, (SIZE_HELD, 1.0), lambda *_: "", STEPS, {})
     for factor in (0.9, 1.1):
         _, there = path._here(exact, replace(exact, Q=factor * exact.Q))
-        assert np.sign(there.tangent[SIZE]) == np.sign(factor - 1.0)
+        assert np.sign(there.tangent[SIZE_HELD]) == np.sign(factor - 1.0)
     ahead, behind = (replace(exact, Q=factor * exact.Q) for factor in (1.1, 0.9))
     path._here(exact, ahead, behind)
     with pytest.raises(ConvergenceError, match="which way"):
@@ -217,7 +217,7 @@ def test_a_curve_that_turns_back_by_mistake_says_so(monkeypatch):
             here = replace(here, tangent=-here.tangent)
         return equations, here
 
-    monkeypatch.setattr(projected, "WHOLE", 10)
+    monkeypatch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
     monkeypatch.setattr(Path, "_again", turn)
     projection, lam, phi = of_fastest_mode(oscillator())
     start = linear_motion(phi, lam, projection.weight, 1e-3)
@@ -276,7 +276,7 @@ def test_a_lost_curve_is_taken_up_again_on_a_new_basis(monkeypatch, times, astra
     def no_help(path, equations, here, motion, *local):
         return larger(path, equations, here, motion, *local) if local else None
 
-    monkeypatch.setattr(projected, "WHOLE", 10)
+    monkeypatch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
     projection, lam, phi = of_fastest_mode(oscillator())
     start = linear_motion(phi, lam, projection.weight, 1e-3)
     start = PeriodicMotion(with_harmonics(start.Q, 5), start.omega, start.mu)
@@ -317,23 +317,23 @@ def test_the_error_of_a_basis_is_told(both):
     """With the mode and what a first correction adds the estimate covers what is wrong."""
     osc, exact, _, _ = both
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(projected, "WHOLE", 10)
+        patch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
         poor = of_fastest_mode(osc)[0]
         start = within(poor, exact)
-        cycle, _ = poor.solve(start, ADDED)
+        cycle, _ = poor.solve(start, DAMPING_HELD)
         told = poor.error(cycle, poor.correction(cycle, True))
         wrong = np.linalg.norm((cycle.Q[1:] - exact.Q[1:]) * poor.weight)
         wrong /= np.linalg.norm(exact.Q * poor.weight)
-        assert told > 10 * FINE
+        assert told > 10 * CYCLE_BASIS_ERROR
         assert told > 0.3 * wrong
-        patch.setattr(projected, "MOST", 2)
+        patch.setattr(projected, "MAX_VECTORS_PER_HARMONIC", 2)
         with pytest.raises(ConvergenceError, match="more than 2 vectors of a harmonic"):
-            poor.improve(start, FINE, SIZE)
+            poor.improve(start, CYCLE_BASIS_ERROR, SIZE_HELD)
 
 
 def test_stability_in_the_modes_about_a_cycle(both):
     osc, exact, few, near = both
-    cycle = few.improve(near, FINE, ADDED)[0]
+    cycle = few.improve(near, CYCLE_BASIS_ERROR, DAMPING_HELD)[0]
     V, count = few.deviations(cycle, 8.0)
     np.testing.assert_allclose(V.T @ V, np.eye(V.shape[1]), atol=1e-9)
     assert count < V.shape[1] < N
@@ -349,9 +349,9 @@ def test_slow_changes_of_a_cycle_are_among_its_deviations(both):
     """Which modes and vectors lack in part."""
     osc, exact, _, _ = both
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(projected, "WHOLE", 10)
+        patch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
         few = Projection.about(osc, exact)
-        cycle = few.improve(exact, FINE, ADDED)[0]
+        cycle = few.improve(exact, CYCLE_BASIS_ERROR, DAMPING_HELD)[0]
     ways = np.vstack(few._aside(cycle)) * few.weight
     off = []
     for aside in (few._aside, lambda motion: []):
@@ -390,7 +390,7 @@ def test_the_trapezoidal_rule_converges_to_the_monodromy(both):
 def test_a_curve_holds_at_a_design_to_which_its_motions_need_little_change(both, monkeypatch):
     """Each first-order change is that which the balance there makes; a curve is judged by all."""
     osc, few = both[0], both[2]
-    monkeypatch.setattr(projected, "WHOLE", 10)
+    monkeypatch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
     lam, phi = of_fastest_mode(osc)[1:]
     start = linear_motion(phi, lam, few.weight, 1e-3)
     start = PeriodicMotion(with_harmonics(start.Q, 3), start.omega, start.mu)
@@ -416,11 +416,11 @@ def test_a_curve_holds_at_a_design_to_which_its_motions_need_little_change(both,
 
 def test_a_first_order_change_tells_how_far_a_motion_moves(both, monkeypatch):
     osc, exact = both[:2]
-    monkeypatch.setattr(projected, "WHOLE", 10)
+    monkeypatch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
     for share in (1e-3, 1e-2):
         moved = replace(osc, K=osc.K * (1.0 + np.diag(np.linspace(0.0, share, N))))
         projection = Projection.about(moved, exact)
         first = exact.changed(projection.correction(exact, True))
-        better, *_ = projection.improve(exact, 1e-4, SIZE)
+        better, *_ = projection.improve(exact, 1e-4, SIZE_HELD)
         told, true = (growth._apart(projection.weight, exact, m) for m in (first, better))
         assert 0.5 < told / true < 2.0

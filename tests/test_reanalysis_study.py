@@ -412,4 +412,4 @@ def test_a_looser_tolerance_has_no_dearer_basis(tmp_path, monkeypatch, tolerance
     monkeypatch.setattr(problems, "build_sweep_basis", watched)
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "cache"))  # no basis is there yet
     run(HULTEN + f'method = "sweep_basis"\ntolerance = {tolerance}\n', tmp_path)
-    assert asked == [pytest.approx(problems.SHARE * trained)]
+    assert asked == [pytest.approx(problems.BASIS_TOLERANCE_SHARE * trained)]

@@ -29,7 +29,7 @@ from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes import point as point_module
 from squealstudy.modes.full_order import finer_model
 from squealstudy.modes.full_order.finer_model import (
-    SAFETY,
+    FINER_MODEL_SAFETY_FACTOR,
     ReductionRecord,
     reduction_errors,
     with_finer_model,
@@ -158,7 +158,7 @@ def test_the_finer_model_tells_the_error_against_full_order(bars, state):
     assert (true / np.abs(lam)).max() > 1e-6  # the basis is coarse: there is something to tell
     ratio = error[told] / true[told]
     assert np.median(ratio) == pytest.approx(1.0, abs=0.1)
-    assert (ratio > 1 / SAFETY).mean() >= 0.95
+    assert (ratio > 1 / FINER_MODEL_SAFETY_FACTOR).mean() >= 0.95
     assert np.quantile(ratio, 0.9) < 2.0
 
 
@@ -438,7 +438,7 @@ def test_sample_points_are_spread_over_each_structure():
     plan = plan_of(text)
     chosen = reduction.sample_points(plan)
     friction = plan.coordinates[chosen, 0].reshape(2, -1)
-    assert friction.shape == (2, reduction.LEAST)
+    assert friction.shape == (2, reduction.MIN_REDUCTION_SAMPLES)
     for own in friction:
         assert {0.1, 0.5} <= set(np.round(own, 9))
         assert np.diff(np.sort(own)).max() < 0.11

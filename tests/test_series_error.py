@@ -19,7 +19,7 @@ from column_cases import Case
 from column_truth import compared
 
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.series_error import FALL, SAFETY, Found, of_changes
+from squealstudy.cycles.series_error import FALL, SERIES_SAFETY_FACTOR, Found, of_changes
 
 BOUNDED = {"torque_rms", "contact_velocity", "frequency_hz", "torque_peak"}
 WIDEST = 60.0  # bounds over true errors
@@ -93,8 +93,8 @@ def test_rungs_that_agree_by_chance_have_the_error_of_the_change_before():
         return Found(PeriodicMotion(np.zeros((3, 1)), 10.0), levels)
 
     by_chance = of_changes([found(x) for x in (1.3, 1.1, 1.0, 1.0)])
-    assert by_chance.level == pytest.approx(SAFETY * 0.1 / FALL)
+    assert by_chance.level == pytest.approx(SERIES_SAFETY_FACTOR * 0.1 / FALL)
     falling = of_changes([found(x) for x in (1.3, 1.0, 1.1, 1.0)])
-    assert falling.level == pytest.approx(SAFETY * 0.1)
-    assert of_changes([found(1.1), found(1.0)]).level == pytest.approx(SAFETY * 0.1)
+    assert falling.level == pytest.approx(SERIES_SAFETY_FACTOR * 0.1)
+    assert of_changes([found(1.1), found(1.0)]).level == pytest.approx(SERIES_SAFETY_FACTOR * 0.1)
     assert (by_chance.velocity, by_chance.peak, by_chance.frequency) == (0.0, 0.0, 0.0)

@@ -29,7 +29,7 @@ from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.polynomials import collocate
 from squealstudy.modes.reanalysis.problem import in_band, lightly_damped
 from squealstudy.modes.reanalysis.sweep_basis import (
-    REACH,
+    BASIS_BAND_FACTOR,
     _first_points,
     _next_points,
     _snapshots,
@@ -327,7 +327,10 @@ def test_snapshots_hold_both_modes_of_their_point(map_problem):
     """Real and imaginary parts, of unit energy each: any phase of a mode is in their span."""
     theta = np.array([0.2, -0.7])
     block = _snapshots(map_problem, theta)
-    shapes, (_, pairs) = map_problem.from_energy(block), map_problem.pairs(theta, REACH, below=True)
+    shapes, (_, pairs) = (
+        map_problem.from_energy(block),
+        map_problem.pairs(theta, BASIS_BAND_FACTOR, below=True),
+    )
     m = len(pairs.lam)
     assert block.shape[1] == 4 * m
     for Z, parts in ((pairs.X, shapes[:, : 2 * m]), (pairs.Y, shapes[:, 2 * m :])):

@@ -7,9 +7,9 @@ from scipy.optimize import linear_sum_assignment
 
 from squealstudy.modes.tracking.labels import _normalised, _steps
 from squealstudy.modes.tracking.pairing import (
-    BLOCK,
     CLEAR,
     LOW_MAC,
+    MODES_PER_BLOCK,
     PAIR_DAMPING,
     PAIR_FREQUENCY,
     PASSING,
@@ -117,11 +117,11 @@ def _mac_within(a: np.ndarray, b: np.ndarray, near: np.ndarray) -> np.ndarray:
     Modes come roughly by frequency, so that a block of them sees a part of the others only.
     """
     a2, b2 = squares(a), squares(b)
-    if len(a) <= BLOCK:
+    if len(a) <= MODES_PER_BLOCK:
         return _mac(a, b, a2, b2)
     value = np.zeros(near.shape, dtype=a2.dtype)
-    for start in range(0, len(a), BLOCK):
-        rows = slice(start, start + BLOCK)
+    for start in range(0, len(a), MODES_PER_BLOCK):
+        rows = slice(start, start + MODES_PER_BLOCK)
         seen = np.flatnonzero(near[rows].any(axis=0))
         if len(seen):
             columns = slice(seen[0], seen[-1] + 1)

@@ -25,7 +25,7 @@ from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.kernels.couplings import couple
 from squealstudy.kernels.few_coordinates import balance_of_few, imbalance_of_few
 
-FEW = 6  # coordinates up to which one kernel sums over samples and harmonics
+MAX_SUMMED_COORDINATES = 6  # coordinates up to which one kernel sums over samples and harmonics
 
 
 class Balanced(NamedTuple):
@@ -63,7 +63,7 @@ class Balance:
         self.osc, self.harmonics, self.vectors = osc, harmonics, vectors
         self.rule = osc.sampling(harmonics)
         self._few: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-        if vectors is None and osc.n <= FEW:
+        if vectors is None and osc.n <= MAX_SUMMED_COORDINATES:
             K, C, B = map(np.ascontiguousarray, (osc.K, osc.C, osc.B))
             self._few = K, C, B
         count = harmonics + 1

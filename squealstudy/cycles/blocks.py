@@ -13,7 +13,7 @@ from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.errors import ConvergenceError
 
-HUGE = 1e30  # 1/s2: a stiffness that single precision still holds
+MAX_FLOAT32_STIFFNESS = 1e30  # 1/s2: a stiffness that single precision still holds
 
 
 def mean_tangents(
@@ -52,7 +52,7 @@ class Blocks:
         self.motion, self._weight = motion, weight
         with np.errstate(over="ignore", invalid="ignore"):
             K, C = mean_tangents(osc, local, motion.mu, np.float32)
-        if not max(np.abs(K).max(), np.abs(C).max() * motion.omega) < HUGE:
+        if not max(np.abs(K).max(), np.abs(C).max() * motion.omega) < MAX_FLOAT32_STIFFNESS:
             raise ConvergenceError("not_finite", "contact is absurdly stiff in a periodic motion")
         scale = weight[:, None] * weight
         K, C = (K / scale).astype(np.float32), (motion.omega / scale * C).astype(np.float32)

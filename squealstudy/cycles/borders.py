@@ -16,21 +16,22 @@ from squealstudy.cycles.branch import RANGE, Oscillators
 from squealstudy.cycles.continuation import newton
 from squealstudy.cycles.curve import between
 from squealstudy.cycles.equations import BranchEquations, PeriodicMotion
-from squealstudy.cycles.projection import SIZE
+from squealstudy.cycles.projection import SIZE_HELD
 from squealstudy.errors import ConvergenceError
 
 TURNED = "turned"  # why a border ends: it goes back in the second parameter
 ANOTHER = "another"  # another border is all that was found
 MET = "hopf"  # a fold whose cycle shrinks to nothing: it meets the border of Hopf points
-BEGUN = 1e-3  # of log size: the first two places at which a fold is looked for
-FOUND = 1e-6  # of log size; the parameter is known to the square of it
-TRIES = 12  # places looked at
-STRIDE = 0.2  # of log size, at most between two of them
-FIRST, LEAST, LARGEST = 0.05, 1e-4, 0.25  # steps, of the range of the second parameter
-EASY, HARD = 0.1, 0.4  # of a step: how far from its end, as it was foreseen, the border may be
-CLOSE = 0.02  # and how far at least
-AHEAD = 4.0  # last steps within which a border that cannot be followed turns back
-NOTHING = 0.2  # of its size, at that place: the cycle shrinks to nothing
+FOLD_FIRST_STEP = 1e-3  # of log size: the first two places at which a fold is looked for
+FOLD_TOLERANCE = 1e-6  # of log size; the parameter is known to the square of it
+FOLD_MAX_ITERATIONS = 12  # places looked at
+FOLD_MAX_STEP = 0.2  # of log size, at most between two of them
+FIRST_STEP, MIN_STEP, MAX_STEP = 0.05, 1e-4, 0.25  # steps, of the range of the second parameter
+# of a step: how far from its end, as it was foreseen, the border may be
+PREDICTION_ERROR_GROW, PREDICTION_ERROR_HALVE = 0.1, 0.4
+MIN_PREDICTED_MOVE = 0.02  # and how far at least
+MAX_EXTRAPOLATION_STEPS = 4.0  # last steps within which a border that cannot be followed turns back
+VANISHING_REL_SIZE = 0.2  # of its size, at that place: the cycle shrinks to nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,20 +84,23 @@ def fold_near(
     u = equations.pack(guess)
     equations.accepted(u)
     normal = np.zeros(len(u))
-    normal[SIZE] = 1.0
+    normal[SIZE_HELD] = 1.0
     along, change = np.zeros(len(u)), 0.0
     before = np.nan, np.nan  # log size, slope of the parameter over it
-    for _ in range(TRIES):
+    for _ in range(FOLD_MAX_ITERATIONS):
         u = u + change * along
-        u, residual, _, there = newton(equations, u, normal, float(u[SIZE]))
-        if abs(change) < FOUND and change:
+        u, residual, _, there = newton(equations, u, normal, float(u[SIZE_HELD]))
+        if abs(change) < FOLD_TOLERANCE and change:
             return equations.motion(u), residual
-        along = there.tangent / there.tangent[SIZE]
-        size, slope = float(u[SIZE]), float(along[-1])
+        along = there.tangent / there.tangent[SIZE_HELD]
+        size, slope = float(u[SIZE_HELD]), float(along[-1])
         bend = (slope - before[1]) / (size - before[0])
-        step = -slope / bend if np.isfinite(bend) and bend else BEGUN
-        change, before = float(np.clip(step, -STRIDE, STRIDE)) or 0.5 * FOUND, (size, slope)
-    raise ConvergenceError("not_converged", f"no fold within {TRIES} places")
+        step = -slope / bend if np.isfinite(bend) and bend else FOLD_FIRST_STEP
+        change, before = (
+            float(np.clip(step, -FOLD_MAX_STEP, FOLD_MAX_STEP)) or 0.5 * FOLD_TOLERANCE,
+            (size, slope),
+        )
+    raise ConvergenceError("not_converged", f"no fold within {FOLD_MAX_ITERATIONS} places")
 
 
 def follow_border(
@@ -126,7 +130,7 @@ def follow_border(
     points, span = [start], values[-1] - values[0]
     goals = [v for v in values if (v - start.over) * direction > 0.0]
     goals.sort(key=lambda v: v * direction)
-    h = FIRST * span
+    h = FIRST_STEP * span
     while goals:
         last = points[-1]
         step = min(h, abs(goals[0] - last.over))
@@ -136,19 +140,21 @@ def follow_border(
             border_point, reason = locate(over, foreseen), ""
         except ConvergenceError as error:
             reason = error.status
-        predicted_distance = max(_apart(last.motion, foreseen, width), CLOSE / HARD)
+        predicted_distance = max(
+            _apart(last.motion, foreseen, width), MIN_PREDICTED_MOVE / PREDICTION_ERROR_HALVE
+        )
         away = (
             np.inf if reason else _apart(border_point.motion, foreseen, width) / predicted_distance
         )
-        if away > HARD:
+        if away > PREDICTION_ERROR_HALVE:
             reason, h = reason or ANOTHER, 0.5 * step
-            if h < LEAST * span:
+            if h < MIN_STEP * span:
                 return points, _why(points, width, reason)
             continue
         points.append(border_point)
         if over == goals[0]:
             del goals[0]
-        h = min(h * (1.5 if away < EASY else 1.0), LARGEST * span)
+        h = min(h * (1.5 if away < PREDICTION_ERROR_GROW else 1.0), MAX_STEP * span)
     return points, RANGE
 
 
@@ -182,10 +188,10 @@ def _why(points: list[BorderPoint], width: float, reason: str) -> str:
     scale = np.array([1.0, max(last[-1].motion.size, 1e-300), last[-1].motion.omega])
     x = np.array([_place(p.motion, width) / scale for p in last])
     k = int(np.argmax(np.abs(x[-1] - x[-2])))
-    if np.abs(np.diff(x[:, k])).min() < FOUND:
+    if np.abs(np.diff(x[:, k])).min() < FOLD_TOLERANCE:
         return reason
     a, b, c = np.polyfit(x[:, k] - x[-1, k], [p.over - last[-1].over for p in last], 2)
     step = last[-1].over - last[-2].over
-    if not a or not 0.0 <= (c - b**2 / (4.0 * a)) / step <= AHEAD:
+    if not a or not 0.0 <= (c - b**2 / (4.0 * a)) / step <= MAX_EXTRAPOLATION_STEPS:
         return reason
-    return MET if k == 1 and 1.0 - b / (2.0 * a) < NOTHING else TURNED
+    return MET if k == 1 and 1.0 - b / (2.0 * a) < VANISHING_REL_SIZE else TURNED

@@ -20,15 +20,17 @@ from squealstudy.cycles.curve import CurveMotion, Path, between
 from squealstudy.cycles.equations import BranchEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
-from squealstudy.cycles.projection import ADDED, PROJECTED, SIZE, Projection
+from squealstudy.cycles.projection import DAMPING_HELD, PROJECTED_TOLERANCE, SIZE_HELD, Projection
 from squealstudy.errors import ConvergenceError
 
-HOPF, TURN, NS, PD, BP = "H", "F", "NS", "PD", "BP"
+HOPF, FOLD, NS, PD, BP = "H", "F", "NS", "PD", "BP"
 RANGE, SHRUNK, CLOSED = "range", "hopf", "closed"  # why branches end, beside what `stop` says
-BEYOND, ASIDE = 1.2, 0.5  # of a step: how far on, and aside of it, the start of a loop may be
-BACK, BACK_ROUGHLY = 1e-6, 1e-3  # of log size, frequency and range: a branch is at its start again
+# of a step: how far on, and aside of it, the start of a loop may be
+MAX_STEPS_PAST_START, MAX_STEPS_BESIDE_START = 1.2, 0.5
+# of log size, frequency and range: a branch is at its start again
+CLOSURE_TOLERANCE, PROJECTED_CLOSURE_TOLERANCE = 1e-6, 1e-3
 PROJECTED_STEPS = Steps(first=0.1, least=1e-3, largest=0.3, count=120)
-SHARP = 1e-6  # of the range of the parameter, of NS, PD and BP
+BIFURCATION_REL_TOLERANCE = 1e-6  # of the range of the parameter, of NS, PD and BP
 
 Oscillators = Callable[[float], Oscillator]
 
@@ -93,7 +95,7 @@ class Moving:
 
     def equations(self, harmonics: int) -> BranchEquations:
         """Equations of cycles along the parameter, in the basis."""
-        tolerance = TOLERANCE if self.complete else PROJECTED
+        tolerance = TOLERANCE if self.complete else PROJECTED_TOLERANCE
         vectors = self.fixed.of_harmonics(harmonics)
         return BranchEquations(
             self._oscillators, harmonics, self._omega, self._bounds, tolerance, vectors
@@ -137,7 +139,7 @@ class Moving:
 
     def at_value(self, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:
         """The cycle near a motion at its own value in the basis, and the residual."""
-        cycle, residual = self._at(motion.mu).solve(replace(motion, mu=0.0), ADDED)
+        cycle, residual = self._at(motion.mu).solve(replace(motion, mu=0.0), DAMPING_HELD)
         return replace(cycle, mu=motion.mu), residual
 
     def _at(self, value: float) -> Projection:
@@ -169,7 +171,7 @@ class Loop:
         last, self._last = self._last, motion
         if last is None:
             with contextlib.suppress(ConvergenceError):  # it stays as it was given
-                self._start = self._near(self._start, ADDED)
+                self._start = self._near(self._start, DAMPING_HELD)
             self._at = self._place(self._start)
             self._first, self._from = place - self._at, place
             return False
@@ -177,7 +179,10 @@ class Loop:
         away = self._at - self._from
         self._share = share = float(away @ chord / (chord @ chord))
         aside = np.linalg.norm(away - share * chord)
-        near = 0.0 <= share <= BEYOND and aside <= ASIDE * np.linalg.norm(chord)
+        near = (
+            0.0 <= share <= MAX_STEPS_PAST_START
+            and aside <= MAX_STEPS_BESIDE_START * np.linalg.norm(chord)
+        )
         if near and chord @ self._first > 0.0 and self._same(between(last, motion, share)):
             return True
         self._from = place
@@ -195,13 +200,17 @@ class Loop:
 
     def _same(self, motion: PeriodicMotion) -> bool:
         """Whether the cycle near a motion is the start."""
-        coordinate = ADDED if abs(self._chord[ADDED]) > abs(self._chord[SIZE]) else SIZE
+        coordinate = (
+            DAMPING_HELD
+            if abs(self._chord[DAMPING_HELD]) > abs(self._chord[SIZE_HELD])
+            else SIZE_HELD
+        )
         try:
-            start = self._place(self._near(self._start, ADDED))
+            start = self._place(self._near(self._start, DAMPING_HELD))
             apart = self._place(self._near(motion, coordinate, float(start[coordinate]))) - start
         except ConvergenceError:
             return False
-        closeness = BACK if self._moving.complete else BACK_ROUGHLY
+        closeness = CLOSURE_TOLERANCE if self._moving.complete else PROJECTED_CLOSURE_TOLERANCE
         return bool(np.abs(apart).max() < closeness)
 
     def _near(
@@ -237,12 +246,12 @@ def cycles_along(
     path = Path(
         projection=moving,
         harmonics=start.harmonics,
-        first=(ADDED, direction),
+        first=(DAMPING_HELD, direction),
         ended=ended,
         steps=steps or (Steps() if moving.complete else PROJECTED_STEPS),
-        tests={TURN: lambda _, t: float(t[-1])},
+        tests={FOLD: lambda _, t: float(t[-1])},
     )
-    curve, end = path.from_motion(start, ADDED)
+    curve, end = path.from_motion(start, DAMPING_HELD)
     if end == CLOSED:  # an event beyond the start is one of the first step's
         while curve[-2].event and loop.passed(curve[-2].motion):
             del curve[-2]
@@ -322,7 +331,7 @@ def _with_changes(
     """The points with those between them at which multipliers pass the unit circle."""
     with_changes = points[:1]
     for one, other in itertools.pairwise(points):
-        if TURN not in (one.event, other.event) and HOPF not in (one.event, other.event):
+        if FOLD not in (one.event, other.event) and HOPF not in (one.event, other.event):
             with_changes += _changes(moving, one, other, highest, width)
         with_changes.append(other)
     return with_changes
@@ -374,7 +383,7 @@ def _passing(
             return float(np.log(np.abs(at(share).multipliers.multipliers[number])))
 
         try:
-            precision = min(0.5, SHARP * width / apart) if apart else 0.5
+            precision = min(0.5, BIFURCATION_REL_TOLERANCE * width / apart) if apart else 0.5
             point = at(float(brentq(size, 0.0, 1.0, xtol=precision)))
         except (ConvergenceError, ValueError):  # it stays known to the step
             pass

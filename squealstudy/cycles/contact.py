@@ -12,7 +12,7 @@ import numpy as np
 
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import LEAST_SAMPLES, series_at
-from squealstudy.cycles.oscillator import WHOLE, LocalForces, Oscillator
+from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES, LocalForces, Oscillator
 from squealstudy.errors import ModelError
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.cycle_forces import sampled_forces, sampled_rows
@@ -86,7 +86,7 @@ class ContactOscillator:
             K=np.diag(system.omega2) + U.T @ (s[:, None] * U),
             B=np.stack([system.N, system.T1, system.T2], axis=1),
             forces=forces,
-            samples=LEAST_SAMPLES if system.n <= WHOLE else FEWER_SAMPLES,
+            samples=LEAST_SAMPLES if system.n <= MAX_UNPROJECTED_COORDINATES else FEWER_SAMPLES,
             turning=forces.turning,
         )
 

@@ -18,26 +18,31 @@ from scipy.optimize import brentq
 from squealstudy.errors import ConvergenceError
 
 TOLERANCE = 1e-9  # of the equations, and of the square of the last Newton step; scaled to one
-NEWTON = 20  # steps at most
-PATIENCE, HALF = 5, 0.5  # steps in which the equations shall be better by that, or are lost
-ASTRAY = 10.0  # a longer one leads nowhere: unknowns are scaled to one
-SHORTEST = 0.1  # share of a Newton step
-GOOD = 0.1  # share of the equations that a step leaves, below which the next has the same Jacobian
-NEARER = 0.1  # by what share of a Newton step the equations shall be better after it
-FAST, SLOW = 2, 5  # Newton steps at which the arc-length grows, shrinks
-TURN = 0.9  # cosine between tangents below which a step was too long
-BEND = 0.3  # rad: what the next step may turn if the curve goes on to bend
+MAX_NEWTON_STEPS = 20  # steps at most
+# steps in which the equations shall be better by that, or are lost
+STALL_STEPS, STALL_RATIO = 5, 0.5
+MAX_NEWTON_STEP_LENGTH = 10.0  # a longer one leads nowhere: unknowns are scaled to one
+MIN_NEWTON_SHARE = 0.1  # share of a Newton step
+# share of the equations that a step leaves, below which the next has the same Jacobian
+JACOBIAN_REUSE_RATIO = 0.1
+MIN_DECREASE_SHARE = 0.1  # by what share of a Newton step the equations shall be better after it
+GROW_NEWTON_STEPS, SHRINK_NEWTON_STEPS = 2, 5  # Newton steps at which the arc-length grows, shrinks
+MIN_TANGENT_COSINE = 0.9  # cosine between tangents below which a step was too long
+MAX_TURN_RAD = 0.3  # rad: what the next step may turn if the curve goes on to bend
 FAR_OFF = 0.4  # of a step: a longer correction may have met another curve
-CORNER = 0.03  # arc-length of steps that may turn: friction that reverses bends curves sharply
-LOCATED = 1e-10  # of an event, relative to the step in which it is
-DIPS = 0.5  # share of the lesser end to which an unknown may fall between two points, as a cubic
-LOOKS = 0.02  # arc-length down to which steps are halved where it falls further
+# arc-length of steps that may turn: friction that reverses bends curves sharply
+CORNER_ARC_LENGTH = 0.03
+EVENT_REL_TOLERANCE = 1e-10  # of an event, relative to the step in which it is
+# share of the lesser end to which an unknown may fall between two points, as a cubic
+MIN_DIP_SHARE = 0.5
+DIP_TEST_MIN_ARC_LENGTH = 0.02  # arc-length down to which steps are halved where it falls further
 
 
 class Equations(Protocol):
     """What a curve solves, and to what tolerance.
 
-    Where it is `rough` a Jacobian serves again after a step that left less than `GOOD` of them.
+    Where it is `rough` a Jacobian serves again after a step that left less than
+    `JACOBIAN_REUSE_RATIO` of them.
     """
 
     tolerance: float
@@ -167,9 +172,9 @@ def newton(
         Not converged, or not finite.
     """
     left_over, tolerance = np.inf, equations.tolerance
-    before = [np.inf] * PATIENCE
+    before = [np.inf] * STALL_STEPS
     count, stale = 0, False
-    for step in range(NEWTON + 1):
+    for step in range(MAX_NEWTON_STEPS + 1):
         if stale:
             F = equations.residual(u)
         else:
@@ -180,7 +185,7 @@ def newton(
             raise ConvergenceError("not_finite", "the forces of a periodic motion are not finite")
         if residual < tolerance and left_over < tolerance:
             return u, residual, count, there
-        if residual > max(HALF * before[step], tolerance):
+        if residual > max(STALL_RATIO * before[step], tolerance):
             break
         before.append(residual)
         plane = 0.0 if offset is None else float(normal @ u - offset)
@@ -189,12 +194,12 @@ def newton(
             normal = there.tangent
             change = change - (normal @ change) * normal
         last = float(np.abs(change).max())
-        if not last <= ASTRAY:
+        if not last <= MAX_NEWTON_STEP_LENGTH:
             break
         u, share = _searched(equations, u, change, F, plane)
         count += not stale
         left_over = last * (share if stale else last)
-        stale = equations.rough and share < GOOD
+        stale = equations.rough and share < JACOBIAN_REUSE_RATIO
     raise ConvergenceError(
         "not_converged", f"the balance did not converge: {residual:.1e} after {step} Newton steps"
     )
@@ -214,12 +219,15 @@ def _searched(
     """
     before = float(np.hypot(np.linalg.norm(F), plane))
     share = 1.0
-    while share > SHORTEST:
+    while share > MIN_NEWTON_SHARE:
         there: np.ndarray = u - share * change
         residual_norm = float(
             np.hypot(np.linalg.norm(equations.residual(there)), (1.0 - share) * plane)
         )
-        if before < equations.tolerance or residual_norm < (1.0 - NEARER * share) * before:
+        if (
+            before < equations.tolerance
+            or residual_norm < (1.0 - MIN_DECREASE_SHARE * share) * before
+        ):
             break
         share *= 0.5
     return there, residual_norm / before if before else 0.0
@@ -232,15 +240,16 @@ def follow(
     steps: Steps,
     tests: Mapping[str, Test],
     stop: Callable[[np.ndarray], str],
-    located: float = LOCATED,
+    located: float = EVENT_REL_TOLERANCE,
     watched: int | None = None,
 ) -> Curve:
     """The curve through a solution near `u`, to the side of `along` (m + 1,).
 
-    Every change of sign of a test is located on the curve and is a point of it. The first point
-    of which `stop` says why the curve ends is the last. `located` is how exactly, of a step.
-    Of the unknown `watched` two zeros within a step are not passed over: where the cubic through
-    its ends and slopes falls below `DIPS` of the lesser end the step is halved, down to `LOOKS`.
+    Every change of sign of a test is located on the curve and is a point of it. The first point of
+    which `stop` says why the curve ends is the last. `located` is how exactly, of a step. Of the
+    unknown `watched` two zeros within a step are not passed over: where the cubic through its ends
+    and slopes falls below `MIN_DIP_SHARE` of the lesser end the step is halved, down to
+    `DIP_TEST_MIN_ARC_LENGTH`.
 
     Raises
     ------
@@ -270,10 +279,16 @@ def follow(
 
 def grown(taken: float, iterations: int, steps: Steps, turn: float) -> float:
     """Arc-length of the next step after one of so many Newton steps, that turned by a cosine."""
-    factor = 1.5 if iterations <= FAST else 0.6 if iterations >= SLOW else 1.0
+    factor = (
+        1.5
+        if iterations <= GROW_NEWTON_STEPS
+        else 0.6
+        if iterations >= SHRINK_NEWTON_STEPS
+        else 1.0
+    )
     bent = float(np.arccos(np.clip(turn, -1.0, 1.0)))
-    if bent > BEND / factor:
-        factor = max(BEND / bent, 0.5)
+    if bent > MAX_TURN_RAD / factor:
+        factor = max(MAX_TURN_RAD / bent, 0.5)
     return min(taken * factor, steps.largest)
 
 
@@ -283,7 +298,7 @@ def next_point(
     h: float,
     least: float,
     tests: Mapping[str, Test],
-    located: float = LOCATED,
+    located: float = EVENT_REL_TOLERANCE,
     watched: int | None = None,
 ) -> tuple[CurvePoint, list[CurvePoint], float, int] | None:
     """The next point, events before it, arc-length and Newton steps; None where there is none.
@@ -295,9 +310,18 @@ def next_point(
         try:
             there, iterations = _corrected(equations, here, h)
             distance_from_tangent = float(np.linalg.norm(there.u - here.u - h * here.tangent))
-            smooth = there.tangent @ here.tangent >= TURN and distance_from_tangent <= FAR_OFF * h
-            no_dip = watched is None or h <= LOOKS or not _dips(here, there, watched, h)
-            if (smooth and no_dip) or (h <= CORNER and distance_from_tangent <= h and no_dip):
+            smooth = (
+                there.tangent @ here.tangent >= MIN_TANGENT_COSINE
+                and distance_from_tangent <= FAR_OFF * h
+            )
+            no_dip = (
+                watched is None
+                or h <= DIP_TEST_MIN_ARC_LENGTH
+                or not _dips(here, there, watched, h)
+            )
+            if (smooth and no_dip) or (
+                h <= CORNER_ARC_LENGTH and distance_from_tangent <= h and no_dip
+            ):
                 return there, _events(equations, here, there, h, tests, located), h, iterations
         except ConvergenceError:
             pass
@@ -313,7 +337,7 @@ def _dips(here: CurvePoint, there: CurvePoint, k: int, h: float) -> bool:
     cubic = y0 * (1 - s) ** 2 * (1 + 2 * s) + y1 * s**2 * (3 - 2 * s)
     cubic += slopes[0] * s * (1 - s) ** 2 - slopes[1] * s**2 * (1 - s)
     if y0 * y1 > 0.0:
-        return bool((cubic * np.sign(y0)).min() < DIPS * min(abs(y0), abs(y1)))
+        return bool((cubic * np.sign(y0)).min() < MIN_DIP_SHARE * min(abs(y0), abs(y1)))
     return int((cubic[1:] * cubic[:-1] < 0.0).sum()) > 1
 
 

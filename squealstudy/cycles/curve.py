@@ -23,7 +23,7 @@ from squealstudy.cycles.continuation import (
     next_point,
 )
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
-from squealstudy.cycles.projection import SIZE, TARGET
+from squealstudy.cycles.projection import CURVE_BASIS_ERROR, SIZE_HELD
 from squealstudy.errors import ConvergenceError
 
 if TYPE_CHECKING:
@@ -31,13 +31,15 @@ if TYPE_CHECKING:
 
 BASIS = "basis"  # the basis errs by too much, or is too large
 LOST = "not_converged"
-TRIES = 6  # enrichments for one step, before it is halved
-ROUGHLY = 2e-2  # of a step: where an event is, if it is corrected anyhow
-ANEW = 2  # times that a curve which is lost is taken up again, on a new basis
-SAME = 5e-2  # change of a motion on another basis, beyond which it is another one
-BACK = 4  # points that are taken back at most where a larger basis does not have them
-ACROSS = 0.5  # cosine of the way on in another basis, below which it may as well be the way back
-AHEAD = 1e-2  # arc-length of the place that tells which way a curve goes on in another basis
+MAX_ENRICHMENTS_PER_STEP = 6  # enrichments for one step, before it is halved
+ROUGH_EVENT_TOLERANCE = 2e-2  # of a step: where an event is, if it is corrected anyhow
+MAX_RESTARTS = 2  # times that a curve which is lost is taken up again, on a new basis
+MAX_BASIS_CHANGE = 5e-2  # change of a motion on another basis, beyond which it is another one
+MAX_POINTS_BACK = 4  # points that are taken back at most where a larger basis does not have them
+# cosine of the way on in another basis, below which it may as well be the way back
+MIN_DIRECTION_COSINE = 0.5
+# arc-length of the place that tells which way a curve goes on in another basis
+DIRECTION_PROBE_LENGTH = 1e-2
 
 Ended = Callable[[np.ndarray, PeriodicMotion], str]  # of unknowns and the motion; why it ends there
 
@@ -140,7 +142,9 @@ class Path:
     tests: Mapping[str, Test]
     watched: int | None = None
 
-    def from_motion(self, start: PeriodicMotion, held: int = SIZE) -> tuple[list[CurveMotion], str]:
+    def from_motion(
+        self, start: PeriodicMotion, held: int = SIZE_HELD
+    ) -> tuple[list[CurveMotion], str]:
         """The curve through a motion, which keeps its size or its mu (`held`).
 
         Returns
@@ -158,10 +162,10 @@ class Path:
         """
         if self.projection.complete:
             return self._plain(start, held)
-        motion, error, residual = self.projection.improve(start, TARGET, held)
+        motion, error, residual = self.projection.improve(start, CURVE_BASIS_ERROR, held)
         curve_motions = [CurveMotion(motion, residual, error)]
         reached, end = 0, ""
-        for _ in range(1 + ANEW):
+        for _ in range(1 + MAX_RESTARTS):
             try:
                 end = self._growing(curve_motions, held)
             except ConvergenceError as error_there:
@@ -205,7 +209,13 @@ class Path:
         equations, here = self._begun(found, held)
         while len(found) < steps.count:
             step = next_point(
-                equations, here, h, steps.least, self.tests, ROUGHLY, watched=self.watched
+                equations,
+                here,
+                h,
+                steps.least,
+                self.tests,
+                ROUGH_EVENT_TOLERANCE,
+                watched=self.watched,
             )
             if step is None:  # what the last motion has missing may be what its successor needs
                 way = None if tries else self._grown(equations, here, found[-1].motion)
@@ -218,9 +228,9 @@ class Path:
             motion = equations.motion(there.u)
             change = projection.correction(motion, local=equations.forces(there.u))
             error = projection.error(motion, change)
-            if error > TARGET:
+            if error > CURVE_BASIS_ERROR:
                 tries += 1
-                h = taken if tries % TRIES else 0.5 * taken
+                h = taken if tries % MAX_ENRICHMENTS_PER_STEP else 0.5 * taken
                 if h < steps.least:
                     return BASIS
                 if way := self._grown(equations, here, motion, equations.forces(there.u)):
@@ -245,17 +255,22 @@ class Path:
         """
         if len(found) == 1:
             return self._here(found[0].motion)
-        for _ in range(BACK):
+        for _ in range(MAX_POINTS_BACK):
             plain = [k for k, m in enumerate(found) if not m.event]
             if len(plain) < 2:
                 break
             behind, last = (found[k].motion for k in plain[-2:])
             try:
-                motion, error, residual = self.projection.improve(last, TARGET, held)
-                begun = self._here(motion, between(behind, motion, 1.0 + ROUGHLY), behind)
+                motion, error, residual = self.projection.improve(last, CURVE_BASIS_ERROR, held)
+                begun = self._here(
+                    motion, between(behind, motion, 1.0 + ROUGH_EVENT_TOLERANCE), behind
+                )
             except ConvergenceError:
                 motion = None
-            if motion is not None and self.projection.error(last, _change(last, motion)) < SAME:
+            if (
+                motion is not None
+                and self.projection.error(last, _change(last, motion)) < MAX_BASIS_CHANGE
+            ):
                 found[-1] = CurveMotion(motion, residual, error)
                 return begun
             del found[plain[-2] + 1 :]
@@ -273,7 +288,10 @@ class Path:
         The point where the curve is, and one ahead of it, of all coordinates.
         """
         projection = self.projection
-        start, ahead = (equations.motion(here.u + length * here.tangent) for length in (0.0, AHEAD))
+        start, ahead = (
+            equations.motion(here.u + length * here.tangent)
+            for length in (0.0, DIRECTION_PROBE_LENGTH)
+        )
         projection.remember(ahead)
         projection.compact(motion)
         before = projection.size
@@ -288,7 +306,7 @@ class Path:
         One that the larger basis does not have was made by what the smaller one lacked: it is taken
         from the curve, which goes on from the one before it.
         """
-        for _ in range(BACK):
+        for _ in range(MAX_POINTS_BACK):
             plain = [k for k, m in enumerate(found) if not m.event]
             try:
                 return self._here(start, ahead, found[plain[-2]].motion if plain[1:] else None)
@@ -320,7 +338,7 @@ class Path:
         u, residual, _, there = newton(equations, u, along, None)
         tangent = there.towards(along)
         back = behind is not None and tangent @ (equations.pack(behind) - u) > 0.0
-        if ahead is not None and (back or tangent @ along < ACROSS):
+        if ahead is not None and (back or tangent @ along < MIN_DIRECTION_COSINE):
             raise ConvergenceError(LOST, "which way the curve goes on cannot be told")
         return equations, CurvePoint(u, tangent, residual)
 

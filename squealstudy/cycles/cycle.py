@@ -10,7 +10,7 @@ import numpy as np
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
-from squealstudy.cycles.growth import SLOWEST, STILL
+from squealstudy.cycles.growth import MIN_REL_FREQUENCY, STANDSTILL
 from squealstudy.cycles.projection import Projection
 from squealstudy.cycles.series_error import (
     Found,
@@ -23,12 +23,14 @@ from squealstudy.cycles.series_error import (
 from squealstudy.errors import ConvergenceError
 
 OK, INACCURATE = "ok", "inaccurate"
-LADDER = (5, 7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
-PROJECTED_LADDER = LADDER[:3]  # on projected models, where more cost seconds each
-HOPELESS = 2.5  # times the tolerance: an error that half as many harmonics again do not mend
-SURE = 0.1  # error of a level up to which the stability of a cycle is told
+HARMONIC_COUNTS = (5, 7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
+PROJECTED_LADDER = HARMONIC_COUNTS[:3]  # on projected models, where more cost seconds each
+# times the tolerance: an error that half as many harmonics again do not mend
+GIVE_UP_ERROR_RATIO = 2.5
+MAX_ERROR_FOR_STABILITY = 0.1  # error of a level up to which the stability of a cycle is told
 LEVELS = ("torque_rms", "contact_velocity")  # by which cycles are told apart
-SAME = 1e-5  # relative difference of frequencies and levels of one cycle found twice, beside errors
+# relative difference of frequencies and levels of one cycle found twice, beside errors
+SAME_CYCLE_REL_TOLERANCE = 1e-5
 MOST_APART = 1e-2  # and the most of it, however large the errors are
 
 
@@ -100,15 +102,15 @@ class Cycle:
     @property
     def attracts(self) -> bool | None:
         """Whether it is stable; None where that cannot be said, or the cycle is too inexact."""
-        return self.multipliers.stable if self.level_error < SURE else None
+        return self.multipliers.stable if self.level_error < MAX_ERROR_FOR_STABILITY else None
 
 
 def cycle_near(
     contact: ContactOscillator, projection: Projection, motion: PeriodicMotion, search: Search
 ) -> Cycle:
     """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
-    slowest = SLOWEST * motion.omega
-    tried: tuple[int, ...] = LADDER if projection.complete else PROJECTED_LADDER
+    slowest = MIN_REL_FREQUENCY * motion.omega
+    tried: tuple[int, ...] = HARMONIC_COUNTS if projection.complete else PROJECTED_LADDER
     if search.harmonics is not None:
         tried = _pair(search.harmonics)
     rougher, other, rungs, errors = motion, motion, list[Found](), SeriesErrors()
@@ -121,7 +123,7 @@ def cycle_near(
                 raise
             break  # more harmonics are lost: what is known of the last ones is the error
         if motion.omega < slowest:
-            raise ConvergenceError(STILL, "a motion that comes to a standstill is no cycle")
+            raise ConvergenceError(STANDSTILL, "a motion that comes to a standstill is no cycle")
         rougher = rungs[-1].motion if rungs else rougher
         cycle = projection.corrected(motion)
         rungs.append(Found(cycle, contact.levels(cycle)))
@@ -136,7 +138,7 @@ def cycle_near(
                 errors, other = finer[0] + of_basis, finer[1]
         if errors.level < search.tolerance:
             break
-        if not projection.complete and errors.level > HOPELESS * search.tolerance:
+        if not projection.complete and errors.level > GIVE_UP_ERROR_RATIO * search.tolerance:
             break
     last, status = rungs[-1], OK if errors.level < search.tolerance else INACCURATE
     errors = in_the_end(contact, last, errors, other)
@@ -169,5 +171,5 @@ def same_cycle(one: Cycle, other: Cycle) -> bool:
 
 def alike(one: Sequence[float], other: Sequence[float], errors: float) -> bool:
     """Whether frequencies and `LEVELS` are those of one cycle, by the relative errors of both."""
-    near = min(SAME + errors, MOST_APART)
+    near = min(SAME_CYCLE_REL_TOLERANCE + errors, MOST_APART)
     return all(abs(a - b) <= near * abs(b) for a, b in zip(one, other, strict=True))

@@ -23,7 +23,7 @@ from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.kernels.cycle_scaling import scaled_jacobian, scaled_residual
 
 PARAMETER_STEP = 1e-6  # of the range, of a difference: its error turns tangents by as much
-KEPT = 4  # oscillators
+OSCILLATOR_CACHE_SIZE = 4  # oscillators
 LOG_SIZE, FREQUENCY = 0.05, 1e-3  # by what motions in nearly one place differ at most; relative
 
 
@@ -239,7 +239,7 @@ class BranchEquations(CycleEquations):
 
     def _at(self, mu: float) -> Balance:
         if mu not in self._known:
-            while len(self._known) >= KEPT:
+            while len(self._known) >= OSCILLATOR_CACHE_SIZE:
                 del self._known[next(iter(self._known))]
             osc = self._oscillators(self.value(mu))
             self._known[mu] = Balance(osc, self.harmonics, self._vectors)

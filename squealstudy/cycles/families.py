@@ -13,7 +13,7 @@ import scipy.linalg as la
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.curve import CurveMotion
-from squealstudy.cycles.cycle import LADDER, Cycle, Search, cycle_near, same_cycle
+from squealstudy.cycles.cycle import HARMONIC_COUNTS, Cycle, Search, cycle_near, same_cycle
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.growth import (
     DAMPED,
@@ -27,12 +27,12 @@ from squealstudy.cycles.growth import (
     without_noise,
 )
 from squealstudy.cycles.harmonics import with_harmonics
-from squealstudy.cycles.oscillator import WHOLE
+from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES
 from squealstudy.cycles.projection import Projection
 from squealstudy.cycles.verdicts import (
-    HOPELESS,
+    GIVE_UP_DAMPING_RATIO,
     NOT_FOLLOWED,
-    SEARCHED,
+    SEARCHED_ENDS,
     Family,
     Followed,
     alone,
@@ -42,17 +42,18 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.overflow import OVERFLOW
 from squealstudy.wording import NO_CYCLE
 
-MORE = 2  # numbers of harmonics with which they are looked at again
+N_LARGER_HARMONIC_COUNTS = 2  # numbers of harmonics with which they are looked at again
 CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of projected ones
-ALIKE, UNLIKE = 0.95, 0.8  # MAC of modes of two designs that are one, and with all others
+# MAC of modes of two designs that are one, and with all others
+SAME_MODE_MIN_MAC, OTHER_MODE_MAX_MAC = 0.95, 0.8
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
-ROUND_OFF = 1e-13  # of the largest root: what all of a dense matrix may be wrong by
+EIGENVALUE_REL_ROUND_OFF = 1e-13  # of the largest root: what all of a dense matrix may be wrong by
 LOST_ROOT = (
     "roots of the model lie too far apart: whether steady sliding diverges is less than the "
     "round-off of the largest"
 )
 ROUNDED = 1e-10  # damping ratio: less is round-off of a balance
-STEPS = Steps(first=0.3, largest=0.5, count=200)
+CURVE_STEPS = Steps(first=0.3, largest=0.5, count=200)
 PROJECTED_STEPS = Steps(first=0.5, least=1e-4, largest=1.0, count=130)
 
 
@@ -94,7 +95,7 @@ def families(
     lam, psi = contact.oscillator.steady_modes(band[1])
     unstable = lam.real > tolerance * np.abs(lam)
     real = lam.real[unstable & (lam.imag == 0)]
-    if len(real) and real.max() <= ROUND_OFF * np.abs(lam).max():
+    if len(real) and real.max() <= EIGENVALUE_REL_ROUND_OFF * np.abs(lam).max():
         raise ConvergenceError(OVERFLOW, LOST_ROOT)
     if len(real):
         raise ConvergenceError("diverges", "steady sliding diverges without oscillation")
@@ -136,7 +137,7 @@ def _silent(
 
     A mode is the same where it is like that one there, and neither is much like any other.
     """
-    if near is None or not near.modes.size or contact.oscillator.n <= WHOLE:
+    if near is None or not near.modes.size or contact.oscillator.n <= MAX_UNPROJECTED_COORDINATES:
         return {}
     mine, theirs = (x / la.norm(x, axis=0) for x in (psi, near.modes))
     mac = np.abs(mine.conj().T @ theirs) ** 2
@@ -144,7 +145,9 @@ def _silent(
     for number, family in near.families:
         k = int(np.argmax(mac[:, number - 1]))
         others = np.append(np.delete(mac[:, number - 1], k), np.delete(mac[k], number - 1))
-        same = mac[k, number - 1] > ALIKE and others.max(initial=0.0) < UNLIKE
+        same = (
+            mac[k, number - 1] > SAME_MODE_MIN_MAC and others.max(initial=0.0) < OTHER_MODE_MAX_MAC
+        )
         if same and family.verdict == NO_CYCLE and not unstable[k]:
             silent[k + 1] = replace(family, origin=family.origin or near.name)
     return silent
@@ -207,21 +210,21 @@ def _family(
         if contact.contact_velocity(motion) > search.reach:
             return FAR
         missing = (min(start.mu, 0.0) - motion.mu) / (2.0 * start.omega)
-        return DAMPED if not whole and missing > HOPELESS else ""
+        return DAMPED if not whole and missing > GIVE_UP_DAMPING_RATIO else ""
 
     try:
         curve, end = family_curve(
             projection,
             replace(start, Q=with_harmonics(start.Q, harmonics)),
             stop,
-            STEPS if whole else PROJECTED_STEPS,
+            CURVE_STEPS if whole else PROJECTED_STEPS,
         )
     except ConvergenceError as error:
         return Family(lam, (), 0, [], error.status, largest=start, noise=noise)
     curve = without_noise(curve, noise)
     cycles: list[Cycle] = []
     lost, look = _confirmed(contact, curve, search, cycles), None
-    if end in SEARCHED and start.mu <= 0.0 and not cycles and abs(start.mu) > noise:
+    if end in SEARCHED_ENDS and start.mu <= 0.0 and not cycles and abs(start.mu) > noise:
         look = looked_again(contact.oscillator, curve, _more(harmonics))
         _confirmed(contact, chain(*look.pieces), search, cycles)
         if cycles or not (look.open or look.grows):  # more harmonics decide about its zeros
@@ -244,7 +247,9 @@ def _family(
 
 def _more(harmonics: int) -> list[int]:
     """Numbers of harmonics with which a curve is looked at again."""
-    return [h for h in LADDER if h > harmonics][:MORE] or [harmonics + harmonics // 2]
+    return [h for h in HARMONIC_COUNTS if h > harmonics][:N_LARGER_HARMONIC_COUNTS] or [
+        harmonics + harmonics // 2
+    ]
 
 
 def _confirmed(
@@ -269,7 +274,7 @@ def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search)
     except ConvergenceError:
         pass
     try:
-        more = search.harmonics or next(h for h in LADDER if h > zero.harmonics)
+        more = search.harmonics or next(h for h in HARMONIC_COUNTS if h > zero.harmonics)
         for motion in found_again(osc, zero, more):
             cycles += [cycle_near(contact, Projection.about(osc, motion), motion, search)]
     except ConvergenceError:

@@ -22,12 +22,12 @@ from squealstudy.cycles.oscillator import Oscillator
 from squealstudy.errors import ConvergenceError
 from squealstudy.root_pairs import least_assignment
 
-STEPS = 256  # a period, at least
+MIN_STEPS_PER_PERIOD = 256  # a period, at least
 STEPS_A_HARMONIC = 16
-LARGE = 60  # coordinates above which the trapezoidal rule takes over
+TRAPEZOIDAL_MIN_COORDINATES = 60  # coordinates above which the trapezoidal rule takes over
 TRAPEZOIDAL_STEPS = 192
-NEAR = 0.97  # size of multipliers of which the trapezoidal rule's error is told
-FINER = 4  # samples a step, of the tangents of contact points
+ERROR_MIN_MULTIPLIER = 0.97  # size of multipliers of which the trapezoidal rule's error is told
+SAMPLES_PER_STEP = 4  # samples a step, of the tangents of contact points
 CHUNK_BYTES = 64_000_000
 FLIP, FOLD, TORUS = (
     "flip",
@@ -115,9 +115,9 @@ class Floquet:
 
 def floquet(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
     """Multipliers of a cycle of an oscillator."""
-    if osc.n > LARGE:
+    if osc.n > TRAPEZOIDAL_MIN_COORDINATES:
         return floquet_on(osc, np.eye(osc.n), osc.n, cycle, cycle)
-    steps = max(STEPS, STEPS_A_HARMONIC * cycle.harmonics)
+    steps = max(MIN_STEPS_PER_PERIOD, STEPS_A_HARMONIC * cycle.harmonics)
     steps += steps % 2
     coarse = np.linalg.eigvals(monodromy(osc, cycle, steps // 2))
     fine = _found(osc, cycle, monodromy(osc, cycle, steps))
@@ -200,7 +200,7 @@ def _changes(found: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.ndarr
     through 1 is as uncertain as the one that must be 1.
     """
     fine = found.multipliers
-    mine = np.flatnonzero((np.abs(fine) > NEAR) & inside)
+    mine = np.flatnonzero((np.abs(fine) > ERROR_MIN_MULTIPLIER) & inside)
     mine = np.union1d(mine, [len(fine) - 1])
     rows, pairs = least_assignment(np.abs(fine[mine, None] - coarse))
     changes = np.abs(np.abs(fine[mine[rows]]) - np.abs(coarse[pairs]))
@@ -250,7 +250,7 @@ def _averaged(
     Of contact points they are means about the step, with weights that fall to the steps beside it:
     where points open and close within a step, or stick, no share of that is left out.
     """
-    local = sampled(osc, sampling(cycle.harmonics, FINER * steps), cycle.Q, cycle.omega)
+    local = sampled(osc, sampling(cycle.harmonics, SAMPLES_PER_STEP * steps), cycle.Q, cycle.omega)
     finer, omega = len(local.f) // steps, cycle.omega
     weights = (finer - np.abs(np.arange(1 - finer, finer))) / finer**2
     arrays = weights, osc.C / omega, osc.K / omega**2, local.by_w / omega, local.by_y / omega**2

@@ -9,11 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.cycles.contact import ContactOscillator
-from squealstudy.cycles.oscillator import WHOLE
+from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES
 
-PARTS = 5  # steps in the time in which friction falls
+STEPS_PER_FALL = 5  # steps in the time in which friction falls
 SPEEDS = np.geomspace(1e-6, 1.0, 61)  # over that imposed, at which the curve is looked at
-ROUNDS = 0.01  # of the speed over which friction falls: a corner so wide takes from the fall
+# of the speed over which friction falls: a corner so wide takes from the fall
+MAX_CORNER_SHARE = 0.01
 
 
 def longest_step(contact: ContactOscillator) -> float:
@@ -30,7 +31,7 @@ def longest_step(contact: ContactOscillator) -> float:
     force = np.abs(contact.point.base(system)[1][:, 0])
     acceleration = fall * force * (system.T1**2).sum(axis=1)  # m/s2
     moves = falls & (acceleration > 0.0)
-    return float((speed[moves] / acceleration[moves]).min(initial=np.inf)) / PARTS
+    return float((speed[moves] / acceleration[moves]).min(initial=np.inf)) / STEPS_PER_FALL
 
 
 def rounds_off(contact: ContactOscillator) -> bool:
@@ -39,7 +40,7 @@ def rounds_off(contact: ContactOscillator) -> bool:
     friction, system = contact.point.friction, contact.system
     pressure = np.abs(contact.point.base(system)[1][:, 0]) / system.area
     sticks = friction.friction * pressure / friction.k_t  # m/s, below which a point sticks
-    return bool(((fall > 0.0) & (sticks > ROUNDS * speed)).any())
+    return bool(((fall > 0.0) & (sticks > MAX_CORNER_SHARE * speed)).any())
 
 
 def _falls(contact: ContactOscillator) -> tuple[np.ndarray, np.ndarray]:
@@ -50,7 +51,7 @@ def _falls(contact: ContactOscillator) -> tuple[np.ndarray, np.ndarray]:
     system, point = contact.system, contact.point
     none = np.zeros(len(system.area))
     curve, imposed = point.friction.curve, abs(point.speed)
-    if system.n > WHOLE or curve.constant or imposed == 0.0:
+    if system.n > MAX_UNPROJECTED_COORDINATES or curve.constant or imposed == 0.0:
         return none, none
     pressure = np.abs(point.base(system)[1][:, 0]) / system.area
     friction_at = [curve.at(point.friction.friction, none + s * imposed, pressure) for s in SPEEDS]

@@ -15,24 +15,29 @@ from squealstudy.cycles.curve import CurveMotion, Path, between
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import derivative, with_harmonics
 from squealstudy.cycles.oscillator import Oscillator
-from squealstudy.cycles.projection import SIZE, TARGET, Projection
+from squealstudy.cycles.projection import CURVE_BASIS_ERROR, SIZE_HELD, Projection
 from squealstudy.errors import ConvergenceError
 
 ZERO = "C"  # event: a cycle, where no damping need be added
 FAR, OTHER = "far", "other_resonance"  # why curves end
 DAMPED, OUTSIDE = "damped", "outside"
-SHRUNK, STILL, RETRACED = "shrunk", "standstill", "retraced"
-SLOWEST = 0.05  # of the mode's frequency: below it motions are on their way to another equilibrium
-BACK = 0.5  # of the size at which a curve began: where it comes back to that there is no more on it
-TRACE = 1e-3, 2e-2, 0.99  # relative frequency, share of the largest damping, MAC: of one motion
+SHRUNK, STANDSTILL, RETRACED = "shrunk", "standstill", "retraced"
+# of the mode's frequency: below it motions are on their way to another equilibrium
+MIN_REL_FREQUENCY = 0.05
+# of the size at which a curve began: where it comes back to that there is no more on it
+END_SIZE_RATIO = 0.5
+# relative frequency, share of the largest damping, MAC: of one motion
+SAME_MOTION_TOLERANCES = 1e-3, 2e-2, 0.99
 MOST_OTHERS = 10.0  # norm of all harmonics over that of the first
-OCTAVES = 5  # of sizes, down from the largest, in each of which a curve is looked at again
-LOOKS = 3  # at least, where motions with more harmonics are found
-SAFETY = 2.0  # times the change by more harmonics: what still more may change
-APART = 0.1  # of its size, of a motion from that of a design nearby, beyond which it is another
-PLACES = 12  # of such a curve that are corrected to first order
+N_SIZE_OCTAVES = 5  # of sizes, down from the largest, in each of which a curve is looked at again
+MIN_CHECKS = 3  # at least, where motions with more harmonics are found
+HARMONIC_SAFETY_FACTOR = 2.0  # times the change by more harmonics: what still more may change
+# of its size, of a motion from that of a design nearby, beyond which it is another
+MAX_REL_DISTANCE = 0.1
+N_FIRST_ORDER_POINTS = 12  # of such a curve that are corrected to first order
 ON_ZERO = 1  # motions on a curve without damping to add: more are a range, no cycle
-DOUBT = 0.0025  # damping ratio by which more harmonics are thought to change a motion at least
+# damping ratio by which more harmonics are thought to change a motion at least
+MIN_DAMPING_CHANGE = 0.0025
 PIECE_STEPS = Steps(first=0.2, least=2e-3, largest=0.5, count=25)  # with more harmonics, each way
 
 
@@ -66,7 +71,7 @@ def family_curve(
     ConvergenceError
         Where the mode cannot be continued.
     """
-    least = BACK * start.size
+    least = END_SIZE_RATIO * start.size
     passed: list[PeriodicMotion] = []
 
     def ended(_: np.ndarray, motion: PeriodicMotion) -> str:
@@ -79,12 +84,12 @@ def family_curve(
             return OTHER
         if motion.size < least:
             return SHRUNK
-        if motion.omega < SLOWEST * start.omega:
-            return STILL
+        if motion.omega < MIN_REL_FREQUENCY * start.omega:
+            return STANDSTILL
         return stop(motion)
 
     tests = {ZERO: lambda u, _: float(u[-1])}
-    path = Path(projection, start.harmonics, (SIZE, 1.0), ended, steps, tests, watched=-1)
+    path = Path(projection, start.harmonics, (SIZE_HELD, 1.0), ended, steps, tests, watched=-1)
     return path.from_motion(start)
 
 
@@ -107,14 +112,14 @@ def without_noise(curve: Sequence[CurveMotion], noise: float) -> list[CurveMotio
 
 
 def _retraced(passed: Sequence[PeriodicMotion]) -> bool:
-    """Whether a curve that has fallen to `BACK` of its largest size is where it rose through it."""
+    """Whether a curve that has shrunk to `END_SIZE_RATIO` of its largest size retraces its rise."""
     sizes, last = np.log([m.size for m in passed]), passed[-1]
     rose = int(np.argmax(sizes >= sizes[-1]))
-    if sizes[-1] > sizes.max() + np.log(BACK) or not 0 < rose < len(passed) - 1:
+    if sizes[-1] > sizes.max() + np.log(END_SIZE_RATIO) or not 0 < rose < len(passed) - 1:
         return False
     share = (sizes[-1] - sizes[rose - 1]) / (sizes[rose] - sizes[rose - 1])
     there = between(passed[rose - 1], passed[rose], float(share))
-    frequency, damping, alike = TRACE
+    frequency, damping, alike = SAME_MOTION_TOLERANCES
     most = max(abs(m.mu) for m in passed)
     one, other = (m.Q[1] - 1j * m.Q[m.harmonics + 1] for m in (there, last))
     mac = abs(one.conj() @ other) ** 2 / ((one.conj() @ one) * (other.conj() @ other)).real
@@ -166,9 +171,9 @@ def looked_again(
 
     Few harmonics miss resonances of higher ones, which feed a motion or damp it. So the motions
     that lack least in each octave of sizes, and all that lack less than their neighbours, are
-    balanced with more, until the rest is clear by `SAFETY` times the largest change seen, and
-    `DOUBT` at least: small motions change little, and tell nothing of larger ones. From those that
-    might grow the curve is followed with more harmonics.
+    balanced with more, until the rest is clear by `HARMONIC_SAFETY_FACTOR` times the largest change
+    seen, and `MIN_DAMPING_CHANGE` at least: small motions change little, and tell nothing of larger
+    ones. From those that might grow the curve is followed with more harmonics.
 
     Parameters
     ----------
@@ -179,15 +184,18 @@ def looked_again(
         Numbers of harmonics to go on with, ascending.
     moved : float or None
         Where the curve is that of a design nearby: what added damping [1/s] is known to change by.
-        A motion that is lost, `APART` from that of the curve, or that may grow is left open: the
-        design needs a curve of its own.
+        A motion that is lost, `MAX_REL_DISTANCE` from that of the curve, or that may grow is left
+        open: the design needs a curve of its own.
     """
     look = SecondLook(curve[0].motion.harmonics)
-    largest = max(2.0 * DOUBT * curve[0].motion.omega, moved or 0.0)
+    largest = max(2.0 * MIN_DAMPING_CHANGE * curve[0].motion.omega, moved or 0.0)
     failed: list[PeriodicMotion] = []
     span = float(np.ptp([p.motion.mu for p in curve]))
     for motion, rise in _likeliest(curve):
-        if look.checked >= LOOKS and motion.mu + SAFETY * (rise + largest) < 0.0:
+        if (
+            look.checked >= MIN_CHECKS
+            and motion.mu + HARMONIC_SAFETY_FACTOR * (rise + largest) < 0.0
+        ):
             break
         if look.holds(motion):
             continue
@@ -202,12 +210,12 @@ def looked_again(
         better, elsewhere = balanced.motion, 0.0
         if moved is not None:
             off = _apart(projection.weight, motion, better)
-            if off > APART:
+            if off > MAX_REL_DISTANCE:
                 look.open.append(better)
                 break
             elsewhere = off * span  # a top that moved aside is higher there
         largest = max(largest, change := abs(better.mu - motion.mu) + elsewhere)
-        margin = SAFETY * (rise + change)
+        margin = HARMONIC_SAFETY_FACTOR * (rise + change)
         if better.mu + margin < 0.0 or look.holds(better):
             continue
         if moved is not None:
@@ -222,7 +230,9 @@ def looked_again(
         top = max((p.motion for p in piece), key=lambda m: m.mu)
         if top.mu <= 0.0:
             _settle(osc, top, ladder[1:], look)
-    look.open += [m for m in failed if m.mu + SAFETY * largest >= 0.0 and not look.holds(m)]
+    look.open += [
+        m for m in failed if m.mu + HARMONIC_SAFETY_FACTOR * largest >= 0.0 and not look.holds(m)
+    ]
     if not look.checked or moved is not None:
         look.open += [m for m in failed if m not in look.open]
     return look
@@ -231,17 +241,18 @@ def looked_again(
 def holds_here(osc: Oscillator, curve: Sequence[CurveMotion]) -> bool:
     """Whether the curve of a design nearby is everywhere near to one of this design.
 
-    Its motions, corrected to first order, are nowhere `APART` from what they were. Where curves of
-    two designs go different ways, as where one of them has met another branch, they are.
+    Its motions, corrected to first order, are nowhere `MAX_REL_DISTANCE` from what they were. Where
+    curves of two designs go different ways, as where one of them has met another branch, they are.
     """
     path = [p.motion for p in curve if not p.event]
-    places = np.unique(np.linspace(0, len(path) - 1, PLACES).round().astype(int))
+    places = np.unique(np.linspace(0, len(path) - 1, N_FIRST_ORDER_POINTS).round().astype(int))
     projection = Projection.about(osc, path[0])
     if projection.complete:
         return True
     try:
         return all(
-            _apart(projection.weight, m, m.changed(projection.correction(m, True))) < APART
+            _apart(projection.weight, m, m.changed(projection.correction(m, True)))
+            < MAX_REL_DISTANCE
             for m in (path[k] for k in places)
         )
     except ConvergenceError:
@@ -270,7 +281,7 @@ def _likeliest(curve: Sequence[CurveMotion]) -> list[tuple[PeriodicMotion, float
     ends = np.concatenate([[-np.inf], mu, [-np.inf]])
     before, behind = mu - ends[:-2], mu - ends[2:]
     tops = set(np.flatnonzero((before > 0) & (behind >= 0)).tolist())
-    for octave in range(OCTAVES):
+    for octave in range(N_SIZE_OCTAVES):
         inside = np.flatnonzero(octaves == octave)
         if len(inside):
             tops.add(int(inside[np.argmax(mu[inside])]))
@@ -290,7 +301,7 @@ def _with_more(
     """The motion of the same size with more harmonics, on a basis of its own; ConvergenceError."""
     projection = Projection.about(osc, motion)
     start = replace(motion, Q=with_harmonics(motion.Q, harmonics))
-    better, error, residual = projection.improve(start, TARGET, SIZE)
+    better, error, residual = projection.improve(start, CURVE_BASIS_ERROR, SIZE_HELD)
     return projection, CurveMotion(better, residual, error)
 
 
@@ -302,7 +313,7 @@ def _settle(osc: Oscillator, top: PeriodicMotion, ladder: Sequence[int], found: 
         except ConvergenceError:
             break
         found.harmonics, change = max(found.harmonics, harmonics), abs(better.mu - top.mu)
-        if better.mu + SAFETY * change < 0.0:
+        if better.mu + HARMONIC_SAFETY_FACTOR * change < 0.0:
             return
         top = better
     found.open.append(top)
@@ -319,7 +330,7 @@ def found_again(osc: Oscillator, zero: PeriodicMotion, harmonics: int) -> list[P
     projection, balanced = _with_more(osc, zero, harmonics)
     start = balanced.motion
     high = np.inf if start.mu > 0.0 else 0.0
-    piece = _piece(projection, start, -SAFETY * abs(start.mu), high)
+    piece = _piece(projection, start, -HARMONIC_SAFETY_FACTOR * abs(start.mu), high)
     return [p.motion for p in piece if p.event == ZERO]
 
 
@@ -334,7 +345,9 @@ def _piece(
     tests = {ZERO: lambda u, _: float(u[-1])}
     piece: list[CurveMotion] = []
     for way in (-1.0, 1.0):
-        path = Path(projection, start.harmonics, (SIZE, way), ended, PIECE_STEPS, tests, watched=-1)
+        path = Path(
+            projection, start.harmonics, (SIZE_HELD, way), ended, PIECE_STEPS, tests, watched=-1
+        )
         part, _ = path.from_motion(start)
         piece = [*piece[:0:-1], *part]
     back = piece[0].motion.size > piece[-1].motion.size

@@ -27,20 +27,20 @@ from squealstudy.cycles.trials import (
 from squealstudy.cycles.verdicts import Family, Followed
 from squealstudy.wording import IF_KICKED, NEUTRAL, NO_CYCLE, SQUEALS, UNDECIDED
 
-PHASES = 8
-LEAST = 1e-3  # of the largest kick tried: smaller ones are not looked for
-CLOSE = 0.02  # relative width of the bracket at which a search ends
-LARGER = 1.0, 1.5  # of `reach`: how large motions of lost curves are made, whose runs decide
-TURNS = 0.0, 0.5 * np.pi  # at which of their angles
+N_PHASES = 8
+MIN_REL_KICK = 1e-3  # of the largest kick tried: smaller ones are not looked for
+KICK_REL_TOLERANCE = 0.02  # relative width of the bracket at which a search ends
+START_SIZES = 1.0, 1.5  # of `reach`: how large motions of lost curves are made, whose runs decide
+START_ANGLES_RAD = 0.0, 0.5 * np.pi  # at which of their angles
 CYCLE = "the cycle"  # where a run goes on with it
 ABOVE = 1.1  # times an unstable cycle: where a run begins that shall tell what is beyond it
 # status of a search
 FOUND, NONE, UNCLEAR = "ok", "none", "undecided"
 
 LEVEL = "torque_rms"  # by which cycles of a design that squeals are compared
-LOUDER = 1.02  # times the loudest stable one: another that is no other reading of it
-TRIES = 2  # runs for its level at most
-WIDER = 1.01  # of the frequency of a mode that is looked for
+DISTINCT_LEVEL_RATIO = 1.02  # times the loudest stable one: another that is no other reading of it
+MAX_LEVEL_RUNS = 2  # runs for its level at most
+FREQUENCY_MARGIN = 1.01  # of the frequency of a mode that is looked for
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
     contact = trials.contact
     unit = PeriodicMotion(np.vstack([0 * phi.real, phi.real, -phi.imag]), abs(lam.imag))
     phi = phi / contact.contact_velocity(unit)
-    phases = 2 * np.pi * np.arange(PHASES) / PHASES
+    phases = 2 * np.pi * np.arange(N_PHASES) / N_PHASES
 
     def start(size: float, phase: float) -> State:
         x = size * phi * np.exp(1j * phase)
@@ -112,9 +112,9 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
             return Kick(np.nan, np.nan, np.nan, np.nan, NONE)
         else:
             low = size
-        if high - low < CLOSE * high:
+        if high - low < KICK_REL_TOLERANCE * high:
             break
-        if high < LEAST * top:  # no size was seen to decay
+        if high < MIN_REL_KICK * top:  # no size was seen to decay
             return Kick(np.nan, np.nan, np.nan, np.nan, UNCLEAR)
     q, v = start(high, phases[worst])
     energy = 0.5 * float(v @ v + contact.system.omega2 @ q**2)
@@ -194,13 +194,13 @@ def _with_level(
     tries = {}
     for mode, family in families.items():
         level = max((c.levels[LEVEL] for c in family.cycles), default=0.0)
-        louder = level > LOUDER * max(levels, default=0.0)
+        louder = level > DISTINCT_LEVEL_RATIO * max(levels, default=0.0)
         louder |= family.verdict == SQUEALS and family.loudest is None  # it has a level of its own
         if louder and (start := next(_starts(contact, family, reach), None)):
             tries[mode] = (level, family.lam.real), start
     if not tries:
         return found
-    for number in sorted(tries, key=lambda mode: tries[mode][0], reverse=True)[:TRIES]:
+    for number in sorted(tries, key=lambda mode: tries[mode][0], reverse=True)[:MAX_LEVEL_RUNS]:
         family, (name, (q, v)) = families[number], tries[number][1]
         point = replace(contact.point, q0=q, v0=v, continued=name == CYCLE)
         (motion,) = run_on(contact, [point], band)
@@ -242,7 +242,7 @@ def _starts(
             yield "the motion nearest to growing", state_of(max(open_, key=lambda m: m.mu))
     if family.largest is not None:
         velocity = contact.contact_velocity(family.largest)
-        for size, theta in itertools.product(LARGER, TURNS):
+        for size, theta in itertools.product(START_SIZES, START_ANGLES_RAD):
             name = f"the curve's largest motion, scaled to {size * reach:.3g} m/s"
             yield name, state_of(family.largest, size * reach / velocity, theta)
 
@@ -289,7 +289,7 @@ def _kick(contact: ContactOscillator, family: Family, largest: float) -> Kick:
     stable, cycles = family.loudest, family.cycles
     assert stable is not None
     smallest = min(cycles, key=lambda c: c.levels["energy"])
-    lam, psi = contact.oscillator.steady_modes(WIDER * abs(family.lam))
+    lam, psi = contact.oscillator.steady_modes(FREQUENCY_MARGIN * abs(family.lam))
     phi = psi[:, int(np.argmin(np.abs(lam - family.lam)))]
     trials = Trials(contact, stable.motion, smallest.motion)
     return kick_along_mode(trials, family.lam, phi, largest)

@@ -8,14 +8,14 @@ from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.growth import linear_motion
 from squealstudy.cycles.harmonics import with_harmonics
-from squealstudy.cycles.projection import FINE, SIZE, Projection
+from squealstudy.cycles.projection import CYCLE_BASIS_ERROR, SIZE_HELD, Projection
 from squealstudy.errors import ConvergenceError
 
 SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"
 HARMONICS = 3
 VELOCITIES = (0.01, 0.02, 0.04)  # of contact points, over the sliding speed
 SMALLER = (1.0, 0.1, 0.01)  # times these, where larger ones do not agree
-LEAST = 1e-9  # change of added damping over omega that is told from none
+MIN_REL_DAMPING_CHANGE = 1e-9  # change of added damping over omega that is told from none
 
 
 def criticality(contact: ContactOscillator, lam: complex, phi: np.ndarray) -> str:
@@ -38,9 +38,9 @@ def criticality(contact: ContactOscillator, lam: complex, phi: np.ndarray) -> st
     for smaller in SMALLER:
         xi = [_added(contact, projection, lam, phi, smaller * v) for v in VELOCITIES]
         changes = np.diff(xi)
-        if (changes > LEAST * lam.imag).all():
+        if (changes > MIN_REL_DAMPING_CHANGE * lam.imag).all():
             return SUBCRITICAL
-        if (changes < -LEAST * lam.imag).all():
+        if (changes < -MIN_REL_DAMPING_CHANGE * lam.imag).all():
             return SUPERCRITICAL
     return ""
 
@@ -54,7 +54,7 @@ def _added(
     motion = linear_motion(phi, lam, projection.weight, size)
     motion = PeriodicMotion(with_harmonics(motion.Q, HARMONICS), motion.omega, motion.mu)
     try:
-        motion, _, _ = projection.improve(motion, FINE, SIZE)
+        motion, _, _ = projection.improve(motion, CYCLE_BASIS_ERROR, SIZE_HELD)
     except ConvergenceError:
         return np.nan
     return motion.mu + projection.correction(motion).mu

@@ -18,7 +18,7 @@ from squealstudy.cycles.harmonics import LEAST_SAMPLES, Sampling, sampling
 from squealstudy.errors import ModelError
 from squealstudy.linalg.dense_qep import dense_roots
 
-WHOLE = 60  # coordinates up to which models are balanced as they are
+MAX_UNPROJECTED_COORDINATES = 60  # coordinates up to which models are balanced as they are
 
 
 class LocalForces(NamedTuple):
@@ -129,7 +129,9 @@ class Oscillator:
         """
         zero = np.zeros((1, self.n))
         C, K = self.tangent(zero, zero)
-        lam, psi = dense_roots(C[0], K[0], (0.0, np.inf if self.n <= WHOLE else highest))
+        lam, psi = dense_roots(
+            C[0], K[0], (0.0, np.inf if self.n <= MAX_UNPROJECTED_COORDINATES else highest)
+        )
         order = [k for k in np.argsort(np.abs(lam), kind="stable") if lam[k].imag >= 0]
         return lam[order], psi[:, order]
 

@@ -20,27 +20,34 @@ from squealstudy.cycles.continuation import TOLERANCE, newton
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet, floquet, floquet_on
 from squealstudy.cycles.harmonics import with_harmonics
-from squealstudy.cycles.oscillator import WHOLE, LocalForces, Oscillator
+from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES, LocalForces, Oscillator
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
-MOST = 100  # vectors, of a harmonic at most
-COMPACT = 50  # mean over the harmonics above which a basis begins anew, with the last motions
-FEW = 8  # and where one motion is corrected: its own harmonics and what they lack are enough
-REMEMBERED = 12  # motions
-DEVIATIONS = 1.5  # times the band: complex modes in which a cycle's stability is judged
-ASIDE = 1.02  # times a cycle's size, of the motion whose difference to it is among them
-OWN = 60  # and main directions of its basis there, at most
-ALIKE = 1e-2  # of the largest direction of modes of unit energy: what is less is there already
-RANK = 1e-6  # of the largest direction of these motions
-PASSES = 12  # enrichments at one motion
+MAX_VECTORS_PER_HARMONIC = 100  # vectors, of a harmonic at most
+# mean over the harmonics above which a basis begins anew, with the last motions
+REBUILD_BASIS_SIZE = 50
+# and where one motion is corrected: its own harmonics and what they lack are enough
+REBUILD_BASIS_SIZE_SINGLE = 8
+MAX_MOTIONS_KEPT = 12  # motions
+STABILITY_BAND_FACTOR = 1.5  # times the band: complex modes in which a cycle's stability is judged
+# times a cycle's size, of the motion whose difference to it is among them
+NEIGHBOUR_SIZE_RATIO = 1.02
+MAX_MAIN_DIRECTIONS = 60  # and main directions of its basis there, at most
+# of the largest direction of modes of unit energy: what is less is there already
+MODE_RANK_TOLERANCE = 1e-2
+MOTION_RANK_TOLERANCE = 1e-6  # of the largest direction of these motions
+MAX_ENRICHMENTS = 12  # enrichments at one motion
 BY_BLOCKS = 6  # of them at most after Newton's method has failed
-LEAST = 0.1  # of the largest direction of a correction: what is less does not join
-NEARBY = 0.15  # change of size by more harmonics, beyond which it is another cycle
-TARGET, FINE = 1e-2, 1e-3  # error of the basis above which it grows along curves, and of cycles
-PROJECTED = 1e-5  # of the equations in a basis, which errs by more
-CLOSED = 1e-8  # of those of a cycle there, whose size follows from a small slope of damping
-SIZE, ADDED = -2, -1  # what is held while a motion is corrected: places among the unknowns
+MIN_REL_DIRECTION = 0.1  # of the largest direction of a correction: what is less does not join
+MAX_REL_SIZE_CHANGE = 0.15  # change of size by more harmonics, beyond which it is another cycle
+# error of the basis above which it grows along curves, and of cycles
+CURVE_BASIS_ERROR, CYCLE_BASIS_ERROR = 1e-2, 1e-3
+PROJECTED_TOLERANCE = 1e-5  # of the equations in a basis, which errs by more
+# of those of a cycle there, whose size follows from a small slope of damping
+CYCLE_PROJECTED_TOLERANCE = 1e-8
+# what is held while a motion is corrected: places among the unknowns
+SIZE_HELD, DAMPING_HELD = -2, -1
 
 
 class Projection:
@@ -62,7 +69,7 @@ class Projection:
         self._blocks: Blocks | None = None
         self._moved = False  # since the blocks were made
         self._recent: list[PeriodicMotion] = []
-        if osc.n > WHOLE:
+        if osc.n > MAX_UNPROJECTED_COORDINATES:
             self.vectors = [np.zeros((osc.n, 0)), self._orthonormal([phi.real, phi.imag])]
 
     @property
@@ -98,7 +105,7 @@ class Projection:
 
     def equations(self, harmonics: int) -> CycleEquations:
         """Equations of motions in the basis."""
-        tolerance = TOLERANCE if self.complete else PROJECTED
+        tolerance = TOLERANCE if self.complete else PROJECTED_TOLERANCE
         vectors = self.of_harmonics(harmonics)
         return CycleEquations(self.whole, harmonics, self.omega, tolerance, vectors)
 
@@ -137,7 +144,7 @@ class Projection:
             return cycle
         change = self.correction(cycle)
         try:
-            with_damping, _ = self.solve(replace(cycle, mu=-change.mu), ADDED)
+            with_damping, _ = self.solve(replace(cycle, mu=-change.mu), DAMPING_HELD)
         except ConvergenceError:
             with_damping = cycle
         return PeriodicMotion(with_damping.Q + change.Q, with_damping.omega + change.omega)
@@ -150,16 +157,18 @@ class Projection:
     def deviations(self, motion: PeriodicMotion, highest: float) -> tuple[np.ndarray, int]:
         """Basis (n, r) for small deviations from a motion: what its stability is judged on.
 
-        Complex modes of the motion's mean tangents up to `DEVIATIONS` times `highest` [rad/s], the
-        motion's series, the main directions of the vectors of all harmonics, and what becomes of
-        it at another size. Its first columns, whose number is returned too, are the same without
-        that and without modes above `highest`.
+        Complex modes of the motion's mean tangents up to `STABILITY_BAND_FACTOR` times `highest`
+        [rad/s], the motion's series, the main directions of the vectors of all harmonics, and what
+        becomes of it at another size. Its first columns, whose number is returned too, are the same
+        without that and without modes above `highest`.
         """
         local = sampled(self.whole, self.whole.sampling(motion.harmonics), motion.Q, motion.omega)
         K, C = mean_tangents(self.whole, local, motion.mu)
-        lam, psi = dense_roots(C, K, (0.0, DEVIATIONS * highest))
+        lam, psi = dense_roots(C, K, (0.0, STABILITY_BAND_FACTOR * highest))
         low = np.abs(lam) <= highest
-        own_directions = self._directions(self._unit(np.hstack(self.vectors)))[:, :OWN]
+        own_directions = self._directions(self._unit(np.hstack(self.vectors)))[
+            :, :MAX_MAIN_DIRECTIONS
+        ]
         few = self._directions(
             np.hstack([self._unit(motion.Q.T), own_directions, self._unit(psi[:, low])])
         )
@@ -173,7 +182,7 @@ class Projection:
     def _aside(self, motion: PeriodicMotion) -> list[np.ndarray]:
         """Changes (2 H + 1, n) to the motion of another size: ways of slow deviations."""
         try:
-            near, _ = self.solve(replace(motion, Q=ASIDE * motion.Q), SIZE)
+            near, _ = self.solve(replace(motion, Q=NEIGHBOUR_SIZE_RATIO * motion.Q), SIZE_HELD)
             first = near.changed(self.correction(near, True))
             second = first.changed(self.correction(first))
         except ConvergenceError:
@@ -194,7 +203,7 @@ class Projection:
         if not vectors.shape[1]:
             return vectors
         left_vectors, values, _ = la.svd(vectors, full_matrices=False)
-        return np.asarray(left_vectors[:, values > ALIKE * max(values[0], 1.0)])
+        return np.asarray(left_vectors[:, values > MODE_RANK_TOLERANCE * max(values[0], 1.0)])
 
     def stability(
         self, motion: PeriodicMotion, highest: float, rougher: PeriodicMotion | None = None
@@ -219,7 +228,7 @@ class Projection:
         Parameters
         ----------
         held : int
-            `SIZE` or `ADDED`: what does not change.
+            `SIZE_HELD` or `DAMPING_HELD`: what does not change.
 
         Returns
         -------
@@ -233,10 +242,10 @@ class Projection:
             Where there is no motion, or the basis would be too large.
         """
         if not self.complete:
-            self.compact(motion, FEW)
+            self.compact(motion, REBUILD_BASIS_SIZE_SINGLE)
             self.join(motion, self.correction(motion, True))  # what more harmonics need, too
         fresh, last = False, np.inf
-        for number in range(PASSES):
+        for number in range(MAX_ENRICHMENTS):
             try:
                 motion, residual = self.solve(motion, held)
             except ConvergenceError:  # the basis does not hold it: nearer by blocks, and again
@@ -264,15 +273,17 @@ class Projection:
         """
         start = replace(motion, Q=with_harmonics(motion.Q, harmonics), mu=0.0)
         try:
-            cycle, _, residual = self.improve(start, FINE, ADDED)
+            cycle, _, residual = self.improve(start, CYCLE_BASIS_ERROR, DAMPING_HELD)
             if self.complete or _of_one_size(start, cycle):
                 return cycle, residual
         except ConvergenceError:
             if self.complete:
                 raise
         # nearer on the curve, on a basis that holds it
-        of_its_size = replace(self.improve(replace(start, mu=motion.mu), TARGET, SIZE)[0], mu=0.0)
-        cycle, _, residual = self.improve(of_its_size, FINE, ADDED)
+        of_its_size = replace(
+            self.improve(replace(start, mu=motion.mu), CURVE_BASIS_ERROR, SIZE_HELD)[0], mu=0.0
+        )
+        cycle, _, residual = self.improve(of_its_size, CYCLE_BASIS_ERROR, DAMPING_HELD)
         if not _of_one_size(start, cycle):
             raise ConvergenceError("another_cycle", "more harmonics lead to another cycle")
         return cycle, residual
@@ -291,17 +302,17 @@ class Projection:
         """A motion after a step of iteration by blocks in all coordinates; the basis holds it."""
         change = self.correction(motion, True)
         self.join(motion, change)
-        return motion.changed(change if held == SIZE else replace(change, mu=0.0))
+        return motion.changed(change if held == SIZE_HELD else replace(change, mu=0.0))
 
     def remember(self, motion: PeriodicMotion) -> None:
         """A basis that begins anew will hold this motion."""
-        self._recent = [*self._recent[1 - REMEMBERED :], motion]
+        self._recent = [*self._recent[1 - MAX_MOTIONS_KEPT :], motion]
 
     def solve(self, motion: PeriodicMotion, held: int) -> tuple[PeriodicMotion, float]:
         """The motion of the basis near one of all coordinates, and its residual."""
         equations = self.equations(motion.harmonics)
-        if held == ADDED:
-            equations.tolerance = min(equations.tolerance, CLOSED)
+        if held == DAMPING_HELD:
+            equations.tolerance = min(equations.tolerance, CYCLE_PROJECTED_TOLERANCE)
         u = equations.pack(motion)
         equations.accepted(u)
         normal = np.zeros(len(u))
@@ -325,18 +336,21 @@ class Projection:
             by_harmonic.append((vectors / self.weight[:, None], values))
         largest = max(values[0] for _, values in by_harmonic)
         for h, (vectors, values) in enumerate(by_harmonic):
-            new = vectors[:, values > LEAST * largest]
-            if self.vectors[h].shape[1] + new.shape[1] > MOST:
+            new = vectors[:, values > MIN_REL_DIRECTION * largest]
+            if self.vectors[h].shape[1] + new.shape[1] > MAX_VECTORS_PER_HARMONIC:
                 raise ConvergenceError(
-                    "basis", f"more than {MOST} vectors of a harmonic would be needed"
+                    "basis",
+                    f"more than {MAX_VECTORS_PER_HARMONIC} vectors of a harmonic would be needed",
                 )
             if new.shape[1]:
                 self.vectors[h] = self._orthonormal([*self.vectors[h].T, *new.T])
 
-    def compact(self, motion: PeriodicMotion, most: int = COMPACT) -> None:
+    def compact(self, motion: PeriodicMotion, most: int = REBUILD_BASIS_SIZE) -> None:
         """A basis of more than `most` vectors a harmonic begins anew, with the last motions."""
         if self.size > most * len(self.vectors):
-            self._begin_anew(*(self._recent if most == COMPACT else self._recent[-1:]), motion)
+            self._begin_anew(
+                *(self._recent if most == REBUILD_BASIS_SIZE else self._recent[-1:]), motion
+            )
 
     def _begin_anew(self, *motions: PeriodicMotion) -> None:
         rows = [list[np.ndarray]() for _ in range(1 + max(m.harmonics for m in motions))]
@@ -346,7 +360,7 @@ class Projection:
             for h in range(H + 1):
                 rows[h] += [weighted[h], *([weighted[H + h]] if h else [])]
         decomposed = [la.svd(np.array(r).T, full_matrices=False)[:2] for r in rows]
-        least = RANK * max(values[0] for _, values in decomposed)
+        least = MOTION_RANK_TOLERANCE * max(values[0] for _, values in decomposed)
         self.vectors = [
             self._orthonormal(list((vectors[:, values > least] / self.weight[:, None]).T))
             for vectors, values in decomposed
@@ -365,4 +379,4 @@ class Projection:
 
 def _of_one_size(one: PeriodicMotion, other: PeriodicMotion) -> bool:
     """Whether the first harmonics of two motions are nearly of one size."""
-    return abs(other.size / one.size - 1.0) < NEARBY
+    return abs(other.size / one.size - 1.0) < MAX_REL_SIZE_CHANGE

@@ -21,10 +21,12 @@ from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.projection import Projection
 from squealstudy.errors import ConvergenceError
 
-SAFETY = 2.0  # error over the last change: series that converge like 1/H are bounded too
+# error over the last change: series that converge like 1/H are bounded too
+SERIES_SAFETY_FACTOR = 2.0
 SURER = 2.5  # the same of finer ones, whose own error is up to a part of that of the cycle
 FALL = 4.0  # by what changes fall at most from rung to rung, where the next one is not known
-FINER = (2.25, 4.0)  # times the harmonics of a cycle: of those that it is held against
+# times the harmonics of a cycle: of those that it is held against
+FINER_HARMONIC_FACTORS = (2.25, 4.0)
 LEAST_FINER = 1.5  # the same where that would be more than
 MOST_FINER = 39  # harmonics: of more the cost is that of the whole cycle
 SOLVED = 1e-8  # relative: to which balances are solved
@@ -88,7 +90,7 @@ def of_changes(found: Sequence[Found]) -> SeriesErrors:
     """Errors of the last of some rungs, by what the last two of them changed."""
     changes = [change(a, b) for a, b in itertools.pairwise(found[-3:])]
     last = changes[-1] if len(changes) == 1 else changes[-1].larger(changes[0] * (1.0 / FALL))
-    return last * SAFETY
+    return last * SERIES_SAFETY_FACTOR
 
 
 def of_finer(
@@ -99,7 +101,7 @@ def of_finer(
     The largest change of two such cycles, of which one may agree by chance. None where not known.
     """
     H, motion = found.motion.harmonics, found.motion
-    orders = sorted({min(math.ceil(f * H), MOST_FINER) for f in FINER})
+    orders = sorted({min(math.ceil(f * H), MOST_FINER) for f in FINER_HARMONIC_FACTORS})
     orders = [order for order in orders if order >= LEAST_FINER * H]
     if not projection.complete or not orders:
         return None

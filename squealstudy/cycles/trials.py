@@ -30,20 +30,20 @@ from squealstudy.motion.system import MotionPoint
 from squealstudy.wording import FAILED, LASTING, STABLE, SUSTAINED, UNDECIDED
 
 GROWS, DECAYS, LASTS, OPEN = "grows", "decays", "lasts", UNDECIDED
-STEPS = 200  # a period
-SAVED = 10  # steps between rows: 20 rows a period
-WINDOW = 20  # periods between looks
-LONGEST = 1000  # periods
+STEPS_PER_PERIOD = 200  # a period
+STEPS_PER_ROW = 10  # steps between rows: 20 rows a period
+STOP_TEST_PERIODS = 20  # periods between looks
+MAX_PERIODS = 1000  # periods
 SILENT = 1e-2  # of the least energy that is known of a cycle: what is below it has decayed
-NEAR = 0.02  # relative: an energy that is that of the cycle
+CYCLE_ENERGY_REL_TOLERANCE = 0.02  # relative: an energy that is that of the cycle
 # runs of which nothing is known but the start
 TOP_STEPS = 64  # a period of the highest assembly mode of the band
 TOP_SAVED = 8  # steps between rows
 HALVINGS = 4  # of the step of a run that lasts, at most
-EXACT = 0.01  # of a level: a change by half the step that is small
-FINER = 4  # times as many steps where a run fails, as impacts of a strong kick make it
+STEP_REL_TOLERANCE = 0.01  # of a level: a change by half the step that is small
+STEP_REFINEMENT = 4  # times as many steps where a run fails, as impacts of a strong kick make it
 TOP_PERIODS = 3000  # such periods, the longest
-LOOKS = 40  # at a run, evenly over the longest time
+N_STOP_TESTS = 40  # at a run, evenly over the longest time
 TOLERANCE = 0.02  # of levels, at which a run that lasts may end
 OUTSIDE = 0.5  # share of the energy beyond the band's modes from which on none of these leads
 
@@ -68,31 +68,36 @@ class Trials:
     contact: ContactOscillator
     cycle: PeriodicMotion
     smallest: PeriodicMotion | None = None
-    periods: int = LONGEST
+    periods: int = MAX_PERIODS
 
     def outcomes(self, starts: Sequence[State]) -> list[str]:
         """What each start comes to: ``grows`` to the cycle, ``decays``, or ``undecided``."""
         period = 2 * np.pi / self.cycle.omega
         settings = MotionSettings(
-            self.periods * period, period / STEPS, SAVED, integrator=ExactFreeMotion()
+            self.periods * period,
+            period / STEPS_PER_PERIOD,
+            STEPS_PER_ROW,
+            integrator=ExactFreeMotion(),
         )
         level = self._energy(self.cycle)
         silent = SILENT * (level if self.smallest is None else self._energy(self.smallest))
 
         def judge(_: int, motion: Motion) -> str:
-            energy = float(motion.modal_energy[-WINDOW * STEPS // SAVED :].mean())
+            energy = float(
+                motion.modal_energy[-STOP_TEST_PERIODS * STEPS_PER_PERIOD // STEPS_PER_ROW :].mean()
+            )
             if energy < silent:
                 return DECAYS
-            return GROWS if abs(energy / level - 1.0) < NEAR else ""
+            return GROWS if abs(energy / level - 1.0) < CYCLE_ENERGY_REL_TOLERANCE else ""
 
         points = [replace(self.contact.point, q0=q, v0=v) for q, v in starts]
-        watch = Watch([WINDOW * STEPS] * len(points), judge)
+        watch = Watch([STOP_TEST_PERIODS * STEPS_PER_PERIOD] * len(points), judge)
         motions = simulate(self.contact.system, points, settings, watch)
         return [motion.stopped or OPEN for motion in motions]
 
     def _energy(self, motion: PeriodicMotion) -> float:
         """Mean energy [J] of a periodic motion, as runs in time tell it."""
-        theta = 2 * np.pi * np.arange(STEPS) / STEPS
+        theta = 2 * np.pi * np.arange(STEPS_PER_PERIOD) / STEPS_PER_PERIOD
         synthesis, slope = series_at(theta, motion.harmonics)
         q, v = synthesis @ motion.Q, motion.omega * (slope @ motion.Q)
         return float(0.5 * (v**2 + self.contact.system.omega2 * q**2).sum(axis=1).mean())
@@ -206,7 +211,7 @@ def run_on(
         return known_so_far(motion, settings.duration, TOLERANCE)
 
     def run(some: Sequence[MotionPoint], how: MotionSettings) -> list[Motion]:
-        return simulate(system, some, how, Watch([how.n_steps // LOOKS] * len(some), judge))
+        return simulate(system, some, how, Watch([how.n_steps // N_STOP_TESTS] * len(some), judge))
 
     def lasts(motion: Motion) -> bool:
         return motion.outcome == "ok" and class_of(motion) in SUSTAINED
@@ -229,7 +234,7 @@ def run_on(
 
     runs = run(starts, settings)
     bad = [k for k, motion in enumerate(runs) if motion.outcome != "ok"]
-    again = run([starts[k] for k in bad], shorter(settings, FINER))
+    again = run([starts[k] for k in bad], shorter(settings, STEP_REFINEMENT))
     for k, motion in zip(bad, again, strict=True):
         runs[k] = motion
     return [refined(motion) if lasts(motion) else motion for motion in runs]
@@ -257,7 +262,7 @@ def between(coarse: Motion, fine: Motion) -> tuple[StepParts, bool]:
         return StepParts.unknown(f"half the step changes its level by {100 * change:.0f} %"), False
     hz = abs(other["frequency_hz"] / one["frequency_hz"] - 1.0)
     parts = np.array([change, mean, peaks, hz]) + settling(fine, window)
-    return StepParts(*parts.tolist()), change <= max(EXACT, windows)
+    return StepParts(*parts.tolist()), change <= max(STEP_REL_TOLERANCE, windows)
 
 
 @dataclass(frozen=True, kw_only=True)

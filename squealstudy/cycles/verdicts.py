@@ -22,7 +22,7 @@ from squealstudy.cycles.growth import (
     OTHER,
     RETRACED,
     SHRUNK,
-    STILL,
+    STANDSTILL,
     SecondLook,
 )
 from squealstudy.cycles.trials import Ended
@@ -32,16 +32,18 @@ NOT_FOLLOWED = "not_followed"  # end of a curve that was not asked for
 CURVE_ENDS = {  # why a curve ended before it was followed as far as asked, in words
     OTHER: "the motion became that of another resonance",
     SHRUNK: "the motion came back to no amplitude",
-    STILL: "the frequency of the motion went to zero",
+    STANDSTILL: "the frequency of the motion went to zero",
     RETRACED: "the curve turned back on its own path",
     BASIS: "more vectors would be needed than are used",
     LOST: "the equations did not converge",
     "steps": "it took too many steps",
     "no_contact_motion": "the mode does not move the contact",
 }
-SEARCHED = (FAR, DAMPED)  # ends of curves that were followed as far as there is hope
-HOPELESS = 0.02  # damping ratio missing, beyond small motions', at which large models are left
-VAGUE = 0.05  # error of a contact velocity beyond which it is no threshold, and has no share
+SEARCHED_ENDS = (FAR, DAMPED)  # ends of curves that were followed as far as there is hope
+# damping ratio missing, beyond small motions', at which large models are left
+GIVE_UP_DAMPING_RATIO = 0.02
+# error of a contact velocity beyond which it is no threshold, and has no share
+MAX_THRESHOLD_REL_ERROR = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,14 +182,14 @@ def judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
             f"; no threshold: {why}" if why else ""
         )
         return replace(family, verdict=IF_KICKED, reason=reason, threshold=threshold)
-    if family.undamped and family.cut_short and family.end in SEARCHED:
+    if family.undamped and family.cut_short and family.end in SEARCHED_ENDS:
         return replace(family, verdict=NEUTRAL, reason=_neutral(family))
     if inexact:
         count = plural(inexact, "cycle")
         reason = f"{count} found, too inexactly to tell whether stable or how loud"
     elif family.cycles:
         reason = "only unstable cycles found; what larger motions come to is open"
-    elif family.end not in SEARCHED:
+    elif family.end not in SEARCHED_ENDS:
         why = CURVE_ENDS.get(family.end, family.end)
         reason = f"followed up to a contact velocity of {family.reached:.3g} m/s only: {why}"
     elif family.look is None or family.look.grows:
@@ -212,7 +214,8 @@ def _neutral(family: Family) -> str:
 
 def _searched(family: Family, look: SecondLook) -> str:
     """What was searched where no cycle was found."""
-    limit = f" (not further: {100 * HOPELESS:g} % of damping missing)" * (family.end == DAMPED)
+    limit = f" (not further: {100 * GIVE_UP_DAMPING_RATIO:g} % of damping missing)"
+    limit *= family.end == DAMPED
     on = f" on the curve of {family.origin}, a design nearby" if family.origin else ""
     places = plural(look.checked, "amplitude")
     return (
@@ -245,7 +248,7 @@ def _threshold(family: Family, stable: Cycle) -> tuple[Cycle | None, str]:
         return None, "other cycles below the stable one may be missing"
     if len(below) != 1:
         return None, f"it would be the only cycle below the stable one, found {len(below)}"
-    if below[0].status != OK or below[0].velocity_error > VAGUE:
+    if below[0].status != OK or below[0].velocity_error > MAX_THRESHOLD_REL_ERROR:
         return None, "the cycle below the stable one is inexact"
     if not below[0].multipliers.saddle:
         return None, "the cycle below the stable one may have no or several unstable directions"

@@ -20,7 +20,7 @@ from squealstudy.kinds.complex_modes.kind import point_share
 from squealstudy.kinds.complex_modes.measuring import finer_finding
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.models.matrices.family import FamilyDefinition
-from squealstudy.modes.full_order.finer_model import SAFETY
+from squealstudy.modes.full_order.finer_model import FINER_MODEL_SAFETY_FACTOR
 from squealstudy.modes.rung import Scope
 from squealstudy.modes.rungs import all_rungs, exact_rung, full_order_rung, rung_named
 from squealstudy.study.definition import ResolvedStudy, given_keys
@@ -164,7 +164,7 @@ class ModeSearch:
         """
         finer = finer_finding(plan, point) if finding["status"] == "ok" else None
         if finer is not None:
-            return finer, SAFETY
+            return finer, FINER_MODEL_SAFETY_FACTOR
         return self.fidelity.measure(self.truth, [point]).findings["0"], 1.0
 
     @property

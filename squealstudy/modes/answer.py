@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.modes.point import ROUND_OFF, PointModes
+from squealstudy.modes.point import EIGENVALUE_REL_ROUND_OFF, PointModes
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
@@ -85,7 +85,7 @@ def _fault(found: PointModes, problem: Problem) -> str:
 
 def _outside(found: PointModes, band: tuple[float, float]) -> str:
     size = np.abs(found.lam)
-    slack = np.nan_to_num(found.error_rung, posinf=np.inf) + ROUND_OFF * size
+    slack = np.nan_to_num(found.error_rung, posinf=np.inf) + EIGENVALUE_REL_ROUND_OFF * size
     outside = size[(size + slack < band[0]) | (size - slack > band[1])]
     if not len(outside):
         return ""

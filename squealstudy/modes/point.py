@@ -22,10 +22,11 @@ from squealstudy.root_pairs import by_modulus
 from squealstudy.system.energies import reduced_energy_shares
 from squealstudy.system.linearise import LinearisedModel, linearise, reduced_structure
 
-EDGE = 1e-9  # relative: modes on an end of the band are in it, whatever round-off says
+# relative: modes on an end of the band are in it, whatever round-off says
+BAND_END_REL_TOLERANCE = 1e-9
 RIGID_SHARE = 1e-5  # of the band's top: where a band begins that is to begin at zero
 DENSE = "dense"
-ROUND_OFF = 1e-13  # of a dense eigenvalue, relative to its modulus
+EIGENVALUE_REL_ROUND_OFF = 1e-13  # of a dense eigenvalue, relative to its modulus
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,9 @@ def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
     One from 0 Hz begins RIGID_SHARE of its top above the rigid-body modes.
     """
     low, high = band_hz
-    return 2 * np.pi * (low or RIGID_SHARE * high) * (1 - EDGE), 2 * np.pi * high * (1 + EDGE)
+    return 2 * np.pi * (low or RIGID_SHARE * high) * (
+        1 - BAND_END_REL_TOLERANCE
+    ), 2 * np.pi * high * (1 + BAND_END_REL_TOLERANCE)
 
 
 def working_point_error(point: WorkingPoint | None, lam: np.ndarray) -> np.ndarray:
@@ -159,7 +162,9 @@ def band_modes(
     told = np.flatnonzero(errors.resolved(lam, band[1]))
     order = told[oscillating_first(lam[told])]
     lam, psi, error = lam[order], psi[:, order], errors.error[order]
-    error = np.maximum(error, ROUND_OFF * np.abs(lam)) + working_point_error(point, lam)
+    error = np.maximum(error, EIGENVALUE_REL_ROUND_OFF * np.abs(lam)) + working_point_error(
+        point, lam
+    )
     residual = backward_error(system.C, system.K, lam, psi, errors.residual[order])
     return BandModes(lam, psi, error, residual)
 

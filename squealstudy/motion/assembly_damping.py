@@ -15,7 +15,7 @@ import scipy.linalg as la
 from squealstudy.errors import ParameterError
 from squealstudy.models.matrix_checks import is_skew
 from squealstudy.models.operating import DesignState
-from squealstudy.reduction.hybrid import SAME
+from squealstudy.reduction.hybrid import SAME_TANGENT_REL_CHANGE
 from squealstudy.system.linearise import modal_damping
 
 
@@ -88,7 +88,9 @@ class AssemblyDamping:
             Damping of an assembly mode that the basis does not have.
         """
         zeta = self._ratios(state)
-        changed = np.abs(tangents - self.k_ref).max(initial=0.0) > SAME * self.k_ref.max(initial=0)
+        changed = np.abs(tangents - self.k_ref).max(
+            initial=0.0
+        ) > SAME_TANGENT_REL_CHANGE * self.k_ref.max(initial=0)
         if changed or stiffness.any():
             C = self._anew(zeta, state.stiffness_damping, tangents, stiffness)
         else:

@@ -30,7 +30,7 @@ INDEPENDENT = 1e-13  # of contact rows: what one has outside the others' span
 WIDE = 512  # right-hand sides held at once, fewer where they would have more numbers than
 MOST_HELD = 64_000_000  # these: half a gigabyte, twice
 MOST_DENSE = 16  # contact points whose maps are dense: a sparse product takes 10 us to call
-HELD = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without any
+UNSUPPORTED_REL_ERROR = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without any
 
 
 @dataclass(frozen=True)
@@ -314,6 +314,8 @@ def _held(assembly: AnyAssembly, K0: sp.csr_matrix) -> RefinedFactor:
     except ConvergenceError as error:
         raise free_motion(assembly, K0) from error
     b = np.random.default_rng(0).standard_normal(factor.A.shape[0])
-    if not np.linalg.norm(factor.A @ factor.solve(b) - b) < HELD * np.linalg.norm(b):
+    if not np.linalg.norm(factor.A @ factor.solve(b) - b) < UNSUPPORTED_REL_ERROR * np.linalg.norm(
+        b
+    ):
         raise free_motion(assembly, K0)
     return factor

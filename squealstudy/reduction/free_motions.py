@@ -19,8 +19,8 @@ FREE_MOTION = (
     "names it"
 )
 FREE = 1e-12  # eigenvalue of the stiffness scaled to a diagonal of 1
-SMALL = 500  # freedoms up to which all eigenvalues are asked for
-MOST = 12  # free motions looked for: two components
+MAX_DENSE_FREEDOMS = 500  # freedoms up to which all eigenvalues are asked for
+MAX_FREE_MOTIONS = 12  # free motions looked for: two components
 SHIFT = 1e-9  # at which the scaled stiffness is factored
 TAKES_PART = 0.1  # of the largest share of a free motion
 RIGID = 0.99  # of a component's share: it moves as a rigid body
@@ -47,18 +47,18 @@ def _named(assembly: Assembly, K: sp.csr_matrix) -> str:
     S = sp.csr_matrix(sp.diags(scale) @ K @ sp.diags(scale))
     n = S.shape[0]
     try:
-        if n <= SMALL:
+        if n <= MAX_DENSE_FREEDOMS:
             values, vectors = la.eigh(S.toarray())
         else:
-            values, vectors = eigsh(S, k=MOST, sigma=-SHIFT, v0=np.ones(n))
+            values, vectors = eigsh(S, k=MAX_FREE_MOTIONS, sigma=-SHIFT, v0=np.ones(n))
     except (ArpackError, RuntimeError):
         return ""
     free = scale[:, None] * vectors[:, values < FREE]
     if not free.shape[1]:
         return ""
     some = f"{plural(free.shape[1], 'motion')} {'is' if free.shape[1] == 1 else 'are'} free"
-    if n > SMALL and free.shape[1] == MOST:
-        some = f"{MOST} motions or more are free"
+    if n > MAX_DENSE_FREEDOMS and free.shape[1] == MAX_FREE_MOTIONS:
+        some = f"{MAX_FREE_MOTIONS} motions or more are free"
     return f"{some}, of {listed(_moving(assembly, free))}"
 
 

@@ -21,7 +21,8 @@ from squealstudy.reduction.cmt import ComponentModes, momenta
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.working_point import WorkingPoint
 
-SAME = 1e-9  # relative change of contact tangents up to which a working point is the reference's
+# relative change of contact tangents up to which a working point is the reference's
+SAME_TANGENT_REL_CHANGE = 1e-9
 STATIC_SHARE = 0.1  # size of the static state beside all assembly modes together
 
 
@@ -120,7 +121,9 @@ def hybrid_model_at(model: HybridModel, tangents: np.ndarray) -> HybridModel:
         N/m.
     """
     change = tangents - model.k_ref
-    if np.abs(change).max(initial=0.0) <= SAME * np.abs(model.k_ref).max(initial=0.0):
+    if np.abs(change).max(initial=0.0) <= SAME_TANGENT_REL_CHANGE * np.abs(model.k_ref).max(
+        initial=0.0
+    ):
         return model
     K = (model.K + model.N.T @ sp.diags(change) @ model.N).tocsr()
     omega, phi = real_modes(model.M, K, model.damping_cutoff)

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-ROUND_OFF = 1e-6  # of singular values: Gram matrices tell no smaller ones from round-off
+GRAM_RESOLUTION = 1e-6  # of singular values: Gram matrices tell no smaller ones from round-off
 MODE_TOLERANCE = 1e-7  # of the assembly modes' singular values; 1e-6 costs them 3e-8 of frequency
 
 
@@ -95,5 +95,5 @@ def outside(
     X = X - block @ (M_block.T @ X)
     energy, y = la.eigh(X.T @ (K @ X))
     X = X @ y
-    is_outside = la.norm(X, axis=0) > ROUND_OFF * largest
+    is_outside = la.norm(X, axis=0) > GRAM_RESOLUTION * largest
     return X[:, is_outside], energy[is_outside]

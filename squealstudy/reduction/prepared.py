@@ -238,9 +238,10 @@ class _Clock:
 
 BAND_FACTOR = 1.1  # shapes a little beyond the band: modes that a sweep moves into it
 SHAPE_TOLERANCE = 1e-2  # relative singular value of nominal shapes that are kept apart
-WHOLE = 64  # coordinates up to which shapes are compared by all of them
-DRAWN = 16  # directions drawn beside the nominal shapes: of modes that are none of these
-MARGIN = 1.08  # of the number of roots asked for first
+MAX_COMPARED_COORDINATES = 64  # coordinates up to which shapes are compared by all of them
+# directions drawn beside the nominal shapes: of modes that are none of these
+N_RANDOM_DIRECTIONS = 16
+FIRST_ROOT_COUNT_FACTOR = 1.08  # of the number of roots asked for first
 
 
 @dataclass(frozen=True)
@@ -306,7 +307,7 @@ def prepare_family(
         psi = roots.psi
         beyond = roots.lam[np.abs(roots.lam) > band[1]]
         inside = roots.n_below - len(beyond) - int((beyond.imag > 0).sum())
-    first = min(max(int(MARGIN * inside), FIRST_ROOTS), 2 * family.n)
+    first = min(max(int(FIRST_ROOT_COUNT_FACTOR * inside), FIRST_ROOTS), 2 * family.n)
     basis = compared_on(scale[:, None] * psi, scale > 0.0)
     return PreparedFamily(
         model=family,
@@ -325,10 +326,12 @@ def compared_on(psi: np.ndarray, massive: np.ndarray) -> np.ndarray:
     (n,) do not count.
     """
     n, count = len(psi), int(massive.sum())
-    if count <= WHOLE:
+    if count <= MAX_COMPARED_COORDINATES:
         return np.eye(n)[:, massive]
     spanned = spanning(psi)
-    drawn = np.random.default_rng(0).standard_normal((n, min(DRAWN, count - spanned.shape[1])))
+    drawn = np.random.default_rng(0).standard_normal(
+        (n, min(N_RANDOM_DIRECTIONS, count - spanned.shape[1]))
+    )
     drawn *= massive[:, None]
     drawn -= spanned @ (spanned.T @ drawn)
     return np.hstack([spanned, np.linalg.qr(drawn)[0]])

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.contact_space import ContactRows, ContactSpace, contact_space
-from squealstudy.reduction.orthonormal import ROUND_OFF, new_directions, outside
+from squealstudy.reduction.orthonormal import GRAM_RESOLUTION, new_directions, outside
 from squealstudy.reduction.projected import ProjectedAssembly
 
 TRACES = 1e-4  # smallest direction that another reduction adds, in M, of unit shapes
@@ -108,7 +108,7 @@ class Snapshot:
         for part, directions in zip(self._assembly.components, self._static, strict=True):
             component_motion = X[self._assembly.slices[part.name]]
             energy, y = la.eigh(component_motion.T @ (part.K @ component_motion))
-            is_significant = energy > (ROUND_OFF**2) * energy.max(initial=0.0)
+            is_significant = energy > (GRAM_RESOLUTION**2) * energy.max(initial=0.0)
             directions.append(component_motion @ y[:, is_significant])
 
     @property
@@ -143,7 +143,7 @@ def joined(
         X, energy = outside(part.M, part.K, joined_blocks[number], static[number])
         X = X[:, energy > least]
         X = X / np.sqrt(np.einsum("ij,ij->j", X, part.M @ X))
-        more = new_directions(part.M, joined_blocks[number], X, ROUND_OFF)
+        more = new_directions(part.M, joined_blocks[number], X, GRAM_RESOLUTION)
         joined_blocks[number] = np.ascontiguousarray(np.hstack([joined_blocks[number], more]))
     return tuple(joined_blocks)
 

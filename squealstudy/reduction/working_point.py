@@ -24,7 +24,8 @@ MAX_STEP = 3.0  # closing, in gap scales of the law: beyond it, Newton on an exp
 HIGHEST_START = 100.0  # pressure at the start, in mean pressures
 TOLERANCE = 1e-11
 AMPLIFIED = 10.0  # error of gaps over their imbalance: about 1 where K0 has a contact like theirs
-NEARER = 0.2  # of an imbalance, after a step with an older Jacobian: more, and it is made anew
+# of an imbalance, after a step with an older Jacobian: more, and it is made anew
+MAX_IMBALANCE_SHARE_LEFT = 0.2
 OPEN = 0.01  # of the mean pressure, below which a contact point is open
 TRIED = (0.0, 0.5, 1.0)  # contact points by their pressure, at which laws from outside are tried
 CONTRADICTORY_LAW = "contradictory_law"  # status of a point where such a law contradicts itself
@@ -140,7 +141,7 @@ def working_point(
                     A, g, p, kappa, iteration, residual, F, loaded, space.spring_points
                 ),
             )
-        if damping < 1.0 or not np.abs(F).max() < NEARER * before:
+        if damping < 1.0 or not np.abs(F).max() < MAX_IMBALANCE_SHARE_LEFT * before:
             jacobian = None
     pressure = float(point.brake_pressure) if space.C_Nf[:, 0].any() else None
     raise ConvergenceError("working_point", no_sliding_text(float(point.friction), pressure))

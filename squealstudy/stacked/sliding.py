@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.laws.spring import at_a_corner, engaged, spring_error
-from squealstudy.reduction.contact_space import HELD
+from squealstudy.reduction.contact_space import UNSUPPORTED_REL_ERROR
 from squealstudy.reduction.working_point import (
     AMPLIFIED,
     GIVEN_WAY,
@@ -191,7 +191,7 @@ def _solved(K0: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray
                 continue
     with np.errstate(invalid="ignore", over="ignore"):
         wrong = np.linalg.norm((K0 @ solutions[..., -1:] - b)[..., 0], axis=1)
-        is_accurate = finite & (wrong < HELD * np.linalg.norm(b))
+        is_accurate = finite & (wrong < UNSUPPORTED_REL_ERROR * np.linalg.norm(b))
     return np.where(is_accurate[:, None, None], solutions[..., :-1], 0.0), is_accurate
 
 

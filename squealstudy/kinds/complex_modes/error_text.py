@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 JUDGED = "modes that grow or have little damping"
-EXACT = 1e-9  # relative error of a method below which nothing is left to check
-SEEN = 0.1  # of the largest estimate: points that err by less say little about the method
+NEGLIGIBLE_METHOD_ERROR = 1e-9  # relative error of a method below which nothing is left to check
+# of the largest estimate: points that err by less say little about the method
+MIN_CHECK_ERROR_SHARE = 0.1
 OTHER_MESH = "; the error of the mesh is not in it"
 OF_MESH = "; the error of the mesh is not in it, `squealstudy check --mesh-error` tells it"
 
@@ -123,7 +124,11 @@ def unseen_text(results: ResultTables) -> str:
         estimate = (modes["error_rung"] / (2 * np.pi * modes["frequency_hz"])).where(light)
         anywhere = np.fmax(anywhere, estimate.max())
         there = np.fmax(there, estimate[modes["point_id"].isin(checked)].max())
-    if not (np.isfinite(there) and anywhere > EXACT and there < SEEN * anywhere):
+    if not (
+        np.isfinite(there)
+        and anywhere > NEGLIGIBLE_METHOD_ERROR
+        and there < MIN_CHECK_ERROR_SHARE * anywhere
+    ):
         return ""  # or the method has no light mode at these points
     return (
         f"; by its own estimate the method errs by {error_percent(there)} there, but by "

@@ -22,7 +22,7 @@ from squealstudy.kinds.complex_modes.rows import ModeColumns
 from squealstudy.modes.judged_roots import light_or_growing
 from squealstudy.root_pairs import paired_with_full_order
 
-COVERED = 0.95  # share of the checked modes whose error an estimate is to reach
+ESTIMATE_COVERAGE = 0.95  # share of the checked modes whose error an estimate is to reach
 
 
 class ModeErrors(NamedTuple):
@@ -101,7 +101,7 @@ def widening(
             ratios.append(true[is_judged] / np.maximum(estimate[is_judged], np.finfo(float).tiny))
     all_ratios = np.concatenate(ratios)
     all_ratios = all_ratios[np.isfinite(all_ratios)]
-    return max(1.0, float(np.quantile(all_ratios, COVERED))) if len(all_ratios) else 1.0
+    return max(1.0, float(np.quantile(all_ratios, ESTIMATE_COVERAGE))) if len(all_ratios) else 1.0
 
 
 FACTORS = (2.0, 5.0)

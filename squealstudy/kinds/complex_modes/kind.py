@@ -54,9 +54,11 @@ if TYPE_CHECKING:
 
 
 # of the least and the longest time: exact complex modes; reanalysis
-EXACT, REANALYSIS = (0.9, 1.1), (0.5, 1.5)
-BETWEEN = 1.5  # exact points that tracking and onsets may solve for each of the study, at most
-SAMPLE = 3.0  # exact solves that a sample point of the reduction's error costs: of two models
+EXACT_TIME_FACTORS, REANALYSIS_TIME_FACTORS = (0.9, 1.1), (0.5, 1.5)
+# exact points that tracking and onsets may solve for each of the study, at most
+MAX_EXTRA_SOLVES_PER_POINT = 1.5
+# exact solves that a sample point of the reduction's error costs: of two models
+REDUCTION_SAMPLE_COST = 3.0
 SOURCES = ("kinds/complex_modes",)
 FULL_ORDER = 60.0  # exact solves of a reduced brake that one of the full-order model costs, about
 
@@ -279,13 +281,13 @@ def mode_solves(plan: Plan) -> Solves:
     sample points of the reduction's error come on top.
     """
     rung, share = plan.method.rung, point_share(plan, plan.method.rung)
-    least, longest = EXACT if share is None else REANALYSIS
+    least, longest = EXACT_TIME_FACTORS if share is None else REANALYSIS_TIME_FACTORS
     modes = plan.study.definition.modes
     refines = modes.track and (modes.refine_tracking or modes.refine_onsets)
     between = 0.0
     if plan.study.sweeps and refines:
         count = len(plan.tasks)
-        between = min(BETWEEN * count, RefinementBudget.of(modes, count).total)
+        between = min(MAX_EXTRA_SOLVES_PER_POINT * count, RefinementBudget.of(modes, count).total)
         longest += between / count if share is None else 0.0
     bases = 0
     if rung.over_a_basis:
@@ -296,7 +298,7 @@ def mode_solves(plan: Plan) -> Solves:
     return Solves(
         point=1.0 if share is None else share,
         shared=bases * rung.setup_solves,
-        checks=checks + samples * SAMPLE,
+        checks=checks + samples * REDUCTION_SAMPLE_COST,
         between=between,
         least=least,
         longest=longest,

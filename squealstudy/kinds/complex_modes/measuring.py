@@ -38,7 +38,8 @@ from squealstudy.tables.families import RENUMBERED
 from squealstudy.tables.method_quality import onset_errors, root_errors
 from squealstudy.tables.stability import BROKEN, FIRST_SEEN, INTO
 
-BRIEF = 5.0  # s: the first call of a process may owe a part of that to imports and what is kept
+# s: the first call of a process may owe a part of that to imports and what is kept
+MIN_RELIABLE_TIMING_S = 5.0
 
 
 def measure_modes(plan: Plan, measured: Sequence[int], asked: MeasurementRequest) -> Measurement:
@@ -122,7 +123,7 @@ def _solved(kind: ComplexModes, tasks: Sequence[SolveTask]) -> tuple[float, list
     """
     spent: list[float] = []
     rows: list[dict[str, Any]] = []
-    while not spent or (len(spent) == 1 and spent[0] < BRIEF):
+    while not spent or (len(spent) == 1 and spent[0] < MIN_RELIABLE_TIMING_S):
         started = time.process_time()
         # without keeping working points: a second round must not know those of the first
         forgetful = [replace(task, keep_gaps=False) for task in tasks]

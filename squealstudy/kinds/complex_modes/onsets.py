@@ -22,34 +22,23 @@ from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.study.parameters import ONSET_PARAMETER
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.families import RENUMBERED
-from squealstudy.tables.mode_ranking import (
-    CUBIC,
-    REFINED,
-    line_codes,
-    parameter_columns,
-)
-from squealstudy.tables.stability import (
-    BELOW_RANGE,
-    BRACKETED,
-    BROKEN,
-    FIRST_SEEN,
-    INTO,
-)
+from squealstudy.tables.mode_ranking import CUBIC, REFINED, line_codes, parameter_columns
+from squealstudy.tables.stability import BELOW_RANGE, BRACKETED, BROKEN, FIRST_SEEN, INTO
 
-PRECISION = 1e-4
+ONSET_TOLERANCE = 1e-4  # of the parameter's range; of friction, and of logarithms, as it is
 INTERPOLATED = "interpolated"
 WITHIN_ERROR = "within_error"
-UNKNOWN = 1e6  # relative error of a root: as good as infinite, and finite
+UNKNOWN_REL_ERROR = 1e6  # relative error of a root: as good as infinite, and finite
 UNREFINED = {
     BELOW_RANGE: "below_range",
     FIRST_SEEN: "first_seen",
     BRACKETED: "bracketed",
     BROKEN: BROKEN,
 }
-EXPECTED = 8  # evaluations an onset
+EXPECTED_SOLVES_PER_ONSET = 8  # evaluations an onset
 IN_STEP = 4096  # brackets of a batch of small models that are refined in step
-BATCH = 32  # brackets refined together; fixed, so that results do not depend on the workers
-
+# brackets refined together; fixed, so that results do not depend on the workers
+BRACKETS_PER_ROUND = 32
 
 Cells = dict[str, np.ndarray]  # columns of the table of onsets while it is made
 
@@ -95,7 +84,7 @@ class OnsetSearch:
         lams = follower.lams
         self._judged = lams.with_flat(lam)
         rel_error = np.nan_to_num(error, posinf=np.inf) / np.maximum(np.abs(lam), 1e-300)
-        self._error = np.minimum(rel_error, UNKNOWN)
+        self._error = np.minimum(rel_error, UNKNOWN_REL_ERROR)
         self._point = lams.owner
         self._place = np.arange(len(lam)) - lams.starts[self._point]
         self._track = tracks.labels.flat
@@ -161,7 +150,9 @@ class OnsetSearch:
         before, after = events["before"].to_numpy(), events["after"].to_numpy()
         crossing = before >= 0
         p0, p1 = self._point[np.where(crossing, before, after)], self._point[after]
-        part = _part(x[p0], x[p1], events["value"].to_numpy())
+        span = x[p1] - x[p0]  # without one the value is that of the end
+        to_value = np.where(span != 0, events["value"].to_numpy() - x[p0], 1.0)
+        part = to_value / np.where(span != 0, span, 1.0)
         low, high = self._lam[np.where(crossing, before, after)], self._lam[after]
         ids = points["point_id"].to_numpy()
         table = {"track": events["track"].to_numpy(dtype=np.int32)}
@@ -295,13 +286,13 @@ class OnsetSearch:
         How many were, and the rows that are left.
         """
         spent = done = 0
-        most = IN_STEP if self._plan.stacked else BATCH
+        most = IN_STEP if self._plan.stacked else BRACKETS_PER_ROUND
         while done < len(brackets) and spent < budget:
             workers.report("onsets", done, len(brackets))
             batch: list[list[int]] = []
             expected_points = 0
             for rows in brackets[done : done + most]:
-                expected_points += EXPECTED * len(rows)
+                expected_points += EXPECTED_SOLVES_PER_ONSET * len(rows)
                 if spent + expected_points > budget and batch:
                     break
                 batch.append(rows)
@@ -379,8 +370,8 @@ class OnsetSearch:
     def _precision(self) -> float:
         """Of the coordinate; half of what is promised, which Brent's method may use up twice."""
         if self._follower.near.logarithmic(self._column) or self._along == ONSET_PARAMETER:
-            return PRECISION / 2
-        return PRECISION / 2 * float(np.ptp(self._plan.coordinates[:, self._column]))
+            return ONSET_TOLERANCE / 2
+        return ONSET_TOLERANCE / 2 * float(np.ptp(self._plan.coordinates[:, self._column]))
 
     def _shift(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """How far errors of roots move crossings between two rows each (n,), in coordinates."""
@@ -407,10 +398,3 @@ class OnsetSearch:
         table["status"][row] = REFINED
         table["evaluations"][row] = onset.evaluations
         return onset.evaluations
-
-
-def _part(start: np.ndarray, end: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """Where values lie between both ends, 0 to 1; 1 where these agree."""
-    apart = end != start
-    part: np.ndarray = np.where(apart, (value - start) / np.where(apart, end - start, 1.0), 1.0)
-    return part

@@ -1,10 +1,10 @@
 """Growing modes outside a study's band, at a few of its design points.
 
 A study lists the modes of its band; what grows beside it squeals all the same. It is looked for
-below the band and up to `REACH` times its top, as far as the component modes of a reduced model
-are kept, by the exact method at few points: that of the fastest growth in the band, and others
-spread over the design, so that it costs a few percent of the study. Of models with few coordinates
-all modes are looked at.
+below the band and up to `SEARCHED_BAND_FACTOR` times its top, as far as the component modes of a
+reduced model are kept, by the exact method at few points: that of the fastest growth in the band,
+and others spread over the design, so that it costs a few percent of the study. Of models with few
+coordinates all modes are looked at.
 """
 
 from __future__ import annotations
@@ -30,11 +30,13 @@ from squealstudy.modes.point import RIGID_SHARE, PointModes, solve_point
 from squealstudy.reduction.prepared import PreparedFamily
 from squealstudy.study.design import DesignPoint
 
-REACH = 1.5  # of the band's top
+SEARCHED_BAND_FACTOR = 1.5  # of the band's top
 EVERYTHING = 1e6  # of the band's top: above all modes of a model with few coordinates
-SHARE = 0.02  # of the design points that are looked at: one takes twice the time of an exact point
-LEAST, MOST = 5, 8  # design points
-SMALL, MOST_SMALL = 60, 64  # coordinates up to which a model is cheap, and its design points
+# of the design points that are looked at: one takes twice the time of an exact point
+CHECKED_POINT_SHARE = 0.02
+MIN_CHECKED_POINTS, MAX_CHECKED_POINTS = 5, 8  # design points
+# coordinates up to which a model is cheap, and its design points
+MAX_CHEAP_COORDINATES, MAX_CHECKED_POINTS_CHEAP = 60, 64
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def look_outside(plan: Plan, columns: ModeColumns, workers: Workers) -> list[Out
     if plan.method.rung.unreduced and has_mesh(plan.study):
         return []
     section, low, high = plan.study.definition.modes, *plan.band_hz
-    top = high * (EVERYTHING if is_small(plan) else REACH)
+    top = high * (EVERYTHING if is_small(plan) else SEARCHED_BAND_FACTOR)
     if plan.stacked:
         return _outside_of_batch(plan, chosen_points(plan, columns), (RIGID_SHARE * high, top))
     wide = {s.key: replace(s, band_hz=(RIGID_SHARE * high, top)) for s in swept_structures(plan)}
@@ -115,9 +117,12 @@ def chosen_points(plan: Plan, columns: ModeColumns) -> list[int]:
     solved = np.flatnonzero(np.array(columns.points["status"].to_pylist()) == "ok")
     if not len(solved):
         return []
-    count = min(len(solved), max(LEAST, min(MOST, round(SHARE * len(solved)))))
+    count = min(
+        len(solved),
+        max(MIN_CHECKED_POINTS, min(MAX_CHECKED_POINTS, round(CHECKED_POINT_SHARE * len(solved)))),
+    )
     if is_small(plan):
-        count = min(len(solved), MOST_SMALL)
+        count = min(len(solved), MAX_CHECKED_POINTS_CHEAP)
     return spread(plan.coordinates[solved], growth[solved], count, solved)
 
 
@@ -126,7 +131,7 @@ def is_small(plan: Plan) -> bool:
     if plan.stacked:
         return True
     keys = (key for key in plan.structures if is_prepared(key))
-    return all(prepared_any(key).model.n <= SMALL for key in islice(keys, 1))
+    return all(prepared_any(key).model.n <= MAX_CHEAP_COORDINATES for key in islice(keys, 1))
 
 
 def spread(X: np.ndarray, growth: np.ndarray, count: int, rows: np.ndarray) -> list[int]:
@@ -196,7 +201,7 @@ def _wider_modes(task: OutsideTask) -> PointModes:
 def outside_facts(plan: Plan, looked: Sequence[Outside], started: float) -> dict[str, Any]:
     """What the manifest says of it: how far and at how many points it was looked, and the worst."""
     return {
-        "reach_hz": None if is_small(plan) else REACH * plan.band_hz[1],
+        "reach_hz": None if is_small(plan) else SEARCHED_BAND_FACTOR * plan.band_hz[1],
         "looked": len(looked),
         "below": _worst(plan, [(one.row, one.below) for one in looked]),
         "above": _worst(plan, [(one.row, one.above) for one in looked]),

@@ -27,7 +27,7 @@ from squealstudy.root_pairs import least_assignment
 Node = tuple[int, ...]
 COUPLING_CHANGE = 1.3  # by which coupling at the crossing may exceed that at both nodes: with 1.0
 # no node of 90 random maps was wrong either, for 7 % fewer points
-NOISE = 1e-6  # of c: shapes are kept in single precision
+SHAPE_REL_ROUND_OFF = 1e-6  # of c: shapes are kept in single precision
 ALIKE = 0.3  # two modes whose shapes tell their order by less may have passed each other
 AT_HAND = 4096  # nodes whose modes are held
 
@@ -81,9 +81,9 @@ class PassingModes:
         modes = self._modes(node)
         assert modes is not None
         c2 = mac(modes.shapes, modes.shapes).astype(float)
-        c = np.maximum(np.sqrt(c2) - NOISE, 0.0)
+        c = np.maximum(np.sqrt(c2) - SHAPE_REL_ROUND_OFF, 0.0)
         apart = np.abs(modes.lam[:, None] - modes.lam)
-        h: np.ndarray = apart * c / (2.0 * np.sqrt(np.maximum(1.0 - c2, NOISE)))
+        h: np.ndarray = apart * c / (2.0 * np.sqrt(np.maximum(1.0 - c2, SHAPE_REL_ROUND_OFF)))
         return h
 
     def _may_lock_in(self, a: Node, b: Node) -> bool:

@@ -41,7 +41,7 @@ from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint
 
 MOST_KEPT = 2  # problems a process holds: of each its basis
-SHARE = 1 / 3  # of the tolerance that the basis may use up
+BASIS_TOLERANCE_SHARE = 1 / 3  # of the tolerance that the basis may use up
 INTERPOLATION_SHARE = 0.1  # and what the problem itself interpolates over the box
 # a basis to a looser tolerance is cut shorter and asks for more training points in exchange: at
 # 1e-2 four times the time of 1e-4, for as many vectors
@@ -208,7 +208,9 @@ def make_basis(structure: SweptStructure, rung: Rung, report: Report) -> SweepBa
             "not_converged",
             f"interpolated modal damping is wrong by {interpolated:.0e} in damping ratio",
         )
-    basis = build_sweep_basis(problem, SHARE * min(structure.tolerance, LOOSEST), report=report)
+    basis = build_sweep_basis(
+        problem, BASIS_TOLERANCE_SHARE * min(structure.tolerance, LOOSEST), report=report
+    )
     basis = replace(basis, interpolated=interpolated)
     save_value(structure.path, basis)
     return basis

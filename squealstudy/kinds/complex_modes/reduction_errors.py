@@ -35,10 +35,11 @@ from squealstudy.study.sampling import farthest_points
 
 CARRIED = 2.0  # on errors carried from other points, besides
 POINTS_A_SAMPLE = 16  # design points that pay for one: it costs some three of them
-LEAST, MOST = 8, 16  # sample points of a structure
+MIN_REDUCTION_SAMPLES, MAX_REDUCTION_SAMPLES = 8, 16  # sample points of a structure
 NEAREST = 3  # of which errors are carried to a point
-SAME = 1e-9  # distance, in spans of the sweeps, within which a point is a sample point
-BLOCK = 20_000  # modes at a time
+# distance, in spans of the sweeps, within which a point is a sample point
+SAMPLE_POINT_DISTANCE = 1e-9
+MODES_PER_BLOCK = 20_000  # modes at a time
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ def sample_points(plan: Plan) -> list[int]:
     """Indices of the sample points: of each structure those farthest from each other."""
     chosen: list[int] = []
     for _, rows in plan.tasks.of_structures():
-        count = min(max(LEAST, len(rows) // POINTS_A_SAMPLE), MOST)
+        count = min(max(MIN_REDUCTION_SAMPLES, len(rows) // POINTS_A_SAMPLE), MAX_REDUCTION_SAMPLES)
         chosen += [int(rows[k]) for k in farthest_points(plan.coordinates[rows], count)]
     return chosen
 
@@ -167,8 +168,8 @@ def carried(
     """
     near = np.argsort(distance, axis=1, kind="stable")[:, :NEAREST]
     away = np.take_along_axis(distance, near, axis=1)
-    here = away[:, 0] <= SAME
-    weight = 1.0 / np.maximum(away, SAME) ** 2
+    here = away[:, 0] <= SAMPLE_POINT_DISTANCE
+    weight = 1.0 / np.maximum(away, SAMPLE_POINT_DISTANCE) ** 2
     weight = np.where(here[:, None], np.arange(near.shape[1]) == 0, weight)
     weight /= weight.sum(axis=1, keepdims=True)
     total = np.zeros(len(lam))
@@ -184,8 +185,8 @@ def carried(
 def _nearest(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Index (m,) of the root nearest to each of lam in the complex plane."""
     indices = [
-        np.abs(lam[start : start + BLOCK, None] - others[None, :]).argmin(axis=1)
-        for start in range(0, len(lam), BLOCK)
+        np.abs(lam[start : start + MODES_PER_BLOCK, None] - others[None, :]).argmin(axis=1)
+        for start in range(0, len(lam), MODES_PER_BLOCK)
     ]
     return np.concatenate([np.zeros(0, dtype=int), *indices])
 

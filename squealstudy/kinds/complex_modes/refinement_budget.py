@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 from squealstudy.study.sections import ModesSection
 
-LEAST, MOST = 30, 500  # for doubtful steps of tracks: as many as design points, within these
+# for doubtful steps of tracks: as many as design points, within these
+MIN_TRACKING_SOLVES, MAX_TRACKING_SOLVES = 30, 500
 SMALL_LEAST = 3_000  # of models with few coordinates, of which a point takes a millisecond
 ONSETS = 2  # for onsets that bound no stability, times that
 LEAST_BOUNDS, BOUNDS_SHARE = 20_000, 0.2  # for those that do: of the design points, at least
@@ -49,7 +50,9 @@ class RefinementBudget:
         """
         if (chosen := section.refine_points) is not None:
             return cls(chosen, chosen, chosen, chosen)
-        tracks = max(min(points, MOST), SMALL_LEAST if small else LEAST)
+        tracks = max(
+            min(points, MAX_TRACKING_SOLVES), SMALL_LEAST if small else MIN_TRACKING_SOLVES
+        )
         if batch:
             return cls(tracks, UNLIMITED, UNLIMITED, UNLIMITED)
         bounds = max(LEAST_BOUNDS, int(BOUNDS_SHARE * points))

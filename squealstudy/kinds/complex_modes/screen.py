@@ -68,7 +68,9 @@ ONSETS = {
     BRACKETED: "<= before an onset: between a stable point and this one, not refined",
     BELOW_RANGE: "below range: unstable at the first value of a line",
 }
-DRAWN = "<= before an onset: the least value of a solved point at which the mode is unstable"
+FIRST_SEEN_NOTE = (
+    "<= before an onset: the least value of a solved point at which the mode is unstable"
+)
 SIDES = (("unstable_", "_low"), ("unstable_", "_high"), ("", ""))
 
 Row = dict[Hashable, Any]
@@ -362,7 +364,7 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
 def _onset_kinds(kinds: set[str], results: ResultTables, query: str) -> list[str]:
     """What is before an onset, or in its place."""
     drawn = results.design in RANDOM_DESIGNS
-    texts = ONSETS | ({FIRST_SEEN: DRAWN, BRACKETED: DRAWN} if drawn else {})
+    texts = ONSETS | ({FIRST_SEEN: FIRST_SEEN_NOTE, BRACKETED: FIRST_SEEN_NOTE} if drawn else {})
     texts[BELOW_RANGE] += query
     return list(dict.fromkeys(text for kind, text in texts.items() if kind in kinds))
 

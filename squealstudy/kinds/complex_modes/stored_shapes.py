@@ -16,7 +16,7 @@ from squealstudy.faults import named
 from squealstudy.files import temporary_name
 
 SHAPES = "shapes"  # column of chunk files: (m, k) complex64 by rows, as bytes
-ITEM = np.dtype(np.complex64).itemsize
+BYTES_PER_ENTRY = np.dtype(np.complex64).itemsize
 IN_MEMORY = 2**27  # bytes of shapes that are held at once
 
 
@@ -47,14 +47,14 @@ class ShapeFile:
 
     def width(self, points: np.ndarray) -> np.ndarray:
         """Coordinates k of a shape of each of some points with modes (r,)."""
-        coordinates: np.ndarray = self.size[points] // (ITEM * self.count[points])
+        coordinates: np.ndarray = self.size[points] // (BYTES_PER_ENTRY * self.count[points])
         return coordinates
 
     def stack(self, points: np.ndarray, count: int) -> np.ndarray:
         """First `count` shapes (r, count, k) complex64 of points, all of as many coordinates."""
         k = int(self.width(points[:1])[0])
         if self._held is not None:
-            start = self.offset[points] // ITEM
+            start = self.offset[points] // BYTES_PER_ENTRY
             return self._held[start[:, None] + np.arange(count * k)].reshape(-1, count, k)
         shapes = np.empty((len(points), count, k), dtype=np.complex64)
         for row, offset in zip(shapes, self.offset[points].tolist(), strict=True):

@@ -31,8 +31,8 @@ from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 
 POINTS_A_STEP = 2  # inserted, about
 BASIS_POINTS_A_POINT = 4  # solved in a basis in the time of an exact one
-ROUNDS = 4  # a refined step may put its followers in doubt
-BATCH = 32  # steps refined together; fixed, so that results do not depend on the workers
+MAX_REFINEMENT_ROUNDS = 4  # a refined step may put its followers in doubt
+STEPS_PER_ROUND = 32  # steps refined together; fixed, so that results do not depend on the workers
 
 
 class Follower:
@@ -112,7 +112,7 @@ class Follower:
         started = time.perf_counter()
         refined_steps = np.zeros(0, dtype=int)
         points = interpolated = 0
-        for _ in range(ROUNDS if refine else 0):
+        for _ in range(MAX_REFINEMENT_ROUNDS if refine else 0):
             joined, crossing = self._doubtful(pairings, refined_steps)
             between, spent = self._refine(crossing, pairings, len(crossing) * 2**DEPTH)
             interpolated += spent
@@ -160,7 +160,7 @@ class Follower:
         refined: dict[int, Pairing] = {}
         points = done = 0
         while done < len(doubtful):
-            count = min(BATCH, (budget - points) // (2**DEPTH - 1))
+            count = min(STEPS_PER_ROUND, (budget - points) // (2**DEPTH - 1))
             if count < 1:
                 break
             self._workers.report("tracking", done, len(doubtful))

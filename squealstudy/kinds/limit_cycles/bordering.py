@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from squealstudy.cycles.borders import BorderPoint, fold_near, follow_border
-from squealstudy.cycles.branch import RANGE, TURN
+from squealstudy.cycles.branch import FOLD, RANGE
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.oscillator import WHOLE
+from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import REAL, TEXT
 from squealstudy.engine.rows import WHOLE_NUMBER as COUNT
@@ -169,11 +169,15 @@ class Plane:
         ConvergenceError
             Where it is not found at its own value, or the model is balanced on a basis.
         """
-        if mark.event == TURN and self.way(over).oscillator(mark.motion.mu).n > WHOLE:
+        if (
+            mark.event == FOLD
+            and self.way(over).oscillator(mark.motion.mu).n > MAX_UNPROJECTED_COORDINATES
+        ):
             raise ConvergenceError(
-                "too_large", f"folds of more than {WHOLE} coordinates are not continued"
+                "too_large",
+                f"folds of more than {MAX_UNPROJECTED_COORDINATES} coordinates are not continued",
             )
-        locate = self.fold if mark.event == TURN else self.onset
+        locate = self.fold if mark.event == FOLD else self.onset
         start = locate(over, mark.motion)
         (down, first), (up, last) = (
             follow_border(locate, start, self.task.values, side, self.width) for side in (-1.0, 1.0)
@@ -198,7 +202,7 @@ class Plane:
     def row(self, mark: Mark, k: int, point: BorderPoint) -> dict[str, Any]:
         """Of the table of borders."""
         motion, levels = point.motion, {"torque_rms": 0.0, "contact_velocity": 0.0}
-        if mark.event == TURN:
+        if mark.event == FOLD:
             all_levels = self.way(point.over).contact(motion.mu).levels(motion)
             levels = {name: all_levels[name] for name in levels}
         return {
@@ -212,7 +216,7 @@ class Plane:
             "criticality": point.criticality,
             "border_end": "",
             "frequency_hz": motion.omega / (2.0 * np.pi),
-            "n_harmonics": motion.harmonics if mark.event == TURN else 0,
+            "n_harmonics": motion.harmonics if mark.event == FOLD else 0,
             "balance_residual": point.residual,
             **levels,
         }

@@ -16,10 +16,10 @@ import numpy as np
 
 from squealstudy.cycles.branch import (
     CLOSED,
+    FOLD,
     HOPF,
     RANGE,
     SHRUNK,
-    TURN,
     BranchPoint,
     branch,
     cycles_along,
@@ -235,13 +235,13 @@ class Branch:
     @property
     def marks(self) -> list[Mark]:
         """Its folds and Hopf points."""
-        folds = [p.motion for p in self.points if p.event == TURN]
+        folds = [p.motion for p in self.points if p.event == FOLD]
         places = [
             PeriodicMotion(np.zeros((3, 1)), 2.0 * np.pi * hz, onset)
             for onset, hz, _ in self.onsets.values()
         ]
         name = self.start.point_id
-        return [Mark(name, TURN, m) for m in folds] + [Mark(name, HOPF, m) for m in places]
+        return [Mark(name, FOLD, m) for m in folds] + [Mark(name, HOPF, m) for m in places]
 
     def crossings(self, value: float) -> list[PeriodicMotion]:
         """Its motions at a value, between two points each."""
@@ -266,7 +266,7 @@ class Branch:
         """Whether both have a fold in common."""
         width = SAME_FOLD * abs(way.bounds[1] - way.bounds[0])
         folds, others = (
-            [(p.motion.mu, p.motion.omega) for p in b.points if p.event == TURN]
+            [(p.motion.mu, p.motion.omega) for p in b.points if p.event == FOLD]
             for b in (self, other)
         )
         return any(

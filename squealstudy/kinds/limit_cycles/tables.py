@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from squealstudy.cycles.cycle import Cycle, same_cycle
 from squealstudy.cycles.kicked import Kick
-from squealstudy.cycles.verdicts import VAGUE, Family, Followed
+from squealstudy.cycles.verdicts import MAX_THRESHOLD_REL_ERROR, Family, Followed
 from squealstudy.engine.rows import (
     FLAG,
     HEAD,
@@ -245,7 +245,11 @@ def _velocity(verdict: Mapping[str, Any], cycles: Sequence[Mapping[str, Any]]) -
 
 def known_velocity(cycle: Mapping[str, Any]) -> float:
     """Contact velocity [m/s] of a row of a cycle; NaN where it is too vague for a share of it."""
-    return float(cycle["contact_velocity"]) if cycle["velocity_error"] <= VAGUE else np.nan
+    return (
+        float(cycle["contact_velocity"])
+        if cycle["velocity_error"] <= MAX_THRESHOLD_REL_ERROR
+        else np.nan
+    )
 
 
 def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[str, Any]:
@@ -266,7 +270,7 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
         level, opened = dict(zip(LEVEL, values, strict=True)), run.open_share_max
     broken = motion_reason(law_kind, opened)
     reason = family.reason + (f"; outside validity: {broken}" if broken else "")
-    if kick is not None and loud is not None and loud.velocity_error <= VAGUE:
+    if kick is not None and loud is not None and loud.velocity_error <= MAX_THRESHOLD_REL_ERROR:
         share = velocity / loud.levels["contact_velocity"]
     return {
         "mode": mode,

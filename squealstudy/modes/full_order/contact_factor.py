@@ -22,7 +22,8 @@ from squealstudy.linalg.factor import SINGULAR, RefinedFactor, automatic_backend
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.contact_space import ContactRows, contact_compliances
 
-LOOSE = 1e-12  # backward error up to which solves are not refined: of a brake it is some 1e-14
+# backward error up to which solves are not refined: of a brake it is some 1e-14
+MAX_UNREFINED_BACKWARD_ERROR = 1e-12
 
 
 @dataclass(frozen=True)
@@ -108,4 +109,4 @@ class ContactFactor(RefinedFactor):
 
     def lean(self) -> Callable[[np.ndarray], np.ndarray]:
         """See `RefinedFactor.lean`; roots that this spoils are seen by their residuals."""
-        return self.solve_once if self.plain_error <= LOOSE else self.solve
+        return self.solve_once if self.plain_error <= MAX_UNREFINED_BACKWARD_ERROR else self.solve

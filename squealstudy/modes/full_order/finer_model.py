@@ -29,7 +29,7 @@ from squealstudy.reduction.cmt import (
     momenta,
     project,
 )
-from squealstudy.reduction.orthonormal import ROUND_OFF, new_directions, outside
+from squealstudy.reduction.orthonormal import GRAM_RESOLUTION, new_directions, outside
 from squealstudy.reduction.prepared import PreparedModel, shape_basis
 from squealstudy.reduction.projected import AnyAssembly, Part
 from squealstudy.root_pairs import partner_distances
@@ -37,13 +37,14 @@ from squealstudy.system.contact_weights import ContactWeights, contact_weights
 from squealstudy.system.linearise import component_frequencies, linearise
 
 DIRECTIONS = 160  # static responses: with fewer some of what moves a root is left out
-FINER = 0.003  # smallest direction of the finer model, in the largest; of its square in energy
+# smallest direction of the finer model, in the largest; of its square in energy
+FINER_SVD_CUTOFF = 0.003
 ENRICHING = 0.012  # and of what enriches a basis
 STRONG = 0.7  # least friction of the loads: they grow with it, and hold those of weaker friction
-EDGE = 0.02  # of the band: how far beyond it the finer model is looked at
-SAFETY = 2.0  # on the distance to the finer model, for what that lacks too
+BAND_WIDENING = 0.02  # of the band: how far beyond it the finer model is looked at
+FINER_MODEL_SAFETY_FACTOR = 2.0  # on the distance to the finer model, for what that lacks too
 SAME_ROOT = 1e-12  # relative: round-off of the difference of two dense eigenvalues
-LOWEST = 0.02  # of the band's top: below it lies motion of nearly free bodies
+LOW_END_RATIO = 0.02  # of the band's top: below it lies motion of nearly free bodies
 
 
 @dataclass(frozen=True)
@@ -104,10 +105,12 @@ def with_finer_model(
     try:
         if rounds > 1:
             responses = _responses(prepared, basis, made)
-            model, basis = extended_basis(made.assembly, made.modes, basis, responses, FINER)
+            model, basis = extended_basis(
+                made.assembly, made.modes, basis, responses, FINER_SVD_CUTOFF
+            )
             prepared = _in_basis(prepared, model, basis, made)
         responses = _responses(prepared, basis, made)
-        finer, _ = extended_basis(made.assembly, made.modes, basis, responses, FINER)
+        finer, _ = extended_basis(made.assembly, made.modes, basis, responses, FINER_SVD_CUTOFF)
         if rounds > 0:
             model, basis = extended_basis(made.assembly, made.modes, basis, responses, ENRICHING)
             prepared = _in_basis(prepared, model, basis, made)
@@ -153,7 +156,7 @@ def residual_loads(
             for use_transposes in (False, True) if state.operating.friction else (False,):
                 C, K = (small.C.T, small.K.T) if use_transposes else (small.C, small.K)
                 top = 2 * np.pi * made.top_hz
-                lam, x = dense_roots(C, K, (LOWEST * top, top))
+                lam, x = dense_roots(C, K, (LOW_END_RATIO * top, top))
                 toward = restricted @ x
                 x = x * (toward.conj() / np.abs(toward) / np.abs(lam))  # M-orthonormal coordinates
                 mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
@@ -252,14 +255,14 @@ def relative_errors(
         Where there is no finer model.
     """
     apart = _from_finer(prepared, state, band_hz, found) / np.abs(found.lam)
-    return np.maximum(SAFETY * (apart + prepared.basis_error), SAME_ROOT)
+    return np.maximum(FINER_MODEL_SAFETY_FACTOR * (apart + prepared.basis_error), SAME_ROOT)
 
 
 def _from_finer(
     prepared: PreparedModel, state: DesignState, band_hz: tuple[float, float], found: PointModes
 ) -> np.ndarray:
     low, high = band_hz
-    margin = (low * (1.0 - EDGE), high * (1.0 + EDGE))
+    margin = (low * (1.0 - BAND_WIDENING), high * (1.0 + BAND_WIDENING))
     assert found.working_point is not None
     finer = finer_modes(prepared, state, margin, found.working_point.gap)
     return partner_distances(found.lam, finer.lam)
@@ -276,7 +279,7 @@ def root_distances(
     States without a working point are left out; infinite where all are.
     """
     low, high = band_hz
-    margin = (low * (1.0 - EDGE), high * (1.0 + EDGE))
+    margin = (low * (1.0 - BAND_WIDENING), high * (1.0 + BAND_WIDENING))
     distances = []
     for state in states:
         with contextlib.suppress(ConvergenceError):
@@ -339,7 +342,7 @@ def extended_basis(
         count = modes[component.name].phi.shape[1]
         phi, chosen = block[:, :count], X[:, energy > least]
         size = np.sqrt(np.einsum("ij,ij->j", chosen, component.M @ chosen))
-        more = new_directions(component.M, block, chosen / size, ROUND_OFF)
+        more = new_directions(component.M, block, chosen / size, GRAM_RESOLUTION)
         rest = np.hstack([block[:, count:], more])
         k_rest, y = la.eigh(rest.T @ (component.K @ rest))
         k_phi = np.einsum("ij,ij->j", phi, component.K @ phi)

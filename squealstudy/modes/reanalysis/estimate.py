@@ -12,7 +12,7 @@ from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem, in_band
 from squealstudy.system.parametric import Columns, Weights
 
-LEAST = 1e-13  # relative: round-off of a dense eigenvalue
+EIGENVALUE_REL_ROUND_OFF = 1e-13  # relative: round-off of a dense eigenvalue
 
 
 def two_sided_error(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> np.ndarray:
@@ -37,7 +37,7 @@ def two_sided_error(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) 
 
 def bounded(error: np.ndarray, lam: np.ndarray) -> np.ndarray:
     """Estimates |error| (m,), rad/s, not below round-off."""
-    size: np.ndarray = np.maximum(np.abs(error), LEAST * np.abs(lam))
+    size: np.ndarray = np.maximum(np.abs(error), EIGENVALUE_REL_ROUND_OFF * np.abs(lam))
     return size
 
 

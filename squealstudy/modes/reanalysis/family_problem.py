@@ -24,11 +24,14 @@ from squealstudy.modes.reanalysis.problem import SweptProblem, in_band, in_or_be
 from squealstudy.root_pairs import partners
 from squealstudy.system.parametric import MASS, STIFFNESS, ParametricSystem, Weights
 
-EDGE = 1.01  # left roots are sought a little beyond the right ones: none is cut off at the edge
-MARGIN = 1.1  # of the number of left roots asked for: one lies beyond the band, so once is enough
+# left roots are sought a little beyond the right ones: none is cut off at the edge
+LEFT_BAND_FACTOR = 1.01
+# of the number of left roots asked for: one lies beyond the band, so once is enough
+LEFT_COUNT_FACTOR = 1.1
 SYMMETRIC = 1e-12  # relative asymmetry of round-off
 SHIFTS = (0.0, 1.0, 1e2, 1e4)  # of the mass, in squares of the band's lower end
-APART = 1e-6  # relative distance of roots that two solves tell apart: the same root within it
+# relative distance of roots that two solves tell apart: the same root within it
+SAME_ROOT_REL_DISTANCE = 1e-6
 CLUSTER = 1e-7  # relative distance below which roots share their vectors
 LARGEST_PRODUCT = 1e-4  # of products that vanish for exact vectors of distinct roots
 
@@ -96,8 +99,8 @@ class FamilyProblem(SweptProblem):
         keep = in_or_below if below else in_band
         band = (0.0 if below else self.band[0] / reach, self.band[1] * reach)
         right = roots_in_band(M, C, K, band, self.first)
-        wider = (band[0] / EDGE, band[1] * EDGE)
-        first = int(MARGIN * right.n_below) + 2
+        wider = (band[0] / LEFT_BAND_FACTOR, band[1] * LEFT_BAND_FACTOR)
+        first = int(LEFT_COUNT_FACTOR * right.n_below) + 2
         left_roots = roots_in_band(M.T.tocsr(), C.T.tocsr(), K.T.tocsr(), wider, first)
         pairs = biorthogonal(M, C, right.lam, right.psi, left_roots.lam, left_roots.psi.conj())
         is_reached = keep(pairs.lam, self.band, reach) & (pairs.lam.real >= self.least_growth)
@@ -204,7 +207,7 @@ def _partners(lam: np.ndarray, lam_left: np.ndarray) -> np.ndarray:
         raise _unmatched(f"{len(lam)} right and {len(lam_left)} left roots")
     distance = np.abs(lam[:, None] - lam_left[None, :])
     partner = partners(distance)
-    if (distance[np.arange(len(lam)), partner] > APART * np.abs(lam)).any():
+    if (distance[np.arange(len(lam)), partner] > SAME_ROOT_REL_DISTANCE * np.abs(lam)).any():
         raise _unmatched("a right root has no left one")
     return partner
 

@@ -20,7 +20,7 @@ from squealstudy.modes.reanalysis.polynomials import Interpolation, spread_point
 
 THRESHOLDS = (0.15, 0.3, 0.5)  # participation from which two modes mix
 MOST_MODES = 24  # in one block: beyond it a patch is better divided
-MARGIN = 1.02  # of the band: modes that come this near are followed
+FOLLOWED_BAND_FACTOR = 1.02  # of the band: modes that come this near are followed
 UNFOLLOWED = 1.25  # others stay that far from it at nodes: between nodes they may come nearer
 WORST_CONDITION = 1e7  # of a block's gauge: half the digits, of which Ritz values keep all
 
@@ -164,7 +164,7 @@ def _within_reach(
 
 
 def _reach(band: tuple[float, float]) -> tuple[float, float]:
-    return band[0] / MARGIN, band[1] * MARGIN
+    return band[0] / FOLLOWED_BAND_FACTOR, band[1] * FOLLOWED_BAND_FACTOR
 
 
 def _wanted(lam: np.ndarray, band: tuple[float, float], margin: float) -> np.ndarray:

@@ -25,11 +25,11 @@ from squealstudy.modes.reanalysis.problem import (
 )
 from squealstudy.system.parametric import Weights
 
-REACH = 1.15  # modes of the band widened by this join the basis
-SEEN = 1.03  # and their errors are looked at within this
+BASIS_BAND_FACTOR = 1.15  # modes of the band widened by this join the basis
+TESTED_BAND_FACTOR = 1.03  # and their errors are looked at within this
 CANDIDATES = 24  # design points looked at for the next one, half of them on faces of the box
 TRUNCATION = 0.5  # smallest singular value kept, in square roots of the tolerance
-FINER = 0.7  # factor on it where another point does not help
+CUTOFF_REDUCTION = 0.7  # factor on it where another point does not help
 STALLED = 0.5  # it does not help where the error stays above this share of the last
 WEIGHT_TOLERANCE = 0.01  # of the weights' expansion, in tolerances
 LEAST_WEIGHT_TOLERANCE = 1e-9
@@ -37,7 +37,7 @@ LEAST_CUT = 1e-9
 LACKING = 10.0  # tolerances between an exact root and the next one found: a mode is lacking
 SAMPLES_A_DIMENSION = 60
 MOST_SAMPLES = 240
-BATCH = 64
+POINTS_PER_BATCH = 64
 
 Report = Callable[[int, int], None]
 
@@ -159,7 +159,7 @@ def build_sweep_basis(
         if stalled or not problem.dimension:
             if cut < LEAST_CUT:
                 return basis
-            cut *= FINER
+            cut *= CUTOFF_REDUCTION
         last = error
         pending = _next_points(points, errors, tolerance)[: most - len(trained)]
 
@@ -193,8 +193,8 @@ def _sampled_weights(problem: SweptProblem) -> list[Weights]:
     points = points if problem.dimension else points[:1]
     weights = [
         sample.weights
-        for start in range(0, len(points), BATCH)
-        for sample in problem.samples(points[start : start + BATCH])
+        for start in range(0, len(points), POINTS_PER_BATCH)
+        for sample in problem.samples(points[start : start + POINTS_PER_BATCH])
         if isinstance(sample, Linearisation)
     ]
     if len(weights) < len(points) / 2:
@@ -210,10 +210,10 @@ def _snapshots(problem: SweptProblem, theta: np.ndarray) -> np.ndarray | None:
     mode in the band has none.
     """
     try:
-        _, pairs = problem.pairs(theta, REACH, below=True)
+        _, pairs = problem.pairs(theta, BASIS_BAND_FACTOR, below=True)
     except ConvergenceError:
         return None
-    if not in_band(pairs.lam, problem.band, REACH).any():
+    if not in_band(pairs.lam, problem.band, BASIS_BAND_FACTOR).any():
         pairs = pairs.take(np.zeros(len(pairs.lam), bool))
     parts = []
     for Z in (pairs.X, pairs.Y):
@@ -276,7 +276,9 @@ def estimated_error(problem: SweptProblem, basis: SweepBasis, theta: np.ndarray)
     except ConvergenceError:
         return 0.0
     pairs = basis.pairs(weights)
-    pairs = pairs.take(in_band(pairs.lam, problem.band, SEEN) & lightly_damped(pairs.lam))
+    pairs = pairs.take(
+        in_band(pairs.lam, problem.band, TESTED_BAND_FACTOR) & lightly_damped(pairs.lam)
+    )
     if not len(pairs.lam):
         return 0.0
     error = bounded(two_sided_error(problem, weights, basis.expand(weights, pairs)), pairs.lam)

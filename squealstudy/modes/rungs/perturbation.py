@@ -29,11 +29,12 @@ from squealstudy.system.parametric import (
 )
 
 ORDER = 2
-REACH = 4.0  # second-order terms run through the modes of the band widened by this
+SUM_BAND_FACTOR = 4.0  # second-order terms run through the modes of the band widened by this
 COST = 0.6  # seconds of a point over those of an exact one, about
-MARGIN = 1.2  # of the band: modes of the anchor that may move into it
-ROUND_OFF = 1e-12  # relative error of a root below which no series is looked at
-SAFETY = 2.0  # the next term is itself an estimate; errors were up to 1.9 times the series
+ANCHOR_BAND_FACTOR = 1.2  # of the band: modes of the anchor that may move into it
+MIN_TESTED_REL_ERROR = 1e-12  # relative error of a root below which no series is looked at
+# the next term is itself an estimate; errors were up to 1.9 times the series
+SERIES_SAFETY_FACTOR = 2.0
 REAL = 1e-12  # relative imaginary part of a root that is its own conjugate
 
 
@@ -47,7 +48,7 @@ class Perturbation(Rung):
 
     def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
         """Perturbed pairs of each point, from the exact ones of one anchor."""
-        anchor = make_anchor(problem.swept, box.middle, REACH)
+        anchor = make_anchor(problem.swept, box.middle, SUM_BAND_FACTOR)
         for i, theta in enumerate(problem.theta(points)):
             yield i, problem.modes(perturbed_roots(problem.swept, anchor, theta, ORDER))
 
@@ -108,7 +109,7 @@ def perturbed_roots(
         raise ValueError(f"order must be 1 or 2, got {order}")
 
     lam = anchor.pairs.lam
-    near = np.flatnonzero(in_band(lam, problem.band, MARGIN))
+    near = np.flatnonzero(in_band(lam, problem.band, ANCHOR_BAND_FACTOR))
     last: list[tuple[np.ndarray, np.ndarray]] = []  # roots, and their last terms
 
     def solve(weights: Weights) -> Eigenpairs:
@@ -123,8 +124,10 @@ def perturbed_roots(
     size = np.abs(terms[np.abs(roots[None, :] - outcome.lam[:, None]).argmin(axis=1)])
     error = np.full(len(size), np.inf)
     falls = outcome.error < size
-    error[falls] = SAFETY * outcome.error[falls] / (1.0 - outcome.error[falls] / size[falls])
-    small = outcome.error <= ROUND_OFF * np.abs(outcome.lam)
+    error[falls] = (
+        SERIES_SAFETY_FACTOR * outcome.error[falls] / (1.0 - outcome.error[falls] / size[falls])
+    )
+    small = outcome.error <= MIN_TESTED_REL_ERROR * np.abs(outcome.lam)
     return outcome._replace(error=np.where(small, outcome.error, error))
 
 

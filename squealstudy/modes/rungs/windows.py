@@ -33,16 +33,16 @@ from squealstudy.modes.reanalysis.patch import (
 from squealstudy.modes.reanalysis.polynomials import Interpolation, interpolation
 from squealstudy.modes.reanalysis.problem import Linearisation, in_band, lightly_damped
 from squealstudy.modes.reanalysis.ritz import RitzRoots, ritz_roots
-from squealstudy.modes.reanalysis.sweep_basis import REACH
+from squealstudy.modes.reanalysis.sweep_basis import BASIS_BAND_FACTOR
 from squealstudy.modes.rung import Offer, Scope
 from squealstudy.modes.rungs.sweep_basis import InBasis, OverABasis
 from squealstudy.system.parametric import Weights
 
 DEGREE = {1: 5, 2: 4}  # of the interpolation; in more dimensions 2
 PAYS = 1.5  # design points a node for a patch to pay
-BATCH = 32
+POINTS_PER_TEST = 32
 MOST_EXCEEDING = 0.1  # share of points beyond the tolerance from which on a patch is halved
-DEEPEST = 14  # halvings
+MAX_BISECTIONS = 14  # halvings
 
 # design points of one structure from which on windows take less time than dense points, by the
 # number of parameters that vary; a basis is made by one process, points are solved by all.
@@ -104,7 +104,7 @@ class Windows(InBasis):
         if not len(rows):
             return
         grid = interpolation(DEGREE.get(theta.shape[1], 2), theta.shape[1])
-        if len(rows) < PAYS * len(grid.nodes) or depth > DEEPEST:
+        if len(rows) < PAYS * len(grid.nodes) or depth > MAX_BISECTIONS:
             for row in rows:
                 yield int(row), self.alone(theta[row])
             return
@@ -130,7 +130,7 @@ class Windows(InBasis):
         left where too many others do.
         """
         most = 2 * len(patch.patch.grid.nodes)  # those of both halves cost about as much
-        spread = np.arange(len(rows)) % max(len(rows) // BATCH, 1) == 0
+        spread = np.arange(len(rows)) % max(len(rows) // POINTS_PER_TEST, 1) == 0
         looked_at, others = rows[spread], rows[~spread]
         first = list(self._points(patch, theta, looked_at))
         exceeding = sum(not self.within_tolerance(outcome) for _, outcome in first)
@@ -138,12 +138,12 @@ class Windows(InBasis):
             return rows
         yield from (self._mended(*solved, theta) for solved in first)
         allowed = max(min(MOST_EXCEEDING * len(rows), most), 1)
-        for start in range(0, len(others), BATCH):
-            for row, outcome in self._points(patch, theta, others[start : start + BATCH]):
+        for start in range(0, len(others), POINTS_PER_TEST):
+            for row, outcome in self._points(patch, theta, others[start : start + POINTS_PER_TEST]):
                 exceeding += not self.within_tolerance(outcome)
                 yield self._mended(row, outcome, theta)
             if exceeding > allowed:
-                return others[start + BATCH :]
+                return others[start + POINTS_PER_TEST :]
         return rows[:0]
 
     def _mended(self, row: int, found: Outcome, theta: np.ndarray) -> Solution:
@@ -184,7 +184,7 @@ class Windows(InBasis):
             pairs = node.pairs.take(chosen)
             error = two_sided_error(self.problem, w, self.basis.expand(w, pairs))
             error = bounded(error, pairs.lam) / conditions(pairs.X, pairs.Y)
-            meant = in_band(pairs.lam, self.problem.band, REACH)
+            meant = in_band(pairs.lam, self.problem.band, BASIS_BAND_FACTOR)
             every = np.ones(len(error), dtype=bool)
             kinds = np.where([lightly_damped(pairs.lam), meant, every], error, 0.0)
             for start, k in patch.slices:
@@ -197,8 +197,8 @@ class Windows(InBasis):
     def _points(
         self, patch: FollowedPatch, theta: np.ndarray, rows: np.ndarray
     ) -> Iterator[Solution]:
-        for start in range(0, len(rows), BATCH):
-            part = rows[start : start + BATCH]
+        for start in range(0, len(rows), POINTS_PER_TEST):
+            part = rows[start : start + POINTS_PER_TEST]
             samples = self.problem.samples(theta[part], patch.starts)
             linearised = []
             for row, at in zip(part, samples, strict=True):

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.modes.tracking.onsets import (
-    FAR,
     JUMP,
+    MAX_REL_ROOT_CHANGE,
     MOST_ITERATIONS,
     ONE_SIDED,
     exchanged,
@@ -156,7 +156,7 @@ def refine_onsets_together(
     onset = np.where(first, a.x, b.x)
     rows = np.arange(n)
     at_a, at_b = a.modes.lam[rows, a.place], b.modes.lam[rows, b.place]
-    good &= np.abs(at_a - at_b) <= FAR * np.minimum(np.abs(at_a), np.abs(at_b))
+    good &= np.abs(at_a - at_b) <= MAX_REL_ROOT_CHANGE * np.minimum(np.abs(at_a), np.abs(at_b))
     good &= ~exchanged(a.modes.lam, b.modes.lam, a.place, b.place)
     lam = np.where(first, at_a, at_b)
     return ManyOnsets(

@@ -20,12 +20,15 @@ JUMP = 0.1  # change of zeta across the root, as a share of its size over the br
 NO_CROSSING = "no_crossing"  # status of the error: the unstable mode stays so over the bracket
 ONE_SIDED = 0.02  # a square-root onset is as steep as a jump, but vanishes on one side
 CLOSER = 0.25  # of the way of a mode across such a bracket: where both ends have another mode
-FAR = 0.05  # change of a root, of its modulus, across a bracket as narrow as an onset's error
+# change of a root, of its modulus, across a bracket as narrow as an onset's error
+MAX_REL_ROOT_CHANGE = 0.05
 HALVINGS = 50
 MOST_HALVINGS = 4  # of a step in which a mode is lost
 LOOKED_AT = 9  # places between both ends
-SAFETY = 2.0  # of the error of a cubic: 0 of 2,300 onsets of random families beyond it, 1 without
-STEADY = 0.5  # largest change of the slope between neighbouring pairs of points, as its share
+# of the error of a cubic: 0 of 2,300 onsets of random families beyond it, 1 without
+CUBIC_SAFETY_FACTOR = 2.0
+# largest change of the slope between neighbouring pairs of points, as its share
+MAX_REL_SLOPE_CHANGE = 0.5
 
 
 class Onset(NamedTuple):
@@ -256,7 +259,9 @@ def bracketed_crossing(
     scale = max(abs(zeta) for zeta in excess.values())
     jumps = min(abs(before_zero), abs(right)) > ONE_SIDED * step > ONE_SIDED * JUMP * scale
     before, after = places[change], places[change + 1]
-    far = abs(root(after) - root(before)) > FAR * min(abs(root(x)) for x in (before, after))
+    far = abs(root(after) - root(before)) > MAX_REL_ROOT_CHANGE * min(
+        abs(root(x)) for x in (before, after)
+    )
     return Crossing(zero, (before, after), bool(jumps or far))
 
 
@@ -317,7 +322,7 @@ def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     turns |= ~_steady(x, f) | (np.isnan(x[:, 0]) & np.isnan(x[:, 5]))
     third = [np.abs(_divided_differences(x[:, k : k + 4], f[:, k : k + 4])[:, 3]) for k in range(3)]
     bend = np.nanmax(third, axis=0)
-    error = SAFETY * bend * product.max(axis=1) / np.where(turns, 1.0, least)
+    error = CUBIC_SAFETY_FACTOR * bend * product.max(axis=1) / np.where(turns, 1.0, least)
     return zero, np.where(turns, np.inf, error)
 
 
@@ -327,7 +332,7 @@ def _steady(x: np.ndarray, f: np.ndarray) -> np.ndarray:
     size, middle = np.nanmin(np.abs(secants), axis=1), np.sign(secants[:, 2:3])
     same = ((np.sign(secants) == middle) | np.isnan(secants)).all(axis=1)
     steady: np.ndarray = same & (
-        np.nanmax(np.abs(np.diff(secants, axis=1)), axis=1) <= STEADY * size
+        np.nanmax(np.abs(np.diff(secants, axis=1)), axis=1) <= MAX_REL_SLOPE_CHANGE * size
     )
     return steady
 

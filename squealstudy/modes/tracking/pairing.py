@@ -18,9 +18,11 @@ LOST = 0.8  # distance within which two modes that both stay alone are looked at
 DOUBTFUL = 1.5  # trust up to which a pairing is looked at again; ambiguous is up to 1
 PASSING = 1.2  # trust in a pair whose frequency passes that of another
 CLEAR = 0.99  # but for a MAC above this: a crossing
-EDGE = 1.5  # a mode may come or go at an edge of the band within this times the largest change
+# a mode may come or go at an edge of the band within this times the largest change
+BAND_END_CHANGE_FACTOR = 1.5
 ROUNDING = 1e-9  # costs nearer to each other than this are told apart by the assignment alone
-BLOCK = 40  # modes whose MAC is taken together: only those within the frequency window count
+# modes whose MAC is taken together: only those within the frequency window count
+MODES_PER_BLOCK = 40
 
 
 Band = tuple[float, float]
@@ -179,12 +181,12 @@ def _macs(a: np.ndarray, b: np.ndarray, near: np.ndarray) -> np.ndarray:
     Modes come roughly by frequency, so that a block of them sees a part of the others only.
     """
     a2, b2 = squares(a), squares(b)
-    if a.shape[1] <= BLOCK:
+    if a.shape[1] <= MODES_PER_BLOCK:
         return _mac(a, b, a2, b2)
     macs = np.zeros(near.shape, dtype=a2.dtype)
     for i in range(len(a)):
-        for start in range(0, a.shape[1], BLOCK):
-            rows = slice(start, start + BLOCK)
+        for start in range(0, a.shape[1], MODES_PER_BLOCK):
+            rows = slice(start, start + MODES_PER_BLOCK)
             near_columns = np.flatnonzero(near[i, rows].any(axis=0))
             if len(near_columns):
                 columns = slice(near_columns[0], near_columns[-1] + 1)
@@ -295,7 +297,7 @@ def may_be_one(
     log_a, log_b = (np.log(np.maximum(size, 1e-300)) for size in (size_a, size_b))
     change = np.zeros(size_a.shape)
     change[i, row] = np.abs(log_b[i, partner[i, row]] - log_a[i, row])
-    reach = EDGE * change.max(axis=1, initial=0.0)[:, None]
+    reach = BAND_END_CHANGE_FACTOR * change.max(axis=1, initial=0.0)[:, None]
     edges = np.log(np.maximum(np.array(band), 1e-300))
     at_a, at_b = (np.abs(x[:, :, None] - edges).min(axis=2) <= reach for x in (log_a, log_b))
     both &= ~(at_a[:, :, None] & at_b[:, None, :])

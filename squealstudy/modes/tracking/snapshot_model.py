@@ -20,7 +20,8 @@ from squealstudy.reduction.prepared import PreparedModel, unit_shapes
 from squealstudy.system.linearise import linearise, reduced_structure
 from squealstudy.system.parametric import ParametricSystem
 
-REACH = 1.1  # modes up to this times the band's top are snapshots: they may come into the band
+# modes up to this times the band's top are snapshots: they may come into the band
+SNAPSHOT_BAND_FACTOR = 1.1
 # singular values of the snapshots, of the largest, from which on they are held: of the medium brake
 # over friction and pressure 148 of 618 directions, by which roots err by 1e-4 at most
 CUT = 1e-3
@@ -42,7 +43,7 @@ def snapshots(
         Where there is no working point.
     """
     point, system = linearised_point(prepared, state, gap)
-    psi = band_modes(system, point, (0.0, REACH * band_hz[1])).psi
+    psi = band_modes(system, point, (0.0, SNAPSHOT_BAND_FACTOR * band_hz[1])).psi
     return np.hstack([psi.real, psi.imag])
 
 

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 DENSE_LIMIT = 2000  # points up to which every pair is an edge
 NEIGHBOURS = 12  # edges a point beyond that
-BLOCK = 2**16  # points whose neighbours are sought at once
+POINTS_PER_QUERY = 2**16  # points whose neighbours are sought at once
 
 
 def tracking_tree(
@@ -167,8 +167,8 @@ def _nearest(x: np.ndarray, count: int) -> np.ndarray:
 
     n, tree = len(x), cKDTree(x)
     key_lists = [np.zeros(0, dtype=np.int64)]
-    for i in range(0, n, BLOCK):
-        block = np.arange(i, min(i + BLOCK, n))
+    for i in range(0, n, POINTS_PER_QUERY):
+        block = np.arange(i, min(i + POINTS_PER_QUERY, n))
         near = tree.query(x[block], min(count + 1, n))[1].reshape(len(block), -1)
         key_lists.append(_keys(np.repeat(block, near.shape[1]), near.ravel(), n))
     return _once(np.concatenate(key_lists))

@@ -17,7 +17,7 @@ from squealstudy.modes.reanalysis.polynomials import interpolation
 from squealstudy.modes.reanalysis.problem import SweptProblem, in_band
 from squealstudy.modes.reanalysis.ritz import ritz_roots
 from squealstudy.modes.reanalysis.sweep_basis import SweepBasis, build_sweep_basis
-from squealstudy.modes.rungs.perturbation import MARGIN, make_anchor, perturbed_pairs
+from squealstudy.modes.rungs.perturbation import ANCHOR_BAND_FACTOR, make_anchor, perturbed_pairs
 from squealstudy.modes.rungs.two_step import two_step_pairs
 from squealstudy.modes.rungs.windows import DEGREE, FollowedPatch, Windows
 from squealstudy.system.parametric import Weights
@@ -94,7 +94,7 @@ def two_step(problem: SweptProblem, points: Points, factor: float) -> Way:
 def perturbation(problem: SweptProblem, points: Points, order: int) -> Way:
     """From the middle of the box."""
     anchor, setup = timed(lambda: make_anchor(problem, np.zeros(problem.dimension), 1e6))
-    near = np.flatnonzero(in_band(anchor.pairs.lam, problem.band, MARGIN))
+    near = np.flatnonzero(in_band(anchor.pairs.lam, problem.band, ANCHOR_BAND_FACTOR))
     row = Measured(f"perturbation {order}", setup / 1e3, f"{len(anchor.pairs.lam)} modes")
 
     def at(i: int) -> None:
