@@ -8,7 +8,7 @@ from squealstudy.cycles.branch import SHRUNK
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.continuation import Steps, follow, newton
 from squealstudy.cycles.equations import CycleEquations
-from squealstudy.cycles.growth import FAR, MOST_OTHERS, OTHER, ZERO, linear_motion
+from squealstudy.cycles.growth import FAR, MOST_OTHERS, OTHER_RESONANCE, ZERO, linear_motion
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.catalogue import MODELS
@@ -136,7 +136,7 @@ def growth_curve(osc, lam, phi, size, harmonics, stop, steps=None):
 
     def ended(u):
         if np.linalg.norm(u[osc.n : -3]) > MOST_OTHERS:
-            return OTHER
+            return OTHER_RESONANCE
         return FAR if stop(equations.motion(u)) else ""
 
     return equations, follow(equations, u, along, steps or Steps(), tests, ended, watched=-1)

@@ -133,7 +133,7 @@ def test_large_models_hold_one_factor_for_all_points(monkeypatch, least_brake):
     monkeypatch.setattr(
         HeldStiffness, "of", staticmethod(lambda assembly, k: (made.append(k), held)[1])
     )
-    monkeypatch.setattr(full_order_check, "_held", {})
+    monkeypatch.setattr(full_order_check, "_stiffness_by_structure", {})
     monkeypatch.setattr(
         full_order_check, "unreduced_assembly", lambda *_: (least_brake.assembly, {})
     )
@@ -153,7 +153,7 @@ def test_large_models_hold_one_factor_for_all_points(monkeypatch, least_brake):
             solve(structure)
         assert len(made) == len(expected)
     assert used[-1] is held
-    assert list(full_order_check._held) == ["b"]
+    assert list(full_order_check._stiffness_by_structure) == ["b"]
 
     def refused(*_):
         raise ConvergenceError("singular", "not definite")
@@ -163,5 +163,5 @@ def test_large_models_hold_one_factor_for_all_points(monkeypatch, least_brake):
     assert used[-1] is None
     monkeypatch.setattr(full_order_check, "_built", {("b", False): (least_brake.assembly, {})})
     full_order_check.forget()
-    assert not full_order_check._held
+    assert not full_order_check._stiffness_by_structure
     assert not full_order_check._built

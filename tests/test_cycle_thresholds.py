@@ -19,7 +19,7 @@ from squealstudy.cycles.growth import STANDSTILL, SecondLook
 from squealstudy.cycles.harmonics import series_at
 from squealstudy.cycles.kicked import N_PHASES, decided_in_time, kick_along_mode, kicks
 from squealstudy.cycles.projection import Projection
-from squealstudy.cycles.series_error import Found, change
+from squealstudy.cycles.series_error import CycleLevels, change
 from squealstudy.cycles.trials import DECAYS, GROWS, LASTS, Trials, ended, run_on, state_of
 from squealstudy.cycles.verdicts import (
     IF_KICKED,
@@ -363,7 +363,7 @@ def test_levels_and_velocities_err_by_no_more_than_is_told(hoffmann, harmonics):
 def test_a_level_is_that_of_velocity_where_friction_has_none():
     def found(rms, velocity, peak):
         levels = {"torque_rms": rms, "contact_velocity": velocity, "torque_peak": peak}
-        return Found(PeriodicMotion(np.zeros((3, 1)), 10.0), levels)
+        return CycleLevels(PeriodicMotion(np.zeros((3, 1)), 10.0), levels)
 
     told = change(found(2.2, 1.5, 3.0), found(2.0, 1.0, 4.0))
     np.testing.assert_allclose(told.all, [0.1, 0.5, 0.25, 0.0])

@@ -151,10 +151,10 @@ def test_motions_are_apart_whatever_their_phase(first):
     motion = first.families[0][1].path[20].motion
     weight = np.ones(motion.Q.shape[1])
     turned = replace(motion, Q=2.0 * (motion.Q + 1e-3 * derivative(motion.Q)))
-    assert growth._apart(weight, motion, turned) < 2e-6
+    assert growth._rel_distance(weight, motion, turned) < 2e-6
     other = motion.Q.copy()
     other[1] = np.roll(other[1], 1)
-    assert growth._apart(weight, motion, replace(motion, Q=other)) > 0.1
+    assert growth._rel_distance(weight, motion, replace(motion, Q=other)) > 0.1
 
 
 def test_modes_that_are_much_alike_are_followed_anew(damped, first):

@@ -422,5 +422,5 @@ def test_a_first_order_change_tells_how_far_a_motion_moves(both, monkeypatch):
         projection = Projection.about(moved, exact)
         first = exact.changed(projection.correction(exact, True))
         better, *_ = projection.improve(exact, 1e-4, SIZE_HELD)
-        told, true = (growth._apart(projection.weight, exact, m) for m in (first, better))
+        told, true = (growth._rel_distance(projection.weight, exact, m) for m in (first, better))
         assert 0.5 < told / true < 2.0

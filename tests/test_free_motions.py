@@ -14,7 +14,7 @@ from study_runs import plan_of, solved
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.assembly import Component
 from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_matrix
-from squealstudy.reduction.free_motions import _named as named
+from squealstudy.reduction.free_motions import _free_motions_text as named
 
 SWEEP = own_blocks.STUDY.replace('"friction"', '"guides.x"').replace("[0.3, 0.6]", "[0.0, 1e7]")
 

@@ -25,7 +25,7 @@ from squealstudy.modes.reanalysis.patch import (
     Box,
     Mixing,
     NodeModes,
-    _wanted,
+    _oscillates_in_band,
     find_blocks,
     gauged,
     make_patch,
@@ -231,7 +231,7 @@ def test_vectors_of_a_patch_solve_its_problem_from_both_sides():
 def test_modes_near_the_band_must_be_followed():
     """Those a quarter beyond either end, of positive imaginary part; others need not be."""
     lam = 1j * np.array([79.0, 81.0, 150.0, 249.0, 251.0, -150.0])
-    assert np.flatnonzero(_wanted(lam, (100.0, 200.0), 1.25)).tolist() == [1, 2, 3]
+    assert np.flatnonzero(_oscillates_in_band(lam, (100.0, 200.0), 1.25)).tolist() == [1, 2, 3]
 
 
 @pytest.mark.parametrize("k", [1, 2, 3])

@@ -19,7 +19,7 @@ from column_cases import Case
 from column_truth import compared
 
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.series_error import FALL, SERIES_SAFETY_FACTOR, Found, of_changes
+from squealstudy.cycles.series_error import FALL, SERIES_SAFETY_FACTOR, CycleLevels, of_changes
 
 BOUNDED = {"torque_rms", "contact_velocity", "frequency_hz", "torque_peak"}
 WIDEST = 60.0  # bounds over true errors
@@ -90,7 +90,7 @@ def test_numbers_are_within_their_bounds_of_the_judges(name):
 def test_rungs_that_agree_by_chance_have_the_error_of_the_change_before():
     def found(rms):
         levels = {"torque_rms": rms, "contact_velocity": 1.0, "torque_peak": 3.0}
-        return Found(PeriodicMotion(np.zeros((3, 1)), 10.0), levels)
+        return CycleLevels(PeriodicMotion(np.zeros((3, 1)), 10.0), levels)
 
     by_chance = of_changes([found(x) for x in (1.3, 1.1, 1.0, 1.0)])
     assert by_chance.level == pytest.approx(SERIES_SAFETY_FACTOR * 0.1 / FALL)

@@ -49,7 +49,11 @@ def forget_models() -> None:
     """What this process remembers of reductions, by keys."""
     for function in IN_MEMORY:
         function.cache_clear()
-    for known in (problems._kept, full_order_check._built, full_order_check._held):
+    for known in (
+        problems._problems_by_key,
+        full_order_check._built,
+        full_order_check._stiffness_by_structure,
+    ):
         known.clear()
     for known in (reduced._built, mode_shapes._last):
         known.clear()

@@ -141,10 +141,13 @@ def follow_border(
         except ConvergenceError as error:
             reason = error.status
         predicted_distance = max(
-            _apart(last.motion, foreseen, width), MIN_PREDICTED_MOVE / PREDICTION_ERROR_HALVE
+            _largest_rel_difference(last.motion, foreseen, width),
+            MIN_PREDICTED_MOVE / PREDICTION_ERROR_HALVE,
         )
         away = (
-            np.inf if reason else _apart(border_point.motion, foreseen, width) / predicted_distance
+            np.inf
+            if reason
+            else _largest_rel_difference(border_point.motion, foreseen, width) / predicted_distance
         )
         if away > PREDICTION_ERROR_HALVE:
             reason, h = reason or ANOTHER, 0.5 * step
@@ -167,14 +170,16 @@ def _foreseen(points: list[BorderPoint], over: float) -> PeriodicMotion:
     return between(before.motion, one.motion, (over - before.over) / (one.over - before.over))
 
 
-def _place(motion: PeriodicMotion, width: float) -> np.ndarray:
+def _border_coordinates(motion: PeriodicMotion, width: float) -> np.ndarray:
     return np.array([motion.mu / width, motion.size, motion.omega])
 
 
-def _apart(one: PeriodicMotion, other: PeriodicMotion, width: float) -> float:
+def _largest_rel_difference(one: PeriodicMotion, other: PeriodicMotion, width: float) -> float:
     """Largest of the differences in parameter, size and frequency, relative."""
     scale = np.array([1.0, max(one.size, 1e-300), one.omega])
-    return float(np.abs((_place(other, width) - _place(one, width)) / scale).max())
+    return float(
+        np.abs((_border_coordinates(other, width) - _border_coordinates(one, width)) / scale).max()
+    )
 
 
 def _why(points: list[BorderPoint], width: float, reason: str) -> str:
@@ -186,7 +191,7 @@ def _why(points: list[BorderPoint], width: float, reason: str) -> str:
         return reason
     last = points[-3:]
     scale = np.array([1.0, max(last[-1].motion.size, 1e-300), last[-1].motion.omega])
-    x = np.array([_place(p.motion, width) / scale for p in last])
+    x = np.array([_border_coordinates(p.motion, width) / scale for p in last])
     k = int(np.argmax(np.abs(x[-1] - x[-2])))
     if np.abs(np.diff(x[:, k])).min() < FOLD_TOLERANCE:
         return reason

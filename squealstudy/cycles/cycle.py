@@ -13,7 +13,7 @@ from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.growth import MIN_REL_FREQUENCY, STANDSTILL
 from squealstudy.cycles.projection import Projection
 from squealstudy.cycles.series_error import (
-    Found,
+    CycleLevels,
     SeriesErrors,
     change,
     in_the_end,
@@ -31,7 +31,7 @@ MAX_ERROR_FOR_STABILITY = 0.1  # error of a level up to which the stability of a
 LEVELS = ("torque_rms", "contact_velocity")  # by which cycles are told apart
 # relative difference of frequencies and levels of one cycle found twice, beside errors
 SAME_CYCLE_REL_TOLERANCE = 1e-5
-MOST_APART = 1e-2  # and the most of it, however large the errors are
+SAME_CYCLE_MAX_REL_TOLERANCE = 1e-2  # and the most of it, however large the errors are
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def cycle_near(
     tried: tuple[int, ...] = HARMONIC_COUNTS if projection.complete else PROJECTED_LADDER
     if search.harmonics is not None:
         tried = _pair(search.harmonics)
-    rougher, other, rungs, errors = motion, motion, list[Found](), SeriesErrors()
+    rougher, other, rungs, errors = motion, motion, list[CycleLevels](), SeriesErrors()
     basis_error = residual = np.inf
     for harmonics in tried:
         try:
@@ -126,10 +126,10 @@ def cycle_near(
             raise ConvergenceError(STANDSTILL, "a motion that comes to a standstill is no cycle")
         rougher = rungs[-1].motion if rungs else rougher
         cycle = projection.corrected(motion)
-        rungs.append(Found(cycle, contact.levels(cycle)))
+        rungs.append(CycleLevels(cycle, contact.levels(cycle)))
         if len(rungs) == 1:
             continue
-        of_basis = change(Found(motion, contact.levels(motion)), rungs[-1])
+        of_basis = change(CycleLevels(motion, contact.levels(motion)), rungs[-1])
         errors, basis_error = of_changes(rungs) + of_basis, of_basis.level
         other = rougher
         if errors.level < search.tolerance or harmonics == tried[-1]:
@@ -166,10 +166,10 @@ def _pair(harmonics: int) -> tuple[int, int]:
 def same_cycle(one: Cycle, other: Cycle) -> bool:
     """Whether two families have found one cycle."""
     a, b = ([c.motion.omega, *(c.levels[n] for n in LEVELS)] for c in (one, other))
-    return alike(a, b, one.error + other.error)
+    return are_one_cycle(a, b, one.error + other.error)
 
 
-def alike(one: Sequence[float], other: Sequence[float], errors: float) -> bool:
+def are_one_cycle(one: Sequence[float], other: Sequence[float], errors: float) -> bool:
     """Whether frequencies and `LEVELS` are those of one cycle, by the relative errors of both."""
-    near = min(SAME_CYCLE_REL_TOLERANCE + errors, MOST_APART)
+    near = min(SAME_CYCLE_REL_TOLERANCE + errors, SAME_CYCLE_MAX_REL_TOLERANCE)
     return all(abs(a - b) <= near * abs(b) for a, b in zip(one, other, strict=True))

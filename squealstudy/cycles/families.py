@@ -169,7 +169,9 @@ def _silent_nearby(
     scale = np.sqrt(np.abs(np.diag(contact.oscillator.K)) + lam.imag**2)
     start = linear_motion(phi, lam, scale, la.norm(scale * first.Q[[1, first.harmonics + 1]]))
     change_of_damping = abs(start.mu - first.mu)
-    look = looked_again(contact.oscillator, near.path, _more(first.harmonics), change_of_damping)
+    look = looked_again(
+        contact.oscillator, near.path, _larger_harmonic_counts(first.harmonics), change_of_damping
+    )
     if look.open or not look.checked:
         return None
     shown = [CurveMotion(start, 0.0, 0.0), *sorted(look.motions, key=lambda p: p.motion.size)]
@@ -177,7 +179,7 @@ def _silent_nearby(
         lam,
         (),
         0,
-        _shown(contact, shown),
+        _curve_rows(contact, shown),
         near.end,
         look,
         path=near.path,
@@ -225,11 +227,11 @@ def _family(
     cycles: list[Cycle] = []
     lost, look = _confirmed(contact, curve, search, cycles), None
     if end in SEARCHED_ENDS and start.mu <= 0.0 and not cycles and abs(start.mu) > noise:
-        look = looked_again(contact.oscillator, curve, _more(harmonics))
+        look = looked_again(contact.oscillator, curve, _larger_harmonic_counts(harmonics))
         _confirmed(contact, chain(*look.pieces), search, cycles)
         if cycles or not (look.open or look.grows):  # more harmonics decide about its zeros
             lost = 0
-    shown = _shown(contact, curve)
+    shown = _curve_rows(contact, curve)
     place = max(range(len(curve)), key=lambda k: float(shown[k]["contact_velocity"]))
     furthest = curve[place].motion
     return Family(
@@ -245,7 +247,7 @@ def _family(
     )
 
 
-def _more(harmonics: int) -> list[int]:
+def _larger_harmonic_counts(harmonics: int) -> list[int]:
     """Numbers of harmonics with which a curve is looked at again."""
     return [h for h in HARMONIC_COUNTS if h > harmonics][:N_LARGER_HARMONIC_COUNTS] or [
         harmonics + harmonics // 2
@@ -282,7 +284,7 @@ def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search)
     return cycles
 
 
-def _shown(contact: ContactOscillator, curve: list[CurveMotion]) -> list[dict[str, Any]]:
+def _curve_rows(contact: ContactOscillator, curve: list[CurveMotion]) -> list[dict[str, Any]]:
     """The curve as rows."""
     return [
         {

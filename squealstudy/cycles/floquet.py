@@ -120,7 +120,7 @@ def floquet(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
     steps = max(MIN_STEPS_PER_PERIOD, STEPS_A_HARMONIC * cycle.harmonics)
     steps += steps % 2
     coarse = np.linalg.eigvals(monodromy(osc, cycle, steps // 2))
-    fine = _found(osc, cycle, monodromy(osc, cycle, steps))
+    fine = _ordered_multipliers(osc, cycle, monodromy(osc, cycle, steps))
     error = max(abs(fine.trivial - 1.0), _difference(fine.multipliers, coarse))
     return replace(fine, errors=np.full(len(fine.multipliers), error))
 
@@ -151,7 +151,7 @@ def floquet_on(
     """
     small = osc.on(V)
     cycle_on_basis, rough = (replace(c, Q=c.Q @ V) for c in (cycle, rougher))
-    fine = _found(
+    fine = _ordered_multipliers(
         small, cycle_on_basis, trapezoidal(small, cycle_on_basis, TRAPEZOIDAL_STEPS, precision)
     )
     rough = replace(rough, Q=rough.Q[:, :few])
@@ -162,7 +162,7 @@ def floquet_on(
     return replace(fine, errors=_changes(fine, coarse, inside))
 
 
-def _found(osc: Oscillator, cycle: PeriodicMotion, whole: np.ndarray) -> Floquet:
+def _ordered_multipliers(osc: Oscillator, cycle: PeriodicMotion, whole: np.ndarray) -> Floquet:
     """Multipliers of a monodromy matrix, in order, without an error."""
     multipliers, vectors = la.eig(whole)
     q, v = cycle.Q, cycle.omega

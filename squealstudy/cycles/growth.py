@@ -19,7 +19,7 @@ from squealstudy.cycles.projection import CURVE_BASIS_ERROR, SIZE_HELD, Projecti
 from squealstudy.errors import ConvergenceError
 
 ZERO = "C"  # event: a cycle, where no damping need be added
-FAR, OTHER = "far", "other_resonance"  # why curves end
+FAR, OTHER_RESONANCE = "far", "other_resonance"  # why curves end
 DAMPED, OUTSIDE = "damped", "outside"
 SHRUNK, STANDSTILL, RETRACED = "shrunk", "standstill", "retraced"
 # of the mode's frequency: below it motions are on their way to another equilibrium
@@ -81,7 +81,7 @@ def family_curve(
         moving = np.linalg.norm(motion.Q[1:] * projection.weight)
         first = np.linalg.norm(motion.Q[[1, motion.harmonics + 1]] * projection.weight)
         if moving > MOST_OTHERS * first:
-            return OTHER
+            return OTHER_RESONANCE
         if motion.size < least:
             return SHRUNK
         if motion.omega < MIN_REL_FREQUENCY * start.omega:
@@ -209,7 +209,7 @@ def looked_again(
         look.motions.append(balanced)
         better, elsewhere = balanced.motion, 0.0
         if moved is not None:
-            off = _apart(projection.weight, motion, better)
+            off = _rel_distance(projection.weight, motion, better)
             if off > MAX_REL_DISTANCE:
                 look.open.append(better)
                 break
@@ -251,7 +251,7 @@ def holds_here(osc: Oscillator, curve: Sequence[CurveMotion]) -> bool:
         return True
     try:
         return all(
-            _apart(projection.weight, m, m.changed(projection.correction(m, True)))
+            _rel_distance(projection.weight, m, m.changed(projection.correction(m, True)))
             < MAX_REL_DISTANCE
             for m in (path[k] for k in places)
         )
@@ -259,7 +259,7 @@ def holds_here(osc: Oscillator, curve: Sequence[CurveMotion]) -> bool:
         return False
 
 
-def _apart(weight: np.ndarray, one: PeriodicMotion, other: PeriodicMotion) -> float:
+def _rel_distance(weight: np.ndarray, one: PeriodicMotion, other: PeriodicMotion) -> float:
     """Norm of the difference of two motions of nearly one phase, each over its first harmonic."""
     H = max(one.harmonics, other.harmonics)
     a, b = (with_harmonics(m.Q, H) * weight for m in (one, other))

@@ -35,7 +35,7 @@ START_ANGLES_RAD = 0.0, 0.5 * np.pi  # at which of their angles
 CYCLE = "the cycle"  # where a run goes on with it
 ABOVE = 1.1  # times an unstable cycle: where a run begins that shall tell what is beyond it
 # status of a search
-FOUND, NONE, UNCLEAR = "ok", "none", "undecided"
+KICK_FOUND, NO_KICK, KICK_UNDECIDED = "ok", "none", "undecided"
 
 LEVEL = "torque_rms"  # by which cycles of a design that squeals are compared
 DISTINCT_LEVEL_RATIO = 1.02  # times the loudest stable one: another that is no other reading of it
@@ -107,18 +107,18 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
         if GROWS in outcomes:
             high, worst = size, outcomes.index(GROWS)
         elif OPEN in outcomes:
-            return Kick(np.nan, np.nan, np.nan, np.nan, UNCLEAR)
+            return Kick(np.nan, np.nan, np.nan, np.nan, KICK_UNDECIDED)
         elif worst < 0:
-            return Kick(np.nan, np.nan, np.nan, np.nan, NONE)
+            return Kick(np.nan, np.nan, np.nan, np.nan, NO_KICK)
         else:
             low = size
         if high - low < KICK_REL_TOLERANCE * high:
             break
         if high < MIN_REL_KICK * top:  # no size was seen to decay
-            return Kick(np.nan, np.nan, np.nan, np.nan, UNCLEAR)
+            return Kick(np.nan, np.nan, np.nan, np.nan, KICK_UNDECIDED)
     q, v = start(high, phases[worst])
     energy = 0.5 * float(v @ v + contact.system.omega2 @ q**2)
-    return Kick(high, float(phases[worst]), energy, (high - low) / high, FOUND)
+    return Kick(high, float(phases[worst]), energy, (high - low) / high, KICK_FOUND)
 
 
 def decided_in_time(

@@ -66,27 +66,27 @@ class SeriesErrors:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class CycleLevels:
     """A cycle, and its `ContactOscillator.levels`."""
 
     motion: PeriodicMotion
     levels: dict[str, float]
 
 
-def change(before: Found, now: Found) -> SeriesErrors:
+def change(before: CycleLevels, now: CycleLevels) -> SeriesErrors:
     """By what two findings of one cycle differ."""
     names = ("torque_rms", "contact_velocity", "torque_peak")
-    level, velocity, peak = (_apart(before.levels[n], now.levels[n]) for n in names)
+    level, velocity, peak = (_rel_change(before.levels[n], now.levels[n]) for n in names)
     velocity = 0.0 if math.isnan(velocity) else velocity
     level = velocity if math.isnan(level) else level
     return SeriesErrors(level, velocity, peak, abs(before.motion.omega / now.motion.omega - 1.0))
 
 
-def _apart(before: float, now: float) -> float:
+def _rel_change(before: float, now: float) -> float:
     return abs(before - now) / now if now > 0 else np.nan
 
 
-def of_changes(found: Sequence[Found]) -> SeriesErrors:
+def of_changes(found: Sequence[CycleLevels]) -> SeriesErrors:
     """Errors of the last of some rungs, by what the last two of them changed."""
     changes = [change(a, b) for a, b in itertools.pairwise(found[-3:])]
     last = changes[-1] if len(changes) == 1 else changes[-1].larger(changes[0] * (1.0 / FALL))
@@ -94,7 +94,7 @@ def of_changes(found: Sequence[Found]) -> SeriesErrors:
 
 
 def of_finer(
-    contact: ContactOscillator, projection: Projection, found: Found
+    contact: ContactOscillator, projection: Projection, found: CycleLevels
 ) -> tuple[SeriesErrors, PeriodicMotion] | None:
     """Errors by the same cycle with more harmonics and twice the samples, and that motion.
 
@@ -112,14 +112,14 @@ def of_finer(
         for order in orders:
             motion, _ = finer.cycle_near(motion, order)
             levels = contact.levels(motion, 2 * LEVEL_SAMPLES)
-            errors = errors.larger(change(found, Found(motion, levels)))
+            errors = errors.larger(change(found, CycleLevels(motion, levels)))
     except ConvergenceError:
         return None
     return errors * SURER, motion
 
 
 def in_the_end(
-    contact: ContactOscillator, found: Found, errors: SeriesErrors, other: PeriodicMotion
+    contact: ContactOscillator, found: CycleLevels, errors: SeriesErrors, other: PeriodicMotion
 ) -> SeriesErrors:
     """With what is owed to the tolerance of balances, and of peaks to samples and to the corner.
 

@@ -19,7 +19,7 @@ from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.growth import (
     DAMPED,
     FAR,
-    OTHER,
+    OTHER_RESONANCE,
     RETRACED,
     SHRUNK,
     STANDSTILL,
@@ -30,7 +30,7 @@ from squealstudy.wording import IF_KICKED, NEUTRAL, NO_CYCLE, SQUEALS, UNDECIDED
 
 NOT_FOLLOWED = "not_followed"  # end of a curve that was not asked for
 CURVE_ENDS = {  # why a curve ended before it was followed as far as asked, in words
-    OTHER: "the motion became that of another resonance",
+    OTHER_RESONANCE: "the motion became that of another resonance",
     SHRUNK: "the motion came back to no amplitude",
     STANDSTILL: "the frequency of the motion went to zero",
     RETRACED: "the curve turned back on its own path",

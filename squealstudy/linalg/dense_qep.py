@@ -219,7 +219,7 @@ class _Krylov:
         return np.concatenate([first + again, [length]])
 
 
-class _Found(NamedTuple):
+class _RootsNearShift(NamedTuple):
     """Roots theta (k,) next to the shift, their states (2n, k), an orthonormal basis of those."""
 
     theta: np.ndarray
@@ -227,7 +227,7 @@ class _Found(NamedTuple):
     Z: np.ndarray
 
 
-def _roots_in_reach(form: _InverseCompanion, radius: float, expected: int) -> _Found:
+def _roots_in_reach(form: _InverseCompanion, radius: float, expected: int) -> _RootsNearShift:
     """All roots that the circle holds, and those in reach as far as they are seen.
 
     Raises
@@ -260,7 +260,7 @@ def _roots_in_reach(form: _InverseCompanion, radius: float, expected: int) -> _F
             and (missing <= np.where(inside, CONVERGED_RESIDUAL, OUTER_RESIDUAL_TOLERANCE)).all()
         ):
             Z = space.vectors @ Q[:, :k]
-            return _Found(theta, product(Z, S), Z)
+            return _RootsNearShift(theta, product(Z, S), Z)
         size = int(SPACE_GROWTH * size)
     raise la.LinAlgError("the roots did not converge")
 

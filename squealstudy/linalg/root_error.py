@@ -86,10 +86,12 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
         moved = conditions(lam, psi, D) / np.maximum(slope, TINY)
         round_off = EPS * energy * moved
         error = np.einsum("ij,ij->j", a, np.abs(r)) * moved + round_off
-    return RootErrors(_known(error), _known(round_off), np.linalg.norm(r, axis=0))
+    return RootErrors(
+        _unknown_as_infinite(error), _unknown_as_infinite(round_off), np.linalg.norm(r, axis=0)
+    )
 
 
-def _known(error: np.ndarray) -> np.ndarray:
+def _unknown_as_infinite(error: np.ndarray) -> np.ndarray:
     """Errors, infinite where they cannot be told."""
     return np.where(np.isnan(error), np.inf, error)
 

@@ -32,12 +32,13 @@ from squealstudy.models.parameter_names import FREQUENCY_SCALE
 from squealstudy.modes.judged_roots import light_or_growing
 
 LAW_OPTIONS = (CONTACT_OPTION.name, FRICTION_OPTION.name)  # they change no structure
-MOST_KEPT = 4  # reductions of meshed models in memory: some 100 MB each of a medium brake
+# reductions of meshed models in memory: some 100 MB each of a medium brake
+MAX_MESHED_REDUCTIONS = 4
 N_CHECKED_POINTS = 8  # design points at which is looked whether a basis is good enough
-MOST_SMALL = 64  # and of others: a kilobyte each
+MAX_SMALL_REDUCTIONS = 64  # and of others: a kilobyte each
 Memory = OrderedDict[Hashable, tuple[ModelDefinition, Reduction]]
-_kept: Memory = OrderedDict()
-_small: Memory = OrderedDict()
+_meshed_reductions: Memory = OrderedDict()
+_small_reductions: Memory = OrderedDict()
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +89,12 @@ class Structures:
         """Of a model without a mesh, whose basis is complete: that of one structure is kept."""
         varied = self.values.varied.keys() & first.structural_values().keys()
         key = () if varied else self._identity(first)
-        if key not in _small:
+        if key not in _small_reductions:
             reduction = reduced(first.assembly(), self._nominal, self.basis.settings(False))
             if varied:  # of many structures none is asked for again
                 return reduction
-            _small[key] = first.model, reduction
-        return _recalled(_small, key, MOST_SMALL)
+            _small_reductions[key] = first.model, reduction
+        return _recalled(_small_reductions, key, MAX_SMALL_REDUCTIONS)
 
     def _meshed(self, first: ModelPoint, own: np.ndarray) -> Reduction:
         """A reduction whose error is known, enriched where that is beyond the tolerance."""
@@ -111,7 +112,7 @@ class Structures:
 
     def pairs(self, point: ModelPoint, reduction: Reduction) -> PointPairs:
         """Complex modes of a design point in the basis' band, with their errors."""
-        tried = self._tried.pop(_place(point), None)
+        tried = self._tried.pop(_values_key(point), None)
         return tried or point_pairs(point, reduction, self.basis.band_hz, self.basis.tells_error)
 
     def _error(self, found: Reduction, number: int) -> float:
@@ -121,14 +122,14 @@ class Structures:
             modes = point_pairs(point, found, self.basis.band_hz, True)
         except FAILURES:
             return 0.0
-        self._tried[_place(point)] = modes
+        self._tried[_values_key(point)] = modes
         relative = np.nan_to_num(modes.error_reduction) / np.abs(modes.lam)
         return float(relative[light_or_growing(modes.lam)].max(initial=0.0))
 
     def _made(self, first: ModelPoint, enriching: int) -> Reduction:
         """From memory, or made now."""
         key = (*self._identity(first), enriching)
-        if key not in _kept:
+        if key not in _meshed_reductions:
             with threadpool_limits(1):  # as studies make it: the threads are those of the factors
                 reduction = reduced(
                     first.assembly(),
@@ -139,8 +140,8 @@ class Structures:
                     self.scales() if self._judged else (),
                     enriching,
                 )
-            _kept[key] = first.model, reduction
-        return _recalled(_kept, key, MOST_KEPT)
+            _meshed_reductions[key] = first.model, reduction
+        return _recalled(_meshed_reductions, key, MAX_MESHED_REDUCTIONS)
 
     @property
     def _judged(self) -> bool:
@@ -216,7 +217,7 @@ def _recalled(memory: Memory, key: Hashable, most: int) -> Reduction:
     return memory[key][1]
 
 
-def _place(point: ModelPoint) -> Hashable:
+def _values_key(point: ModelPoint) -> Hashable:
     return tuple(point.values.values())
 
 
@@ -233,5 +234,5 @@ def _check_modes(point: ModelPoint, found: Reduction) -> None:
 
 def forget() -> None:
     """Free the memory of reductions that no one else holds."""
-    _kept.clear()
-    _small.clear()
+    _meshed_reductions.clear()
+    _small_reductions.clear()

@@ -15,13 +15,13 @@ from squealstudy.reduction.cmt import ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.root_pairs import by_modulus
 
-Found = tuple[int, PointModes | ConvergenceError]
+PointAnswer = tuple[int, PointModes | ConvergenceError]
 REAL, COMPLEX = "f", "fc"  # kinds of dtypes
 
 
 def checked(
     item: Any, name: str, problem: Problem, points: Sequence[Point], known: Collection[int]
-) -> Found:
+) -> PointAnswer:
     """An item that the rung `name` yields for some points, its modes in order and under its name.
 
     Raises
@@ -46,7 +46,7 @@ def checked(
             f"yielded {type(outcome).__name__}"
         )
     if wrong := _fault(outcome, problem):
-        raise ValueError(f"point {index}{_place(problem, points[int(index)])}: {wrong}")
+        raise ValueError(f"point {index}{_values_text(problem, points[int(index)])}: {wrong}")
     return int(index), _ordered(outcome, name)
 
 
@@ -96,7 +96,7 @@ def _outside(found: PointModes, band: tuple[float, float]) -> str:
     )
 
 
-def _place(problem: Problem, point: Point) -> str:
+def _values_text(problem: Problem, point: Point) -> str:
     """Values of a point in parameters that vary, to find it by."""
     ends = np.ones(problem.swept.dimension)
     low, high = (problem.point_at(theta).values for theta in (-ends, ends))

@@ -13,7 +13,7 @@ import numpy as np
 
 from squealstudy.errors import ConvergenceError, ExtensionError, SquealstudyError
 from squealstudy.extensions import hash_of
-from squealstudy.modes.answer import Found, checked
+from squealstudy.modes.answer import PointAnswer, checked
 from squealstudy.modes.point import PointModes
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.patch import Box
@@ -93,7 +93,7 @@ class Rung(ABC):
     shares_work: ClassVar[bool] = False
 
     @abstractmethod
-    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[PointAnswer]:
         """Complex modes of design points of one structure, in any order.
 
         It is called with many points, and by tracking and onsets with one at a time, of the same
@@ -197,7 +197,9 @@ class Rung(ABC):
 LEFT_OVER = ConvergenceError("left_over", "not yielded")
 
 
-def answers(rung: Rung, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+def answers(
+    rung: Rung, problem: Problem, points: Sequence[Point], box: Box
+) -> Iterator[PointAnswer]:
     """What a rung yields for design points; what comes from outside the package is checked.
 
     Raises

@@ -18,7 +18,8 @@ from squealstudy.tables.stability import INTO
 
 # of the growing mode's damping ratio: below it a stable point has no damping
 DAMPING_ROUND_OFF_RATIO = 1e-9
-Edge = tuple[int, int]  # of the plane's design points: first the stable, then the unstable one
+# of the plane's design points: first the stable, then the unstable one
+StabilityEdge = tuple[int, int]
 
 
 class Boundary(NamedTuple):
@@ -60,7 +61,7 @@ def stability_boundary(
         Their parameter.
     """
     finder = _Crossings(plane, onsets, along)
-    segments: dict[Edge, Edge] = {}
+    segments: dict[StabilityEdge, StabilityEdge] = {}
     for polygon in plane.polygons():
         segments |= dict(_segments(polygon, plane.unstable))
     chains = list(_chains(segments))
@@ -70,7 +71,9 @@ def stability_boundary(
     return Boundary(lines, at, len(finder.on_lines), finder.refined)
 
 
-def _segments(polygon: np.ndarray, unstable: np.ndarray) -> Iterator[tuple[Edge, Edge]]:
+def _segments(
+    polygon: np.ndarray, unstable: np.ndarray
+) -> Iterator[tuple[StabilityEdge, StabilityEdge]]:
     """Each stretch of unstable corners, counterclockwise: the edges by which one comes and goes."""
     state = unstable[polygon]
     n = len(polygon)
@@ -83,7 +86,7 @@ def _segments(polygon: np.ndarray, unstable: np.ndarray) -> Iterator[tuple[Edge,
         )
 
 
-def _chains(segments: dict[Edge, Edge]) -> Iterator[list[Edge]]:
+def _chains(segments: dict[StabilityEdge, StabilityEdge]) -> Iterator[list[StabilityEdge]]:
     """Segments from edge to edge joined to open lines, then to closed ones."""
     ends = set(segments.values())
     starts = [edge for edge in segments if edge not in ends]
@@ -113,24 +116,24 @@ class _Crossings:
         self.refined = sum(self._refined_at(edge) is not None for edge in self.on_lines)
         self._distance = self._distances()
 
-    def place(self, edge: Edge) -> tuple[float, float]:
+    def place(self, edge: StabilityEdge) -> tuple[float, float]:
         """Point on an edge (x, y), as drawn."""
         a, b = (self._xy[i] for i in edge)
         x, y = a + self._part(edge) * (b - a)
         return float(self._plane.across.uneven(x)), float(self._plane.up.uneven(y))
 
-    def is_refined(self, edge: Edge) -> bool:
+    def is_refined(self, edge: StabilityEdge) -> bool:
         """Whether an edge has a refined onset."""
         return self._along is not None and self._refined_at(edge) is not None
 
-    def _refined_at(self, edge: Edge) -> float | None:
+    def _refined_at(self, edge: StabilityEdge) -> float | None:
         """Coordinate of the refined onset on an edge; nodes that were filled in have none."""
         stable, unstable = (self._plane.point_ids[i] for i in edge)
         onset = self._onset.get((stable, unstable))
         ends = sorted(self._xy[list(edge), self._along or 0].tolist())
         return onset if onset is not None and ends[0] <= onset <= ends[1] else None
 
-    def _line_crossings(self) -> list[Edge]:
+    def _line_crossings(self) -> list[StabilityEdge]:
         """Edges along the onsets' parameter that the boundary crosses."""
         if self._along is None or not self._plane.gridded:
             return []
@@ -159,7 +162,7 @@ class _Crossings:
             distance[here] = np.abs(along[here][:, None] - np.array(crossings)).min(axis=1)
         return np.where(self._plane.unstable, -distance, distance)
 
-    def _part(self, edge: Edge) -> float:
+    def _part(self, edge: StabilityEdge) -> float:
         """Place on an edge, from 0 at the stable point to 1."""
         if self._along is None or self._xy[edge[0], self._along] != self._xy[edge[1], self._along]:
             return self._part_on_line(edge)
@@ -168,14 +171,14 @@ class _Crossings:
             return stable / (stable - unstable)
         return self._part_by_damping(edge)
 
-    def _part_on_line(self, edge: Edge) -> float:
+    def _part_on_line(self, edge: StabilityEdge) -> float:
         onset = None if self._along is None else self._refined_at(edge)
         if onset is None:
             return self._part_by_damping(edge)
         a, b = self._xy[list(edge), self._along]
         return float((onset - a) / (b - a))
 
-    def _part_by_damping(self, edge: Edge) -> float:
+    def _part_by_damping(self, edge: StabilityEdge) -> float:
         stable, unstable = (float(self._plane.damping_ratio[i]) for i in edge)
         if (
             not unstable < 0
@@ -187,7 +190,7 @@ class _Crossings:
         stable = max(stable, 0.0)
         return stable / (stable - unstable)
 
-    def _highest_damping(self, edge: Edge) -> float:
+    def _highest_damping(self, edge: StabilityEdge) -> float:
         """Of the stable points on the edge's line; without one there may be none up to a lock-in.
 
         -inf where none of them has an oscillating mode.

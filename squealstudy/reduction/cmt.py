@@ -15,7 +15,7 @@ from squealstudy.linalg.real_modes import real_modes, shifted
 from squealstudy.models.matrix_checks import is_skew
 from squealstudy.models.operating import ModeKey
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
-from squealstudy.reduction.projected import AnyAssembly, Part
+from squealstudy.reduction.projected import AnyAssembly, AnyComponent
 from squealstudy.reduction.working_point import WorkingPoint
 
 
@@ -241,12 +241,12 @@ def reduce_cmt(
     loaded = phi[:, omega <= 2 * np.pi * settings.load_cutoff]
     extra = _load_responses(assembly, factor.lean(), nominal, others, loaded)
 
-    def complete(component: Part) -> tuple[np.ndarray, np.ndarray]:
+    def complete(component: AnyComponent) -> tuple[np.ndarray, np.ndarray]:
         span = assembly.slices[component.name]
         shapes = [(phi[span], MODE_TOLERANCE), (extra[span], settings.tolerance)]
         return complete_basis(component.M, component.K, modes[component.name].phi, shapes)
 
-    components: Sequence[Part] = assembly.components
+    components: Sequence[AnyComponent] = assembly.components
     with side_by_side(assembly.n_dof) as pool:
         blocks, diagonals = zip(*pool.map(complete, components), strict=True)
     basis = ComponentBasis(blocks=blocks, omega=omega, phi=phi, factor=factor)

@@ -221,7 +221,7 @@ def contact_space(
     """
     c = assembly.contact
     K0 = assembly.K_el + assembly.K_springs(static=True) + assembly.K_contact(k_c)
-    solve = _held(assembly, K0).lean()
+    solve = _checked_factor(assembly, K0).lean()
     loads = np.column_stack([assembly.load, assembly.constant_load])
     rows = rows or ContactRows.of(c)
     of_loads: list[np.ndarray] = []
@@ -307,7 +307,7 @@ def independent_columns(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.nd
     return columns, np.concatenate(chosen), np.vstack(parts)
 
 
-def _held(assembly: AnyAssembly, K0: sp.csr_matrix) -> RefinedFactor:
+def _checked_factor(assembly: AnyAssembly, K0: sp.csr_matrix) -> RefinedFactor:
     """The factor of K0, tried on a known load: where it is singular to round-off that is missed."""
     try:
         factor = factorise(K0, definite=True)

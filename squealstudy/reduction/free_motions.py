@@ -30,7 +30,7 @@ def free_motion(assembly: AnyAssembly, K: sp.csr_matrix) -> ConvergenceError:
     """The error about a stiffness K that is singular, with the motions that are free."""
     motions = ""
     if isinstance(assembly, Assembly) and any(len(c.coordinates) for c in assembly.components):
-        motions = _named(assembly, K)
+        motions = _free_motions_text(assembly, K)
     if not motions:
         return ConvergenceError(SINGULAR, FREE_MOTION)
     return ConvergenceError(
@@ -40,7 +40,7 @@ def free_motion(assembly: AnyAssembly, K: sp.csr_matrix) -> ConvergenceError:
     )
 
 
-def _named(assembly: Assembly, K: sp.csr_matrix) -> str:
+def _free_motions_text(assembly: Assembly, K: sp.csr_matrix) -> str:
     """Free motions in words; empty where none is found."""
     diagonal = np.abs(K.diagonal())
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=0.0) or 1.0))

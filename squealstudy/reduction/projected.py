@@ -133,7 +133,7 @@ class ProjectedAssembly:
 
 
 AnyAssembly = Assembly | ProjectedAssembly
-Part = Component | ProjectedComponent
+AnyComponent = Component | ProjectedComponent
 
 
 def projected(assembly: Assembly, blocks: Sequence[np.ndarray]) -> ProjectedAssembly:

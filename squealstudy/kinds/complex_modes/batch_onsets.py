@@ -108,10 +108,10 @@ class BatchOnsets:
         width = roots.lam.shape[1]
         whole = oscillating.sum(axis=1) == count
         if width < count:
-            return ManyModes(*_nothing(len(points), count, system.structures.n)), whole
+            return ManyModes(*_placeholder_modes(len(points), count, system.structures.n)), whole
         shapes = system.shapes(roots.psi)
         return ManyModes(roots.lam[:, :count], shapes[:, :count]), whole
 
 
-def _nothing(n: int, count: int, k: int) -> tuple[np.ndarray, np.ndarray]:
+def _placeholder_modes(n: int, count: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     return np.ones((n, count), dtype=complex), np.zeros((n, count, k), dtype=np.complex64)

@@ -180,9 +180,9 @@ def design_table(results: ResultTables, lines: list[DesignLine]) -> list[Rendera
             [
                 ", ".join(amount(v, units.get(n, "")) for n, v in line.design.items()),
                 onset,
-                _named(line.first),
+                _mode_text(line.first),
                 in_digits(line.fastest["max_growth_rate"], 1) if line.fastest else "-",
-                _named(line.fastest),
+                _mode_text(line.fastest),
                 f"{100 * line.unstable / line.solved:.0f} %" if line.solved else "-",
             ]
         )
@@ -204,7 +204,7 @@ def design_table(results: ResultTables, lines: list[DesignLine]) -> list[Rendera
     ]
 
 
-def _named(row: Row | None) -> str:
+def _mode_text(row: Row | None) -> str:
     if row is None:
         return ""
     name = track_number(row["track"]) if row["kind"] == group_kind(1) else str(row["kind"])

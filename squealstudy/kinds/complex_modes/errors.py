@@ -67,14 +67,14 @@ def mode_errors(
         "reduced": is_reduced(plan),
         "reduction_sample_points": len(samples),
         "reduction_widened": widened,
-        "largest_rung": _largest(errors.rung, columns.lam, judged),
+        "largest_rung": _largest_rel_error(errors.rung, columns.lam, judged),
         "unknown_rung": int((judged & np.isnan(errors.rung)).sum()),
-        "largest_reduction": _largest(errors.reduction, columns.lam, judged),
+        "largest_reduction": _largest_rel_error(errors.reduction, columns.lam, judged),
     }
     return errors, facts
 
 
-def _largest(error: np.ndarray, lam: np.ndarray, judged: np.ndarray) -> float | None:
+def _largest_rel_error(error: np.ndarray, lam: np.ndarray, judged: np.ndarray) -> float | None:
     """Largest relative error of judged modes; None where none is known."""
     is_finite = judged & np.isfinite(error)
     relative = error[is_finite] / np.maximum(np.abs(lam[is_finite]), np.finfo(float).tiny)

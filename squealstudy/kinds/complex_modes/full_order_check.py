@@ -90,13 +90,14 @@ def reference_roots(reference: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarra
 
 # by structure, and whether component modes go with it
 _built: dict[tuple[str, bool], tuple[Assembly, Mapping[str, ComponentModes]]] = {}
-_held: dict[str, HeldStiffness | None] = {}  # by structure: of large ones that are definite
+# by structure: of large ones that are definite
+_stiffness_by_structure: dict[str, HeldStiffness | None] = {}
 
 
 def forget() -> None:
     """Let go of the unreduced model that this process holds, and of its factor."""
     _built.clear()
-    _held.clear()
+    _stiffness_by_structure.clear()
     give_back_memory()
 
 
@@ -127,13 +128,13 @@ def solve_unreduced(
     state, cutoff = design.state(), settings.damped_to
     stiffness_kept = None
     if HeldStiffness.pays(assembly):
-        if design.structure not in _held:
-            _held.clear()
+        if design.structure not in _stiffness_by_structure:
+            _stiffness_by_structure.clear()
             stiffness = mean_contact_stiffness(assembly, state.operating)
             with contextlib.suppress(ConvergenceError):  # the weight of stresses may be negative
                 stiffness_kept = HeldStiffness.of(assembly, stiffness)
-            _held[design.structure] = stiffness_kept
-        stiffness_kept = _held[design.structure]
+            _stiffness_by_structure[design.structure] = stiffness_kept
+        stiffness_kept = _stiffness_by_structure[design.structure]
     return full_order_modes(prepared, assembly, modes, state, band_hz, cutoff, stiffness_kept)
 
 

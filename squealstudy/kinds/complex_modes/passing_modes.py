@@ -28,7 +28,8 @@ Node = tuple[int, ...]
 COUPLING_CHANGE = 1.3  # by which coupling at the crossing may exceed that at both nodes: with 1.0
 # no node of 90 random maps was wrong either, for 7 % fewer points
 SHAPE_REL_ROUND_OFF = 1e-6  # of c: shapes are kept in single precision
-ALIKE = 0.3  # two modes whose shapes tell their order by less may have passed each other
+# two modes whose shapes tell their order by less may have passed each other
+MIN_ORDER_CERTAINTY = 0.3
 AT_HAND = 4096  # nodes whose modes are held
 
 
@@ -100,7 +101,7 @@ class PassingModes:
         rows, columns = least_assignment(-likeness)
         like = likeness[np.ix_(rows, columns)]
         diagonal = np.diagonal(like)
-        sure = diagonal[:, None] + diagonal - like - like.T > ALIKE
+        sure = diagonal[:, None] + diagonal - like - like.T > MIN_ORDER_CERTAINTY
         size_a, size_b = np.abs(at_a.lam)[rows], np.abs(at_b.lam)[columns]
         passed = (size_a[:, None] - size_a) * (size_b[:, None] - size_b) < 0
         h = np.maximum(h_a[np.ix_(rows, rows)], h_b[np.ix_(columns, columns)])

@@ -123,18 +123,18 @@ def swept_structures(plan: Plan) -> list[SweptStructure]:
 def problem_of(structure: SweptStructure, rung: Rung) -> Problem:
     """The problem of a structure as a rung needs it, kept for the next call in this process."""
     key = f"{structure.path} {rung.over_a_basis}"
-    if key not in _kept:
-        while len(_kept) >= MOST_KEPT:
-            _kept.pop(next(iter(_kept)))
+    if key not in _problems_by_key:
+        while len(_problems_by_key) >= MOST_KEPT:
+            _problems_by_key.pop(next(iter(_problems_by_key)))
         prepared = prepared_any(structure.key)
         if isinstance(prepared, PreparedFamily):
-            _kept[key] = _family_problem(structure, prepared)
+            _problems_by_key[key] = _family_problem(structure, prepared)
         else:
-            _kept[key] = _brake_problem(structure, prepared, not rung.over_a_basis)
-    return _kept[key]
+            _problems_by_key[key] = _brake_problem(structure, prepared, not rung.over_a_basis)
+    return _problems_by_key[key]
 
 
-_kept: dict[str, Problem] = {}
+_problems_by_key: dict[str, Problem] = {}
 
 
 def _family_problem(structure: SweptStructure, prepared: PreparedFamily) -> Problem:

@@ -120,7 +120,7 @@ class ComplexModesScreen(KindScreen):
     ) -> list[RenderableType]:
         """The ranking of unstable modes, what its columns mean, and what is uncertain."""
         if not len(table):
-            return [_nothing(results, where), notes(_doubt(results, where), _left_out(results))]
+            return [_no_mode(results, where), notes(_doubt(results, where), _left_out(results))]
         energies = bool(table["main_component"].any())  # a family of matrices has none
         shown = grid(
             *("mode", "Hz", "unstable", "growth 1/s", "damping %"),
@@ -142,7 +142,7 @@ class ComplexModesScreen(KindScreen):
             return [*_answer(results, self, lines), *designs, *self.ranking(results)]
         lost = _left_out(results)
         if not (results.points["status"] == "ok").any():
-            return [_nothing(results, None), notes(lost)]
+            return [_no_mode(results, None), notes(lost)]
         where = "solved design point" if lost else "design point"
         return [f"No mode lies {band_text(results.fact('band_hz'))} at any {where}.", notes(lost)]
 
@@ -155,15 +155,15 @@ class ComplexModesScreen(KindScreen):
         but += grows_outside(results.manifest, results.units)
         table = self.rank(results, "share", None, None)
         if not len(table):
-            return _nothing(results, None) + but
+            return _no_mode(results, None) + but
         wide = table.iloc[0]
         fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
         text = _how_many(results, table)
         text += "".join(f"; {family}" for family in _families(table)) + ". "
         text += (
-            f"Most widespread: {_told(wide)}, at {in_digits(100 * wide['unstable_share'])} % of "
+            f"Most widespread: {_row_text(wide)}, at {in_digits(100 * wide['unstable_share'])} % "
         )
-        text += f"{_counted(results, None)}. Fastest: {_told(fast)}, by "
+        text += f"of {_counted(results, None)}. Fastest: {_row_text(fast)}, by "
         text += f"{in_digits(fast['max_growth_rate'], 1)} 1/s"
         where = ", ".join(map(" ".join, settings_of(fast["at"], results.units).items()))
         return f"{text}{f' at {where}' if where else ''}.{but}"
@@ -222,7 +222,7 @@ def _answer(
     return [f"{of}{_how_many(results, table)}.", ""]
 
 
-def _told(row: pd.Series) -> str:
+def _row_text(row: pd.Series) -> str:
     """A line of the ranking in words."""
     values = row.to_dict()
     hz = frequency_text(values)
@@ -265,7 +265,7 @@ def _unrefined(manifest: Mapping[str, Any]) -> Rows:
     return [("not refined", f"{text}: a larger refine_points of [modes] does")] if text else []
 
 
-def _nothing(results: ResultTables, where: str | None) -> str:
+def _no_mode(results: ResultTables, where: str | None) -> str:
     """Why a ranking has no row."""
     if not _counted_points(results, where):
         return f"No design point is {'solved and within the query' if where else 'solved'}."

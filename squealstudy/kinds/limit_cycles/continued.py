@@ -144,7 +144,7 @@ class Mark:
 
 
 @dataclass
-class Found:
+class ContinuedBranches:
     """What was continued.
 
     Attributes
@@ -164,9 +164,9 @@ class Found:
     marks: list[Mark] = field(default_factory=list)
 
 
-def step_to_neighbour(task: StepTask) -> Found:
+def step_to_neighbour(task: StepTask) -> ContinuedBranches:
     """The cycle at the neighbour, where it can be continued to it."""
-    continuation, points, gaps = Found(), task.points, NewGaps()
+    continuation, points, gaps = ContinuedBranches(), task.points, NewGaps()
     way, furthest = Way(task.request, points[0], points[1]), 0.0
 
     def stop(motion: PeriodicMotion) -> str:
@@ -189,11 +189,11 @@ def step_to_neighbour(task: StepTask) -> Found:
     return continuation
 
 
-def follow_line(task: LineTask) -> Found:
+def follow_line(task: LineTask) -> ContinuedBranches:
     """Branches through all cycles of a line, each once, and the cycles on them at its designs."""
     values = task.points.column(task.along)
     way = Way(task.request, task.points[0], task.points[-1], (float(values[0]), float(values[-1])))
-    continuation, branches = Found(), []  # type: Found, list[Branch]
+    continuation, branches = ContinuedBranches(), []  # type: ContinuedBranches, list[Branch]
     for start in task.starts:
         level = way.contact(start.value).contact_velocity(start.motion)
         if any(b.passes(way, start.value, start.omega, level) for b in branches):

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.cycles.cycle import LEVELS, OK, alike
+from squealstudy.cycles.cycle import LEVELS, OK, are_one_cycle
 from squealstudy.engine.cycle_states import cycle_file, stored_cycles
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.plan import Plan
@@ -330,7 +330,7 @@ def _is_same_row(one: dict[str, Any], other: dict[str, Any]) -> bool:
     """Whether a design has a cycle already: as near as the errors of both allow."""
     a, b = ([row["frequency_hz"], *(row[n] for n in LEVELS)] for row in (one, other))
     errors = (max(row["level_error"], row["velocity_error"]) for row in (one, other))
-    return alike(a, b, sum(errors))
+    return are_one_cycle(a, b, sum(errors))
 
 
 def _family(row: dict[str, Any], origin: dict[str, Any], found: Continued) -> int:

@@ -31,7 +31,7 @@ from squealstudy.reduction.cmt import (
 )
 from squealstudy.reduction.orthonormal import GRAM_RESOLUTION, new_directions, outside
 from squealstudy.reduction.prepared import PreparedModel, shape_basis
-from squealstudy.reduction.projected import AnyAssembly, Part
+from squealstudy.reduction.projected import AnyAssembly, AnyComponent
 from squealstudy.root_pairs import partner_distances
 from squealstudy.system.contact_weights import ContactWeights, contact_weights
 from squealstudy.system.linearise import component_frequencies, linearise
@@ -330,13 +330,13 @@ def extended_basis(
         Directions are kept whose elastic energy is more than share^2 of the largest one's, of all
         components together: a component that hardly deforms gets few.
     """
-    parts: Sequence[Part] = assembly.components
+    parts: Sequence[AnyComponent] = assembly.components
 
-    def missing(part: Part, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def missing(part: AnyComponent, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return outside(part.M, part.K, block, added[assembly.slices[part.name]])
 
     def extended(
-        component: Part, block: np.ndarray, found: tuple[np.ndarray, np.ndarray]
+        component: AnyComponent, block: np.ndarray, found: tuple[np.ndarray, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
         X, energy = found
         count = modes[component.name].phi.shape[1]

@@ -128,7 +128,7 @@ def make_patch(
         if not blocks_within or max(b.size for b in blocks_within) > MOST_MODES:
             continue
         try:
-            return _assembled(box, grid, blocks_within, nodes, mixings, _reach(band))
+            return _assembled(box, grid, blocks_within, nodes, mixings, _followed_band(band))
         except np.linalg.LinAlgError:
             continue
     return mixing_by_direction(grid, mixings)
@@ -152,7 +152,7 @@ def _within_reach(
     mean = np.array([[lam.mean() for lam in row] for row in roots])
     spread = np.array([[np.abs(lam - lam.mean()).max() for lam in row] for row in roots])
     size = np.abs(grid.cardinals(spread_points(grid.nodes.shape[1])) @ mean)
-    low, high = _reach(band)
+    low, high = _followed_band(band)
     away = spread.max(axis=0)
     meets = ((size + away >= low) & (size - away <= high)).any(axis=0)
     above = np.array([[(lam.imag >= 0).any() for lam in row] for row in roots]).any(axis=0)
@@ -163,11 +163,11 @@ def _within_reach(
     return [b for b, is_within in zip(blocks, chosen, strict=True) if is_within]
 
 
-def _reach(band: tuple[float, float]) -> tuple[float, float]:
+def _followed_band(band: tuple[float, float]) -> tuple[float, float]:
     return band[0] / FOLLOWED_BAND_FACTOR, band[1] * FOLLOWED_BAND_FACTOR
 
 
-def _wanted(lam: np.ndarray, band: tuple[float, float], margin: float) -> np.ndarray:
+def _oscillates_in_band(lam: np.ndarray, band: tuple[float, float], margin: float) -> np.ndarray:
     size = np.abs(lam)
     inside: np.ndarray = (size >= band[0] / margin) & (size <= band[1] * margin)
     return inside & (lam.imag >= 0)
@@ -184,7 +184,7 @@ def _all_followed(
         followed = np.zeros(len(solved.pairs.lam), dtype=bool)
         for block in blocks:
             followed[block.middle if number == 0 else block.at_nodes[number - 1]] = True
-        if (_wanted(solved.pairs.lam, band, UNFOLLOWED) & ~followed).any():
+        if (_oscillates_in_band(solved.pairs.lam, band, UNFOLLOWED) & ~followed).any():
             return False
     return True
 

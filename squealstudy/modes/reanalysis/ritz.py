@@ -43,7 +43,7 @@ class RitzRoots(NamedTuple):
     residual: np.ndarray
 
 
-class _Batch(NamedTuple):
+class _InterpolatedBases(NamedTuple):
     """Interpolated bases and their products with the matrices, (b, r, m) complex each."""
 
     X: np.ndarray
@@ -103,10 +103,14 @@ def ritz_roots(
     return RitzRoots(lam=lam - shift, X=X, Y=Y, error=error, residual=_backward(C, K, lam, X, rx))
 
 
-def _products(patch: Patch, cardinals: np.ndarray, C: np.ndarray, K: np.ndarray) -> _Batch:
+def _products(
+    patch: Patch, cardinals: np.ndarray, C: np.ndarray, K: np.ndarray
+) -> _InterpolatedBases:
     X, Y = (_combined(cardinals, Z) for Z in (patch.X, patch.Y))
     Ct, Kt = C.transpose(0, 2, 1), K.transpose(0, 2, 1)
-    return _Batch(X=X, CX=_times(C, X), KX=_times(K, X), Y=Y, CY=_times(Ct, Y), KY=_times(Kt, Y))
+    return _InterpolatedBases(
+        X=X, CX=_times(C, X), KX=_times(K, X), Y=Y, CY=_times(Ct, Y), KY=_times(Kt, Y)
+    )
 
 
 def _combined(cardinals: np.ndarray, Z: np.ndarray) -> np.ndarray:
@@ -123,7 +127,7 @@ def _times(A: np.ndarray, X: np.ndarray) -> np.ndarray:
 
 
 def _small_problems(
-    patch: Patch, cardinals: np.ndarray, batch: _Batch
+    patch: Patch, cardinals: np.ndarray, batch: _InterpolatedBases
 ) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
     """Ritz values (b, m) in state space, and each block's right and left vectors (b, k, k).
 

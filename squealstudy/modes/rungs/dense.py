@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from squealstudy.modes.answer import Found
+from squealstudy.modes.answer import PointAnswer
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rung import Rung, Scope
@@ -26,7 +26,7 @@ class Dense(Rung):
             "sweep_basis or windows"
         )
 
-    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[PointAnswer]:
         """All pairs of each point in the band, one point after the other."""
         return ((i, problem.exact(point)) for i, point in enumerate(points))
 

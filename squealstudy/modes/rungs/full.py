@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from squealstudy.modes.answer import Found
+from squealstudy.modes.answer import PointAnswer
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rung import Rung
@@ -24,7 +24,7 @@ class Full(Rung):
         """Of a brake; a family of matrices has nothing cheaper to compare with."""
         return COST
 
-    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[PointAnswer]:
         """Unreduced pairs of each point in the band, one point after the other."""
         return ((i, problem.full_order(point)) for i, point in enumerate(points))
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
-from squealstudy.modes.answer import Found
+from squealstudy.modes.answer import PointAnswer
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.estimate import Outcome, solve_alone
 from squealstudy.modes.reanalysis.patch import Box
@@ -46,7 +46,7 @@ class Perturbation(Rung):
     keeps_tolerance = False
     shares_work = True
 
-    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[PointAnswer]:
         """Perturbed pairs of each point, from the exact ones of one anchor."""
         anchor = make_anchor(problem.swept, box.middle, SUM_BAND_FACTOR)
         for i, theta in enumerate(problem.theta(points)):

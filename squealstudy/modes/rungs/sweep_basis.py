@@ -13,7 +13,7 @@ import numpy as np
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.linalg.dense_qep import dense_roots
-from squealstudy.modes.answer import Found
+from squealstudy.modes.answer import PointAnswer
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.estimate import (
     EstimatedRoots,
@@ -72,7 +72,7 @@ class SweepBasisRung(OverABasis):
     name = "sweep_basis"
     description = "dense eigenproblem projected on a basis of the whole sweep"
 
-    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[PointAnswer]:
         """Pairs of each point projected on the basis, one point after the other."""
         solver = InBasis(problem.swept, problem.basis, problem.tolerance)
         for i, theta in enumerate(problem.theta(points)):

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from squealstudy.linalg.companion import Eigenpairs, all_pairs
 from squealstudy.linalg.real_modes import real_modes
-from squealstudy.modes.answer import Found
+from squealstudy.modes.answer import PointAnswer
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.estimate import Outcome, solve_alone
 from squealstudy.modes.reanalysis.patch import Box
@@ -41,7 +41,7 @@ class TwoStep(Rung):
     description = "real modes without friction, then a small quadratic eigenproblem"
     keeps_tolerance = False
 
-    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[PointAnswer]:
         """Pairs of each point, projected on real modes, one point after the other."""
         for i, theta in enumerate(problem.theta(points)):
             yield i, problem.modes(two_step_roots(problem.swept, theta, FACTOR))

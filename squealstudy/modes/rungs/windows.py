@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.modes.answer import Found
+from squealstudy.modes.answer import PointAnswer
 from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.estimate import (
     EstimatedRoots,
@@ -63,7 +63,7 @@ class WindowsRung(OverABasis):
     description = "modes interpolated over patches of the design, in a sweep basis"
     shares_work = True
 
-    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[Found]:
+    def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[PointAnswer]:
         """Ritz pairs of the points of each patch, one patch after the other."""
         windows = Windows(problem.swept, problem.basis, problem.tolerance)
         for row, outcome in windows.solve(box, problem.theta(points)):
@@ -108,7 +108,7 @@ class Windows(InBasis):
             for row in rows:
                 yield int(row), self.alone(theta[row])
             return
-        tried = _tight(box, theta[rows])
+        tried = _shrunk_to_points(box, theta[rows])
         patch = self._patch(tried, grid)
         if isinstance(patch, FollowedPatch):
             rows = yield from self._served(patch, theta, rows)
@@ -272,7 +272,7 @@ def _may_be_real(lam: np.ndarray, error: np.ndarray) -> np.ndarray:
     return (lam.imag != 0) & ~(np.abs(lam.imag) > error)
 
 
-def _tight(box: Box, theta: np.ndarray) -> Box:
+def _shrunk_to_points(box: Box, theta: np.ndarray) -> Box:
     """The box shrunk to its design points."""
     return Box(np.maximum(box.low, theta.min(axis=0)), np.minimum(box.high, theta.max(axis=0)))
 

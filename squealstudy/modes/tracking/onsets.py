@@ -319,14 +319,14 @@ def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     slope = np.diff(_evaluated(at[:, :, None], c[:, :, None], v), axis=1) / np.diff(v, axis=1)
     least = np.abs(slope).min(axis=1)
     turns = (np.sign(slope) != np.sign(slope[:, :1])).any(axis=1) | (least == 0)
-    turns |= ~_steady(x, f) | (np.isnan(x[:, 0]) & np.isnan(x[:, 5]))
+    turns |= ~_secants_agree(x, f) | (np.isnan(x[:, 0]) & np.isnan(x[:, 5]))
     third = [np.abs(_divided_differences(x[:, k : k + 4], f[:, k : k + 4])[:, 3]) for k in range(3)]
     bend = np.nanmax(third, axis=0)
     error = CUBIC_SAFETY_FACTOR * bend * product.max(axis=1) / np.where(turns, 1.0, least)
     return zero, np.where(turns, np.inf, error)
 
 
-def _steady(x: np.ndarray, f: np.ndarray) -> np.ndarray:
+def _secants_agree(x: np.ndarray, f: np.ndarray) -> np.ndarray:
     """Whether the secants agree (n,): a third difference may vanish at a kink by chance."""
     secants = np.diff(f, axis=1) / np.diff(x, axis=1)
     size, middle = np.nanmin(np.abs(secants), axis=1), np.sign(secants[:, 2:3])

@@ -143,7 +143,7 @@ def pair_many(
     partner = _partners(cost)
     paired = partner >= 0
     column = np.where(paired, partner, 0)
-    macs = np.where(paired, _taken(all_macs, column).astype(float), np.nan)
+    macs = np.where(paired, _values_in_columns(all_macs, column).astype(float), np.nan)
     rival = np.where(paired, _rivals(cost, paired, column) / RIVAL, np.inf)
     ambiguous = paired & ((rival <= 1.0) | (macs < LOW_MAC))
     trust = np.where(paired, np.minimum(rival, macs / LOW_MAC), np.inf)
@@ -156,7 +156,7 @@ def pair_many(
     return Pairing(partner, macs, ambiguous, trust)
 
 
-def _taken(table: np.ndarray, column: np.ndarray) -> np.ndarray:
+def _values_in_columns(table: np.ndarray, column: np.ndarray) -> np.ndarray:
     """Of each row of tables (n, ma, mb) the value in its column (n, ma)."""
     return np.take_along_axis(table, column[:, :, None], axis=2)[:, :, 0]
 
