@@ -18,12 +18,15 @@ from squealstudy.cycles.branch import (
     NS,
     PD,
     RANGE,
+    SHRUNK,
     Loop,
     Moving,
+    _folds_alone,
     branch,
     cycles_along,
 )
 from squealstudy.cycles.continuation import Steps
+from squealstudy.cycles.curve import CurveMotion
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
@@ -254,3 +257,58 @@ def test_a_step_to_a_neighbour_on_a_closed_branch(isola):
     assert end == RANGE
     assert curve[-1].motion.mu == 0.9 * fold
     assert curve[-1].motion.size > 1.05
+
+
+def loose(p):
+    """x'' + (.3 - p) x' + (|x| - 1)^2 x' + x = 0, the third term beyond |x| = 1 alone.
+
+    Beside it y, which x drives.
+    """
+
+    def forces(s, w):
+        x, v = s[..., 0], w[..., 0]
+        beyond = np.maximum(np.abs(x) - 1, 0.0)
+        f = np.stack([-(beyond**2) * v, 0.1 * x], axis=-1)
+        by_s, by_w = np.zeros((*s.shape, 2)), np.zeros((*s.shape, 2))
+        by_s[..., 0, 0], by_w[..., 0, 0] = -2 * beyond * np.sign(x) * v, -(beyond**2)
+        by_s[..., 1, 0] = 0.1
+        return LocalForces(f, by_s, by_w)
+
+    return Oscillator(np.diag([0.3 - p, 0.2]), np.diag([1.0, 2.3]), np.eye(2)[None], forces)
+
+
+def test_cycles_of_all_sizes_at_one_value_have_neither_folds_nor_branch_points():
+    """Below |x| = 1 all cycles lie at .3; larger ones where p and (|x| - 1)^2 do equal work."""
+    amplitude, t = 1.6, np.linspace(0, 2 * np.pi, 4000, endpoint=False)
+    beyond = np.maximum(np.abs(amplitude * np.cos(t)) - 1, 0.0) ** 2
+    p = (beyond * np.sin(t) ** 2).mean() / (np.sin(t) ** 2).mean()
+    start = PeriodicMotion(np.zeros((21, 2)), 1.0, 0.3 + p)
+    start.Q[1, 0] = amplitude
+
+    def stop(motion):
+        return SHRUNK if np.linalg.norm(motion.Q) < 1e-3 else ""
+
+    points, end = branch(loose, start, (0.1, 0.3 + 2 * p), -1.0, stop)
+    assert end == SHRUNK
+    at_one_value = [q for q in points if abs(q.motion.mu - 0.3) < 1e-9]
+    assert len(at_one_value) > 5
+    assert [q.event for q in points if q.event] == [HOPF]
+
+
+@pytest.mark.parametrize(
+    ("values", "turns", "folds"),
+    [
+        ([0.3, 0.2, 0.2 + 1e-12, 0.2, 0.1], [2, 3], []),  # passes
+        ([0.3, 0.2, 0.2 + 1e-12, 0.2, 0.3], [2, 3], [2]),  # turns back
+        ([0.3, 0.2, 0.3, 0.4, 0.3], [1, 3], [1, 3]),
+        ([0.3, 0.2, 0.2 + 1e-12, 0.2], [2, 3], []),  # ends there
+    ],
+)
+def test_turns_by_round_off_are_no_folds(values, turns, folds):
+    curve = [
+        CurveMotion(PeriodicMotion(np.zeros((3, 1)), 1.0, value), 0.0, 0.0, event)
+        for value, event in zip(
+            values, [FOLD if k in turns else "" for k in range(len(values))], strict=True
+        )
+    ]
+    assert [k for k, p in enumerate(_folds_alone(curve, 1e-7)) if p.event == FOLD] == folds

@@ -2,7 +2,9 @@
 
 Events carry the names of bifurcation tools: H, the cycle shrinks to steady sliding (Hopf); F, the
 parameter turns back (fold); NS, PD, a pair of multipliers or one at -1 leaves the unit circle; BP,
-one passes 1 though the parameter does not turn back.
+one passes 1 though the parameter does not turn back. Where forces are linear up to a size, as of a
+contact that has not lifted off yet, cycles of all sizes lie at one value of the parameter: there,
+neither the round-off of that value nor a multiplier that stays 1 is an event.
 """
 
 from __future__ import annotations
@@ -31,6 +33,8 @@ MAX_STEPS_PAST_START, MAX_STEPS_BESIDE_START = 1.2, 0.5
 CLOSURE_TOLERANCE, PROJECTED_CLOSURE_TOLERANCE = 1e-6, 1e-3
 PROJECTED_STEPS = Steps(first=0.1, least=1e-3, largest=0.3, count=120)
 BIFURCATION_REL_TOLERANCE = 1e-6  # of the range of the parameter, of NS, PD and BP
+# of the range of the parameter: cycles beside each other that differ less lie at one value
+ONE_VALUE_REL_WIDTH = 1e-7
 
 Oscillators = Callable[[float], Oscillator]
 
@@ -256,7 +260,28 @@ def cycles_along(
         while curve[-2].event and loop.passed(curve[-2].motion):
             del curve[-2]
         curve[-1] = curve[0]
+    curve = _folds_alone(curve, ONE_VALUE_REL_WIDTH * abs(bounds[1] - bounds[0]))
     return moving, _cut(moving, curve, bounds) if end == RANGE else curve, end
+
+
+def _folds_alone(curve: list[CurveMotion], one_value: float) -> list[CurveMotion]:
+    """The curve without events of round-off where its cycles lie at one value of the parameter.
+
+    Of the turns of such a part one is a fold if the parameter comes and leaves on the same side.
+    """
+    values = np.array([point.motion.mu for point in curve])
+    folds, counted = list(curve), -1  # last point of the part whose turns are judged
+    for k, point in enumerate(curve):
+        if point.event != FOLD:
+            continue
+        away = np.abs(values - values[k]) > one_value
+        before, after = np.flatnonzero(away[:k]), k + 1 + np.flatnonzero(away[k + 1 :])
+        sides = [values[j[0]] - values[k] for j in (before[::-1], after) if len(j)]
+        if k <= counted or len(sides) < 2 or sides[0] * sides[1] < 0.0:
+            folds[k] = replace(point, event="")
+        else:
+            counted = int(after[0]) - 1
+    return folds
 
 
 def branch(
@@ -329,10 +354,14 @@ def _with_changes(
     moving: Moving, points: list[BranchPoint], highest: float, width: float
 ) -> list[BranchPoint]:
     """The points with those between them at which multipliers pass the unit circle."""
+    steps = np.abs(np.diff([point.motion.mu for point in points]))
+    at_one_value = np.concatenate(([False], steps < ONE_VALUE_REL_WIDTH * width, [False]))
     with_changes = points[:1]
-    for one, other in itertools.pairwise(points):
+    for k, (one, other) in enumerate(itertools.pairwise(points)):
         if FOLD not in (one.event, other.event) and HOPF not in (one.event, other.event):
-            with_changes += _changes(moving, one, other, highest, width)
+            changes = _changes(moving, one, other, highest, width)
+            meets_one_value = at_one_value[k : k + 3].any()  # where a multiplier is 1
+            with_changes += [p for p in changes if not (meets_one_value and p.event == BP)]
         with_changes.append(other)
     return with_changes
 
