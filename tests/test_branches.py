@@ -20,7 +20,6 @@ from squealstudy.cycles.branch import (
     RANGE,
     SHRUNK,
     Loop,
-    Moving,
     _folds_alone,
     branch,
     cycles_along,
@@ -29,6 +28,7 @@ from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.curve import CurveMotion
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.growth import FAR
+from squealstudy.cycles.moving import Moving
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.cycles.projection import CURVE_BASIS_ERROR
 from squealstudy.kinds.limit_cycles import continued, screen

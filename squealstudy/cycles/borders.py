@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.cycles.branch import RANGE, Oscillators
+from squealstudy.cycles.branch import RANGE
 from squealstudy.cycles.continuation import newton
 from squealstudy.cycles.curve import between
 from squealstudy.cycles.equations import BranchEquations, PeriodicMotion
+from squealstudy.cycles.moving import Oscillators
 from squealstudy.cycles.projection import SIZE_HELD
 from squealstudy.errors import ConvergenceError
 

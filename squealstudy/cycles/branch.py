@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from squealstudy.cycles.continuation import TOLERANCE, Steps, newton
+from squealstudy.cycles.continuation import Steps, newton
 from squealstudy.cycles.curve import CurveMotion, Path, between
-from squealstudy.cycles.equations import BranchEquations, PeriodicMotion
+from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
-from squealstudy.cycles.oscillator import LocalForces, Oscillator
-from squealstudy.cycles.projection import DAMPING_HELD, PROJECTED_TOLERANCE, SIZE_HELD, Projection
+from squealstudy.cycles.moving import Moving, Oscillators
+from squealstudy.cycles.projection import DAMPING_HELD, SIZE_HELD
 from squealstudy.errors import ConvergenceError
 
 HOPF, FOLD, NS, PD, BP = "H", "F", "NS", "PD", "BP"
@@ -35,8 +35,6 @@ PROJECTED_STEPS = Steps(first=0.1, least=1e-3, largest=0.3, count=120)
 BIFURCATION_REL_TOLERANCE = 1e-6  # of the range of the parameter, of NS, PD and BP
 # of the range of the parameter: cycles beside each other that differ less lie at one value
 ONE_VALUE_REL_WIDTH = 1e-7
-
-Oscillators = Callable[[float], Oscillator]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,92 +63,6 @@ class BranchPoint:
     error: float = 0.0
     event: str = ""
     apart: float = 0.0
-
-
-class Moving:
-    """A basis that moves along a parameter; mu of motions is its value.
-
-    Parameters
-    ----------
-    oscillators : callable
-        Oscillator of a value of the parameter.
-    bounds : (low, high)
-        Range of the parameter.
-    start : PeriodicMotion
-        The basis begins with its harmonics.
-    """
-
-    def __init__(
-        self, oscillators: Oscillators, bounds: tuple[float, float], start: PeriodicMotion
-    ) -> None:
-        self._oscillators, self._bounds, self._omega = oscillators, bounds, start.omega
-        self._value = start.mu
-        self.fixed = Projection.about(oscillators(start.mu), start)
-
-    @property
-    def complete(self) -> bool:
-        """Whether the basis is that of all coordinates."""
-        return self.fixed.complete
-
-    @property
-    def size(self) -> int:
-        """Number of vectors."""
-        return self.fixed.size
-
-    def equations(self, harmonics: int) -> BranchEquations:
-        """Equations of cycles along the parameter, in the basis."""
-        tolerance = TOLERANCE if self.complete else PROJECTED_TOLERANCE
-        vectors = self.fixed.of_harmonics(harmonics)
-        return BranchEquations(
-            self._oscillators, harmonics, self._omega, self._bounds, tolerance, vectors
-        )
-
-    def correction(
-        self, motion: PeriodicMotion, fresh: bool = True, local: LocalForces | None = None
-    ) -> PeriodicMotion:
-        """As of `Projection`, at the motion's own value."""
-        correction = self._at(motion.mu).correction(replace(motion, mu=0.0), fresh, local)
-        return replace(correction, mu=0.0)
-
-    def error(self, motion: PeriodicMotion, correction: PeriodicMotion) -> float:
-        """Norm of a correction over that of the motion."""
-        return self.fixed.error(motion, correction)
-
-    def improve(
-        self, motion: PeriodicMotion, target: float, held: int
-    ) -> tuple[PeriodicMotion, float, float]:
-        """As of `Projection`, at the motion's own value: a cycle, or one of its size nearly."""
-        improved, error, residual = self._at(motion.mu).improve(
-            replace(motion, mu=0.0), target, held
-        )
-        return replace(improved, mu=motion.mu), error, residual
-
-    def remember(self, motion: PeriodicMotion) -> None:
-        """A basis that begins anew will hold this motion."""
-        self.fixed.remember(motion)
-
-    def compact(self, motion: PeriodicMotion) -> None:
-        """A large basis begins anew."""
-        self.fixed.compact(motion)
-
-    def grow(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
-        """As of `Projection`, at the motion's own value."""
-        self._at(motion.mu).grow(replace(motion, mu=0.0), change)
-
-    def stability(self, motion: PeriodicMotion, highest: float) -> Floquet:
-        """Multipliers of a cycle."""
-        return self._at(motion.mu).stability(replace(motion, mu=0.0), highest)
-
-    def at_value(self, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:
-        """The cycle near a motion at its own value in the basis, and the residual."""
-        cycle, residual = self._at(motion.mu).solve(replace(motion, mu=0.0), DAMPING_HELD)
-        return replace(cycle, mu=motion.mu), residual
-
-    def _at(self, value: float) -> Projection:
-        if value != self._value:
-            self.fixed.move(self._oscillators(value))
-            self._value = value
-        return self.fixed
 
 
 class Loop:
