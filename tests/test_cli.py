@@ -8,12 +8,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from study_runs import command
 from tiny_meshes import tiny_meshes
 
 import squealstudy as sq
 from squealstudy import open_results
+from squealstudy.engine.mode_vectors import mode_vectors
 from squealstudy.errors import ConvergenceError
 from squealstudy.modes.point import solve_point
 
@@ -221,6 +223,29 @@ def test_a_screen_says_what_was_found_how_sure_that_is_and_what_next(study, caps
     assert "What was done\ntime" in long
     assert "points by rung" in long
     assert "points by rung" not in short
+
+
+def test_why_two_modes_of_a_small_model_lock_in(study, capsys):
+    """Hulten's undamped model: all growth is of unsymmetric stiffness, from two modes in half."""
+    assert command("run", "study.toml", "-j", "1", "--no-pictures") == 0
+    capsys.readouterr()
+    assert command("rank", "results/lockin", "--why") == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "at 75.0 Hz without friction" in told
+    assert "of that at 100.0 Hz" in told
+    assert "the two have locked in" in told
+    vectors = mode_vectors(open_results("results/lockin"), 1)
+    assert vectors.by_stiffness == pytest.approx(vectors.lam.real, rel=1e-9)
+    assert vectors.by_velocity == pytest.approx(0.0, abs=1e-9)
+    assert vectors.coordinates == ("mass 1", "mass 2")
+    values = sq.model("hulten").parameters["value"]
+    w = 2 * np.pi * values[["frequency_1", "frequency_2"]].to_numpy()
+    mu = 0.6
+    K = np.array([[w[0] ** 2, -mu * w[1] ** 2], [mu * w[0] ** 2, w[1] ** 2]])
+    Q = vectors.lam**2 * np.eye(2) + K
+    size = np.abs(vectors.lam) ** 2
+    assert np.abs(Q @ vectors.right).max() < 1e-8 * size
+    assert np.abs(vectors.left.conj() @ Q).max() < 1e-8 * size
 
 
 def test_bad_rank_is_one_message(study, capsys):

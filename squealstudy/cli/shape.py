@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.engine.mode_names import track_names
-from squealstudy.engine.mode_shapes import chosen_modes, point_shapes
+from squealstudy.engine.mode_shapes import chosen_modes, plan_of, point_shapes
+from squealstudy.engine.mode_vectors import ModeVectors, mode_vectors
 from squealstudy.engine.motion_shapes import EndMotion
 from squealstudy.engine.pictures import save_figure
+from squealstudy.engine.plan import has_mesh
 from squealstudy.engine.results import Results
 from squealstudy.engine.track_names import keep_track_names
 from squealstudy.errors import ResultsError
@@ -27,7 +29,9 @@ from squealstudy.wording import plural, track_number
 ALL, UNSTABLE = "all", "unstable"
 FOLDER = "shapes"
 LEAST_SHARE = 0.01  # of kinetic energy: below it a second real mode is not named
+LOCKED_IN_SHARE = 0.1  # of kinetic energy, from which a second real mode has locked in
 LISTED_MODES = 6  # of a motion
+MOST_COORDINATES = 12  # of vectors listed
 MICROMETRE_M = 1e-6  # m
 
 
@@ -234,6 +238,8 @@ def reasons(results: Results, tracks: Iterable[int]) -> Rows:
         As `Results.shape`.
     """
     rows: Rows = []
+    if not has_mesh(plan_of(results).study):
+        return [row for track in tracks if track >= 0 for row in _of_vectors(results, int(track))]
     for track in tracks:
         if track >= 0:
             shape = results.shape(track=int(track))
@@ -241,6 +247,47 @@ def reasons(results: Results, tracks: Iterable[int]) -> Rows:
             name = f"{shape.frequency_hz:.0f} Hz, {name_of(shape).text}"
             rows += [(track_number(track), f"{name}; {growth}"), *_why(shape)]
     return rows
+
+
+def _of_vectors(results: Results, track: int) -> Rows:
+    """Why a mode of a model without a mesh grows, and its vectors, a row a coordinate."""
+    mode = mode_vectors(results, track)
+    hz, growth = abs(mode.lam) / (2 * np.pi), mode.lam.real
+    rows = [
+        (track_number(track), f"{hz:.1f} Hz, growth {growth:+.4g} 1/s at design point {mode.row}")
+    ]
+    if np.isfinite(mode.by_stiffness):
+        rows.append(
+            (
+                "growth 1/s",
+                f"{mode.by_stiffness:+.4g} of unsymmetric stiffness (friction that follows the "
+                f"contact's pressure), {mode.by_velocity:+.4g} of damping, and friction over speed",
+            )
+        )
+    if np.isfinite(mode.pair_hz).all():
+        rows.append(("made of", _pair_text(mode)))
+    listed = np.argsort(-np.maximum(abs(mode.right), abs(mode.left)), kind="stable")
+    for k in sorted(listed[:MOST_COORDINATES]):
+        right_text, left_text = (
+            f"{abs(x[k]):.3f} at {np.degrees(np.angle(x[k])):.0f} deg"
+            for x in (mode.right, mode.left)
+        )
+        rows.append((f"  {mode.coordinates[k]}", f"right {right_text}, left {left_text}"))
+    if (more := len(listed) - MOST_COORDINATES) > 0:
+        rows.append(("", f"{plural(more, 'coordinate')} with smaller entries left out"))
+    return rows
+
+
+def _pair_text(mode: ModeVectors) -> str:
+    """The real modes of a mode, and in words what that means for its growth."""
+    (hz, other_hz), (share, other) = mode.pair_hz, mode.pair_share
+    text = f"{100 * share:.1f} % of the real mode at {hz:.1f} Hz without friction"
+    if other < LEAST_SHARE or not np.isfinite(mode.phase_deg):
+        return f"{text}: one real mode alone, no lock-in"
+    text += f", {100 * other:.1f} % of that at {other_hz:.1f} Hz, {mode.phase_deg:.0f} deg apart"
+    if mode.by_stiffness > 0 and other >= LOCKED_IN_SHARE:
+        text += ": the two have locked in; friction feeds by the sine of this angle"
+    return text
 
 
 def names(results: Results, tracks: Iterable[int]) -> Rows:

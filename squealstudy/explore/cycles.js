@@ -19,7 +19,7 @@ detail.start = () => {
   alongControls(() => drawLine());
   $("quantity").onchange = () => drawLine();
   handlers.line = {tap: i => choose(cycles.row[state.cycles[i]]), text: i => cycleText(state.cycles[i])};
-  fill($("line-legend"), entry("stable cycle", stableColour, "circle"), entry("unstable cycle: a kick beyond it leads to the stable one", "#FFFFFF", "diamond"),
+  fill($("line-legend"), entry("stable cycle", stableColour, "circle"), entry("unstable cycle: from a kick beyond it motions grow", "#FFFFFF", "diamond"),
     entry("stability not known", data.grey, "triangle"));
 };
 function cycleText(i) {

@@ -22,6 +22,7 @@ from squealstudy.kinds.complex_modes.error_text import (
     unseen_text,
 )
 from squealstudy.kinds.complex_modes.outside_text import grows_outside, outside_text
+from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.screen import Rows, command_text, grid, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.mode_ranking import (
@@ -174,7 +175,7 @@ class ComplexModesScreen(KindScreen):
         if len(self.rank(results, "share", 1, None)):
             why = command_text("rank", results.directory, "--why")
             return [
-                ("why they grow", why),
+                *([("why they grow", why)] if results.manifest["model"] != MATRICES else []),
                 explored,
                 ("least change", 'kind = "design" searches the least that silences them'),
             ]

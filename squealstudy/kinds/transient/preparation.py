@@ -159,7 +159,7 @@ def _stiff(plan: Plan, stiff: list[tuple[float, float, float]]) -> list[str]:
     return [
         f"friction is too stiff for the step: h k_t |T|^2 / 2 is {number:.3g} with k_t = "
         f"{slope:.3g} N s/m3, steps converge up to {STICK_LIMIT:g}; a step of {step:.2g} s or a "
-        f"{softer} would do"
+        f"{softer} would do for friction, other limits apart"
     ]
 
 
@@ -171,7 +171,7 @@ def _closing(plan: Plan, closing: list[float]) -> list[str]:
     return [
         f"contact is too stiff for the step: closing at the sliding speed v it stiffens by e to "
         f"lambda h v = {number:.3g} in a step, impacts are resolved up to {CLOSING_LIMIT:g}; a "
-        f"step of {step:.2g} s would do"
+        f"step of {step:.2g} s would do for impacts, other limits apart"
     ]
 
 

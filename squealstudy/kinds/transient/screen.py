@@ -109,10 +109,11 @@ class TransientScreen(KindScreen):
 
     def next_steps(self, results: ResultTables) -> Rows:
         """The page of runs; longer ones, where they have told too little."""
-        untils = _worth_waiting(results.points)
+        untils, invalid = _worth_waiting(results.points), bool(_invalid(results.points).any())
         longer = f"a duration of {_seconds(max(untils))} in [transient]" if untils else ""
         return [
             *([("decide runs", longer)] if longer else []),
+            *([("valid runs", "invalid_reason in points: what is broken, and how far")] * invalid),
             ("click through", command_text("explore", results.directory)),
             (
                 "with forecasts",
@@ -123,10 +124,14 @@ class TransientScreen(KindScreen):
     def facts(self, results: ResultTables) -> Rows:
         """What ending early has saved, the slope of friction and its error, the energy balance."""
         solved = results.points[(results.points["status"] == "ok").to_numpy()]
-        balance = solved["energy_balance"].abs().max()
+        within = solved[~_invalid(solved)]
+        balance = within["energy_balance"].abs().max()
         worst = error_percent(balance)
         text = f"energies balance to {worst} of the work of friction in the worst run"
         text = text if np.isfinite(balance) else "energy balance not known: no run reached its end"
+        if invalid := _invalid(results.points).sum():
+            text = f"not known of {plural(int(invalid), 'run')} outside validity; of others: {text}"
+            text = text if invalid < len(solved) else "not known: no run is within validity"
         manifest = results.manifest
         slope = regularisation(manifest.get("regularisation"))
         return [*_ended_early(manifest.get("simulated_time")), *slope, ("error", text)]
@@ -198,9 +203,17 @@ def _undecided(table: pd.DataFrame) -> list[RenderableType]:
 
 def _worth_waiting(table: pd.DataFrame) -> list[float]:
     """Durations [s] at which undecided runs would be decided; of those that are not too long."""
-    undecided = table[(table["class"] == UNDECIDED).to_numpy()]
+    undecided = table[(table["class"] == UNDECIDED).to_numpy() & ~_invalid(table)]
     until = undecided["undecided_until"]
     return until[(until <= MOST_LONGER * undecided["time_reached"]).to_numpy()].tolist()
+
+
+def _invalid(table: pd.DataFrame) -> np.ndarray:
+    """Whether the assumptions of a run are broken (n,), so that longer ones tell nothing."""
+    if "valid" not in table:
+        return np.zeros(len(table), dtype=bool)
+    invalid: np.ndarray = (~table["valid"].astype("boolean")).fillna(False).to_numpy(bool)
+    return invalid
 
 
 def _seconds(value: float) -> str:
