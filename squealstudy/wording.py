@@ -20,6 +20,7 @@ STABLE = "stable"  # decays to steady sliding
 LIMIT_CYCLE = "limit_cycle"
 IRREGULAR = "irregular"  # lasts, without a level that is steady over ten periods
 GROWING = "growing"  # lasts; its level is not reached yet
+ENERGY_RULE = "a step keeps the energy balance"  # of runs, whose validity it is
 UNDECIDED = "undecided"  # the run is too short to tell
 FAILED = "failed"
 SUSTAINED = (LIMIT_CYCLE, IRREGULAR)  # those whose level is that of the vibration that lasts
@@ -342,3 +343,15 @@ def shown(value: object) -> str:
         return f"a {kind}" if value else f"an empty {kind}"
     text = f"'{value}'" if isinstance(value, str) else str(value)
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+
+
+def sufficient_step(reasons: str) -> float:
+    """Longest step [s] at which no rule about the step is broken, as their texts tell.
+
+    Parameters
+    ----------
+    reasons : str
+        Of a run that breaks rules; NaN is told where none of them is about the step.
+    """
+    steps = re.findall(r"which a step of (\S+) s (?:would show|avoids)", reasons)
+    return min(map(float, steps), default=float("nan"))

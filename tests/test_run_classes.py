@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -118,8 +119,8 @@ def test_undecided_runs_are_told_and_not_ranked(tmp_path, monkeypatch):
     screen.show(*results.screen.findings(results))
     printed = " ".join(console.export_text().split())
     until = results.points["undecided_until"].max()
-    assert "1 of 2 runs are too short to tell what they come to" in printed
-    assert f"a duration of about {until:.2g} s would decide them" in printed
+    assert "1 of 2 runs is too short to tell what it comes to" in printed
+    assert f"a duration of about {until:.2g} s would decide it" in printed
 
 
 def test_rest_on_an_unstable_equilibrium_is_undecided(tmp_path):
@@ -197,3 +198,17 @@ def test_levels_are_those_after_the_transient(two_pads):
         assert told["class"] == "limit_cycle"
         assert told["torque_rms"] == pytest.approx(rms, rel=2e-3)
         assert told["torque_rms_high"] - told["torque_rms_low"] < 0.02 * rms
+
+
+def test_a_run_with_too_long_a_step_is_told_a_shorter_one_and_no_duration(tmp_path):
+    """Two steps a period: neither its class nor its balance of energy is of any worth."""
+    text = BELT.format(speeds=[1.0], damping=0.05, duration=1.0, kick=0.5, more="")
+    results = solved(text.replace("step = 5e-5", "step = 0.03"), tmp_path / "out")
+    row = results.points.iloc[0]
+    assert "a step of" in row["invalid_reason"]
+    steps = dict(results.screen.next_steps(results))
+    assert "decide runs" not in steps
+    shorter = float(re.search(r"step = (\S+) in \[transient\]", steps["shorten the step"])[1])
+    assert shorter < 0.03
+    printed = " ".join(map(str, results.screen.findings(results)))
+    assert "too short to tell" not in printed

@@ -503,7 +503,7 @@ def test_screens(tmp_path, monkeypatch, capsys):
     for name, more in (("end", ""), ("settled", EARLY)):
         Path(f"{name}.toml").write_text(text + more)
         printed = {}
-        for verb, options in (("check", ()), ("run", ("--no-pictures",))):
+        for verb, options in (("check", ()), ("run", ("--no-pictures", "--verbose"))):
             study = (f"{name}.toml", "--jobs", "1", "--output", name)
             assert command(verb, *study, *options) == 0
             printed[verb] = " ".join(capsys.readouterr().out.split())

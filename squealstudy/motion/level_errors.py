@@ -13,6 +13,7 @@ from squealstudy.motion.outcome.energies import energy_round_off
 from squealstudy.motion.outcome.growth import LEFT_VECTOR, median_of
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint, stick_number
+from squealstudy.wording import ENERGY_RULE
 
 N_BALANCE_BLOCKS = 10  # parts of a run; inside an impact the balance is off and comes back
 # of the energy of the vibration, from nowhere in the last row: no impact does so
@@ -52,7 +53,7 @@ def doubts(
             stick_number(system, motion.point, step), sticks, step
         ),
         "the step resolves the fastest mode": _coarse(found, step),
-        "a step keeps the energy balance": _drifting(energy_drift(motion), step, limit),
+        ENERGY_RULE: _drifting(energy_drift(motion), step, limit),
         "the storage resolves contact pressures": _rounded(motion, system, settings),
     }
     return {rule: text for rule, text in said.items() if text}

@@ -15,6 +15,7 @@ from squealstudy.screen import Rows, command_text, facts, grid, notes
 from squealstudy.tables.energy_ranking import rank_energy
 from squealstudy.wording import (
     CLASS_LETTERS,
+    ENERGY_RULE,
     FAILED,
     SUSTAINED,
     TORQUE,
@@ -25,6 +26,7 @@ from squealstudy.wording import (
     motion_frequency,
     plural,
     real_mode_number,
+    sufficient_step,
     with_unit,
 )
 
@@ -109,11 +111,15 @@ class TransientScreen(KindScreen):
 
     def next_steps(self, results: ResultTables) -> Rows:
         """The page of runs; longer ones, where they have told too little."""
-        untils, invalid = _worth_waiting(results.points), bool(_invalid(results.points).any())
+        untils = _worth_waiting(results.points)
         longer = f"a duration of {_seconds(max(untils))} in [transient]" if untils else ""
+        steps = _sufficient_steps(results.points)
+        shorter = (
+            f"step = {np.nanmin(steps):.2g} in [transient]" if np.isfinite(steps).any() else ""
+        )
         return [
+            *([("shorten the step", shorter)] if shorter else []),
             *([("decide runs", longer)] if longer else []),
-            *([("valid runs", "invalid_reason in points: what is broken, and how far")] * invalid),
             ("click through", command_text("explore", results.directory)),
             (
                 "with forecasts",
@@ -124,14 +130,14 @@ class TransientScreen(KindScreen):
     def facts(self, results: ResultTables) -> Rows:
         """What ending early has saved, the slope of friction and its error, the energy balance."""
         solved = results.points[(results.points["status"] == "ok").to_numpy()]
-        within = solved[~_invalid(solved)]
-        balance = within["energy_balance"].abs().max()
+        balance = solved["energy_balance"].abs().max()
         worst = error_percent(balance)
         text = f"energies balance to {worst} of the work of friction in the worst run"
         text = text if np.isfinite(balance) else "energy balance not known: no run reached its end"
-        if invalid := _invalid(results.points).sum():
-            text = f"not known of {plural(int(invalid), 'run')} outside validity; of others: {text}"
-            text = text if invalid < len(solved) else "not known: no run is within validity"
+        reasons = solved["invalid_reason"] if "invalid_reason" in solved else pd.Series("", [])
+        if drifting := int(reasons.str.contains(ENERGY_RULE, regex=False).sum()):
+            where = "the run" if len(solved) == 1 else f"{drifting} of {plural(len(solved), 'run')}"
+            text = f"energies do not balance in {where}: the step is too long"
         manifest = results.manifest
         slope = regularisation(manifest.get("regularisation"))
         return [*_ended_early(manifest.get("simulated_time")), *slope, ("error", text)]
@@ -183,37 +189,44 @@ def _frequency(row: Mapping[Hashable, Any] | pd.Series) -> str:
 
 def _undecided(table: pd.DataFrame) -> list[RenderableType]:
     """How many runs are too short for a class, and how long they would have to be."""
-    n_undecided = int((table["class"] == UNDECIDED).sum())
-    if not n_undecided:
-        return []
+    undecided = table[(table["class"] == UNDECIDED).to_numpy()]
+    coarse = np.isfinite(_sufficient_steps(undecided)).sum()
+    n_short = len(undecided) - coarse
+    texts: list[RenderableType] = []
+    if coarse:
+        runs = "run is" if coarse == 1 else "runs are"
+        texts.append(f"undecided: {coarse} of {len(table)} {runs} made with too long a step")
+    if not n_short:
+        return texts
     untils = _worth_waiting(table)
-    one = n_undecided == 1
-    runs = "run is" if n_undecided == len(table) == 1 else "runs are" if not one else "runs is"
+    one = n_short == 1
+    runs = "run is" if n_short == len(table) == 1 else "runs are" if not one else "runs is"
     comes = "it comes" if one else "they come"
-    text = f"undecided: {n_undecided} of {len(table)} {runs} too short to tell what {comes} to"
+    text = f"undecided: {n_short} of {len(table)} {runs} too short to tell what {comes} to"
     if untils:
         text += f"; a duration of about {_seconds(max(untils))} would decide "
         every = "it" if one else "them"
-        text += every if len(untils) == n_undecided else f"{len(untils)} of them"
-    if n_left := n_undecided - len(untils):
+        text += every if len(untils) == n_short else f"{len(untils)} of them"
+    if n_left := n_short - len(untils):
         which = f"{n_left} of them" if untils else "it" if one else "them"
         text += f"; no duration up to {MOST_LONGER} times as long is known to decide {which}"
-    return [text]
+    return [*texts, text]
+
+
+def _sufficient_steps(table: pd.DataFrame) -> np.ndarray:
+    """Step [s] that each run (n,) should have had; NaN where its step was short enough."""
+    reasons = table["invalid_reason"] if "invalid_reason" in table else pd.Series("", table.index)
+    return np.array([sufficient_step(str(reason)) for reason in reasons], dtype=float)
 
 
 def _worth_waiting(table: pd.DataFrame) -> list[float]:
-    """Durations [s] at which undecided runs would be decided; of those that are not too long."""
-    undecided = table[(table["class"] == UNDECIDED).to_numpy() & ~_invalid(table)]
+    """Durations [s] at which undecided runs would be decided; of those that are not too long.
+
+    Runs with too long a step are not among them: a longer one would tell nothing.
+    """
+    undecided = table[(table["class"] == UNDECIDED).to_numpy() & np.isnan(_sufficient_steps(table))]
     until = undecided["undecided_until"]
     return until[(until <= MOST_LONGER * undecided["time_reached"]).to_numpy()].tolist()
-
-
-def _invalid(table: pd.DataFrame) -> np.ndarray:
-    """Whether the assumptions of a run are broken (n,), so that longer ones tell nothing."""
-    if "valid" not in table:
-        return np.zeros(len(table), dtype=bool)
-    invalid: np.ndarray = (~table["valid"].astype("boolean")).fillna(False).to_numpy(bool)
-    return invalid
 
 
 def _seconds(value: float) -> str:
