@@ -328,7 +328,7 @@ def real_mode_number(mode: int) -> str:
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Ending of a message: the closest of the known words, or nothing."""
-    matches = difflib.get_close_matches(word, list(known), n=3, cutoff=0.6)
+    matches = difflib.get_close_matches(word, list(dict.fromkeys(known)), n=3, cutoff=0.6)
     return f"; did you mean {' or '.join(map(repr, matches))}?" if matches else ""
 
 

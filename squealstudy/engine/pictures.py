@@ -200,7 +200,8 @@ class Plots:
         plot = plots().get(name)
         if plot is None:
             hint = did_you_mean(name, plots())
-            raise AttributeError(f"there is no plot '{name}', expected {', '.join(plots())}{hint}")
+            there = ", ".join(dir(self)) or "none: these results have no plots"
+            raise AttributeError(f"there is no plot '{name}', expected {there}{hint}")
         return _method(plot, self._results)
 
     def __dir__(self) -> list[str]:

@@ -106,7 +106,7 @@ class TransientScreen(KindScreen):
             row = lasting.iloc[int(lasting["torque_rms"].to_numpy().argmax())]
             what = "torque" if unit == "N m" else "force of friction"
             text += f" The loudest that lasts: RMS of the {what} {in_digits(row['torque_rms'], 1)} "
-            text += f"{unit}, at {_frequency(row)} Hz."
+            text += f"{unit}, {_heard(row)}."
         return text
 
     def next_steps(self, results: ResultTables) -> Rows:
@@ -174,8 +174,8 @@ def points(
         "growth: fitted to the run (~: with wide bounds; -: fewer than five periods grow or decay "
         "exponentially); forecast: growth of the complex mode",
         f"{what}{'' if what == 'torque' else ' of friction'}: its mean; RMS: of its fluctuation; "
-        "Hz: of the motion (x2: loudest at twice that; ~: loudest line of a motion that does not "
-        "repeat); mode, share: the one with most energy; all over the end of the run",
+        "Hz: of the motion (x2: loudest at twice that; ~: loudest line, where no period is "
+        "known); mode, share: the one with most energy; all over the end of the run",
     )
     parts: list[RenderableType] = [shown, legend]
     if varied and not shown_parameters:
@@ -185,6 +185,16 @@ def points(
 
 def _frequency(row: Mapping[Hashable, Any] | pd.Series) -> str:
     return motion_frequency(row.get("frequency_hz", np.nan), row["torque_line_hz"])
+
+
+def _heard(row: pd.Series) -> str:
+    """At which frequency the loudest run is heard, in words."""
+    hz, line = row.get("frequency_hz", np.nan), row["torque_line_hz"]
+    if hz != hz:
+        return f"loudest near {in_digits(line)} Hz" if line == line else "frequency not known"
+    harmonic = round(line / hz) if line == line else 1
+    text = f"at {in_digits(hz)} Hz"
+    return text if harmonic < 2 else f"{text}, loudest at {harmonic} times that"
 
 
 def _undecided(table: pd.DataFrame) -> list[RenderableType]:

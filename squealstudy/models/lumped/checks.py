@@ -86,7 +86,7 @@ def _check_ends(
 
 def _expect_mass(name: str, known: tuple[str, ...], keys: KeyPath) -> None:
     if name not in known:
-        text = f"there is no mass '{name}', expected one of {', '.join(known)}"
+        text = f"there is no mass '{name}', expected one of {', '.join(dict.fromkeys(known))}"
         raise PlacedError(keys, text, name, known)
 
 

@@ -63,6 +63,7 @@ _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 
 CONSTANTS = {"pi": math.pi, "e": math.e}
 RESERVED = frozenset({*CONSTANTS, *FUNCTIONS})  # no parameter can have these names
+WITH_UNIT = re.compile(r"\s*[-+]?\d[\d.]*(e[-+]?\d+)?\s+[A-Za-z]")  # a number and a unit after it
 _WORD = re.compile(r"[A-Za-z_]\w*")
 MAX_CHARACTERS, MAX_NESTING = 1000, 60  # characters; nesting
 _FOREIGN = {  # nodes of Python that people may try, in plain words
@@ -125,7 +126,10 @@ class Expression:
             tree = ast.parse(self.text, mode="eval")
         except SyntaxError as error:
             where = f" at character {error.offset}" if error.offset else ""
-            raise ExpressionError(f"'{self.text}' is no expression: {error.msg}{where}") from None
+            unit = "; units are read in [parameters] alone" if WITH_UNIT.match(self.text) else ""
+            raise ExpressionError(
+                f"'{self.text}' is no expression: {error.msg}{where}{unit}"
+            ) from None
         except (ValueError, RecursionError, MemoryError):  # beyond what Python's own parser takes
             raise ExpressionError("an expression nested too deeply") from None
         return tree.body
