@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from squealstudy.motion.outcome.growth import fit_growth
+from squealstudy.motion.outcome.growth import fit_growth, median_of
 
 TIME = np.arange(10000) * 1e-5
 W = 2e4  # rad/s
@@ -203,3 +203,9 @@ def test_growth_that_bends_tells_bounds_that_reach_the_small_amplitude(r):
     time, a = TIME[:1500], 20.0
     fit = fit_growth(time, stuart_landau(a, r, time))
     assert fit.status != "ok" or fit.low <= a <= fit.high
+
+
+@pytest.mark.parametrize("values", [[], [3.0], [1.0, 4.0], [2.0, np.nan], [5.0, -1.0, 2.0]])
+def test_medians_are_those_of_numpy(values):
+    expected = np.median(values) if values else np.nan
+    np.testing.assert_equal(median_of(np.array(values)), expected)

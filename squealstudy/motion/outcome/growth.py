@@ -135,7 +135,9 @@ def final_level(log: np.ndarray) -> float:
 
 
 def median_of(values: np.ndarray) -> float:
-    """Of values (m,), without numpy's general treatment of axes; NaN where there is one."""
+    """Of values (m,), without numpy's treatment of axes; NaN of none, and where there is one."""
+    if not len(values):
+        return np.nan
     middle = len(values) // 2
     ranked = np.sort(values)  # NaN at the end
     lower = ranked[middle - 1] if len(values) % 2 == 0 else ranked[middle]
