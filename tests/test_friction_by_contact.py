@@ -145,6 +145,18 @@ def test_derivatives_by_a_factor_are_those_of_matrices_by_hand(tmp_path, upper):
         np.testing.assert_allclose(found.derivative[order], expected, rtol=1e-3)
 
 
+def test_a_factor_that_no_dry_contact_has_is_doubted(tmp_path):
+    """A friction of 0.4 at rest times 1.4, and times the largest factor."""
+    definition = read_lumped(write(tmp_path))
+    friction, _ = definition.assumptions
+    for upper, lower in ((3.0, 1.0), (1.0, 2.0), (5.0, 1.0)):
+        values = definition.defaults() | {"upper": upper, "lower": lower}
+        (most,) = friction.values(values, 1)
+        assert most == pytest.approx(0.4 * 1.4 * max(upper, 1.5 * lower), rel=1e-12)
+    swept = definition.defaults() | {"upper": np.array([3.0, 5.0])}
+    assert (friction.values(swept, 2) > friction.most).tolist() == [False, True]
+
+
 def test_half_the_factor_is_half_the_friction_in_time(tmp_path):
     """Run for run: a factor of 1/2 on a friction of 0.8 is a friction of 0.4."""
     plain = BETWEEN.replace('"1.5 * lower"', '"lower"')

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from squealstudy.errors import ParameterError
 from squealstudy.models.file_table import KeyPath, PlacedError
-from squealstudy.models.lumped.build import LumpedBuild
+from squealstudy.models.lumped.build import LargestFriction, LumpedBuild
 from squealstudy.models.lumped.checks import check_tables, check_used, texts_of
 from squealstudy.models.lumped.definition import DESCRIPTION, NAME, LumpedDefinition
 from squealstudy.models.lumped.held import check_held, check_pressed
@@ -29,6 +29,7 @@ from squealstudy.models.operating import (
     DAMPING,
     FRICTION,
     FRICTION_OPTION,
+    FRICTION_RANGE,
     PRESSURE,
     SLIDING_SPEED,
     STIFFNESS_DAMPING,
@@ -98,6 +99,8 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
         if isinstance(space, MatrixSpace):
             check_pressed(space, parts)
     build = LumpedBuild(str(source.path), space, file_names)
+    rubbing = (t for t in file.contact if t.friction and t.sliding is not None)
+    factors = tuple(t.friction_factor for t in rubbing)
     terms = () if isinstance(file, LumpedFile) else file.term
     paths = dict.fromkeys(folder / term.file for term in terms)
     return LumpedDefinition(
@@ -111,7 +114,10 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
         components=parts.structure.components,
         build=build,
         stack=build.stack,
-        assumptions=ASSUMPTIONS,
+        assumptions=tuple(
+            replace(a, group=LargestFriction(factors)) if a is FRICTION_RANGE else a
+            for a in ASSUMPTIONS
+        ),
         torque_unit="N" if all(t.radius is None for t in file.contact) else "N m",
         path=str(source.path.resolve()),
         files=(

@@ -15,8 +15,11 @@ from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.linear_interfaces import DamperInterface, SpringInterface
 from squealstudy.models.lumped.masses import MassSpace
 from squealstudy.models.lumped.matrices import MatrixSpace
+from squealstudy.models.lumped.number_types import Number
+from squealstudy.models.lumped.numbers import value_of
 from squealstudy.models.lumped.parts import Interface, LumpedParts, parts_of
 from squealstudy.models.minimal_parts import LAW
+from squealstudy.models.operating import FRICTION_RANGE
 from squealstudy.models.stacked_assembly import StackedAssembly
 
 
@@ -65,6 +68,31 @@ class LumpedBuild:
             return parts_of(self.space, {name: values[name] for name in self.own})
         except PlacedError as error:
             raise ModelError(f"{self.path}, {dotted(error.keys)}: {error.message}") from error
+
+
+@dataclass(frozen=True)
+class LargestFriction:
+    """Static friction of the contact with most of it: the group of `FRICTION_RANGE`.
+
+    Attributes
+    ----------
+    factors : tuple of float or str
+        `friction_factor` of each contact with friction.
+    """
+
+    factors: tuple[Number, ...]
+
+    def __call__(self, values: Mapping[str, Any]) -> Any:
+        """At values of all parameters, numbers or arrays (m,); factors that have no value count 1.
+
+        A point at which one has none fails where its model is built.
+        """
+        try:
+            factors = [value_of(factor, values, ()) for factor in self.factors]
+        except PlacedError:
+            factors = []
+        largest = np.maximum.reduce(np.broadcast_arrays(*factors)) if factors else 1.0
+        return FRICTION_RANGE.group(values) * largest
 
 
 def assembly_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> Assembly:
