@@ -11,6 +11,7 @@ from study_runs import plan_of
 import squealstudy as sq
 from squealstudy.engine.export import export_reduced
 from squealstudy.errors import StudyFileError
+from squealstudy.models.catalogue import MODELS
 from squealstudy.motion.point import automatic_slope
 from squealstudy.study.lumped import read_lumped
 
@@ -155,6 +156,14 @@ def test_a_factor_that_no_dry_contact_has_is_doubted(tmp_path):
         assert most == pytest.approx(0.4 * 1.4 * max(upper, 1.5 * lower), rel=1e-12)
     swept = definition.defaults() | {"upper": np.array([3.0, 5.0])}
     assert (friction.values(swept, 2) > friction.most).tolist() == [False, True]
+
+
+def test_the_pad_of_a_brake_with_more_friction_is_doubted():
+    brake = MODELS["disc_brake"]
+    friction, values = brake.assumptions[0], brake.defaults() | {"friction": 0.5}
+    for factor, most in ((0.1, 0.5), (5.0, 2.5)):
+        given = values | {"inner_pad.friction_factor": factor}
+        assert friction.values(given, 1) == pytest.approx([most])
 
 
 def test_half_the_factor_is_half_the_friction_in_time(tmp_path):

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from squealstudy.models.operating import (
-    ASSUMPTIONS,
     CONTACT_OPTION,
     DAMPING,
     FRICTION,
     FRICTION_OPTION,
+    FRICTION_RANGE,
+    LIGHTLY_DAMPED,
     PRESSURE,
     SLIDING_SPEED,
     STIFFNESS_DAMPING,
@@ -116,10 +117,20 @@ def _lining_strain(values: Mapping[str, Any]) -> Any:
     return abs(force / (area * modulus))
 
 
+def _largest_friction(values: Mapping[str, Any]) -> Any:
+    """Static friction of the pad with more of it."""
+    pads = values["inner_pad.friction_factor"], values["outer_pad.friction_factor"]
+    return FRICTION_RANGE.group(values) * np.maximum(*pads)
+
+
 SMALL_STRAINS = Assumption(
     f"strains of the lining are small, at most {LARGEST_STRAIN:g}", _lining_strain, LARGEST_STRAIN
 )
-BRAKE_ASSUMPTIONS = (*ASSUMPTIONS, SMALL_STRAINS)
+BRAKE_ASSUMPTIONS = (
+    replace(FRICTION_RANGE, group=_largest_friction),
+    LIGHTLY_DAMPED,
+    SMALL_STRAINS,
+)
 
 STRUCTURE = structural(
     (
