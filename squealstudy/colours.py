@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from squealstudy.wording import (
+    CHANGING,
     GROWING,
     IF_KICKED,
     IRREGULAR,
@@ -32,4 +33,5 @@ RUN_FILLS = {  # of classes of runs in time, the same five
     GROWING: FILLS[NEUTRAL],
     UNDECIDED: FILLS[UNDECIDED],
     STABLE: FILLS[NO_CYCLE],
+    CHANGING: DARK,
 }

@@ -22,7 +22,12 @@ IRREGULAR = "irregular"  # lasts, without a level that is steady over ten period
 GROWING = "growing"  # lasts; its level is not reached yet
 ENERGY_RULE = "a step keeps the energy balance"  # of runs, whose validity it is
 UNDECIDED = "undecided"  # the run is too short to tell
+CHANGING = "changing"  # speed or pressure change during the run: its windows have classes
 FAILED = "failed"
+# classes of a window of such a run
+QUIET = "quiet"  # the torque's RMS is below 1 % of that of steady sliding
+STICK_SLIP = "stick_slip"  # above it, and contact begins to stick twice or more
+VIBRATES = "vibrates"  # above it, and it does not
 SUSTAINED = (LIMIT_CYCLE, IRREGULAR)  # those whose level is that of the vibration that lasts
 LASTING = (*SUSTAINED, GROWING)
 
@@ -37,6 +42,7 @@ VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NEUTRAL, NO_CYCLE)  # of a design the
 VERDICT_LETTERS = {SQUEALS: "S", IF_KICKED: "K", UNDECIDED: "?", NEUTRAL: "n", NO_CYCLE: "."}
 VERDICT_LETTERS[FAILED] = "x"
 CLASS_LETTERS = {LIMIT_CYCLE: "L", IRREGULAR: "I", GROWING: "G", UNDECIDED: "?", STABLE: "."}
+CLASS_LETTERS[CHANGING] = "~"
 CLASS_LETTERS[FAILED] = "x"
 
 LEAST_DIGITS = 3
@@ -86,7 +92,9 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"frequency_per_percent|(predicted|finite)_frequency_change", "Hz"),
     (r"wall_s|\w*seconds\w*|cost(_onset)?|\w*_time|time|time_reached|fit_(start|stop)", "s"),
     (r"undecided_until", "s"),
-    (r"perturbation", "m/s"),
+    (r"perturbation|sliding_speed(_start|_stop)?", "m/s"),
+    (r"pressure(_start|_stop)?", "Pa"),
+    (r"time_(start|stop)", "s"),
     (r"memory_mb", "MB"),
     (r"normal_force", "N"),
     (r"contact_pressure_(min|max)", "Pa"),
@@ -98,7 +106,7 @@ UNITS: tuple[tuple[str, str], ...] = (
     (  # counts, numbers of modes and tracks, ratios
         r"n_\w+|family(_modes)?|design|round|margin|occurrence|change_cost|\w*points\w*|\w*groups|point|rounds"
         r"|evaluations|iterations\w*|halvings|newton_steps"
-        r"|track|mode|component_mode|dominant_mode|transfer_(from|to)|missed|spurious"
+        r"|track|window|mode|component_mode|dominant_mode|transfer_(from|to)|missed|spurious"
         r"|\w*damping\w*|\w*share\w*|energy_(?!mean)\w+|track_mac|\w*residual|condition|match"
         r"|biorthogonality|validity_range|disagreement|slip|(stick|open)(_mean|_max)?|stick_creep|stick_number"
         r"|contraction|swing_spread|energy_balance|reference_frequency_error|deviation|probability\w*"

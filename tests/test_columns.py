@@ -43,6 +43,7 @@ friction = 1.0
 [transient]
 duration = 0.2
 step = 2e-5
+sliding_speed = {{ points = [[0.0, 1.0], [0.2, 0.9]], relative = true }}
 """,
     "limit_cycles": f"""\
 [model]

@@ -8,6 +8,7 @@ import pytest
 from squealstudy import screen
 from squealstudy.kinds.limit_cycles.screen import footnotes
 from squealstudy.wording import (
+    CHANGING,
     CLASS_LETTERS,
     FAILED,
     LASTING,
@@ -101,7 +102,10 @@ def test_a_grid_is_no_wider_than_the_screen_and_breaks_no_number_and_no_name():
 
 
 def test_every_class_and_verdict_has_a_letter_of_its_own():
-    for letters, names in ((VERDICT_LETTERS, VERDICTS), (CLASS_LETTERS, (*LASTING, STABLE))):
+    for letters, names in (
+        (VERDICT_LETTERS, VERDICTS),
+        (CLASS_LETTERS, (*LASTING, STABLE, CHANGING)),
+    ):
         assert set(letters) == {*names, UNDECIDED, FAILED}
         assert len(set(letters.values())) == len(letters)
 

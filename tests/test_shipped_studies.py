@@ -242,3 +242,16 @@ def test_groan_to_honk(tmp_path) -> None:
     assert points["torque_mean"].to_list() == pytest.approx([654.3, 630.3], rel=0.02)
     assert points["torque_rms"].to_list() == pytest.approx([175.3, 156.5], rel=0.05)
     assert points["frequency_hz"][1] == pytest.approx(436.5, rel=0.02)
+
+
+def test_groan_stop(tmp_path) -> None:
+    """The honk falls with the speed until pad and caliper groan; then the pad sticks."""
+    path = SHIPPED / "lumped" / "groan_stop.toml"
+    text = path.read_text().replace("step = 2e-6", "step = 4e-6")
+    table = solved(plan_of(text, path), tmp_path / "stop").windows
+    honk = table["frequency_hz"][1:13].to_numpy()
+    assert honk[0] == pytest.approx(446.0, rel=0.01)
+    assert (np.diff(honk[np.isfinite(honk)]) < 0).all()
+    assert table["torque_line_hz"][15:17].max() < 300.0
+    assert table["class"].tolist()[1:17] == ["stick_slip"] * 16
+    assert table["stick_share"].iloc[-1] == pytest.approx(1.0)

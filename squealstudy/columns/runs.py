@@ -172,8 +172,11 @@ INTEGRATION = (
 )
 POINTS = (
     *HEAD,
-    text("class", "What the run came to: stable, limit_cycle, irregular, growing, undecided."),
-    text("growth_method", "How growth was fitted: left_vector, energy, too_short or nothing."),
+    text(
+        "class",
+        "What the run came to: stable, limit_cycle, irregular, growing, undecided, changing.",
+    ),
+    text("growth_method", "How growth was fitted: left_vector, energy, too_short, or why not."),
     *FORECAST,
     *GROWTH_OF_POINT,
     *LEVELS,
@@ -222,10 +225,54 @@ GROWTH = (
     ),
     flag("expressed", "Whether it is in the vibration that lasts; missing where unknown."),
 )
+OF_WINDOW = "The step's error; it is of this window alone."
+WINDOWS = (
+    count("window", "Number of the window, from 1: parts of equal length of the run."),
+    number("time_(start|stop)", "When the window begins, or ends.", leaves_out="It is exact."),
+    number(
+        "sliding_speed_(start|stop)",
+        "Imposed sliding speed there; negative where it is reversed.",
+        leaves_out="It is given.",
+    ),
+    number(
+        "pressure_(start|stop)",
+        "Brake pressure there; missing where it does not change.",
+        leaves_out="It is given.",
+    ),
+    text("class", "What the torque does in the window: quiet, stick_slip, vibrates."),
+    *bounded("torque_mean", "Mean of the torque over the window."),
+    *bounded("torque_rms", "RMS of the torque about a straight line through the window."),
+    *bounded("torque_peak_to_peak", "Largest less least torque in the window."),
+    number(
+        "frequency_hz",
+        "The motion's own frequency; missing where it does not repeat in the window.",
+        leaves_out=OF_WINDOW,
+    ),
+    number(
+        "torque_line_hz",
+        "Frequency of the strongest line of the torque, often a harmonic of frequency_hz.",
+        leaves_out="It is as fine as the window is long, and its mean where it changes.",
+    ),
+    number(
+        "dominant_level",
+        "RMS of the torque within 1.5 % of its strongest line.",
+        leaves_out=OF_WINDOW,
+    ),
+    number("energy_mean", "Mean energy of all modes.", leaves_out=OF_WINDOW),
+    number(
+        "(stick|open)_share",
+        "Share of contact area and time in this state, as in points.",
+        leaves_out=OF_WINDOW,
+    ),
+    number("(stick|open)_share_max", "Largest share of the area at once.", leaves_out=OF_WINDOW),
+)
 HISTORIES = (
     number("time", "Simulated time of the row.", leaves_out="It is exact."),
     number("torque", "Torque of friction at the row.", leaves_out=AT_ROWS),
     number("normal_force", "Normal force of contact with friction.", leaves_out=AT_ROWS),
+    number(
+        "sliding_speed|pressure", "As imposed; only where one changes.", leaves_out="It is given."
+    ),
     number("stick|slip|open", "Share of the contact area in this state.", leaves_out=AT_ROWS),
     number("energy", "Kinetic and elastic energy of all modes.", leaves_out=AT_ROWS),
     number(
@@ -254,5 +301,6 @@ TRANSIENT: Tables = {
     "points": POINTS,
     "modes": MODES,
     "growth": GROWTH,
+    "windows": WINDOWS,
     "histories": HISTORIES,
 }

@@ -14,6 +14,7 @@ from squealstudy.engine.result_tables import ResultTables
 from squealstudy.errors import ResultsError
 from squealstudy.motion.growing_modes import coordinates, mode_planes
 from squealstudy.shapes.shape import Shape
+from squealstudy.wording import CHANGING
 
 END = "end of the run"
 MODAL = "modal"  # representation whose states are in component-mode coordinates
@@ -59,6 +60,11 @@ def loudest(results: ResultTables) -> int:
     """Row of the run with the largest RMS of the torque; ResultsError where there is none."""
     _expect_runs(results)
     rms = results.points[LEVEL].where(results.points["status"] == "ok")
+    if (results.points["class"] == CHANGING).any():
+        raise ResultsError(
+            f"{results.directory}: speed or pressure change during the runs, and no motion lasts "
+            "that could be shown"
+        )
     if rms.isna().all():
         raise ResultsError(f"{results.directory}: no run came to its end")
     return int(rms.to_numpy(float, na_value=-np.inf).argmax())
@@ -91,6 +97,8 @@ def end_motion(results: ResultTables, row: int) -> EndMotion:
     hz = float(point_row[FREQUENCY])
     if point_row["status"] != "ok" or not hz > 0:
         reason = point_row["message"] or "it has no dominant frequency: nothing vibrates"
+        if point_row["class"] == CHANGING:
+            reason = "its speed or pressure changes, and no frequency lasts"
         raise ResultsError(
             f"design point {row} ({point_row['point_id']}) has no motion to show: {reason}"
         )

@@ -65,6 +65,11 @@ class NamedTables:
         return table
 
     @property
+    def windows(self) -> pd.DataFrame:
+        """One row a window of a run in time whose speed or pressure changes."""
+        return self.table("windows")
+
+    @property
     def measurements(self) -> pd.DataFrame:
         """One row a method and knob value of a work-precision study."""
         return self.table("measurements")

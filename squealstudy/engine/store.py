@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 POINTS, MODES, GROWTH = "points.parquet", "modes.parquet", "growth.parquet"
+WINDOWS = "windows.parquet"
 ONSETS = "onsets.parquet"
 SENSITIVITIES = "sensitivities.parquet"
 MEASUREMENTS, ERRORS = "measurements.parquet", "errors.parquet"

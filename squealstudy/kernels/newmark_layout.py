@@ -100,6 +100,9 @@ CONSTANT, OUTSIDE = -1, 1000
 
 # rows of Modal.modes
 W2, C, LOAD = 0, 1, 2
+# rows of Schedule.ratios; of its loads: what stays, and that of the brake pressure
+SPEED_RATIO, PRESSURE_RATIO = 0, 1
+STAYING, PRESSING = 0, 1
 # rows of Modal.steps: propagator of (q, v); answers in q and v to the pull at the start and at the
 # end of a sub-step
 QQ, QV, VQ, VV, FIRST_Q, FIRST_V, LAST_Q, LAST_V = 0, 1, 2, 3, 4, 5, 6, 7
@@ -202,6 +205,15 @@ class SavedArrays(NamedTuple):
     sensed: np.ndarray  # (nb, rows, 2, ns) sensors @ q, sensors @ v
     squares: np.ndarray  # (nb, rows, 2, modes) means of q^2 and v^2 since the row before
     q: np.ndarray  # (nb, rows or 0, n)
+
+
+class ScheduleArrays(NamedTuple):
+    """What is imposed over time, as shares of what the design points have."""
+
+    times: np.ndarray  # (m,) s; none where nothing changes
+    ratios: np.ndarray  # (nb, 2, m) rows SPEED_RATIO, PRESSURE_RATIO
+    speeds: np.ndarray  # (nb, nc) row POINT_SPEED of the points
+    loads: np.ndarray  # (nb, 2, n or 0) rows STAYING, PRESSING; none where no pressure changes
 
 
 class Scheme(NamedTuple):

@@ -100,6 +100,40 @@ def modal_arrays(
     return modal, bool(fixed.any())
 
 
+def schedule_arrays(
+    designs: Sequence[MotionPoint], modal: layout.ModalArrays
+) -> layout.ScheduleArrays:
+    """What designs have imposed over time; their loads in `modal` stay but for the pressure.
+
+    Raises
+    ------
+    ModelError
+        Designs of which some have a schedule, or another times; a load of another size.
+    """
+    staying, count = modal.modes[:, layout.LOAD], modal.fixed.shape[2]
+    speeds, loads = (
+        modal.points[:, layout.POINT_SPEED, :count].copy(),
+        np.zeros((len(designs), 2, 0)),
+    )
+    schedules = [x.schedule for x in designs if x.schedule is not None]
+    if not schedules:
+        return layout.ScheduleArrays(np.zeros(0), np.zeros((0, 2, 0)), speeds, loads)
+    times = np.concatenate([[0.0], schedules[0].times[schedules[0].times > 0.0]])
+    if len(schedules) < len(designs) or any(
+        not np.array_equal(x.times, schedules[0].times) for x in schedules
+    ):
+        raise ModelError("design points that advance together need schedules at the same times")
+    rows = np.array([[x.speed_at(times), x.pressure_at(times)] for x in schedules])
+    pressing = [x.pressing for x in schedules]
+    if any(x is not None for x in pressing):
+        loads = np.zeros((len(designs), 2, staying.shape[1]))
+        loads[:, layout.STAYING] = staying
+        for load, x in zip(loads[:, layout.PRESSING], pressing, strict=True):
+            if x is not None:
+                load[: len(x)] = x
+    return layout.ScheduleArrays(times, rows, speeds, loads)
+
+
 def corner_halvings(integrator: KernelIntegrator, contact_points: int) -> int:
     """Halvings of a sub-step with a corner: of many points one would meet its own in every step."""
     return integrator.corner_halvings if contact_points <= FEW_POINTS else 0

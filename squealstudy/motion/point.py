@@ -243,7 +243,7 @@ def stuck(system: ModalSystem, point: MotionPoint) -> MotionPoint:
     q0, v0 = point.start(system.n)
     has_friction = system.frictional > 0
     T = np.vstack([system.T1[has_friction], system.T2[has_friction]])
-    speed = point.speed * system.speed_factor[has_friction]
+    speed = point.first_speed * system.speed_factor[has_friction]
     opposite_sliding = -np.concatenate([speed, np.zeros(len(speed))])
     v = np.linalg.lstsq(T, opposite_sliding, rcond=None)[0]
     lacking = float(np.abs(T @ v - opposite_sliding).max(initial=0.0))

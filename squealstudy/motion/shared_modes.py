@@ -7,7 +7,7 @@ POD vectors of a run beside them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -48,6 +48,8 @@ class SharedModes:
         In the order of the rows of `system.shapes`: what design points may change.
     component_frequencies : mapping of (component, mode) -> float
         Free-free, of every component mode of the reduced assembly, rad/s.
+    load : ndarray (n,)
+        Modal load of a unit of brake pressure; none where that is not known.
     """
 
     system: ModalSystem
@@ -59,6 +61,7 @@ class SharedModes:
     damping: AssemblyDamping
     component_modes: tuple[ModeKey, ...]
     component_frequencies: Mapping[ModeKey, float]
+    load: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 def shared_modes(
@@ -118,6 +121,7 @@ def shared_modes(
         damping=damping,
         component_modes=component_modes,
         component_frequencies=component_frequencies(model),
+        load=model.load @ phi if len(model.load) else model.load,
     )
 
 
@@ -227,6 +231,7 @@ def project(reference: SharedModes, basis: np.ndarray) -> SharedModes:
         reference,
         system=smaller,
         phi=reference.phi @ basis,
+        load=reference.load @ basis if len(reference.load) else reference.load,
         C=basis.T @ reference.C @ basis,
         K=basis.T @ reference.K @ basis,
         energies=reference.energies[:, :exact],

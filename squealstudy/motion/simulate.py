@@ -13,12 +13,14 @@ from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.integrator_state import BLOW_UP
 from squealstudy.kernels.newmark_batch import newmark_batch
 from squealstudy.kernels.newmark_layout import POINT_GAP
+from squealstudy.kernels.schedule import newmark_scheduled
 from squealstudy.laws.spring import evaluate_points
 from squealstudy.motion.arrays import (
     kernel_settings,
     modal_arrays,
     observation,
     saved_arrays,
+    schedule_arrays,
     work_arrays,
 )
 from squealstudy.motion.integrator import Integrator, KernelIntegrator
@@ -84,6 +86,10 @@ def simulate(
     if isinstance(integrator, OneByOne):
         if watch is not None:
             raise ParameterError("integrator", f"runs of '{integrator.name}' go to their end")
+        if any(design.schedule is not None for design in designs):
+            raise ParameterError(
+                "integrator", f"'{integrator.name}' runs at one speed and pressure alone"
+            )
         return [integrator.run(system, design, settings) for design in designs]
     if not designs:
         return []
@@ -92,14 +98,14 @@ def simulate(
     blocks = _block_steps(watch, len(designs), settings)
     stopped = [""] * len(designs)
     counts[:, layout.PAUSE] = blocks
-    newmark_batch(*run.arguments)
+    run.go_on()
     while watch is not None and (at_pause := _paused(counts)):
         for k in at_pause:
             stopped[k] = watch.judge(k, run.motion(k, np.asarray))
             if stopped[k]:
                 run.stop(k)
             counts[k, layout.PAUSE] += blocks[k]
-        newmark_batch(*run.arguments)
+        run.go_on()
     return [_judged(system, replace(run.motion(k), stopped=why)) for k, why in enumerate(stopped)]
 
 
@@ -116,7 +122,7 @@ class KernelRun:
     ----------
     B : ndarray (nt, n, ROWS)
         Tiles of the observation matrix.
-    modal, options, work, saved : newmark_layout tuples
+    modal, options, work, saved, schedule : newmark_layout tuples
     system : ModalSystem
     designs : sequence of MotionPoint
     settings : MotionSettings
@@ -128,6 +134,7 @@ class KernelRun:
     options: layout.StepSettings
     work: layout.WorkArrays
     saved: layout.SavedArrays
+    schedule: layout.ScheduleArrays
     system: ModalSystem
     designs: Sequence[MotionPoint]
     settings: MotionSettings
@@ -155,6 +162,7 @@ class KernelRun:
             options=options,
             work=work_arrays(modal, options, B, starts),
             saved=saved_arrays(modal, system, settings),
+            schedule=schedule_arrays(designs, modal),
             system=system,
             designs=designs,
             settings=settings,
@@ -168,6 +176,13 @@ class KernelRun:
     ]:
         """The first arguments of kernels."""
         return self.B, self.modal, self.options, self.work, self.saved
+
+    def go_on(self) -> None:
+        """Integrate all designs to their pauses, ends or failures."""
+        if len(self.schedule.times):
+            newmark_scheduled(*self.arguments, self.schedule)
+        else:
+            newmark_batch(*self.arguments)
 
     def stop(self, k: int) -> None:
         """End design k where it is, its last step a saved row."""

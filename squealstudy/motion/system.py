@@ -27,6 +27,7 @@ from squealstudy.kernels.newmark_layout import POINT_SPRING
 from squealstudy.laws import ContactLaw, FrictionLaw
 from squealstudy.laws.spring import N_SPRING, NO_SPRINGS, evaluate_points
 from squealstudy.motion.growing_modes import GrowingModes
+from squealstudy.motion.schedule import Schedule
 from squealstudy.system.linearise import ContactStructure
 
 if TYPE_CHECKING:
@@ -181,6 +182,8 @@ class MotionPoint:
         Of the base state, N m.
     growing : GrowingModes
         Complex modes of the system linearised at the base state, through which runs are watched.
+    schedule : Schedule or None
+        Of speed and pressure over time; None where they stay those of the design point.
     """
 
     contact: ContactLaw
@@ -200,6 +203,7 @@ class MotionPoint:
     beta: float = 0.0
     static_torque: float = 0.0
     growing: GrowingModes = field(default_factory=GrowingModes)
+    schedule: Schedule | None = None
 
     def start(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Initial deviation and velocity (n,).
@@ -238,6 +242,12 @@ class MotionPoint:
         springs = getattr(system, "spring_points", NO_SPRINGS)
         tangents: np.ndarray = system.area * evaluate_points(self.contact, springs, gap)[1]
         return tangents
+
+    @property
+    def first_speed(self) -> float:
+        """Imposed sliding velocity along T1 at the start of its run, m/s."""
+        share = 1.0 if self.schedule is None else float(self.schedule.speed_at(0.0))
+        return share * self.speed
 
     def points(self, system: ModalSystem | HybridModel) -> np.ndarray:
         """Contact points (N_POINT_ROWS, nc) for the kernels, at the base state."""

@@ -84,6 +84,11 @@ class Run:
         return np.nan if pd.isna(cell) else float(cell)
 
     @property
+    def changes(self) -> bool:
+        """Whether speed or pressure change during the run."""
+        return "sliding_speed" in self.history
+
+    @property
     def milliseconds(self) -> np.ndarray:
         """Times of the history (n,), ms."""
         return MS_PER_S * self.column("time")

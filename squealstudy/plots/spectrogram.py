@@ -14,6 +14,7 @@ from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
     MS_PER_S,
     EndLabel,
+    Run,
     end_labels,
     friction_label,
     histories,
@@ -31,6 +32,7 @@ FEWEST_SAMPLES = 32  # of a run
 MAX_FRAMES = 400  # at most
 ZERO_PADDING_FACTOR = 4  # zeros: a finer frequency axis, not a finer resolution
 SHOWN_RANGE_DB = 60.0  # dB below the maximum
+PA_PER_BAR = 1e5
 UNEVEN_STEP_RATIO = 1e-3  # relative deviation of steps from which on a history is resampled
 
 
@@ -41,7 +43,8 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     Of the means between rows, where a history has them: rows dropped from a signal fold what is
     faster than half their rate onto lower frequencies, means damp it first.
 
-    Predicted instabilities are marked at the right edge.
+    Predicted instabilities are marked at the right edge; where speed or pressure change, these are
+    drawn below instead.
 
     Parameters
     ----------
@@ -66,8 +69,11 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     centres, frequency, level = short_time_levels(time, torque, averaged)
     if not np.isfinite(level).any():
         return empty_figure(f"the {what} does not vary")
-    figure = new_figure(10.0, 5.6)
-    axes = figure.add_subplot()
+    figure = new_figure(10.0, 6.8 if run.changes else 5.6)
+    if run.changes:
+        axes, below = figure.subplots(2, 1, sharex=True, height_ratios=[3.2, 1.0])
+    else:
+        axes = figure.add_subplot()
     nyquist = float(frequency[-1])
     top = min(band_top, nyquist)
     shown = frequency <= top * (1 + 1e-9)
@@ -84,7 +90,7 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     figure.colorbar(
         drawn, ax=axes, label=f"{what.capitalize()} [dB of its maximum]", location="left", pad=0.02
     )
-    finish(axes, "Time [ms]", "Frequency [Hz]")
+    finish(axes, "" if run.changes else "Time [ms]", "Frequency [Hz]")
     axes.grid(False)
     axes.set_ylim(0.0, top)
     f = run.number("torque_line_hz")
@@ -92,8 +98,23 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     folds = "is damped and folds back" if averaged else "folds back"
     reached = f"rows kept reach {in_digits(nyquist)} Hz, what is faster {folds} below it"
     head(axes, run.title, joined(dominant, reached))
-    _predictions(figure, axes, run.growth, top)
+    if run.changes:
+        _imposed(below, run)
+    else:
+        _predictions(figure, axes, run.growth, top)
     return figure
+
+
+def _imposed(axes: Axes, run: Run) -> None:
+    """Speed over time, and the pressure where it changes."""
+    axes.plot(run.milliseconds, run.column("sliding_speed"), color=DARK)
+    axes.set_xlim(*run.limits)
+    axes.axhline(0.0, color=DARK, linewidth=0.6)
+    finish(axes, "Time [ms]", "Sliding speed [m/s]")
+    if "pressure" in run.history:
+        right = axes.twinx()
+        right.plot(run.milliseconds, run.column("pressure") / PA_PER_BAR, color=COLOURS[0])
+        right.set_ylabel("Pressure [bar]", color=COLOURS[0])
 
 
 def short_time_levels(

@@ -154,7 +154,7 @@ def _torque(axes: Axes, run: Run, named: bool) -> None:
     axes.plot(*outline(run.milliseconds, run.column("torque")), color=COLOURS[1], linewidth=0.8)
     mean = ("torque_mean", f"mean {what}", "--", "black")
     lines = (mean, ("torque_static", "static", "-.", DARK))
-    for name, text, style, colour in lines:
+    for name, text, style, colour in () if run.changes else lines:  # they are of one speed
         if np.isfinite(level := run.number(name)):
             label = f"{text} {level:.4g} {unit}" if named else None
             axes.axhline(level, linestyle=style, color=colour, linewidth=1.1, label=label)
@@ -199,7 +199,7 @@ def _growth_text(run: Run) -> str:
     f, predicted = (run.number(f"predicted_{n}") for n in ("frequency_hz", "growth_rate"))
     fitted, low, high = (run.number(f"growth_rate{n}") for n in ("", "_low", "_high"))
     parts = [_class_text(run)] if run.row.get("class") else []
-    if np.isfinite(predicted):
+    if np.isfinite(predicted) and not run.changes:
         parts.append(
             f"growth rate predicted {predicted:.4g} 1/s (complex mode at {in_digits(f)} Hz)"
         )

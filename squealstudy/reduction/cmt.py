@@ -85,6 +85,9 @@ class ReducedModel:
         Damping of the components' own and of dampers, rad/s; None where there is none.
     spring_points : ndarray (ns, 4)
         As in ContactInterface.
+    load : ndarray (n,)
+        Of a unit of brake pressure (Assembly.load); none where springs are there in vibration
+        only, against which a change of it would press.
     """
 
     components: tuple[str, ...]
@@ -102,6 +105,7 @@ class ReducedModel:
     damped_to: float = np.inf
     C_el: np.ndarray | None = None
     spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS)
+    load: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def n(self) -> int:
@@ -304,6 +308,7 @@ def project(
         for s, observe_block in zip(spans, basis.blocks, strict=True)
     ]
     K_r = np.vstack(rows)
+    in_vibration_only = abs(K_springs - assembly.K_springs(static=True)).max() > 0
     return ReducedModel(
         components=assembly.component_names,
         offsets=np.cumsum([0, *(T.shape[1] for T in basis.blocks)]),
@@ -319,6 +324,7 @@ def project(
         speed_factor=c.speed_factor,
         C_el=_own_damping(assembly, basis),
         spring_points=c.spring_points,
+        load=np.zeros(0) if in_vibration_only else basis.restrict(assembly.load),
     )
 
 

@@ -17,6 +17,7 @@ from squealstudy.kinds.transient.plan_facts import (
     start_of,
     training_designs,
 )
+from squealstudy.kinds.transient.schedules import Schedules, schedules_of
 from squealstudy.kinds.transient.section import STUCK, TransientSection
 from squealstudy.mechanics.motions import reference_modes
 from squealstudy.models.operating import ModeKey, OperatingPoint
@@ -104,6 +105,7 @@ class BatchTask:
     tolerance : float
         Damping ratio below minus which a mode is unstable.
     start : StartState or None
+    schedules : Schedules or None
     cutoff_hz : float
         Assembly modes up to here are in the basis, exact.
     """
@@ -117,6 +119,7 @@ class BatchTask:
     band_hz: tuple[float, float]
     tolerance: float
     start: StartState | None
+    schedules: Schedules | None
     cutoff_hz: float
 
     @property
@@ -166,6 +169,7 @@ def batch_task(
         band_hz=plan.band_hz,
         tolerance=plan.study.definition.modes.stability_tolerance,
         start=start_of(plan),
+        schedules=schedules_of(plan),
         cutoff_hz=plan.settings.assembly_cutoff,
     )
 

@@ -15,7 +15,7 @@ from squealstudy.engine.cache import is_prepared
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.engine.model_kind import OFTEN_CHANGED, Columns, ModelKind, Solves
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.store import GROWTH, MODES, POINTS, Store
+from squealstudy.engine.store import GROWTH, MODES, POINTS, WINDOWS, Store
 from squealstudy.engine.workers import Progress, Solved, Workers
 from squealstudy.errors import ParameterError
 from squealstudy.kinds.transient import preparation
@@ -38,6 +38,7 @@ from squealstudy.kinds.transient.plan_facts import (
     start_of,
 )
 from squealstudy.kinds.transient.preparation import make_training_runs
+from squealstudy.kinds.transient.schedules import schedules_of
 from squealstudy.kinds.transient.section import TransientDefinition
 from squealstudy.kinds.transient.tables import SCHEMA, build_tables, lost_row, simulated_time
 from squealstudy.kinds.transient.worker import solve_batch
@@ -61,7 +62,7 @@ class Transient(ModelKind):
     description = "motion in time"
     section = "transient"
     definition = TransientDefinition
-    tables: tuple[str, ...] = (POINTS, MODES, GROWTH)
+    tables: tuple[str, ...] = (POINTS, MODES, GROWTH, WINDOWS)
     schema: pa.Schema = SCHEMA
     tells_reduction = False
     has_fidelity = True
@@ -116,6 +117,12 @@ class Transient(ModelKind):
                 reference = shared_reference(key, plan.nominal, mode_keys(plan), basis)
             except ParameterError as error:
                 raise plan.study.error(("transient", error.key), error.message) from None
+            if section.pressure is not None and not len(reference.load):
+                raise plan.study.error(
+                    ("transient", "pressure"),
+                    f"springs of model '{plan.study.model.name}' are there in vibration only "
+                    "(in_static = false): a change of the pressure would press against them, too",
+                )
             omega2 = reference.system.omega2[: reference.n_exact]
             try:
                 sensed_modes(section, omega2, plan.band_hz)
@@ -199,6 +206,7 @@ class Transient(ModelKind):
         return [
             ("method", f"{section.integrator.name}, contact iteration to {section.balance:g}"),
             *slope,
+            *([("over time", schedules.text)] if (schedules := schedules_of(plan)) else []),
         ]
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:

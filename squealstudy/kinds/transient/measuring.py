@@ -64,6 +64,11 @@ def measure_points(
 ) -> Measurement:
     """The same of design points that need not be among the plan's."""
     section = plan.study.section
+    if section.changes:
+        raise plan.study.error(
+            ("transient", "sliding_speed" if section.sliding_speed else "pressure"),
+            "methods are measured on levels that last: expected one speed and pressure",
+        )
     preparation.warm(section)
     with threadpool_limits(1):
         make_training_runs(plan, silent, {task.structure for task in chosen})

@@ -23,6 +23,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.result_names import STATES
 from squealstudy.engine.store import POINTS, Store
 from squealstudy.errors import ResultsError
+from squealstudy.kinds.transient.schedules import schedules_of
 from squealstudy.kinds.transient.section import STUCK, TransientSection
 from squealstudy.mechanics.regularisation import is_automatic
 from squealstudy.models.operating import (
@@ -56,6 +57,7 @@ def motion_identity(plan: Plan) -> list[Any]:
         plan.study.definition.modes.stability_tolerance,
         [sorted(d.values.items()) for d in trained],
         source_hash(TRANSIENT_SOURCES),
+        repr(schedules_of(plan)),
         *filter(None, [section.integrator.outside_source()]),
     ]
 

@@ -122,7 +122,7 @@ def _outside(plan: Plan, outside: Sequence[tuple[float, float]]) -> list[str]:
 
 def _standstill_warnings(plan: Plan) -> list[str]:
     section = plan.study.section
-    if section.perturbation or section.start != WORKING_POINT:
+    if section.perturbation or section.changes or section.start != WORKING_POINT:
         return []
     return ["perturbation is 0: steady sliding stays as it is, unstable or not"]
 

@@ -11,9 +11,11 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
+from squealstudy.kinds.transient.window_screen import windows
 from squealstudy.screen import Rows, command_text, facts, grid, notes
 from squealstudy.tables.energy_ranking import rank_energy
 from squealstudy.wording import (
+    CHANGING,
     CLASS_LETTERS,
     ENERGY_RULE,
     FAILED,
@@ -44,7 +46,7 @@ N_FINDING_COLUMNS = 9  # columns of `_findings`
 class TransientScreen(KindScreen):
     """What every design point comes to in time, and which assembly modes have the energy."""
 
-    tables = ("points", "modes", "growth")
+    tables = ("points", "modes", "growth", "windows")
     sure = ("friction", "error")
 
     def rank(
@@ -64,6 +66,13 @@ class TransientScreen(KindScreen):
         """Which assembly modes carry the energy."""
         undecided = table.attrs["undecided"]
         left_out = f"; {plural(undecided, 'undecided run')} left out" if undecided else ""
+        changing = (results.points["class"] == CHANGING).to_numpy(bool)
+        if not len(table) and changing.any():
+            runs = "run's" if changing.sum() == 1 else "runs'"
+            return [
+                f"No mode is ranked of {plural(int(changing.sum()), 'changing run')}: the {runs} "
+                f"speed or pressure changes, and nothing lasts{left_out}."
+            ]
         if not len(table):
             failed = (results.points["class"] == FAILED).any()
             keeps_text = "is known to keep" if undecided or failed else "keeps"
@@ -87,6 +96,10 @@ class TransientScreen(KindScreen):
         """What became of each design point, then the ranking."""
         unit = results.units.get(TORQUE, "N m")
         parts = points(results.points, results.parameters, results.units, unit)
+        if (results.points["class"] == CHANGING).any():
+            failed = results.points[(results.points["status"] != "ok").to_numpy()]
+            lost = points(failed, results.parameters, results.units, unit) if len(failed) else []
+            parts = [*windows(results, unit), *(["", *lost] if lost else [])]
         words = results.points["class"].tolist()
         letters = (
             self.mapped(results, words, CLASS_LETTERS)
@@ -117,14 +130,13 @@ class TransientScreen(KindScreen):
         shorter = (
             f"step = {np.nanmin(steps):.2g} in [transient]" if np.isfinite(steps).any() else ""
         )
+        forecasts = f"{command_text('compare', results.directory)} RESULTS_OF_COMPLEX_MODES"
+        one_speed = not (results.points["class"] == CHANGING).any()
         return [
             *([("shorten the step", shorter)] if shorter else []),
             *([("decide runs", longer)] if longer else []),
             ("click through", command_text("explore", results.directory)),
-            (
-                "with forecasts",
-                f"{command_text('compare', results.directory)} RESULTS_OF_COMPLEX_MODES",
-            ),
+            *([("with forecasts", forecasts)] if one_speed else []),
         ]
 
     def facts(self, results: ResultTables) -> Rows:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Field,
     Strict,
     model_validator,
@@ -33,6 +34,7 @@ AUTO = "auto"
 WORKING_POINT = "working_point"  # where a run starts by default
 STUCK = "stuck"  # at rest relative to what slides there
 CYCLE = "cycle:"  # begins a start on a limit cycle
+WINDOWS = 20  # of a run whose speed or pressure changes
 
 
 def _modes(values: tuple[int | float, ...]) -> tuple[int | float, ...]:
@@ -61,6 +63,43 @@ def _method(value: str) -> str:
         names = ", ".join(f"'{name}'" for name in methods[:-1]) + f" or '{methods[-1]}'"
         raise PydanticCustomError("literal_error", "no integrator", {"expected": names})
     return value
+
+
+def _points(values: object) -> object:
+    """Pairs, or one clear error."""
+    pairs = isinstance(values, list | tuple) and all(
+        isinstance(point, list | tuple) and len(point) == 2 for point in values
+    )
+    if not pairs:
+        raise ValueError("expected points [[time, value], [time, value]], times in s")
+    return values
+
+
+Point = Annotated[tuple[float, float], Strict(False)]
+
+
+class ScheduleTable(Section):
+    """A parameter over time: straight lines between points, constant behind the last."""
+
+    points: Annotated[tuple[Point, ...], Strict(False), BeforeValidator(_points)] = Field(
+        default=(), description="[time s, value], in the order of time"
+    )
+    file: str | None = Field(
+        default=None,
+        min_length=1,
+        description="text file beside the study with a line of names, 'time' and the parameter's "
+        "among them, then a line of numbers a point",
+    )
+    relative: bool = Field(
+        default=False,
+        description="values are shares of each design point's own; else in the parameter's unit",
+    )
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if (self.file is None) == ("points" not in self.model_fields_set):
+            raise ValueError("expected points = [[time, value], ..] or file = '...'")
+        return self
 
 
 Sensors = Annotated[tuple[int | float, ...], Strict(False), AfterValidator(_sensors)]
@@ -106,6 +145,21 @@ class TransientSection(Section):
         le=1e3,
         description="factor on the state that a run starts with: 0.9 and 1.1 of an unstable cycle "
         "are below and above the kick that starts squeal",
+    )
+    sliding_speed: ScheduleTable | None = Field(
+        default=None,
+        description="sliding speed over time, m/s, negative the other way: a stop, a pull-away. "
+        "Steady sliding, complex modes and friction's slope stay those of [parameters]",
+    )
+    pressure: ScheduleTable | None = Field(
+        default=None, description="brake pressure over time, Pa; likewise"
+    )
+    windows: int | None = Field(
+        default=None,
+        ge=1,
+        le=1000,
+        description="parts of equal length of a run whose speed or pressure changes, each with "
+        f"levels, class and line in the table windows; {WINDOWS} by default",
     )
     perturbation: float = Field(
         default=1e-3,
@@ -214,6 +268,7 @@ class TransientSection(Section):
             raise ValueError("pod_vectors repair a truncated basis: give modes_below too")
         if self.representation == "hybrid":
             self._refuse_modal_settings()
+        self._refuse_settled_levels()
         try:
             _ = self.method == AUTO or self.integrator
         except ParameterError as error:
@@ -225,6 +280,22 @@ class TransientSection(Section):
         if self.stop == "end" and "settle_tolerance" in self.model_fields_set:
             raise ValueError('settle_tolerance needs stop = "settled"')
         return self
+
+    def _refuse_settled_levels(self) -> None:
+        """ValueError for what a run whose speed or pressure changes does not have."""
+        if not self.changes:
+            if self.windows is not None:
+                raise ValueError("windows are of a run whose sliding_speed or pressure changes")
+            return
+        name = "pressure" if self.sliding_speed is None else "sliding_speed"
+        if self.representation == "hybrid":
+            raise ValueError(f'{name} over time is for representation = "modal"')
+        if self.stop == "settled":
+            raise ValueError(f'{name} changes over time: nothing settles, expected stop = "end"')
+        if self.pressure is not None and self.modes_below is not None:
+            raise ValueError("pressure over time needs all modes, which carry it: no modes_below")
+        if self.slope_pilot == "always":
+            raise ValueError(f"{name} changes over time: slope_pilot compares levels that settle")
 
     def _refuse_modal_settings(self) -> None:
         """ValueError for what the hybrid kernel does not have."""
@@ -271,7 +342,18 @@ class TransientSection(Section):
         step = self.step if self.pod_step is None else self.pod_step
         changes = {"duration": self.pod_duration, "step": step, "method": AUTO}
         plain = {"prewarp": False, "tolerance": None, "contact_factor": 1.0, "storage": "double"}
-        return self.model_copy(update=changes | plain)
+        steady = {"sliding_speed": None, "pressure": None, "windows": None}
+        return self.model_copy(update=changes | plain | steady)
+
+    @property
+    def changes(self) -> bool:
+        """Whether speed or pressure change during a run."""
+        return self.sliding_speed is not None or self.pressure is not None
+
+    @property
+    def n_windows(self) -> int:
+        """Windows of a run whose speed or pressure changes."""
+        return WINDOWS if self.windows is None else self.windows
 
     @property
     def continued(self) -> bool:

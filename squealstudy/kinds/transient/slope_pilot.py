@@ -79,6 +79,8 @@ def slope_pilot(plan: Plan, store: Store, points: pd.DataFrame, report: Progress
 
 def _needs_pilot(plan: Plan) -> bool:
     choice = plan.study.section.slope_pilot
+    if plan.study.section.changes:
+        return False
     few = has_mesh(plan.study) and len(plan.tasks) < PILOT_POINTS
     return choice == "always" or (choice == "auto" and not few)
 
@@ -86,6 +88,8 @@ def _needs_pilot(plan: Plan) -> bool:
 def _why_skipped(plan: Plan) -> str:
     if plan.study.section.slope_pilot == "never":
         return 'slope_pilot = "never"'
+    if plan.study.section.changes:
+        return "speed or pressure change, and no level lasts that could be compared"
     return f'fewer than {PILOT_POINTS} design points; slope_pilot = "always" would tell'
 
 

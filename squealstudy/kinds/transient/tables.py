@@ -22,11 +22,12 @@ from squealstudy.engine.rows import (
     structs,
     tabled,
 )
-from squealstudy.engine.store import GROWTH, MODES, Store
+from squealstudy.engine.store import GROWTH, MODES, WINDOWS, Store
 from squealstudy.engine.validity import write_points
 from squealstudy.motion.outcome.settling import DECAYED, SETTLED
 from squealstudy.wording import FAILED
 
+SCHEDULED = ("sliding_speed", "pressure")
 SUMMARY_FIELDS = (
     ("class", TEXT),
     ("undecided_until", REAL),
@@ -114,10 +115,25 @@ GROWTH_FIELDS = (
     ("level_share", REAL),
     ("expressed", FLAG),
 )
+LEVEL_NAMES = ("torque_mean", "torque_rms", "torque_peak_to_peak")
+WINDOW_FIELDS = (
+    ("window", WHOLE_NUMBER),
+    *((f"{name}_{end}", REAL) for name in ("time", *SCHEDULED) for end in ("start", "stop")),
+    ("class", TEXT),
+    *((f"{name}{end}", REAL) for name in LEVEL_NAMES for end in ("", "_low", "_high")),
+    ("frequency_hz", REAL),
+    ("torque_line_hz", REAL),
+    ("dominant_level", REAL),
+    ("energy_mean", REAL),
+    ("stick_share", REAL),
+    ("stick_share_max", REAL),
+    ("open_share", REAL),
+    ("open_share_max", REAL),
+)
 
 
 def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
-    """Read all chunks, write the three tables, return that of the points.
+    """Read all chunks, write the tables, return that of the points.
 
     Raises
     ------
@@ -127,6 +143,7 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
     rows = planned_rows(plan, store, SCHEMA)
     store.write_table(MODES, _modes(plan, rows))
     store.write_table(GROWTH, _growth(rows))
+    store.write_table(WINDOWS, nested(rows, "windows", WINDOW_FIELDS))
     return write_points(plan, store, tabled(rows, SUMMARY_FIELDS))
 
 
@@ -169,6 +186,7 @@ SCHEMA = pa.schema(
     + [
         pa.field("modes", structs((*MODE_FIELDS, ("energies", pa.list_(REAL))))),
         pa.field("growth", structs(GROWTH_FIELDS)),
+        pa.field("windows", structs(WINDOW_FIELDS)),
     ]
 )
 

@@ -27,6 +27,7 @@ from squealstudy.engine.validity import open_reason
 from squealstudy.engine.workers import Solved
 from squealstudy.errors import ConvergenceError, ModelError, ParameterError, SquealstudyError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
+from squealstudy.kinds.transient.batch_steps import BatchSteps
 from squealstudy.kinds.transient.plan_facts import state_file
 from squealstudy.kinds.transient.section import STUCK
 from squealstudy.kinds.transient.tables import lost_row, row
@@ -35,19 +36,18 @@ from squealstudy.mechanics.motions import motion_at
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.hybrid_run import simulate_hybrid
-from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.level_errors import doubts
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.history import history_frame
-from squealstudy.motion.outcome.level import NOT_ASKED, StepParts
+from squealstudy.motion.outcome.level import StepParts
 from squealstudy.motion.outcome.settling import known_outcome
 from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.point import perturbed, stuck
+from squealstudy.motion.run_windows import window_rows
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes
 from squealstudy.motion.simulate import Watch, simulate
-from squealstudy.motion.step_errors import has_few_points, runs_again, step_parts
-from squealstudy.motion.system import ModalSystem, MotionPoint, stick_number
+from squealstudy.motion.system import MotionPoint, stick_number
 from squealstudy.reduction.cmt import component_modes
 from squealstudy.reduction.hybrid import (
     HybridModel,
@@ -99,46 +99,6 @@ def solve_batch(task: BatchTask) -> Solved:
     return Solved(rows, files)
 
 
-class BatchSteps:
-    """What the step does to levels of the runs of a batch.
-
-    Of few contact points each run is made again, those of one length together; of many, one of the
-    batch is gone on with, the first that lasts, and the others err by the same shares of their
-    levels.
-    """
-
-    def __init__(self, task: BatchTask, motions: Sequence[Motion]) -> None:
-        self._task, self._motions = task, motions
-        self._known: StepParts | None = None
-        self._again: dict[int, tuple[Motion, ...]] = {}  # by the identity of the run
-
-    def of(self, motion: Motion, lasts: bool) -> StepParts:
-        """Of a run that lasts, or of one that passes."""
-        task = self._task
-        if task.hybrid:
-            if not lasts:
-                return NOT_ASKED
-            return StepParts.unknown("the hybrid representation is not run with another step")
-        system = replace(task.reference.system, sensed=motion.sensed)
-        settings = task.settings()
-        if (few := has_few_points(system)) or not lasts:
-            again = few and isinstance(settings.integrator, KernelIntegrator)
-            others = self._others(system, motion) if again else ()
-            return step_parts(system, motion, settings, lasts, others)
-        if self._known is None:
-            self._known = step_parts(system, motion, settings)
-        return self._known
-
-    def _others(self, system: ModalSystem, motion: Motion) -> tuple[Motion, ...]:
-        """The run with other steps, made with all runs of its length and outcome."""
-        if id(motion) not in self._again:
-            kind = motion.outcome, motion.time
-            alike = [m for m in self._motions if (m.outcome, m.time) == kind]
-            made = runs_again(system, alike, self._task.settings())
-            self._again |= {id(m): others for m, others in zip(alike, made, strict=True)}
-        return self._again.pop(id(motion))
-
-
 def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps) -> dict[str, Any]:
     reference, settings = task.reference, task.settings()
     parts_of_steps: list[StepParts] = []
@@ -148,6 +108,10 @@ def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps)
         if lasts:
             parts_of_steps.append(parts)
         return parts
+
+    windows: list[dict[str, Any]] = []
+    if motion.point.schedule is not None:
+        windows = window_rows(motion, task.section.n_windows, steps.again(motion))
 
     system, summary = reference.system, summarise(motion, by_step)
     said = doubts(motion, system, settings, summary.point)
@@ -175,6 +139,7 @@ def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps)
         message,
         modes=modes,
         growth=summary.growth,
+        windows=windows,
         **columns,
     )
 
@@ -195,17 +160,23 @@ def _files(task: BatchTask, point: DesignPoint, motion: Motion) -> dict[str, Any
 def set_up(task: BatchTask, point: DesignPoint, gaps: NewGaps) -> MotionPoint | Failure:
     """Working point, forecast and perturbed start of a design point, or why there is none."""
     section = task.section
+    reference, schedules, values = task.reference, task.schedules, point.values
     try:
         settings = None if task.hybrid else task.settings()
+        if schedules is not None:
+            schedules.check(values, section.start)
+            point = point.with_values(schedules.with_slope(values))
         _, motion_start = steady_motion(
-            task.reference, point, section.friction, task.band_hz, task.tolerance, gaps, settings
+            reference, point, section.friction, task.band_hz, task.tolerance, gaps, settings
         )
     except ParameterError as error:
         return "parameter", f"{error.key}: {error.message}"
     except FAILURES as error:
         return reason(error)
     motion_start = replace(motion_start, continued=task.start is not None)
-    system = task.reference.system
+    if schedules is not None:
+        motion_start = replace(motion_start, schedule=schedules.of(values, reference.load))
+    system = reference.system
     kicked = perturbed(system, motion_start, task.perturbation, section.perturb_modes)
     try:
         return stuck(system, kicked) if section.start == STUCK else kicked

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.wording import shown
+from squealstudy.models.number_table import numbers_of, read_lines
 
 AXES = ("x", "y", "z")
 GAP = "gap"
-LARGEST_BYTES = 64 * 2**20  # of a file: a million points and more
 BEYOND_SPACINGS = 2.0  # distances of neighbours by which the outermost points may miss an edge
 STEEPEST = 0.5  # distance of neighbours along their plane over their distance: 60 degrees
 FLAT = 1e-3  # extent of places across their plane over that along it, below which they are a line
@@ -100,49 +99,18 @@ class GapMap:
 
 def _read(path: Path) -> tuple[list[str], np.ndarray]:
     """Names of the axes, and rows (n, axes and the gap)."""
-    if path.stat().st_size > LARGEST_BYTES:
-        raise ModelError(f"{path.name}: larger than {LARGEST_BYTES // 2**20} MB")
-    try:
-        text = path.read_text("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ModelError(f"{path.name} is no text") from None
-    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
-    if not lines:
-        raise ModelError(f"{path.name} is empty: expected a line of names, x, y, gap")
-    separator = next((c for c in ";\t," if c in lines[0][1]), None)
-    rows = [(k, _cells(line, separator)) for k, line in lines]
-    names = [name.lower() for name in rows[0][1]]
+    (line, words), places = read_lines(path, "x, y, gap")
+    names = [name.lower() for name in words]
     axes = [axis for axis in AXES if axis in names]
     if GAP not in names or len(axes) < 2 or sorted(names) != sorted([*axes, GAP]):
-        first_words = ", ".join(rows[0][1])
         raise ModelError(
-            f"{path.name}, line {rows[0][0]}: expected names x, y, gap, got {first_words}"
+            f"{path.name}, line {line}: expected names x, y, gap, got {', '.join(words)}"
         )
     order = [names.index(name) for name in (*axes, GAP)]
-    values = np.array([_numbers(path, k, cells, len(names)) for k, cells in rows[1:]])
+    values = np.array([numbers_of(path, k, cells, len(names)) for k, cells in places])
     if not len(values):
         raise ModelError(f"{path.name} has no places below its line of names")
     return axes, _once(path, values[:, order])
-
-
-def _cells(line: str, separator: str | None) -> list[str]:
-    if separator is None:
-        return line.split()
-    return [cell.strip() for cell in line.split(separator)]
-
-
-def _numbers(path: Path, line: int, cells: list[str], count: int) -> list[float]:
-    if len(cells) != count:
-        raise ModelError(f"{path.name}, line {line}: expected {count} numbers, got {len(cells)}")
-    try:
-        values = [float(cell.replace("_", "?")) for cell in cells]  # Python reads 1_0 as ten
-    except ValueError:
-        cells_text = shown(", ".join(cells))
-        raise ModelError(f"{path.name}, line {line}: expected numbers, got {cells_text}") from None
-    if not np.isfinite(values).all():
-        cells_text = shown(", ".join(cells))
-        raise ModelError(f"{path.name}, line {line}: expected finite numbers, got {cells_text}")
-    return values
 
 
 def _once(path: Path, rows: np.ndarray) -> np.ndarray:

@@ -33,6 +33,10 @@ def history_frame(run: Motion, every: int = 1) -> pd.DataFrame:
     columns = {
         name: history[name] for name in ("time", "torque", "normal_force", "stick", "slip", "open")
     }
+    if (schedule := run.point.schedule) is not None:
+        columns["sliding_speed"] = run.point.speed * schedule.speed_at(run.times)
+        if np.isfinite(schedule.pressure):
+            columns["pressure"] = schedule.pressure * schedule.pressure_at(run.times)
     columns |= {
         "energy": run.modal_energy,
         "energy_outside": energy_outside(energies, run.modal_energy),

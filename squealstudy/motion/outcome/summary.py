@@ -20,6 +20,7 @@ from squealstudy.motion.outcome.energies import (
     moving_energy,
     transfer,
 )
+from squealstudy.motion.outcome.growth import GrowthFit
 from squealstudy.motion.outcome.growth_rows import growth_columns, growth_rows, has_moved, mode_fits
 from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
 from squealstudy.motion.outcome.levels import (
@@ -32,7 +33,7 @@ from squealstudy.motion.outcome.levels import (
 from squealstudy.motion.outcome.own_frequency import judged_window, own_frequency
 from squealstudy.motion.outcome.settling import settled
 from squealstudy.motion.outcome.verdict import run_verdict
-from squealstudy.wording import FAILED, GROWING, STABLE, SUSTAINED
+from squealstudy.wording import CHANGING, FAILED, GROWING, STABLE, SUSTAINED
 
 LEAST_ROWS = 10  # of a history that says anything
 PASSING = (STABLE, GROWING)  # classes of motion that is another one later
@@ -63,6 +64,8 @@ def summarise(
         Finds out what its step does to levels, told whether the run lasts. By default bounds are
         those of the window alone.
     """
+    if run.point.schedule is not None:
+        return _changing(run)
     energy = moving_energy(run)
     verdict = _class(run, energy)
     if len(run.times) < LEAST_ROWS or (verdict.name == FAILED and not np.isfinite(energy).all()):
@@ -84,6 +87,24 @@ def summarise(
     }
     growth = growth_rows(run, fits, behaviour["class"], window)
     return Summary(point, _mode_rows(run, energies, total, shares), growth)
+
+
+def _changing(run: Motion) -> Summary:
+    """Of a run whose speed or pressure changes: nothing that is of one speed, but the forecast.
+
+    That is of the design point's own steady sliding. Shares of the contact are those of all of it.
+    """
+    ok = run.outcome == "ok" and bool(np.isfinite(run.modal_energy).all())
+    point = {**_course(run), **_forecast(run), "class": CHANGING if ok else FAILED}
+    if not ok or len(run.times) < LEAST_ROWS:
+        return Summary(point, [], [])
+    unfitted = [GrowthFit(status=CHANGING)] * len(run.point.growing.lam)
+    whole = slice(1, len(run.times))
+    point |= _contact(run, whole) | {
+        "growth_method": CHANGING,
+        "bounds_reason": "speed or pressure change: levels are those of the windows",
+    }
+    return Summary(point, [], growth_rows(run, unfitted, CHANGING, whole))
 
 
 def _course(run: Motion) -> dict[str, Any]:

@@ -1,0 +1,61 @@
+"""What the step does to the runs of a batch: by other runs, made together where that can be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from squealstudy.kinds.transient.batch import BatchTask
+from squealstudy.motion.integrator import KernelIntegrator
+from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.level import NOT_ASKED, StepParts
+from squealstudy.motion.step_errors import has_few_points, runs_again, step_parts
+from squealstudy.motion.system import ModalSystem
+
+
+class BatchSteps:
+    """What the step does to levels of the runs of a batch.
+
+    Of few contact points each run is made again, those of one length together; of many, one of the
+    batch is gone on with, the first that lasts, and the others err by the same shares of their
+    levels.
+    """
+
+    def __init__(self, task: BatchTask, motions: Sequence[Motion]) -> None:
+        self._task, self._motions = task, motions
+        self._known: StepParts | None = None
+        self._again: dict[int, tuple[Motion, ...]] = {}  # by the identity of the run
+
+    def of(self, motion: Motion, lasts: bool) -> StepParts:
+        """Of a run that lasts, or of one that passes."""
+        task = self._task
+        if task.hybrid:
+            if not lasts:
+                return NOT_ASKED
+            return StepParts.unknown("the hybrid representation is not run with another step")
+        system = replace(task.reference.system, sensed=motion.sensed)
+        settings = task.settings()
+        if (few := has_few_points(system)) or not lasts:
+            again = few and isinstance(settings.integrator, KernelIntegrator)
+            others = self._others(system, motion) if again else ()
+            return step_parts(system, motion, settings, lasts, others)
+        if self._known is None:
+            self._known = step_parts(system, motion, settings)
+        return self._known
+
+    def again(self, motion: Motion) -> tuple[Motion, ...]:
+        """A run whose speed or pressure changes with other steps; none of many contact points."""
+        system = replace(self._task.reference.system, sensed=motion.sensed)
+        settings = self._task.settings()
+        kernel = isinstance(settings.integrator, KernelIntegrator)
+        done = motion.outcome == "ok" and kernel and has_few_points(system)
+        return self._others(system, motion) if done else ()
+
+    def _others(self, system: ModalSystem, motion: Motion) -> tuple[Motion, ...]:
+        """The run with other steps, made with all runs of its length and outcome."""
+        if id(motion) not in self._again:
+            kind = motion.outcome, motion.time
+            alike = [m for m in self._motions if (m.outcome, m.time) == kind]
+            made = runs_again(system, alike, self._task.settings())
+            self._again |= {id(m): others for m, others in zip(alike, made, strict=True)}
+        return self._again.pop(id(motion))

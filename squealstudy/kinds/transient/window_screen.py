@@ -1,0 +1,64 @@
+"""What is shown of runs whose speed or pressure changes: what each part of them does."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from rich.console import RenderableType
+
+from squealstudy.screen import grid, notes
+from squealstudy.wording import figure, motion_frequency
+
+if TYPE_CHECKING:
+    from squealstudy.engine.result_tables import ResultTables
+
+MOST_WINDOWS = 24  # windows listed; all of them are in the table
+
+
+def windows(results: ResultTables, unit: str) -> list[RenderableType]:
+    """What runs whose speed or pressure changes do: of one all windows, else each one's loudest."""
+    table, all_points = results.table("windows"), results.points["point_id"].tolist()
+    several = len(set(table["point_id"])) > 1
+    if several:
+        rms = table["torque_rms"].fillna(-1.0)
+        table = table.loc[rms.groupby(table["point_id"], sort=False).idxmax()]
+    what = "torque" if unit == "N m" else "force"
+    pressed = bool(table["pressure_start"].notna().any())
+
+    def cells(row: dict[Hashable, Any]) -> list[str]:
+        place = [str(all_points.index(row["point_id"]))] if several else []
+        ends = [_span(row, "time", 1e3), _span(row, "sliding_speed", 1.0)]
+        ends += [_span(row, "pressure", 1e-5)] if pressed else []
+        return [
+            *place,
+            *ends,
+            str(row["class"]).replace("_", " "),
+            figure(row["torque_mean"]),
+            figure(row["torque_rms"]),
+            motion_frequency(row["frequency_hz"], row["torque_line_hz"]),
+            figure(100 * row["stick_share"], ".0f"),
+        ]
+
+    listed = table.head(MOST_WINDOWS)
+    shown = grid(
+        *(["point"] if several else []),
+        *("value:ms", "value:m/s", *(["value:bar"] if pressed else [])),
+        *("word:class", f"value:{what} {unit}", "value:RMS", "value:Hz", "value:stick %"),
+        rows=(cells(row) for row in listed.to_dict("records")),
+    )
+    more = len(table) - len(listed)
+    legend = notes(
+        f"{more} more in the table windows" if more else "",
+        "speed or pressure change: the loudest window of each run, all in the table windows"
+        if several
+        else "speed or pressure change: what each part of the run does",
+        f"RMS: of the {what} about a straight line; Hz: of the motion (x2: loudest at twice that; "
+        "~: loudest line of a motion that does not repeat); quiet: RMS below 1 % of steady "
+        "sliding's; stick slip: contact begins to stick twice or more",
+    )
+    return [shown, legend]
+
+
+def _span(row: Mapping[Hashable, Any], name: str, factor: float) -> str:
+    return f"{factor * row[f'{name}_start']:.4g} to {factor * row[f'{name}_stop']:.4g}"
