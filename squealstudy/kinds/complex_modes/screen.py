@@ -173,12 +173,9 @@ class ComplexModesScreen(KindScreen):
         """Why modes grow, or where else to look where none does."""
         explored = ("click through", command_text("explore", results.directory))
         if len(self.rank(results, "share", 1, None)):
-            why = command_text("rank", results.directory, "--why")
-            return [
-                *([("why they grow", why)] if results.manifest["model"] != MATRICES else []),
-                explored,
-                ("least change", 'kind = "design" searches the least that silences them'),
-            ]
+            why = [("why they grow", command_text("rank", results.directory, "--why"))]
+            least = ("least change", 'kind = "design" searches the least that silences them')
+            return [*why * (results.manifest["model"] != MATRICES), explored, least]
         return [
             explored,
             ("squeal elsewhere", "a wider band of [modes], or other values in [[sweep]]"),
@@ -249,8 +246,8 @@ def _families(table: pd.DataFrame) -> list[str]:
                 else (f"are {plural(most, 'unstable mode')}, which change their numbers")
             )
             sentences.append(
-                f"{names} {text} between design points: unstable at "
-                f"{in_digits(100 * share.iloc[0], 1)} % together"
+                f"{names} {text} between design points: one or another of these is unstable at "
+                f"{in_digits(100 * share.iloc[0], 1)} % of them"
             )
     return sentences
 
@@ -263,7 +260,9 @@ def _unrefined(manifest: Mapping[str, Any]) -> Rows:
         f"{plural(onsets, 'onset')} known between two points only" if onsets else "",
     ]
     text = " and ".join(part for part in parts if part)
-    return [("not refined", f"{text}: a larger refine_points of [modes] does")] if text else []
+    return (
+        [("not refined", f"{text}: a larger refine_points in [modes] settles them")] if text else []
+    )
 
 
 def _no_mode(results: ResultTables, where: str | None) -> str:

@@ -177,7 +177,7 @@ def points(
         *places,
         "word:class",
         *(f"value:{title}" for title in columns),
-        *(["word:transfer"] if transfers else []),
+        *(["text:transfer"] if transfers else []),
         rows=(cells(k, row) for k, row in enumerate(listed.to_dict("records"))),
     )
     more = len(table) - len(listed)

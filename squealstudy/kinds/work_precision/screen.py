@@ -13,6 +13,8 @@ from squealstudy.tables.method_quality import at_tolerances
 from squealstudy.wording import figure
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from squealstudy.engine.result_tables import ResultTables
 
 SHORT = {
@@ -38,8 +40,22 @@ class WorkPrecisionScreen(KindScreen):
     unfinished = False
 
     def findings(self, results: ResultTables) -> list[RenderableType]:
-        """Every measurement, then fronts."""
-        return [*_measurements(results), "", _fronts(results)]
+        """The cheapest within each tolerance, then every measurement."""
+        return [self.verdict(results), "", _fronts(results), "", *_measurements(results)]
+
+    def verdict(self, results: ResultTables) -> str:
+        """What costs least within the middle one of the tolerances that are met."""
+        met = _front(results)
+        if not len(met):
+            return "No method meets a tolerance of 1e-01."
+        row = met.iloc[len(met) // 2]
+        text = f"With all errors within {row['tolerance']:.0e} '{row['cheapest']}' costs least, "
+        text += f"{row['cost']:.3g} s"
+        if row["default"] == row["cheapest"]:
+            text += ", which is the default"
+        elif row["default"]:
+            text += f"; the default, '{row['default']}', {row['ratio']:.2f} times that"
+        return f"{text}."
 
 
 def _measurements(results: ResultTables) -> list[RenderableType]:
@@ -81,12 +97,19 @@ def _error(value: float, within: bool) -> str:
     return f"{figure(value, '.1e')}{'*' if within and value > 0 else ' '}"
 
 
+def _front(results: ResultTables) -> pd.DataFrame:
+    """The tolerances that some method meets in all quantities."""
+    table = at_tolerances(results.measurements, results.fact("quantities"), SHOWN_TOLERANCES)
+    return table[
+        ((table["quantity"] == table["quantity"].iloc[-1]) & (table["cheapest"] != "")).to_numpy()
+    ]
+
+
 def _fronts(results: ResultTables) -> RenderableType:
     """The cheapest measurement within each tolerance, and how far the default is from it."""
-    table = at_tolerances(results.measurements, results.fact("quantities"), SHOWN_TOLERANCES)
-    table = table[(table["quantity"] == table["quantity"].iloc[-1]) & (table["cheapest"] != "")]
+    table = _front(results)
     return grid(
-        *("all within", "word:cheapest", "cost s", "word:default", "cost s", "ratio"),
+        *("all within", "text:cheapest", "cost s", "text:default", "cost s", "ratio"),
         rows=(
             [
                 f"{row['tolerance']:.0e}",
