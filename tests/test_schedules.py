@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from conftest import reduce_brake
 from groan_reference import AHEAD, STICK
 from schedule_reference import Scheduled
 from scipy.interpolate import PchipInterpolator
@@ -367,10 +369,16 @@ def test_a_schedule_needs_times_that_rise_and_a_load():
 
 
 def test_integrators_outside_the_kernel_refuse_it():
-    from dataclasses import replace
-
     system, point = smallest_system()
     changing = Schedule(np.array([0.0, 1.0]), np.array([1.0, 0.0]), np.ones(2))
     settings = MotionSettings(1e-5, 1e-6, integrator=CentralDifference())
     with pytest.raises(ParameterError, match="runs at one speed and pressure alone"):
         simulate(system, [replace(point, schedule=changing)], settings)
+
+
+def test_springs_in_vibration_only_leave_no_load_of_the_pressure(least_brake):
+    """A change of the pressure would press against them: such models refuse one over time."""
+    assert len(reduce_brake(least_brake)[0].load) == 0
+    springs = tuple(replace(s, in_static=True) for s in least_brake.assembly.springs)
+    assembly = replace(least_brake.assembly, springs=springs)
+    assert np.abs(reduce_brake(replace(least_brake, assembly=assembly))[0].load).max() > 0
