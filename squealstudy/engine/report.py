@@ -267,8 +267,8 @@ def named_files(given: Any) -> list[str]:
         return [given] if given.lower().endswith(READ) else []
     if not isinstance(given, Mapping | list):
         return []
-    held = given.values() if isinstance(given, Mapping) else given
-    return list(dict.fromkeys(name for one in held for name in named_files(one)))
+    members = given.values() if isinstance(given, Mapping) else given
+    return list(dict.fromkeys(name for one in members for name in named_files(one)))
 
 
 def _pairs(rows: Iterable[tuple[str, str]]) -> str:

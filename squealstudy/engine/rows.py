@@ -143,8 +143,8 @@ def points_table(plan: Plan, found: pa.Table) -> pa.Table:
 
 def with_dtypes(schema: pa.Schema) -> pa.Schema:
     """The schema with the dtypes that pandas is to give its columns when it reads them."""
-    told = _dtypes(tuple(schema.names), tuple(schema.types))
-    return schema.with_metadata((schema.metadata or {}) | told)
+    dtypes = _dtypes(tuple(schema.names), tuple(schema.types))
+    return schema.with_metadata((schema.metadata or {}) | dtypes)
 
 
 @lru_cache(maxsize=64)  # tables that the rounds of a study write again and again
@@ -155,7 +155,7 @@ def _dtypes(names: tuple[str, ...], types: tuple[pa.DataType, ...]) -> dict[byte
     nullable = {WHOLE_NUMBER: pd.Int64Dtype(), COUNT: pd.Int64Dtype(), FLAG: pd.BooleanDtype()}
     schema = pa.schema(list(zip(names, types, strict=True)))
     frame = schema.empty_table().to_pandas(types_mapper=nullable.get)
-    told: dict[bytes, bytes] = pa.Table.from_pandas(
+    metadata: dict[bytes, bytes] = pa.Table.from_pandas(
         frame, schema=schema, preserve_index=False
     ).schema.metadata
-    return told
+    return metadata

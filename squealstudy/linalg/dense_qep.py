@@ -91,10 +91,10 @@ def roots_inside(
             if expected > 2 * KRYLOV_MAX_ROOT_SHARE * len(K):
                 return None
             form = _InverseCompanion(C, K, share * radius, radius)
-            found = _roots_in_reach(form, radius, expected)
-            if _nothing_left(form, found.Z, radius):
-                X = found.states[form.n :]
-                return _accurate(C, K, form.roots(found.theta), X, radius)
+            near_shift = _roots_in_reach(form, radius, expected)
+            if _nothing_left(form, near_shift.Z, radius):
+                X = near_shift.states[form.n :]
+                return _accurate(C, K, form.roots(near_shift.theta), X, radius)
         except la.LinAlgError:
             continue
     return None
@@ -209,11 +209,11 @@ class _Krylov:
 
     def _put(self, w: np.ndarray) -> np.ndarray:
         """Make a state the next vector; its components along all vectors, that one last."""
-        known = self._V[:, : self._held + self.size]
-        first = known.T @ w
-        w = w - known @ first
-        again = known.T @ w
-        w = w - known @ again
+        basis = self._V[:, : self._held + self.size]
+        first = basis.T @ w
+        w = w - basis @ first
+        again = basis.T @ w
+        w = w - basis @ again
         length = math.sqrt(w @ w)
         self._V[:, self._held + self.size] = w / (length or 1.0)
         return np.concatenate([first + again, [length]])
@@ -287,8 +287,8 @@ def _accurate(
 
     Those of conjugates are conjugate to each other.
     """
-    kept = np.abs(lam) <= radius
-    lam, X = lam[kept], X[:, kept] / np.linalg.norm(X[:, kept], axis=0)
+    in_circle = np.abs(lam) <= radius
+    lam, X = lam[in_circle], X[:, in_circle] / np.linalg.norm(X[:, in_circle], axis=0)
     upper = lam.imag >= 0
     mu, Y = lam[upper], X[:, upper]
     R = Y * mu**2 + product(C, Y) * mu + product(K, Y)
@@ -321,8 +321,8 @@ def dense_roots(
     psi : ndarray (n, m) complex
         Right vectors of unit 2-norm.
     """
-    found = roots_inside(C, K, band[1], real_modes)
-    return companion_roots(C, K, band) if found is None else one_of_each_pair(*found, band)
+    pairs = roots_inside(C, K, band[1], real_modes)
+    return companion_roots(C, K, band) if pairs is None else one_of_each_pair(*pairs, band)
 
 
 def companion_roots(

@@ -56,10 +56,10 @@ class RootErrors(NamedTuple):
         The others are far below the band and cannot be told from zero.
         """
         size = np.abs(lam)
-        told: np.ndarray = (size > MIN_SIGNAL_TO_ROUND_OFF * self.round_off) | (
+        is_resolved: np.ndarray = (size > MIN_SIGNAL_TO_ROUND_OFF * self.round_off) | (
             size > RIGID_BELOW * top
         )
-        return told
+        return is_resolved
 
 
 def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarray) -> RootErrors:
@@ -83,9 +83,9 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
     slope = np.maximum(slope, 2 * size * (D @ a**2))
     energy = size**2 * _energy(M, a) + size * _energy(C, a) + _energy(K, a)
     with np.errstate(over="ignore", invalid="ignore"):  # roots that are wrong altogether
-        moved = conditions(lam, psi, D) / np.maximum(slope, TINY)
-        round_off = EPS * energy * moved
-        error = np.einsum("ij,ij->j", a, np.abs(r)) * moved + round_off
+        error_per_residual = conditions(lam, psi, D) / np.maximum(slope, TINY)
+        round_off = EPS * energy * error_per_residual
+        error = np.einsum("ij,ij->j", a, np.abs(r)) * error_per_residual + round_off
     return RootErrors(
         _unknown_as_infinite(error), _unknown_as_infinite(round_off), np.linalg.norm(r, axis=0)
     )
@@ -104,10 +104,10 @@ def conditions(lam: np.ndarray, psi: np.ndarray, D: np.ndarray) -> np.ndarray:
     """
     root = np.sqrt(D)[:, None] * psi
     H, S = root.conj().T @ root, root.T @ root
-    own = np.diag(H).real
-    unit = 1.0 / np.sqrt(np.where(own > 0, own, 1.0))
+    diagonal = np.diag(H).real
+    unit = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     H, S = H * np.outer(unit, unit), S * np.outer(unit, unit)
-    found = np.ones(len(lam))
+    condition = np.ones(len(lam))
     paired = lam.imag != 0
     level = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(TIME_SCALE_RATIO))
     for number in np.unique(level):
@@ -115,8 +115,8 @@ def conditions(lam: np.ndarray, psi: np.ndarray, D: np.ndarray) -> np.ndarray:
         scaled = lam / TIME_SCALE_RATIO**number
         G = _gram(H, S, scaled, paired)
         G[np.diag_indices_from(G)] += EPS * len(G)  # two states may be parallel to round-off
-        found[members] = np.sqrt(np.maximum(inverse_diagonal(G, members), 1.0))
-    return found
+        condition[members] = np.sqrt(np.maximum(inverse_diagonal(G, members), 1.0))
+    return condition
 
 
 def inverse_diagonal(G: np.ndarray, members: np.ndarray) -> np.ndarray:
@@ -140,10 +140,10 @@ def inverse_diagonal(G: np.ndarray, members: np.ndarray) -> np.ndarray:
 
 def _gram(H: np.ndarray, S: np.ndarray, lam: np.ndarray, paired: np.ndarray) -> np.ndarray:
     """Gram matrix of unit states and of the conjugates of paired ones."""
-    own = H * (1.0 + np.outer(lam.conj(), lam))
+    among_states = H * (1.0 + np.outer(lam.conj(), lam))
     across = S.conj() * (1.0 + np.outer(lam.conj(), lam.conj()))
-    across, back = across[:, paired], own.conj()[np.ix_(paired, paired)]
-    G = np.block([[own, across], [across.conj().T, back]])
+    across, back = across[:, paired], among_states.conj()[np.ix_(paired, paired)]
+    G = np.block([[among_states, across], [across.conj().T, back]])
     size = np.sqrt(np.maximum(np.diag(G).real, TINY))
     unit: np.ndarray = G / np.outer(size, size)
     return unit
@@ -158,8 +158,8 @@ def _product(A: Matrix, psi: np.ndarray) -> np.ndarray:
 def _energy(A: Matrix, a: np.ndarray) -> np.ndarray:
     """a^T |A| a of each column (m,)."""
     if isinstance(A, LowRankSum):
-        seen = np.abs(A.U).T @ a
-        low: np.ndarray = np.abs(A.d) @ seen**2
+        projected = np.abs(A.U).T @ a
+        low: np.ndarray = np.abs(A.d) @ projected**2
         return low + _energy(A.sparse, a)
     energy: np.ndarray = np.einsum("ij,ij->j", a, (abs(A) if sp.issparse(A) else np.abs(A)) @ a)
     return energy

@@ -170,8 +170,8 @@ class ComplexModes:
 
         def flat(array: np.ndarray) -> np.ndarray:
             """Values of the modes there are, one after the other."""
-            found: np.ndarray = np.atleast_2d(array)[is_mode]
-            return found
+            values_of_modes: np.ndarray = np.atleast_2d(array)[is_mode]
+            return values_of_modes
 
         point = np.repeat(np.arange(len(counts)), counts)
         table: dict[str, Any] = {}

@@ -50,11 +50,11 @@ def point_pairs(
     sliding, system = linearised_point(prepared, state)
     lam, psi, error, residual = band_modes(system, sliding, band_hz)
     energies = reduced_energy_shares(prepared.model, system.weights, psi)
-    found = PointPairs(lam, psi, residual, error, np.zeros(len(lam)), energies, DENSE)
+    pairs = PointPairs(lam, psi, residual, error, np.zeros(len(lam)), energies, DENSE)
     if not point.model.meshed:
-        return found
+        return pairs
     if not (tells_error and prepared.finer is not None):
-        return replace(found, error_reduction=np.full(len(lam), np.nan))
+        return replace(pairs, error_reduction=np.full(len(lam), np.nan))
     modes = PointModes(lam, residual, energies, np.zeros((len(lam), 0)), sliding, error)
     relative = relative_errors(prepared, state, band_hz, modes)
-    return replace(found, error_reduction=relative * np.abs(lam))
+    return replace(pairs, error_reduction=relative * np.abs(lam))

@@ -88,8 +88,8 @@ def working_point_error(point: WorkingPoint | None, lam: np.ndarray) -> np.ndarr
     Contact stiffness holds at most all of a mode's elastic energy: half of its relative change.
     """
     error = 0.0 if point is None else point.tangent_error
-    moved: np.ndarray = 0.5 * error * np.abs(lam)
-    return moved
+    shift: np.ndarray = 0.5 * error * np.abs(lam)
+    return shift
 
 
 def state_working_point(
@@ -111,16 +111,16 @@ def state_working_point(
         shape_column(prepared.model, *key): dk for key, dk in state.stiffness_changes(omega).items()
     }
     space = prepared.space.changed(changes)
-    found = None if known is None else known_working_point(space, state.operating, known)
-    if found is None:
+    steady = None if known is None else known_working_point(space, state.operating, known)
+    if steady is None:
         try:
-            found = working_point(
+            steady = working_point(
                 space, state.operating, prepared.nominal_gap if near is None else near
             )
         except ConvergenceError:
-            found = working_point(space, state.operating)
-    expect_consistent_laws(space, state.operating, found)
-    return found
+            steady = working_point(space, state.operating)
+    expect_consistent_laws(space, state.operating, steady)
+    return steady
 
 
 def linearised_point(
@@ -159,8 +159,8 @@ def band_modes(
     band = angular_band(band_hz)
     lam, psi = dense_roots(system.C, system.K, band, _known_count(system, band[1]))
     errors = root_errors(system.pencil.M, system.C, system.K, lam, psi)
-    told = np.flatnonzero(errors.resolved(lam, band[1]))
-    order = told[oscillating_first(lam[told])]
+    resolved = np.flatnonzero(errors.resolved(lam, band[1]))
+    order = resolved[oscillating_first(lam[resolved])]
     lam, psi, error = lam[order], psi[:, order], errors.error[order]
     error = np.maximum(error, EIGENVALUE_REL_ROUND_OFF * np.abs(lam)) + working_point_error(
         point, lam

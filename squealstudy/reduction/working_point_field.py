@@ -60,8 +60,8 @@ class WorkingPointField:
 
     def gaps(self, theta: np.ndarray) -> np.ndarray:
         """Interpolated gaps (b, nc) at theta (b, d), not polished."""
-        found: np.ndarray = self.cardinals(theta) @ self.node_gaps
-        return found
+        gaps_between: np.ndarray = self.cardinals(theta) @ self.node_gaps
+        return gaps_between
 
     def solve(
         self,
@@ -70,7 +70,7 @@ class WorkingPointField:
         changes: Sequence[Changes],
     ) -> list[WorkingPoint | None]:
         """Polished working points at theta (b, d); None where the residual stays too large."""
-        found: list[WorkingPoint | None] = [None] * len(theta)
+        working_points: list[WorkingPoint | None] = [None] * len(theta)
         places = np.array([anchor.theta for anchor in self.anchors])
         nearest = ((theta[:, None] - places[None]) ** 2).sum(axis=2).argmin(axis=1)
         start = self.gaps(theta)
@@ -81,8 +81,8 @@ class WorkingPointField:
             )
             solved = _polish(batch, start[rows], self.anchors[number].jacobian)
             for i, point in zip(rows, solved, strict=True):
-                found[i] = point
-        return found
+                working_points[i] = point
+        return working_points
 
 
 def _polish(

@@ -108,19 +108,19 @@ def _curve_slope(
 
 def _signed(
     operating: StackedOperating,
-    found: np.ndarray,
+    slopes: np.ndarray,
     number: int,
     p: np.ndarray,
     speed_factor: np.ndarray,
 ) -> np.ndarray:
     """As `OperatingPoint.friction_slopes`: by the imposed speed, none where contact pulls."""
     if number == 0:
-        found = found * speed_factor
-    found = np.where(p < 0.0, 0.0, found)
+        slopes = slopes * speed_factor
+    slopes = np.where(p < 0.0, 0.0, slopes)
     backwards = (operating.sliding_speed < 0)[:, None]
     turned = [1] if number == 0 else [0, 2]
-    found[turned] = np.where(backwards, -found[turned], found[turned])
-    return found
+    slopes[turned] = np.where(backwards, -slopes[turned], slopes[turned])
+    return slopes
 
 
 def _central(

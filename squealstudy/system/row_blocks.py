@@ -33,8 +33,8 @@ def blocks_of(matrices: Sequence[np.ndarray]) -> tuple[RowBlock, ...]:
     rows, n = matrices[0].shape
     if n < LEAST_COORDINATES or not rows:
         return ()
-    seen = np.any([A != 0 for A in matrices], axis=0)
-    kinds, which = np.unique(np.packbits(seen, axis=1), axis=0, return_inverse=True)
+    sees_column = np.any([A != 0 for A in matrices], axis=0)
+    kinds, which = np.unique(np.packbits(sees_column, axis=1), axis=0, return_inverse=True)
     which = which.reshape(-1)
     if len(kinds) > MOST_BLOCKS:
         return ()

@@ -31,9 +31,9 @@ def method_rows(manifest: Mapping[str, Any]) -> Rows:
         return []
     served = ", ".join(f"{rung} {count}" for rung, count in method["points"].items())
     rows = [("method", f"{method['chosen']} ({method['reason']}); points by rung: {served}")]
-    if left := method.get("left_over"):
-        points = plural(left["points"], "point")
-        rows.append(("left over", f"{points}, solved exactly; the first was {left['first']}"))
+    if left_over := method.get("left_over"):
+        points = plural(left_over["points"], "point")
+        rows.append(("left over", f"{points}, solved exactly; the first was {left_over['first']}"))
     audit = manifest.get("audit")
     if audit and audit["modes"]:
         text = (

@@ -231,8 +231,8 @@ def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
 
 def _refined(task: RefineTask) -> tuple[int, Pairing, int]:
     if task.start.structure.key == task.end.structure.key:
-        found = _refined_in_basis(task)
-        pairing, points = found or _refined_by(task, task.start.solve, task.a, task.b)
+        in_basis = _refined_in_basis(task)
+        pairing, points = in_basis or _refined_by(task, task.start.solve, task.a, task.b)
         return task.point, pairing, points
     way = task.start.way_to(task.end)
     pairing, points = _refined_by(task, way.solve, way.at_a(task.a), way.at_b(task.b))

@@ -202,8 +202,8 @@ def _solved(search: DesignSearch, design: np.ndarray) -> list[Solved]:
 
 def least_damped(found: Sequence[Solved]) -> Solved | None:
     """The point of least damping among those that have a mode in the band."""
-    some = [item for item in found if np.isfinite(item[1]["min_damping_ratio"])]
-    return min(some, key=lambda item: item[1]["min_damping_ratio"], default=None)
+    some = [solved for solved in found if np.isfinite(solved[1]["min_damping_ratio"])]
+    return min(some, key=lambda solved: solved[1]["min_damping_ratio"], default=None)
 
 
 def _mode_text(plan: DesignPlan, search: DesignSearch, design: np.ndarray) -> str:

@@ -336,9 +336,11 @@ def extended_basis(
         return outside(part.M, part.K, block, added[assembly.slices[part.name]])
 
     def extended(
-        component: AnyComponent, block: np.ndarray, found: tuple[np.ndarray, np.ndarray]
+        component: AnyComponent,
+        block: np.ndarray,
+        missing_directions: tuple[np.ndarray, np.ndarray],
     ) -> tuple[np.ndarray, np.ndarray]:
-        X, energy = found
+        X, energy = missing_directions
         count = modes[component.name].phi.shape[1]
         phi, chosen = block[:, :count], X[:, energy > least]
         size = np.sqrt(np.einsum("ij,ij->j", chosen, component.M @ chosen))
@@ -349,8 +351,10 @@ def extended_basis(
         return np.ascontiguousarray(np.hstack([phi, rest @ y])), np.concatenate([k_phi, k_rest])
 
     with side_by_side(assembly.n_dof) as pool:
-        found = list(pool.map(missing, parts, basis.blocks))
-        least = share**2 * max(energy.max(initial=0.0) for _, energy in found)
-        blocks, diagonals = zip(*pool.map(extended, parts, basis.blocks, found), strict=True)
+        missing_directions = list(pool.map(missing, parts, basis.blocks))
+        least = share**2 * max(energy.max(initial=0.0) for _, energy in missing_directions)
+        blocks, diagonals = zip(
+            *pool.map(extended, parts, basis.blocks, missing_directions), strict=True
+        )
     larger = replace(basis, blocks=blocks)
     return project(assembly, larger, diagonals, modes), larger

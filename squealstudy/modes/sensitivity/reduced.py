@@ -104,8 +104,8 @@ def point_sensitivities(
         def changed(
             parameter: StateParameter = parameter, value: float = step.value + step.size
         ) -> QuadraticPencil:
-            moved = parameter.moved(design.state, value)
-            return linearised_point(design.prepared, moved, design.point.gap)[1].pencil
+            changed_state = parameter.moved(design.state, value)
+            return linearised_point(design.prepared, changed_state, design.point.gap)[1].pencil
 
         finite, reason = followed_roots(
             design.system.pencil, design.families, changed if reanalysis else None
