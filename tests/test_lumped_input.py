@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sp
+from study_runs import command
 from test_lumped import BELT, ROCKER, changed, model_of
 
 import squealstudy as sq
+from squealstudy.engine.report import report
 from squealstudy.errors import ModelError, StudyFileError
 from squealstudy.study.lumped import read_lumped
 
@@ -233,3 +235,41 @@ def test_matrices_that_are_too_large_or_not_there(tmp_path):
     path.write_text(OWN.replace('file = "k.mtx"', 'file = "two.npz"\nvariable = "K"'))
     with pytest.raises(StudyFileError, match=r"key 'term\[2\].variable': .*A, B"):
         read_lumped(path)
+
+
+LIFTED = """\
+[[mass]]
+name = "pad"
+mass = 1.0
+directions = ["x", "y"]
+[[spring]]
+between = ["pad", "ground"]
+direction = "x"
+stiffness = 1e6
+[[spring]]
+between = ["pad", "ground"]
+direction = "y"
+stiffness = 2e6
+[[contact]]
+between = ["pad", "disc"]
+normal = "y"
+sliding = "-x"
+stiffness = 1e6
+[[load]]
+on = "pad"
+direction = "y"
+force = 100
+"""
+
+
+def test_a_contact_that_nothing_presses_is_said_first(tmp_path, capsys):
+    """Its load pulls away: modes of free parts have neither friction nor a verdict of it."""
+    (tmp_path / "rocker.toml").write_text(LIFTED)
+    study = '[study]\nname = "lifted"\nkind = "complex_modes"\n[model]\nfile = "rocker.toml"\n'
+    study += 'contact_law = "unilateral"\n[[sweep]]\nparameter = "friction"\nvalues = [0.1, 0.3]\n'
+    (tmp_path / "study.toml").write_text(study + "[modes]\nband = [1.0, 20000.0]\n")
+    assert command("run", str(tmp_path / "study.toml"), "-o", str(tmp_path / "out"), "-j", "1") == 0
+    text = "In steady sliding the contact touches nowhere at any of 2 design points"
+    assert " ".join(capsys.readouterr().out.split()).startswith(text)
+    page = report([sq.open_results(tmp_path / "out")], shapes=False)
+    assert text in page

@@ -36,10 +36,12 @@ def run(
     """Run a study, or what is left of it: print what was found, how sure that is, what next."""
     from squealstudy import face, screen
     from squealstudy.cli.run import blocks
+    from squealstudy.tables.validity import untouched_contact
 
     _expect_one_place(jobs, scheduler)
     results = face.run(face.read_study(study), output, jobs, yes, screen.warning, fresh, scheduler)
-    screen.show(*results.screen.findings(results))
+    untouched = untouched_contact(results.points)
+    screen.show(*([untouched] if untouched else []), *results.screen.findings(results))
     drawn = (results.drawn or results.draw()) if pictures else []
     screen.show(*blocks(results, drawn, verbose))
 

@@ -106,7 +106,8 @@ def families(
     numbers = slow.tolist() if wanted is None else list(wanted)
     if max(numbers, default=0) > len(places):
         count = len(places)
-        raise ConvergenceError("no_mode", f"mode {max(numbers)} of {count} modes in the band")
+        text = f"mode {max(numbers)} of {count} modes in the band: 'families' names them by number"
+        raise ConvergenceError("no_mode", text)
 
     silent = _silent(near, contact, psi[:, places], unstable[places])
     followed_families: dict[int, Family] = {}

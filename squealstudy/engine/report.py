@@ -30,7 +30,7 @@ from squealstudy.screen import as_text
 from squealstudy.shapes.page import page as shape_page
 from squealstudy.shapes.picture import draw, sources, title
 from squealstudy.study.units import TEMPERATURE
-from squealstudy.tables.validity import outside_validity
+from squealstudy.tables.validity import outside_validity, untouched_contact
 from squealstudy.wording import duration, failure_counts, plural
 
 if TYPE_CHECKING:
@@ -107,7 +107,8 @@ def _overview(results: Sequence[Results]) -> str:
 
 
 def _whose(one: Results) -> tuple[str, str, str]:
-    verdict_text = " ".join(text for text in (one.screen.verdict(one), _lost(one)) if text)
+    texts = (untouched_contact(one.points), one.screen.verdict(one), _lost(one))
+    verdict_text = " ".join(filter(None, texts))
     return str(one.kind), str(one.manifest["model"]), verdict_text
 
 

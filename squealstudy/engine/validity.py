@@ -24,7 +24,7 @@ from squealstudy.models.operating import LARGEST_MODAL_DAMPING
 from squealstudy.models.parameter_names import DAMPING_RATIO
 from squealstudy.reduction.prepared import natural_frequencies
 from squealstudy.stacked.modes import natural_frequencies as natural_frequencies_of_batch
-from squealstudy.tables.validity import BETWEEN
+from squealstudy.tables.validity import BETWEEN, MIN_CLOSED_SHARE, OPEN_RULE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,12 +33,10 @@ FIELDS = (("valid", FLAG), ("invalid_reason", TEXT))  # last columns of a points
 # columns of a points table that tell of validity
 JUDGED = ("status", "class", "open_share", "open_share_max", "perturbation", "invalid_reason")
 SOLVED = ("ok", "inaccurate")  # statuses of points that have results
-MOSTLY_OPEN = 0.5  # share of the contact area
 FAR_KICK = 10.0  # times the sliding speed
 TABLE_END_SLACK = 1e-9  # of the range of a table: points on its ends are in it
 CRITICAL_DAMPING_RATIO = 1.0  # damping ratio from which on a mode does not oscillate
 CLOSED_RULE = "a bilateral contact presses everywhere, share of it below 1 % of the mean pressure"
-OPEN_RULE = f"the contact is closed over {1 - MOSTLY_OPEN:.0%} of its area or more, open share"
 MODE_RULE = f"modal damping is light, a ratio of at most {LARGEST_MODAL_DAMPING:g}"
 COMPONENT_RULE = "component modes are damped below critical"
 OSCILLATES_RULE = "modes of the band are damped below critical, damping ratio"
@@ -169,7 +167,7 @@ def write_points(plan: Plan, store: Store, found: pa.Table) -> pd.DataFrame:
 def open_reason(law_kind: str, share: float) -> str:
     """What a working point breaks whose contact is open over a share of its area, or nothing."""
     pulls = CONTACT_LAWS[law_kind].pulls
-    rule, most = (CLOSED_RULE, 0.0) if pulls else (OPEN_RULE, MOSTLY_OPEN)
+    rule, most = (CLOSED_RULE, 0.0) if pulls else (OPEN_RULE, 1.0 - MIN_CLOSED_SHARE)
     return f"{rule}: {share:.3g}" if share > most else ""
 
 

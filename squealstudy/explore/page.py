@@ -24,6 +24,7 @@ from squealstudy.explore.points import Content, points_content, question, study_
 from squealstudy.explore.runs import runs_content
 from squealstudy.explore.shapes import shapes_content
 from squealstudy.tables.ranking_query import query
+from squealstudy.tables.validity import untouched_contact
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
@@ -145,11 +146,12 @@ def _left(n: int) -> list[str]:
 
 
 def _filled(results: Results, kind: KindPage, content: Content, library: str) -> str:
+    untouched = untouched_contact(results.points)
     content_json = json.dumps(content, separators=(",", ":"), allow_nan=False)
     shown: dict[str, str] = {
         "title": escape(str(results.manifest.get("name", ""))),
         "question": escape(question(results)),
-        "verdict": escape(results.screen.verdict(results)),
+        "verdict": escape(f"{untouched} {results.screen.verdict(results)}".strip()),
         "kind": escape(f"{kind.name} of {results.manifest.get('model', '')}"),
         "style": _file("explore.css"),
         "library": library,

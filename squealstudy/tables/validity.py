@@ -9,6 +9,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 BETWEEN = "; "  # reasons of a point, each "rule: value"
+MIN_CLOSED_SHARE = 0.5  # of the contact area, in steady sliding
+OPEN_RULE = f"the contact is closed over {MIN_CLOSED_SHARE:.0%} of its area or more, open share"
+ALL_OPEN = f"{OPEN_RULE}: 1"
 
 
 def validity_counts(points: pd.DataFrame) -> tuple[int, int, list[tuple[str, int]]]:
@@ -47,3 +50,26 @@ def outside_validity(points: pd.DataFrame, head: str = "") -> str:
         return ""
     text = f"{head}{outside} of {solved} solved design points are outside validity"
     return f"{text}: {broken_rules(rules)}"
+
+
+def untouched_contact(points: pd.DataFrame) -> str:
+    """At how many design points nothing is in contact, as a sentence; empty where none is so.
+
+    Parameters
+    ----------
+    points : DataFrame
+        A points table: of its reasons the open share of steady sliding is read.
+    """
+    outside, solved, _ = validity_counts(points)
+    if not outside:
+        return ""
+    untouched = sum(ALL_OPEN in str(text).split(BETWEEN) for text in points["invalid_reason"])
+    if not untouched:
+        return ""
+    where = f"any of {solved} design points" if untouched == solved > 1 else "the design point"
+    if untouched < solved:
+        where = f"{untouched} of {solved} design points"
+    return (
+        f"In steady sliding the contact touches nowhere at {where}: no friction acts there. Look "
+        "at gaps, at loads and at their directions."
+    )
