@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from unicodedata import category
 
 from rich.cells import cell_len, set_cell_size
-from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.console import Console, ConsoleOptions, OverflowMethod, RenderableType, RenderResult
 from rich.table import Table
 from rich.text import Text
 
@@ -69,7 +69,10 @@ def show(*parts: RenderableType) -> None:
     """Print to stdout."""
     with named(STDOUT):
         for part in parts:
-            console.print(plain(part) if isinstance(part, str) else part, crop=False)
+            # a path longer than a line stays whole, so that it can be copied
+            overflow: OverflowMethod | None = "ignore" if isinstance(part, str) else None
+            text_or_part = plain(part) if isinstance(part, str) else part
+            console.print(text_or_part, crop=False, overflow=overflow)
 
 
 def write(text: str) -> None:

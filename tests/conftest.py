@@ -31,6 +31,8 @@ import pytest
 import threadpoolctl
 from registries import forget_extensions
 
+os.environ.pop("COLUMNS", None)  # workers of pytest-xdist have 80, one process has none
+
 from squealstudy.kernels.jit import compiled_directory
 from squealstudy.laws import contact_law
 from squealstudy.linalg.band_roots import BandRoots

@@ -32,7 +32,9 @@ def growing(lam, right, n_unstable, **known) -> GrowingModes:
 def made_up(history, q, v, omega, modes, watched) -> Motion:
     """A run of sensed modes q, v (rows, ns), and what watches growing ones (2, rows, 8 m)."""
     return Motion(
-        point=SimpleNamespace(speed=1.0, growing=modes, static_torque=300.0, continued=False),
+        point=SimpleNamespace(
+            speed=1.0, growing=modes, static_torque=300.0, continued=False, schedule=None
+        ),
         sensed=np.arange(len(omega)) + 1,
         omega=omega,
         outcome="ok",

@@ -40,7 +40,7 @@ def run(
 
     _expect_one_place(jobs, scheduler)
     results = face.run(face.read_study(study), output, jobs, yes, screen.warning, fresh, scheduler)
-    untouched = untouched_contact(results.points)
+    untouched = untouched_contact(results.points) if "points" in results.tables else ""
     screen.show(*([untouched] if untouched else []), *results.screen.findings(results))
     drawn = (results.drawn or results.draw()) if pictures else []
     screen.show(*blocks(results, drawn, verbose))

@@ -27,6 +27,8 @@ class KindScreen:
     ----------
     tables : tuple of str
         Tables of finished results, by the names of their files without ending.
+    added_tables : tuple of str
+        Those of them that results of earlier versions have none of.
     row_word : str
         What a row of the first table is, in the singular.
     unfinished : bool
@@ -39,6 +41,7 @@ class KindScreen:
     """
 
     tables: tuple[str, ...] = ()
+    added_tables: tuple[str, ...] = ()
     row_word: str = "design point"
     unfinished: bool = True
     needs: Mapping[str, Sequence[str]] = MappingProxyType({})

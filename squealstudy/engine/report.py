@@ -107,9 +107,14 @@ def _overview(results: Sequence[Results]) -> str:
 
 
 def _whose(one: Results) -> tuple[str, str, str]:
-    texts = (untouched_contact(one.points), one.screen.verdict(one), _lost(one))
+    texts = (_untouched(one), one.screen.verdict(one), _lost(one))
     verdict_text = " ".join(filter(None, texts))
     return str(one.kind), str(one.manifest["model"]), verdict_text
+
+
+def _untouched(one: Results) -> str:
+    """At how many design points nothing is in contact."""
+    return untouched_contact(one.points) if "points" in one.tables else ""
 
 
 def _lost(one: Results) -> str:

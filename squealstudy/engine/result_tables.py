@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -29,9 +29,6 @@ from squealstudy.tables.point_rows import ROW
 from squealstudy.wording import did_you_mean
 
 POINT_TABLE = "points"
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,13 @@ class ResultTables(NamedTables):
     @property
     def tables(self) -> tuple[str, ...]:
         """Names of the tables."""
-        return self.screen.tables
+        return tuple(n for n in self.screen.tables if self._written(n))
+
+    def _written(self, name: str) -> bool:
+        """Whether the run wrote a table, which earlier versions may have known nothing of."""
+        if name not in self.screen.added_tables or name in self._loaded:
+            return True
+        return f"{name}.parquet" in self.store.journal.entries
 
     @cached_property
     def store(self) -> Store:

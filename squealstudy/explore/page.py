@@ -146,7 +146,7 @@ def _left(n: int) -> list[str]:
 
 
 def _filled(results: Results, kind: KindPage, content: Content, library: str) -> str:
-    untouched = untouched_contact(results.points)
+    untouched = untouched_contact(results.points) if "points" in results.tables else ""
     content_json = json.dumps(content, separators=(",", ":"), allow_nan=False)
     shown: dict[str, str] = {
         "title": escape(str(results.manifest.get("name", ""))),

@@ -27,6 +27,11 @@ class ScreenFacts(Protocol):
         ...
 
     @property
+    def added_tables(self) -> tuple[str, ...]:
+        """Those of them that results of earlier versions have none of."""
+        ...
+
+    @property
     def row_word(self) -> str:
         """What a row of the first table is, in the singular."""
         ...

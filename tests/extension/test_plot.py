@@ -114,7 +114,7 @@ def test_results_without_its_tables_have_no_such_picture(tmp_path):
     assert not any("unstable_by_band" in path.name for path in results.draw(tmp_path))
 
 
-def test_a_name_is_given_once_and_an_unknown_one_is_told():
+def test_a_name_is_given_once_and_an_unknown_one_is_told(tmp_path):
     with pytest.raises(ValueError, match="there is a plot 'evolution' already"):
 
         @sq.register_plot()
@@ -122,4 +122,4 @@ def test_a_name_is_given_once_and_an_unknown_one_is_told():
             """Another of that name."""
 
     with pytest.raises(AttributeError, match=r"no plot 'evolutoin', expected .*evolution"):
-        pictures.Plots(None).evolutoin  # noqa: B018
+        results_of(tmp_path).plot.evolutoin  # noqa: B018

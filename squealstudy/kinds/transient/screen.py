@@ -47,6 +47,7 @@ class TransientScreen(KindScreen):
     """What every design point comes to in time, and which assembly modes have the energy."""
 
     tables = ("points", "modes", "growth", "windows")
+    added_tables = ("windows",)
     sure = ("friction", "error")
 
     def rank(
