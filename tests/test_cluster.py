@@ -622,7 +622,9 @@ def test_without_the_library_one_sentence_names_the_extra(here, monkeypatch, cap
     assert told.count("\n") == 1
 
 
-@pytest.mark.parametrize("place", ["nowhere.json", "tcp://127.0.0.1:1"])
+@pytest.mark.parametrize(
+    "place", ["nowhere.json", pytest.param("tcp://127.0.0.1:1", marks=pytest.mark.full_size)]
+)
 def test_no_scheduler(here, place, monkeypatch):
     monkeypatch.setattr("squealstudy.engine.cluster_scheduler.CONNECT_TIMEOUT_S", 0.5)
     with pytest.raises(MachineError, match=place):
@@ -630,7 +632,10 @@ def test_no_scheduler(here, place, monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.full_size)],
+)
 def test_a_signal_ends_a_run_and_its_tasks(cluster, here, number, code):
     path = trying(here, seconds=0.2, num=200)
     done = started("run", path, "-o", "out", "--scheduler", cluster.address, folder=here)
@@ -643,6 +648,7 @@ def test_a_signal_ends_a_run_and_its_tasks(cluster, here, number, code):
     assert gone(cluster)
 
 
+@pytest.mark.full_size  # test_runner.py kills, too
 def test_a_killed_client_leaves_no_task_and_the_same_command_goes_on(cluster, here):
     path = trying(here, seconds=0.2, num=100)
     done = started("run", path, "-o", "out", "--scheduler", cluster.address, folder=here)

@@ -203,6 +203,7 @@ def test_tasks_are_drawn_as_they_are_needed(jobs, patience):
     assert told == [("values", done, 40) for done in range(41)]
 
 
+@pytest.mark.full_size  # memory of thousands of tasks
 def test_tasks_and_results_are_not_kept():
     kept = weakref.WeakSet()
 

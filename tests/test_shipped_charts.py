@@ -106,6 +106,7 @@ def test_rungs_of_reanalysis(tmp_path):
     assert (table[["missed", "n_failed"]].drop(index="perturbation").to_numpy() == 0).all()
 
 
+@pytest.mark.full_size  # onsets of a brake: test_followed_root.py
 def test_onset_of_the_brake(tmp_path):
     table = measured(
         "onset",

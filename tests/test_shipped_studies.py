@@ -244,6 +244,7 @@ def test_groan_to_honk(tmp_path) -> None:
     assert points["frequency_hz"][1] == pytest.approx(436.5, rel=0.02)
 
 
+@pytest.mark.full_size  # a stop against own integration: test_schedules.py
 def test_groan_stop(tmp_path) -> None:
     """The honk falls with the speed until pad and caliper groan; then the pad sticks."""
     path = SHIPPED / "lumped" / "groan_stop.toml"

@@ -116,6 +116,7 @@ def test_steps_that_cannot_converge_are_told_before_and_are_a_row_after(nominal,
     assert point["message"].startswith("t = ")
 
 
+@pytest.mark.full_size  # small models: test_comparison.py
 def test_compare_with_complex_modes(nominal, tmp_path):
     """The same model in both domains: the same growth rates, from one frequency study."""
     plan = reduced("squeal_modes", 0.0, every=3, **{"[modes]": "[modes]\nreference_points = 0"})

@@ -117,6 +117,7 @@ reference_points = 0
 """
 
 
+@pytest.mark.full_size  # a brake, tracked twice
 @pytest.mark.usefixtures("tiny_brake")
 def test_a_study_is_tracked_alike_with_a_basis_and_without(tmp_path, monkeypatch):
     monkeypatch.setattr(inserted_points, "LEAST_COORDINATES", 50)
