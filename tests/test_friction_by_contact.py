@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from own_blocks import write_blocks
 from study_runs import plan_of
 
 import squealstudy as sq
@@ -13,6 +14,7 @@ from squealstudy.engine.export import export_reduced
 from squealstudy.errors import StudyFileError
 from squealstudy.models.catalogue import MODELS
 from squealstudy.motion.point import automatic_slope
+from squealstudy.study.components import read_model
 from squealstudy.study.lumped import read_lumped
 
 # a block between two discs that press on it from both sides, held by springs
@@ -164,6 +166,19 @@ def test_the_pad_of_a_brake_with_more_friction_is_doubted():
     for factor, most in ((0.1, 0.5), (5.0, 2.5)):
         given = values | {"inner_pad.friction_factor": factor}
         assert friction.values(given, 1) == pytest.approx([most])
+
+
+def test_the_contact_of_a_model_file_with_more_friction_is_doubted(tmp_path):
+    """Of a number, and of a parameter that is swept."""
+    write_blocks(tmp_path, ("search = 0.1", 'search = 0.1\nname = "face"\nfriction_factor = 3.0'))
+    path = tmp_path / "blocks.toml"
+    friction, *_ = read_model(path).assumptions
+    values = read_model(path).defaults() | {"friction": 0.5}
+    assert friction.values(values, 1) == pytest.approx([1.5])
+    path.write_text(path.read_text() + '[parameters.rub]\npath = "contact.face.friction_factor"\n')
+    model = read_model(path)
+    swept = values | {"rub": np.array([0.5, 3.0, 5.0])}
+    assert model.assumptions[0].values(swept, 3) == pytest.approx([0.25, 1.5, 2.5])
 
 
 def test_half_the_factor_is_half_the_friction_in_time(tmp_path):

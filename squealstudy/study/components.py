@@ -7,7 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from squealstudy.errors import ConvergenceError, ModelError, StudyFileError
 from squealstudy.laws import ContactLaw
@@ -30,6 +32,7 @@ from squealstudy.models.operating import (
     ASSUMPTIONS,
     CONTACT_OPTION,
     FRICTION_OPTION,
+    FRICTION_RANGE,
     PRESSURE,
     OperatingPoint,
 )
@@ -48,7 +51,6 @@ from squealstudy.study.stresses import (
 from squealstudy.wording import did_you_mean, listed
 
 if TYPE_CHECKING:
-    import numpy as np
     import scipy.sparse as sp
 
     from squealstudy.models.components.component_facts import Inspection
@@ -87,13 +89,54 @@ def read_model(
         declared=declared,
         components=tuple(file.components),
         build=build,
-        assumptions=(*ASSUMPTIONS, *stress_assumptions(build.stressed)),
+        assumptions=(
+            *(
+                replace(a, group=_largest_friction(file, places)) if a is FRICTION_RANGE else a
+                for a in ASSUMPTIONS
+            ),
+            *stress_assumptions(build.stressed),
+        ),
         torque_unit="N m",
         in_place=_in_place,
         effective_radius=build.effective_radius,
         path=str(path.resolve()),
         files=identities,
         prepared=preparations(file, places),
+    )
+
+
+@dataclass(frozen=True)
+class LargestFriction:
+    """Static friction of the sliding contact with most of it: the group of `FRICTION_RANGE`.
+
+    Attributes
+    ----------
+    factors : tuple of float or str
+        `friction_factor` of each, or the parameter that it is.
+    """
+
+    factors: tuple[float | str, ...]
+
+    def __call__(self, values: Mapping[str, Any]) -> Any:
+        """At values of all parameters, numbers or arrays (m,)."""
+        factors = [values[f] if isinstance(f, str) else f for f in self.factors]
+        largest = np.maximum.reduce(np.broadcast_arrays(*factors)) if factors else 1.0
+        return FRICTION_RANGE.group(values) * largest
+
+
+def _largest_friction(
+    file: ModelFile, places: Mapping[str, tuple[KeyPath, ...]]
+) -> LargestFriction:
+    parameter_at = {keys: name for name, of_name in places.items() for keys in of_name}
+    return LargestFriction(
+        tuple(
+            parameter_at.get(
+                ("contact", i, "friction_factor"),
+                1.0 if table.friction_factor is None else table.friction_factor,
+            )
+            for i, table in enumerate(file.contact)
+            if table.kind == "sliding"
+        )
     )
 
 

@@ -159,7 +159,9 @@ class ComplexModesScreen(KindScreen):
             return _no_mode(results, None) + but
         wide = table.iloc[0]
         fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
-        text = _how_many(results, table)
+        lines = design_lines(results)
+        text = f"Over all {len(lines)} designs " if lines else ""
+        text += _how_many(results, table)
         text += "".join(f"; {family}" for family in _families(table)) + ". "
         text += (
             f"Most widespread: {_row_text(wide)}, at {in_digits(100 * wide['unstable_share'])} % "
