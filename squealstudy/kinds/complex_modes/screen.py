@@ -159,15 +159,11 @@ class ComplexModesScreen(KindScreen):
             return _no_mode(results, None) + but
         wide = table.iloc[0]
         fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
-        lines = design_lines(results)
-        text = f"Over all {len(lines)} designs " if lines else ""
-        text += _how_many(results, table)
+        text = _over_designs(design_lines(results)) + _how_many(results, table)
         text += "".join(f"; {family}" for family in _families(table)) + ". "
-        text += (
-            f"Most widespread: {_row_text(wide)}, at {in_digits(100 * wide['unstable_share'])} % "
-        )
-        text += f"of {_counted(results, None)}. Fastest: {_row_text(fast)}, by "
-        text += f"{in_digits(fast['max_growth_rate'], 1)} 1/s"
+        share = in_digits(100 * wide["unstable_share"])
+        text += f"Most widespread: {_row_text(wide)}, at {share} % of {_counted(results, None)}. "
+        text += f"Fastest: {_row_text(fast)}, by {in_digits(fast['max_growth_rate'], 1)} 1/s"
         where = ", ".join(map(" ".join, settings_of(fast["at"], results.units).items()))
         return f"{text}{f' at {where}' if where else ''}.{but}"
 
@@ -218,8 +214,11 @@ def _answer(
     table = screen.rank(results, "share", None, None)
     if not len(table) or not onsets_in_words(results, table):
         return []
-    of = f"Over all {len(lines)} designs " if lines else ""
-    return [f"{of}{_how_many(results, table)}.", ""]
+    return [f"{_over_designs(lines)}{_how_many(results, table)}.", ""]
+
+
+def _over_designs(lines: list[DesignLine]) -> str:
+    return f"Over all {len(lines)} designs " if lines else ""
 
 
 def _row_text(row: pd.Series) -> str:
