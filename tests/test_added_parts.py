@@ -348,6 +348,7 @@ def assembly_of(study, sizes):
     return study.model.build(study.options, {**study.values, **values})
 
 
+@pytest.mark.full_size  # of blocks: by default
 def test_on_the_generated_brake_they_are_what_they_are_on_its_export(tmp_path):
     generated = of_brake(tmp_path, GENERATED + ON_BRAKE)
     export_model(generated, tmp_path)

@@ -43,6 +43,7 @@ def cycles():
     return [(case, compared(case))]
 
 
+@pytest.mark.full_size  # all cases are drawn
 def test_cases_are_of_several_models_and_the_same_each_time(found):
     assert {case.design.model for case, _ in found} == {"hoffmann", "hulten"}
     for case, _ in found:

@@ -139,6 +139,7 @@ def test_a_study_is_tracked_alike_with_a_basis_and_without(tmp_path, monkeypatch
     pd.testing.assert_frame_equal(tables["with"], tables["without"])
 
 
+@pytest.mark.full_size  # a brake, tracked twice
 @pytest.mark.usefixtures("tiny_brake")
 def test_a_basis_that_lacks_modes_of_other_points_is_not_taken(tmp_path, monkeypatch):
     monkeypatch.setattr(inserted_points, "LEAST_COORDINATES", 50)

@@ -237,6 +237,7 @@ def damped_map(theta):
     return replace(friction_pressure(theta), damping_ratio=0.004 * (1.5 + 0.5 * theta[0]))
 
 
+@pytest.mark.full_size  # other tests of interpolated damping stand below
 def test_modal_damping_over_friction_and_pressure(prepared):
     """Its matrix has no terms of its own: it is interpolated, and no error estimate sees that."""
     problem = BrakeProblem(prepared, 2, damped_map, BAND)
