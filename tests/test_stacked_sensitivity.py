@@ -165,7 +165,11 @@ def test_beside_a_coalescence(away):
             assert mode.near_coalescence(s)
             assert found.condition[k] == pytest.approx(mode.family.condition, rel=100 * round_off)
             assert abs(found.lam[k] - mode.lam) < 1e-7 * abs(mode.lam)
-            assert abs(found.finite[k, 0] - s.finite.change) < 1e-6 * abs(s.finite.change)
+            change = s.finite.change
+            # which of two roots that are all but one moves which way is round-off
+            apart = abs(found.finite[k, 0] - np.array([change, -change.conjugate()]))
+            assert apart.min() < 1e-6 * abs(change)
+            assert away == 1e-10 or apart[0] < 1e-6 * abs(change)
 
 
 STUDY = """[study]

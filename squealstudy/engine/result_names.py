@@ -37,9 +37,11 @@ def leads_out(directory: Path, name: str) -> bool:
 def end_of(path: Path) -> Path | None:
     """Where a path leads; None where its links lead round in a circle."""
     try:
-        return path.resolve()
-    except (RuntimeError, OSError):
+        end = path.resolve()
+    except (RuntimeError, OSError):  # of a circle, up to Python 3.12
         return None
+    is_circle = any(place.is_symlink() for place in (end, *end.parents))
+    return None if is_circle else end
 
 
 def expect_inside(directory: Path, name: str) -> None:

@@ -38,7 +38,7 @@ class LinearSystem:
 
     >>> import numpy as np, squealstudy as sq
     >>> linear = sq.model("hulten", friction=0.0).at().linear
-    >>> np.round(np.sqrt(np.linalg.eigvals(linear.K)) / (2 * np.pi), 6).tolist()
+    >>> np.round(np.sqrt(np.linalg.eigvals(linear.K).real) / (2 * np.pi), 6).tolist()
     [100.0, 75.0]
     """
 
