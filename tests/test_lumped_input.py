@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 import scipy.io
 import scipy.sparse as sp
@@ -11,8 +12,10 @@ from test_lumped import BELT, ROCKER, changed, model_of
 
 import squealstudy as sq
 from squealstudy.engine.report import report
+from squealstudy.engine.validity import open_reason
 from squealstudy.errors import ModelError, StudyFileError
 from squealstudy.study.lumped import read_lumped
+from squealstudy.tables.validity import untouched_contact
 
 BAND = (1.0, 20000.0)
 
@@ -273,3 +276,12 @@ def test_a_contact_that_nothing_presses_is_said_first(tmp_path, capsys):
     assert " ".join(capsys.readouterr().out.split()).startswith(text)
     page = report([sq.open_results(tmp_path / "out")], shapes=False)
     assert text in page
+
+
+@pytest.mark.parametrize(
+    ("share", "untouched"), [(1.0, 1), (1.0 - 1e-12, 1), (0.9997, 0), (0.6, 0)]
+)
+def test_a_contact_that_one_facet_closes_touches_somewhere(share, untouched):
+    reasons = [open_reason("unilateral", share)]
+    points = pd.DataFrame({"valid": [False], "invalid_reason": reasons})
+    assert bool(untouched_contact(points)) == untouched

@@ -29,7 +29,7 @@ from squealstudy.wording import plural, track_number
 ALL, UNSTABLE = "all", "unstable"
 FOLDER = "shapes"
 LEAST_SHARE = 0.01  # of kinetic energy: below it a second real mode is not named
-LOCKED_IN_SHARE = 0.1  # of kinetic energy, from which a second real mode has locked in
+LOCKED_IN_SHARE = 0.1  # of kinetic energy, from which a second real mode has locked in (a choice)
 LISTED_MODES = 6  # of a motion
 MOST_COORDINATES = 12  # of vectors listed
 MICROMETRE_M = 1e-6  # m

@@ -17,7 +17,7 @@ from squealstudy.wording import (
     track_number,
 )
 
-# of a squeal over its predicted mode, relative: beyond it they are not one
+# of a squeal over its predicted mode, relative: beyond it they are not called one (a choice)
 MAX_REL_SHIFT = 0.25
 
 if TYPE_CHECKING:

@@ -33,6 +33,7 @@ FIELDS = (("valid", FLAG), ("invalid_reason", TEXT))  # last columns of a points
 # columns of a points table that tell of validity
 JUDGED = ("status", "class", "open_share", "open_share_max", "perturbation", "invalid_reason")
 SOLVED = ("ok", "inaccurate")  # statuses of points that have results
+ALL_OPEN_SHARE = 1.0 - 1e-9  # of the contact area, beyond which sums of areas are all of it
 FAR_KICK = 10.0  # times the sliding speed
 TABLE_END_SLACK = 1e-9  # of the range of a table: points on its ends are in it
 CRITICAL_DAMPING_RATIO = 1.0  # damping ratio from which on a mode does not oscillate
@@ -168,7 +169,10 @@ def open_reason(law_kind: str, share: float) -> str:
     """What a working point breaks whose contact is open over a share of its area, or nothing."""
     pulls = CONTACT_LAWS[law_kind].pulls
     rule, most = (CLOSED_RULE, 0.0) if pulls else (OPEN_RULE, 1.0 - MIN_CLOSED_SHARE)
-    return f"{rule}: {share:.3g}" if share > most else ""
+    if share <= most:
+        return ""
+    # "1" is told of a contact that touches nowhere, not of one that a facet still closes
+    return f"{rule}: {1.0 if share > ALL_OPEN_SHARE else min(share, 0.999):.3g}"
 
 
 def motion_reason(law_kind: str, share: float) -> str:
