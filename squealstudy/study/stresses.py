@@ -12,7 +12,7 @@ from squealstudy.laws import ContactLaw, contact_law
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import Brake, body_of, changed_mesh, own_numbers
 from squealstudy.models.components.dimensions import STRESS
-from squealstudy.models.components.model_file import WEAR, ModelFile, Numbers
+from squealstudy.models.components.model_file import HEAT, WEAR, ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import StressStiffness
 from squealstudy.models.operating import (
@@ -124,13 +124,18 @@ def preparations(file: ModelFile, places: Mapping[str, tuple[KeyPath, ...]]) -> 
         The numbers of the file that are parameters.
     """
     megapascal, texts = STRESS.factor(file.units) / 1e6, []
+    owners = {keys: name for name, its_keys in places.items() for keys in its_keys}
     if (table := file.stress_stiffening) is not None:
         at = f"{table.pressure * megapascal:g} MPa and a friction of {table.friction:g}"
         texts.append(f"stresses of {at} stiffen what vibrates")
+    for name, component in file.components.items():
+        if (heat := component.heat) is not None:
+            owner = owners.get(("components", name, *HEAT))
+            scale = f"'{owner}'" if owner else f"{heat.scale:g}"
+            field = heat.file or "a linear field"
+            texts.append(f"heat has expanded {name}: {scale} times the temperatures of {field}")
     if (wear := file.wear) is not None:
-        numbers = Numbers(file, {})
-        owners = {keys: name for name, its_keys in places.items() for keys in its_keys}
-        amounts = {}
+        numbers, amounts = Numbers(file, {}), {}
         for key, unit in (("distance", "m"), ("rate", "1/Pa")):
             owner = owners.get((WEAR, key))
             amounts[key] = f"'{owner}'" if owner else f"{numbers.at(WEAR, key):g} {unit}"

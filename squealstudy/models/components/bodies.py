@@ -32,6 +32,7 @@ from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_files import NASTRAN, read_mesh
 from squealstudy.models.components.model_file import (
     TEMPERATURE,
+    THERMAL,
     ModelFile,
     Numbers,
     ValuesError,
@@ -110,6 +111,8 @@ def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
                 file_path = path.parent / file_name
                 for one in (file_path, *_included(file_path, file_path.parent, ())):
                     yield ("components", name, key), one
+        if table.heat is not None and table.heat.file is not None:
+            yield ("components", name, "heat", "file"), path.parent / table.heat.file
     for i, contact in enumerate(file.contact):
         if isinstance(contact.initial_gap, GapTable):
             yield ("contact", i, "initial_gap", "file"), path.parent / contact.initial_gap.file
@@ -309,7 +312,7 @@ def changed_mesh(body: Body, given: tuple[tuple[KeyPath, float], ...]) -> SolidM
     warm = dict(given).get(("components", body.name, TEMPERATURE))
     if warm is not None and body.at_temperature is not None:
         materials |= body.at_temperature(warm)
-    given = tuple((k, v) for k, v in given if k[2] == "materials")
+    given = tuple((k, v) for k, v in given if k[2] == "materials" and k[4] != THERMAL)
     for label in dict.fromkeys(str(k[3]) for k, _ in given):
         values = {k: v for k, v in given if k[3] == label}
         if label not in materials:

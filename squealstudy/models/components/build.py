@@ -31,6 +31,7 @@ from squealstudy.models.components.contact_rows import (
 )
 from squealstudy.models.components.file_matrices import check_definite, symmetric
 from squealstudy.models.components.geometry import Geometry, between, geometry_of
+from squealstudy.models.components.heat import hot_gaps
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_cells import mesh_cells, moved_cells
 from squealstudy.models.components.mesh_matrices import stiffness_matrix
@@ -81,7 +82,9 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
     contact, ties = interfaces.contact(law)
     load = interfaces.load()
     springs = (*interfaces.springs(), *ties)
-    return Assembly(tuple(components), contact, springs, load, np.zeros_like(load), geometry.rotors)
+    cold = Assembly(tuple(components), contact, springs, load, np.zeros_like(load), geometry.rotors)
+    gap0 = contact.gap0 + hot_gaps(cold, geometry, given)
+    return replace(cold, contact=replace(contact, gap0=gap0))
 
 
 def _component(

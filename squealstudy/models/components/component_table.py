@@ -48,6 +48,9 @@ class MaterialTable(Table):
     nu: Moduli | None = Field(default=None, description="Poisson's ratio, or [nu12, nu13, nu23]")
     G: Vector | None = Field(default=None, description="[G12, G13, G23] of an orthotropic one")
     rho: float | None = Field(default=None, gt=0, description="density")
+    thermal_expansion: float | None = Field(
+        default=None, description="strain a kelvin, in all directions; what is hot needs it"
+    )
     elements: str | None = Field(
         default=None,
         description="element set that has it; else the elements that have a material of this name "
@@ -68,6 +71,33 @@ class MaterialTable(Table):
     def moduli(self) -> bool:
         """Whether it states all moduli."""
         return self.E is not None and self.nu is not None
+
+
+class HeatTable(Table):
+    """Temperatures of a component beyond those of its mesh; the gaps are those it leaves."""
+
+    file: str | None = Field(
+        default=None,
+        description="names x, y, z, temperature and a line a place, in the unit and the "
+        "coordinates of the component's file",
+    )
+    reference: float | None = Field(
+        default=None, description="temperature of the mesh, in the scale of the file"
+    )
+    rise: float = Field(default=0.0, description="without a file: K above the mesh's, at point")
+    gradient: Vector = Field(
+        default=(0.0, 0.0, 0.0), description="K a length, in the coordinates of the file"
+    )
+    point: Vector = Field(default=(0.0, 0.0, 0.0), description="where rise is")
+    scale: float = Field(default=1.0, description="factor on what is above the reference")
+
+    @model_validator(mode="after")
+    def _one_field(self) -> HeatTable:
+        if (self.file is None) != (self.reference is None):
+            raise ValueError("expected file and reference, the temperature of the mesh, together")
+        if (self.file is not None) == (self.rise != 0.0 or any(self.gradient)):
+            raise ValueError("expected file and reference, or rise and gradient")
+        return self
 
 
 class PlaneTable(Table):
@@ -135,6 +165,9 @@ class ComponentTable(Table):
     temperature: float | None = Field(
         default=None, description="at which materials of its file are taken that depend on it"
     )
+    heat: HeatTable | None = Field(
+        default=None, description="it expands; else it is as cold as its mesh"
+    )
     materials: dict[str, MaterialTable] = Field(default={}, description="by name")
     sets: dict[Name, SetTable] = Field(
         default={}, description="surfaces by where their faces are and look, by name"
@@ -186,6 +219,8 @@ class ComponentTable(Table):
             raise ValueError("expected no repeat: the matrices are of the whole component")
         if self.mesh is None and self.materials:
             raise ValueError("expected no materials: the matrices hold them")
+        if self.mesh is None and self.heat:
+            raise ValueError("expected no heat: the matrices have no materials that expand")
         if self.mesh is None and self.material_damping:
             raise ValueError("expected no material_damping: the matrices have no materials")
         return self

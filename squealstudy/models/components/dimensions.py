@@ -45,6 +45,7 @@ INERTIA = Dimension((2, 1, 0), "kg m2")
 BEDDING = Dimension((-2, 1, -2), "N/m3")
 DAMPER = Dimension((0, 1, -1), "N s/m")
 TIME = Dimension((0, 0, 1), "s")
+EXPANSION = Dimension((0, 0, 0), "1/K")
 RATE = Dimension((0, 0, -1), "1/s")
 
 

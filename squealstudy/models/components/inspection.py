@@ -19,7 +19,8 @@ from squealstudy.models.components.component_facts import (
 from squealstudy.models.components.dimensions import LENGTH, STRESS, UNITS
 from squealstudy.models.components.file_tables import GapTable
 from squealstudy.models.components.geometry import Geometry, geometry_of
-from squealstudy.models.components.model_file import WEAR, ModelFile, Numbers
+from squealstudy.models.components.heat import hot_gaps, temperature_rise
+from squealstudy.models.components.model_file import HEAT, WEAR, ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.wording import duration, listed, plural
@@ -63,6 +64,7 @@ def inspect(
     _rotation(inspection, geometry, assembly)
     _load(inspection, geometry)
     _stresses(inspection, geometry)
+    _heat(inspection, geometry, assembly, given)
     _wear(inspection, geometry, assembly, given)
     n, points = assembly.n_dof, assembly.contact.n_points
     seconds = SECONDS * (n / FREEDOMS) ** GROWTH
@@ -274,7 +276,8 @@ def _wear(
     if not distance:
         found.tell("wear", "the faces are new: the distance of [wear] is 0")
         return
-    depth = assembly.contact.gap0 - new_gaps(geometry, numbers)
+    unworn = new_gaps(geometry, numbers) + hot_gaps(assembly, geometry, given)
+    depth = assembly.contact.gap0 - unworn
     depths, begins = [], np.cumsum([0, *(len(pair.gap0) for pair in geometry.contacts)])
     for i, pair in enumerate(geometry.contacts):
         rows = slice(begins[i], begins[i + 1])
@@ -285,6 +288,28 @@ def _wear(
             depths.append(f"{name} {worn.min():.3g} to {worn.max():.3g} {unit} (mean {mean:.3g})")
     text = "; ".join(depths) or "nothing: no contact has friction"
     found.tell("wear", f"{distance / size:g} {unit} of sliding at {at} wore off {text}")
+
+
+def _heat(
+    found: Inspection, geometry: Geometry, assembly: Assembly, given: Mapping[KeyPath, float]
+) -> None:
+    """Temperatures of hot components, and the gaps that all of them open."""
+    numbers = Numbers(geometry.file, given)
+    hot = [n for n, table in geometry.file.components.items() if table.heat is not None]
+    if not hot:
+        return
+    texts = []
+    for name in hot:
+        rise = numbers.at("components", name, *HEAT) * temperature_rise(
+            geometry.brake, geometry.bodies[name]
+        )
+        texts.append(f"{name} is {rise.min():.4g} to {rise.max():.4g} K above its mesh")
+    size, unit = LENGTH.factor(geometry.file.units), UNITS[geometry.file.units][0]
+    opened, pairs = hot_gaps(assembly, geometry, given) / size, np.array(assembly.contact.pairs)
+    for name in dict.fromkeys(assembly.contact.pairs):
+        least, most = (f(opened[pairs == name]) for f in (np.min, np.max))
+        texts.append(f"{name} opens by {least:.3g} to {most:.3g} {unit}")
+    found.tell("heat", f"{'; '.join(texts)}, but for motions that nothing holds")
 
 
 def new_gaps(geometry: Geometry, numbers: Numbers) -> np.ndarray:

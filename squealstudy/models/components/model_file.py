@@ -20,6 +20,7 @@ from squealstudy.models.components.dimensions import (
     BEDDING,
     COMPLIANCE,
     DENSITY,
+    EXPANSION,
     INERTIA,
     LENGTH,
     MASS,
@@ -86,6 +87,8 @@ DIMENSIONS = {  # of the keys of the file
     "mass_damping": RATE,
     "stiffness_damping": TIME,
     "material_damping": TIME,
+    "thermal_expansion": EXPANSION,
+    "scale": NUMBER,
     TEMPERATURE: NUMBER,  # of the deck, whose scale it has
 }
 POSITIVE = ("E", "G", "rho", "area", "bedding", "rate")
@@ -104,7 +107,9 @@ VARIED = {  # keys that parameters may point to
 }
 WEAR = "wear"
 WORN = ("distance", "rate")  # its keys that parameters may point to
-MATERIAL = ("E", "nu", "G", "rho")
+HEAT = ("heat", "scale")  # of a component, that parameters may point to
+THERMAL = "thermal_expansion"
+MATERIAL = ("E", "nu", "G", "rho", THERMAL)
 DAMPING = ("mass_damping", "stiffness_damping")  # of a component
 BY_MATERIAL = "material_damping"
 
@@ -212,12 +217,15 @@ class ModelFile(Table):
         index: KeyPath = (int(last["number"]) - 1,) if last and last["number"] else ()
         if names[0] in self.components:
             single = (*DAMPING, TEMPERATURE)
+            if tuple(names[1:]) == HEAT and self.components[names[0]].heat is not None:
+                return ("components", *names)
             if names[1:] in ([d] for d in single) or names[1:-1] == [BY_MATERIAL]:
                 return self._checked(path, ("components", *names), index)
             if len(names) != 4 or names[1] != "materials" or names[3] not in MATERIAL:
                 raise ModelError(
                     f"'{path}': expected {names[0]}.materials.NAME with {', '.join(MATERIAL)}, or "
-                    f"{names[0]} with {', '.join(single)} or {BY_MATERIAL}.NAME"
+                    f"{names[0]} with {', '.join(single)}, {'.'.join(HEAT)} or "
+                    f"{BY_MATERIAL}.NAME"
                 )
             return self._checked(path, ("components", *names), index)
         if names[0] == WEAR:
