@@ -229,7 +229,7 @@ def test_what_is_wrong_is_said_with_its_key(tmp_path, key, value, at, message):
 
 def test_paths_that_there_are_not(tmp_path):
     for path, message in (
-        ("plate.damping", "stiffness_damping, temperature or material_damping.NAME"),
+        ("plate.damping", "stiffness_damping, temperature, heat.scale or material_damping.NAME"),
         ("slider.material_damping.LININGS", "is no number in the file"),
     ):
         parameter = f'[parameters]\n"x" = {{path = "{path}"}}\n'
