@@ -1,4 +1,4 @@
-"""Gaps that heat opens: free thermal expansion of components as they are held (THEORY.md eq. (118)).
+"""Gaps that heat opens: free expansion of components as they are held (THEORY.md eq. (118)).
 
 Temperatures above those of the mesh strain each element by alpha dT. What the contact sees of it is
 the normal displacement of its points when everything expands without contact: the steady contact
