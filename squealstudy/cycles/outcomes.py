@@ -12,7 +12,7 @@ from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import LEAST_DAMPING
 from squealstudy.motion.outcome.energies import moving_energy
 from squealstudy.motion.outcome.levels import last_window, torque_levels
-from squealstudy.motion.outcome.repeating import comes_back
+from squealstudy.motion.outcome.periods import comes_back
 from squealstudy.motion.outcome.settling import LEAST_ROWS, SETTLED, known_outcome
 from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
 from squealstudy.wording import LASTING, UNDECIDED

@@ -13,7 +13,7 @@ import numpy as np
 
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.levels import TorqueSums
-from squealstudy.motion.outcome.own_frequency import own_frequency
+from squealstudy.motion.outcome.periods import own_frequency
 from squealstudy.motion.outcome.spectrum import FLUCTUATION_ROUND_OFF, spectrum
 from squealstudy.motion.step_errors import (
     LEVEL_SAFETY_FACTOR,

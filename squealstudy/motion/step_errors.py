@@ -21,7 +21,7 @@ from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import NOT_ASKED, OF_THE_WINDOW, StepParts
 from squealstudy.motion.outcome.levels import TorqueSums, plain_levels, torque_levels
-from squealstudy.motion.outcome.own_frequency import judged_window, own_frequency
+from squealstudy.motion.outcome.periods import judged_window, own_frequency
 from squealstudy.motion.outcome.spectrum import hann
 from squealstudy.motion.outcome.summary import over_steps
 from squealstudy.motion.settings import MotionSettings

@@ -30,7 +30,7 @@ from squealstudy.motion.outcome.levels import (
     last_window,
     torque_levels,
 )
-from squealstudy.motion.outcome.own_frequency import judged_window
+from squealstudy.motion.outcome.periods import judged_window
 from squealstudy.motion.outcome.spectrum import FLUCTUATION_ROUND_OFF, hann
 from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
 from squealstudy.wording import STABLE, SUSTAINED

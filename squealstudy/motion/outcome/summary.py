@@ -30,7 +30,7 @@ from squealstudy.motion.outcome.levels import (
     swing_spread,
     torque_levels,
 )
-from squealstudy.motion.outcome.own_frequency import judged_window, own_frequency
+from squealstudy.motion.outcome.periods import judged_window, own_frequency
 from squealstudy.motion.outcome.settling import settled
 from squealstudy.motion.outcome.verdict import run_verdict
 from squealstudy.wording import CHANGING, FAILED, GROWING, STABLE, SUSTAINED

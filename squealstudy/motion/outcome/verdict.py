@@ -14,10 +14,10 @@ from squealstudy.motion.outcome.behaviour import (
 from squealstudy.motion.outcome.energies import energy_round_off, level_shares
 from squealstudy.motion.outcome.envelope import level_trend
 from squealstudy.motion.outcome.levels import JUDGED_SHARE, block_mean_squares
-from squealstudy.motion.outcome.own_frequency import judged_window
-from squealstudy.motion.outcome.repeating import (
+from squealstudy.motion.outcome.periods import (
     comes_back,
     decided_by,
+    judged_window,
     repeats_stick_slip,
     sticks_mostly,
 )

@@ -9,8 +9,8 @@ import pytest
 from motions import made_up
 from scipy.integrate import solve_ivp
 
-from squealstudy.motion.outcome import own_frequency as own_frequency_of
-from squealstudy.motion.outcome.fundamental import fundamental
+from squealstudy.motion.outcome import periods
+from squealstudy.motion.outcome.periods import fundamental
 from squealstudy.wording import motion_frequency
 
 PERIODS = {1.0: 6.66328686, 10.0: 19.07836957}  # of van der Pol's oscillator, by mu (published)
@@ -94,19 +94,17 @@ def test_a_window_of_a_run_is_searched_once(monkeypatch):
     run = made_up(history, q, v, omega, None, (q[:, :0], q[:, :0]))
     asked = []
     search = lambda *record: asked.append(record) or fundamental(*record)  # noqa: E731
-    monkeypatch.setattr(own_frequency_of, "fundamental", search)
-    window = own_frequency_of.judged_window(run)
+    monkeypatch.setattr(periods, "fundamental", search)
+    window = periods.judged_window(run)
     assert (window.start, window.stop) == (2400, 4000)
     for rows in (window, slice(2400, None)):  # the same rows
-        assert own_frequency_of.own_frequency(run, rows).hz == pytest.approx(100.0, rel=1e-6)
+        assert periods.own_frequency(run, rows).hz == pytest.approx(100.0, rel=1e-6)
     assert len(asked) == 1
     faster = replace(
         run, displacement=q[::2], velocity=v[::2], history={k: x[::2] for k, x in history.items()}
     )
-    assert own_frequency_of.judged_window(faster) == slice(1200, 2000)
-    assert own_frequency_of.own_frequency(faster, slice(1200, 2000)).hz == pytest.approx(
-        100.0, rel=1e-6
-    )
-    own_frequency_of.own_frequency(run, slice(0, 2400))
+    assert periods.judged_window(faster) == slice(1200, 2000)
+    assert periods.own_frequency(faster, slice(1200, 2000)).hz == pytest.approx(100.0, rel=1e-6)
+    periods.own_frequency(run, slice(0, 2400))
     assert len(asked) == 3
-    assert np.isnan(own_frequency_of.own_frequency(run, slice(5000, None)).hz)  # no rows
+    assert np.isnan(periods.own_frequency(run, slice(5000, None)).hz)  # no rows
