@@ -15,8 +15,8 @@ import pytest
 
 from squealstudy.cycles.trials import ended, run_on
 from squealstudy.kernels import newmark_layout as layout
+from squealstudy.kinds.transient.histories import history_frame
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
-from squealstudy.motion.outcome.history import history_frame
 from squealstudy.motion.outcome.summary import run_levels
 from squealstudy.motion.point import perturbed
 from squealstudy.motion.settings import MotionSettings

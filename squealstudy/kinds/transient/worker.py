@@ -21,13 +21,13 @@ from squealstudy.engine.cache import (
     prepared_path,
     save_value,
 )
-from squealstudy.engine.history_files import history_file
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.validity import open_reason
 from squealstudy.engine.workers import Solved
 from squealstudy.errors import ConvergenceError, ModelError, ParameterError, SquealstudyError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
 from squealstudy.kinds.transient.batch_steps import BatchSteps
+from squealstudy.kinds.transient.histories import history_file, history_frame
 from squealstudy.kinds.transient.plan_facts import state_file
 from squealstudy.kinds.transient.section import STUCK
 from squealstudy.kinds.transient.tables import lost_row, row
@@ -38,7 +38,6 @@ from squealstudy.modes.point import state_working_point
 from squealstudy.motion.hybrid_run import simulate_hybrid
 from squealstudy.motion.level_errors import doubts
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.history import history_frame
 from squealstudy.motion.outcome.level import StepParts
 from squealstudy.motion.outcome.settling import known_outcome
 from squealstudy.motion.outcome.summary import summarise

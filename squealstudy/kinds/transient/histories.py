@@ -1,4 +1,4 @@
-"""The history of a run as results keep it."""
+"""The history of a run as results keep it, and its file."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
+from squealstudy.engine.result_names import HISTORIES
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.energies import energy_outside, mode_energies
 
@@ -63,3 +65,10 @@ def _joined(values: np.ndarray, every: int, how: Callable[..., np.ndarray]) -> n
     count = (len(values) - 1) // every
     parts = values[1 : 1 + count * every].reshape(count, every)
     return np.concatenate([how(values[:1, None], axis=1), how(parts, axis=1)])
+
+
+def history_file(point_id: str, frame: pd.DataFrame) -> dict[str, pa.Table]:
+    """A history by its path in the results; time in double precision, the rest in single."""
+    single_precision = frame.astype({name: "float32" for name in frame.columns if name != "time"})
+    table = pa.Table.from_pandas(single_precision, preserve_index=False)
+    return {f"{HISTORIES}/{point_id}.parquet": table}
