@@ -11,7 +11,7 @@ import pytest
 from squealstudy.cycles import families as searched
 from squealstudy.cycles import kicked
 from squealstudy.cycles.curve import CurveMotion
-from squealstudy.cycles.cycle import LEVELS, Cycle, Search, cycle_near
+from squealstudy.cycles.cycle import LEVELS, Cycle, CycleLevels, Search, change, cycle_near
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import families
 from squealstudy.cycles.floquet import Floquet
@@ -19,7 +19,6 @@ from squealstudy.cycles.growth import STANDSTILL, SecondLook
 from squealstudy.cycles.harmonics import series_at
 from squealstudy.cycles.kicked import N_PHASES, decided_in_time, kick_along_mode, kicks
 from squealstudy.cycles.projection import Projection
-from squealstudy.cycles.series_error import CycleLevels, change
 from squealstudy.cycles.trials import DECAYS, GROWS, LASTS, Trials, ended, run_on, state_of
 from squealstudy.cycles.verdicts import (
     IF_KICKED,

@@ -18,8 +18,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "studies" / "benchm
 from column_cases import Case
 from column_truth import compared
 
+from squealstudy.cycles.cycle import FALL, SERIES_SAFETY_FACTOR, CycleLevels, of_changes
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.series_error import FALL, SERIES_SAFETY_FACTOR, CycleLevels, of_changes
 
 BOUNDED = {"torque_rms", "contact_velocity", "frequency_hz", "torque_peak"}
 WIDEST = 60.0  # bounds over true errors

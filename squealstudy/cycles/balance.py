@@ -22,8 +22,8 @@ import numpy as np
 
 from squealstudy.cycles.harmonics import Sampling
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
-from squealstudy.kernels.couplings import couple
 from squealstudy.kernels.few_coordinates import balance_of_few, imbalance_of_few
+from squealstudy.kernels.harmonic_balance import couple
 
 MAX_SUMMED_COORDINATES = 6  # coordinates up to which one kernel sums over samples and harmonics
 

@@ -15,7 +15,7 @@ from squealstudy.cycles.harmonics import LEAST_SAMPLES, series_at
 from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES, LocalForces, Oscillator
 from squealstudy.errors import ModelError
 from squealstudy.kernels import newmark_layout as layout
-from squealstudy.kernels.cycle_forces import sampled_forces, sampled_rows
+from squealstudy.kernels.harmonic_balance import sampled_forces, sampled_rows
 from squealstudy.kernels.laws import law_row
 from squealstudy.kernels.turns import resolve_turns
 from squealstudy.motion.system import ModalSystem, MotionPoint

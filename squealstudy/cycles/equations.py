@@ -20,7 +20,7 @@ from squealstudy.cycles.balance import Balance, Balanced
 from squealstudy.cycles.continuation import TOLERANCE
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
-from squealstudy.kernels.cycle_scaling import scaled_jacobian, scaled_residual
+from squealstudy.kernels.harmonic_balance import scaled_jacobian, scaled_residual
 
 PARAMETER_STEP = 1e-6  # of the range, of a difference: its error turns tangents by as much
 OSCILLATOR_CACHE_SIZE = 4  # oscillators

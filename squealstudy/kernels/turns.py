@@ -36,7 +36,8 @@ def resolve_turns(
 ) -> None:
     """Give forces at even samples of a whole period, and derivatives, the shares of their cells.
 
-    Arguments are those of `cycle_forces.sampled_forces`, which has filled the last three: `sums`.
+    Arguments are those of `harmonic_balance.sampled_forces`, which has filled the last three
+    (`sums`).
     """
     f, by_y, by_w = sums
     S, nc = y.shape[0], points.shape[1]
