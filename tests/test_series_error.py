@@ -18,7 +18,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "studies" / "benchm
 from column_cases import Case
 from column_truth import compared
 
-from squealstudy.cycles.cycle import FALL, SERIES_SAFETY_FACTOR, CycleLevels, of_changes
+from squealstudy.cycles.cycle import (
+    MAX_CHANGE_RATIO,
+    SERIES_SAFETY_FACTOR,
+    CycleLevels,
+    errors_by_changes,
+)
 from squealstudy.cycles.equations import PeriodicMotion
 
 BOUNDED = {"torque_rms", "contact_velocity", "frequency_hz", "torque_peak"}
@@ -92,9 +97,11 @@ def test_rungs_that_agree_by_chance_have_the_error_of_the_change_before():
         levels = {"torque_rms": rms, "contact_velocity": 1.0, "torque_peak": 3.0}
         return CycleLevels(PeriodicMotion(np.zeros((3, 1)), 10.0), levels)
 
-    by_chance = of_changes([found(x) for x in (1.3, 1.1, 1.0, 1.0)])
-    assert by_chance.level == pytest.approx(SERIES_SAFETY_FACTOR * 0.1 / FALL)
-    falling = of_changes([found(x) for x in (1.3, 1.0, 1.1, 1.0)])
+    by_chance = errors_by_changes([found(x) for x in (1.3, 1.1, 1.0, 1.0)])
+    assert by_chance.level == pytest.approx(SERIES_SAFETY_FACTOR * 0.1 / MAX_CHANGE_RATIO)
+    falling = errors_by_changes([found(x) for x in (1.3, 1.0, 1.1, 1.0)])
     assert falling.level == pytest.approx(SERIES_SAFETY_FACTOR * 0.1)
-    assert of_changes([found(1.1), found(1.0)]).level == pytest.approx(SERIES_SAFETY_FACTOR * 0.1)
+    assert errors_by_changes([found(1.1), found(1.0)]).level == pytest.approx(
+        SERIES_SAFETY_FACTOR * 0.1
+    )
     assert (by_chance.velocity, by_chance.peak, by_chance.frequency) == (0.0, 0.0, 0.0)

@@ -36,8 +36,12 @@ SAME_CYCLE_REL_TOLERANCE = 1e-5
 SAME_CYCLE_MAX_REL_TOLERANCE = 1e-2  # and the most of it, however large the errors are
 # error over the last change: series that converge like 1/H are bounded too
 SERIES_SAFETY_FACTOR = 2.0
-SURER = 2.5  # the same of finer ones, whose own error is up to a part of that of the cycle
-FALL = 4.0  # by what changes fall at most from rung to rung, where the next one is not known
+FINER_SERIES_SAFETY_FACTOR = (
+    2.5  # the same of finer ones, whose own error is up to a part of that of the cycle
+)
+MAX_CHANGE_RATIO = (
+    4.0  # by what changes fall at most from rung to rung, where the next one is not known
+)
 # times the harmonics of a cycle: of those that it is held against
 FINER_HARMONIC_FACTORS = (2.25, 4.0)
 LEAST_FINER = 1.5  # the same where that would be more than
@@ -80,7 +84,7 @@ class Cycle:
     torque_harmonics : ndarray (H,)
         N m.
     level_error, velocity_error, peak_error, frequency_error : float
-        Bounds, relative: of the series (`of_changes`), and of the basis. The level is the RMS of
+        Bounds, relative: of the series (`errors_by_changes`), and of the basis. The level is the RMS of
         the torque, or the contact velocity where friction has none; the velocity is a peak, to
         which harmonics converge more slowly, as to that of the torque (NaN where it has none).
     basis_error : float
@@ -141,10 +145,10 @@ def cycle_near(
         if len(rungs) == 1:
             continue
         of_basis = change(CycleLevels(motion, contact.levels(motion)), rungs[-1])
-        errors, basis_error = of_changes(rungs) + of_basis, of_basis.level
+        errors, basis_error = errors_by_changes(rungs) + of_basis, of_basis.level
         other = rougher
         if errors.level < search.tolerance or harmonics == tried[-1]:
-            finer = of_finer(contact, projection, rungs[-1])
+            finer = errors_by_finer_series(contact, projection, rungs[-1])
             if finer is not None:
                 errors, other = finer[0] + of_basis, finer[1]
         if errors.level < search.tolerance:
@@ -152,7 +156,7 @@ def cycle_near(
         if not projection.complete and errors.level > GIVE_UP_ERROR_RATIO * search.tolerance:
             break
     last, status = rungs[-1], OK if errors.level < search.tolerance else INACCURATE
-    errors = in_the_end(contact, last, errors, other)
+    errors = with_peak_and_tolerance(contact, last, errors, other)
     return Cycle(
         last.motion,
         projection.stability(last.motion, search.highest, rougher),
@@ -240,14 +244,18 @@ def _rel_change(before: float, now: float) -> float:
     return abs(before - now) / now if now > 0 else np.nan
 
 
-def of_changes(found: Sequence[CycleLevels]) -> SeriesErrors:
+def errors_by_changes(found: Sequence[CycleLevels]) -> SeriesErrors:
     """Errors of the last of some rungs, by what the last two of them changed."""
     changes = [change(a, b) for a, b in itertools.pairwise(found[-3:])]
-    last = changes[-1] if len(changes) == 1 else changes[-1].larger(changes[0] * (1.0 / FALL))
+    last = (
+        changes[-1]
+        if len(changes) == 1
+        else changes[-1].larger(changes[0] * (1.0 / MAX_CHANGE_RATIO))
+    )
     return last * SERIES_SAFETY_FACTOR
 
 
-def of_finer(
+def errors_by_finer_series(
     contact: ContactOscillator, projection: Projection, found: CycleLevels
 ) -> tuple[SeriesErrors, PeriodicMotion] | None:
     """Errors by the same cycle with more harmonics and twice the samples, and that motion.
@@ -269,10 +277,10 @@ def of_finer(
             errors = errors.larger(change(found, CycleLevels(motion, levels)))
     except ConvergenceError:
         return None
-    return errors * SURER, motion
+    return errors * FINER_SERIES_SAFETY_FACTOR, motion
 
 
-def in_the_end(
+def with_peak_and_tolerance(
     contact: ContactOscillator, found: CycleLevels, errors: SeriesErrors, other: PeriodicMotion
 ) -> SeriesErrors:
     """With what is owed to the tolerance of balances, and of peaks to samples and to the corner.
