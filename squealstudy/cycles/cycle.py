@@ -36,12 +36,10 @@ SAME_CYCLE_REL_TOLERANCE = 1e-5
 SAME_CYCLE_MAX_REL_TOLERANCE = 1e-2  # and the most of it, however large the errors are
 # error over the last change: series that converge like 1/H are bounded too
 SERIES_SAFETY_FACTOR = 2.0
-FINER_SERIES_SAFETY_FACTOR = (
-    2.5  # the same of finer ones, whose own error is up to a part of that of the cycle
-)
-MAX_CHANGE_RATIO = (
-    4.0  # by what changes fall at most from rung to rung, where the next one is not known
-)
+# the same of a finer series, which errs by up to a part of the cycle's error
+FINER_SERIES_SAFETY_FACTOR = 2.5
+# of successive changes of a level: where the next is not known, it is taken to be no smaller
+MAX_CHANGE_RATIO = 4.0
 # times the harmonics of a cycle: of those that it is held against
 FINER_HARMONIC_FACTORS = (2.25, 4.0)
 LEAST_FINER = 1.5  # the same where that would be more than
@@ -84,9 +82,9 @@ class Cycle:
     torque_harmonics : ndarray (H,)
         N m.
     level_error, velocity_error, peak_error, frequency_error : float
-        Bounds, relative: of the series (`errors_by_changes`), and of the basis. The level is the RMS of
-        the torque, or the contact velocity where friction has none; the velocity is a peak, to
-        which harmonics converge more slowly, as to that of the torque (NaN where it has none).
+        Bounds, relative: of the series (`errors_by_changes`), and of the basis. The level is the
+        RMS of the torque, or the contact velocity where friction has none; the velocity is a peak,
+        to which harmonics converge more slowly, as to that of the torque (NaN where it has none).
     basis_error : float
         The basis's share of the level's error: by how much it was corrected in all coordinates.
     n_vectors : int
@@ -232,7 +230,7 @@ class CycleLevels:
 
 
 def change(before: CycleLevels, now: CycleLevels) -> SeriesErrors:
-    """By what two findings of one cycle differ."""
+    """Relative differences of one cycle, solved with two numbers of harmonics."""
     names = ("torque_rms", "contact_velocity", "torque_peak")
     level, velocity, peak = (_rel_change(before.levels[n], now.levels[n]) for n in names)
     velocity = 0.0 if math.isnan(velocity) else velocity
@@ -245,7 +243,7 @@ def _rel_change(before: float, now: float) -> float:
 
 
 def errors_by_changes(found: Sequence[CycleLevels]) -> SeriesErrors:
-    """Errors of the last of some rungs, by what the last two of them changed."""
+    """Errors of the last of some cycles with ever more harmonics, by the last two changes."""
     changes = [change(a, b) for a, b in itertools.pairwise(found[-3:])]
     last = (
         changes[-1]
@@ -283,7 +281,7 @@ def errors_by_finer_series(
 def with_peak_and_tolerance(
     contact: ContactOscillator, found: CycleLevels, errors: SeriesErrors, other: PeriodicMotion
 ) -> SeriesErrors:
-    """With what is owed to the tolerance of balances, and of peaks to samples and to the corner.
+    """Errors with those of the balances' tolerance; of peaks also those of samples and corners.
 
     Between the samples of levels a peak is missed by at most its curvature times the square of half
     a sample, over two. Where sliding comes to rest or turns, its own error leads up and down the
