@@ -38,7 +38,7 @@ SAME_CYCLE_MAX_REL_TOLERANCE = 1e-2  # and the most of it, however large the err
 SERIES_SAFETY_FACTOR = 2.0
 # the same of a finer series, which errs by up to a part of the cycle's error
 FINER_SERIES_SAFETY_FACTOR = 2.5
-# of successive changes of a level: where the next is not known, it is taken to be no smaller
+# a change is taken to be at least that before it over this: two cycles may agree by chance
 MAX_CHANGE_RATIO = 4.0
 # times the harmonics of a cycle: of those that it is held against
 FINER_HARMONIC_FACTORS = (2.25, 4.0)
