@@ -90,6 +90,7 @@ RUNS = [
     Run("squeal_judge", "blocks coarse", "ours took"),
     Run("tracking", "--fine 0.35 --steps 0.7 --top 1500 --jobs 1", "step 0.7"),
     Run("transient_kernels", "--modes 4 --points 3 --steps 20 --batches 2", "GB/s"),
+    Run("walks", "complex_modes --model hoffmann", "both"),
     Run("unstable_check", "--mesh coarse --top 1500 --points 4 --jobs 1", "unstable modes in 4"),
 ]
 LONG = [  # what starts many processes, or follows cycles of the brake

@@ -1,12 +1,12 @@
 """The way of one design point through the package: files and functions, by kind of study.
 
-    python studies/benchmarks/walks.py [complex_modes transient ...] [--list] [--in PART ...]
+    python studies/benchmarks/walks.py [complex_modes transient ...] [--list] [--model hoffmann]
 
-The smallest study of a kind of the coarse brake is run twice, each in a process of its own: models
-and kernels are there then. In the second, `sys.setprofile` notes each function of the package that
-a worker calls from a task to its rows, and that the tables need after that. Not counted are
-comprehensions, lambdas and what modules do as they are imported. `--list` tells the functions by
-file, with lines and calls, in the order in which they are met.
+The smallest study of a kind, of the coarse brake, is run twice, each time in a process of its own:
+in the second, models and kernels are there. `sys.setprofile` then notes each function of the
+package that a worker calls from a task to its rows, and that the tables need after that. Not
+counted are comprehensions, lambdas and what modules do as they are imported. `--list` shows the
+functions by file, with lines and calls, in the order in which they are met.
 """
 
 from __future__ import annotations
@@ -27,21 +27,22 @@ name = "walk"
 kind = "{kind}"
 
 [model]
-name = "disc_brake"
-mesh = "coarse"
+name = "{model}"
+{mesh}
 
 [parameters]
 friction = 0.5
 """
+MESHES = {"disc_brake": 'mesh = "coarse"', "hoffmann": ""}
 # the tables of a study file that a kind needs beside those
 SECTIONS = {
     "complex_modes": "",
     "transient": "[transient]\nduration = 0.002\nstep = 1e-6\nperturbation = 1e-3\n",
-    "limit_cycles": "[limit_cycles]\nharmonics = 3\n",
+    "limit_cycles": '[limit_cycles]\nharmonics = 3\nfamilies = "screened"\nscreen = 1.0\n',
     "sensitivity": "",
 }
 PARTS = ("worker", "tables")
-BESIDE = ("laws/", "modes/rungs/")  # a choice of the study: one file each, not counted as ways
+CHOSEN = ("laws/", "modes/rungs/")  # a study chooses those of its own: told apart
 
 
 class Walk:
@@ -99,11 +100,12 @@ def walk(study: Path, output: Path) -> dict[str, list[list[Any]]]:
     return {p: [[*key, n] for key, n in w.calls.items()] for p, w in walks.items()}
 
 
-def walks_of(kind: str) -> dict[str, list[list[Any]]]:
+def walks_of(kind: str, model: str) -> dict[str, list[list[Any]]]:
     """As `walk`, of the second run of a kind's smallest study."""
     with tempfile.TemporaryDirectory() as name:
         study = Path(name) / "walk.toml"
-        study.write_text(HEAD.format(kind=kind) + SECTIONS[kind], encoding="utf-8")
+        head = HEAD.format(kind=kind, model=model, mesh=MESHES[model])
+        study.write_text(head + SECTIONS[kind], encoding="utf-8")
         command = [sys.executable, __file__, "--run", str(study), str(study.with_suffix(""))]
         for _ in range(2):
             done = subprocess.run(command, capture_output=True, text=True)
@@ -121,11 +123,11 @@ def show(functions: list[list[Any]]) -> None:
 
 
 def main() -> None:
-    """Print the ways."""
+    """Print how many files and functions there are."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("kinds", nargs="*", default=list(SECTIONS), metavar="KIND")
     parser.add_argument("--list", action="store_true", help="each function")
-    parser.add_argument("--in", nargs="+", choices=PARTS, default=PARTS, dest="parts")
+    parser.add_argument("--model", choices=MESHES, default="disc_brake")
     parser.add_argument("--run", nargs=2, type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.run:
@@ -133,15 +135,13 @@ def main() -> None:
         return
     print(f"{'kind':<16}{'part':<10}{'files':>6}{'less laws, rungs':>18}{'functions':>11}")
     for kind in arguments.kinds:
-        ways = walks_of(kind)
-        chosen = {part: ways[part] for part in arguments.parts}
-        if len(chosen) > 1:
-            chosen["both"] = [row for part in arguments.parts for row in ways[part]]
-        for part, functions in chosen.items():
+        walks = walks_of(kind, arguments.model)
+        walks["both"] = [row for functions in walks.values() for row in functions]
+        for part, functions in walks.items():
             files = {row[0] for row in functions}
-            own = [file for file in files if not file.startswith(BESIDE)]
+            counted = [file for file in files if not file.startswith(CHOSEN)]
             n_functions = len({tuple(row[:3]) for row in functions})
-            print(f"{kind:<16}{part:<10}{len(files):>6}{len(own):>18}{n_functions:>11}")
+            print(f"{kind:<16}{part:<10}{len(files):>6}{len(counted):>18}{n_functions:>11}")
             if arguments.list and part != "both":
                 show(functions)
         sys.stdout.flush()
