@@ -182,22 +182,15 @@ def _from_moments(m: np.ndarray) -> np.ndarray:
 
 def _indices(groups: Groups, confidence: float) -> pd.DataFrame:
     """Indices and intervals, one row a parameter."""
-    from scipy.stats import bootstrap, sobol_indices
+    from scipy.stats import bootstrap
 
-    a, b, ab = groups
-    n = len(a)
-
+    n = len(groups.a)
     moments = _moments(groups)
 
     def resampled(rows: np.ndarray) -> np.ndarray:
         return _from_moments(np.bincount(rows, minlength=n) @ moments / n)
 
-    estimates = saltelli_estimate(a, b, ab)
-    if (
-        n & (n - 1) == 0 and estimates.any()
-    ):  # nothing was dropped, or by chance a power of two is left
-        checked = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": ab[:, None]}, n=n)
-        estimates = np.stack([checked.first_order, checked.total_order])
+    estimates = saltelli_estimate(*groups)
     interval = bootstrap(
         [np.arange(n)],
         resampled,
