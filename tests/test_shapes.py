@@ -11,10 +11,10 @@ from conftest import NOMINAL, TOP, full_order
 
 from squealstudy.errors import ModelError
 from squealstudy.linalg.real_modes import real_modes
-from squealstudy.models.assembly import Rotors
 from squealstudy.models.cells import NONE, CellBlock, ComponentCells
 from squealstudy.models.element_shapes import SHAPES
 from squealstudy.models.operating import DesignState
+from squealstudy.models.turning import Rotors
 from squealstudy.modes.point import band_modes, linearised_point
 from squealstudy.reduction.cmt import Expansion
 from squealstudy.shapes.names import _most_diameters, _over_radius, name_of

@@ -57,8 +57,14 @@ class Unreduced:
     @cached_property
     def C(self) -> sp.csr_matrix:
         """Own damping and gyroscopic terms (n_dof, n_dof), N s/m; modal damping is none of it."""
-        component_damping = self.assembled.C_el
-        return sp.csr_matrix(self.M.shape) if component_damping is None else component_damping
+        parts = [sp.csr_matrix(self.M.shape)]
+        if self.assembled.C_el is not None:
+            parts.append(self.assembled.C_el)
+        turning, rotors = self.assembled.turning, self.assembled.rotors
+        self.operating.expect_turning(turning, "" if rotors is None else rotors.unturned)
+        if turning is not None and self.operating.turning:
+            parts.append(self.operating.turning * turning)
+        return sum(parts[1:], parts[0])
 
     @cached_property
     def K(self) -> sp.csr_matrix:

@@ -25,6 +25,7 @@ from squealstudy.models.linear_interfaces import (
     StressStiffness,
 )
 from squealstudy.models.matrix_checks import check_masses, check_size, check_skew, check_symmetric
+from squealstudy.models.turning import Rotors
 
 if TYPE_CHECKING:  # scikit-fem is slow to load
     from squealstudy.models.fem.sampling import Surface
@@ -57,6 +58,9 @@ class Component:
         Damping of its own, N s/m, symmetric; None: it has none.
     G : csr_matrix (n, n) or None
         Gyroscopic terms, N s/m, skew-symmetric; None: it does not turn, or they are left out.
+    turning : csr_matrix (n, n) or None
+        Gyroscopic terms of a rotor seen from places at rest, of 1 rad/s, kg, skew-symmetric; None:
+        it is no rotor, or none that has them (`Rotors.unturned`).
     sets : mapping of name -> callable
         Named faces of a generated one: () -> points of a face (models.fem.sampling.Surface).
 
@@ -77,6 +81,7 @@ class Component:
     C: sp.csr_matrix | None = None
     sets: Mapping[str, Callable[[], Surface]] = field(default_factory=dict)
     G: sp.csr_matrix | None = None
+    turning: sp.csr_matrix | None = None
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
@@ -87,6 +92,8 @@ class Component:
             check_symmetric(f"component '{self.name}': damping matrix", self.C, self.n_dof)
         if self.G is not None:
             check_skew(f"component '{self.name}': gyroscopic matrix", self.G, self.n_dof)
+        if self.turning is not None:
+            check_skew(f"component '{self.name}': matrix of rotation", self.turning, self.n_dof)
         check_masses(f"component '{self.name}': mass matrix", self.M)
         if (self.K.diagonal() < 0).any():
             raise ModelError(f"component '{self.name}': stiffness is not positive semi-definite")
@@ -248,25 +255,6 @@ class ContactInterface:
 
 
 @dataclass(frozen=True)
-class Rotors:
-    """What turns, and about which axis.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Components that turn.
-    point : ndarray (3,)
-        Of the axis, m.
-    direction : ndarray (3,)
-        Of unit length.
-    """
-
-    names: tuple[str, ...]
-    point: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    direction: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-
-
-@dataclass(frozen=True)
 class Assembly:
     """Components, interfaces and loads over one numbering: components in order, then their DOFs.
 
@@ -352,6 +340,19 @@ class Assembly:
             for c in self.components
         ]
         return sum((d.matrix() for d in self.dampers), sp.block_diag(blocks, format="csr"))
+
+    @cached_property
+    def turning(self) -> sp.csr_matrix | None:
+        """Gyroscopic terms (n_dof, n_dof) of rotors at 1 m/s of sliding, kg/m; None without."""
+        rotors = self.rotors
+        if rotors is None or rotors.radius is None:
+            return None
+        if all(c.turning is None for c in self.components):
+            return None
+        blocks = [
+            sp.csr_matrix(c.K.shape) if c.turning is None else c.turning for c in self.components
+        ]
+        return sp.block_diag(blocks, format="csr") / rotors.radius
 
     @cached_property
     def correspondence(self) -> sp.csr_matrix:

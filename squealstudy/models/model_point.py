@@ -17,6 +17,7 @@ from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
     CONTACT_OPTION,
     FRICTION_OPTION,
+    GYROSCOPIC,
     DesignState,
     ModeKey,
     OperatingPoint,
@@ -96,6 +97,7 @@ class ModelPoint:
             sliding_speed=v["sliding_speed"],
             law=ContactLaw.from_values(self.law_kind, v),
             curve=FrictionCurve.from_values(self.curve_kind, v),
+            gyroscopic=v.get(GYROSCOPIC.name, 0.0),
         )
 
     def state(self) -> DesignState:

@@ -55,6 +55,15 @@ SLOPE = Parameter(
     "at contact.regularisation_speed where the working point has most of it",
     minimum=0.0,
 )
+GYROSCOPIC = Parameter(
+    "gyroscopic_factor",
+    0.0,
+    "",
+    "factor on the gyroscopic terms of the disc as it turns at sliding_speed over its radius, seen "
+    "from the pads; 0: none, 1: as they are. Of a disc symmetric about its axis",
+    minimum=0.0,
+    maximum=1.0,
+)
 REGULARISATION_SHARE = 0.002  # of the slowest sliding speed of a study
 REGULARISATION_SPEED = Parameter(
     "contact.regularisation_speed",
@@ -136,6 +145,7 @@ _FIELD_OF_PARAMETER = {
     FRICTION.name: "friction",
     PRESSURE.name: "brake_pressure",
     SLIDING_SPEED.name: "sliding_speed",
+    GYROSCOPIC.name: "gyroscopic",
 }
 
 
@@ -155,6 +165,8 @@ class OperatingPoint:
     law : ContactLaw
     curve : FrictionCurve
         Friction over sliding speed and contact pressure.
+    gyroscopic : float
+        Factor on the gyroscopic terms of what turns.
     """
 
     friction: float
@@ -162,6 +174,17 @@ class OperatingPoint:
     sliding_speed: float
     law: ContactLaw
     curve: FrictionCurve = field(default_factory=friction_curve)
+    gyroscopic: float = 0.0
+
+    @property
+    def turning(self) -> float:
+        """Weight of `Assembly.turning`, m/s; negative in reverse."""
+        return self.gyroscopic * self.sliding_speed
+
+    def expect_turning(self, turning: object, unturned: str) -> None:
+        """ParameterError where it has gyroscopic terms and a structure has none, and why."""
+        if self.gyroscopic and turning is None:
+            raise ParameterError(GYROSCOPIC.name, unturned or "nothing turns in this model")
 
     @property
     def direction(self) -> float:

@@ -35,6 +35,10 @@ class AssemblyDamping:
         Rows of component modes that design points stiffen.
     own : ndarray (n, n) or None
         The components' own damping and gyroscopic terms, rad/s; None where they have none.
+    turning : ndarray (n, n) or None
+        Gyroscopic terms of what turns at 1 m/s of sliding, 1/m; None without.
+    unturned : str
+        Why there are none, where something turns.
     damped_to : float
         rad/s; modes beyond have the damping coefficient of a mode there.
     basis : ndarray (n, r) or None
@@ -51,10 +55,12 @@ class AssemblyDamping:
     damped_to: float
     n_exact: int
     basis: np.ndarray | None = None
+    turning: np.ndarray | None = None
+    unturned: str = ""
 
     @cached_property
     def turns(self) -> bool:
-        """Whether there are gyroscopic terms."""
+        """Whether there are gyroscopic terms of the components' own."""
         return self.own is not None and is_skew(self.own)
 
     def on(self, basis: np.ndarray, n_exact: int) -> AssemblyDamping:
@@ -85,8 +91,11 @@ class AssemblyDamping:
         Raises
         ------
         ParameterError
-            Damping of an assembly mode that the basis does not have.
+            Damping of an assembly mode that the basis does not have; gyroscopic terms of a
+            structure that has none.
         """
+        state.operating.expect_turning(self.turning, self.unturned)
+        rate = state.operating.turning
         zeta = self._ratios(state)
         changed = np.abs(tangents - self.k_ref).max(
             initial=0.0
@@ -98,14 +107,16 @@ class AssemblyDamping:
             rates = 2.0 * zeta * np.minimum(omega, self.damped_to)
             with np.errstate(over="ignore"):  # infinite ones fail the point where they are used
                 rates += state.stiffness_damping * self.omega2
-            if self.own is None and self.basis is None:
+            if self.own is None and self.basis is None and not rate:
                 return rates, None
             C = np.diag(rates)
         if self.own is not None:
             C = C + self.own
+        if rate and self.turning is not None:
+            C = C + rate * self.turning
         if self.basis is not None:
             C = self.basis.T @ C @ self.basis
-        between = C if self.turns else 0.5 * (C + C.T)
+        between = C if self.turns or rate else 0.5 * (C + C.T)
         between = between - np.diag(np.diag(C))
         return np.diag(C), between if between.any() else None
 

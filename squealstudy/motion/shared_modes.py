@@ -110,6 +110,8 @@ def shared_modes(
         own=None if model.C_el is None else phi.T @ model.C_el @ phi,
         damped_to=model.damped_to,
         n_exact=len(omega2),
+        turning=None if model.turning is None else phi.T @ model.turning @ phi,
+        unturned=model.unturned,
     )
     return SharedModes(
         system=system,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
@@ -83,6 +84,10 @@ class ReducedModel:
         that of a mode here.
     C_el : ndarray (n, n) or None
         Damping of the components' own and of dampers, rad/s; None where there is none.
+    turning : ndarray (n, n) or None
+        Gyroscopic terms of what turns at 1 m/s of sliding, 1/m, skew-symmetric; None without.
+    unturned : str
+        Why there are none, where something turns.
     spring_points : ndarray (ns, 4)
         As in ContactInterface.
     load : ndarray (n,)
@@ -106,6 +111,8 @@ class ReducedModel:
     C_el: np.ndarray | None = None
     spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS)
     load: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    turning: np.ndarray | None = None
+    unturned: str = ""
 
     @property
     def n(self) -> int:
@@ -325,7 +332,19 @@ def project(
         C_el=_own_damping(assembly, basis),
         spring_points=c.spring_points,
         load=np.zeros(0) if in_vibration_only else basis.restrict(assembly.load),
+        turning=_turning(assembly, basis),
+        unturned="" if assembly.rotors is None else assembly.rotors.unturned,
     )
+
+
+def _turning(assembly: AnyAssembly, basis: ComponentBasis) -> np.ndarray | None:
+    G = assembly.turning
+    if G is None:
+        return None
+    spans = [assembly.slices[name] for name in assembly.component_names]
+    blocks = [T.T @ (G[s, s] @ T) for s, T in zip(spans, basis.blocks, strict=True)]
+    whole: np.ndarray = la.block_diag(*((B - B.T) / 2 for B in blocks))
+    return whole
 
 
 def _own_damping(assembly: AnyAssembly, basis: ComponentBasis) -> np.ndarray | None:

@@ -16,7 +16,7 @@ from squealstudy.errors import ModelError
 from squealstudy.linalg.factor import factorise
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
-from squealstudy.models.operating import ModeKey, OperatingPoint
+from squealstudy.models.operating import GYROSCOPIC, ModeKey, OperatingPoint
 from squealstudy.reduction.cmt import ComponentModes, momenta
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.working_point import WorkingPoint
@@ -166,6 +166,10 @@ def hybrid_model(
     """
     if assembly.C_el is not None:
         raise ModelError("the hybrid representation has no damping of components of their own")
+    if operating.gyroscopic:
+        raise ModelError(
+            f"the hybrid representation has no gyroscopic terms: expected {GYROSCOPIC.name} = 0"
+        )
     if len(assembly.contact.spring_points):
         raise ModelError("the hybrid representation has no springs with a gap or a third power")
     c = assembly.contact

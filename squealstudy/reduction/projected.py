@@ -16,6 +16,7 @@ import scipy.sparse as sp
 from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.component_slices import component_slices
 from squealstudy.models.linear_interfaces import StressStiffness
+from squealstudy.models.turning import Rotors
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +29,15 @@ class ProjectedComponent:
     M, K : ndarray (k, k)
     C : ndarray (k, k) or None
         Damping of its own.
+    turning : ndarray (k, k) or None
+        As of `Component`.
     """
 
     name: str
     M: np.ndarray
     K: np.ndarray
     C: np.ndarray | None
+    turning: np.ndarray | None = None
 
     @property
     def n_dof(self) -> int:
@@ -55,6 +59,8 @@ class ProjectedAssembly:
     load, constant_load : ndarray (n,)
     correspondence : csr_matrix (s, n)
         Of the coordinates, as of an assembly.
+    rotors : Rotors or None
+        As of an assembly.
     """
 
     components: tuple[ProjectedComponent, ...]
@@ -63,6 +69,7 @@ class ProjectedAssembly:
     load: np.ndarray = field(repr=False)
     constant_load: np.ndarray = field(repr=False)
     correspondence: sp.csr_matrix = field(repr=False)
+    rotors: Rotors | None = None
 
     @property
     def component_names(self) -> tuple[str, ...]:
@@ -96,6 +103,16 @@ class ProjectedAssembly:
             return None
         return _block_diagonal([0 * c.K if c.C is None else c.C for c in self.components])
 
+    @cached_property
+    def turning(self) -> np.ndarray | None:
+        """Gyroscopic terms (n, n) of rotors at 1 m/s of sliding; None without."""
+        if self.rotors is None or self.rotors.radius is None:
+            return None
+        if all(c.turning is None for c in self.components):
+            return None
+        blocks = [0 * c.K if c.turning is None else c.turning for c in self.components]
+        return _block_diagonal(blocks) / self.rotors.radius
+
     def K_springs(self, static: bool = False) -> np.ndarray:
         """Stiffness (n, n) of the linear interfaces; `static` leaves out those absent at rest."""
         return self.springs[int(static)]
@@ -116,6 +133,7 @@ class ProjectedAssembly:
                     sp.csr_matrix(c.M),
                     sp.csr_matrix(c.K),
                     C=None if c.C is None else sp.csr_matrix(c.C),
+                    turning=None if c.turning is None else sp.csr_matrix(c.turning),
                 )
                 for c in self.components
             ),
@@ -129,6 +147,7 @@ class ProjectedAssembly:
             ),
             load=self.load,
             constant_load=self.constant_load,
+            rotors=self.rotors,
         )
 
 
@@ -155,6 +174,7 @@ def projected(assembly: Assembly, blocks: Sequence[np.ndarray]) -> ProjectedAsse
                 _within(part.M, V),
                 _positive(_within(part.K, V)),
                 None if part.C is None else _within(part.C, V),
+                None if part.turning is None else _skew_within(part.turning, V),
             )
             for part, V in zip(assembly.components, blocks, strict=True)
         ),
@@ -166,6 +186,7 @@ def projected(assembly: Assembly, blocks: Sequence[np.ndarray]) -> ProjectedAsse
         load=restricted(assembly.load),
         constant_load=restricted(assembly.constant_load),
         correspondence=sp.block_diag(correspondences, format="csr"),
+        rotors=assembly.rotors,
     )
 
 
@@ -187,6 +208,12 @@ def _few_rows(A: sp.csr_matrix, spans: Sequence[slice], blocks: Sequence[np.ndar
 
 def _within(A: sp.csr_matrix, V: np.ndarray) -> np.ndarray:
     return _symmetric(V.T @ (A @ V))
+
+
+def _skew_within(A: sp.csr_matrix, V: np.ndarray) -> np.ndarray:
+    B = V.T @ (A @ V)
+    half: np.ndarray = (B - B.T) / 2
+    return half
 
 
 def _symmetric(A: np.ndarray) -> np.ndarray:

@@ -11,8 +11,9 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.linalg.quadratic_pencil import squared
 from squealstudy.linalg.real_modes import rigid_modes
-from squealstudy.models.assembly import Assembly, Rotors
+from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import ModeKey
+from squealstudy.models.turning import Rotors
 from squealstudy.reduction.cmt import Expansion, ReducedModel
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.shapes.parts import ShapePart, parts_of

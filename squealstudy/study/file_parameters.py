@@ -20,6 +20,7 @@ from squealstudy.models.file_table import KeyPath
 from squealstudy.models.operating import (
     DAMPING,
     FRICTION,
+    GYROSCOPIC,
     PRESSURE,
     SLIDING_SPEED,
     STIFFNESS_DAMPING,
@@ -60,7 +61,8 @@ def file_parameters(
     file: ModelFile, source: SourceText, places: Mapping[str, tuple[KeyPath, ...]]
 ) -> Declared:
     """Parameters of the operating point, with the file's defaults, and those of the file."""
-    operating = {p.name: p for p in (*OPERATING, *friction_parameters(), *contact_parameters())}
+    always = OPERATING if file.rotation is None else (*OPERATING, GYROSCOPIC)
+    operating = {p.name: p for p in (*always, *friction_parameters(), *contact_parameters())}
     of_file = []
     for name, table in file.parameters.items():
         keys = ("parameters", name)
@@ -73,7 +75,7 @@ def file_parameters(
             raise source.error(keys, f'expected path = "..." of the number that it is{hint}')
         else:
             of_file.append(_parameter(name, table, file, source, places[name]))
-    first = [operating[p.name] for p in OPERATING]
+    first = [operating[p.name] for p in always]
     changed = [operating[name] for name in file.parameters if name in operating]
     return (*first, *changed, friction_parameters, contact_parameters, *of_file)
 

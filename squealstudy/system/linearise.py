@@ -3,7 +3,7 @@
     Q(lambda) = lambda^2 M + lambda C + K
     K_sym = K_elastic + K_springs + U^T s U + N^T (.) N,   K = K_sym + T^T (.) N
     C = C_own + dampers of component modes + beta K_sym + modal damping
-        + T_perp^T (.) T_perp + T^T (.) T
+        + T_perp^T (.) T_perp + T^T (.) T + (.) G
 
 (THEORY.md eq. (17) to (20)). The terms belong to a structure in some coordinates: unreduced, of
 component modes, or real modes of a reference. The weights belong to a design point; those of
@@ -60,6 +60,8 @@ class StructureWeights(NamedTuple):
         As in ContactWeights.
     own_damping : float
         Of the components' own damping: 1, or 0 for derivatives.
+    turning : float
+        Of the gyroscopic terms of what turns, m/s.
     """
 
     mass: Any = 0.0
@@ -75,6 +77,7 @@ class StructureWeights(NamedTuple):
     across: Any = 0.0
     along: Any = 0.0
     own_damping: Any = 0.0
+    turning: Any = 0.0
 
     @classmethod
     def of(cls, weights: Weights) -> StructureWeights:
@@ -93,6 +96,7 @@ def structure_weights(
     dampers: tuple[Any, Any] = (0.0, 0.0),
     beta: float = 0.0,
     mass: float = 1.0,
+    turning: float = 0.0,
 ) -> StructureWeights:
     """Weights of a structure, stiffness damping among them.
 
@@ -107,6 +111,8 @@ def structure_weights(
         Stiffness damping, s.
     mass : float
         0 for derivatives.
+    turning : float
+        Of the gyroscopic terms of what turns, m/s.
     """
     elastic, springs, shapes = stiffness
     return StructureWeights(
@@ -121,6 +127,7 @@ def structure_weights(
         across=contact.across,
         along=contact.along,
         own_damping=mass,
+        turning=turning,
     )
 
 
@@ -149,6 +156,10 @@ class ContactStructure:
         Rows phi^T M of component modes; None where they are coordinates.
     damping : matrix (n, n) or None
         Damping of the components' own; None where there is none.
+    turning : matrix (n, n) or None
+        Gyroscopic terms of what turns at 1 m/s of sliding; None where there are none.
+    unturned : str
+        Why there are none, where something turns.
     """
 
     mass: Matrix | None
@@ -165,6 +176,8 @@ class ContactStructure:
     places: Mapping[ModeKey, int]
     shapes: Matrix | None = None
     damping: Matrix | None = None
+    turning: Matrix | None = None
+    unturned: str = ""
 
     @property
     def n(self) -> int:
@@ -183,7 +196,7 @@ class ContactStructure:
             (U, U),
             (self.N, self.N),
         ]
-        of_stiffness = (none, none) if self.damping is None else (None, self.damping)
+        whole = [(none, none) if A is None else (None, A) for A in (self.damping, self.turning)]
         terms = (
             Term(MASS, None, self.mass),
             *(Term(STIFFNESS, *sides) for sides in symmetric),
@@ -191,19 +204,24 @@ class ContactStructure:
             *(Term(DAMPING, *sides) for sides in symmetric),
             Term(DAMPING, self.T_perp, self.T_perp),
             Term(DAMPING, self.T, self.T),
-            Term(DAMPING, *of_stiffness),
+            *(Term(DAMPING, *sides) for sides in whole),
         )
         return ParametricSystem(self.n, terms)
 
     @np.errstate(over="ignore", invalid="ignore")
     def weights(self, point: WorkingPoint, state: DesignState) -> StructureWeights:
-        """Weights without modal damping; ConvergenceError where entries become too large."""
+        """Weights without modal damping; ConvergenceError where entries become too large.
+
+        ParameterError where gyroscopic terms are asked for and there are none.
+        """
+        state.operating.expect_turning(self.turning, self.unturned)
         changes = self.by_mode(state.stiffness_changes(self.frequencies))
         weights = structure_weights(
             (self.stiffness + changes[0], 1.0, changes[1]),
             contact_weights(self, point, state.operating),
             self.by_mode(state.modal_dampers(self.frequencies)),
             state.stiffness_damping,
+            turning=state.operating.turning,
         )
         self.system.expect_computable(weights, StructureWeights._fields)
         return weights
@@ -236,6 +254,8 @@ def reduced_structure(model: ReducedModel) -> ContactStructure:
         frequencies=frequencies,
         places={key: model.mode_coordinate(*key) for key in frequencies},
         damping=model.C_el,
+        turning=model.turning,
+        unturned=model.unturned,
     )
 
 
@@ -260,6 +280,8 @@ def unreduced_structure(
         places={key: row for row, key in enumerate(used)},
         shapes=momenta(assembly, modes, used),
         damping=assembly.C_el,
+        turning=assembly.turning,
+        unturned="" if assembly.rotors is None else assembly.rotors.unturned,
     )
 
 

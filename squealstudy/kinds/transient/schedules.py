@@ -12,7 +12,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.kinds.transient.section import STUCK, WORKING_POINT, ScheduleTable
 from squealstudy.models.number_table import read_columns
-from squealstudy.models.operating import PRESSURE, REGULARISATION_SPEED, SLIDING_SPEED
+from squealstudy.models.operating import GYROSCOPIC, PRESSURE, REGULARISATION_SPEED, SLIDING_SPEED
 from squealstudy.motion.schedule import Schedule
 from squealstudy.parameter import Parameter
 from squealstudy.study.toml_text import KeyPath
@@ -111,7 +111,13 @@ class Schedules:
         return {**values, name: values[name] / highest}
 
     def check(self, values: Mapping[str, float], start: str) -> None:
-        """ParameterError where the run of a design point would begin with a jump."""
+        """ParameterError where a run would begin with a jump, or its rate of rotation change."""
+        if self.speed is not None and values.get(GYROSCOPIC.name):
+            raise ParameterError(
+                f"transient.{SLIDING_SPEED.name}",
+                f"gyroscopic terms are those of one speed: expected {GYROSCOPIC.name} = 0 where it "
+                "changes",
+            )
         for parameter, schedule in self._pairs:
             if schedule is None or start not in BEGINS_STEADY[parameter.name]:
                 continue
@@ -149,7 +155,7 @@ def schedules_of(plan: Plan) -> Schedules | None:
         raise study.error(("transient", PRESSURE.name), text)
     schedules = Schedules(*(_read(plan, p, getattr(section, p.name)) for p in SCHEDULED))
     swept = {s.name: plan.swept[:, k] for k, s in enumerate(study.sweeps)}
-    names = [p.name for p in SCHEDULED if p.name in study.values]
+    names = [p.name for p in (*SCHEDULED, GYROSCOPIC) if p.name in study.values]
     columns = np.broadcast_arrays(*(swept.get(name, study.values[name]) for name in names))
     for row in np.unique(np.column_stack([np.ravel(c) for c in columns]), axis=0):
         try:

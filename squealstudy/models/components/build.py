@@ -37,6 +37,7 @@ from squealstudy.models.components.mesh_cells import mesh_cells, moved_cells
 from squealstudy.models.components.mesh_matrices import stiffness_matrix
 from squealstudy.models.components.model_file import BY_MATERIAL, GROUND, Numbers
 from squealstudy.models.components.pairs import Pair
+from squealstudy.models.components.rotation import turning_matrix
 from squealstudy.models.components.turn_rows import coupled, turn_of
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.linear_interfaces import SpringInterface
@@ -66,11 +67,17 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
     numbers = Numbers(brake.file, given)
     matrices = {name: component_matrices(geometry, name, given) for name in geometry.bodies}
     free = geometry.kept
-    components = []
+    components, rotors = [], geometry.rotors
     for name, body in geometry.bodies.items():
         C = damping_matrix(body, numbers, *matrices[name])
         mesh = changed_mesh(body, own_numbers(name, given))
-        components.append(_component(body, mesh, *matrices[name], C, free[name]))
+        turning = None
+        if rotors is not None and name in rotors.names and not rotors.unturned:
+            try:
+                turning = turning_matrix(body, mesh, rotors, matrices[name][1])
+            except ModelError as error:  # of a study that asks for it
+                rotors = replace(rotors, unturned=str(error))
+        components.append(_component(body, mesh, *matrices[name], C, turning, free[name]))
     E, turns = (
         sp.block_diag(
             [getattr(body.expansion, key)[:, free[name]] for name, body in geometry.bodies.items()],
@@ -82,7 +89,7 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
     contact, ties = interfaces.contact(law)
     load = interfaces.load()
     springs = (*interfaces.springs(), *ties)
-    cold = Assembly(tuple(components), contact, springs, load, np.zeros_like(load), geometry.rotors)
+    cold = Assembly(tuple(components), contact, springs, load, np.zeros_like(load), rotors)
     gap0 = contact.gap0 + hot_gaps(cold, geometry, given)
     return replace(cold, contact=replace(contact, gap0=gap0))
 
@@ -93,12 +100,13 @@ def _component(
     K: sp.csr_matrix,
     M: sp.csr_matrix,
     C: sp.csr_matrix | None,
+    turning: sp.csr_matrix | None,
     kept: np.ndarray,
 ) -> Component:
     whole = len(kept) == K.shape[0]
     if not whole:
         K, M = (A[kept][:, kept].tocsr() for A in (K, M))
-        C = None if C is None else C[kept][:, kept].tocsr()
+        C, turning = (None if A is None else A[kept][:, kept].tocsr() for A in (C, turning))
     if (M.diagonal() <= 0).any():
         places = body.expansion.places[kept[M.diagonal() <= 0]]
         bad = np.unique(places[places >= 0] // 3)
@@ -119,6 +127,7 @@ def _component(
         expansion=None if plain else expansion.E[:, kept].tocsr(),
         cells=mesh_cells(mesh) if body.matrices is None else moved_cells(mesh, expansion.lacking),
         C=C,
+        turning=turning,
     )
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.models.assembly import Rotors
 from squealstudy.models.components.bodies import Body, Brake, body_of, placement
 from squealstudy.models.components.contact_rows import Rotation, sliding
 from squealstudy.models.components.dimensions import LENGTH
@@ -23,6 +22,7 @@ from squealstudy.models.components.pairs import Pair, pair
 from squealstudy.models.components.set_names import has_name
 from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.file_table import KeyPath, PlacedError
+from squealstudy.models.turning import Rotors
 
 LEAST_IN_REACH = 0.5  # of a face: with less the faces are hardly those meant
 ALL_MET = 0.9  # of the other face, by area: it is the first that is larger
@@ -344,8 +344,17 @@ class Geometry:
     @cached_property
     def effective_radius(self) -> float | None:
         """Radius [m] that the imposed speed is of; None where all points slide at one speed."""
+        table = self.file.rotation
+        return None if table is None or table.uniform else self.mean_radius
+
+    @cached_property
+    def mean_radius(self) -> float | None:
+        """Radius [m] of the sliding speed: the file's, or the mean arm of friction over the area.
+
+        None where nothing slides.
+        """
         table, rotation = self.file.rotation, self.rotation
-        if table is None or rotation is None or table.uniform:
+        if table is None or rotation is None:
             return None
         if table.effective_radius is not None:
             return table.effective_radius * LENGTH.factor(self.file.units)
@@ -369,7 +378,9 @@ class Geometry:
         if self.rotation is None:
             return None
         point = np.asarray(self.rotation.point)
-        return Rotors(self.file.turning, point, self.rotation.direction)
+        radius = self.mean_radius
+        no_radius = "" if radius else "nothing slides here: sliding_speed is at no radius"
+        return Rotors(self.file.turning, point, self.rotation.direction, radius, no_radius)
 
 
 @lru_cache(maxsize=4)

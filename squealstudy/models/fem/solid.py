@@ -19,6 +19,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.cells import CellBlock, ComponentCells
 from squealstudy.models.element_shapes import SHAPES
 from squealstudy.models.fem.grid import CylindricalMesh
+from squealstudy.models.turning import Rotors, convective_elements, gyroscopic
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,23 @@ class Solid:
     M: sp.csr_matrix
     K: sp.csr_matrix
     energies: CellEnergies
+
+    def gyroscopic(self, rotors: Rotors, name: str) -> sp.csr_matrix:
+        """Gyroscopic matrix (3 n_nodes, 3 n_nodes) of 1 rad/s (`models.turning`), kg.
+
+        ModelError of a body `name` that is not symmetric about the axis.
+        """
+        basis, materials = self.basis, self.energies.materials
+        N = np.array([np.asarray(f[0])[0] for f in basis.basis]).T
+        slopes = np.stack([f[0].grad for f in basis.basis]).transpose(2, 3, 0, 1)
+        places = np.asarray(basis.global_coordinates()).transpose(1, 2, 0)
+        density = np.array([materials[m].density for m in self.grid.material])
+        A = convective_elements(rotors, N, slopes, places, basis.dx * density[:, None])
+        nodes, size = basis.element_dofs.T, (basis.N, basis.N)
+        rows, columns = np.repeat(nodes, 20, axis=1).ravel(), np.tile(nodes, (1, 20)).ravel()
+        convective = sp.coo_matrix((A.ravel(), (rows, columns)), shape=size).tocsr()
+        scalar = gyroscopic(convective, self.coordinates, name)
+        return sp.kron(scalar, sp.identity(3), format="csr")
 
     @property
     def coordinates(self) -> np.ndarray:

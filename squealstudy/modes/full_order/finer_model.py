@@ -76,8 +76,9 @@ class ReductionRecord:
     @property
     def states(self) -> list[DesignState]:
         """Design states at which the loads left by reduced modes are computed."""
-        strong = [replace(p, friction=max(p.friction, STRONG)) for p in self.points]
-        none = [replace(p, friction=0.0) for p in self.points]
+        # without gyroscopic terms: with and without them, a structure has one basis
+        strong = [replace(p, friction=max(p.friction, STRONG), gyroscopic=0.0) for p in self.points]
+        none = [replace(p, friction=0.0) for p in strong]
         changed = [DesignState(strong[0], scale) for scale in self.scales]
         return [*map(DesignState, [*strong, *none]), *changed]
 

@@ -22,6 +22,7 @@ from squealstudy.laws.spring import slopes_of_points
 from squealstudy.models.operating import (
     DAMPING,
     FRICTION,
+    GYROSCOPIC,
     PRESSURE,
     SLIDING_SPEED,
     STIFFNESS_DAMPING,
@@ -38,7 +39,11 @@ from squealstudy.system.contact_weights import (
     ContactWeights,
     contact_weights_change,
 )
-from squealstudy.system.linearise import StructureWeights, reduced_structure, structure_weights
+from squealstudy.system.linearise import (
+    StructureWeights,
+    reduced_structure,
+    structure_weights,
+)
 
 
 class WeightChange(NamedTuple):
@@ -98,6 +103,10 @@ class StateDerivatives:
             return WeightChange(StructureWeights(elastic_damping=weights.elastic, **by_beta))
         if name == PRESSURE.name:
             return self._moved(self.motion.by_pressure())
+        if name == GYROSCOPIC.name:
+            turned = replace(operating, gyroscopic=1.0)
+            turned.expect_turning(self.structure.turning, self.structure.unturned)
+            return WeightChange(StructureWeights(turning=operating.sliding_speed))
         by, law = ContactChange(), operating.law
         gap = np.zeros(len(self._point.gap))
         if name in law.names:
@@ -109,7 +118,10 @@ class StateDerivatives:
             )
             by = friction._replace(pressure=by.pressure, tangent=by.tangent)
             gap = gap + self.motion.by_friction(by.mu)
-        return self._moved(gap, by)
+        weights, _ = self._moved(gap, by)
+        if name == SLIDING_SPEED.name:
+            weights = weights._replace(turning=operating.gyroscopic)
+        return WeightChange(weights)
 
     @cached_property
     def _law_slopes(self) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -249,7 +249,7 @@ class AssemblyChange:
     dampers : LowRankSum (n_dof, n_dof)
         Of component modes.
     damping : csr_matrix (n_dof, n_dof)
-        Of the components' own.
+        Of the components' own, gyroscopic terms among it.
     load : ndarray (n_dof,)
         Nodal forces of a unit pressure, N/Pa, and
     constant_load : ndarray (n_dof,)
@@ -324,7 +324,8 @@ def assembly_change(structure: StructureBuilder, name: str, state: DesignState) 
         stiffness=LowRankSum(elastic + springs, U, changed),
         static_stiffness=LowRankSum(elastic + static, U, changed),
         dampers=LowRankSum(empty, U, by_shapes(state.modal_dampers)),
-        damping=slope(lambda a: empty if a.C_el is None else a.C_el),
+        damping=slope(lambda a: empty if a.C_el is None else a.C_el)
+        + state.operating.turning * slope(lambda a: empty if a.turning is None else a.turning),
         load=slope(lambda a: a.load),
         constant_load=slope(lambda a: a.constant_load),
         area=slope(lambda a: a.contact.area),

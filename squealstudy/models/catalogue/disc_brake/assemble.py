@@ -9,8 +9,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.laws import ContactLaw
-from squealstudy.models.assembly import Assembly, Component, ContactInterface, Rotors
-from squealstudy.models.catalogue.disc_brake.parameters import COMPONENTS, SETS, effective_radius
+from squealstudy.models.assembly import Assembly, Component, ContactInterface
+from squealstudy.models.catalogue.disc_brake.parameters import (
+    COMPONENTS,
+    SETS,
+    effective_radius,
+    mean_radius,
+)
 from squealstudy.models.catalogue.disc_brake.solids import DENSITIES, BrakeMesher
 from squealstudy.models.component_slices import component_slices, expand_rows
 from squealstudy.models.fem.sampling import (
@@ -22,6 +27,7 @@ from squealstudy.models.fem.sampling import (
 )
 from squealstudy.models.fem.solid import Solid
 from squealstudy.models.linear_interfaces import SpringInterface
+from squealstudy.models.turning import Rotors
 
 AXIAL = np.array([0.0, 0.0, 1.0])
 LAYER_POINTS = 3  # Gauss points a side of a facet in the linear layers
@@ -256,6 +262,8 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
     """Assemble the brake from a value of every option and parameter. Returns an Assembly."""
     mesher = BrakeMesher(values, DENSITIES[str(options["mesh"])])
     solids = {name: mesher.component(name) for name in COMPONENTS}
+    rotors = Rotors(("disc",), radius=mean_radius(values))
+    turning = {name: solids[name].gyroscopic(rotors, name) for name in rotors.names}
     components = tuple(
         Component(
             name=name,
@@ -264,20 +272,21 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
             coordinates=solids[name].coordinates,
             correspondence=corresponding_rows(solids[name]),
             cells=solids[name].cells,
+            turning=turning.get(name),
             sets={face: _Face(mesher, solids[name], name, face) for face in SETS[name]},
         )
         for name in COMPONENTS
     )
     interfaces = BrakeInterfaces(mesher, solids, components)
     law = ContactLaw.from_values(str(options["contact_law"]), values)
-    load, turning = interfaces.brake_load(), effective_radius(options, values)
+    load, radius = interfaces.brake_load(), effective_radius(options, values)
     points_a_side = int(options["contact_points"])
     factors = {pad: values[f"{pad}.friction_factor"] for pad in ("inner_pad", "outer_pad")}
     return Assembly(
         components,
-        interfaces.contact(law, points_a_side, turning, factors),
+        interfaces.contact(law, points_a_side, radius, factors),
         interfaces.springs(),
         load,
         np.zeros_like(load),
-        Rotors(("disc",)),
+        rotors,
     )

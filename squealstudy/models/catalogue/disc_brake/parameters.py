@@ -15,6 +15,7 @@ from squealstudy.models.operating import (
     FRICTION,
     FRICTION_OPTION,
     FRICTION_RANGE,
+    GYROSCOPIC,
     LIGHTLY_DAMPED,
     PRESSURE,
     SLIDING_SPEED,
@@ -59,10 +60,13 @@ def in_place(parameter: Parameter) -> bool:
 def effective_radius(options: Mapping[str, str | int], values: Mapping[str, float]) -> float | None:
     """Radius that `sliding_speed` is of where the disc turns: the mean over the pads' faces, m.
 
-    They are parts of a ring, whatever the mesh. None where all points slide at one speed.
+    None where all points slide at one speed.
     """
-    if options[KINEMATICS] == UNIFORM:
-        return None
+    return None if options[KINEMATICS] == UNIFORM else mean_radius(values)
+
+
+def mean_radius(values: Mapping[str, float]) -> float:
+    """Mean radius of the pads' faces, m: the disc turns at `sliding_speed` over it."""
     inner, outer = values["pad.inner_radius"], values["pad.outer_radius"]
     return 2.0 / 3.0 * (outer**3 - inner**3) / (outer**2 - inner**2)
 
@@ -202,6 +206,7 @@ PARAMETERS: Declared = (
     SLIDING_SPEED,
     replace(DAMPING, default=0.005),
     replace(STIFFNESS_DAMPING, default=1.5e-7),  # s
+    GYROSCOPIC,
     friction_parameters,
     contact_parameters,
     *(_bounded(p) for p in STRUCTURE),
