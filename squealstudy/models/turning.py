@@ -5,7 +5,7 @@ the rate w about the axis e. To first order in w the kinetic energy adds w (A - 
 
     A_ij = integral rho N_i . dN_j/dtheta dV,   dN/dtheta = (e x x) . grad N, Cartesian components
 
-and A is skew-symmetric where the surface of the body runs along the rotation: THEORY.md eq. (117).
+and A is skew-symmetric where the surface of the body runs along the rotation: THEORY.md (3a).
 """
 
 from __future__ import annotations
