@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import squealstudy as sq
 from squealstudy.errors import ModelError, ParameterError
+from squealstudy.kinds.complex_modes.error_text import turning_text
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.mechanics.motions import set_up
 from squealstudy.models.catalogue import MODELS
@@ -24,6 +25,7 @@ from squealstudy.models.components.expansion import expanded
 from squealstudy.models.components.mesh_matrices import mass_matrix
 from squealstudy.models.components.rotation import turning_matrix
 from squealstudy.models.turning import Rotors
+from squealstudy.modes.turning_effect import turning_effect
 from squealstudy.motion.integrator import integrator
 from squealstudy.motion.point import perturbed
 from squealstudy.motion.settings import MotionSettings
@@ -281,6 +283,34 @@ def test_a_conservative_brake_neither_gains_nor_loses(small_brake):
         (run,) = simulate(reference.system, [pushed], settings)
         assert run.outcome == "ok"
         assert run.energy.stored_end == pytest.approx(run.energy.stored_start, rel=within)
+
+
+def test_the_effect_told_beside_the_check_at_full_order(small_brake):
+    """To first order, against modes with and without; from either side."""
+    slow = small_brake.at(sliding_speed=0.05, friction=0.3, **OFF)
+    on = small_brake.at(sliding_speed=0.05, friction=0.3, **ON)
+    prepared = slow.reduced().prepared
+    off_lam, on_lam = slow.modes(BAND).lam, on.modes(BAND).lam
+    light = off_lam[np.abs(off_lam.real) < 0.05 * np.abs(off_lam)]
+    light = light[np.argsort(-light.real)][:12]
+    partners = on_lam[np.abs(on_lam[None] - light[:, None]).argmin(axis=1)]
+    effect = turning_effect(prepared, slow.point.state(), off_lam)
+    assert effect.growth == pytest.approx(np.abs((partners - light).real).max(), rel=0.05)
+    moved = np.abs(np.abs(partners) / np.abs(light) - 1.0).max()
+    assert effect.frequency == pytest.approx(moved, rel=0.05)
+    back = turning_effect(prepared, on.point.state(), on_lam)
+    assert back.growth == pytest.approx(effect.growth, rel=0.05)
+    assert effect.decided == back.decided
+
+
+def test_what_the_screen_says_of_it():
+    told = {"growth": 36.4, "frequency": 1e-3, "decided": 1, "factor": 0.0}
+    text = turning_text([{"gyroscopic": told}, {}])
+    assert "gyroscopic terms, left out, decide whether a mode grows" in text
+    assert "by up to 36.4 1/s (gyroscopic_factor = 1" in text
+    for other in ({"decided": 0}, {"factor": 1.0}):
+        assert turning_text([{"gyroscopic": told | other}]) == ""
+    assert turning_text([{}]) == ""
 
 
 @pytest.mark.parametrize(

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from squealstudy.models.components.definition import NAME as OF_FILE
 from squealstudy.models.matrices.family import NAME as MATRICES
+from squealstudy.models.operating import GYROSCOPIC
 from squealstudy.root_pairs import LIGHT_DAMPING
 from squealstudy.screen import Rows
-from squealstudy.wording import error_percent, plural
+from squealstudy.wording import error_percent, in_digits, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
@@ -100,7 +101,19 @@ def full_order_error_text(manifest: Mapping[str, Any]) -> str:
     return (
         f"{other} gives frequencies that differ by {error_percent(frequency)} and damping by "
         f"{error_percent(damping)} of critical, for modes of damping < 5 % at {points}; "
-        f"{_missed(missed)}{of_mesh}"
+        f"{_missed(missed)}{of_mesh}{turning_text(checks)}"
+    )
+
+
+def turning_text(checks: Sequence[Mapping[str, Any]]) -> str:
+    """That gyroscopic terms which are left out may decide whether a mode grows; else nothing."""
+    effects = [c["gyroscopic"] for c in checks if c.get("gyroscopic")]
+    if any(e["factor"] for e in effects) or not any(e["decided"] for e in effects):
+        return ""
+    growth = in_digits(max(e["growth"] for e in effects if e["decided"]), 1)
+    return (
+        f"; the disc's gyroscopic terms, left out, decide whether a mode grows there: growth rates "
+        f"change by up to {growth} 1/s ({GYROSCOPIC.name} = 1 has them)"
     )
 
 

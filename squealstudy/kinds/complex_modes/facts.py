@@ -51,6 +51,15 @@ class Errors(FactGroup):
     unknown_rung: Count = 0
 
 
+class Gyroscopic(FactGroup):
+    """What gyroscopic terms do to the modes that grow fastest, to first order."""
+
+    growth: Finite
+    frequency: Finite
+    decided: Count
+    factor: Finite
+
+
 class Check(FactGroup):
     """A design point at full order."""
 
@@ -61,6 +70,7 @@ class Check(FactGroup):
     damping_error: float | None = None
     missed_modes: Count | None = None
     full_order_modes: Count | None = None
+    gyroscopic: Gyroscopic | None = None
     roots: list[Root] = Field(default_factory=list)
     root_errors: list[float] = Field(default_factory=list)
 
