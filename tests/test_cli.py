@@ -366,8 +366,9 @@ def test_geometries_that_cannot_be_built_are_counted(study, monkeypatch, capsys,
 def test_models_lists_units_and_defaults(capsys):
     assert command("models") == 0
     assert "disc_brake" in capsys.readouterr().out
-    assert command("models", "disc_brake", "--no-modes") == 0
+    assert command("models", "disc_brake") == 0
     screen = capsys.readouterr().out
+    assert screen.endswith("modes of its components: squealstudy models disc_brake --modes\n")
     assert "disc.young_modulus" in screen
     assert "1.2e+11" in screen
     assert re.search(r"^added_mass\.<set> +0 +kg", screen, re.MULTILINE)

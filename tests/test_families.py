@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.sparse as sp
-from study_runs import plan_of, solved
+from study_runs import command, plan_of, solved
 
 from squealstudy import read_study, run
 from squealstudy.cli.check import _design, check
@@ -224,3 +224,30 @@ def test_check_and_run_name_the_limit_before_points_are_made(
     assert rows["  friction"] == "0.1 to 0.9, 1100 values"
     with pytest.raises(StudyFileError, match="1,210,000 design points, more than the limit"):
         run(path, tmp_path / "out")
+
+
+def test_why_of_own_matrices_needs_no_variable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two masses whose stiffness friction couples; files beside the study, results elsewhere."""
+    hz = np.array([100.0, 110.0])
+    folder = tmp_path / "study"
+    folder.mkdir()
+    text = '[study]\nname = "pair"\nkind = "complex_modes"\n[model]\nname = "matrices"\n'
+    for matrix, way, entries in (
+        ("M", "1", np.eye(2)),
+        ("K", "1", np.diag((2 * np.pi * hz) ** 2)),
+        ("K", "mu", np.array([[0.0, 1e5], [-1e5, 0.0]])),
+    ):
+        name = f"{matrix}_{way}.npz"
+        sp.save_npz(folder / name, sp.csr_matrix(entries))
+        text += f'[[model.term]]\nmatrix = "{matrix}"\nfile = "{name}"\ncoefficient = "{way}"\n'
+    text += "[parameters]\nmu = 0.0\n" + FALLING[FALLING.index("[[sweep]]") :]
+    text = text.replace('"x"', '"mu"').replace("[80.0, 90.0, 100.0]", "[0.0, 0.3, 1.0]")
+    (folder / "pair.toml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("SQUEALSTUDY_DATA", raising=False)
+    assert command("run", "study/pair.toml", "--output", "elsewhere", "--no-pictures") == 0
+    capsys.readouterr()
+    assert command("rank", "elsewhere", "--why") == 0
+    assert "the two have locked in" in " ".join(capsys.readouterr().out.split())

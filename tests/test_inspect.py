@@ -63,6 +63,33 @@ def test_what_was_read(tmp_path, capsys):
     assert picture.read_bytes()[:4] == b"\x89PNG"
 
 
+def test_springs_layers_and_friction_of_a_contact_are_told(tmp_path, capsys):
+    """In SI, with the values that parameters give them: 2000 N/mm3 is 2e12 N/m3."""
+    changes = (
+        ("search = 0.1", "search = 0.1\nfriction_factor = 0.8"),
+        ("tangential = 1000.0", "tangential = 1000.0\nin_static = false"),
+        ('"guides.x" = {path = "spring.guides.stiffness[1]"}',
+         '"guides.x" = {path = "spring.guides.stiffness[1]", default = 3e4}'),
+    )  # fmt: skip
+    code, facts, messages = said(capsys, model(tmp_path, *changes))
+    assert code in (0, 1), messages
+    assert "100.0 % of the slave, friction_factor 0.8" in facts
+    assert "bed layer: plate.BOTTOM to ground, normal 2e+12, in plane 1e+12 N/m3; in v" in facts
+    assert "guides spring: slider.ENDS to ground, x 3e+07, y 1.5e+07, z 1e+06 N/m" in facts
+
+
+def test_springs_of_an_unfinished_model_are_told(tmp_path, capsys):
+    text = '[[load]]\npressure_on = "slider.TOP"\narea = 10.0\n'
+    _, facts, _ = said(capsys, model(tmp_path, (text, "")))
+    assert "not yet load" in facts
+    assert "guides spring: slider.ENDS to ground, x 2e+07, y 1.5e+07, z 1e+06 N/m" in facts
+
+
+def test_a_model_of_the_catalogue_is_told_to_be_one(capsys):
+    assert command("inspect", "disc_brake") == 2
+    assert "squealstudy models disc_brake tells" in " ".join(capsys.readouterr().err.split())
+
+
 def test_what_is_fixed_is_told(tmp_path, capsys):
     path = model(tmp_path)
     path.write_text(path.read_text() + '[[fixed]]\nset = "slider.ENDS"\ndofs = [1, 2]\n')

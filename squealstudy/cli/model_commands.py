@@ -59,8 +59,15 @@ def inspect(
         if compared(model, component, measured, unit, tolerance, picture):
             raise typer.Exit(FAULT)
         return
-    from squealstudy import screen
+    from squealstudy import face_model, screen
+    from squealstudy.errors import ModelError
     from squealstudy.study.lumped import is_lumped
+
+    if not model.exists() and str(model) in face_model.list_models():
+        raise ModelError(
+            f"'{model}' is no file but a model of squealstudy: squealstudy models {model} tells "
+            "its options, parameters, springs and layers"
+        )
 
     if is_lumped(model):
         from squealstudy.cli.inspect_lumped import lumped_facts
@@ -99,13 +106,20 @@ def inspect(
 def models(
     name: Annotated[str | None, typer.Argument(help="Model to describe.")] = None,
     modes: Annotated[
-        bool, typer.Option(help="Build the model and list its components' free-free modes.")
-    ] = True,
+        bool | None,
+        typer.Option(
+            help="List the components' free-free modes; by default of models without a mesh, and "
+            "where --mesh names one."
+        ),
+    ] = None,
     mesh: Annotated[
         str | None, typer.Option(help="Of the modes; by default that of a study that names none.")
     ] = None,
 ) -> None:
-    """List models, or one model's parameters with units and defaults, components and modes."""
+    """List models, or one model's parameters with units and defaults; with --modes its components.
+
+    Modes of components are free-free ones.
+    """
     from squealstudy import face_model, screen
     from squealstudy.cli.models import CONTRACT, described
     from squealstudy.cli.models import LUMPED as LUMPED_KEYS
@@ -125,8 +139,13 @@ def models(
     elif name == MATRICES and mesh is None:
         screen.show(f"{MATRICES}: {listed[MATRICES]}\n\n{CONTRACT}")
     else:
-        for part in described(face_model.model(name, **chosen), modes):
-            screen.show(part)  # modes take their time
+        model = face_model.model(name, **chosen)
+        if modes is None:
+            modes = mesh is not None or not model.definition.meshed
+        for part in described(model, modes):
+            screen.show(part)  # modes of a mesh take their time
+        if model.definition.meshed and not modes:
+            screen.show(f"\nFree-free modes of its components: squealstudy models {name} --modes")
 
 
 def warmup(

@@ -35,12 +35,16 @@ from squealstudy.models.catalogue import MODELS
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.lumped.definition import NAME as LUMPED
 from squealstudy.models.lumped.definition import LumpedDefinition
+from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import SLIDING_SPEED
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
+from squealstudy.study.definition import ResolvedStudy
+from squealstudy.study.family import data_folder
 from squealstudy.version import __version__
 
 SIDE_STUDIES = "beside"  # key: folders of studies run with it, and why one could not be
+MATRICES_FOLDER = "matrices_folder"  # key: where the files of own matrices are
 FINISHED_AT = "finished_at"  # key: when the tables were written, UTC
 PACKAGES = (
     "numpy",
@@ -112,7 +116,16 @@ def model_facts(plan: Plan) -> dict[str, Any]:
         "study": study.source.text,
         RECORDS: recorded_extensions(study.extensions),
         **_model_file(study.model),
+        **_matrices(study),
     }
+
+
+def _matrices(study: ResolvedStudy) -> dict[str, Any]:
+    """Of own matrices the folder in which their files are: the results may be elsewhere."""
+    if not isinstance(study.model, FamilyDefinition):
+        return {}
+    folder = data_folder(study.definition.model, study.source.path)
+    return {MATRICES_FOLDER: str(folder.resolve())}
 
 
 def _rotation(plan: Plan) -> dict[str, Any]:

@@ -154,6 +154,7 @@ class Facts(FactGroup):
     peak_memory_mb: dict[str, Megabytes] = Field(default_factory=dict)
     design: DesignFacts = DesignFacts()
     model_file: ModelFileFacts | None = None
+    matrices_folder: Text = ""
     rotation: RotationFacts | None = None
     shared_basis: SharedFacts | None = None
     fidelity: FidelityFacts | None = None

@@ -23,6 +23,7 @@ from squealstudy.engine.cache import (
     save_prepared,
     save_value,
 )
+from squealstudy.engine.manifest import MATRICES_FOLDER
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.recorded_code import execute_recorded
 from squealstudy.engine.reduced import BuildTask, reduced_with_basis
@@ -301,6 +302,8 @@ def plan_of(results: ResultTables) -> Plan:
         tables = changed(source, tables, {"study.extensions": None})
     if "model_file" in results.manifest:  # it is where it was, the results may be elsewhere
         tables = changed(source, tables, {"model.file": results.manifest["model_file"]["path"]})
+    if MATRICES_FOLDER in results.manifest:
+        tables = changed(source, tables, {"model.folder": results.manifest[MATRICES_FOLDER]})
     study = replace(read_tables(source, tables), extensions=hashes)
     if (
         isinstance(study.model, FileDefinition)

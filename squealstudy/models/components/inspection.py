@@ -20,6 +20,7 @@ from squealstudy.models.components.dimensions import LENGTH, STRESS, UNITS
 from squealstudy.models.components.file_tables import GapTable
 from squealstudy.models.components.geometry import Geometry, geometry_of
 from squealstudy.models.components.heat import hot_gaps, temperature_rise
+from squealstudy.models.components.interface_facts import friction_of, tell_interfaces
 from squealstudy.models.components.model_file import HEAT, WEAR, ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import SpringInterface
@@ -61,6 +62,7 @@ def inspect(
     unheld(inspection, geometry, assembly)
     _contact(inspection, geometry, assembly, pressure, given)
     _ties(inspection, geometry, assembly)
+    tell_interfaces(inspection, Numbers(geometry.file, given))
     _rotation(inspection, geometry, assembly)
     _load(inspection, geometry)
     _stresses(inspection, geometry)
@@ -123,7 +125,7 @@ def _contact(
     pressure: float,
     given: Mapping[KeyPath, float],
 ) -> None:
-    law = assembly.contact.law
+    law, numbers = assembly.contact.law, Numbers(geometry.file, given)
     force = float(np.abs(assembly.load).sum()) * pressure  # on both sides of the disc
     mean = max(force / assembly.contact.area.sum(), 1.0)
     length = law.gap_scale(mean)
@@ -144,7 +146,7 @@ def _contact(
             name,
             f"{table.kind}: {table.slave} on {table.master}, {len(pair.gap0):,} points, "
             f"{pair.slave.area.sum() / size**2:.4g} {unit}2, "
-            f"{100 * pair.in_reach:.1f} % of the slave",
+            f"{100 * pair.in_reach:.1f} % of the slave{friction_of(numbers, i)}",
         )
         found.tell(
             "",

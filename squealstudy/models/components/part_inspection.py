@@ -15,9 +15,10 @@ from squealstudy.models.components.dimensions import LENGTH, UNITS, between_corn
 from squealstudy.models.components.faces import facet_groups
 from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.geometry import Geometry, geometry_of
+from squealstudy.models.components.interface_facts import friction_of, tell_interfaces
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_files import FORMATS, read_mesh
-from squealstudy.models.components.model_file import ModelFile
+from squealstudy.models.components.model_file import ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
 from squealstudy.wording import plural
 
@@ -83,7 +84,7 @@ def inspect_parts(
             _sets(inspection, mesh, unit, 1.0)
     geometry = _geometry(brake, usable)
     if geometry is not None:
-        size = LENGTH.factor(brake.file.units)
+        size, numbers = LENGTH.factor(brake.file.units), Numbers(geometry.file, given)
         for body in geometry.bodies.values():
             component_facts(inspection, geometry, body, given)
             _sets(inspection, body.mesh, UNITS[brake.file.units][0], size)
@@ -92,8 +93,10 @@ def inspect_parts(
             inspection.tell(
                 brake.file.name_of("contact", number),
                 f"{table_of.kind}: {table_of.slave} on {table_of.master}, "
-                f"{plural(len(pair.gap0), 'point')}, {100 * pair.in_reach:.1f} % of the slave",
+                f"{plural(len(pair.gap0), 'point')}, {100 * pair.in_reach:.1f} % of the slave"
+                f"{friction_of(numbers, number)}",
             )
+        tell_interfaces(inspection, numbers)
     lacking = [key for key in NEEDED if not brake.file.at((key,))]
     if lacking:
         inspection.tell("not yet", ", ".join(lacking))
