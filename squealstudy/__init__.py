@@ -71,7 +71,10 @@ if not TYPE_CHECKING:  # there a name that is not above is an error
     def __getattr__(name: str) -> Any:
         """A name of the face; AttributeError for another."""
         if name.startswith("_") or name not in __all__:
-            raise AttributeError(f"module 'squealstudy' has no attribute '{name}'")
+            from squealstudy.wording import did_you_mean
+
+            hint = "" if name.startswith("_") else did_you_mean(name, __all__)
+            raise AttributeError(f"module 'squealstudy' has no attribute '{name}'{hint}")
         return getattr(import_module(ELSEWHERE.get(name, FACE)), name)
 
 

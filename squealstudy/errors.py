@@ -102,6 +102,17 @@ class ResultsError(SquealstudyError):
     """A results directory that is missing, damaged, unfinished or of another study."""
 
 
+class UnknownColumnError(ResultsError, KeyError):
+    """A column that a table of results does not have."""
+
+    def __str__(self) -> str:  # that of KeyError puts the sentence in quotes
+        return Exception.__str__(self)
+
+
+class UnknownNameError(ResultsError, AttributeError):
+    """A table, method or plot that results do not have."""
+
+
 class ContradictionError(ResultsError):
     """Results whose files do not fit together, or a mistake of ours: one cannot tell which."""
 

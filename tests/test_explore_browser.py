@@ -260,6 +260,33 @@ def test_verdicts_and_levels_of_cycles(opened, tmp_path):
     assert "cycle" in page.text("tip")
 
 
+def test_levels_of_runs_and_designs_without_a_level_are_shown(opened, tmp_path):
+    """Of the first design a run alone tells the level, of the second nothing does."""
+    results = solved(CYCLES, tmp_path / "cycles")
+    first, second = results.points["point_id"]
+    verdicts, points = results.table("verdicts").copy(), results.points.copy()
+    one = verdicts.index[verdicts["point_id"] == first][0]
+    verdicts.loc[one, ["run_status", "torque_rms", "cycle_frequency_hz"]] = ("lasts", 77.0, 210.0)
+    points.loc[0, "torque_rms"], points.loc[1, "torque_rms"] = 77.0, np.nan
+    points.loc[1, "verdict"] = "undecided"
+    none = results.cycles.iloc[:0]
+    changed = results.with_tables(points=points, verdicts=verdicts, cycles=none)
+    page = opened(changed)
+    data = "Bokeh.documents.find(d => d.get_model_by_name('{0}')).get_model_by_name('points').data"
+    line, shown = (page.tab.evaluate(data.format(name)) for name in ("line", "map"))
+    assert list(line["y"]) == pytest.approx([77.0], rel=1e-3)
+    assert list(line["marker"]) == ["x"]
+    page.tab.mouse.move(*page.place("line", 0))
+    assert "motion of a run in time" in page.text("tip")
+    assert np.isfinite(shown["y"]).all()
+    assert shown["y"][1] < shown["y"][0]
+    assert shown["marker"][1] == "inverted_triangle"
+    assert "no RMS of friction force known: at the lower edge" in page.text("legend")
+    page.tab.mouse.click(*page.place("map", 1))
+    assert "verdict: undecided" in page.text("facts")
+    assert second in page.text("pandas")
+
+
 def test_names_of_others_stay_text(opened):
     name = "</script><img src=x onerror=\"window.hacked=1\">$$x$$ `a`'b'"
     results = brake_map(second=name, name=name)

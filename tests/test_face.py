@@ -473,6 +473,31 @@ def test_a_model_is_swept_into_one_table():
         model.sweep(frequency_2=["70 Hz", "7 hz"])
 
 
+def test_unknown_columns_and_names_of_results_are_one_sentence(tmp_path, monkeypatch):
+    monkeypatch.delenv("SQUEALSTUDY_DEBUG", raising=False)
+    study = sq.model("hulten").study("names", band=(10.0, 1e3)).with_(friction=[0.2, 0.5])
+    results = sq.run(study, tmp_path / "names", jobs=1)
+    points = results.points
+    assert type(points[points["friction"] > 0.3]) is type(points.merge(points)) is pd.DataFrame
+    assert points.get("frction") is None  # as pandas has it
+    assert not hasattr(results, "modez")
+    for wrong, said in (
+        (lambda: points["frction"], "this table has no column 'frction'; did you mean 'friction'?"),
+        (lambda: points[["friction", "zz"]], "this table has no column 'zz'; it has point_id, "),
+        (lambda: results.modez, "results have nothing named 'modez'; did you mean 'modes'"),
+        (lambda: results.qqq, "results have nothing named 'qqq'; there are along, "),
+        (lambda: results.plot.evolutoin, "there is no plot 'evolutoin'"),
+    ):
+        with pytest.raises((KeyError, AttributeError)) as caught:
+            wrong()
+        line, sentence = caught.value._render_traceback_()
+        assert line.startswith("line ")
+        assert sentence.partition(": ")[2].startswith(said)
+        assert str(caught.value).startswith(said)
+    with pytest.raises(AttributeError, match="did you mean 'read_study'"):
+        sq.read_studdy  # noqa: B018
+
+
 def test_a_notebook_shows_the_sentence_and_the_line_that_called_for_it(monkeypatch):
     monkeypatch.delenv("SQUEALSTUDY_DEBUG", raising=False)
     with pytest.raises(ParameterError) as caught:

@@ -12,6 +12,8 @@ import squealstudy as sq
 from squealstudy.cycles.projection import Projection
 from squealstudy.engine.forecast import Estimate, run_seconds
 from squealstudy.errors import ConvergenceError, ResultsError, StudyFileError
+from squealstudy.plots.cycle_levels import RUN
+from squealstudy.tables.run_levels import run_levels
 
 STUDY = Path(__file__).parents[1] / "studies" / "kicked_squeal.toml"
 SWEEP = "start = 0.05\nstop = 1.0\nnum = 20"
@@ -175,6 +177,11 @@ def test_points_that_cannot_be_searched_say_why(tmp_path):
     assert results.points["verdict"].tolist() == ["squeals_if_kicked"]  # by a run in time
     decided = results.table("verdicts").set_index("run_status").loc["lasts"]
     assert "a run in time from the cycle lasts" in decided["reason"]
+    by_run = run_levels(results.table("verdicts"), results.table("cycles"))
+    assert by_run["run_status"].tolist() == ["lasts"]
+    axes = results.plot.cycle_levels(along="friction").axes[0]
+    crosses = [line for line in axes.lines if line.get_label() == RUN["label"]]
+    assert [line.get_ydata().tolist() for line in crosses] == [by_run["torque_rms"].tolist()]
     exact = solved(plan_of(study([0.6]), STUDY), tmp_path / "exact").points.iloc[0]
     for name in ("torque_rms", "frequency_hz"):
         assert results.points[name].iloc[0] == pytest.approx(exact[name], rel=5e-3)

@@ -15,7 +15,7 @@ from squealstudy.engine.report import report
 from squealstudy.engine.validity import open_reason
 from squealstudy.errors import ModelError, StudyFileError
 from squealstudy.study.lumped import read_lumped
-from squealstudy.tables.validity import untouched_contact
+from squealstudy.tables.validity import pulling_contact, untouched_contact
 
 BAND = (1.0, 20000.0)
 
@@ -276,6 +276,37 @@ def test_a_contact_that_nothing_presses_is_said_first(tmp_path, capsys):
     assert " ".join(capsys.readouterr().out.split()).startswith(text)
     page = report([sq.open_results(tmp_path / "out")], shapes=False)
     assert text in page
+
+
+@pytest.mark.parametrize("kind", ["complex_modes", "transient"])
+def test_a_bilateral_contact_over_a_gap_is_said_first(kind, tmp_path, capsys):
+    """Pressed by 100 N on 2e6 N/m it comes 50 um down: over a gap of 1 mm springs pull it."""
+    pressed = LIFTED.replace('direction = "y"\nforce', 'direction = "-y"\nforce')
+    (tmp_path / "rocker.toml").write_text(pressed.replace('"-x"\n', '"-x"\ngap = 1e-3\n'))
+    study = f'[study]\nname = "gap"\nkind = "{kind}"\n[model]\nfile = "rocker.toml"\n'
+    study += '[[sweep]]\nparameter = "friction"\nvalues = [0.1, 0.3]\n'
+    study += "[modes]\nband = [1.0, 20000.0]\n"
+    if kind == "transient":
+        study += "[transient]\nduration = 0.01\nstep = 1e-5\nperturbation = 1e-6\n"
+    (tmp_path / "study.toml").write_text(study)
+    run = ("run", str(tmp_path / "study.toml"), "-o", str(tmp_path / "out"), "-j", "1")
+    assert command(*run, "--no-pictures") == 0
+    text = "In steady sliding the contact pulls at all 2 design points"
+    assert " ".join(capsys.readouterr().out.split()).startswith(text)
+    assert text in report([sq.open_results(tmp_path / "out")], shapes=False)
+
+
+@pytest.mark.parametrize(
+    ("reason", "kind", "pulls"),
+    [
+        (open_reason("bilateral", 0.2), {}, True),
+        (open_reason("unilateral", 0.2), {}, False),
+        (open_reason("bilateral", 0.2), {"class": ["limit_cycle"]}, False),  # of its motion
+    ],
+)
+def test_a_motion_that_pulls_is_told_under_validity_alone(reason, kind, pulls):
+    points = pd.DataFrame({"valid": [not reason], "invalid_reason": [reason], **kind})
+    assert bool(pulling_contact(points)) == pulls
 
 
 @pytest.mark.parametrize(

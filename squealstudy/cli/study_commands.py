@@ -36,12 +36,12 @@ def run(
     """Run a study, or what is left of it: print what was found, how sure that is, what next."""
     from squealstudy import face, screen
     from squealstudy.cli.run import blocks
-    from squealstudy.tables.validity import untouched_contact
+    from squealstudy.tables.validity import said_first
 
     _expect_one_place(jobs, scheduler)
     results = face.run(face.read_study(study), output, jobs, yes, screen.warning, fresh, scheduler)
-    untouched = untouched_contact(results.points) if "points" in results.tables else ""
-    screen.show(*([untouched] if untouched else []), *results.screen.findings(results))
+    first = said_first(results.points) if "points" in results.tables else ""
+    screen.show(*([first] if first else []), *results.screen.findings(results))
     drawn = (results.drawn or results.draw()) if pictures else []
     screen.show(*blocks(results, drawn, verbose))
 

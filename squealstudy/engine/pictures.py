@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from squealstudy.engine.manifest_file import PICTURES, write_manifest
 from squealstudy.engine.result_tables import ResultTables
-from squealstudy.errors import ExtensionError, ResultsError, SquealstudyError
+from squealstudy.errors import ExtensionError, ResultsError, SquealstudyError, UnknownNameError
 from squealstudy.extensions import note_registered
 from squealstudy.files import write_atomic
 from squealstudy.wording import did_you_mean
@@ -194,14 +194,14 @@ class Plots:
         return f"<Plots: {', '.join(dir(self)) or 'none'}>"
 
     def __getattr__(self, name: str) -> Draw:
-        """The plot of that name; AttributeError where there is none."""
+        """The plot of that name; UnknownNameError, an AttributeError, where there is none."""
         if name.startswith("_"):
             raise AttributeError(name)
         plot = plots().get(name)
         if plot is None:
             hint = did_you_mean(name, plots())
             there = ", ".join(dir(self)) or "none: these results have no plots"
-            raise AttributeError(f"there is no plot '{name}', expected {there}{hint}")
+            raise UnknownNameError(f"there is no plot '{name}', expected {there}{hint}")
         return _method(plot, self._results)
 
     def __dir__(self) -> list[str]:

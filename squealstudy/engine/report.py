@@ -30,7 +30,7 @@ from squealstudy.screen import as_text
 from squealstudy.shapes.page import page as shape_page
 from squealstudy.shapes.picture import draw, sources, title
 from squealstudy.study.units import TEMPERATURE
-from squealstudy.tables.validity import outside_validity, untouched_contact
+from squealstudy.tables.validity import outside_validity, said_first
 from squealstudy.wording import duration, failure_counts, plural
 
 if TYPE_CHECKING:
@@ -107,14 +107,14 @@ def _overview(results: Sequence[Results]) -> str:
 
 
 def _whose(one: Results) -> tuple[str, str, str]:
-    texts = (_untouched(one), one.screen.verdict(one), _lost(one))
+    texts = (_said_first(one), one.screen.verdict(one), _lost(one))
     verdict_text = " ".join(filter(None, texts))
     return str(one.kind), str(one.manifest["model"]), verdict_text
 
 
-def _untouched(one: Results) -> str:
-    """At how many design points nothing is in contact."""
-    return untouched_contact(one.points) if "points" in one.tables else ""
+def _said_first(one: Results) -> str:
+    """What makes the answers of a study doubtful, in sentences."""
+    return said_first(one.points) if "points" in one.tables else ""
 
 
 def _lost(one: Results) -> str:

@@ -15,6 +15,7 @@ import pyarrow as pa
 from squealstudy.engine.column_types import misfit
 from squealstudy.engine.named_tables import NamedTables
 from squealstudy.engine.renamed_columns import with_new_names
+from squealstudy.engine.result_frame import ResultFrame
 from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.store import Store, column_units
 from squealstudy.engine.table_rows import Keep, batches, chosen_rows, mode_points, ranked_modes
@@ -116,7 +117,7 @@ class ResultTables(NamedTables):
             file = f"{name}.parquet"
             self._expect_fit(name)
             table = self.store.read_table(file).to_pandas(self_destruct=True)
-            self._loaded[name] = with_new_names(table, self.kind)
+            self._loaded[name] = ResultFrame(with_new_names(table, self.kind))
         table = self._loaded[name]
         if "units" not in table.attrs:
             self._give_units(table, f"{name}.parquet")

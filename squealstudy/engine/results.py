@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from html import escape
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -15,10 +15,10 @@ from squealstudy.engine.journal import MISSING, UNFINISHED
 from squealstudy.engine.manifest_file import PICTURES, read_manifest
 from squealstudy.engine.pictures import Plots, draw_pictures
 from squealstudy.engine.result_rankings import RankedResults
-from squealstudy.errors import ResultsError
+from squealstudy.errors import ResultsError, UnknownNameError
 from squealstudy.screen import as_text
 from squealstudy.study.sweeps import BOUNDARY, RANDOM_DESIGNS, SOBOL_INDICES
-from squealstudy.wording import plural
+from squealstudy.wording import did_you_mean, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.exploration import Exploration
@@ -108,6 +108,15 @@ class Results(RankedResults):
             "sobol_indices": random and self.design == SOBOL_INDICES,
         }
         return sorted({*PUBLIC, *tables_there, *(n for n in OF_SOME_KINDS if applies[n])})
+
+    if not TYPE_CHECKING:  # there a name that is not above is an error
+
+        def __getattr__(self, name: str) -> Any:
+            """UnknownNameError, an AttributeError, with the names that are near."""
+            if name.startswith("_") or hasattr(type(self), name):  # what an attribute itself met
+                return object.__getattribute__(self, name)
+            hint = did_you_mean(name, dir(self)) or f"; there are {', '.join(dir(self))}"
+            raise UnknownNameError(f"results have nothing named '{name}'{hint}")
 
     def __repr__(self) -> str:
         """Directory, kind, model, what varies and how many points there are, on one line."""

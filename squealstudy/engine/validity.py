@@ -24,7 +24,7 @@ from squealstudy.models.operating import LARGEST_MODAL_DAMPING
 from squealstudy.models.parameter_names import DAMPING_RATIO
 from squealstudy.reduction.prepared import natural_frequencies
 from squealstudy.stacked.modes import natural_frequencies as natural_frequencies_of_batch
-from squealstudy.tables.validity import BETWEEN, MIN_CLOSED_SHARE, OPEN_RULE
+from squealstudy.tables.validity import BETWEEN, CLOSED_RULE, MIN_CLOSED_SHARE, OPEN_RULE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +37,6 @@ ALL_OPEN_SHARE = 1.0 - 1e-9  # of the contact area, beyond which sums of areas a
 FAR_KICK = 10.0  # times the sliding speed
 TABLE_END_SLACK = 1e-9  # of the range of a table: points on its ends are in it
 CRITICAL_DAMPING_RATIO = 1.0  # damping ratio from which on a mode does not oscillate
-CLOSED_RULE = "a bilateral contact presses everywhere, share of it below 1 % of the mean pressure"
 MODE_RULE = f"modal damping is light, a ratio of at most {LARGEST_MODAL_DAMPING:g}"
 COMPONENT_RULE = "component modes are damped below critical"
 OSCILLATES_RULE = "modes of the band are damped below critical, damping ratio"

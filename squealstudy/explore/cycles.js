@@ -1,5 +1,5 @@
 // Limit cycles: verdicts of the modes of a design point, and levels along a parameter.
-const own = data.own, STABLE = 1;
+const own = data.own, STABLE = 1, RUN = 3;
 const tables = {};
 for (const name of ["verdicts", "cycles", "branches"]) {
   tables[name] = Object.fromEntries(Object.entries(own[name]).map(([key, value]) => [key, value && value.text ? numbers(value) : value]));
@@ -8,7 +8,7 @@ const {verdicts, cycles, branches} = tables;
 const QUANTITIES = [["torque_rms", `RMS [${own.unit}]`], ["frequency_hz", "frequency [Hz]"], ["contact_velocity", "contact velocity [m/s]"]];
 const HEADS = ["mode", "frequency Hz", "growth 1/s", "verdict", `RMS ${own.unit}`, "error", "least kick m/s"];
 const [unstableColour, stableColour] = data.colours;
-const cycleLook = i => cycles.stable[i] === STABLE ? [stableColour, "circle"] : cycles.stable[i] === 0 ? ["#FFFFFF", "diamond"] : [data.grey, "triangle"];
+const cycleLook = i => cycles.stable[i] === STABLE ? [stableColour, "circle"] : cycles.stable[i] === 0 ? ["#FFFFFF", "diamond"] : cycles.stable[i] === RUN ? ["#000000", "x"] : [data.grey, "triangle"];
 
 const percent = share => !Number.isFinite(share) ? "-" : share < 1e-5 ? "< 0.001 %" : `${digits(100 * share, 2)} %`;
 
@@ -20,11 +20,11 @@ detail.start = () => {
   $("quantity").onchange = () => drawLine();
   handlers.line = {tap: i => choose(cycles.row[state.cycles[i]]), text: i => cycleText(state.cycles[i])};
   fill($("line-legend"), entry("stable cycle", stableColour, "circle"), entry("unstable cycle: from a kick beyond it motions grow", "#FFFFFF", "diamond"),
-    entry("stability not known", data.grey, "triangle"));
+    entry("stability not known", data.grey, "triangle"), entry("of a run in time", "#000000", "x"));
 };
 function cycleText(i) {
   const state = cycles.stable[i] === STABLE ? "stable" : cycles.stable[i] === 0 ? "unstable" : "not known whether stable";
-  return [atText(cycles.row[i]), `mode ${cycles.mode[i]}, ${state} cycle`, `RMS ${digits(cycles.torque_rms[i])} ${own.unit}, error ${percent(cycles.level_error[i])}`,
+  return [atText(cycles.row[i]), cycles.stable[i] === RUN ? `mode ${cycles.mode[i]}, motion of a run in time` : `mode ${cycles.mode[i]}, ${state} cycle`, `RMS ${digits(cycles.torque_rms[i])} ${own.unit}, error ${percent(cycles.level_error[i])}`,
     `${digits(cycles.frequency_hz[i], 5)} Hz, contact velocity ${digits(cycles.contact_velocity[i])} m/s`].join("\n");
 }
 detail.said = knownMeasures;
@@ -77,6 +77,6 @@ function drawLine() {
   const heights = padded([...dots.y, ...lines.ys.flat(), ...(quantity === "frequency_hz" ? [] : [0])]);
   limits(plot.y_range, ...heights);
   const others = parameters.filter(p => p !== along);
-  $("line-note").textContent = !dots.x.length ? "No cycle is known at these design points." :
+  $("line-note").textContent = !dots.x.length ? "No level is known at these design points." :
     `${state.line.length} design point${state.line.length > 1 ? "s" : ""}${others.length ? ` at ${atText(state.point, others)}` : ""}.`;
 }

@@ -10,6 +10,7 @@ import pandas as pd
 from squealstudy.colours import FILLS
 from squealstudy.explore.packed import packed_exact, packed_numbers, packed_whole
 from squealstudy.explore.points import Content, classes, measure
+from squealstudy.tables.run_levels import run_levels
 from squealstudy.wording import TORQUE
 
 if TYPE_CHECKING:
@@ -25,7 +26,8 @@ NUMBERS = {
 }
 WORDS = {"verdicts": ("verdict", "reason"), "cycles": (), "branches": ("along", "cycle_id")}
 GROWTH = "max_growth_rate"
-NOT_KNOWN = 2  # whether a cycle is stable: 1, unstable: 0
+# whether a cycle is stable: 1, unstable: 0; a motion of a run in time is no cycle that is known
+NOT_KNOWN, RUN_IN_TIME = 2, 3
 
 
 def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[Content]]:
@@ -33,6 +35,7 @@ def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, lis
     unit = results.units.get(TORQUE, "N m")
     place = pd.Series(np.arange(len(points)), index=points["point_id"])
     tables = {name: _of_points(results.table(name), place) for name in NUMBERS}
+    tables["cycles"] = _with_runs(tables["cycles"], tables["verdicts"])
     content: Content = {"unit": unit}
     for name, table in tables.items():
         first_rows = table.head(MOST_ROWS)
@@ -47,7 +50,10 @@ def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, lis
         part["mode"] = packed_whole(first_rows["mode"].to_numpy())
         part |= {n: first_rows[n].astype(str).tolist() for n in WORDS[name]}
         if "stable" in first_rows:
-            part["stable"] = packed_whole(_states(first_rows["stable"]))
+            states = _states(first_rows["stable"])
+            if "by_run" in first_rows:
+                states[first_rows["by_run"].to_numpy(bool)] = RUN_IN_TIME
+            part["stable"] = packed_whole(states)
         content[name] = part
     words, status = points["verdict"].astype(str).tolist(), points["status"].tolist()
     measures = [classes("verdict", words, status, FILLS)]
@@ -82,6 +88,16 @@ def _of_points(table: pd.DataFrame, place: pd.Series) -> pd.DataFrame:
     rows = place.reindex(table["point_id"]).to_numpy(dtype=float)
     there = np.isfinite(rows)
     return table[there].assign(row=rows[there].astype(int))
+
+
+def _with_runs(cycles: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
+    """Cycles, and after them the levels that only runs in time tell."""
+    runs = run_levels(verdicts, cycles)[["row", "mode", "torque_rms", "level_error"]]
+    hertz = verdicts.loc[runs.index, "cycle_frequency_hz"]
+    runs = runs.assign(frequency_hz=hertz, contact_velocity=np.nan, by_run=True, stable=None)
+    if not len(runs):
+        return cycles
+    return pd.concat([cycles.assign(by_run=False).astype({"stable": object}), runs])
 
 
 def _states(stable: pd.Series) -> np.ndarray:

@@ -51,9 +51,17 @@ function counterpart() {  // of the chosen point among those shown: what the map
 }
 function placesOf(key) {
   if (key === AS_NUMBER) return Float64Array.from(points.rows);
-  if (measureOf(key)) return measureOf(key).x;
+  if (measureOf(key)) return atEdge(measureOf(key).x);
   const p = named(key);
   return p.x.map(v => p.log ? Math.log10(v * p.factor) : v * p.factor);
+}
+function atEdge(x) {  // what is not known stands below all that is
+  const [low, high] = padded(x, .08);
+  return x.some(v => isNaN(v)) ? Float64Array.from(x, v => isNaN(v) ? low : v) : x;
+}
+function unknown(row) {  // whether its height on the map is not known
+  const m = measureOf(state.up);
+  return m !== undefined && isNaN(m.x[row]);
 }
 function apart(p) {  // the least step between values, over their range, as an axis has them
   const x = [...p.distinct].map(v => p.log ? Math.log(v) : v), wide = x.at(-1) - x[0];
@@ -102,7 +110,7 @@ function drawMap(anew = false) {
   for (const i of visible) {
     const [colour, marker] = look(i);
     found.x.push(x[i]); found.y.push(y[i]); found.fill.push(colour);
-    found.marker.push(marker); found.size.push(size);
+    found.marker.push(unknown(i) ? "inverted_triangle" : marker); found.size.push(size);
     found.line.push(chosen && within(i) ? "#000000" : size > 7 || measure.words ? "#777777" : colour);
   }
   source("points").data = found;
@@ -173,6 +181,7 @@ function legend() {
     }
   }
   if (!measure.words && state.visible.some(i => isNaN(measure.x[i]))) parts.push(entry("not known", data.grey, "x"));
+  if (state.visible.some(unknown)) parts.push(entry(`no ${measureOf(state.up).name} known: at the lower edge`, data.grey, "inverted_triangle"));
   fill($("legend"), element("span", `${measure.name}:`), ...parts);
 }
 function mapMove(right, up) {

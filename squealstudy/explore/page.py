@@ -24,7 +24,7 @@ from squealstudy.explore.points import Content, points_content, question, study_
 from squealstudy.explore.runs import runs_content
 from squealstudy.explore.shapes import shapes_content
 from squealstudy.tables.ranking_query import query
-from squealstudy.tables.validity import untouched_contact
+from squealstudy.tables.validity import said_first
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
@@ -146,12 +146,12 @@ def _left(n: int) -> list[str]:
 
 
 def _filled(results: Results, kind: KindPage, content: Content, library: str) -> str:
-    untouched = untouched_contact(results.points) if "points" in results.tables else ""
+    first = said_first(results.points) if "points" in results.tables else ""
     content_json = json.dumps(content, separators=(",", ":"), allow_nan=False)
     shown: dict[str, str] = {
         "title": escape(str(results.manifest.get("name", ""))),
         "question": escape(question(results)),
-        "verdict": escape(f"{untouched} {results.screen.verdict(results)}".strip()),
+        "verdict": escape(f"{first} {results.screen.verdict(results)}".strip()),
         "kind": escape(f"{kind.name} of {results.manifest.get('model', '')}"),
         "style": _file("explore.css"),
         "library": library,

@@ -29,6 +29,7 @@ from squealstudy.plots.style import (
 )
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
+from squealstudy.tables.run_levels import run_levels
 from squealstudy.wording import (
     FAILED,
     IF_KICKED,
@@ -110,7 +111,8 @@ def cycle_levels(
 ) -> Figure:
     """Levels of the limit cycles of all families over a parameter, and the verdicts.
 
-    Branches along the parameter are lines, unstable parts dashed, with their events.
+    Branches along the parameter are lines, unstable parts dashed, with their events. Levels that
+    only runs in time tell, of this study or of `runs`, are crosses.
 
     Parameters
     ----------
@@ -138,12 +140,15 @@ def cycle_levels(
     if (line["status"] != "ok").all():
         return empty_figure(f"{plural(len(line), 'point')}, all failed")
     over = quantity(along, points[along], units)
-    cycles = results.table("cycles")
+    cycles, verdicts = results.table("cycles"), results.table("verdicts")
+    by_runs = run_levels(verdicts, cycles).merge(line[["point_id", along]], on="point_id")
     cycles = cycles[(cycles["same_as"] == "").to_numpy(bool)].merge(
         line[["point_id", along]], on="point_id"
     )
     branches = _branches(results, along, line)
     motions = None if runs is None else _runs(results, runs, line)
+    if len(by_runs):  # of the study itself; the contact velocity is not kept of them
+        motions = by_runs if motions is None else pd.concat([motions, by_runs])
     figure = new_figure(9.0, 7.4)
     axes = figure.subplots(3, 1, sharex=True, height_ratios=[1.6, 1.6, 0.9])
     set_scales(axes[0], over)
@@ -172,8 +177,8 @@ def cycle_levels(
     others = [n for n in varied if n != along and (line[n] == line[n].iloc[0]).all()]
     where = describe(line.iloc[0], points, others, units)
     words = line["verdict"].where(line["status"] == "ok", FAILED).str.replace("_", " ")
-    verdicts = by_ranges(along, units.get(along, ""), line[along].tolist(), words.tolist())
-    title = verdicts or plural(len(cycles), "cycle")
+    by_verdict = by_ranges(along, units.get(along, ""), line[along].tolist(), words.tolist())
+    title = by_verdict or plural(len(cycles), "cycle")
     figure.suptitle(fill(f"{where}; {title}" if where else title, TITLE_WIDTH), fontsize=9.5)
     return figure
 

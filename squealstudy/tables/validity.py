@@ -12,6 +12,7 @@ BETWEEN = "; "  # reasons of a point, each "rule: value"
 MIN_CLOSED_SHARE = 0.5  # of the contact area, in steady sliding
 OPEN_RULE = f"the contact is closed over {MIN_CLOSED_SHARE:.0%} of its area or more, open share"
 ALL_OPEN = f"{OPEN_RULE}: 1"
+CLOSED_RULE = "a bilateral contact presses everywhere, share of it below 1 % of the mean pressure"
 
 
 def validity_counts(points: pd.DataFrame) -> tuple[int, int, list[tuple[str, int]]]:
@@ -66,10 +67,44 @@ def untouched_contact(points: pd.DataFrame) -> str:
     untouched = sum(ALL_OPEN in str(text).split(BETWEEN) for text in points["invalid_reason"])
     if not untouched:
         return ""
-    where = f"any of {solved} design points" if untouched == solved > 1 else "the design point"
-    if untouched < solved:
-        where = f"{untouched} of {solved} design points"
     return (
-        f"In steady sliding the contact touches nowhere at {where}: no friction acts there. Look "
-        "at gaps, at loads and at their directions."
+        f"In steady sliding the contact touches nowhere at {_where(untouched, solved, 'any of')}: "
+        "no friction acts there. Look at gaps, at loads and at their directions."
     )
+
+
+def pulling_contact(points: pd.DataFrame) -> str:
+    """At how many design points steady sliding pulls at a contact, as a sentence; else empty.
+
+    A law that pulls hides a gap, or a load that lifts: its contact rubs where there is none.
+
+    Parameters
+    ----------
+    points : DataFrame
+        A points table. Of runs in time, which tell a motion that pulls in the same words, those
+        count that say it twice.
+    """
+    outside, solved, _ = validity_counts(points)
+    least = 2 if "class" in points else 1
+    if not outside:
+        return ""
+    pulling = sum(str(text).count(CLOSED_RULE) >= least for text in points["invalid_reason"])
+    if not pulling:
+        return ""
+    return (
+        f"In steady sliding the contact pulls at {_where(pulling, solved, 'all')}, where a real "
+        "one is open: a gap, or a load that lifts. Its friction there is none of a brake; "
+        'contact_law = "unilateral" in [model] lets it open.'
+    )
+
+
+def said_first(points: pd.DataFrame) -> str:
+    """What makes all other answers doubtful, in sentences; empty where nothing does."""
+    return " ".join(filter(None, (untouched_contact(points), pulling_contact(points))))
+
+
+def _where(count: int, solved: int, whole: str) -> str:
+    """`3 of 5 design points`, or of all of them."""
+    if count < solved:
+        return f"{count} of {solved} design points"
+    return f"{whole} {solved} design points" if solved > 1 else "the design point"
