@@ -124,6 +124,13 @@ def test_the_picture_of_a_study(kicked):
     figure = kicked.plot.cycle_levels(along="friction")
     labels = {t for axes in figure.axes for t in axes.get_legend_handles_labels()[1]}
     assert {"stable cycle", "squeals", "squeals if kicked"} <= labels
+    verdicts = kicked.table("verdicts").copy()
+    verdicts.loc[0, ["run_status", "torque_rms"]] = ("lasts", 77.0)  # a run alone tells a level
+    axes = kicked.with_tables(verdicts=verdicts).plot.cycle_levels(along="friction").axes[0]
+    crosses = [line for line in axes.lines if line.get_label() == RUN["label"]]
+    assert [line.get_ydata().tolist() for line in crosses] == [[77.0]]
+    with pytest.raises(ResultsError, match="'frction' is not varied.*did you mean 'friction'"):
+        kicked.plot.cycle_levels(along="frction")
 
 
 def test_silent_designs_and_outside_validity(tmp_path):
@@ -179,9 +186,6 @@ def test_points_that_cannot_be_searched_say_why(tmp_path):
     assert "a run in time from the cycle lasts" in decided["reason"]
     by_run = run_levels(results.table("verdicts"), results.table("cycles"))
     assert by_run["run_status"].tolist() == ["lasts"]
-    axes = results.plot.cycle_levels(along="friction").axes[0]
-    crosses = [line for line in axes.lines if line.get_label() == RUN["label"]]
-    assert [line.get_ydata().tolist() for line in crosses] == [by_run["torque_rms"].tolist()]
     exact = solved(plan_of(study([0.6]), STUDY), tmp_path / "exact").points.iloc[0]
     for name in ("torque_rms", "frequency_hz"):
         assert results.points[name].iloc[0] == pytest.approx(exact[name], rel=5e-3)

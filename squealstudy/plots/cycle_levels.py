@@ -131,8 +131,9 @@ def cycle_levels(
         For an unknown parameter, or a line that the study does not have.
     """
     points, units = results.points, results.units
-    if along not in parameter_columns(points, varied=True):
-        hint = did_you_mean(along, results.swept)
+    names = parameter_columns(points, varied=True)
+    if along not in names:
+        hint = did_you_mean(along, names)
         raise ResultsError(f"'{along}' is not varied in this study{hint}")
     line = _line(points, along, fixed)
     if not len(line):
