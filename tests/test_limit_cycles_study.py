@@ -129,7 +129,7 @@ def test_the_picture_of_a_study(kicked):
     axes = kicked.with_tables(verdicts=verdicts).plot.cycle_levels(along="friction").axes[0]
     crosses = [line for line in axes.lines if line.get_label() == RUN["label"]]
     assert [line.get_ydata().tolist() for line in crosses] == [[77.0]]
-    with pytest.raises(ResultsError, match="'frction' is not varied.*did you mean 'friction'"):
+    with pytest.raises(ResultsError, match=r"'frction' is not varied.*did you mean 'friction'"):
         kicked.plot.cycle_levels(along="frction")
 
 
