@@ -281,6 +281,20 @@ def test_steady_sliding_that_does_not_exist():
             getattr(model.at(friction=5.0), step)
 
 
+def test_a_model_without_steady_sliding_of_its_own_has_it_at_a_design_point():
+    model = sq.model("hoffmann", contact_law="unilateral", sliding_speed=-1.0)
+    locked = sq.model("hoffmann", contact_law="unilateral", sliding_speed=-1.0, friction=5.0)
+    one, other = (x.at(friction=0.5) for x in (model, locked))
+    np.testing.assert_allclose(other.linear.K, one.linear.K)
+    np.testing.assert_allclose(other.steady.gap, one.steady.gap)
+    run = {"duration": 5e-3, "step": 1e-5}
+    np.testing.assert_allclose(other.simulate(**run).torque, one.simulate(**run).torque)
+    both = locked.at(friction=[4.5, 0.5])
+    assert both.linear.status.tolist() == ["working_point", "ok"]
+    with pytest.raises(ConvergenceError, match=r"friction 4\.5"):
+        locked.at(friction=4.5).linear  # noqa: B018
+
+
 # -- matrices
 
 
@@ -405,6 +419,27 @@ def test_a_run_grows_as_its_mode_does():
     np.testing.assert_allclose(alone.torque, runs.torque[1], rtol=1e-8)
     with pytest.raises(KeyError, match="modal_energy"):
         runs.history("energy")
+
+
+def test_what_a_run_came_to_does_not_depend_on_the_rows_that_are_kept():
+    """Rows 10 ms apart cannot show a motion of 92 Hz: summaries are of closer ones."""
+    system = sq.model("hulten", damping_ratio=0.01).at(friction=0.5)
+    every = {n: system.simulate(0.6, step=2e-5, save_every=n) for n in (1, 20, 500)}
+    torque = every[1].torque[-10000:] - every[1].torque[-10000:].mean()
+    power = np.abs(np.fft.rfft(np.hanning(10000) * torque))  # bins of 5 Hz
+    for n, runs in every.items():
+        row = runs.summary().iloc[0]
+        assert row["torque_line_hz"] == pytest.approx(5.0 * np.argmax(power), abs=2.6), n
+        assert row["frequency_hz"] == pytest.approx(row["torque_line_hz"], rel=1e-3), n
+        assert row["class"] == "limit_cycle", n
+        np.testing.assert_allclose(runs.torque, every[1].torque[::n], atol=1e-9)
+        most = every[1].history("torque_max")[1:].reshape(-1, n).max(axis=1)
+        np.testing.assert_allclose(runs.history("torque_max")[1:], most, atol=1e-9)
+    none = system.simulate(0.6, step=2e-5, save_every=0)
+    assert len(none.torque) == 0
+    assert none.summary()["class"].item() == "limit_cycle"
+    with pytest.raises(ParameterError, match="1009 has no divisor"):
+        system.simulate(0.1, step=1e-7, save_every=1009)
 
 
 def test_a_limit_cycle_is_what_a_run_comes_to():

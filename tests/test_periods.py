@@ -39,6 +39,19 @@ def test_relaxation_oscillations(mu, rows):
         assert found * period == pytest.approx(1.0, abs=1e-4)
 
 
+@pytest.mark.parametrize("rows", np.linspace(3.1, 12.0, 90))
+def test_few_rows_a_period_make_no_longer_period(rows):
+    """Stick, then a way back with a continuous velocity: rows may lie alike after several."""
+    stick, slip = 2.0, 1.0
+    period = stick + slip
+    time = period / rows * np.arange(int(40 * rows)) % period
+    late, turn = np.maximum(time - stick, 0.0), 2 * np.pi / slip
+    q = (time - period / slip * (late - np.sin(turn * late) / turn))[:, None]
+    v = (1.0 - period / slip * (1.0 - np.cos(turn * late)))[:, None]
+    told = fundamental(period / rows, q, v, np.ones(1)).hz * period
+    assert np.isnan(told) or told == pytest.approx(1.0, abs=0.01)
+
+
 @pytest.mark.parametrize(
     ("parts", "told"),
     [

@@ -91,6 +91,13 @@ def test_a_light_decay_is_undecided_until_the_duration_that_it_names(tmp_path):
     assert longer.points["class"].tolist() == ["stable"]
 
 
+def test_a_duration_that_nobody_would_run_is_not_named():
+    """Damping 1e-10 halves a motion of 100 Hz in some 10^7 s."""
+    system = sq.model("belt", sliding_speed=12.0, damping_ratio=1e-10).at()
+    row = system.simulate(duration=1.0, step=2e-5).summary().iloc[0]
+    assert (row["class"], row["undecided_until"]) == ("undecided", np.inf)
+
+
 @pytest.mark.parametrize("periods", [2, 8])
 def test_a_run_of_few_periods_names_a_duration_that_tells(periods):
     """Of 10 ms each: growth is not over, or stick-slip is too short to be seen to repeat."""

@@ -105,6 +105,20 @@ def test_a_stop_is_that_of_pieces_between_events(stop):
     assert speeds == pytest.approx(np.interp(stop.windows["time_stop"], *np.array(STOP).T))
 
 
+def test_a_run_that_stays_quiet_while_its_speed_rises_balances(tmp_path):
+    """Beyond the speed of onset, without a kick: friction follows its curve."""
+    text = study(tmp_path, f"sliding_speed = {listed([(0.0, 0.2), (0.3, 0.8)])}")
+    text = text.replace(
+        f"sliding_speed = {SPEED}\n", f"sliding_speed = {SPEED}\ndamping_ratio = 0.1\n"
+    )
+    results = solved(text, tmp_path / "results")
+    point = results.points.iloc[0]
+    assert (point["valid"], point["invalid_reason"]) == (True, "")
+    assert (results.windows["class"] == "quiet").all()
+    assert "growth_comparison" not in dir(results.plot)  # nothing grows at one speed
+    assert "torque_history" in dir(results.plot)
+
+
 def test_the_sign_of_slip_turns_with_the_belt(tmp_path):
     """Through zero speed friction turns, with the belt's; both ways as pieces between events."""
     more = f"sliding_speed = {listed(THROUGH)}\nwindows = 8"

@@ -17,8 +17,8 @@ from squealstudy.engine.result_names import HISTORIES, STATES
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ResultsError, StudyFileError
-from squealstudy.kinds.transient.batch import sampling, training_path
-from squealstudy.kinds.transient.section import TransientSection
+from squealstudy.kinds.transient.batch import training_path
+from squealstudy.motion.settings import steps_between_rows
 from squealstudy.plots.growth_comparison import growth_pairs
 
 BELT = (
@@ -303,8 +303,7 @@ def test_a_failed_point_is_a_row_and_the_others_go_on(tmp_path):
 
 def test_steps_that_are_halves_are_seen_at_equal_times():
     def rows(step, save_every=0):
-        section = TransientSection(step=step, duration=1e-2, save_every=save_every)
-        return sampling(section, (500.0, 8000.0)) * step
+        return steps_between_rows(save_every, step, 8000.0) * step
 
     assert {f"{rows(h):.1e}" for h in (1.25e-7, 2.5e-7, 5e-7, 1e-6, 2e-6, 4e-6, 8e-6)} == {
         "8.0e-06"

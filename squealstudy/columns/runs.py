@@ -54,7 +54,8 @@ GROWTH_OF_POINT = (
     ),
     number(
         "undecided_until",
-        "Duration that would decide an undecided run.",
+        "Duration that would decide an undecided run; infinite where none up to 100 times as long "
+        "is known to.",
         leaves_out="It is an estimate without an error.",
     ),
     flag("settled", "Whether the levels of the judged part of the run agree."),

@@ -62,7 +62,7 @@ HISTORY = (
     "creep_max",
     "modal_energy_mean",  # J
 )
-# their places in a row; WORK is the first of four
+# their places in a row; WORK is the first of four: of loads, belt, friction, damping
 TIME, TORQUE, NORMAL_FORCE, STICK, SLIP, OPEN = 0, 1, 2, 3, 4, 5
 WORK, STORED, MODAL_ENERGY, CREEP = 6, 10, 11, 12
 TORQUE_MEAN, TORQUE_VARIANCE, TORQUE_MIN, TORQUE_MAX = 13, 14, 15, 16

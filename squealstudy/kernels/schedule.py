@@ -96,10 +96,17 @@ def newmark_scheduled(
             pass_one(B, modal, work, k)
             slide_at(points, base_speeds, 1.0)
             pushed, drag = pressed(loads, x[at.Q]), dot(base_speeds, friction)
+            rows = counts[at.SAVED]
             advance(B, modal, settings, work, saved, k)
             if counts[at.STEP] == step and counts[at.POSITION] == position:
                 continue
             faster = 0.5 * (between(times, speeds, start) + speed) - 1.0
             less = 0.5 * (between(times, pressures, start) - rise)
-            real[at.W_BELT] -= 0.5 * h * faster * (drag + dot(base_speeds, friction))
-            real[at.W_LOAD] += h * faster * steady_power + less * (pressed(loads, x[at.Q]) - pushed)
+            load = h * faster * steady_power + less * (pressed(loads, x[at.Q]) - pushed)
+            belt = -0.5 * h * faster * (drag + dot(base_speeds, friction))
+            real[at.W_LOAD] += load
+            real[at.W_BELT] += belt
+            if counts[at.SAVED] > rows:  # the step that was accepted is a row already
+                row = saved.history[k, rows]
+                row[at.WORK] += load
+                row[at.WORK + 1] += belt

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from squealstudy.errors import ModelError
+from squealstudy.errors import ModelError, ParameterError
 from squealstudy.mechanics.defaults import STABILITY_TOLERANCE
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.mechanics.regularisation import with_speed
@@ -25,12 +25,13 @@ from squealstudy.models.operating import (
 )
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.integrator import Integrator, integrator
+from squealstudy.motion.kept_rows import kept_rows
 from squealstudy.motion.level_errors import doubts
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import ONE_STEP
 from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.point import friction_law, motion_point, perturbed
-from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.settings import MotionSettings, steps_between_rows
 from squealstudy.motion.shared_modes import SharedModes, shared_modes
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem, MotionPoint
@@ -102,7 +103,7 @@ class Runs:
     Attributes
     ----------
     motions : tuple of (Motion or None)
-        Of each design point: all that was kept of its run; None where it was not set up.
+        Of each design point: its run, with rows enough for a summary; None where it was not set up.
     status, message : str or ndarray (m,) of str
         ``ok``, or what ended the run, or why there was none.
     systems : tuple of (ModalSystem or None)
@@ -110,6 +111,8 @@ class Runs:
     settings : MotionSettings
         By which it was.
     single : bool
+    every : int
+        Rows of `motions` for each one of `history`; 0 for none.
 
     Examples
     --------
@@ -128,6 +131,7 @@ class Runs:
     systems: tuple[ModalSystem | None, ...] = field(repr=False)
     settings: MotionSettings
     single: bool
+    every: int = 1
 
     def history(self, name: str) -> np.ndarray:
         """A column of the saved rows (rows,), as ``torque``; NaN behind the end of a run.
@@ -142,7 +146,7 @@ class Runs:
         KeyError
             No such column: its text names those that there are.
         """
-        rows = [None if m is None else m.history for m in self.motions]
+        rows = [None if m is None else kept_rows(m.history, self.every) for m in self.motions]
         columns = next((h for h in rows if h is not None), {})
         if name not in columns:
             raise KeyError(f"'{name}': expected one of {', '.join(columns)}")
@@ -201,11 +205,12 @@ def set_up(
     resolved = replace(values, columns=with_speed(values.columns, slowest))
     first = values.point(0)
     keys = sorted({(p.component, m) for p in first.mode_parameters() for m in p.modes})
-    operating, band = structures.nominal.operating_point(), structures.basis.band_hz
+    band = structures.basis.band_hz
     starts: dict[int, Any] = {}
     for start, numbers in values.of_structures():
         try:
             prepared = structures.reduction(start, numbers).prepared
+            operating = structures.sliding.operating_point()
             reference = reference_modes(prepared, operating, keys)
         except FAILURES as error:
             if single:
@@ -246,6 +251,11 @@ def simulated(
     chosen = method if isinstance(method, Integrator) else integrator(method or METHOD)
     tolerance = {"tolerance": chosen.tolerance} if hasattr(chosen, "tolerance") else {}
     settings = MotionSettings(duration, step, save_every, integrator=chosen, **tolerance)
+    try:
+        rows_every = steps_between_rows(save_every, step, structures.basis.band_hz[1])
+    except ValueError as error:
+        raise ParameterError("save_every", str(error)) from None
+    settings = replace(settings, save_every=rows_every)
     ready = set_up(structures, regularisation, single, settings)
     results: list[Motion | Exception] = [
         x if isinstance(x, Exception) else ModelError("not run") for x in ready
@@ -277,6 +287,7 @@ def simulated(
         systems=tuple(systems),
         settings=settings,
         single=single,
+        every=save_every // rows_every,
     )
 
 

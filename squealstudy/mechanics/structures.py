@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from squealstudy.errors import ModelError, ParameterError
+from squealstudy.errors import ConvergenceError, ModelError, ParameterError
 from squealstudy.mechanics.basis import Basis
 from squealstudy.mechanics.defaults import MODE_TOLERANCE
 from squealstudy.mechanics.failures import FAILURES
@@ -50,7 +50,8 @@ class Structures:
     values : Values
         Of the design points.
     nominal : ModelPoint
-        Whose operating point bases are made at: the model as it is, nothing varied.
+        Whose operating point bases are made at: the model as it is, nothing varied. Where that has
+        no steady sliding it is one of the design points.
     basis : Basis
     improved : bool
         A basis whose error is beyond the tolerance of modes is enriched once.
@@ -62,6 +63,7 @@ class Structures:
     improved: bool = True
     _rounds: dict[int, int] = field(default_factory=dict, repr=False)
     _tried: dict[Hashable, PointPairs] = field(default_factory=dict, repr=False)
+    _sliding: list[ModelPoint] = field(default_factory=list, repr=False)
 
     def reduction(self, first: ModelPoint, own: np.ndarray) -> Reduction:
         """That of a structure, by its first design point and the numbers of its design points.
@@ -69,7 +71,7 @@ class Structures:
         Raises
         ------
         ConvergenceError
-            Where there is no steady sliding at the nominal operating point.
+            Where there is no steady sliding, neither as the model is nor at its design points.
         ModelError
             A geometry that cannot be built; a family of matrices.
         ParameterError
@@ -77,13 +79,28 @@ class Structures:
         """
         if isinstance(first.model, FamilyDefinition):
             raise ModelError("a family of matrices has neither contact nor components to reduce")
-        reduction = self._small(first) if not first.model.meshed else self._meshed(first, own)
-        _check_modes(first, reduction)
-        return reduction
+        chosen = own[np.unique(np.linspace(0, len(own) - 1, N_CHECKED_POINTS).astype(int))]
+        refusals: list[ConvergenceError] = []
+        for point in (self.nominal, *(self.values.point(int(i)) for i in chosen)):
+            self._sliding[:] = [point]
+            try:
+                meshed = first.model.meshed
+                reduction = self._meshed(first, own) if meshed else self._small(first)
+            except ConvergenceError as error:
+                refusals.append(error)
+                continue
+            _check_modes(first, reduction)
+            return reduction
+        raise refusals[1]  # of the first design point
+
+    @property
+    def sliding(self) -> ModelPoint:
+        """Where the last reduction was made: `nominal`, or the design point in its place."""
+        return self._sliding[0] if self._sliding else self.nominal
 
     @property
     def _nominal(self) -> OperatingPoint:
-        return self.nominal.operating_point()
+        return self.sliding.operating_point()
 
     def _small(self, first: ModelPoint) -> Reduction:
         """Of a model without a mesh, whose basis is complete: that of one structure is kept."""
@@ -171,7 +188,7 @@ class Structures:
         trained = []
         for name in (n for n in self.values.columns if n in names):
             for end in sorted(set(self._varied_ends(name))):
-                other = replace(self.nominal, values={**self.nominal.values, name: end})
+                other = replace(self.sliding, values={**self.sliding.values, name: end})
                 trained.append(other.operating_point())
         return tuple(trained)
 

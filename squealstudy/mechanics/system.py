@@ -280,7 +280,7 @@ class System(Design):
         duration, step : float
             s.
         save_every : int
-            Steps between saved rows.
+            Steps between rows of histories, 0 for none; summaries are made of closer ones.
         method : str, Integrator or None
             Name of an integrator; ``exponential`` by default.
         perturbation : float

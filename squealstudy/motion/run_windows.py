@@ -14,7 +14,7 @@ import numpy as np
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.levels import TorqueSums
 from squealstudy.motion.outcome.periods import own_frequency
-from squealstudy.motion.outcome.spectrum import FLUCTUATION_ROUND_OFF, spectrum
+from squealstudy.motion.outcome.spectrum import FLUCTUATION_ROUND_OFF, folds, spectrum
 from squealstudy.motion.step_errors import (
     LEVEL_SAFETY_FACTOR,
     SECOND_DIFFERENCE_RATIO,
@@ -113,10 +113,12 @@ def _motion(run: Motion, window: slice) -> dict[str, Any]:
     step = float(run.times[-1] - run.times[0]) / (len(run.times) - 1)
     lines = spectrum(step, torque)
     line = lines.peak()
+    sums = TorqueSums.of(run.history, window)
+    is_folded = sums is not None and folds(lines, line, step, sums.mean)
     columns = {
         "frequency_hz": own_frequency(run, window).hz if len(time) > 1 else np.nan,
-        "torque_line_hz": line,
-        "dominant_level": lines.level(line),
+        "torque_line_hz": np.nan if is_folded else line,
+        "dominant_level": np.nan if is_folded else lines.level(line),
         "energy_mean": float(run.history["modal_energy_mean"][window].mean()),
     }
     for name in ("stick", "open"):

@@ -10,6 +10,7 @@ from squealstudy.errors import ParameterError
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.integrators.newmark import Newmark
 
+SAMPLES_A_PERIOD = 8  # of the highest frequency of a band: what summaries need
 FRICTION_TOLERANCE = 10.0  # times the tolerance: a friction force ends where its point slides
 
 
@@ -70,3 +71,36 @@ class MotionSettings:
     def friction_tolerance(self) -> float:
         """Largest change of friction forces between iterations, relative to their bounds."""
         return FRICTION_TOLERANCE * self.tolerance
+
+
+def steps_between_rows(save_every: int, step: float, top_hz: float) -> int:
+    """Steps between rows that summaries are made from: a divisor of `save_every` where kept.
+
+    Else a power of two: runs whose steps are halves of each other are then seen at equal times,
+    and differences of what is found in them are those of the integration.
+
+    Parameters
+    ----------
+    save_every : int
+        Steps between rows that are kept; 0 keeps none.
+    step : float
+        s.
+    top_hz : float
+        The highest frequency that summaries tell of, Hz.
+
+    Raises
+    ------
+    ValueError
+        Where `save_every` has no divisor of a useful size.
+    """
+    enough = 2 ** int(np.log2(max(1.0, 1.0 / (SAMPLES_A_PERIOD * top_hz * step))))
+    if save_every == 0:
+        return enough
+    best = max(d for d in range(1, enough + 1) if save_every % d == 0)
+    if 4 * best < min(enough, save_every):
+        near = max(1, round(save_every / enough)) * enough
+        raise ValueError(
+            f"{save_every} has no divisor near {enough}, the steps between samples that "
+            f"summaries need; {near} does"
+        )
+    return best

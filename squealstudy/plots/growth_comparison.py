@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from squealstudy.colours import COLOURS, DARK, GREY
-from squealstudy.engine.pictures import register_plot
+from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.plots.style import (
     empty_figure,
     error_reach,
@@ -20,7 +21,7 @@ from squealstudy.plots.style import (
     legend_below,
     new_figure,
 )
-from squealstudy.wording import plural
+from squealstudy.wording import CHANGING, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -39,7 +40,15 @@ KINDS: dict[str, dict[str, Any]] = {  # of a fitted growth rate, and how it is d
 }
 
 
-@register_plot(points=("class", "status"), growth=("fitted_growth_rate", "expressed"))
+def _of_one_speed(results: Results) -> Iterator[tuple[str, Choices]]:
+    """One picture, where some run has one speed and pressure."""
+    if not (results.points["class"] == CHANGING).all() or not len(results.points):
+        yield "", {}
+
+
+@register_plot(
+    _of_one_speed, points=("class", "status"), growth=("fitted_growth_rate", "expressed")
+)
 def growth_comparison(results: Results) -> Figure:
     """Fitted growth rates over predicted ones with 95 % bounds, their deviation beneath.
 
@@ -94,11 +103,13 @@ def _why_nothing_is_drawn(growth: pd.DataFrame, points: pd.DataFrame) -> str:
     counts = points.loc[points["status"] == "ok", "class"].value_counts()
     rest = ", ".join(f"{n} {str(kind).replace('_', ' ')}" for kind, n in counts.items())
     parts = [f"{plural(unstable, 'unstable mode')} predicted"]
+    parts += ["speed or pressure change: no growth is of one state"] if CHANGING in counts else []
     parts += [f"runs: {rest}"] if rest else []
     parts += [f"{failed} of {plural(len(points), 'point')} failed"] if failed else []
     if "fit_status" in growth:  # results of earlier versions have no reasons
         why = growth.loc[growth["unstable"].astype(bool), "fit_status"].value_counts()
-        reasons = [f"{n} {str(name).replace('_', ' ')}" for name, n in why.items() if name != "ok"]
+        why = why.drop(["ok", CHANGING], errors="ignore")
+        reasons = [f"{n} {str(name).replace('_', ' ')}" for name, n in why.items()]
         parts += [f"fits: {', '.join(reasons)}"] if reasons else []
     energy = int((points["growth_method"] == ENERGY).sum()) if "growth_method" in points else 0
     parts += [f"of {plural(energy, 'run')} the energy alone tells growth"] if energy else []

@@ -213,6 +213,7 @@ def _class_text(run: Run) -> str:
     """The class; of an undecided run with the duration that would decide."""
     until = run.number("undecided_until")
     more = f" (a duration of {until:.3g} s would decide)" if np.isfinite(until) else ""
+    more = " (no longer run is known to decide)" if until == np.inf else more
     name = str(run.row["class"])
     repeats = "frequency_hz" not in run.row or np.isfinite(run.number("frequency_hz"))
     if name == LIMIT_CYCLE and not repeats:

@@ -22,7 +22,7 @@ from squealstudy.kinds.transient.section import STUCK, TransientSection
 from squealstudy.mechanics.motions import reference_modes
 from squealstudy.models.operating import ModeKey, OperatingPoint
 from squealstudy.motion.integrator import Integrator
-from squealstudy.motion.settings import MotionSettings
+from squealstudy.motion.settings import MotionSettings, steps_between_rows
 from squealstudy.motion.shared_modes import (
     SharedModes,
     Training,
@@ -31,7 +31,6 @@ from squealstudy.motion.shared_modes import (
 )
 from squealstudy.study.design import DesignPoint
 
-SAMPLES_A_PERIOD = 8  # of the highest frequency of the band: what summaries need
 MOST_OF_BATCH = 64  # design points of models without a mesh
 MAX_ROWS_OF_BATCH = 100_000  # of the histories of these together: some 50 MB
 TRAINING_KEYS = {"step", "duration", "friction"}
@@ -147,7 +146,8 @@ class BatchTask:
 
     @cached_property
     def _settings(self) -> MotionSettings:
-        every = sampling(self.section, self.band_hz)
+        section = self.section
+        every = steps_between_rows(section.save_every, section.step, self.band_hz[1])
         return replace(settings_of(self.section, every), integrator=self.integrator)
 
 
@@ -179,7 +179,8 @@ def batch_size(plan: Plan) -> int:
     section = plan.study.section
     if has_mesh(plan.study) or "batch" in section.model_fields_set:
         return int(section.batch)
-    rows = section.duration / section.step / sampling(section, plan.band_hz)
+    every = steps_between_rows(section.save_every, section.step, plan.band_hz[1])
+    rows = section.duration / section.step / every
     return max(section.batch, min(MOST_OF_BATCH, int(MAX_ROWS_OF_BATCH / rows)))
 
 
@@ -205,30 +206,6 @@ def shared_reference(
         training, _ = load_value(basis.training)  # and seconds
         return with_pod(whole, basis.modes_below, training, basis.pod_vectors)
     return reference_modes(prepared_model(prepared_key), operating, component_modes)
-
-
-def sampling(section: TransientSection, band_hz: tuple[float, float]) -> int:
-    """Steps between rows that summaries are made from: a divisor of `save_every` where kept.
-
-    Else a power of two: runs whose steps are halves of each other are then seen at equal times,
-    and differences of what is found in them are those of the integration.
-
-    Raises
-    ------
-    ValueError
-        Where that has none of a useful size.
-    """
-    enough = 2 ** int(np.log2(max(1.0, 1.0 / (SAMPLES_A_PERIOD * band_hz[1] * section.step))))
-    if section.save_every == 0:
-        return enough
-    best = max(d for d in range(1, enough + 1) if section.save_every % d == 0)
-    if 4 * best < min(enough, section.save_every):
-        near = max(1, round(section.save_every / enough)) * enough
-        raise ValueError(
-            f"{section.save_every} has no divisor near {enough}, the steps between samples that "
-            f"summaries need; {near} does"
-        )
-    return best
 
 
 def settings_of(section: TransientSection, every: int) -> MotionSettings:

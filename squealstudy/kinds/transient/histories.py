@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 
 from squealstudy.engine.result_names import HISTORIES
+from squealstudy.motion.kept_rows import SUMMED, joined, row_variances
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.energies import energy_outside, mode_energies
 
 NOTICEABLE_SHARE = 0.01  # share of the energy from which on a sensed mode has columns
-# columns over all steps since the row before, and how rows of them become one
-SUMMED: Mapping[str, Callable[..., np.ndarray]] = {
-    "torque_mean": np.mean,
-    "torque_min": np.min,
-    "torque_max": np.max,
-    "stick_mean": np.mean,
-    "stick_max": np.max,
-    "open_mean": np.mean,
-    "open_max": np.max,
-}
 
 
 def history_frame(run: Motion, every: int = 1) -> pd.DataFrame:
@@ -52,19 +41,9 @@ def history_frame(run: Motion, every: int = 1) -> pd.DataFrame:
         columns[f"amplitude_mode_{mode}"] = np.sqrt(2 * energies[:, k]) / omega
     frame_columns = {name: values[::every] for name, values in columns.items()}
     if "torque_mean" in history:
-        frame_columns |= {name: _joined(history[name], every, how) for name, how in SUMMED.items()}
-        # mean of the variances, and what the means differ by
-        spread = _joined(history["torque_mean"], every, np.var)
-        within = _joined(history["torque_variance"], every, np.mean)
-        frame_columns["torque_rms"] = np.sqrt(within + spread)
+        frame_columns |= {name: joined(history[name], every, how) for name, how in SUMMED.items()}
+        frame_columns["torque_rms"] = np.sqrt(row_variances(history, every))
     return pd.DataFrame(frame_columns)
-
-
-def _joined(values: np.ndarray, every: int, how: Callable[..., np.ndarray]) -> np.ndarray:
-    """A column in which each row is what so many rows come to, behind the first row."""
-    count = (len(values) - 1) // every
-    parts = values[1 : 1 + count * every].reshape(count, every)
-    return np.concatenate([how(values[:1, None], axis=1), how(parts, axis=1)])
 
 
 def history_file(point_id: str, frame: pd.DataFrame) -> dict[str, pa.Table]:

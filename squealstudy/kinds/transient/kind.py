@@ -24,7 +24,6 @@ from squealstudy.kinds.transient.batch import (
     batch_size,
     batch_task,
     mode_keys,
-    sampling,
     sensed_modes,
     shared_reference,
     truncated_choice,
@@ -44,6 +43,7 @@ from squealstudy.kinds.transient.tables import SCHEMA, build_tables, lost_row, s
 from squealstudy.kinds.transient.worker import solve_batch
 from squealstudy.mechanics.regularisation import with_speed
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
+from squealstudy.motion.settings import steps_between_rows
 from squealstudy.motion.warmup import begin_warming
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
@@ -102,7 +102,7 @@ class Transient(ModelKind):
                 "give one of the two",
             )
         try:
-            sampling(section, plan.band_hz)
+            steps_between_rows(section.save_every, section.step, plan.band_hz[1])
         except ValueError as error:
             raise plan.study.error(("transient", "save_every"), str(error)) from None
         if (start := start_of(plan)) is not None:

@@ -9,7 +9,13 @@ from itertools import pairwise
 import numpy as np
 from scipy import special
 
-from squealstudy.motion.outcome.spectrum import FLUCTUATION_ROUND_OFF, LINE_PERIODS, spectrum
+from squealstudy.motion.outcome.spectrum import (
+    FLUCTUATION_ROUND_OFF,
+    LINE_PERIODS,
+    folds,
+    spectrum,
+    unfolded_line,
+)
 
 JUDGED_SHARE = 0.4  # of a record: the part that is judged
 LEAST_PERIODS = 20.0  # of the dominant line in it, where the record has them
@@ -44,11 +50,11 @@ class TorqueLevels:
     peak_scatter : float
         By which the peak to peak of the quietest quarter of the window is smaller.
     frequency_hz : float
-        Of the dominant line; NaN where the signal is flat or the window has fewer than three
-        periods of any line.
+        Of the dominant line; NaN where the signal is flat, the window has fewer than three periods
+        of any line, or rows are too far apart to tell it.
     line, harmonic_2, harmonic_3 : float
         RMS of the dominant line and at twice and three times its frequency, each within 1.5 %
-        (three bins at least) of its frequency; 0 where there is none.
+        (three bins at least) of its frequency; 0 where there is none, NaN where rows do not tell.
     """
 
     mean: float
@@ -65,7 +71,7 @@ class TorqueLevels:
     harmonic_3: float = 0.0
 
 
-def last_window(time: np.ndarray, signal: np.ndarray) -> slice:
+def last_window(time: np.ndarray, signal: np.ndarray, means: np.ndarray | None = None) -> slice:
     """Rows that are judged: the last 40 %, or 20 periods of its dominant line where that is longer.
 
     The whole record where it is shorter than that; the last fifth where the last 40 % begin with
@@ -75,12 +81,14 @@ def last_window(time: np.ndarray, signal: np.ndarray) -> slice:
     ----------
     time, signal : ndarray (rows,)
         Equally spaced, s.
+    means : ndarray (rows,) or None
+        Over the time since the row before: a line that folds then counts as none.
     """
     rows = len(time)
     count = max(1, round(JUDGED_SHARE * rows))
     if rows > 1:
         step = (time[-1] - time[0]) / (rows - 1)
-        frequency = spectrum(step, signal[rows - count :]).peak()
+        frequency = unfolded_line(step, signal[rows - count :], means)
         if np.isfinite(frequency):
             least = int(np.ceil(LEAST_PERIODS / (frequency * step)))
             if least <= count // 2 and _begins_with_transient(signal[rows - count :]):
@@ -153,11 +161,8 @@ def torque_levels(
     sums : TorqueSums or None
         Of the same rows. Mean and RMS are then those of whole periods of the dominant line.
     """
-    if sums is None:
-        sums = TorqueSums.of_rows(torque)
-        exact = False
-    else:
-        exact = True
+    exact = sums is not None
+    sums = sums or TorqueSums.of_rows(torque)
     mean, swing = float(sums.mean.mean()), float(sums.most.max() - sums.least.min())
     rest = np.abs([sums.most.max() - mean, sums.least.min() - mean]).max()
     if rest <= FLUCTUATION_ROUND_OFF * np.abs(torque).max() or len(torque) < 2:
@@ -165,6 +170,10 @@ def torque_levels(
     step = (time[-1] - time[0]) / (len(time) - 1)
     lines = spectrum(step, torque)
     frequency = lines.peak()
+    is_folded = exact and folds(lines, frequency, step, sums.mean)
+    frequency = np.nan if is_folded else frequency
+    unseen = np.nan if is_folded else 0.0
+    line, harmonic_2, harmonic_3 = (lines.level(k * frequency) + unseen for k in (1, 2, 3))
     width = 1.0 / (frequency * step) if exact and np.isfinite(frequency) else np.nan
     mean, mean_low, mean_high = (float(x) for x in periods_interval(sums.mean, width))
     squares = periods_interval(sums.squares(mean), width)
@@ -179,9 +188,9 @@ def torque_levels(
         peak_to_peak=swing,
         peak_scatter=swing - min(float(np.ptp(part)) for part in _quarters(sums)),
         frequency_hz=frequency,
-        line=lines.level(frequency),
-        harmonic_2=lines.level(2 * frequency),
-        harmonic_3=lines.level(3 * frequency),
+        line=line,
+        harmonic_2=harmonic_2,
+        harmonic_3=harmonic_3,
     )
 
 
@@ -194,7 +203,7 @@ def plain_levels(time: np.ndarray, torque: np.ndarray, sums: TorqueSums | None) 
     if rest <= FLUCTUATION_ROUND_OFF * np.abs(torque).max() or len(torque) < 2:
         return np.array([0.0, mean, 0.0])
     step = (time[-1] - time[0]) / (len(time) - 1)
-    frequency = spectrum(step, torque).peak() if whole else np.nan
+    frequency = unfolded_line(step, torque, sums.mean) if whole else np.nan
     width = 1.0 / (frequency * step) if np.isfinite(frequency) else np.nan
     mean = periods_mean(sums.mean, width)
     square = periods_mean(sums.squares(mean), width)

@@ -39,6 +39,9 @@ MAX_TRIED_PERIODS = 400  # places at which a period is looked for
 NEARLY_ALL = 1e-5  # of the variance may be in coordinates that are left out
 # square of the way between rows over that along slopes: less turns back between
 MIN_CHORD_OVER_SLOPE_SQUARED = 0.5
+# of a motion, by which cubics over two rows miss the row between: with more it may come back
+# nearer after several periods for the place of its rows alone (a sine of 5.3 rows a period)
+MAX_MISSED_BY_CUBICS = 0.08
 VARIANCE_ROUND_OFF = 1e-20  # of the square of the values: a variance that is round-off
 NO_IMAGE = 1e-6  # imaginary part of a place, of the way between rows, that round-off makes
 
@@ -133,8 +136,11 @@ class _Record:
             period, residual = self._best(place)
             if residual > MAX_PERIODIC_RESIDUAL or (not first and self._drifts(period, residual)):
                 continue
+            shortest = period
             if residual > EXACT_PERIOD_RESIDUAL:
                 period, residual = self._multiple(period, residual)
+            if not (first and period == shortest) and self._roughly_known():
+                return Fundamental()
             refined, count, rest = self._refined(period, residual)
             error = (rest + INTERPOLATION_RESIDUAL) / (2 * np.pi * count)
             return Fundamental(1.0 / (self.step * refined), residual, error)
@@ -152,6 +158,12 @@ class _Record:
             (np.diff(self.x, axis=0) ** 2).sum()
             < MIN_CHORD_OVER_SLOPE_SQUARED * (self.slope[1:] ** 2).sum()
         )
+
+    def _roughly_known(self) -> bool:
+        """Whether rows do not tell what the motion does between them."""
+        x, slope = self.x, self.slope
+        missed = 0.5 * (x[:-2] + x[2:]) + 0.25 * (slope[:-2] - slope[2:]) - x[1:-1]
+        return bool((missed**2).sum() > MAX_MISSED_BY_CUBICS**2 * self.variance)
 
     @property
     def _longest(self) -> int:
@@ -231,7 +243,9 @@ class _Record:
 def judged_window(run: Motion) -> slice:
     """Rows of a run that are judged: `levels.last_window` of its torque, made once a run."""
     if "judged" not in run.windows:
-        run.windows["judged"] = last_window(run.times, run.history["torque"])
+        torque, means = run.history["torque"], run.history.get("torque_mean")
+        is_summed = means is not None and bool(np.isfinite(means).all())
+        run.windows["judged"] = last_window(run.times, torque, means if is_summed else None)
     window: slice = run.windows["judged"]
     return window
 

@@ -10,6 +10,9 @@ import numpy as np
 FLUCTUATION_ROUND_OFF = 1e-10  # fluctuation below this share of the largest value is round-off
 LINE_PERIODS = 3.0  # of a line in the window; slower ones are drift
 LINE_WIDTH = 0.015  # of its frequency, either side; what counts as one line
+# of the level of a line in means between rows, what it may lack of that of its frequency: a line
+# that folds has less, and by a tenth where it is told a tenth too low
+MAX_MISSING_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -42,9 +45,11 @@ class Spectrum:
         return float((k + side * shift) * self.resolution)
 
     def level(self, frequency: float) -> float:
-        """RMS of what lies around a frequency; 0 at NaN and beyond the Nyquist frequency."""
+        """RMS of what lies around a frequency; 0 at NaN, NaN beyond the Nyquist frequency."""
         if not np.isfinite(frequency):
             return 0.0
+        if frequency >= (len(self.power) - 1) * self.resolution:
+            return np.nan
         at = frequency / self.resolution
         half = max(3.0, LINE_WIDTH * at)
         first, last = max(1, round(at - half)), round(at + half) + 1
@@ -62,6 +67,37 @@ def spectrum(step: float, signal: np.ndarray) -> Spectrum:
     window = hann(rows)
     power = 2 * np.abs(np.fft.rfft(window * rest)) ** 2 / (rows * float(window @ window))
     return Spectrum(power, 1.0 / (rows * step))
+
+
+def folds(lines: Spectrum, frequency: float, step: float, means: np.ndarray) -> bool:
+    """Whether a line of rows is one above their Nyquist frequency, folded onto a lower one.
+
+    Means over the time between rows hold sinc(f step) of a line at f, which is less for every
+    frequency that folds onto it.
+
+    Parameters
+    ----------
+    lines : Spectrum
+        Of rows (n,) that are `step` seconds apart.
+    frequency : float
+        Of the line, Hz.
+    step : float
+    means : ndarray (n,)
+        Of the signal over the time since the row before.
+    """
+    if not np.isfinite(frequency):
+        return False
+    least = (1.0 - MAX_MISSING_SHARE) * float(np.sinc(frequency * step))
+    return bool(spectrum(step, means).level(frequency) < least * lines.level(frequency))
+
+
+def unfolded_line(step: float, signal: np.ndarray, means: np.ndarray | None) -> float:
+    """Frequency of the highest line [Hz]; NaN where means, to the signal's end, show a fold."""
+    lines = spectrum(step, signal)
+    frequency = lines.peak()
+    if means is not None and folds(lines, frequency, step, means[-len(signal) :]):
+        return np.nan
+    return frequency
 
 
 @lru_cache(maxsize=16)

@@ -37,6 +37,7 @@ from squealstudy.wording import CHANGING, FAILED, GROWING, STABLE, SUSTAINED
 
 LEAST_ROWS = 10  # of a history that says anything
 PASSING = (STABLE, GROWING)  # classes of motion that is another one later
+MOST_LONGER = 100.0  # times a run: a longer one to decide it is not named
 FREQUENCY_ERROR = 0.1  # relative: by another step, from which on it is of another period
 
 
@@ -69,7 +70,7 @@ def summarise(
     energy = moving_energy(run)
     verdict = _class(run, energy)
     if len(run.times) < LEAST_ROWS or (verdict.name == FAILED and not np.isfinite(energy).all()):
-        return Summary(_course(run) | _forecast(run) | _class_columns(verdict), [], [])
+        return Summary(_course(run) | _forecast(run) | _class_columns(verdict, run.time), [], [])
     lasts = verdict.name in SUSTAINED
     levels, window = run_levels(run, by_step(lasts), passes=verdict.name in PASSING)
     behaviour = _behaviour(run, energy, verdict)
@@ -214,8 +215,10 @@ def _class(run: Motion, energy: np.ndarray) -> RunClass:
     return run_verdict(run, energy)
 
 
-def _class_columns(verdict: RunClass) -> dict[str, Any]:
-    return {"class": verdict.name, "undecided_until": verdict.until}
+def _class_columns(verdict: RunClass, time: float) -> dict[str, Any]:
+    """Class, and the duration that would decide: none where it is no use to name it."""
+    until = np.inf if verdict.until > MOST_LONGER * time else verdict.until
+    return {"class": verdict.name, "undecided_until": until}
 
 
 def _behaviour(run: Motion, energy: np.ndarray, verdict: RunClass) -> dict[str, Any]:
@@ -224,7 +227,7 @@ def _behaviour(run: Motion, energy: np.ndarray, verdict: RunClass) -> dict[str, 
     is_settled, since = settled(run.times, energy, torque, verdict.name)
     first, last, when = transfer(run.times, run.sensed_v**2, run.sensed, held_energies(run))
     return {
-        **_class_columns(verdict),
+        **_class_columns(verdict, run.time),
         "settled": is_settled,
         "settled_time": since,
         "transfer_from": first,
