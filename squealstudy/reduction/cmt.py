@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -18,6 +19,8 @@ from squealstudy.models.operating import ModeKey
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.projected import AnyAssembly, AnyComponent
 from squealstudy.reduction.working_point import WorkingPoint
+
+MOST_KEPT = 8_000_000  # numbers of component modes that a process keeps: 64 MB
 
 
 @dataclass(frozen=True)
@@ -198,8 +201,39 @@ class Expansion:
 
 
 def component_modes(assembly: AnyAssembly, cutoff_hz: float) -> dict[str, ComponentModes]:
-    """Free-free modes of every component up to `cutoff_hz`."""
-    return {c.name: ComponentModes(*real_modes(c.M, c.K, cutoff_hz)) for c in assembly.components}
+    """Free-free modes of every component up to `cutoff_hz`.
+
+    A process keeps the last ones: structures that differ in contact, gaps or the angle of the rotor
+    have the same components.
+    """
+    return {c.name: _free_modes(c, cutoff_hz) for c in assembly.components}
+
+
+_kept_modes: dict[tuple[str, float], ComponentModes] = {}
+
+
+def _free_modes(component: AnyComponent, cutoff_hz: float) -> ComponentModes:
+    if not sp.issparse(component.K):
+        return ComponentModes(*real_modes(component.M, component.K, cutoff_hz))
+    key = (_content(component.M, component.K), cutoff_hz)
+    if key not in _kept_modes:
+        modes = ComponentModes(*real_modes(component.M, component.K, cutoff_hz))
+        for shared in (modes.omega, modes.phi):
+            shared.flags.writeable = False
+        _kept_modes[key] = modes
+        while sum(m.phi.size for m in [*_kept_modes.values()]) > MOST_KEPT:
+            _kept_modes.pop(next(iter(_kept_modes)))
+        return modes
+    return _kept_modes[key]
+
+
+def _content(*matrices: sp.csr_matrix) -> str:
+    """Hash of sparse matrices."""
+    digest = hashlib.sha256()
+    for A in matrices:
+        for part in (A.indptr, A.indices, A.data):
+            digest.update(np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()
 
 
 def momenta(

@@ -24,6 +24,7 @@ from squealstudy.models.components.definition import DESCRIPTION, NAME, FileDefi
 from squealstudy.models.components.dimensions import UNITS
 from squealstudy.models.components.file_names import check_names
 from squealstudy.models.components.model_file import (
+    ROTOR_ANGLE,
     ModelFile,
     ValuesError,
 )
@@ -97,7 +98,7 @@ def read_model(
             *stress_assumptions(build.stressed),
         ),
         torque_unit="N m",
-        in_place=_in_place,
+        in_place=_InPlace(tuple(n for n, keys in places.items() if ROTOR_ANGLE in keys)),
         effective_radius=build.effective_radius,
         path=str(path.resolve()),
         files=identities,
@@ -140,8 +141,14 @@ def _largest_friction(
     )
 
 
-def _in_place(parameter: Parameter) -> bool:  # noqa: ARG001 - a file says where nodes are
-    return True
+@dataclass(frozen=True)
+class _InPlace:
+    """Which parameters leave nodes where they are: all but those that turn the rotor."""
+
+    turning: tuple[str, ...]
+
+    def __call__(self, parameter: Parameter) -> bool:
+        return parameter.name not in self.turning
 
 
 def inspected(model: FileDefinition) -> tuple[Inspection, Geometry | None]:
@@ -149,7 +156,7 @@ def inspected(model: FileDefinition) -> tuple[Inspection, Geometry | None]:
 
     Of one without contact or load that of its components, as far as they can be used.
     """
-    from squealstudy.models.components.geometry import geometry_of
+    from squealstudy.models.components.geometry import geometry_at
     from squealstudy.models.components.inspection import inspect
     from squealstudy.models.components.part_inspection import inspect_parts
 
@@ -160,7 +167,7 @@ def inspected(model: FileDefinition) -> tuple[Inspection, Geometry | None]:
     assembly = build({option.name: option.choices[0] for option in model.options}, values)
     with build.told(values):
         inspection = inspect(build.brake, assembly, values[PRESSURE.name], build.given(values))
-        return inspection, geometry_of(build.brake)
+        return inspection, geometry_at(build.brake, build.given(values))
 
 
 def free_motions(model: FileDefinition) -> list[str]:
@@ -174,14 +181,14 @@ def free_motions(model: FileDefinition) -> list[str]:
         What of the file cannot be used, in its meshes and sets too.
     """
     from squealstudy.models.components.component_facts import Inspection
-    from squealstudy.models.components.geometry import geometry_of
+    from squealstudy.models.components.geometry import geometry_at
     from squealstudy.models.components.inspection import unheld
 
     build, values, inspection = build_of(model), model.defaults(), Inspection()
     options = {option.name: option.choices[0] for option in model.options}
     assembly = replace(build, stressed=None)(options, values)
     with build.told(values):
-        unheld(inspection, geometry_of(build.brake), assembly)
+        unheld(inspection, geometry_at(build.brake, build.given(values)), assembly)
     return inspection.doubts
 
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from squealstudy.laws import ContactLaw, contact_law
 from squealstudy.models.assembly import Assembly
-from squealstudy.models.components.bodies import Brake, body_of, changed_mesh, own_numbers
+from squealstudy.models.components.bodies import Brake, changed_mesh, own_numbers
 from squealstudy.models.components.dimensions import STRESS
-from squealstudy.models.components.model_file import HEAT, WEAR, ModelFile, Numbers
+from squealstudy.models.components.model_file import HEAT, ROTOR_ANGLE, WEAR, ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import StressStiffness
 from squealstudy.models.operating import (
@@ -24,6 +24,7 @@ from squealstudy.models.operating import (
 )
 from squealstudy.models.parameter import Assumption, Declared
 from squealstudy.parameter import Parameter
+from squealstudy.wording import listed
 
 # assemblies whose stresses a process keeps: their working point takes longest
 ASSEMBLY_CACHE_SIZE = 4
@@ -72,10 +73,12 @@ def with_stresses(
 
     key = (brake, operating, tuple(sorted(given.items(), key=str)))
     if key not in _stored_stresses:
+        from squealstudy.models.components.geometry import geometry_at  # of meshes alone
+
         meshes = {
             name: changed_mesh(body, own_numbers(name, given))
-            for name in brake.file.components
-            if (body := body_of(brake, name)).matrices is None
+            for name, body in geometry_at(brake, given).bodies.items()
+            if body.matrices is None
         }
         if len(_stored_stresses) >= ASSEMBLY_CACHE_SIZE:
             _stored_stresses.pop(next(iter(_stored_stresses)))
@@ -128,6 +131,13 @@ def preparations(file: ModelFile, places: Mapping[str, tuple[KeyPath, ...]]) -> 
     if (table := file.stress_stiffening) is not None:
         at = f"{table.pressure * megapascal:g} MPa and a friction of {table.friction:g}"
         texts.append(f"stresses of {at} stiffen what vibrates")
+    angle = "" if file.rotation is None else f"{file.rotation.angle:g} deg"
+    if ROTOR_ANGLE in owners or angle not in ("", "0 deg"):
+        by = f"'{owners[ROTOR_ANGLE]}'" if ROTOR_ANGLE in owners else angle
+        texts.append(
+            f"{listed(file.turning)} stands turned by {by}: a symmetric part changes nothing where "
+            "its mesh repeats, elsewhere as much as its mesh errs"
+        )
     for name, component in file.components.items():
         if (heat := component.heat) is not None:
             owner = owners.get(("components", name, *HEAT))

@@ -199,13 +199,28 @@ def placement(name: str, table: ComponentTable, units: str) -> tuple[np.ndarray,
     axis = np.array(table.rotate.axis)
     if not np.linalg.norm(axis) > 0:
         raise PlacedError(("components", name, "rotate", "axis"), "expected a direction, got zeros")
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    angle = np.deg2rad(table.rotate.angle)
-    turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    turn[np.abs(turn) < 1e-15] = 0.0  # of quarter turns
+    turn = turn_about(axis, table.rotate.angle)
     point = np.array(table.rotate.point) * size
     return turn, shift + point - turn @ point
+
+
+def turn_about(axis: np.ndarray, degrees: float) -> np.ndarray:
+    """Matrix (3, 3) of a turn about a direction (3,), by the right hand."""
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    angle = np.deg2rad(degrees)
+    turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    turn[np.abs(turn) < 1e-15] = 0.0  # of quarter turns
+    return turn
+
+
+def turned_body(body: Body, turn: np.ndarray, shift: np.ndarray) -> Body:
+    """A body whose points x go to turn x + shift, with the same degrees of freedom.
+
+    These turn with it: its matrices stay as they are.
+    """
+    mesh = _placed_mesh(body.mesh, turn, shift)
+    return replace(body, mesh=mesh, expansion=body.expansion.turned(turn))
 
 
 def _in_si(mesh: SolidMesh, units: str) -> SolidMesh:

@@ -30,7 +30,12 @@ from squealstudy.models.components.contact_rows import (
     tangents,
 )
 from squealstudy.models.components.file_matrices import check_definite, symmetric
-from squealstudy.models.components.geometry import Geometry, between, geometry_of
+from squealstudy.models.components.file_names import between
+from squealstudy.models.components.geometry import (
+    Geometry,
+    geometry_at,
+    geometry_of,
+)
 from squealstudy.models.components.heat import hot_gaps
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_cells import mesh_cells, moved_cells
@@ -63,13 +68,13 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
     ModelError
         Values that no material can have.
     """
-    geometry = geometry_of(brake)
+    geometry, as_meshed = geometry_at(brake, given), geometry_of(brake)
     numbers = Numbers(brake.file, given)
-    matrices = {name: component_matrices(geometry, name, given) for name in geometry.bodies}
+    matrices = {name: component_matrices(as_meshed, name, given) for name in geometry.bodies}
     free = geometry.kept
     components, rotors = [], geometry.rotors
     for name, body in geometry.bodies.items():
-        C = damping_matrix(body, numbers, *matrices[name])
+        C = damping_matrix(as_meshed.bodies[name], numbers, *matrices[name])
         mesh = changed_mesh(body, own_numbers(name, given))
         turning = None
         if rotors is not None and name in rotors.names and not rotors.unturned:

@@ -33,6 +33,7 @@ class Dimension:
 
 
 NUMBER = Dimension((0, 0, 0), "")
+ANGLE = Dimension((0, 0, 0), "deg")
 LENGTH = Dimension((1, 0, 0), "m")
 AREA = Dimension((2, 0, 0), "m2")
 MASS = Dimension((0, 1, 0), "kg")

@@ -44,11 +44,14 @@ class Expansion:
         Which 3 * node + axis a degree of freedom is; -1 for turns and modal coordinates.
     turns : csr_matrix (3 n_nodes, n)
         Turns 3 * node + axis from degrees of freedom; rows of nodes that have none are empty.
+    axes : ndarray (3, 3) or None
+        Turn of the component since `places` were the directions of its degrees of freedom.
     """
 
     E: sp.csr_matrix
     places: np.ndarray
     turns: sp.csr_matrix = field(default_factory=lambda: sp.csr_matrix((0, 0)))
+    axes: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.turns.shape != self.E.shape:
@@ -62,7 +65,14 @@ class Expansion:
     @property
     def plain(self) -> bool:
         """Whether each degree of freedom moves one node alone, and no node follows others."""
-        return bool((self.places >= 0).all()) and self.E.nnz == len(self.places)
+        one_each = bool((self.places >= 0).all()) and self.E.nnz == len(self.places)
+        return one_each and self.axes is None
+
+    def turned(self, axes: np.ndarray) -> Expansion:
+        """That of the component turned by a matrix (3, 3), its degrees of freedom with it."""
+        nodes = sp.kron(sp.identity(self.E.shape[0] // 3), axes, format="csr")
+        turned = (nodes @ self.E).tocsr(), (nodes @ self.turns).tocsr()
+        return replace(self, E=turned[0], turns=turned[1], axes=axes)
 
     @property
     def lacking(self) -> np.ndarray:
@@ -78,6 +88,10 @@ class Expansion:
 
         And of turns of nodes, where they are given. Those that move no node are zero.
         """
+        if self.axes is not None:
+            back = sp.kron(sp.identity(len(moved) // 3), self.axes.T, format="csr")
+            before = replace(self.turned(self.axes.T), axes=None)
+            return before.freedoms(back @ moved, None if turned is None else back @ turned)
         q = np.zeros((self.E.shape[1], moved.shape[1]))
         of_nodes = self.places >= 0
         q[of_nodes] = moved[self.places[of_nodes]]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from squealstudy.models.components.model_file import ModelFile
+from collections.abc import Sequence
+
+from squealstudy.models.components.model_file import GROUND, ModelFile
 from squealstudy.models.file_table import KeyPath, PlacedError
 
 TOGETHER = (("contact", "tie", "coupling", "layer", "spring"), ("point_mass",), ("load",))
@@ -56,3 +58,13 @@ def _check_rotor(file: ModelFile) -> None:
                 f"master of {file.name_of('contact', masters[slave])}: say which component turns, "
                 'rotor = "NAME" in [rotation]',
             )
+
+
+def between(names: Sequence[str], keys: KeyPath) -> tuple[str, str | None]:
+    """A set and another one, None in place of ground; PlacedError where both are the same."""
+    set_names = [name for name in names if name.casefold() != GROUND]
+    if not set_names:
+        raise PlacedError((*keys, "between"), "expected COMPONENT.SET, got ground twice")
+    if len(set_names) > 1 and set_names[0] == set_names[1]:
+        raise PlacedError((*keys, "between"), f"expected two sets, got '{set_names[0]}' twice")
+    return set_names[0], set_names[1] if len(set_names) > 1 else None

@@ -21,6 +21,11 @@ class RotationTable(Table):
     rotor: str | None = Field(
         default=None, description="the component that turns; else the masters of sliding contacts"
     )
+    angle: float = Field(
+        default=0.0,
+        description="by which what turns stands turned from its meshes, by the right hand, deg; "
+        "contact is found there",
+    )
     uniform: bool = Field(
         default=False,
         description="all points slide at sliding_speed; else the rotor turns, and sliding_speed is "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 
@@ -10,22 +10,30 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.bodies import Body, Brake, body_of, placement
+from squealstudy.models.components.bodies import (
+    Body,
+    Brake,
+    body_of,
+    placement,
+    turn_about,
+    turned_body,
+)
 from squealstudy.models.components.contact_rows import Rotation, sliding
 from squealstudy.models.components.dimensions import LENGTH
 from squealstudy.models.components.faces import facets
 from squealstudy.models.components.facet_geometry import Facets
+from squealstudy.models.components.file_names import between
 from squealstudy.models.components.file_tables import GapTable
 from squealstudy.models.components.gap_map import GapMap
-from squealstudy.models.components.model_file import GROUND
+from squealstudy.models.components.model_file import ROTOR_ANGLE, Numbers
 from squealstudy.models.components.pairs import Pair, pair
+from squealstudy.models.components.reach import expect_reach
+from squealstudy.models.components.rotor_angle import expect_rotor, turns_with
 from squealstudy.models.components.set_names import has_name
 from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.turning import Rotors
 
-LEAST_IN_REACH = 0.5  # of a face: with less the faces are hardly those meant
-ALL_MET = 0.9  # of the other face, by area: it is the first that is larger
 SEARCH_OVER_FACET = 0.5  # of the size of a facet: how far the faces of a layer may be apart
 LAYER_POINTS = 3  # a side of a facet
 # of a facet: a gap over which a tie strains next to nothing in rigid turns
@@ -39,11 +47,13 @@ class Geometry:
     Parameters
     ----------
     brake : Brake
+    angle : float
+        By which what turns stands turned from its meshes, deg.
 
     Attributes
     ----------
     bodies : dict of str -> Body
-        In the order of the file.
+        In the order of the file, turned.
     spans : dict of str -> slice
         Of each body among the displacements 3 * node + axis of all nodes.
     n_dof : int
@@ -60,21 +70,37 @@ class Geometry:
     loads : list of (Surface, Surface or None)
     """
 
-    def __init__(self, brake: Brake) -> None:
-        self.brake, self.file = brake, brake.file
-        self.bodies = {name: body_of(brake, name) for name in self.file.components}
+    def __init__(self, brake: Brake, angle: float = 0.0) -> None:
+        self.brake, self.file, self.angle = brake, brake.file, angle
+        self.rotation = self._rotation()
+        self.bodies = {name: self._body(name) for name in self.file.components}
         ends = np.cumsum([0, *(3 * len(b.nodes) for b in self.bodies.values())])
         self.spans = {
             name: slice(int(a), int(b))
             for name, a, b in zip(self.bodies, ends, ends[1:], strict=False)
         }
         self.n_dof = int(ends[-1])
-        self.rotation = self._rotation()
         self.contacts = [self._contact(i) for i in range(len(self.file.contact))]
         self.ties = [self._tie(i) for i in range(len(self.file.tie))]
         self.layers = [self._layer(i) for i in range(len(self.file.layer))]
         self.loads = [self._load(i) for i in range(len(self.file.load))]
         self.kept = self._kept()
+
+    def _body(self, name: str) -> Body:
+        """A component where it stands."""
+        body = body_of(self.brake, name)
+        return turned_body(body, *self._turn()) if name in self.turned else body
+
+    @property
+    def turned(self) -> tuple[str, ...]:
+        """Components that stand turned from their meshes."""
+        return self.file.turning if self.angle else ()
+
+    def _turn(self) -> tuple[np.ndarray, np.ndarray]:
+        """Turn (3, 3) and shift (3,) [m] of what turns."""
+        assert self.rotation is not None
+        turn, point = turn_about(self.rotation.direction, self.angle), self.rotation.point
+        return turn, point - turn @ point
 
     # -- names of the file -----------------------------------------------------------------------
     def split(self, reference: str, keys: KeyPath) -> tuple[str, str]:
@@ -159,6 +185,9 @@ class Geometry:
             keys: KeyPath = ("fixed", i, "set")
             name, nodes = self.nodes(fixed.set, keys)
             of = self.bodies[name]
+            if name in self.turned and not turns_with(fixed.dofs, self._turn()[0]):
+                text = f"holds {fixed.set} in some directions alone, which do not turn with it"
+                raise PlacedError(ROTOR_ANGLE, f"[[fixed]] {text}: expected all, or the axis")
             of_turns = [3 * nodes + d - 4 for d in fixed.dofs if d > 3]
             fixed_freedoms[name] |= self._held_turns(of_turns, of, (*keys[:2], "dofs"))
             fixed_by_axis = [3 * nodes + d - 1 for d in fixed.dofs if d <= 3]
@@ -219,7 +248,7 @@ class Geometry:
             )
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
-        self._check_reach(facing, keys, slave, master, table.search)
+        expect_reach(facing, keys, slave, master, table.search, self.file.units)
         return replace(facing, gap0=self._measured(number, facing)) if measured else facing
 
     def _measured(self, number: int, found: Pair) -> np.ndarray:
@@ -228,6 +257,9 @@ class Geometry:
         assert isinstance(table.initial_gap, GapTable)
         name = table.slave.partition(".")[0]
         turn, shift = placement(name, self.file.components[name], self.file.units)
+        if name in self.turned:
+            also, moved = self._turn()
+            turn, shift = also @ turn, also @ shift + moved
         try:
             places = GapMap(
                 self.brake.located(table.initial_gap.file), LENGTH.factor(self.file.units)
@@ -235,28 +267,6 @@ class Geometry:
             return places.at((found.slave.points - shift) @ turn)
         except ModelError as error:
             raise PlacedError(("contact", number, "initial_gap", "file"), str(error)) from error
-
-    def _check_reach(
-        self, found: Pair, keys: KeyPath, slave: Facets, master: Facets, search: float
-    ) -> None:
-        """Raise PlacedError where two faces hardly meet."""
-        if found.in_reach >= LEAST_IN_REACH:
-            return
-        size = LENGTH.factor(self.file.units)
-        unit = "m" if self.file.units == "SI" else "mm"
-        low, high = (g / size for g in found.gap_range)
-        met = found.in_reach * slave.areas.sum() / master.areas.sum()
-        raise PlacedError(
-            keys,
-            f"{100 * found.in_reach:.0f} % of {slave.name} lies within {search:g} {unit} of "
-            f"{master.name} (gap {low:.4g} to {high:.4g} {unit}): "
-            + (
-                f"{slave.name} is the larger face: exchange the two, or name the part of it that "
-                f"meets {master.name}"
-                if met > ALL_MET
-                else "is a part placed wrongly, or search too small?"
-            ),
-        )
 
     def _layer(self, number: int) -> Surface | Pair:
         table = self.file.layer[number]
@@ -278,7 +288,7 @@ class Geometry:
             facing = pair(slave, master, search=search, quadrature=quadrature)
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
-        self._check_reach(facing, keys, slave, master, search / size)
+        expect_reach(facing, keys, slave, master, search / size, self.file.units)
         return facing
 
     def _tie(self, number: int) -> Pair:
@@ -338,7 +348,7 @@ class Geometry:
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
         size = LENGTH.factor(self.file.units)
-        self._check_reach(facing, keys, pressed, back, search / size)
+        expect_reach(facing, keys, pressed, back, search / size, self.file.units)
         return facing.slave, facing.master
 
     @cached_property
@@ -384,16 +394,17 @@ class Geometry:
 
 
 @lru_cache(maxsize=4)
-def geometry_of(brake: Brake) -> Geometry:
-    """The geometry of a model file; a process makes it once."""
-    return Geometry(brake)
+def geometry_of(brake: Brake, angle: float = 0.0) -> Geometry:
+    """The geometry of a model file at an angle [deg] of what turns; a process makes it once.
+
+    Raises PlacedError about what of the file cannot be used, or does not fit to an angle.
+    """
+    if angle:
+        expect_rotor(brake.file)
+    return Geometry(brake, angle)
 
 
-def between(names: Sequence[str], keys: KeyPath) -> tuple[str, str | None]:
-    """A set and another one, None in place of ground; PlacedError where both are the same."""
-    set_names = [name for name in names if name.casefold() != GROUND]
-    if not set_names:
-        raise PlacedError((*keys, "between"), "expected COMPONENT.SET, got ground twice")
-    if len(set_names) > 1 and set_names[0] == set_names[1]:
-        raise PlacedError((*keys, "between"), f"expected two sets, got '{set_names[0]}' twice")
-    return set_names[0], set_names[1] if len(set_names) > 1 else None
+def geometry_at(brake: Brake, given: Mapping[KeyPath, float]) -> Geometry:
+    """`geometry_of` at the angle that the file states, or a parameter gives."""
+    angle = 0.0 if brake.file.rotation is None else Numbers(brake.file, given).at(*ROTOR_ANGLE)
+    return geometry_of(brake, angle)

@@ -21,6 +21,7 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import (
     Body,
     Brake,
+    body_of,
     changed_mesh,
     own_numbers,
     placement,
@@ -220,7 +221,7 @@ def _opened_by(
     for name, table in geometry.file.components.items():
         if table.heat is None:
             continue
-        body = geometry.bodies[name]
+        body = body_of(geometry.brake, name)  # as meshed: its freedoms turn with it
         mesh = changed_mesh(body, own_numbers(name, given))
         strains = _expansions(geometry.brake, name, mesh, numbers)
         forces = thermal_forces(mesh, temperature_rise(geometry.brake, body), strains)

@@ -9,7 +9,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.models.assembly import Assembly
-from squealstudy.models.components.bodies import Brake
+from squealstudy.models.components.bodies import Brake, body_of
 from squealstudy.models.components.component_facts import (
     MOTIONS,
     Inspection,
@@ -18,15 +18,17 @@ from squealstudy.models.components.component_facts import (
 )
 from squealstudy.models.components.dimensions import LENGTH, STRESS, UNITS
 from squealstudy.models.components.file_tables import GapTable
-from squealstudy.models.components.geometry import Geometry, geometry_of
+from squealstudy.models.components.geometry import Geometry, geometry_at, geometry_of
 from squealstudy.models.components.heat import hot_gaps, temperature_rise
 from squealstudy.models.components.interface_facts import friction_of, tell_interfaces
+from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.model_file import HEAT, WEAR, ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.wording import duration, listed, plural
 
 FREE = 1e-9  # of the largest stiffness a mass: motions that nothing holds
+SAME_PLACE = 1e-9  # of a component: nodes of a mesh that repeats
 SPREAD = 0.3  # of the law's length: gaps that change the contact
 PARTLY = 0.95  # of a slave face
 MAX_GAP_OVER_LAW_LENGTH = 5.0  # lengths of the law: a gap that the pressure must close first
@@ -56,9 +58,9 @@ def inspect(
     ModelError
         As `geometry_of` and `component_matrices`.
     """
-    inspection, geometry = Inspection(), geometry_of(brake)
-    for body in geometry.bodies.values():
-        component_facts(inspection, geometry, body, given)
+    inspection, geometry, as_meshed = Inspection(), geometry_at(brake, given), geometry_of(brake)
+    for body in as_meshed.bodies.values():
+        component_facts(inspection, as_meshed, body, given)
     unheld(inspection, geometry, assembly)
     _contact(inspection, geometry, assembly, pressure, given)
     _ties(inspection, geometry, assembly)
@@ -194,6 +196,26 @@ def _pull(geometry: Geometry, number: int) -> float:
     return total if total > BALANCE else 0.0
 
 
+def same_mesh(one: SolidMesh, other: SolidMesh) -> bool:
+    """Whether two meshes of one component have the same elements in the same places."""
+    from scipy.spatial import cKDTree
+
+    away, node = cKDTree(one.nodes).query(other.nodes)
+    span = float(np.ptp(one.nodes, axis=0).max())
+    if away.max() > SAME_PLACE * span or len(np.unique(node)) < len(node):
+        return False
+    start = 0
+    for a, b in zip(one.blocks, other.blocks, strict=True):
+        rows = slice(start, start := start + len(a.nodes))
+        elements = [
+            {*zip(map(tuple, np.sort(nodes, axis=1).tolist()), mesh.material[rows], strict=True)}
+            for nodes, mesh in ((a.nodes, one), (node[b.nodes], other))
+        ]
+        if elements[0] != elements[1]:
+            return False
+    return True
+
+
 def _ties(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
     size = LENGTH.factor(geometry.file.units)
     unit = UNITS[geometry.file.units][0]
@@ -251,6 +273,13 @@ def _rotation(found: Inspection, geometry: Geometry, assembly: Assembly) -> None
         else f"; sliding_speed is that at {middle / size:.4g} {unit}"
     )
     found.tell("rotation", text)
+    for name in geometry.turned:
+        again = same_mesh(geometry.bodies[name].mesh, body_of(geometry.brake, name).mesh)
+        found.tell(
+            "angle",
+            f"{name} stands turned by {geometry.angle:g} deg; its mesh "
+            + ("is the same there" if again else "is another there, of a symmetric part too"),
+        )
 
 
 def _stresses(found: Inspection, geometry: Geometry) -> None:
@@ -303,7 +332,7 @@ def _heat(
     texts = []
     for name in hot:
         rise = numbers.at("components", name, *HEAT) * temperature_rise(
-            geometry.brake, geometry.bodies[name]
+            geometry.brake, body_of(geometry.brake, name)
         )
         texts.append(f"{name} is {rise.min():.4g} to {rise.max():.4g} K above its mesh")
     size, unit = LENGTH.factor(geometry.file.units), UNITS[geometry.file.units][0]

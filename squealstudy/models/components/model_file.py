@@ -16,6 +16,7 @@ from pydantic import BaseModel, Field, Strict
 from squealstudy.errors import ModelError
 from squealstudy.models.components.component_table import ComponentTable
 from squealstudy.models.components.dimensions import (
+    ANGLE,
     AREA,
     BEDDING,
     COMPLIANCE,
@@ -83,6 +84,7 @@ DIMENSIONS = {  # of the keys of the file
     "distance": LENGTH,
     "rate": COMPLIANCE,
     "effective_radius": LENGTH,
+    "angle": ANGLE,
     "translate": LENGTH,
     "mass_damping": RATE,
     "stiffness_damping": TIME,
@@ -106,6 +108,7 @@ VARIED = {  # keys that parameters may point to
     "load": ("area",),
 }
 WEAR = "wear"
+ROTOR_ANGLE: KeyPath = ("rotation", "angle")
 WORN = ("distance", "rate")  # its keys that parameters may point to
 HEAT = ("heat", "scale")  # of a component, that parameters may point to
 THERMAL = "thermal_expansion"
@@ -196,6 +199,8 @@ class ModelFile(Table):
     @property
     def turning(self) -> tuple[str, ...]:
         """What turns: the component that the file names, else the masters of sliding contacts."""
+        if self.rotation is None:
+            return ()
         if self.rotor is not None:
             return (self.rotor,)
         sliding = (i for i, table in enumerate(self.contact) if table.kind == "sliding")
@@ -234,8 +239,13 @@ class ModelFile(Table):
                 absent = "" if self.wear else ", and a table [wear]"
                 raise ModelError(f"'{path}': expected {expected}{absent}")
             return (WEAR, names[1])
+        if names[0] == ROTOR_ANGLE[0]:
+            if tuple(names) != ROTOR_ANGLE or not self.turning:
+                absent = "" if self.turning else ", and a table [rotation] of what turns"
+                raise ModelError(f"'{path}': expected {'.'.join(map(str, ROTOR_ANGLE))}{absent}")
+            return ROTOR_ANGLE
         if names[0] not in LISTS:
-            beginnings = ", ".join((*self.components, *LISTS, WEAR))
+            beginnings = ", ".join((*self.components, *LISTS, WEAR, str(ROTOR_ANGLE[0])))
             raise ModelError(f"'{path}': expected to begin with one of {beginnings}")
         there = [self.name_of(names[0], i) for i in range(len(self.at((names[0],))))]
         if len(names) != 3 or names[1] not in there or names[2] not in VARIED[names[0]]:

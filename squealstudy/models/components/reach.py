@@ -1,0 +1,34 @@
+"""Whether two faces meet."""
+
+from __future__ import annotations
+
+from squealstudy.models.components.dimensions import LENGTH
+from squealstudy.models.components.facet_geometry import Facets
+from squealstudy.models.components.pairs import Pair
+from squealstudy.models.file_table import KeyPath, PlacedError
+
+LEAST_IN_REACH = 0.5  # of a face: with less the faces are hardly those meant
+ALL_MET = 0.9  # of the other face, by area: it is the first that is larger
+
+
+def expect_reach(
+    found: Pair, keys: KeyPath, slave: Facets, master: Facets, search: float, units: str
+) -> None:
+    """Raise PlacedError where two faces hardly meet within `search`, in the unit of the file."""
+    if found.in_reach >= LEAST_IN_REACH:
+        return
+    size = LENGTH.factor(units)
+    unit = "m" if units == "SI" else "mm"
+    low, high = (g / size for g in found.gap_range)
+    met = found.in_reach * slave.areas.sum() / master.areas.sum()
+    raise PlacedError(
+        keys,
+        f"{100 * found.in_reach:.0f} % of {slave.name} lies within {search:g} {unit} of "
+        f"{master.name} (gap {low:.4g} to {high:.4g} {unit}): "
+        + (
+            f"{slave.name} is the larger face: exchange the two, or name the part of it that "
+            f"meets {master.name}"
+            if met > ALL_MET
+            else "is a part placed wrongly, or search too small?"
+        ),
+    )

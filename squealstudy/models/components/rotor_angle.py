@@ -1,0 +1,46 @@
+"""What an angle of the rotor may not do: part what is joined, turn what is held one way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from squealstudy.models.components.model_file import GROUND, ROTOR_ANGLE, ModelFile
+from squealstudy.models.file_table import PlacedError
+
+
+def expect_rotor(file: ModelFile) -> None:
+    """Raise PlacedError where an angle means nothing, or would part what is joined."""
+    if not file.turning:
+        raise PlacedError(
+            ROTOR_ANGLE, "nothing turns: no contact is sliding, and there is no rotor"
+        )
+    joints = [("contact", t.slave, t.master) for t in file.contact if t.kind != "sliding"]
+    joints += [("tie", t.slave, t.master) for t in file.tie]
+    joints += [("coupling", t.node, t.face) for t in file.coupling]
+    joints += [
+        (kind, *t.between)
+        for kind, tables in (("layer", file.layer), ("spring", file.spring))
+        for t in tables
+        if GROUND not in (n.casefold() for n in t.between)
+    ]
+    for kind, *sides in joints:
+        one, other = (side.partition(".")[0] for side in sides)
+        if (one in file.turning) != (other in file.turning):
+            turns, stays = (one, other) if one in file.turning else (other, one)
+            raise PlacedError(
+                ROTOR_ANGLE,
+                f"a {kind} joins {turns}, which turns, and {stays}, which does not: expected no "
+                "angle, or one mesh of both",
+            )
+
+
+def turns_with(dofs: Sequence[int], turn: np.ndarray) -> bool:
+    """Whether directions 1 to 6 that are held are as well those of a turned body."""
+    for first in (1, 4):
+        axes = np.array([first + axis in dofs for axis in range(3)], dtype=float)
+        held = np.diag(axes)
+        if np.abs(turn @ held @ turn.T - held).max() > 1e-12:
+            return False
+    return True
