@@ -258,8 +258,8 @@ class Geometry:
         name = table.slave.partition(".")[0]
         turn, shift = placement(name, self.file.components[name], self.file.units)
         if name in self.turned:
-            also, moved = self._turn()
-            turn, shift = also @ turn, also @ shift + moved
+            also, further = self._turn()
+            turn, shift = also @ turn, also @ shift + further
         try:
             places = GapMap(
                 self.brake.located(table.initial_gap.file), LENGTH.factor(self.file.units)

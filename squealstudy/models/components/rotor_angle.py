@@ -40,7 +40,7 @@ def turns_with(dofs: Sequence[int], turn: np.ndarray) -> bool:
     """Whether directions 1 to 6 that are held are as well those of a turned body."""
     for first in (1, 4):
         axes = np.array([first + axis in dofs for axis in range(3)], dtype=float)
-        held = np.diag(axes)
-        if np.abs(turn @ held @ turn.T - held).max() > 1e-12:
+        fixed = np.diag(axes)
+        if np.abs(turn @ fixed @ turn.T - fixed).max() > 1e-12:
             return False
     return True
