@@ -138,7 +138,8 @@ def test_a_sweep_tells_the_worst_angle(tmp_path, monkeypatch, capsys):
     modes = results.modes
     worst = modes.loc[modes["growth_rate"].idxmax()]
     angle = results.points.loc[results.points["point_id"] == worst["point_id"], "rotor_angle"]
-    row = next(r for r in screen.splitlines() if f" {worst['frequency_hz']:.0f} " in r)
+    hertz = f"{worst['frequency_hz']:.0f}"
+    row = next(r for r in screen.splitlines() if r.split()[1:2] == [hertz])
     assert row.split()[-2:] == [f"{float(angle.iloc[0]):g}", "deg"]
     for angle, words in ((22.5, "is the same there"), (7.0, "is another there")):
         model = write_ring(
