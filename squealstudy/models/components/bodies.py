@@ -336,3 +336,16 @@ def changed_mesh(body: Body, given: tuple[tuple[KeyPath, float], ...]) -> SolidM
             raise PlacedError(next(iter(values)), text, label, names)
         materials[label] = changed_material(materials[label], values, label)
     return replace(body.mesh, materials=materials)
+
+
+def held_turns(of_turns: list[np.ndarray], of: Body, keys: KeyPath) -> np.ndarray:
+    """Degrees of freedom (n,) of bool that are turns to be held; PlacedError without them."""
+    turn_rows = np.concatenate([np.zeros(0, dtype=np.int64), *of_turns])
+    lacking = turn_rows[~of.expansion.turning[turn_rows // 3]]
+    if len(lacking):
+        named = of.mesh.nodes_named(np.unique(lacking // 3))
+        raise PlacedError(keys, f"{named}: no turns are freedoms there: expected 1 to 3")
+    rows = of.expansion.turns[turn_rows]
+    is_fixed = np.zeros(rows.shape[1], dtype=bool)
+    is_fixed[rows.indices[of.expansion.places[rows.indices] < 0]] = True
+    return is_fixed

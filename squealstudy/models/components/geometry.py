@@ -14,6 +14,7 @@ from squealstudy.models.components.bodies import (
     Body,
     Brake,
     body_of,
+    held_turns,
     placement,
     turn_about,
     turned_body,
@@ -189,7 +190,7 @@ class Geometry:
                 text = f"holds {fixed.set} in some directions alone, which do not turn with it"
                 raise PlacedError(ROTOR_ANGLE, f"[[fixed]] {text}: expected all, or the axis")
             of_turns = [3 * nodes + d - 4 for d in fixed.dofs if d > 3]
-            fixed_freedoms[name] |= self._held_turns(of_turns, of, (*keys[:2], "dofs"))
+            fixed_freedoms[name] |= held_turns(of_turns, of, (*keys[:2], "dofs"))
             fixed_by_axis = [3 * nodes + d - 1 for d in fixed.dofs if d <= 3]
             fixed_rows = np.concatenate([np.zeros(0, dtype=np.int64), *fixed_by_axis])
             fixed_rows = fixed_rows[~of.expansion.lacking[fixed_rows]]
@@ -202,19 +203,6 @@ class Geometry:
                 )
             fixed_freedoms[name] |= np.isin(of.expansion.places, fixed_rows)
         return {name: np.flatnonzero(~h) for name, h in fixed_freedoms.items()}
-
-    @staticmethod
-    def _held_turns(of_turns: list[np.ndarray], of: Body, keys: KeyPath) -> np.ndarray:
-        """Degrees of freedom (n,) of bool that are turns to be held; PlacedError without them."""
-        turn_rows = np.concatenate([np.zeros(0, dtype=np.int64), *of_turns])
-        lacking = turn_rows[~of.expansion.turning[turn_rows // 3]]
-        if len(lacking):
-            named = of.mesh.nodes_named(np.unique(lacking // 3))
-            raise PlacedError(keys, f"{named}: no turns are freedoms there: expected 1 to 3")
-        rows = of.expansion.turns[turn_rows]
-        is_fixed = np.zeros(rows.shape[1], dtype=bool)
-        is_fixed[rows.indices[of.expansion.places[rows.indices] < 0]] = True
-        return is_fixed
 
     # -- where faces meet ------------------------------------------------------------------------
     def _rotation(self) -> Rotation | None:
