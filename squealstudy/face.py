@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from distributed import Client
 
     from squealstudy.engine.cluster import Cluster
+    from squealstudy.engine.kind import Kind, Planned
     from squealstudy.engine.results import Results
+    from squealstudy.kinds.methods import MethodsFile
 
 GOES_ON = "; what is finished is kept, and the same command goes on from there"
 SENSITIVITY = "sensitivity"
@@ -44,8 +46,8 @@ class Study:
         The file as it was read, and its path.
     tables : mapping
         What it says, changes included.
-    resolved : object
-        The same as its kind has read it: of a model a `ResolvedStudy`.
+    resolved : ResolvedStudy or MethodsFile
+        The same as its kind has read it; the latter of a study of methods.
 
     Examples
     --------
@@ -61,7 +63,7 @@ class Study:
 
     source: SourceText
     tables: Mapping[str, Any]
-    resolved: Any
+    resolved: ResolvedStudy | MethodsFile[Any]
 
     def __repr__(self) -> str:
         """Name, kind and model on one line."""
@@ -71,18 +73,17 @@ class Study:
     @property
     def owner(self) -> tuple[str, str, str]:
         """Name, kind and model (of a method-stability study the case)."""
-        owner: tuple[str, str, str] = self.resolved.kind.owner(self.resolved)
-        return owner
+        return _kind_of(self).owner(self.resolved)
 
-    def plan(self) -> Any:
-        """Its design points, or runs.
+    def plan(self) -> Planned:
+        """Its design points, or runs: `tasks`.
 
         Raises
         ------
         StudyFileError
             What only the design points show.
         """
-        return self.resolved.kind.plan(self.resolved)
+        return _kind_of(self).plan(self.resolved)
 
     @property
     def directory(self) -> Path:
@@ -168,13 +169,20 @@ class Study:
         kind, name = self.resolved.kind, self.tables["study"]["name"]
         if kind.name == SENSITIVITY:
             return self
-        if kind.of_methods or not kind.chooses_rung:
+        if not isinstance(self.resolved, ResolvedStudy) or not self.resolved.kind.chooses_rung:
             raise self.source.error(
                 ("study", "kind"), f"expected {SENSITIVITY} or complex_modes, got {kind.name}"
             )
         gone = dict.fromkeys(("sweep", "design", "fidelity"))
         named = {"study.kind": SENSITIVITY, "study.name": f"{name}_{SENSITIVITY}"}
         return self.with_(gone | named)
+
+
+def _kind_of(study: Study) -> Kind:
+    """The kind of a study, with all that a run asks of it."""
+    from squealstudy.engine.kind import as_kind
+
+    return as_kind(study.resolved.kind)
 
 
 def read_study(path: str | Path) -> Study:
@@ -288,7 +296,7 @@ def run(
     directory = Path(output or study.directory)
     resolved = study.resolved
     manifest = check_owner(directory, study.owner)
-    resolved.kind.check_count(resolved, yes)
+    _kind_of(study).check_count(resolved, yes)
     plan = study.plan()
     with (
         faults.told(GOES_ON),

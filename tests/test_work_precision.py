@@ -17,7 +17,7 @@ from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
 from squealstudy.kinds.complex_modes import problems
-from squealstudy.kinds.transient.measuring import together
+from squealstudy.kinds.transient.measuring import pooled_findings
 from squealstudy.kinds.work_precision import kind as kind_module
 from squealstudy.modes.point import solve_point
 
@@ -203,7 +203,7 @@ def test_a_reference_that_fails_is_said(write, tmp_path):
         ('"torque_rms"', '"torque"', "work_precision.quantities", "'torque' is no quantity"),
         ('"newmark_newton"', '"newton"', "method[2].integrator", "'newton'"),
         ('"Newton"', '"Newmark"', "method[2].name", "two methods are called 'Newmark'"),
-        ("[2e-5, 2e-4]", "[]", "method[1]", "knob and values go together"),
+        ("[2e-5, 2e-4]", "[]", "method[1]", "knob and values go pooled_findings"),
         ("[2e-5, 2e-4]", "[2e-5, 2e-5]", "method[1]", "appears twice"),
         ("[2e-5, 2e-4]", "[2e-5, -1.0]", "method[1].knob", "expected more than 0"),
         ("repeats = 2", "repeats = 0", "work_precision.repeats", "at least 1"),
@@ -253,12 +253,12 @@ def test_several_starts_widen_the_bounds():
     }
     other = one | {"values": one["values"] | {"torque_rms": [12.0, 10.0, 14.0]}}
     other |= {"energy_share": {"3": 0.5, "12": 0.5}}
-    merged = together([one, other])
+    merged = pooled_findings([one, other])
     assert merged["values"]["torque_rms"] == [11.0, 9.0, 14.0]
     assert merged["values"]["growth_rate"] == [None, None, None]
     assert merged["energy_share"] == {"3": 0.75, "12": 0.25}
     failed = {"status": "not_finite", "message": "t = 1 s"}
-    assert together([one, failed]) == failed
+    assert pooled_findings([one, failed]) == failed
 
 
 def test_starts_differ_in_size(write, tmp_path):

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
-from typing import assert_type
+from typing import Any, assert_type
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 import squealstudy as sq
+from squealstudy.engine.kind import Planned
 from squealstudy.errors import StudyFileError
+from squealstudy.kinds.methods import MethodsFile
 from squealstudy.laws import ContactLawDefinition, FrictionCurveDefinition, register
 from squealstudy.mechanics.limit_cycles import LimitCycles
 from squealstudy.mechanics.linear import LinearSystem
@@ -26,6 +28,7 @@ from squealstudy.mechanics.steady import SteadySliding
 from squealstudy.mechanics.unreduced import Unreduced
 from squealstudy.modes.rungs import register_rung
 from squealstudy.motion.integrator import register_integrator
+from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.kinds import register_kind
 
 BAND_HZ = (10.0, 1000.0)
@@ -64,6 +67,9 @@ def study_and_results(folder: Path) -> None:
     """A study, its results, tables and pictures."""
     study = sq.model("hulten").study(band=BAND_HZ).with_(friction=[0.1, 0.5])
     assert_type(study, sq.Study)
+    assert_type(study.plan(), Planned)
+    assert_type(len(study.plan().tasks), int)
+    assert_type(study.resolved, ResolvedStudy | MethodsFile[Any])
     assert_type(study.text, str)
     assert_type(study.directory, Path)
     assert_type(sq.read_study(sq.new_study(folder / "new.toml", model="belt")), sq.Study)

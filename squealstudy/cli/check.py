@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from squealstudy.cli.run import fidelity
 from squealstudy.engine.forecast import Estimate, estimate, run_seconds
 from squealstudy.engine.key_tables import key_tables
+from squealstudy.engine.kind import as_kind
 from squealstudy.engine.manifest import check_owner, outdated
 from squealstudy.engine.model_kind import as_model_kind
 from squealstudy.engine.plan import Plan, has_mesh
@@ -51,6 +52,7 @@ from squealstudy.wording import amount, duration, plural, setting
 
 if TYPE_CHECKING:
     from squealstudy.engine.cluster import Worker
+    from squealstudy.kinds.methods import MethodsPlan
 
 MOST_MADE = 1_000_000  # design points beyond the limit of `run` that are made for a forecast
 
@@ -68,23 +70,25 @@ def check(
     manifest = check_owner(directory, study.owner)
     members = _members(scheduler)
     jobs = len(members) or worker_count(jobs, manifest, warning)
-    if study.resolved.kind.of_methods:
+    resolved = study.resolved
+    if not isinstance(resolved, ResolvedStudy):
         if of_mesh:
             raise SquealstudyError(
                 f"{path}: --mesh-error is of a study's design points, which a study of methods "
                 "has not: check the study that it varies"
             )
         name, kind, _ = study.owner
-        return [("study", f"{name}: {kind}, valid"), *study.plan().facts, *_cluster(members)]
-    count = study.resolved.kind.n_points(study.resolved)
-    if count > max(MOST_MADE, study.resolved.definition.design.limit):
-        return _unmade(study.resolved, count)
-    plan, facts = study.plan(), None
-    if study.resolved.definition.fidelity is not None:
+        runs = cast("MethodsPlan", study.plan())
+        return [("study", f"{name}: {kind}, valid"), *runs.facts, *_cluster(members)]
+    count = as_kind(resolved.kind).n_points(resolved)
+    if count > max(MOST_MADE, resolved.definition.design.limit):
+        return _unmade(resolved, count)
+    plan, facts = cast("Plan", study.plan()), None
+    if resolved.definition.fidelity is not None:
         from squealstudy.fidelity.run import resolve
 
         with progress() as tell:
-            chosen = resolve(study.resolved, jobs, tell)
+            chosen = resolve(resolved, jobs, tell)
         plan, facts = chosen.plan, chosen.facts
     if manifest and manifest.get("basis_enriched"):  # as it was solved
         plan = Plan(plan.study, plan.swept, True)

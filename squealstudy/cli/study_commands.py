@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
@@ -132,9 +132,10 @@ def export(
     """
     from squealstudy import face, screen
     from squealstudy.engine.export import GENERATED, export_model, export_reduced
+    from squealstudy.engine.plan import Plan
     from squealstudy.paths import usable_cache
 
-    plan = face.read_study(study).plan()
+    plan = cast("Plan", face.read_study(study).plan())
     if output.exists() and not output.is_dir():
         raise ResultsError(f"{output}: expected a folder to write to, found a file")
     with usable_cache(screen.warning):

@@ -2,8 +2,8 @@
 
 Forces are evaluated at samples of a period and projected on the harmonics (Cameron & Griffin
 1989). With the Fourier coefficients of their derivatives D(theta) the Jacobian is exact for these
-samples: products of two harmonics are sums of harmonics at every sample. Where friction turns
-between samples it is nearly so (`kernels/turns.py`).
+samples: products of two harmonics are sums of harmonics at every sample. Where friction changes
+direction between samples it is nearly exact (`kernels/turns.py`).
 
 The added damping xi of `C + xi I` is an unknown: with it every amplitude is periodic (extended
 periodic motion concept, Krack 2015, doi 10.1016/j.compstruc.2015.03.008), and xi = 0 is a cycle.
@@ -106,8 +106,8 @@ class Balance:
         return Q
 
     # -- forces ----------------------------------------------------------------------------------
-    def _seen(self, z: np.ndarray) -> np.ndarray:
-        """Series (2 H + 1, g b) of what the groups see."""
+    def _local_series(self, z: np.ndarray) -> np.ndarray:
+        """Series (2 H + 1, g b) of the displacements that local forces depend on."""
         if self.vectors is None:
             return z.reshape(2 * self.harmonics + 1, -1) @ self._rows[0].T
         H = self.harmonics
@@ -119,7 +119,7 @@ class Balance:
 
     def sampled(self, z: np.ndarray, omega: float) -> LocalForces:
         """Forces at the samples of a period."""
-        return _forces(self.osc, self.rule, self._seen(z), omega)
+        return _forces(self.osc, self.rule, self._local_series(z), omega)
 
     def _spread(self, f: np.ndarray) -> np.ndarray:
         """Harmonics (m,) of generalised forces, of samples (S, g, b) of local ones."""
@@ -172,7 +172,7 @@ class Balance:
     ) -> Balanced:
         """`imbalance` of coordinates (m,) at omega [rad/s], xi [1/s], with derivatives.
 
-        Those by the coordinates are of a `precision`.
+        `precision` is the type of those by the coordinates.
         """
         local = self.sampled(z, omega) if local is None else local
         if self._few:
@@ -181,7 +181,7 @@ class Balance:
             R, J, by_omega = balance_of_few(Q, omega, xi, K, C, B, (*local,), *sums)
             J = J.astype(precision, copy=False)
             return Balanced(R.ravel(), J, by_omega.ravel(), omega * self.turned(z))
-        rates = (self.rule.slope @ self._seen(z)).reshape(local.f.shape)
+        rates = (self.rule.slope @ self._local_series(z)).reshape(local.f.shape)
         by_omega = -self._spread(np.einsum("sgbc,sgc->sgb", local.by_w, rates))
         turned = self.turned(z)
         if self.vectors is None:
@@ -218,10 +218,10 @@ class Balance:
             for part, columns in zip(parts, pushed, strict=False):
                 J[part] = derivatives @ columns.reshape(self.size, g * b).T
             for part, other, sign in zip(parts, parts[::-1], (1.0, -1.0), strict=False):
-                one = np.eye(len(self.K[j]))
-                J[part, part] += self.K[j] - (j * omega) ** 2 * one
+                identity = np.eye(len(self.K[j]))
+                J[part, part] += self.K[j] - (j * omega) ** 2 * identity
                 if j:
-                    J[part, other] += sign * j * omega * (self.C[j] + xi * one)
+                    J[part, other] += sign * j * omega * (self.C[j] + xi * identity)
         return J
 
 
@@ -238,9 +238,10 @@ def sampled(osc: Oscillator, rule: Sampling, Q: np.ndarray, omega: float) -> Loc
     return _forces(osc, rule, Q @ osc.rows.T, omega)
 
 
-def _forces(osc: Oscillator, rule: Sampling, seen: np.ndarray, omega: float) -> LocalForces:
-    """Of the series (2 H + 1, g b) of what the groups see."""
+def _forces(osc: Oscillator, rule: Sampling, local_series: np.ndarray, omega: float) -> LocalForces:
+    """Forces at samples, of the series (2 H + 1, g b) of the displacements that they depend on."""
     shape = (len(rule.synthesis), *osc.B.shape[:2])
     return (osc.turning or osc.forces)(
-        (rule.synthesis @ seen).reshape(shape), (omega * (rule.slope @ seen)).reshape(shape)
+        (rule.synthesis @ local_series).reshape(shape),
+        (omega * (rule.slope @ local_series)).reshape(shape),
     )

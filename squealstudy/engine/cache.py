@@ -43,7 +43,8 @@ from squealstudy.study.design import DesignPoint
 
 ARRAY = re.compile(r"[^/\\\x00]{1,250}\.npy")
 NO_MORE_FILES = (errno.EMFILE, errno.ENFILE)
-META, MODELS, GAPS = "meta.json", "models", ".npz"
+META, MODELS = "meta.json", "models"
+GAPS_SUFFIX = ".npz"  # of files of working points
 FORMAT = 4  # of a folder: what an earlier version wrote is made again
 FEWEST_KEPT_GAPS = 16  # of a working point: fewer are solved sooner than they are read
 Prepared = PreparedModel | PreparedFamily
@@ -56,7 +57,8 @@ _verified: dict[Path, list[tuple[int, int]]] = {}  # sizes and times of files wh
 def is_whole(folder: Path) -> bool:
     """Whether a folder holds a value as it was written, of classes that values may have.
 
-    Its files are read once a process; from then on their sizes and times are looked at.
+    Its files are read once a process; from then on their sizes and times are compared. The folder
+    counts as used (`touched`).
     """
     try:
         if not is_plain_file(folder / META):
@@ -83,7 +85,7 @@ def is_whole(folder: Path) -> bool:
             raise
         return False
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError):
-        return False  # whoever wrote it
+        return False  # a file may hold anything
     _touch(folder)
     return True
 
@@ -174,7 +176,7 @@ _watching: list[set[Path]] = []
 
 @contextmanager
 def touched() -> Iterator[set[Path]]:
-    """Folders of values and files of working points that what runs inside writes, or finds."""
+    """Collects folders of values and files of working points that are written or read inside."""
     places: set[Path] = set()
     _watching.append(places)
     try:
@@ -212,7 +214,7 @@ def keep_contents(place: Path, files: Mapping[str, bytes]) -> None:
     inside = not {"..", "."} & set(place.parts) and all(Path(n).name == n for n in files)
     if not (inside and place.is_relative_to(cache_directory() / MODELS)):
         raise OSError(f"{place}: not of the cache")
-    if place.suffix == GAPS:
+    if place.suffix == GAPS_SUFFIX:
         for name, content in files.items():
             if hashlib.sha256(content).hexdigest() == Path(name).stem:
                 _remove_links(place.parent)
@@ -226,9 +228,6 @@ def keep_contents(place: Path, files: Mapping[str, bytes]) -> None:
         if not is_whole(temporary):
             shutil.rmtree(temporary, ignore_errors=True)
             raise OSError(f"{place}: not as it was written")
-
-
-# -- values as files -------------------------------------------------------------------------------
 
 
 # -- prepared models -----------------------------------------------------------------------------
@@ -279,7 +278,7 @@ def _gaps(key: str) -> dict[str, np.ndarray]:
     gap_of: dict[str, np.ndarray] = {}
     if _links(_gap_folder(key)):  # files there may be anybody's
         return gap_of
-    for file in sorted(_gap_folder(key).glob(f"[!.]*{GAPS}")):
+    for file in sorted(_gap_folder(key).glob(f"[!.]*{GAPS_SUFFIX}")):
         with contextlib.suppress(ValueError, KeyError, OSError, TypeError):
             content = read_whole(file) if is_plain_file(file) else b""
             if hashlib.sha256(content).hexdigest() != file.stem:
@@ -320,8 +319,8 @@ class NewGaps:
             name = hashlib.sha256(content.getvalue()).hexdigest()
             _remove_links(_gap_folder(key))
             remove_abandoned(_gap_folder(key))
-            write_bytes(_gap_folder(key) / f"{name}{GAPS}", content.getvalue())
-            _touch(_gap_folder(key) / f"{name}{GAPS}")
+            write_bytes(_gap_folder(key) / f"{name}{GAPS_SUFFIX}", content.getvalue())
+            _touch(_gap_folder(key) / f"{name}{GAPS_SUFFIX}")
             _gaps(key).update(gaps)
 
 

@@ -222,9 +222,9 @@ def _remove(directory: Path, tables: Sequence[str]) -> None:
             folder.rmdir()
 
 
-def _pictures(found: dict[str, Any] | None) -> list[str]:
+def _pictures(manifest: dict[str, Any] | None) -> list[str]:
     """Names of the pictures that a manifest lists."""
-    return list(found.get(PICTURES, [])) if found else []
+    return list(manifest.get(PICTURES, [])) if manifest else []
 
 
 def _told_of(
@@ -233,9 +233,9 @@ def _told_of(
     progress(f"{folder}: {stage}", done, total, failed)
 
 
-def _is_complete(found: dict[str, Any], plan: Planned, store: Store) -> bool:
+def _is_complete(manifest: dict[str, Any], plan: Planned, store: Store) -> bool:
     """Whether nothing is left to do in a directory whose files are all whole."""
-    if found.get("status") != "complete" or found.get("study_hash") != plan.study_hash:
+    if manifest.get("status") != "complete" or manifest.get("study_hash") != plan.study_hash:
         return False
     if not all(store.parts(name) for name in plan.kind.tables):
         return False
@@ -246,7 +246,7 @@ def _is_complete(found: dict[str, Any], plan: Planned, store: Store) -> bool:
 
 
 def _left_over(plan: Planned, store: Store, known: np.ndarray) -> str:
-    """What of the rows that are there a study takes over, where it does not take over all."""
+    """How many of the rows that were solved before belong to the study; empty where all do."""
     others = int(np.isin(known, plan.tasks.ids, invert=True).sum())
     if not others:
         return ""

@@ -1,4 +1,4 @@
-"""Time integration of the hybrid model, and what is kept of it: the modal one's reference."""
+"""Time integration of the hybrid model, which the modal one is held against, and its history."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from squealstudy.errors import ConvergenceError, ParameterError
 from squealstudy.kernels import hybrid_layout as layout
-from squealstudy.kernels import newmark_layout as its
+from squealstudy.kernels import newmark_layout as newmark
 from squealstudy.kernels.hybrid_state import (
     commit,
     history_row,
@@ -66,8 +66,8 @@ def simulate_hybrid(
     sensed : ndarray (ns,) of int or None
         Modes, from 1, whose amplitudes are kept; None for all.
     sensors_of : HybridModel or None
-        The same coordinates about another working point, whose modes and whose stiffness amplitudes
-        and modal energies are of; None for `model`.
+        A model in the same coordinates about another working point: amplitudes and modal energies
+        are those of its modes and its stiffness. None for `model`.
 
     Raises
     ------
@@ -98,30 +98,36 @@ class _Run:
         settings: MotionSettings,
         max_halvings: int,
         sensed: np.ndarray,
-        seen: HybridModel,
+        sensor_model: HybridModel,
     ) -> None:
         self._model, self._design, self._settings = model, design, settings
         self._max_halvings, self._sensed = max_halvings, sensed
-        self._omega = seen.omega[sensed - 1]
+        self._omega = sensor_model.omega[sensed - 1]
         self._hybrid = hybrid_arrays(model, design)
         self._state = initial_state(model, self._hybrid, *design.start(model.n))
         modes, watching = sensed - 1, design.growing.sensors.reshape(-1, model.n)
-        if seen is not model:
-            modes, watching = modes[:0], np.vstack([seen.sensors[modes], watching])
+        if sensor_model is not model:
+            modes, watching = modes[:0], np.vstack([sensor_model.sensors[modes], watching])
         self._recorder = Recorder(
-            model, self._hybrid, self._state, settings, modes, watching, model.k_ref - seen.k_ref
+            model,
+            self._hybrid,
+            self._state,
+            settings,
+            modes,
+            watching,
+            model.k_ref - sensor_model.k_ref,
         )
         self._limits = layout.Limits(
             settings.tolerance, settings.friction_tolerance, settings.max_iterations
         )
         self._solvers: dict[int, StepSolver] = {}
-        self._equal = 0  # steps of one size behind the present
+        self._n_equal_steps = 0  # sub-steps of the present size, up to now
         self._position, self._level, self._step = 0, 0, 0
-        self._evaluations, self._step_evaluations, self._most = 0, 0, 0
+        self._evaluations, self._step_evaluations, self._max_evaluations = 0, 0, 0
         self._halvings, self._contraction, self._columns = 0, 0.0, 0
-        self._status = its.DONE if start(self._hybrid, self._state) else its.NOT_FINITE
+        self._status = newmark.DONE if start(self._hybrid, self._state) else newmark.NOT_FINITE
         self._stored_start = self._recorder.stored()[1]
-        if self._status == its.DONE:
+        if self._status == newmark.DONE:
             self._recorder.sum(0.0)
             self._recorder.save(0)
             self._integrate()
@@ -129,23 +135,23 @@ class _Run:
     def _integrate(self) -> None:
         """Step to the end, or to a sub-step that fails at the shortest size."""
         settings = self._settings
-        whole = 1 << self._max_halvings
+        n_shortest = 1 << self._max_halvings
         while self._step < settings.n_steps:
             status = self._advance()
-            if status != its.DONE:
-                self._equal = 0
-                if self._level == self._max_halvings or status == its.SINGULAR:
+            if status != newmark.DONE:
+                self._n_equal_steps = 0
+                if self._level == self._max_halvings or status == newmark.SINGULAR:
                     self._status = status
                     return
                 self._level += 1
                 self._halvings += 1
                 continue
-            self._position += whole >> self._level
-            if self._position == whole:
-                self._equal = 0 if self._level else self._equal
+            self._position += n_shortest >> self._level
+            if self._position == n_shortest:
+                self._n_equal_steps = 0 if self._level else self._n_equal_steps
                 self._position, self._level = 0, 0
                 self._step += 1
-                self._most = max(self._most, self._step_evaluations)
+                self._max_evaluations = max(self._max_evaluations, self._step_evaluations)
                 self._step_evaluations = 0
                 self._recorder.save(self._step)
 
@@ -155,15 +161,15 @@ class _Run:
         try:
             solver = self._solver()
         except ConvergenceError:
-            return its.SINGULAR
-        predict(hybrid, solver.level, state, self._equal + 1)
+            return newmark.SINGULAR
+        predict(hybrid, solver.level, state, self._n_equal_steps + 1)
         dv = solver.solve(state.vectors[layout.RHS])
         status, evaluations, contraction, heavy, solve = balance(
             hybrid, solver.level, state, dv, self._limits
         )
         self._evaluations += evaluations
         self._step_evaluations += evaluations
-        if status != its.DONE:
+        if status != newmark.DONE:
             return int(status)
         self._contraction = max(self._contraction, contraction)
         if solve:
@@ -172,14 +178,14 @@ class _Run:
             self._columns += 3 * heavy
         commit(hybrid, solver.level, state)
         self._recorder.sum(solver.level.h)
-        self._equal += 1
-        return its.DONE
+        self._n_equal_steps += 1
+        return newmark.DONE
 
     def _solver(self) -> StepSolver:
         """The factor of the present size of step, made when it is first needed."""
         if self._level not in self._solvers:
-            normal = self._hybrid.points[:, its.POINT_NORMAL]
-            drag = self._hybrid.law[its.LAW_MU] * normal
+            normal = self._hybrid.points[:, newmark.POINT_NORMAL]
+            drag = self._hybrid.law[newmark.LAW_MU] * normal
             forces = np.column_stack([normal, drag, drag]).ravel()
             h = self._settings.step / (1 << self._level)
             self._solvers[self._level] = StepSolver(self._model.M, self._hybrid, h, forces)
@@ -208,7 +214,7 @@ class _Run:
             velocity=sensed[:, 1].copy(),
             q_history=recorder.coordinates(),
             mean_iterations=self._evaluations / steps,
-            max_iterations=max(self._most, self._step_evaluations),
+            max_iterations=max(self._max_evaluations, self._step_evaluations),
             halvings=self._halvings,
             newton_steps=0,
             contraction=self._contraction,
@@ -219,7 +225,7 @@ class _Run:
         )
 
     def _energy(self) -> EnergyBalance:
-        end = self._recorder.stored()[1] if self._status == its.DONE else np.nan
+        end = self._recorder.stored()[1] if self._status == newmark.DONE else np.nan
         return EnergyBalance(*[*self._state.work.tolist(), self._stored_start, end])
 
 
@@ -254,7 +260,7 @@ class Recorder:
         self._rows: list[np.ndarray] = []
         self._sensed: list[np.ndarray] = []
         self._q: list[np.ndarray] = []
-        self._sums, self._now = np.zeros(its.N_SUM), np.zeros(len(its.HISTORY))
+        self._sums, self._now = np.zeros(newmark.N_SUM), np.zeros(len(newmark.HISTORY))
 
     def sum(self, h: float) -> None:
         """Add the accepted sub-step h [s] to the sums of the next row; 0 for the start."""
@@ -278,7 +284,7 @@ class Recorder:
         twice = v @ (self.model.M @ v) + x[layout.Q] @ x[layout.KQ]
         twice += rate @ rate - rate_s @ rate_s + w2 @ (a * a - a_s * a_s)
         linear = 0.5 * float(twice)
-        gaps = self.state.point[:, its.X_START]
+        gaps = self.state.point[:, newmark.X_START]
         modal = linear - 0.5 * float(self.excess @ (gaps * gaps))
         return modal, linear + float(potential_energy(self.hybrid, self.state))
 
@@ -287,10 +293,10 @@ class Recorder:
         every = self.settings.save_every
         if not every or step % every:
             return
-        row = np.zeros(len(its.HISTORY))
+        row = np.zeros(len(newmark.HISTORY))
         history_row(self.hybrid, self.state, row)
-        row[its.TIME] = step * self.settings.step
-        row[its.MODAL_ENERGY], row[its.STORED] = self.stored()
+        row[newmark.TIME] = step * self.settings.step
+        row[newmark.MODAL_ENERGY], row[newmark.STORED] = self.stored()
         sums_to_row(self._sums, row)
         self._rows.append(row)
         amplitudes = self.state.modes[[layout.ALPHA, layout.RATE]][:, self.modes]
@@ -302,8 +308,8 @@ class Recorder:
 
     def history(self) -> dict[str, np.ndarray]:
         """The saved rows by column name (newmark_layout.HISTORY), (rows,) each."""
-        rows = np.array(self._rows).reshape(-1, len(its.HISTORY))
-        return {name: rows[:, i].copy() for i, name in enumerate(its.HISTORY)}
+        rows = np.array(self._rows).reshape(-1, len(newmark.HISTORY))
+        return {name: rows[:, i].copy() for i, name in enumerate(newmark.HISTORY)}
 
     def sensed(self) -> np.ndarray:
         """Of q and q' (rows, 2, ns + 8 m): amplitudes, then what watches growing modes."""
@@ -315,7 +321,7 @@ class Recorder:
         return np.array(self._q).reshape(-1, self.model.n)
 
     def _lag(self) -> np.ndarray:
-        """What the modes differ from the sparse part, amplitude and velocity (2, m)."""
+        """Modes less the sparse part, amplitude and velocity (2, m)."""
         modes = self.state.modes
         part = modes[[layout.ALPHA, layout.RATE]] - modes[[layout.ALPHA_S, layout.RATE_S]]
         return np.asarray(part)

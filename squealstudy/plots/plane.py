@@ -28,8 +28,8 @@ MEASURES = {"count": "Unstable modes", "growth": "Largest growth rate [1/s]"}
 MOST_CELLS = (450, 300)  # of a picture, about 2 pixels each
 N_CELLS = (150, 100)  # cells in which scattered points are gathered that would cover one another
 MOST_DOTS = 20_000  # of scattered points: more cover one another
-# points, and cells on each side, that are looked at for another state
-IN_A_CELL, N_NEIGHBOUR_CELLS = 8, 2
+POINTS_PER_CELL = 8  # in the mean, of cells in which another state is looked for
+N_NEIGHBOUR_CELLS = 2  # on each side of a point's own
 MIN_INSCRIBED_RATIO = 0.01  # radius of the inscribed circle over that of the circumscribed one
 MIN_GRID_SHARE = 0.5  # share of the cells with a design point from which on a plane is a grid
 
@@ -73,15 +73,15 @@ class Plane:
         axes.patch.set(hatch="///", edgecolor="0.75", facecolor="white")
         x, y, table = self.cells(values)
         edges = [self.across.edges(x), self.up.edges(y)]
-        for axis, together in enumerate(self.merged):
-            places = np.arange(0, table.shape[1 - axis], together)
+        for axis, n_merged in enumerate(self.merged):
+            places = np.arange(0, table.shape[1 - axis], n_merged)
             table = np.fmax.reduceat(table, places, axis=1 - axis)
             edges[axis] = np.append(edges[axis][places], edges[axis][-1])
         return axes.pcolormesh(*edges, np.ma.masked_invalid(table), **style)
 
     @cached_property
     def merged(self) -> tuple[int, int]:
-        """How many columns and rows of a grid are drawn as one: more than pixels show nothing."""
+        """How many columns and rows of a grid are drawn as one: there may be more than pixels."""
         counts = (len(np.unique(v)) for v in (self.x, self.y))
         across, up = (-(-n // most) for n, most in zip(counts, MOST_CELLS, strict=True))
         return across, up
@@ -159,22 +159,22 @@ class StudyPlane(Plane):
 
     @cached_property
     def near_changes(self) -> np.ndarray:
-        """Solved points (n,); of very many those at the edge, or with both states around, alone.
+        """Solved points (n,); of very many only those at the edge, or near points of another state.
 
-        Triangles over where others were have corners of one state. Around: in cells with equal
-        shares of the values of each axis, the point's own and N_NEIGHBOUR_CELLS on each side.
+        Triangles between all others would have corners of one state. Near is what lies in the same
+        cell or in N_NEIGHBOUR_CELLS on each side; cells hold equal shares of each axis' values.
         """
         is_solved, many = self.known, int(self.known.sum())
         if many <= MOST_DOTS:
             return is_solved
-        count = int(np.sqrt(many / IN_A_CELL))
+        count = int(np.sqrt(many / POINTS_PER_CELL))
         ranks = [np.searchsorted(np.sort(v[is_solved]), v) for v in (self.x, self.y)]
         cell = [np.minimum(rank * count // many, count - 1) for rank in ranks]
         around = np.ones((count, count), dtype=bool)
         for state in (self.unstable, ~self.unstable):
-            here = np.zeros_like(around)
-            here[tuple(c[is_solved & state] for c in cell)] = True
-            around &= maximum_filter(here, 2 * N_NEIGHBOUR_CELLS + 1)
+            has_state = np.zeros_like(around)
+            has_state[tuple(c[is_solved & state] for c in cell)] = True
+            around &= maximum_filter(has_state, 2 * N_NEIGHBOUR_CELLS + 1)
         around = np.pad(
             around[N_NEIGHBOUR_CELLS:-N_NEIGHBOUR_CELLS, N_NEIGHBOUR_CELLS:-N_NEIGHBOUR_CELLS],
             N_NEIGHBOUR_CELLS,
@@ -186,7 +186,7 @@ class StudyPlane(Plane):
     def triangles(self, values: np.ndarray) -> Triangulation | None:
         """Triangles between the points with a value; None where they span no area.
 
-        Not those along the edge that are so flat that their corners are no neighbours.
+        Very flat ones along the edge are left out: their corners are no neighbours.
         """
         finite = np.isfinite(values)
         if self.others_vary or finite.sum() < 3:

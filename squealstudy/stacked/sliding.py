@@ -1,7 +1,7 @@
 """Steady sliding of a batch: Newton in the gaps of all design points at once.
 
-The equations are those of `reduction.working_point` (THEORY.md eq. (13), (14)); a point that has
-none keeps its status, and the others go on.
+The equations are those of `reduction.working_point` (THEORY.md eq. (13), (14)); a point
+without a solution gets a status, and the others go on.
 """
 
 from __future__ import annotations
@@ -134,8 +134,8 @@ def gap_equations(
     springs = structures.spring_points
     springs = np.broadcast_to(springs, (m, *springs.shape[1:]))
     touching = area[:, : area.shape[1] - springs.shape[1]]
-    closed = _mean_pressure_of_loads(structures, operating, touching)
-    k_c = operating.contact(operating.gap_at(closed)[:, None])[1][:, :1]
+    mean_pressure = _mean_pressure_of_loads(structures, operating, touching)
+    k_c = operating.contact(operating.gap_at(mean_pressure)[:, None])[1][:, :1]
     if springs.shape[1]:
         k_c = np.concatenate([np.repeat(k_c, touching.shape[1], axis=1), springs[:, :, 0]], axis=1)
     K0 = np.zeros((m, structures.n, structures.n)) + structures.static_springs
@@ -174,7 +174,7 @@ def _mean_pressure_of_loads(
 
 
 def _solved(K0: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """K0^-1 columns (m, n, k), and which (m,) hold: the others are singular to round-off."""
+    """K0^-1 columns (m, n, k), and which (m,) are accurate: others are singular to round-off."""
     finite = np.isfinite(K0).all(axis=(1, 2)) & np.isfinite(columns).all(axis=(1, 2))
     K0 = np.where(finite[:, None, None], K0, np.eye(K0.shape[1]))
     columns = np.where(finite[:, None, None], columns, 0.0)
@@ -195,7 +195,7 @@ def _solved(K0: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.where(is_accurate[:, None, None], solutions[..., :-1], 0.0), is_accurate
 
 
-def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
+def _newton(equations: GapEquations, is_regular: np.ndarray) -> StackedSliding:
     structures, operating, area = equations.structures, equations.operating, equations.area
     m, c = area.shape
     gap0 = np.broadcast_to(structures.gap0, (m, c))
@@ -205,12 +205,13 @@ def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
     loaded = (contact_area * stiffness).sum(axis=1) / contact_area.sum(axis=1)
     loaded = np.maximum(loaded, SMALLEST_POSITIVE)
     estimate = np.maximum(loaded, _closing_pressure(equations))
-    size = np.abs(equations.by_load).max(axis=1)
+    largest_opening = np.abs(equations.by_load).max(axis=1)
     gap = np.repeat(operating.gap_at(estimate)[:, None], c, axis=1)
-    first = c - springs.shape[1]
-    gap[:, first:] = engaged((gap0 + equations.by_load)[:, first:], springs)
-    state = np.where(held, NO_EQUILIBRIUM, SINGULAR)
-    open_rows = np.flatnonzero(held)
+    first_spring = c - springs.shape[1]
+    opened = (gap0 + equations.by_load)[:, first_spring:]
+    gap[:, first_spring:] = engaged(opened, springs)
+    state = np.where(is_regular, NO_EQUILIBRIUM, SINGULAR)
+    open_rows = np.flatnonzero(is_regular)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for _ in range(MAX_ITERATIONS):
             if not len(open_rows):
@@ -221,17 +222,17 @@ def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
             F, p, kappa = rows.imbalance(g)
             step = -rows.newton(F, p, kappa)
             mean = np.abs((areas * p[:, touching]).sum(axis=1) / areas.sum(axis=1))
-            level = np.maximum(estimate[open_rows], mean)
-            share = _damping(part.operating, level, g[:, touching], step[:, touching])
+            pressure = np.maximum(estimate[open_rows], mean)
+            share = _damping(part.operating, pressure, g[:, touching], step[:, touching])
             g = g + share[:, None] * step
             F, p, kappa = rows.imbalance(g)
             relative = np.abs(F).max(axis=1) / (
-                size[open_rows] + np.abs(g).max(axis=1) + SMALLEST_POSITIVE
+                largest_opening[open_rows] + np.abs(g).max(axis=1) + SMALLEST_POSITIVE
             )
-            scale = part.operating.gap_scale(level)
+            scale = part.operating.gap_scale(pressure)
             small = np.abs(step[:, touching]).max(axis=1) / scale < TOLERANCE**0.5
             done = (share == 1.0) & small & (relative < TOLERANCE)
-            if done.any():  # what a step leaves is more than round-off
+            if done.any():  # one step more, which leaves round-off
                 g[done] = (g - rows.newton(F, p, kappa))[done]
             gap[open_rows] = g
             state[open_rows[done]] = SOLVED
@@ -239,7 +240,8 @@ def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
             open_rows = open_rows[~done & ~lost]
         whole = PointRows(equations, gap0, np.arange(m))
         F, p, kappa = whole.imbalance(gap)
-        residual = np.abs(F).max(axis=1) / (size + np.abs(gap).max(axis=1) + SMALLEST_POSITIVE)
+        movement = largest_opening + np.abs(gap).max(axis=1) + SMALLEST_POSITIVE
+        residual = np.abs(F).max(axis=1) / movement
         corner = (state == SOLVED) & at_a_corner(gap, springs)
     return StackedSliding(
         gap=gap,
@@ -253,7 +255,7 @@ def _newton(equations: GapEquations, held: np.ndarray) -> StackedSliding:
 
 
 def _closing_pressure(equations: GapEquations) -> np.ndarray:
-    """As in `working_point`: (m,) [Pa] that takes back mean opening and closed gaps."""
+    """Pressure (m,) [Pa] that closes mean openings and preloaded gaps, as in `working_point`."""
     touching = equations.touching
     area = equations.area[:, touching]
     by_normal = equations.by_normal[:, touching, touching]
@@ -263,7 +265,7 @@ def _closing_pressure(equations: GapEquations) -> np.ndarray:
         preloaded = np.maximum(-equations.structures.gap0[:, touching], 0.0)
         closing = opened + (area * preloaded).sum(axis=1)
         closing = closing / np.maximum(unit, SMALLEST_POSITIVE)
-    # of nothing an exponential law has no gap
+    # an exponential law has no gap of zero pressure
     is_finite = np.isfinite(closing) & (closing > SMALLEST_POSITIVE)
     closing = np.where(is_finite, closing, 1.0)
     operating = equations.operating
@@ -332,11 +334,11 @@ def _times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _damping(
-    operating: StackedOperating, level: np.ndarray, g: np.ndarray, step: np.ndarray
+    operating: StackedOperating, pressure: np.ndarray, g: np.ndarray, step: np.ndarray
 ) -> np.ndarray:
-    """Share (m,) of Newton steps to go, so that no point closes too far."""
-    target = np.minimum(g, operating.gap_at(level)[:, None])
-    closing = (target - g - step).max(axis=1) / operating.gap_scale(level)
+    """Share (m,) of each Newton step that is taken, so that no point closes too far."""
+    target = np.minimum(g, operating.gap_at(pressure)[:, None])
+    closing = (target - g - step).max(axis=1) / operating.gap_scale(pressure)
     return np.where(closing > 0, np.minimum(1.0, MAX_STEP / np.where(closing > 0, closing, 1)), 1.0)
 
 
@@ -351,7 +353,7 @@ def _open_share(area: np.ndarray, p: np.ndarray, loaded: np.ndarray) -> np.ndarr
 def _tangent_error(
     area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.ndarray, of_springs: np.ndarray
 ) -> np.ndarray:
-    """Relative change (m,) of the contact stiffness by gaps that err by AMPLIFIED F."""
+    """Relative change (m,) of the contact stiffness, of gaps that err by AMPLIFIED times F."""
     pressed, size = np.abs(p) > 0, np.abs(kappa)
     weight = np.where(pressed, area * size, 0.0)
     whole = np.maximum(weight.sum(axis=1), SMALLEST_POSITIVE)

@@ -45,7 +45,7 @@ class Sweep:
     low, high : float
         The range that is swept; `Distribution.range` of random designs.
     scale : str
-        ``linear`` or ``log``: how start to stop is divided or sampled; log of a lognormal one.
+        ``linear`` or ``log``: how start to stop is divided or sampled; ``log`` for lognormal.
     distribution : Distribution or None
         Of random designs.
     """
@@ -200,10 +200,10 @@ class _SweepReader:
                     key, f"a {name} distribution has {' and '.join(needed)}, not '{key}'{hint}"
                 )
 
-    def _check_present(self, wanted: tuple[str, ...], choice: str) -> None:
+    def _check_present(self, needed: tuple[str, ...], choice: str) -> None:
         keys = self.section.model_fields_set
-        missing = [key for key in wanted if key not in keys]
-        if missing and not keys & set(wanted):
+        missing = [key for key in needed if key not in keys]
+        if missing and not keys & set(needed):
             raise self._error("", f"the sweep is empty: give {choice}")
         if missing:
             what = "a swept range" if self.section.distribution == UNIFORM else "the distribution"
@@ -265,8 +265,8 @@ def levels(
     """`num` >= 2 values from start to stop, both exactly in; equally spaced, or in their logarithm.
 
     The values between are rounded far below their spacing, so that two sweeps over different
-    ranges share the values they have in common. With `every`, a divisor of num - 1, only the first
-    of so many values each, and the last. Logarithms are of the distance from `zero` (`zero_of`).
+    ranges share the values they have in common. With `every`, a divisor of num - 1, only each
+    `every`-th value is given. Logarithms are of the distance from `zero` (`zero_of`).
     """
     places = range(every, num - 1, every)
     if scale == "log":

@@ -49,14 +49,14 @@ def with_numbers(
         A unit that is not known or not that of the parameter; a parameter that is not known.
     """
     texts = list(_texts(tables))
-    of = model() if texts else None
-    if of is None:
+    definition = model() if texts else None
+    if definition is None:
         return tables
     by_name: dict[str, StudyParameter] = {}
     copied: dict[KeyPath, Any] = {(): dict(tables)}
     for keys, name, text in texts:
         try:
-            parameter = by_name.get(name) or by_name.setdefault(name, _parameter(name, of))
+            parameter = by_name.get(name) or by_name.setdefault(name, _parameter(name, definition))
         except ParameterError as error:
             raise source.error(_parameter_key(keys), error.message) from None
         with_unit = (
@@ -72,11 +72,11 @@ def with_numbers(
         except ValueError as error:
             raise source.error(keys, f"{name} {error}") from None
         for depth in range(1, len(keys)):
-            here = keys[:depth]
-            if here not in copied:
-                around, inner = copied[here[:-1]], copied[here[:-1]][here[-1]]
-                copied[here] = list(inner) if isinstance(inner, list) else dict(inner)
-                around[here[-1]] = copied[here]
+            inner_keys = keys[:depth]
+            if inner_keys not in copied:
+                outer, last = copied[inner_keys[:-1]], inner_keys[-1]
+                copied[inner_keys] = outer[last].copy()
+                outer[last] = copied[inner_keys]
         copied[keys[:-1]][keys[-1]] = number
     with_numbers_only: Mapping[str, Any] = copied[()]
     return with_numbers_only
@@ -104,7 +104,7 @@ def _is_quantity(value: object, name: str) -> bool:
 
 
 def _texts(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str, object]]:
-    """Numbers with units of parameters, bare temperatures too: where, the name, what is said."""
+    """Values of parameters with units, and bare temperatures: keys, parameter's name, value."""
     parameters = tables.get("parameters")
     if isinstance(parameters, Mapping):
         yield from _nested(parameters, ("parameters",))

@@ -8,7 +8,7 @@ from squealstudy.engine.fact_types import Count, FactGroup, Finite, Name, Text
 
 
 class ChangeAtDouble(FactGroup):
-    """Of one quantity, what a run at twice the slope of friction told."""
+    """Relative change of a quantity at twice the slope, and what chance explains of it."""
 
     error: float
     chance: float
@@ -23,7 +23,7 @@ class Pilot(FactGroup):
 
 
 class Regularisation(FactGroup):
-    """What slopes of friction follow from."""
+    """The regularisation speed, from which slopes of friction at zero sliding follow."""
 
     speed: Finite
     speed_highest: Finite
@@ -34,7 +34,7 @@ class Regularisation(FactGroup):
 
 
 class SimulatedTime(FactGroup):
-    """What runs that stopped early have saved."""
+    """Simulated time that runs which stopped early have saved, and their number."""
 
     saved_s: Finite
     asked_s: Finite
@@ -43,7 +43,7 @@ class SimulatedTime(FactGroup):
 
 
 class TransientFacts(FactGroup):
-    """Beside those of every kind."""
+    """Facts of runs in time, beside those of every kind."""
 
     regularisation: Regularisation | None = None
     simulated_time: SimulatedTime | None = None

@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -37,10 +37,10 @@ WITH_BOUNDS = {
     "torque_rms": ("torque_rms_low", "torque_rms_high"),
 }
 START_RATIO = 0.7  # size of the perturbation of each start over that of the one before
-PLAIN = {"dominant_frequency": "torque_line_hz"}
+WITHOUT_BOUNDS = {"dominant_frequency": "torque_line_hz"}
 
 
-def measure_runs(plan: Plan, measured: Sequence[int], asked: MeasurementRequest) -> Measurement:
+def measure_runs(plan: Plan, measured: Sequence[int], request: MeasurementRequest) -> Measurement:
     """Run chosen points of a transient study; only the integration is timed as theirs.
 
     Working points, forecasts and summaries are the same for all methods of a basis.
@@ -51,18 +51,18 @@ def measure_runs(plan: Plan, measured: Sequence[int], asked: MeasurementRequest)
         The structures of those points are in the cache.
     measured : sequence of int
         Positions of the points among the plan's.
-    asked : Asked
+    request : MeasurementRequest
         An integrator in place of the study's own (modal representation only). Starts: runs of each
-        point from perturbations of other sizes, so that bounds of levels hold what an irregular
-        cycle owes to its start; seconds are those of one.
+        point from perturbations of other sizes, for the levels of an irregular cycle depend on its
+        start, and bounds are to hold that; seconds are those of one.
     """
-    return measure_points(plan, [plan.tasks[i] for i in measured], asked)
+    return measure_points(plan, [plan.tasks[i] for i in measured], request)
 
 
 def measure_points(
-    plan: Plan, chosen: Sequence[DesignPoint], asked: MeasurementRequest
+    plan: Plan, chosen: Sequence[DesignPoint], request: MeasurementRequest
 ) -> Measurement:
-    """The same of design points that need not be among the plan's."""
+    """As `measure_runs`, of design points that need not be among the plan's."""
     section = plan.study.section
     if section.changes:
         raise plan.study.error(
@@ -77,17 +77,14 @@ def measure_points(
         for first in range(0, len(chosen), section.batch):
             part = tuple(chosen[first : first + section.batch])
             runs = [
-                _measured_batch(plan, part, asked.integrator, START_RATIO**n)
-                for n in range(asked.starts)
+                _measured_batch(plan, part, request.integrator, START_RATIO**n)
+                for n in range(request.starts)
             ]
-            merged = [
-                together(findings_of_point)
-                for findings_of_point in zip(*(r[0] for r in runs), strict=True)
-            ]
+            merged = map(pooled_findings, zip(*(r.findings for r in runs), strict=True))
             findings |= {str(first + n): one for n, one in enumerate(merged)}
-            spent += sum(r[1] if r[3] else np.nan for r in runs) / asked.starts
-            memory_mb = max(memory_mb, *(r[2] for r in runs))
-            finished = [motion for r in runs for motion in r[3]]
+            spent += sum(r.seconds if r.finished else np.nan for r in runs) / request.starts
+            memory_mb = max(memory_mb, *(r.memory_mb for r in runs))
+            finished = [motion for r in runs for motion in r.finished]
             passes += [motion.mean_iterations for motion in finished]
             size = max([size, *(len(motion.q) for motion in finished)])
     return Measurement(
@@ -101,15 +98,33 @@ def measure_points(
     )
 
 
+class MeasuredBatch(NamedTuple):
+    """Runs of some design points.
+
+    Attributes
+    ----------
+    findings : list of dict
+        One a design point, failed ones too.
+    seconds, memory_mb : float
+        Of the integration.
+    finished : list of Motion
+    """
+
+    findings: list[dict[str, Any]]
+    seconds: float
+    memory_mb: float
+    finished: list[Motion]
+
+
 def _measured_batch(
     plan: Plan, part: tuple[DesignPoint, ...], integrator: Integrator | None, start: float
-) -> tuple[list[dict[str, Any]], float, float, list[Motion]]:
-    """Findings of some points, seconds, memory, and the runs that came to something."""
+) -> MeasuredBatch:
+    """Run some points from a perturbation of `start` times its size."""
     task = batch_task(plan, part, integrator=integrator)
     try:
         _ = task.reference
     except FAILURES as error:
-        return [_failed(*reason(error)) for _ in part], 0.0, 0.0, []
+        return MeasuredBatch([_failed(*reason(error)) for _ in part], 0.0, 0.0, [])
     starts = [set_up(task, point, NewGaps()) for point in part]
     chosen = [
         point
@@ -138,7 +153,7 @@ def _measured_batch(
         else _failed(*message)
         for start_or_failure in starts
     ]
-    return findings, seconds, memory.megabytes, finished
+    return MeasuredBatch(findings, seconds, memory.megabytes, finished)
 
 
 def _scaled(point: MotionPoint, start: float) -> MotionPoint:
@@ -148,26 +163,26 @@ def _scaled(point: MotionPoint, start: float) -> MotionPoint:
     return replace(point, q0=start * q0, v0=start * v0)
 
 
-def together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def pooled_findings(findings: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Findings of several starts of one point as one: means with bounds, the class of most."""
-    first = found[0]
-    bad = [one for one in found if one["status"] != "ok"]
-    if bad or len(found) == 1:
-        return bad[0] if bad else first
-    values = {name: _pooled([one["values"][name] for one in found]) for name in first["values"]}
-    modes = {mode for one in found for mode in one["energy_share"]}
+    first = findings[0]
+    failed = [one for one in findings if one["status"] != "ok"]
+    if failed or len(findings) == 1:
+        return failed[0] if failed else first
+    values = {name: _pooled([one["values"][name] for one in findings]) for name in first["values"]}
+    modes = {mode for one in findings for mode in one["energy_share"]}
     shares = {
-        mode: float(np.mean([one["energy_share"].get(mode, 0.0) for one in found]))
+        mode: float(np.mean([one["energy_share"].get(mode, 0.0) for one in findings]))
         for mode in sorted(modes, key=int)
     }
-    name, count = Counter(one["class"] for one in found).most_common(1)[0]
-    if 2 * count <= len(found):  # starts that all last differ as an irregular motion does
-        name = IRREGULAR if {one["class"] for one in found} <= {*LASTING} else UNDECIDED
+    name, count = Counter(one["class"] for one in findings).most_common(1)[0]
+    if 2 * count <= len(findings):  # starts that all last differ as an irregular motion does
+        name = IRREGULAR if {one["class"] for one in findings} <= {*LASTING} else UNDECIDED
     return {**first, "class": name, "values": values, "energy_share": shares}
 
 
 def _pooled(numbers: Sequence[Sequence[float | None]]) -> list[float | None]:
-    """Value with bounds of all starts; unknown where one is."""
+    """Value with bounds of all starts; None where that of one start is."""
     columns = [[n for n in column if n is not None] for column in zip(*numbers, strict=True)]
     if any(len(column) < len(numbers) for column in columns):
         return [None, None, None]
@@ -197,7 +212,7 @@ def _finding(point: Mapping[str, Any], modes: Sequence[Mapping[str, Any]]) -> di
     values: dict[str, list[float | None]] = {}
     for name, (low, high) in WITH_BOUNDS.items():
         values[name] = _numbers(point, name, low, high)
-    for name, column in PLAIN.items():
+    for name, column in WITHOUT_BOUNDS.items():
         values[name] = _numbers(point, column, column, column)
     return {
         "status": "ok",

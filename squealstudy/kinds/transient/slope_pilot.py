@@ -1,7 +1,7 @@
-"""What the slope of friction at zero sliding errs by: a design point once more at twice the slope.
+"""Error by the slope of friction at zero sliding: a design point is run again at twice the slope.
 
-The friction law has a corner that the slope k_t rounds off; what a run owes to that is of the order
-of 1/k_t. The study's own run of the point and one at 2 k_t tell how much.
+The friction law has a corner that the slope k_t rounds off; what that changes is of the order of
+1/k_t. The study's own run of the point and one at 2 k_t show how much.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from squealstudy.tables.method_quality import run_errors
 
 FIRST_ORDER = 2.0  # error of k_t over the difference to 2 k_t, where it goes as 1 / k_t
 CYCLE = "limit_cycle"
-DECIDED = ("stable", CYCLE, "growing")  # classes of which one run tells about another
-UNTOLD = {  # why two runs of a class cannot tell
+DECIDED = ("stable", CYCLE, "growing")  # classes whose levels two runs can compare
+WHY_NOT_COMPARABLE = {  # by class of both runs
     "irregular": ": levels differ by chance too",
     "undecided": ": neither is known to have reached its level",
 }
@@ -94,7 +94,7 @@ def _why_skipped(plan: Plan) -> str:
 
 
 def _representative(plan: Plan, points: pd.DataFrame) -> int | None:
-    """Position of the design point that shows most: a limit cycle, of those what sticks most."""
+    """Position of the design point that shows most: of limit cycles that which sticks most."""
     automatic = plan.tasks.column(SLOPE.name) == 0
     usable = points[automatic & (points["status"] == "ok").to_numpy()]
     if not len(usable):
@@ -105,10 +105,11 @@ def _representative(plan: Plan, points: pd.DataFrame) -> int | None:
     return int(np.flatnonzero(points["point_id"] == usable["point_id"].iloc[order[0]])[0])
 
 
-def _verdict(own: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
-    """Errors of a run from that at twice the slope, and what they are worth."""
-    if found["status"] != "ok":
-        return {"status": FAILED, "message": f"at 2 k_t: {found['status']}: {found['message']}"}
+def _verdict(at_k_t: Mapping[str, Any], at_double: Mapping[str, Any]) -> dict[str, Any]:
+    """Errors of a run from one at twice the slope, and whether the two can be compared."""
+    if at_double["status"] != "ok":
+        why = f"at 2 k_t: {at_double['status']}: {at_double['message']}"
+        return {"status": FAILED, "message": why}
     errors = {
         error.quantity: {
             "value": error.value,
@@ -116,10 +117,10 @@ def _verdict(own: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]
             "error": FIRST_ORDER * error.error,
             "chance": FIRST_ORDER * error.chance,
         }
-        for error in run_errors(own, found)[0]
+        for error in run_errors(at_k_t, at_double)[0]
         if error.quantity in QUANTITIES and np.isfinite(error.value)  # which both runs have
     }
-    classes = {"class": own["class"], "class_at_double": found["class"]}
+    classes = {"class": at_k_t["class"], "class_at_double": at_double["class"]}
     return {"status": OK, "message": "", **classes, "errors": errors} | _doubt(classes, errors)
 
 
@@ -129,7 +130,10 @@ def _doubt(classes: Mapping[str, str], errors: Mapping[str, Mapping[str, float]]
     if single != double:
         return {"status": UNDECIDED, "message": f"{single} at k_t, {double} at 2 k_t"}
     if single not in DECIDED:
-        return {"status": UNDECIDED, "message": f"both runs are {single}{UNTOLD.get(single, '')}"}
+        return {
+            "status": UNDECIDED,
+            "message": f"both runs are {single}{WHY_NOT_COMPARABLE.get(single, '')}",
+        }
     if not errors:
         return {
             "status": UNDECIDED,

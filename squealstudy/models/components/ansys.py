@@ -72,7 +72,7 @@ def read_cdb(
     Returns
     -------
     SolidMesh
-        `passed_over` lists every command and element that is not in it but settings of solutions.
+        `passed_over` lists all commands and elements that are left out, but settings of solutions.
 
     Raises
     ------
@@ -152,8 +152,8 @@ class _Deck:
         blocks, rows = self._solids(archive.elem, fields, types, numbers)
         fields = fields[rows]
         nodes = np.asarray(archive.nodes, dtype=float)[order]
-        every, labels = self._middles.added(nodes, numbers.astype(np.int64))
-        mesh = SolidMesh(self._path, every, labels, blocks)
+        all_nodes, labels = self._middles.added(nodes, numbers.astype(np.int64))
+        mesh = SolidMesh(self._path, all_nodes, labels, blocks)
         mesh = replace(mesh, element_sets=self._element_sets(archive, fields))
         mesh = self._middles.tied(replace(mesh, node_sets=self._node_sets(archive, numbers)))
         mesh = self._with_materials(mesh, fields[:, AXES])
@@ -241,16 +241,18 @@ class _Deck:
         numbers: np.ndarray,
     ) -> tuple[tuple[ElementBlock, ...], np.ndarray]:
         """Elements by formulation, and which rows (n,) of the file they are."""
-        of, labels = fields[:, TYPE], fields[:, LABEL]
+        type_numbers, labels = fields[:, TYPE], fields[:, LABEL]
         self._middles = Middles(len(numbers))
-        self._refuse_others(of, types)
+        self._refuse_others(type_numbers, types)
         rows: dict[str, list[tuple[int, np.ndarray]]] = {}
         for number, element_type in types.items():
             if element_type.element not in SOLIDS:
                 continue
             count, _, _, _ = SOLIDS[element_type.element]
-            formulation = self._formulation(number, element_type) if (of == number).any() else ""
-            for row in np.flatnonzero(of == number):
+            formulation = (
+                self._formulation(number, element_type) if (type_numbers == number).any() else ""
+            )
+            for row in np.flatnonzero(type_numbers == number):
                 nodes = elements[row][FIELDS:]
                 name = f"element {labels[row]} ({element_type.name})"
                 corners = {20: 8, 10: 4}.get(count, count)
@@ -284,13 +286,13 @@ class _Deck:
             raise ModelError(f"{self._path}: elements are there twice")
         return blocks, order
 
-    def _refuse_others(self, of: np.ndarray, types: Mapping[int, _Type]) -> None:
+    def _refuse_others(self, type_numbers: np.ndarray, types: Mapping[int, _Type]) -> None:
         """ModelError about elements that are no solids, unless they are to be passed over."""
         refused, names = [], []
-        for number in np.unique(of):
+        for number in np.unique(type_numbers):
             if number not in types:
                 raise ModelError(f"{self._path}: there is no ET of type {number}")
-            kind, count = types[number], int((of == number).sum())
+            kind, count = types[number], int((type_numbers == number).sum())
             if kind.element in SOLIDS:
                 continue
             if kind.element in NON_STRUCTURAL_ELEMENTS or kind.name in self._ignored:
@@ -306,19 +308,19 @@ class _Deck:
                 f"[{_pasted(names)}]"
             )
 
-    def _formulation(self, number: int, own: _Type) -> str:
-        """Of bricks and tetrahedra of a type."""
-        _, option, formulations, plain = SOLIDS[own.element]
-        if own.name in self._treat_as:
-            return self._treat_as[own.name]
-        chosen = own.options.get(option, 0)
-        wrong = [k for k in plain if own.options.get(k, 0)]
+    def _formulation(self, number: int, element_type: _Type) -> str:
+        """Formulation of the bricks and tetrahedra of an element type."""
+        _, option, formulations, plain = SOLIDS[element_type.element]
+        if element_type.name in self._treat_as:
+            return self._treat_as[element_type.name]
+        chosen = element_type.options.get(option, 0)
+        wrong = [k for k in plain if element_type.options.get(k, 0)]
         if chosen not in formulations or wrong:
             wrong = wrong or [option]
             raise ModelError(
-                f"{self._path}: type {number}, {own.name} with KEYOPT({wrong[0]}) = "
-                f"{own.options[wrong[0]]}, is not supported: choose a formulation by treat_as "
-                f"{{{own.name} = '...'}}"
+                f"{self._path}: type {number}, {element_type.name} with KEYOPT({wrong[0]}) = "
+                f"{element_type.options[wrong[0]]}, is not supported: choose a formulation by "
+                f"treat_as {{{element_type.name} = '...'}}"
             )
         return formulations[chosen]
 
@@ -327,8 +329,8 @@ class _Deck:
         count = FORMULATIONS[formulation].shape.nodes
         every = np.arange(len(nodes))
         if len(nodes) not in (8, 20) or len(np.unique(nodes[:8])) == 8:
-            there = nodes[nodes > 0]
-            if count == len(nodes) and len(there) == len(np.unique(there)):
+            present = nodes[nodes > 0]
+            if count == len(nodes) and len(present) == len(np.unique(present)):
                 return formulation, every
             if count != len(nodes):
                 raise ModelError(f"{self._path}: {name}: {formulation} has {count} nodes")
@@ -354,20 +356,20 @@ class _Deck:
         return shape, np.array(places)
 
     # -- sets and materials ----------------------------------------------------------------------
-    def _element_sets(self, found: Any, fields: np.ndarray) -> dict[str, np.ndarray]:
+    def _element_sets(self, archive: Any, fields: np.ndarray) -> dict[str, np.ndarray]:
         sets = {}
         for kind, column in (("TYPE", TYPE), ("MAT", MATERIAL)):
             for number in np.unique(fields[:, column]):
                 sets[f"{kind}{number}"] = np.flatnonzero(fields[:, column] == number)
-        for name, labels in found.element_components.items():
+        for name, labels in archive.element_components.items():
             if name in sets:
                 raise ModelError(f"{self._path}: a component cannot have the name {name}")
             sets[name] = np.flatnonzero(np.isin(fields[:, LABEL], labels))
         return sets
 
-    def _node_sets(self, found: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
+    def _node_sets(self, archive: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
         sets = {}
-        for name, members in found.node_components.items():
+        for name, members in archive.node_components.items():
             if not np.isin(members, numbers).all():
                 missing = members[~np.isin(members, numbers)][0]
                 raise ModelError(f"{self._path}: component {name}: there is no node {missing}")
@@ -396,5 +398,6 @@ def _pasted(names: list[str]) -> str:
     return ", ".join(f'"{name}"' for name in dict.fromkeys(names))
 
 
-def _number(own: list[tuple[Line, list[str]]]) -> int:
-    return own[0][0].place + 1
+def _number(cards: list[tuple[Line, list[str]]]) -> int:
+    """Line of the first of some commands, from 1."""
+    return cards[0][0].place + 1

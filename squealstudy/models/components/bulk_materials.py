@@ -22,8 +22,9 @@ READ = ("MAT1", "MAT9", "MAT11")
 TABLES = ("TABLEM1", "TABLEM2", "TABLEM3", "TABLEM4")
 OVER_TEMPERATURE = ("MATT1", *TABLES)
 UNREAD_TABLES = {"MAT9": "MATT9", "MAT11": "MATT11"}  # whose tables are not read
-IN_OURS = (0, 1, 2, 5, 3, 4)  # places of xx, yy, zz, xy, yz, zx in 11 22 33 23 13 12
-G_REL_TOLERANCE = 0.01  # of G: files round
+# row of xx, yy, zz, xy, yz, zx in matrices of this program, whose order is 11 22 33 23 13 12
+VOIGT_ROWS = (0, 1, 2, 5, 3, 4)
+G_REL_TOLERANCE = 0.01  # of G from E and nu, which files round
 LAST = ("ENDT", "SKIP")
 
 
@@ -68,8 +69,8 @@ class BulkMaterials:
             raise section.error("CORDM: axes of the material are supported in basic ones alone", 2)
         if self._temperature is not None and self._table_card(UNREAD_TABLES[card.name], number):
             raise card.error(f"{UNREAD_TABLES[card.name]} is not supported: state its moduli there")
-        of = _anisotropic if card.name == "MAT9" else _orthotropic
-        return name, of(card, self._weight)
+        moduli = _anisotropic if card.name == "MAT9" else _orthotropic
+        return name, moduli(card, self._weight)
 
     def _table_card(self, name: str, number: int) -> BulkCard | None:
         return next((c for c in self._all(name) if c.whole(0, "a material number") == number), None)
@@ -90,11 +91,11 @@ class BulkMaterials:
                 fields[place] = repr(self._value(tables, place, table, card))
         return BulkCard(card.name, fields, [*card.lines, *card.lines[-1:] * 8])
 
-    def _value(self, asks: BulkCard, place: int, number: int, card: BulkCard) -> float:
+    def _value(self, tables: BulkCard, place: int, number: int, card: BulkCard) -> float:
         """A property at the temperature; ModelError where the table does not reach it."""
         same_number = [c for c in self._all(*TABLES) if c.whole(0, "a table number") == number]
         if len(same_number) != 1:
-            raise asks.error(
+            raise tables.error(
                 f"there {'is no' if not same_number else 'are two'} TABLEM {number}", place
             )
         (table,) = same_number
@@ -180,7 +181,7 @@ def _anisotropic(card: BulkCard, weight: float) -> Anisotropic | Unfinished:
     place = 1
     for i in range(6):
         for j in range(i, 6):
-            row, column = IN_OURS[i], IN_OURS[j]
+            row, column = VOIGT_ROWS[i], VOIGT_ROWS[j]
             C[row, column] = C[column, row] = card.real(place, "a modulus", 0.0)
             place += 1
     rho = card.real(22, "a density", 0.0)

@@ -128,7 +128,7 @@ class Elements:
 def version_of(data: bytes) -> int | None:
     """Major version that a header of version 5 and later has; None for another file."""
     order = ORDERS.get(data[HEADER - 2 : HEADER])
-    if order is None or 0 in data[:4]:  # of version 4, whatever stands there
+    if order is None or 0 in data[:4]:  # version 4 begins with a zero
         return None
     return int(np.frombuffer(data, f"{order}u2", 1, HEADER - 4)[0]) >> 8
 
@@ -162,7 +162,7 @@ def _inflated(content: bytes | memoryview, order: Order) -> bytes:
 
 
 def _variable(parts: Elements) -> Variable | None:
-    """What an element of a variable says; None of what has no name, MATLAB's own."""
+    """The variable that an element holds; None without a name, as of MATLAB's own."""
     flags = parts.numbers()
     kind = int(flags[0]) & 0xFF if len(flags) == 2 else 0
     if not kind:

@@ -196,14 +196,14 @@ def torque_levels(
 
 def plain_levels(time: np.ndarray, torque: np.ndarray, sums: TorqueSums | None) -> np.ndarray:
     """RMS, mean and peak to peak (3,) as `torque_levels` tells them, without bounds and lines."""
-    whole = sums is not None
+    over_steps = sums is not None
     sums = sums or TorqueSums.of_rows(torque)
     mean, swing = float(sums.mean.mean()), float(sums.most.max() - sums.least.min())
     rest = np.abs([sums.most.max() - mean, sums.least.min() - mean]).max()
     if rest <= FLUCTUATION_ROUND_OFF * np.abs(torque).max() or len(torque) < 2:
         return np.array([0.0, mean, 0.0])
     step = (time[-1] - time[0]) / (len(time) - 1)
-    frequency = unfolded_line(step, torque, sums.mean) if whole else np.nan
+    frequency = unfolded_line(step, torque, sums.mean) if over_steps else np.nan
     width = 1.0 / (frequency * step) if np.isfinite(frequency) else np.nan
     mean = periods_mean(sums.mean, width)
     square = periods_mean(sums.squares(mean), width)
@@ -219,10 +219,10 @@ def _quarters(sums: TorqueSums) -> Iterator[np.ndarray]:
         yield np.array([least.min(), most.max()])
 
 
-def levels_by_rows(torque: np.ndarray) -> np.ndarray:
-    """What RMS, mean and peak to peak of a window err by where they are made from its rows alone.
+def errors_by_rows(torque: np.ndarray) -> np.ndarray:
+    """Errors (3,) of RMS, mean and peak to peak of a window that are made from its rows alone.
 
-    The largest change by every other row of it: zeros of fewer than four rows.
+    The largest change where every other row is left out; zeros for fewer than four rows.
     """
     if len(torque) < 4:
         return np.zeros(3)
@@ -327,7 +327,8 @@ def _still_to_come(mean: float, blocks: np.ndarray, thirds: np.ndarray) -> float
     """How far the limit of a level that is approached is from its mean; 0 where none is seen.
 
     It is where means of sub-windows lie along a line: the drift from third to third goes on by its
-    ratio (Aitken). What drifts by much of the mean passes, and has no limit that is near.
+    ratio (Aitken). A drift by much of the mean
+    belongs to a motion that passes: no limit is near.
     """
     x = np.arange(len(blocks)) - 0.5 * (len(blocks) - 1)
     rest = blocks - blocks.mean()
@@ -351,19 +352,19 @@ def _row_blocks(values: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _half_width(mean: np.ndarray, block_means: Iterable[np.ndarray]) -> np.ndarray:
-    """Of the interval of a mean () or (m,) from means of blocks (count, ..), finest first."""
+    """Half-width of the interval of a mean () or (m,), from means of blocks (count, ..)."""
     half = np.zeros_like(mean)
-    open_ = np.ones(np.shape(mean), dtype=bool)
+    is_correlated = np.ones(np.shape(mean), dtype=bool)
     for blocks in block_means:
         count = len(blocks)
         rest = blocks - blocks.mean(axis=0)
         size = (rest**2).sum(axis=0)
         product = (rest[1:] * rest[:-1]).sum(axis=0)
         rho = np.where(size > 0, product / np.where(size > 0, size, 1.0) + 1.0 / count, 0.0)
-        rho_kept = np.clip(rho, 0.0, 0.9)
-        error = np.sqrt(size / (count * (count - 1)) * (1 + rho_kept) / (1 - rho_kept))
-        half = np.where(open_, special.stdtrit(count - 1, 0.975) * error, half)
-        open_ = open_ & (rho > MAX_CORRELATION)
+        rho_counted = np.clip(rho, 0.0, 0.9)
+        error = np.sqrt(size / (count * (count - 1)) * (1 + rho_counted) / (1 - rho_counted))
+        half = np.where(is_correlated, special.stdtrit(count - 1, 0.975) * error, half)
+        is_correlated = is_correlated & (rho > MAX_CORRELATION)
     return half
 
 

@@ -25,7 +25,7 @@ from squealstudy.motion.outcome.growth_rows import growth_columns, growth_rows, 
 from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
 from squealstudy.motion.outcome.levels import (
     TorqueSums,
-    levels_by_rows,
+    errors_by_rows,
     period_swings,
     swing_spread,
     torque_levels,
@@ -150,7 +150,7 @@ def run_levels(
     sums = TorqueSums.of(run.history, rows_judged)
     all_sums = TorqueSums.of_rows(torque[rows_judged]) if sums is None else sums
     levels = torque_levels(run.times[rows_judged], torque[rows_judged], all_sums)
-    rows = levels_by_rows(torque[rows_judged]) if sums is None else np.zeros(3)
+    rows = errors_by_rows(torque[rows_judged]) if sums is None else np.zeros(3)
     own_hz = own_frequency(run, window)
     width = _rows_of(run, own_hz.hz if np.isfinite(own_hz.hz) else levels.frequency_hz)
     half = 0.5 * np.array([levels.rms_high - levels.rms_low, levels.mean_high - levels.mean_low])
