@@ -157,6 +157,29 @@ MODULES = sorted(
 )
 
 
+# whose studies run in time, follow cycles, or measure methods
+LONG_PLOTS = {"levels", "growth_comparison", "modal_energies", "spectrogram", "torque_history"}
+LONG_PLOTS |= {"cycle_levels", "cycle_growth", "cycle_spectrum", "verdict_map"}
+LONG_PLOTS |= {"design_history", "operating_matrix", "work_precision"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.full_size] if name in LONG_PLOTS else [])
+        for name, plot in pictures.plots().items()
+        if plot.draw.__module__.startswith("squealstudy.")
+    ],
+)
+def test_the_example_of_a_plot_draws_it(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    draw = pictures.plots()[name].draw
+    (example,) = doctest.DocTestFinder(recurse=False).find(draw, name, globs={})
+    assert f".plot.{name}(" in example.docstring
+    assert doctest.DocTestRunner().run(example).failed == 0
+    assert list(tmp_path.glob("*.png"))
+
+
 @pytest.mark.parametrize("module", MODULES)
 def test_examples_run(module, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -228,8 +228,10 @@ def _without_results(text: str) -> str:
     """A docstring of a plot as that of a method: `results` is given, the figure is told."""
     text = re.sub(r"^results : .*\n(?: +.*\n?)*", "", text, flags=re.MULTILINE)
     text = re.sub(r"^Parameters\n-+\s*(?=\n\n|\n*\Z)", "", text, flags=re.MULTILINE)
-    head, raises, tail = text.partition("\nRaises\n------\n")
-    return f"{head.strip()}\n\nReturns\n-------\nmatplotlib.figure.Figure\n{raises}{tail}"
+    section = re.search(r"^(?:Raises|Examples)\n-+\n", text, re.MULTILINE)
+    end = section.start() if section else len(text)
+    head, tail = text[:end].strip(), text[end:]
+    return f"{head}\n\nReturns\n-------\nmatplotlib.figure.Figure\n\n{tail}".rstrip() + "\n"
 
 
 def pictures(results: ResultTables) -> Iterable[tuple[str, Plot, Choices]]:

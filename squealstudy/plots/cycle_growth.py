@@ -75,6 +75,13 @@ def cycle_growth(results: Results, point: str, ax: Axes | None = None) -> Figure
     ------
     ResultsError
         Where no design point, or more than one, is called so.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("cycles_from_onset")[0])
+    >>> results = sq.run(study.with_(friction=[0.298, 0.305]))
+    >>> results.plot.cycle_growth(results.points["point_id"][0]).savefig("growth.png")
     """
     points = results.points
     chosen = points[points["point_id"].str.startswith(point).to_numpy(bool)]

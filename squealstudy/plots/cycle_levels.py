@@ -129,6 +129,13 @@ def cycle_levels(
     ------
     ResultsError
         For an unknown parameter, or a line that the study does not have.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("cycles_from_onset")[0])
+    >>> results = sq.run(study.with_(friction=[0.298, 0.305]))
+    >>> results.plot.cycle_levels(along="friction").savefig("levels.png")
     """
     points, units = results.points, results.units
     names = parameter_columns(points, varied=True)

@@ -51,6 +51,14 @@ def cycle_spectrum(results: Results, cycle: str, ax: Axes | None = None) -> Figu
     ------
     ResultsError
         For an unknown cycle.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("cycles_from_onset")[0])
+    >>> results = sq.run(study.with_(friction=[0.298, 0.305]))
+    >>> cycle = results.table("cycles")["cycle_id"][0]
+    >>> results.plot.cycle_spectrum(cycle).savefig("spectrum.png")
     """
     cycles, points = results.table("cycles"), results.points
     chosen = cycles[(cycles["cycle_id"] == cycle).to_numpy(bool)]

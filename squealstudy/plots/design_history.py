@@ -28,6 +28,13 @@ def design_history(results: Results) -> Figure:
     ----------
     results : Results
         Of a design study.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("kicked_design")[0])
+    >>> results = sq.run(study.with_({"variant": None}, friction=[0.5, 0.7]))
+    >>> results.plot.design_history().savefig("designs.png")
     """
     designs = results.table("designs")
     scan = (designs["origin"] == "scan").to_numpy(bool)

@@ -104,6 +104,13 @@ def evolution(
     ------
     ResultsError
         For an unknown parameter, a value that the study does not have, or an unknown `show`.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.model("hulten").study("flutter").with_(friction=[0.2, 0.4, 0.5])
+    >>> results = sq.run(study)
+    >>> results.plot.evolution(along="friction").savefig("evolution.png")
     """
     choices = [*VERTICAL] if ax is None else [*VERTICAL, FREQUENCY]
     if show not in choices:

@@ -58,6 +58,13 @@ def growth_comparison(results: Results) -> Figure:
     ----------
     results : Results
         Of a transient study.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("hoffmann_flutter")[0])
+    >>> results = sq.run(study.with_({"transient.duration": 0.5}, friction=[0.76, 0.8]))
+    >>> results.plot.growth_comparison().savefig("growth.png")
     """
     growth, points = results.growth, results.points
     table = growth_pairs(growth, points)

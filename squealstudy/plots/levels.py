@@ -83,6 +83,13 @@ def levels(
     ------
     ResultsError
         For an unknown parameter, or a value that the study does not have.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("hoffmann_flutter")[0])
+    >>> results = sq.run(study.with_({"transient.duration": 0.5}, friction=[0.76, 0.8]))
+    >>> results.plot.levels(along="friction").savefig("levels.png")
     """
     points, modes, units = results.points, results.modes, results.units
     if not len(points):

@@ -65,6 +65,13 @@ def method_stability(results: Results) -> Figure:
     ------
     ResultsError
         An outcome that is no class.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("linearisation")[0])
+    >>> results = sq.run(study.with_({"knob[1].num": 4, "knob[2].num": 4}))
+    >>> results.plot.method_stability().savefig("cells.png")
     """
     cells, facts = results.cells, results.manifest
     unknown = sorted(set(cells["outcome"]) - set(CLASSES))

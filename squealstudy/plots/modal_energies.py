@@ -51,6 +51,13 @@ def modal_energies(results: Results, point: str | int = 0) -> Figure:
     ------
     ResultsError
         Where there is no such point, or no history of it was kept.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("hoffmann_flutter")[0])
+    >>> results = sq.run(study.with_({"transient.duration": 0.5}, friction=[0.8]))
+    >>> results.plot.modal_energies(point=0).savefig("energies.png")
     """
     run = run_of(results, point)
     mode_numbers = [int(m[1]) for m in map(MODE_COLUMN.fullmatch, map(str, run.history)) if m]

@@ -36,6 +36,13 @@ def operating_matrix(results: Results) -> Figure:
     ----------
     results : Results
         Of a design study.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("kicked_design")[0])
+    >>> results = sq.run(study.with_({"variant": None}, friction=[0.5, 0.7]))
+    >>> results.plot.operating_matrix().savefig("operation.png")
     """
     facts, points = results.fact("design_study"), results.points
     # of a design that scatters, roots are those of samples

@@ -58,6 +58,13 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
     ------
     ResultsError
         For an unknown `by`.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.model("hulten").study("flutter").with_(friction=[0.2, 0.4, 0.5])
+    >>> results = sq.run(study)
+    >>> results.plot.ranking().savefig("ranking.png")
     """
     table, along = results.rank(by), results.along
     shown = table.iloc[:top]

@@ -60,6 +60,14 @@ def robust(results: Results, top: int = 10) -> Figure:
     ------
     ResultsError
         Where the design is not random, or every point failed.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> sweep = {"parameter": "friction", "start": 0.2, "stop": 0.6}
+    >>> design = {"type": "latin_hypercube", "samples": 16}
+    >>> study = sq.model("hulten").study("robust").with_({"design": design, "sweep": [sweep]})
+    >>> sq.run(study).plot.robust().savefig("robust.png")
     """
     indices = None
     if results.design == SOBOL_INDICES:

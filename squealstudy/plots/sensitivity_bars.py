@@ -75,6 +75,12 @@ def sensitivity(
     ------
     ResultsError
         No mode within 10 % of the frequency.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.model("hulten", friction=0.5).study("flutter").sensitivities()
+    >>> sq.run(study).plot.sensitivity().savefig("sensitivity.png")
     """
     if not len(results.sensitivities):
         return empty_figure("no mode, no sensitivities")

@@ -57,6 +57,13 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     ------
     ResultsError
         Where there is no such point, or no history of it was kept.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("hoffmann_flutter")[0])
+    >>> results = sq.run(study.with_({"transient.duration": 0.5}, friction=[0.8]))
+    >>> results.plot.spectrogram(point=0).savefig("spectrogram.png")
     """
     run = run_of(results, point)
     band_top = float(results.fact("band_hz")[1])

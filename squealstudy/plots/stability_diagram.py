@@ -87,6 +87,13 @@ def stability_diagram(
     ------
     ResultsError
         For an unknown point or parameter.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.model("hulten").study("flutter").with_(friction=[0.2, 0.4, 0.5])
+    >>> results = sq.run(study)
+    >>> results.plot.stability_diagram(colour_by="friction").savefig("diagram.png")
     """
     points, units = results.points, results.units
     here = np.ones(len(points), dtype=bool)

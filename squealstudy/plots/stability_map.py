@@ -78,6 +78,13 @@ def stability_map(
     ------
     ResultsError
         For an unknown parameter, measure or value.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.model("hulten").study("plane")
+    >>> results = sq.run(study.with_(friction=[0.2, 0.4], frequency_2=[74.0, 80.0]))
+    >>> results.plot.stability_map(x="friction", y="frequency_2").savefig("map.png")
     """
     free = [n for n in parameter_columns(results.points, varied=True) if n not in (x, y)]
     if [x, y].count(None) > len(free):

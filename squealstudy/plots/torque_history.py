@@ -67,6 +67,13 @@ def torque_history(results: Results, point: str | int = 0) -> Figure:
     ------
     ResultsError
         Where there is no such point, or no history of it was kept.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("hoffmann_flutter")[0])
+    >>> results = sq.run(study.with_({"transient.duration": 0.5}, friction=[0.8]))
+    >>> results.plot.torque_history(point=0).savefig("torque.png")
     """
     run = run_of(results, point)
     if len(run.history) < 2:

@@ -66,6 +66,14 @@ def verdict_map(
     ------
     ResultsError
         Where two parameters do not vary.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("verdict_map")[0])
+    >>> changes = {"limit_cycles.borders_over": None, "sweep[2].values": [-5.9e17, -5.4e17]}
+    >>> results = sq.run(study.with_(changes, friction=[0.4, 0.7]))
+    >>> results.plot.verdict_map().savefig("verdicts.png")
     """
     points, units = results.points, results.units
     varied = parameter_columns(points, varied=True)

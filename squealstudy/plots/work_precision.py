@@ -49,6 +49,14 @@ def work_precision(results: Results) -> Figure:
     ----------
     results : Results
         Of a work-precision study.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.read_study(sq.write_example("integrators_hoffmann")[0])
+    >>> changes = {"method": study.tables["method"][:2], "work_precision.points": 1}
+    >>> results = sq.run(study.with_(changes))
+    >>> results.plot.work_precision().savefig("precision.png")
     """
     measurements, facts = results.measurements, results.manifest
     quantities, tolerance = facts["quantities"], facts["tolerance"]
