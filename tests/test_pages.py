@@ -134,6 +134,13 @@ def test_files_of_the_way_of_a_design_point_exist(page):
         assert (ROOT / "squealstudy" / file).is_file() or (ROOT / file).is_file(), file
 
 
+def test_the_page_of_tests_names_files_that_exist():
+    text = (ROOT / "tests" / "README.md").read_text(encoding="utf-8")
+    named = re.findall(r"`((?:\w+/)?[\w*]+\.py)`", text)
+    assert len(named) > 100
+    assert not [name for name in named if not list((ROOT / "tests").glob(name))]
+
+
 def test_the_page_from_plan_to_row_is_short():
     page = DOCS / "explanation" / "plan-to-row.md"
     assert len(page.read_text(encoding="utf-8").split()) <= MOST_WORDS_OF_THE_WAY
