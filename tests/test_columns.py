@@ -13,7 +13,7 @@ from study_runs import command
 from squealstudy.columns import COLUMNS, column_of, unit_of
 from squealstudy.columns.column import DEFINITION, ERROR, LEAVES_OUT
 from squealstudy.engine.manifest_file import read_manifest
-from squealstudy.engine.renamed_columns import RENAMED_COLUMNS, with_new_names
+from squealstudy.engine.result_tables import RENAMED_COLUMNS, with_new_names
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.store import UNIT, column_units
 from squealstudy.face import read_study

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,6 @@ import pyarrow as pa
 
 from squealstudy.engine.column_types import misfit
 from squealstudy.engine.named_tables import NamedTables
-from squealstudy.engine.renamed_columns import with_new_names
 from squealstudy.engine.result_frame import ResultFrame
 from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.store import Store, column_units
@@ -29,7 +28,20 @@ from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW
 from squealstudy.wording import did_you_mean
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 POINT_TABLE = "points"
+# by kind of study, the former name and today's: docs/reference/words-in-tables.md has them too
+RENAMED_COLUMNS = {
+    "transient": {"dominant_frequency_hz": "torque_line_hz"},
+    "design": {
+        "stage": "analysis",
+        "role": "origin",
+        "meets": "meets_margin",
+        "uncoupled_damping": "damping_without_friction",
+    },
+}
 
 
 @dataclass(frozen=True)
@@ -316,3 +328,13 @@ class ResultTables(NamedTables):
         """Full grid (``axes``, ``levels``) of a boundary design and how much of it was solved."""
         facts: dict[str, Any] | None = self.manifest.get("boundary")
         return facts
+
+
+def with_new_names(table: pd.DataFrame, kind: str) -> pd.DataFrame:
+    """A table of results of a kind, its columns named as this version names them."""
+    names = {
+        old: new
+        for old, new in RENAMED_COLUMNS.get(kind, {}).items()
+        if old in table and new not in table
+    }
+    return table.rename(columns=names) if names else table

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from squealstudy.engine.chunk_rows import lost_chunk, solve_chunk
+from squealstudy.engine.chunk_rows import lost_chunk, solve_chunk, unforeseen
 from squealstudy.engine.chunk_writer import ChunkWriter
 from squealstudy.engine.journal import JOURNAL, Journal
 from squealstudy.engine.keys import ID_TYPE
@@ -31,12 +32,18 @@ from squealstudy.engine.manifest import (
 from squealstudy.engine.manifest_file import PICTURES, write_manifest
 from squealstudy.engine.recorded_code import RECORDS, enter_executed
 from squealstudy.engine.result_names import CHUNKS, LOCK, expect_inside, leads_out
-from squealstudy.engine.resumed import reading_earlier_files
 from squealstudy.engine.store import INACCURATE, Store
 from squealstudy.engine.validity import SOLVED
 from squealstudy.engine.workers import Progress, Workers, on_one_thread, silent
-from squealstudy.errors import MachineError, ResultsError, SquealstudyError, StudyFileError
+from squealstudy.errors import (
+    ContradictionError,
+    MachineError,
+    ResultsError,
+    SquealstudyError,
+    StudyFileError,
+)
 from squealstudy.machine.resources import give_back_memory, peak_memory_mb
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.wording import failure_counts, plural
 
 if TYPE_CHECKING:
@@ -339,3 +346,24 @@ def _expect_solved(plan: Planned, directory: Path, points: pd.DataFrame) -> None
         f"{directory}: every {plan.kind.row_word} {what} ({counts}), the first with: "
         f"{points['message'].iloc[0]}"
     )
+
+
+@contextmanager
+def reading_earlier_files(store: Store) -> Iterator[None]:
+    """Raise ContradictionError for what nobody foresaw where files were there at the beginning.
+
+    Types and lengths are checked as rows are read, but not every value of them.
+    """
+    earlier = bool(store.journal.entries)
+    try:
+        yield
+    except SquealstudyError:
+        raise
+    except FAILURES as error:
+        if not earlier:
+            raise
+        raise ContradictionError(
+            f"{store.directory}: what is finished there does not fit together "
+            f"({unforeseen(error)[1]}): its files are not as a run of this version writes them, or "
+            "this is a mistake of ours; --fresh makes all anew. SQUEALSTUDY_DEBUG=1 shows where"
+        ) from error
