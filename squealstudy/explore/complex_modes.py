@@ -1,4 +1,4 @@
-"""What a page holds of complex modes: those that grow and the lightest of the others."""
+"""What a page holds of complex modes: those that grow and the least damped of the others."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list
         is_shown[mode_rows[lightest]] = True
 
     def shown(batch: pd.DataFrame) -> np.ndarray:
-        here = place[batch[ROW].to_numpy()] >= 0
-        rows: np.ndarray = is_shown[batch.index] | (here & batch["unstable"].to_numpy(bool))
+        on_page = place[batch[ROW].to_numpy()] >= 0
+        rows: np.ndarray = is_shown[batch.index] | (on_page & batch["unstable"].to_numpy(bool))
         return rows
 
     named = ("mode", "track", "track_ambiguous", "unstable", "stability", "overdamped")
@@ -87,7 +87,7 @@ def _flags(modes: pd.DataFrame) -> np.ndarray:
 
 
 def _measures(points: pd.DataFrame, modes: pd.DataFrame) -> list[Content]:
-    """Of all modes that the page holds, the fastest ones of each design point among them."""
+    """What a map can show of a design point, from the modes that the page holds."""
     fastest = modes.loc[modes.groupby(ROW)["growth_rate"].idxmax()].set_index(ROW)
     by_point = fastest.reindex(np.arange(len(points)))
     least = modes.groupby(ROW)["damping_ratio"].min().reindex(np.arange(len(points)))

@@ -95,7 +95,7 @@ def explore(results: Results, where: str | None = None) -> Exploration:
         "measures": measures,
         "own": kind_content,
         "shapes": shapes,
-        "notes": [*_notes(results, points, kind_content), *_left(n_without_room)],
+        "notes": [*_notes(results, points, kind_content), *_shapes_without_room(n_without_room)],
         "colours": COLOURS,
         "grey": GREY,
         "dark": DARK,
@@ -141,7 +141,7 @@ def _notes(results: Results, points: pd.DataFrame, own: Content) -> Iterator[str
         yield f"{plural(own['n_left'], 'history', 'histories')} found no room, or cannot be read."
 
 
-def _left(n: int) -> list[str]:
+def _shapes_without_room(n: int) -> list[str]:
     return [f"{plural(n, 'file')} of the folder shapes found no room."] if n else []
 
 

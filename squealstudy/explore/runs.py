@@ -32,8 +32,8 @@ OTHERS = {
 def runs_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[Content]]:
     """Histories of some design points, and what a map can show of them.
 
-    A history of more rows than its share of MOST_ROWS is told by the least and the largest value of
-    each of so many parts, in this order: no peak is lost.
+    A history of more rows than its share of MOST_ROWS is cut into parts, and the least and the
+    largest value of each stand for it: no peak is lost.
     """
     unit = results.units.get(TORQUE, "N m")
     with_history = results.store.kept_histories()
@@ -57,11 +57,11 @@ def runs_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[
     named = {n: (f"{text} of {of_friction(unit)}", unit) for n, text in LEVELS.items()}
     measures = [classes("class", words, status, RUN_FILLS)]
     n = points["n_unstable"]
-    for name, (text, one) in (named | OTHERS).items():
+    for name, (text, unit_shown) in (named | OTHERS).items():
         if name in points:
             values = points[name].to_numpy(dtype=float, na_value=np.nan)
             if np.isfinite(values).any():
-                measures.append(measure(text, one, values, n if name == PREDICTED else None))
+                measures.append(measure(text, unit_shown, values, n if name == PREDICTED else None))
     return content, measures
 
 

@@ -71,12 +71,12 @@ def full_choice(plan: Plan, prepared_key: str) -> MotionBasis:
 
 
 def truncated_choice(plan: Plan) -> MotionBasis:
-    """The same without POD vectors, for which no run is needed."""
+    """The basis of the study without POD vectors, which would need a training run."""
     return MotionBasis(plan.study.section.modes_below)
 
 
 def training_path(plan: Plan, prepared_key: str) -> Path:
-    """Where what the study's training run gave is kept, there or not."""
+    """Folder of the cache for the study's training run, there or not."""
     section = plan.study.section.training
     settings = section.model_dump(mode="json", include=TRAINING_KEYS)
     values = [sorted(d.values.items()) for d in training_designs(plan)]
@@ -135,8 +135,8 @@ class BatchTask:
     @property
     def perturbation(self) -> float:
         """Initial velocity [m/s]; none at a continued or stuck state unless the study gives one."""
-        moves = self.start is not None or self.section.start == STUCK
-        if moves and "perturbation" not in self.section.model_fields_set:
+        starts_elsewhere = self.start is not None or self.section.start == STUCK
+        if starts_elsewhere and "perturbation" not in self.section.model_fields_set:
             return 0.0
         return self.section.perturbation
 
@@ -203,13 +203,13 @@ def shared_reference(
         if basis.training is None:
             return truncated(whole, basis.modes_below)
         training: Training
-        training, _ = load_value(basis.training)  # and seconds
+        training, _seconds = load_value(basis.training)
         return with_pod(whole, basis.modes_below, training, basis.pod_vectors)
     return reference_modes(prepared_model(prepared_key), operating, component_modes)
 
 
 def settings_of(section: TransientSection, every: int) -> MotionSettings:
-    """How a section has points integrated, a row kept every `every` steps."""
+    """Settings of runs as a section has them, with a row every `every` steps."""
     return MotionSettings(
         duration=section.duration,
         step=section.step,

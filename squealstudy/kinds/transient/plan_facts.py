@@ -39,7 +39,7 @@ from squealstudy.study.source import SourceText
 
 NO_MOTION = {"batch", "start", "start_point", "slope_pilot"}  # keys that change no run
 MOST_TRAINING = 4  # design points of a training run
-# they decide what is sampled, trained and run
+# code that decides what is sampled, trained and run
 TRANSIENT_SOURCES = ("kinds/transient",)
 PLAN_CACHE_SIZE = 4  # plans
 KEY = ("transient", "start")
@@ -115,7 +115,7 @@ def regularisation_of(plan: Plan) -> dict[str, Any] | None:
 
 @dataclass(frozen=True, eq=False)
 class StartState:
-    """A final state of an earlier run, or one on a cycle: its design point or cycle, its model.
+    """Final state of an earlier run, or a state on a cycle, with its design point and its model.
 
     `q` and `v` (n,) are deviation from steady sliding and velocity in component-mode coordinates.
     """
@@ -183,7 +183,7 @@ def start_of(plan: Plan) -> StartState | None:
 
 
 def _on_cycle(section: TransientSection, source: SourceText) -> StartState:
-    """The state of a limit cycle where its first harmonic has its cosine: at theta = 0."""
+    """The state of a limit cycle at theta = 0, where cosines are 1 and sines 0."""
     directory, cycle_id = Path(section.start_cycle).parent, Path(section.start_cycle).name
     try:
         manifest = read_manifest(directory)
@@ -204,7 +204,7 @@ def _on_cycle(section: TransientSection, source: SourceText) -> StartState:
 
 
 def _finished(store: Store) -> set[str] | None:
-    """DesignPoint points of the table that reached their end; None before there is a table."""
+    """Ids of the design points that reached their end; None before there is a table."""
     if not (store.directory / POINTS).is_file():
         return None
     table = store.read_table(POINTS, ["point_id", "status"]).to_pylist()

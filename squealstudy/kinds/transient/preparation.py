@@ -1,4 +1,4 @@
-"""What a transient study does and tells before it runs.
+"""What a transient study does, and warns of, before it runs.
 
 Compiled kernels, warnings, seconds a step; and training runs: what the modes beyond a truncated
 basis do, for POD vectors that repair it.
@@ -189,10 +189,12 @@ def time_steps(task: BatchTask) -> tuple[float, int, int] | None:
     return time.perf_counter() - started, steps, whole.n_steps
 
 
-def make_training_runs(plan: Plan, report: Progress, wanted: Collection[str] | None = None) -> None:
-    """Make the training that the study's basis needs, where the cache does not hold them.
+def make_training_runs(
+    plan: Plan, report: Progress, structures: Collection[str] | None = None
+) -> None:
+    """Make the training runs that the study's basis needs and the cache does not hold.
 
-    `wanted` are the keys of the structures to be trained on; all by default.
+    `structures` are the keys of those to be trained on; all by default.
 
     Raises
     ------
@@ -201,21 +203,21 @@ def make_training_runs(plan: Plan, report: Progress, wanted: Collection[str] | N
     """
     if not plan.study.section.pod_vectors:
         return
-    keys = [key for key in plan.structures if wanted is None or key in wanted]
+    keys = [key for key in plan.structures if structures is None or key in structures]
     missing = [key for key in keys if _seconds(plan, key) is None]
     for done, key in enumerate(missing):
         report("training run", done, len(missing))
         started = time.process_time()
         with threadpool_limits(1):
             training = training_run(plan, key)
-        discard(training_path(plan, key))  # where there is one, it is no training
+        discard(training_path(plan, key))  # what is there is no training
         save_value(training_path(plan, key), (training, time.process_time() - started))
     if missing:
         report("training run", len(missing), len(missing))
 
 
 def training_seconds(plan: Plan) -> float:
-    """What training took on the structures that are trained on, for all of them; 0 without."""
+    """Seconds of training for all structures, from those that were trained on; 0 without POD."""
     if not plan.study.section.pod_vectors:
         return 0.0
     seconds_of = (_seconds(plan, key) for key in plan.structures)
@@ -224,7 +226,7 @@ def training_seconds(plan: Plan) -> float:
 
 
 def _seconds(plan: Plan, key: str) -> float | None:
-    """What the training of a structure took; None where the cache holds none, whoever wrote it."""
+    """Seconds that the training of a structure took; None where the cache holds no valid one."""
     folder = training_path(plan, key)
     stored = load_value(folder) if is_whole(folder) else None
     if not (isinstance(stored, tuple) and len(stored) == 2):
