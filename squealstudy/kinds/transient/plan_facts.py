@@ -85,7 +85,7 @@ def regularised(design: DesignPoint) -> bool:
 
 @lru_cache(maxsize=PLAN_CACHE_SIZE)
 def regularisation_of(plan: Plan) -> dict[str, Any] | None:
-    """What the slopes of friction follow from, for manifest and screens; None where all are given.
+    """Speeds that slopes of friction follow from, for manifest and screens; None: all are given.
 
     Returns
     -------
