@@ -1,4 +1,4 @@
-"""Roots of two solutions of one problem, paired one to one: the same modes found twice."""
+"""Order of roots, one of each conjugate pair, and pairs of two solutions of one problem."""
 
 from __future__ import annotations
 
@@ -34,6 +34,16 @@ def by_modulus(lam: np.ndarray, late: np.ndarray) -> np.ndarray:
         group[..., 1:] = np.cumsum(apart, axis=-1)
         order = np.take_along_axis(order, np.lexsort((grown, group), axis=-1), -1)
     return order
+
+
+def one_of_each_pair(
+    lam: np.ndarray, psi: np.ndarray, band: tuple[float, float] = (0.0, np.inf)
+) -> tuple[np.ndarray, np.ndarray]:
+    """Roots of imaginary part >= 0 in a band of moduli, ascending in modulus, and unit vectors."""
+    size = np.abs(lam)
+    order = np.flatnonzero((lam.imag >= 0) & (size >= band[0]) & (size <= band[1]))
+    order = order[np.argsort(size[order])]
+    return lam[order], psi[:, order] / np.linalg.norm(psi[:, order], axis=0)
 
 
 def least_assignment(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ import scipy.linalg
 from random_quadratics import KINDS, TOP, Problem, brake, difference, random_problem
 
 from squealstudy.linalg import dense_qep
-from squealstudy.linalg.companion import one_of_each_pair, right_pairs
+from squealstudy.linalg.companion import right_pairs
 from squealstudy.linalg.dense_qep import (
     KRYLOV_MAX_ROOT_SHARE,
     KRYLOV_MIN_SIZE,
@@ -20,6 +20,7 @@ from squealstudy.linalg.dense_qep import (
 )
 from squealstudy.linalg.root_error import TIME_SCALE_RATIO, conditions
 from squealstudy.modes.reanalysis.problem import in_band
+from squealstudy.root_pairs import one_of_each_pair
 
 
 @pytest.mark.parametrize("kind", range(len(KINDS)), ids=lambda i: KINDS[i].__name__)

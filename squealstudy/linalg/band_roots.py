@@ -13,10 +13,11 @@ import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.faults import raise_if_memory
-from squealstudy.linalg.companion import inverse_pairs, one_of_each_pair, pairs_up_to
+from squealstudy.linalg.companion import inverse_pairs, pairs_up_to
 from squealstudy.linalg.factor import SINGULAR, Factor, factorise
 from squealstudy.linalg.root_error import Matrix, root_errors
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_roots
+from squealstudy.root_pairs import one_of_each_pair
 
 FIRST_ROOTS = 60  # asked for where nothing is known
 FALLBACK_SHIFT_RATIO = 0.02  # of the band's top: where K itself is singular

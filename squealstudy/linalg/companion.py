@@ -171,13 +171,3 @@ def derivative_products(C: np.ndarray, lam: np.ndarray, X: np.ndarray, Y: np.nda
     d = np.einsum("ij,ij->j", Y.conj(), 2.0 * lam * X + C @ X)
     tiny = 1e-14 * np.linalg.norm(X, axis=0) * np.linalg.norm(Y, axis=0)
     return np.where(np.abs(d) > tiny, d, tiny + 1e-300)
-
-
-def one_of_each_pair(
-    lam: np.ndarray, psi: np.ndarray, band: tuple[float, float] = (0.0, np.inf)
-) -> tuple[np.ndarray, np.ndarray]:
-    """Roots of imaginary part >= 0 in a band of moduli, ascending in modulus, and unit vectors."""
-    size = np.abs(lam)
-    order = np.flatnonzero((lam.imag >= 0) & (size >= band[0]) & (size <= band[1]))
-    order = order[np.argsort(size[order])]
-    return lam[order], psi[:, order] / np.linalg.norm(psi[:, order], axis=0)

@@ -23,10 +23,10 @@ from squealstudy.linalg.companion import (
     Eigenpairs,
     all_pairs,
     drowned,
-    one_of_each_pair,
     pairs_up_to,
 )
 from squealstudy.linalg.quadratic_pencil import product
+from squealstudy.root_pairs import one_of_each_pair
 
 KRYLOV_MIN_SIZE = 60  # coordinates from which on a space is less work than LAPACK's QR
 # of the 2n roots: where more are inside, the space costs as much as LAPACK's QR

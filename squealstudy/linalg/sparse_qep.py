@@ -14,7 +14,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
-from squealstudy.linalg.companion import one_of_each_pair, pairs_up_to
+from squealstudy.linalg.companion import pairs_up_to
 from squealstudy.linalg.factor import Factor, RefinedFactor, factorise
 from squealstudy.linalg.real_modes import (
     FIRST_TEST_SIZE,
@@ -22,6 +22,7 @@ from squealstudy.linalg.real_modes import (
     REL_RESIDUAL_FLOOR,
     BlockKrylov,
 )
+from squealstudy.root_pairs import one_of_each_pair
 
 DENSE_LIMIT = 100  # degrees of freedom solved by LAPACK
 TEST_GROWTH_DIVISOR = 10  # 1 in so many states between two tests of convergence
