@@ -33,8 +33,8 @@ from squealstudy.kernels.newmark_step import (
     count_pass,
     halved,
     keep_points,
-    open_substep,
-    substep_done,
+    open_part,
+    part_done,
 )
 from squealstudy.kernels.newmark_stiff import mock_up
 from squealstudy.kernels.newmark_vector import copy, dot, move
@@ -156,7 +156,7 @@ def accept(modal: ModalArrays, settings: StepSettings, scheme: Scheme, work: Wor
     keep_points(point, modal.fixed.shape[2], real[at.SUBSTEP])
     for i in range(point.shape[1]):
         point[X_START, i] = 2.0 * point[at.OUT_X, i] - point[X_START, i]
-    return substep_done(settings, counts)
+    return part_done(settings, counts)
 
 
 @fast_kernel
@@ -188,7 +188,7 @@ def alpha_method(
     counts = work.counts[0]
     while counts[at.STATUS] == at.RUNNING:
         h = settings.h / (1 << counts[at.HALVING])
-        ratio = open_substep(settings, work, 0, modal.fixed.shape[2], h)
+        ratio = open_part(settings, work, 0, modal.fixed.shape[2], h)
         predict(work.x[0], modal.modes[0], modal.steps[0, counts[at.HALVING]], scheme, h, ratio)
         reason = solve(B, modal, settings, scheme, work)
         if reason == at.DONE:

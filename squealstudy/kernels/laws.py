@@ -90,8 +90,8 @@ def law_row(contact: ContactLaw, friction: FrictionLaw) -> np.ndarray:
     row, first = _with_values(row, contact.parameters, LAW_FIRST, outside[0])
     if outside[0]:
         _put(row, contact_addresses(contact.definition, first))
-    values = (friction.friction, *curve.parameters)
-    row, first = _with_values(row, values, FRICTION_PLACE, outside[1])
+    own = (friction.friction, *curve.parameters)
+    row, first = _with_values(row, own, FRICTION_PLACE, outside[1])
     if outside[1:].any():
         curves = {int(row[LAW_CURVE]): None if curve.constant else curve.definition}
         _put(row, friction_addresses(curves, {int(row[LAW_REGULARISATION]): slope}, first))
@@ -101,20 +101,20 @@ def law_row(contact: ContactLaw, friction: FrictionLaw) -> np.ndarray:
 def _with_values(
     row: np.ndarray, values: tuple[float, ...], place: int, outside: bool
 ) -> tuple[np.ndarray, int]:
-    """A row with the values of a law, and their place: of one from outside behind all others."""
+    """A row with the values of a law, and where: at their place, or behind all."""
     if outside:
         return np.concatenate([row, values]), len(row)
     row[place : place + len(values)] = values
     return row, place
 
 
-def _put(row: np.ndarray, addresses: dict[int, float]) -> None:
-    for place, address in addresses.items():
+def _put(row: np.ndarray, found: dict[int, float]) -> None:
+    for place, address in found.items():
         row[place] = address
 
 
 def law_rows(laws: Iterable[tuple[ContactLaw, FrictionLaw]]) -> np.ndarray:
-    """Rows of laws of design points, with zeros behind the shorter ones."""
+    """Those of design points, with zeros behind the shorter ones."""
     rows = [law_row(contact, friction) for contact, friction in laws]
     full: np.ndarray = np.array([*zip_longest(*rows, fillvalue=0.0)]).T
     return np.ascontiguousarray(full)

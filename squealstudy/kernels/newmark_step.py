@@ -41,10 +41,10 @@ GO_ON, BEGIN, CLOSE = 0, 1, 2
 
 @hot_kernel
 def predict(x: np.ndarray, E: np.ndarray, ratio: float) -> None:
-    """The trial state of a sub-step of coefficients E (N_STEP, n), with an extrapolated pull.
+    """What a sub-step of coefficients E (N_STEP, n) does without the new pull; a trial state.
 
-    The pull is extrapolated over `ratio` times the last sub-step. The motion follows from it
-    mode by mode: only the pull needs iterations.
+    The pull is extrapolated over `ratio` times the last sub-step: the diagonal system is solved
+    for it as the method does that for any, and only the pull needs iterations.
     """
     for j in range(x.shape[1]):
         q, v, pull = x[at.Q, j], x[at.V, j], x[at.PULL, j]
@@ -73,7 +73,7 @@ def guess_friction(point: np.ndarray, nc: int, h: float) -> None:
 
 
 @hot_kernel
-def open_substep(settings: StepSettings, work: WorkArrays, k: int, nc: int, h: float) -> float:
+def open_part(settings: StepSettings, work: WorkArrays, k: int, nc: int, h: float) -> float:
     """Open a sub-step h; its ratio to the last one, to extrapolate the pull by, or 0."""
     counts, real = work.counts[k], work.real[k]
     known = settings.extrapolate and real[at.SUBSTEP_OLD] > 0.0
@@ -90,9 +90,9 @@ def lengthen(settings: StepSettings, counts: np.ndarray) -> None:
     """Double the next sub-step, where it then ends on the grid: steps grow again after a corner.
 
     Friction that begins to stick settles as exp(-k_t |T|^2 t). The trapezoidal rule answers with
-    (1 - z/2) / (1 + z/2) at a sub-step of z such times, wrong by z^3 / 12 of what is left. After
-    four sub-steps of a length exp(-4 z) is left, after two exp(-2 z): with four the error is at
-    most .0018, with two .014 of what settles, whatever the step.
+    (1 - z/2) / (1 + z/2) at a sub-step of z such times, wrong by z^3 / 12 of what is left. Of four
+    sub-steps of each length those before have left exp(-4 z), of two exp(-2 z): at most .0018 of
+    it is wrong, .014 with two, whatever the step.
     """
     counts[at.EQUAL] += 1
     longer = counts[at.HALVING] - 1
@@ -104,7 +104,7 @@ def lengthen(settings: StepSettings, counts: np.ndarray) -> None:
 
 
 @fast_kernel
-def substep_done(settings: StepSettings, counts: np.ndarray) -> bool:
+def part_done(settings: StepSettings, counts: np.ndarray) -> bool:
     """Count an accepted sub-step; whether it ends a whole step."""
     counts[at.POSITION] += 1 << (settings.levels - counts[at.HALVING])
     whole = counts[at.POSITION] == 1 << settings.levels
@@ -140,7 +140,7 @@ def count_pass(counts: np.ndarray) -> None:
 
 @fast_kernel
 def close_passes(counts: np.ndarray) -> None:
-    """Enter the evaluations of a whole step in their largest number, and begin to count anew."""
+    """The evaluations of a whole step that ends."""
     counts[at.MAX_PASSES] = max(counts[at.MAX_PASSES], counts[at.STEP_PASSES])
     counts[at.STEP_PASSES] = 0
 
@@ -148,7 +148,7 @@ def close_passes(counts: np.ndarray) -> None:
 @part_kernel
 def begin(modal: ModalArrays, settings: StepSettings, work: WorkArrays, k: int, h: float) -> None:
     """Open a sub-step h from the accepted state, with a trial state."""
-    ratio = open_substep(settings, work, k, modal.fixed.shape[2], h)
+    ratio = open_part(settings, work, k, modal.fixed.shape[2], h)
     predict(work.x[k], modal.steps[k, work.counts[k, at.HALVING]], ratio)
 
 
@@ -226,7 +226,7 @@ def accept(
     keep_points(work.point[k], modal.fixed.shape[2], h)
     add_sums(modal, settings, work, k, h)
     counts[at.MODE] = at.NEWTON if settings.newton else at.FIXED
-    if not substep_done(settings, counts):
+    if not part_done(settings, counts):
         return BEGIN
     close_passes(counts)
     if counts[at.STEP] == settings.n_steps:

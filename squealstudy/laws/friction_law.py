@@ -188,24 +188,24 @@ class FrictionCurve(Law[FrictionCurveDefinition]):
             slopes = law.slopes
             rows = at_points(lambda *x: np.ravel(slopes(*x)), 3 * count, s, at, *values)
             return rows.reshape(count, 3, -1)
-        derivatives = []
+        found = []
         for number in range(count):
             arguments: list[Number] = [s, at, *values]
-            base, size, start = arguments[number], 0.0, 0.0
-            if np.ndim(base):  # all points move together
-                size = float(np.abs(base).max(initial=0.0))
+            own, size, start = arguments[number], 0.0, 0.0
+            if np.ndim(own):  # all points move together
+                size = float(np.abs(own).max(initial=0.0))
             else:
-                start, base = float(base), 0.0
+                start, own = float(own), 0.0
 
             before, behind = arguments[:number], arguments[number + 1 :]
 
             def moved(
-                x: float, base: Number = base, a: list[Number] = before, b: list[Number] = behind
+                x: float, base: Number = own, a: list[Number] = before, b: list[Number] = behind
             ) -> np.ndarray:
                 return at_points(law.mu, 3, *a, base + x, *b)
 
-            derivatives.append(central_slope(moved, start, size))
-        return np.array(derivatives)
+            found.append(central_slope(moved, start, size))
+        return np.array(found)
 
 
 @dataclass(frozen=True)
