@@ -130,7 +130,7 @@ class _Deck:
                 self._note(name, len(cards), cards[0][0], PASSED_OVER.get(name, "as asked for"))
             elif name not in READ and name not in SETTINGS:
                 names.append(name)
-                text = f"{name} ({len(cards)}, first in line {_number(cards)})"
+                text = f"{name} ({len(cards)}, first in line {cards[0][0].place + 1})"
                 unknown.append((cards[0][0], text))
         if unknown:
             raise unknown[0][0].error(
@@ -249,10 +249,9 @@ class _Deck:
             if element_type.element not in SOLIDS:
                 continue
             count, _, _, _ = SOLIDS[element_type.element]
-            formulation = (
-                self._formulation(number, element_type) if (type_numbers == number).any() else ""
-            )
-            for row in np.flatnonzero(type_numbers == number):
+            of_type = np.flatnonzero(type_numbers == number)
+            formulation = self._formulation(number, element_type) if len(of_type) else ""
+            for row in of_type:
                 nodes = elements[row][FIELDS:]
                 name = f"element {labels[row]} ({element_type.name})"
                 corners = {20: 8, 10: 4}.get(count, count)
@@ -396,8 +395,3 @@ class _Deck:
 def _pasted(names: list[str]) -> str:
     """Names as a model file lists them."""
     return ", ".join(f'"{name}"' for name in dict.fromkeys(names))
-
-
-def _number(cards: list[tuple[Line, list[str]]]) -> int:
-    """Line of the first of some commands, from 1."""
-    return cards[0][0].place + 1
