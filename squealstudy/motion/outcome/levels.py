@@ -327,8 +327,7 @@ def _still_to_come(mean: float, blocks: np.ndarray, thirds: np.ndarray) -> float
     """How far the limit of a level that is approached is from its mean; 0 where none is seen.
 
     It is where means of sub-windows lie along a line: the drift from third to third goes on by its
-    ratio (Aitken). A drift by much of the mean
-    belongs to a motion that passes: no limit is near.
+    ratio (Aitken). A drift by much of the mean is that of a motion that passes, without a limit.
     """
     x = np.arange(len(blocks)) - 0.5 * (len(blocks) - 1)
     rest = blocks - blocks.mean()
