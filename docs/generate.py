@@ -48,6 +48,8 @@ FENCE = re.compile(r"^(```.*?^```)$", FLAGS)
 KEY_PAGES = (  # schema, heading of a table, what a table is in such a file
     ("study-keys", ""),
     ("model-keys", "model_file"),
+    ("lumped-keys", "lumped_file"),
+    ("matrix-keys", "matrix_file"),
     ("work-precision-keys", "work_precision"),
     ("method-stability-keys", "method_stability"),
 )

@@ -16,7 +16,13 @@ from squealstudy import wording
 from squealstudy.cli.app import app
 from squealstudy.columns import COLUMNS, column_names
 from squealstudy.engine.pictures import plots
-from squealstudy.engine.schema import EXAMPLES, methods_schema, model_schema, study_schema
+from squealstudy.engine.schema import (
+    EXAMPLES,
+    lumped_schema,
+    methods_schema,
+    model_schema,
+    study_schema,
+)
 from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES, REGULARISATIONS
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.study.definition import parse_study
@@ -54,6 +60,8 @@ def parts(generate) -> dict[str, str]:
 SCHEMAS = {
     "study-keys": study_schema,
     "model-keys": model_schema,
+    "lumped-keys": lambda: lumped_schema("lumped_file"),
+    "matrix-keys": lambda: lumped_schema("matrix_file"),
     "work-precision-keys": lambda: methods_schema("work_precision"),
     "method-stability-keys": lambda: methods_schema("method_stability"),
 }
@@ -88,10 +96,13 @@ def test_examples_of_keys_are_what_files_may_say():
     from pydantic import TypeAdapter, ValidationError
 
     from squealstudy.models.components.model_file import ModelFile
+    from squealstudy.models.lumped.matrix_tables import MatrixFile
+    from squealstudy.models.lumped.tables import LumpedFile
 
     whole = {n: definition_of(n) for n in kind_names()}
     of_studies = [d for d in whole.values() if issubclass(d, StudyDefinition)]
     classes = {"study": of_studies, "model_file": [ModelFile]}
+    classes |= {"lumped_file": [LumpedFile], "matrix_file": [MatrixFile]}
     classes |= {n: [whole[n]] for n in ("work_precision", "method_stability")}
     types = {"float_type", "int_type", "string_type", "bool_type", "literal_error"}
     types |= {"greater_than", "greater_than_equal", "less_than_equal", "extra_forbidden"}

@@ -270,7 +270,7 @@ def test_check_warns_of_friction_too_stiff_for_the_step(study, capsys):
     assert command("check", name, "--jobs", "1") == 0
     told = " ".join(capsys.readouterr().err.split())
     assert "friction is too stiff for the step" in told
-    step = float(re.search(r"a step of (\S+) s or", told).group(1))
+    step = float(re.search(r"[Aa] step of (\S+) s or", told).group(1))
     slope = float(re.search(r"contact.kt of (\S+) would do", told).group(1))
     assert 0 < step < 1e-4
     assert 0 < slope < 1e14

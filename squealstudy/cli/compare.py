@@ -47,8 +47,9 @@ def comparison(
     )
     legend = notes(
         "growth: of the frequency study; forecast: of the time study's own complex mode; fitted: "
-        "in time; dev: fitted against growth; energy: share of the vibration that lasts, in the "
-        "mode's plane of motion; lives: 5 % or more of it, ? where the run does not tell",
+        "in time; dev: fitted against growth",
+        "energy: share of the vibration that lasts, in the mode's plane of motion; lives: 5 % or "
+        "more of it, ? where the run does not tell",
         *named_tracks(table["track"], names or {}),
     )
     return [shown, summary(table), legend]
@@ -78,8 +79,9 @@ def cycle_comparison(table: pd.DataFrame) -> list[RenderableType]:
     text += f", {unknown} cannot be told" if unknown else ""
     legend = notes(
         "RMS, Hz: of the stable cycle nearest in frequency to a run that lasts, else of the "
-        "loudest; dev: run against it; kick: contact velocity of the unstable cycle; bistable: a "
-        "stable cycle beside stable steady sliding, so that a run may do either"
+        "loudest; dev: run against it",
+        "kick: contact velocity of the unstable cycle; bistable: a stable cycle beside stable "
+        "steady sliding, so that a run may do either",
     )
     return [shown, f"{text}.", legend]
 

@@ -95,6 +95,7 @@ def _type(node: Mapping[str, Any], schema: Mapping[str, Any]) -> str:
         return "table"
     kind = node.get("type", "any")
     names = {"integer": "whole number", "boolean": "true or false", "string": "text"}
+    names |= {"array": "list", "object": "table"}
     if isinstance(kind, list):
         return " or ".join(str(names.get(k, k)) for k in kind)
     if kind == "array":
@@ -102,7 +103,7 @@ def _type(node: Mapping[str, Any], schema: Mapping[str, Any]) -> str:
         if parts:
             return f"list of {len(parts)}, {_type(parts[0], schema)}"
         return "list" if "items" not in node else f"list of: {_type(node['items'], schema)}"
-    words = "table" if kind == "object" else names.get(kind, kind)
+    words = names.get(kind, kind)
     return words + _range(node)
 
 

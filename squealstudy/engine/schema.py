@@ -24,7 +24,8 @@ OF_NO_UNIT = (  # a word and directions, named as numbers with a unit are elsewh
     "components.sets.normal",
     "components.sets.plane.normal",
 )
-MODEL_FILE = "model_file"  # what is no kind, but has a schema too
+# what is no kind, but has a schema too: files of parts, of masses, of matrices
+MODEL_FILE, LUMPED_FILE, MATRIX_FILE = FILES = ("model_file", "lumped_file", "matrix_file")
 UNITS = {  # of keys of study files that have one
     **dict.fromkeys(("modes.band", "transient.sensors", "transient.modes_below"), "Hz"),
     **dict.fromkeys(("transient.duration", "transient.step"), "s"),
@@ -45,7 +46,7 @@ UNITS["variable.bounds"] = OF_PARAMETER
 
 
 def schema_of(kind: str | None) -> dict[str, Any]:
-    """The schema of study files, of those of a kind that measures methods, of MODEL_FILE.
+    """The schema of study files, of those of a kind that measures methods, of FILES.
 
     Raises
     ------
@@ -57,8 +58,11 @@ def schema_of(kind: str | None) -> dict[str, Any]:
         return study_schema()
     if kind == MODEL_FILE:
         return model_schema()
+    if kind in FILES:
+        return lumped_schema(kind)
     if kind not in of_methods:
-        raise SquealstudyError(f"kind '{kind}': expected {', '.join(of_methods)} or {MODEL_FILE}")
+        expected = f"{', '.join((*of_methods, *FILES[:-1]))} or {FILES[-1]}"
+        raise SquealstudyError(f"kind '{kind}': expected {expected}")
     return methods_schema(kind)
 
 
@@ -106,6 +110,16 @@ def model_schema() -> dict[str, Any]:
     units["angle"] = "deg"
     units |= dict.fromkeys(OF_NO_UNIT, "")
     return _finished(schema, MODEL_FILE, "squealstudy model file", units)
+
+
+def lumped_schema(name: str) -> dict[str, Any]:
+    """JSON Schema of the file of a lumped model, of masses or of matrices: one of FILES."""
+    from squealstudy.models.lumped.matrix_tables import MatrixFile
+    from squealstudy.models.lumped.tables import LumpedFile
+
+    of_file = {LUMPED_FILE: LumpedFile, MATRIX_FILE: MatrixFile}[name]
+    schema: dict[str, Any] = _without_null(of_file.model_json_schema())
+    return _finished(schema, name, f"squealstudy {name.replace('_', ' ')}", {})
 
 
 def _finished(

@@ -69,7 +69,7 @@ REGULARISATION_SPEED = Parameter(
     "contact.regularisation_speed",
     0.0,
     "m/s",
-    "sliding speed below which a point sticks, of the automatic contact.kt, in time only; 0: "
+    "sliding speed below which a point sticks, of the automatic contact.kt, in time only. 0: "
     f"{100 * REGULARISATION_SHARE:g} % of the slowest sliding_speed of all design points of the "
     "study, so that a slower one changes every row",
     minimum=0.0,

@@ -196,10 +196,9 @@ class ModesSection(Section):
         gt=0,
         le=0.1,
         description="largest estimated error of lightly damped and of growing modes, relative in "
-        "frequency and absolute in damping ratio: where error_rung of a method that is not exact "
-        "exceeds it a point is solved exactly, and where that does too (stiff springs beside soft "
-        "ones) its status is inaccurate; where error_reduction exceeds it the basis is enriched, "
-        "once for the study",
+        "frequency and absolute in damping ratio. Where error_rung exceeds it a point is solved "
+        "exactly; where that does too (stiff springs beside soft ones) its status is inaccurate. "
+        "Where error_reduction exceeds it the basis is enriched, once for the study",
     )
     audit: float = Field(
         default=0.0,
@@ -222,9 +221,9 @@ class ModesSection(Section):
     refine_points: int | None = Field(
         default=None,
         ge=0,
-        description="about how many design points both may solve between those of the study; "
-        "without it 500 for tracks (3,000 of a model of few coordinates), 1,000 for onsets, and "
-        "for onsets that bound stability a fifth of the design points or 20,000",
+        description="about how many design points both may solve between those of the study. "
+        "Without it 500 for tracks (3,000 of a model of few coordinates) and 1,000 for onsets; for "
+        "onsets that bound stability a fifth of the design points or 20,000",
     )
     reference_points: int = Field(
         default=2,
@@ -267,8 +266,8 @@ class ReductionSection(Section):
     friction_training: bool = Field(
         default=False,
         description="add static responses to the change of contact stiffness at the ends of a "
-        "swept friction, as is done for pressure: smaller errors far from the nominal friction, "
-        "in a larger basis and a reduction for each range",
+        "swept friction, as is done for pressure. Errors far from the nominal friction are "
+        "smaller; the basis is larger, and there is a reduction for each range",
     )
     shared_basis: bool = Field(
         default=True,

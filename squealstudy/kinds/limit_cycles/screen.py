@@ -103,8 +103,8 @@ class LimitCyclesScreen(KindScreen):
             f"{more} more in the points table" if more else "",
             "growth: of the followed mode that grows fastest or decays slowest",
             f"RMS: of the {force}, about its mean; +-: its error; Hz: its frequency (x2: loudest "
-            "at twice that; ~: loudest line, where no period is known); all of the loudest "
-            "stable cycle, or of a run in time that lasts",
+            "at twice that; ~: loudest line, where no period is known)",
+            "all of the loudest stable cycle, or of a run in time that lasts",
             "kick m/s: a disturbance must move a contact point faster than this to start squeal "
             "(the unstable cycle); kick %: as share of the speed in the stable cycle"
             if points["threshold_velocity"].notna().any()

@@ -80,8 +80,9 @@ def sensitivities(
     near = bool(shown["near_coalescence"].any())
     legend = notes(
         f"first {len(shown)} of {len(mode)} parameters; growth, Hz, damping: change at the step, "
-        "first order; reanalysis: of the growth rate; off: of the growth rate, first order against "
-        "reanalysis, which is the curvature over the step: a smaller change leaves less of it",
+        "first order; reanalysis: of the growth rate",
+        "off: of the growth rate, first order against reanalysis; it is the curvature over the "
+        "step, and a smaller change leaves less of it",
         "! near coalescence: the derivative does not hold over the step, or means nothing"
         if near
         else "",

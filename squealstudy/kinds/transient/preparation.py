@@ -142,7 +142,7 @@ def _rounded_away(plan: Plan) -> list[str]:
     return [
         f"the excess of static friction is rounded away: it falls over a sliding speed of "
         f"{decay[worst]:.3g} m/s ({DECAY_SPEED.name}), and points stick below {speed[worst]:.3g} "
-        f"m/s already, so that stick-slip comes out too small or not at all; a "
+        f"m/s already. Stick-slip comes out too small or not at all: a "
         f"{REGULARISATION_SPEED.name} of {MOST_OF_DECAY * decay[lost].min():.2g} or less keeps it"
     ]
 
@@ -158,7 +158,7 @@ def _stiff(plan: Plan, stiff: list[tuple[float, float, float]]) -> list[str]:
         softer = f"{REGULARISATION_SPEED.name} of {speed * number / STICK_LIMIT:.2g}"
     return [
         f"friction is too stiff for the step: h k_t |T|^2 / 2 is {number:.3g} with k_t = "
-        f"{slope:.3g} N s/m3, steps converge up to {STICK_LIMIT:g}; a step of {step:.2g} s or a "
+        f"{slope:.3g} N s/m3, steps converge up to {STICK_LIMIT:g}. A step of {step:.2g} s or a "
         f"{softer} would do for friction, other limits apart"
     ]
 
@@ -170,7 +170,7 @@ def _closing(plan: Plan, closing: list[float]) -> list[str]:
     step = plan.study.section.step * CLOSING_LIMIT / number
     return [
         f"contact is too stiff for the step: closing at the sliding speed v it stiffens by e to "
-        f"lambda h v = {number:.3g} in a step, impacts are resolved up to {CLOSING_LIMIT:g}; a "
+        f"lambda h v = {number:.3g} in a step, impacts are resolved up to {CLOSING_LIMIT:g}. A "
         f"step of {step:.2g} s would do for impacts, other limits apart"
     ]
 

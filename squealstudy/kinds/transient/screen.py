@@ -188,7 +188,8 @@ def points(
         "exponentially); forecast: growth of the complex mode",
         f"{what}{'' if what == 'torque' else ' of friction'}: its mean; RMS: of its fluctuation; "
         "Hz: of the motion (x2: loudest at twice that; ~: loudest line, where no period is "
-        "known); mode, share: the one with most energy; all over the end of the run",
+        "known)",
+        "mode, share: the one with most energy; all over the end of the run",
     )
     parts: list[RenderableType] = [shown, legend]
     if varied and not shown_parameters:

@@ -113,9 +113,9 @@ class TransientSection(Section):
     method: Annotated[str, AfterValidator(_method)] = Field(
         default=AUTO,
         description="'exponential': free modes exact, contact forces by the trapezoidal rule with "
-        "Newmark's iteration; 'newmark' (beta 1/4, gamma 1/2) with fixed Jacobian; "
-        "'newmark_newton', the slow reference; one of an extension; 'auto': exponential, in the "
-        "hybrid representation and with prewarp newmark",
+        "Newmark's iteration. 'newmark': beta 1/4, gamma 1/2, fixed Jacobian. 'newmark_newton': "
+        "the slow reference. One of an extension. 'auto': exponential; newmark in the hybrid "
+        "representation and with prewarp",
     )
     representation: Literal["modal", "hybrid"] = Field(
         default="modal",
@@ -131,10 +131,10 @@ class TransientSection(Section):
     start: str = Field(
         default=WORKING_POINT,
         min_length=1,
-        description="'working_point'; 'stuck': at its displacements, all contact at rest relative "
-        "to what slides there; a results directory whose final state goes on: its "
-        "deviation from steady sliding, about that of each design point; or 'cycle:DIRECTORY/ID' "
-        "of a limit cycle in results of limit cycles",
+        description="'working_point'. 'stuck': at its displacements, all contact at rest relative "
+        "to what slides there. A results directory: its final state goes on, as a deviation from "
+        "each design point's steady sliding. 'cycle:DIRECTORY/ID': a cycle of results of limit "
+        "cycles",
     )
     start_point: str | None = Field(
         default=None, description="point_id in that directory, where it has more than one"

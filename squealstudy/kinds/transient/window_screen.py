@@ -54,8 +54,9 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
         if several
         else "speed or pressure change: what each part of the run does",
         f"RMS: of the {what} about a straight line; Hz: of the motion (x2: loudest at twice that; "
-        "~: loudest line of a motion that does not repeat); quiet: RMS below 1 % of steady "
-        "sliding's; stick slip: contact begins to stick twice or more",
+        "~: loudest line of a motion that does not repeat)",
+        "quiet: RMS below 1 % of steady sliding's; stick slip: contact begins to stick twice or "
+        "more",
     )
     return [shown, legend]
 

@@ -90,7 +90,7 @@ class GapMap:
                 raise ModelError(
                     f"{self.name}: {100 * far / len(points):.3g} % of the contact points lie off "
                     f"its places, the farthest by {away.max():.3g} m where those are "
-                    f"{spacing:.3g} m apart: expected places all over the face, in the "
+                    f"{spacing:.3g} m apart. Expected places all over the face, in the "
                     "coordinates and the unit of its component's file"
                 )
             gaps[beyond] = self.gaps[nearest]

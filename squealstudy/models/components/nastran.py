@@ -394,7 +394,7 @@ def _refuse_selections(above: list[Line], ignored: set[str]) -> None:
         if match is not None and match[1].upper() not in ignored:
             name = match[1].upper()
             raise line.error(
-                f"{name} adds a matrix of DMIG to those of the elements, which is not supported: "
-                f"give the whole as K and M in the model file, or name {name} in pass_over where "
+                f"{name} adds a matrix of DMIG to those of the elements, which is not supported. "
+                f"Give the whole as K and M in the model file, or name {name} in pass_over where "
                 "nothing of this component is in it"
             )

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, Strict
+from pydantic import BeforeValidator, Field, Strict, WithJsonSchema
 
 from squealstudy.models.file_table import Name, Table
 from squealstudy.models.lumped.number_types import Number, checked_number
 from squealstudy.models.lumped.tables import (
+    CALLED,
     ContactNumbers,
     DamperNumbers,
     LoadNumbers,
@@ -56,13 +57,17 @@ def _signed(written: Any, sign: float) -> tuple[str, float]:
     return text.removeprefix("-"), -sign if negative else sign
 
 
-Motion = Annotated[tuple[tuple[str, Number], ...], BeforeValidator(_motion)]
+Motion = Annotated[
+    tuple[tuple[str, Number], ...],
+    BeforeValidator(_motion),
+    WithJsonSchema({"type": ["integer", "string", "array", "object"]}),  # as files say it
+]
 
 
 class TermTable(Table):
     """A summand of the mass, damping or stiffness: a matrix times its coefficient."""
 
-    name: Name | None = None
+    name: Name | None = Field(default=None, description=CALLED)
     matrix: Literal["M", "C", "K", "G"] = Field(
         description="mass, damping, stiffness, or gyroscopic"
     )
@@ -111,11 +116,21 @@ class MatrixFile(PartsFile):
     coordinates: NameTuple = Field(
         default=(), description="names of all coordinates in the order of the rows"
     )
-    term: Annotated[tuple[TermTable, ...], Strict(False)] = Field(min_length=1)
-    spring: Annotated[tuple[SpringOn, ...], Strict(False)] = ()
-    damper: Annotated[tuple[DamperOn, ...], Strict(False)] = ()
-    contact: Annotated[tuple[ContactOn, ...], Strict(False)] = ()
-    load: Annotated[tuple[LoadOn, ...], Strict(False)] = ()
+    term: Annotated[tuple[TermTable, ...], Strict(False)] = Field(
+        min_length=1, description="matrices of M, C and K"
+    )
+    spring: Annotated[tuple[SpringOn, ...], Strict(False)] = Field(
+        default=(), description="on coordinates"
+    )
+    damper: Annotated[tuple[DamperOn, ...], Strict(False)] = Field(
+        default=(), description="on coordinates"
+    )
+    contact: Annotated[tuple[ContactOn, ...], Strict(False)] = Field(
+        default=(), description="on coordinates"
+    )
+    load: Annotated[tuple[LoadOn, ...], Strict(False)] = Field(
+        default=(), description="forces on coordinates"
+    )
 
 
 AnyFile = LumpedFile | MatrixFile

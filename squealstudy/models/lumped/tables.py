@@ -18,6 +18,7 @@ Ends = Annotated[tuple[str, str], Strict(False)]
 NameTuple = Annotated[tuple[str, ...], Strict(False)]
 
 ALONG = "direction: x, y, z, with a minus the other way, or components [x, y] or [x, y, z]; "
+CALLED = "as errors and tables call it"
 PLACE_TEXT = "point [x, y, z] where it acts, m; turns of its masses move it"
 
 
@@ -25,15 +26,15 @@ class MassTable(Table):
     """A body of coordinates of its own."""
 
     name: Name = Field(description="of the mass; components of tables have it")
-    mass: Number | None = Field(default=None, description="kg, of its motion along x, y and z")
-    inertia: Number | None = Field(default=None, description="kg m2, of its turns rx, ry and rz")
+    mass: Number | None = Field(default=None, description="in kg, of its motion along x, y and z")
+    inertia: Number | None = Field(default=None, description="in kg m2, of its turns rx, ry and rz")
     directions: NameTuple = Field(
         default=(), description="its coordinates, of x, y, z (m) and rx, ry, rz (rad)"
     )
     place: Position = Field(default=(0.0, 0.0, 0.0), description="of its centre of mass, m")
     spin: Number | None = Field(
         default=None,
-        description="kg m2 rad/s: polar inertia times speed of a body that turns about spin_axis, "
+        description="in kg m2 rad/s: polar inertia times speed of a body that turns about spin_axis, "
         "whose tilts gyroscopic terms couple",
     )
     spin_axis: Direction = Field(default="z", description="axis of the spin, with its sense")
@@ -70,14 +71,14 @@ class MassTable(Table):
 class SpringNumbers(Table):
     """What a spring is, whatever it is between: linear, with a third power, a gap or one side."""
 
-    name: Name | None = None
+    name: Name | None = Field(default=None, description=CALLED)
     stiffness: Number = Field(description="N/m, or N m/rad")
     cubic: Number | None = Field(
         default=None, description="N/m3, or N m/rad3, of the third power; negative: it softens"
     )
     gap: Number | None = Field(
         default=None,
-        description="m, or rad, over which it does not act; of one side: negative, it is preloaded",
+        description="in m, or rad, over which it does not act; of one side: negative, it is preloaded",
     )
     side: Literal["both", "tension", "compression"] = Field(
         default="both",
@@ -102,7 +103,7 @@ class SpringTable(SpringNumbers):
 class DamperNumbers(Table):
     """What a linear damper is."""
 
-    name: Name | None = None
+    name: Name | None = Field(default=None, description=CALLED)
     damping: Number = Field(description="N s/m, or N m s/rad")
 
 
@@ -117,11 +118,11 @@ class DamperTable(DamperNumbers):
 class ContactNumbers(Table):
     """What a contact point is; friction and contact law are the study's."""
 
-    name: Name | None = None
+    name: Name | None = Field(default=None, description=CALLED)
     stiffness: Number | None = Field(
         default=None, description="N/m at 5e11 Pa/m, the default of contact.stiffness"
     )
-    area: Number | None = Field(default=None, description="m2, instead of a stiffness")
+    area: Number | None = Field(default=None, description="in m2, instead of a stiffness")
     gap: Number = Field(default=0.0, description="opening without load, m; negative: preloaded")
     friction: bool = Field(default=True, description="false: it has none")
     friction_factor: Number = Field(
@@ -151,10 +152,10 @@ class ContactTable(ContactNumbers):
 class LoadNumbers(Table):
     """A force that is always there, or that follows the brake pressure."""
 
-    name: Name | None = None
+    name: Name | None = Field(default=None, description=CALLED)
     force: Number | None = Field(default=None, description="N, or N m")
     area: Number | None = Field(
-        default=None, description="m2, instead of a force: the parameter 'pressure' acts on it"
+        default=None, description="in m2, instead of a force: the parameter 'pressure' acts on it"
     )
 
 
@@ -171,9 +172,9 @@ class ParameterTable(Table):
 
     default: NumberWithUnit = Field(description='number in SI units, or with its unit: "7 kN/mm"')
     unit: str | None = Field(default=None, description="of SI, or deg; empty for a pure number")
-    description: str = ""
-    minimum: float | None = None
-    maximum: float | None = None
+    description: str = Field(default="", description="what tables and screens say of it")
+    minimum: float | None = Field(default=None, description="least value that it may have")
+    maximum: float | None = Field(default=None, description="largest value that it may have")
 
     @model_validator(mode="before")
     @classmethod
@@ -184,8 +185,10 @@ class ParameterTable(Table):
 class PartsFile(Table):
     """What a file of masses and one of matrices share."""
 
-    description: str = ""
-    parameters: dict[str, ParameterTable] = Field(default={})
+    description: str = Field(default="", description="free text")
+    parameters: dict[str, ParameterTable] = Field(
+        default={}, description="what numbers of the file are made of; `NAME = 0.4` will do"
+    )
 
     def name_of(self, kind: str, number: int) -> str:
         """Name of a mass, spring, damper, contact or load."""
@@ -195,8 +198,18 @@ class PartsFile(Table):
 class LumpedFile(PartsFile):
     """A whole file of a lumped model of masses."""
 
-    mass: Annotated[tuple[MassTable, ...], Strict(False)] = Field(min_length=1)
-    spring: Annotated[tuple[SpringTable, ...], Strict(False)] = ()
-    damper: Annotated[tuple[DamperTable, ...], Strict(False)] = ()
-    contact: Annotated[tuple[ContactTable, ...], Strict(False)] = ()
-    load: Annotated[tuple[LoadTable, ...], Strict(False)] = ()
+    mass: Annotated[tuple[MassTable, ...], Strict(False)] = Field(
+        min_length=1, description="bodies with coordinates of their own"
+    )
+    spring: Annotated[tuple[SpringTable, ...], Strict(False)] = Field(
+        default=(), description="between masses, or to the ground"
+    )
+    damper: Annotated[tuple[DamperTable, ...], Strict(False)] = Field(
+        default=(), description="between masses, or to the ground"
+    )
+    contact: Annotated[tuple[ContactTable, ...], Strict(False)] = Field(
+        default=(), description="contact points"
+    )
+    load: Annotated[tuple[LoadTable, ...], Strict(False)] = Field(
+        default=(), description="forces on masses"
+    )
