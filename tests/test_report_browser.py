@@ -37,6 +37,14 @@ def test_a_report_fits_its_window_and_its_tables_scroll(browser, page, width):
       table.scrollLeft = 99;
       return [table.scrollWidth > table.clientWidth, table.scrollLeft, table.tabIndex];
     }"""
+    narrowest = opened.tab.evaluate(
+        "Math.min(...[...document.querySelectorAll('figure img')].map(i => i.clientWidth))"
+    )
+    assert narrowest >= 700  # letters of 9 points of a picture of 9 inches are then 10 px
+    if width == 400:
+        figure = opened.tab.locator("figure").first
+        assert figure.evaluate("f => (f.scrollLeft = 99, f.scrollLeft)") == 99
+        assert figure.locator("figcaption").bounding_box()["width"] <= 400
     assert opened.tab.evaluate(scrolls) == ([True, 99, 0] if width == 400 else [False, 0, 0])
     assert opened.said == []
     opened.tab.close()

@@ -131,7 +131,8 @@ def report(
         bool,
         typer.Option(
             help="Show, moving, the mode that grows fastest, or the end of the loudest run, of "
-            "models with a mesh: that design point is solved again."
+            "models with a mesh: that design point is solved again, after a reduction where the "
+            "cache holds none of this version."
         ),
     ] = True,
 ) -> None:
