@@ -130,7 +130,7 @@ def test_what_the_cache_has_lost_is_made_again(results, shape, tmp_path, monkeyp
     )
     found = results.shape(shape.label.row, shape.label.mode).displacement
     assert np.abs(found - shape.displacement).max() < 1e-6
-    assert set(told) == {"reduction for shapes, not in the cache (another version's, or removed)"}
+    assert set(told) == {"reduction for shapes: the cache holds none of this version"}
 
 
 def with_modes(results, **changes):

@@ -8,6 +8,8 @@ from typing import Any
 
 from squealstudy.engine.schema import table_names
 
+GUARD_AGAINST_OVERFLOW = 1e30  # bounds of this size are none of a quantity
+
 
 def key_tables(schema: Mapping[str, Any]) -> str:
     """Every key of a schema: type, unit, default and meaning, a table each of the file's."""
@@ -70,17 +72,26 @@ def _table(
 def _rows(
     properties: Mapping[str, Any], required: Iterable[str], schema: Mapping[str, Any]
 ) -> list[str]:
-    lines = ["| key | type | unit | default | meaning |", "|---|---|---|---|---|"]
+    has_units = any("unit" in entry for entry in _entries(schema))
+    titles = ["key", "type", *["unit"] * has_units, "default", "meaning"]
+    lines = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
     examples: list[str] = []
     for key, entry in properties.items():
         default = "*required*" if key in required else _default(entry)
         meaning = sentence(entry.get("description", ""))
-        cells = (f"`{key}`", _type(entry, schema), entry.get("unit", ""), default, meaning)
+        unit = [entry.get("unit", "")] * has_units
+        cells = (f"`{key}`", _type(entry, schema), *unit, default, meaning)
         lines.append("| " + " | ".join(cell(c) for c in cells) + " |")
         examples += [f"{_bare(key)} = {toml_value(e)}" for e in entry.get("examples", ())]
     if examples:
         lines += ["", "```toml", *examples, "```"]
     return [*lines, ""]
+
+
+def _entries(schema: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """All keys of the file and of tables in it."""
+    for table in (schema, *schema.get("$defs", {}).values()):
+        yield from table.get("properties", {}).values()
 
 
 def _type(node: Mapping[str, Any], schema: Mapping[str, Any]) -> str:
@@ -114,7 +125,11 @@ def _range(node: Mapping[str, Any]) -> str:
         ("exclusiveMaximum", "below"),
         ("maximum", "at most"),
     )
-    said = [f"{word} {node[key]:,}" for key, word in bounds if key in node]
+    said = [
+        f"{word} {node[key]:,}"
+        for key, word in bounds
+        if key in node and abs(node[key]) < GUARD_AGAINST_OVERFLOW
+    ]
     return ", " + ", ".join(said) if said else ""
 
 

@@ -339,7 +339,7 @@ def expansion(plan: Plan, row: int, tell: Progress) -> Expansion:
         if not task.enriching:  # no finer model has a part in the basis
             task = replace(task, top_hz=None)
     else:
-        stage, space = "reduction for shapes, not in the cache (another version's, or removed)", None
+        stage, space = "reduction for shapes: the cache holds none of this version", None
     tell(stage, 0, 1)
     try:
         prepared, blocks = reduced_with_basis(task, space)

@@ -34,8 +34,8 @@ class MassTable(Table):
     place: Position = Field(default=(0.0, 0.0, 0.0), description="of its centre of mass, m")
     spin: Number | None = Field(
         default=None,
-        description="in kg m2 rad/s: polar inertia times speed of a body that turns about spin_axis, "
-        "whose tilts gyroscopic terms couple",
+        description="in kg m2 rad/s: polar inertia times speed of a body that turns about "
+        "spin_axis, whose tilts gyroscopic terms couple",
     )
     spin_axis: Direction = Field(default="z", description="axis of the spin, with its sense")
 
@@ -78,7 +78,8 @@ class SpringNumbers(Table):
     )
     gap: Number | None = Field(
         default=None,
-        description="in m, or rad, over which it does not act; of one side: negative, it is preloaded",
+        description="in m, or rad, over which it does not act; of one side: negative, it is "
+        "preloaded",
     )
     side: Literal["both", "tension", "compression"] = Field(
         default="both",
