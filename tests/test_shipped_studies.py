@@ -118,6 +118,25 @@ def test_own_brake_design() -> None:
     assert plan.band_hz == (500.0, 9000.0)  # the mode at 6.3 kHz takes the most damping
 
 
+def test_least_change_is_a_small_question() -> None:
+    """Two operating points and no check that takes minutes: it ends in about a minute."""
+    plan = first_plan(load_any(SHIPPED / "least_change.toml"))
+    assert len(plan.tasks) == 2
+    goal = plan.design_study.goal
+    assert (goal.in_time, goal.full_order, goal.cycles or 0) == (0, 0, 0)
+
+
+@pytest.mark.full_size
+def test_least_change(tmp_path: Path) -> None:
+    """As the gallery says: damping alone, and all points between meet the margin in the end."""
+    path = SHIPPED / "least_change.toml"
+    results = solved(first_plan(load_any(path)), tmp_path / "least")
+    proof = results.proof
+    last = proof[proof["round"] == proof["round"].max()]
+    assert last["passed"].astype(bool).all()
+    assert "0.005 -> 0.0156" in results.screen.verdict(results)
+
+
 def test_hulten_flutter(tmp_path: Path) -> None:
     results = results_of(reduced("hulten_flutter", 121), tmp_path / "r")
     threshold = results.rank()["threshold"].iloc[0]
