@@ -285,6 +285,7 @@ FILES = {
     "nan.csv": "time, sliding_speed\n0, 0.2\n1, nan\n",
     "word.csv": "time; sliding_speed\n0; 0.2\n1; slow\n",
     "names.csv": "t, v\n0, 0.2\n1, 0.1\n",
+    "twice.csv": "time,sliding_speed,Sliding_Speed\n0,0.2,0.3\n1,0.1,0.2\n",
     "few.csv": "time,rpm,sliding_speed\n0,1,0.2\n1,0.1\n",
     "empty.csv": "",
 }
@@ -294,6 +295,7 @@ REFUSED = [
     ('{ file = "nan.csv" }', "nan.csv, line 3: expected finite numbers"),
     ('{ file = "word.csv" }', "word.csv, line 3: expected numbers, got '1, slow'"),
     ('{ file = "names.csv" }', "names.csv, line 1: there is no column 'time'"),
+    ('{ file = "twice.csv" }', "twice.csv, line 1: there are two columns 'sliding_speed'"),
     ('{ file = "few.csv" }', "few.csv, line 3: expected 3 cells, got 2"),
     ('{ file = "empty.csv" }', "empty.csv is empty"),
     ('{ file = "none.csv" }', "there is no file"),

@@ -76,10 +76,10 @@ def read_columns(path: Path, names: Sequence[str]) -> tuple[list[int], list[list
     titles = [name.lower() for name in words]
     for name in names:
         if titles.count(name) != 1:
-            what = "no column" if name not in titles else "two columns"
+            what = "there is no column" if name not in titles else "there are two columns"
             hint = did_you_mean(name, titles) if name not in titles else ""
             raise ModelError(
-                f"{path.name}, line {number}: there is {what} '{name}', expected a line of names "
+                f"{path.name}, line {number}: {what} '{name}', expected a line of names "
                 f"with {expected}, got {shown(', '.join(words))}{hint}"
             )
     places = [titles.index(name) for name in names]
