@@ -275,3 +275,20 @@ def test_groan_stop(tmp_path) -> None:
     assert table["torque_line_hz"][15:17].max() < 300.0
     assert table["class"].tolist()[1:17] == ["stick_slip"] * 16
     assert table["stick_share"].iloc[-1] == pytest.approx(1.0)
+
+
+@pytest.mark.full_size
+def test_turning_disc(tmp_path) -> None:
+    """Falling friction decides at 0.2 m/s, gyroscopic terms at 12.8 m/s."""
+    path = SHIPPED / "turning_disc.toml"
+    text = path.read_text().replace("0.4, 0.8, 1.6, 3.2, 6.4, ", "")
+    text = text.replace("start = 0.20\nstop = 0.34\nnum = 8", "values = [0.20]")
+    points = solved(plan_of(text, path), tmp_path / "disc").points
+    keys = ["sliding_speed", "gyroscopic_factor", "friction_law.static_ratio"]
+    unstable = points.set_index(keys)["n_unstable"]
+    assert {place for place, count in unstable.items() if count} == {
+        (0.2, 0.0, 1.2),
+        (0.2, 1.0, 1.2),
+        (12.8, 1.0, 1.0),
+        (12.8, 1.0, 1.2),
+    }

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
-from conftest import build_model
+from conftest import NOMINAL, build_model
+from own_blocks import write_blocks
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 import squealstudy as sq
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.kinds.complex_modes.error_text import turning_text
+from squealstudy.kinds.transient.schedules import ParameterSchedule, Schedules
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.mechanics.motions import set_up
 from squealstudy.models.catalogue import MODELS
@@ -30,6 +32,7 @@ from squealstudy.motion.integrator import integrator
 from squealstudy.motion.point import perturbed
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
+from squealstudy.reduction.hybrid import hybrid_model
 
 ROTOR = Rotors(("disc",))
 OPTIONS = {"mesh": "coarse", "contact_points": 2, "kinematics": "uniform"}
@@ -292,7 +295,7 @@ def test_the_effect_told_beside_the_check_at_full_order(small_brake):
     prepared = slow.reduced().prepared
     off_lam, on_lam = slow.modes(BAND).lam, on.modes(BAND).lam
     light = off_lam[np.abs(off_lam.real) < 0.05 * np.abs(off_lam)]
-    light = light[np.argsort(-light.real)][:12]
+    light = light[np.argsort(-light.real)][:6]
     partners = on_lam[np.abs(on_lam[None] - light[:, None]).argmin(axis=1)]
     effect = turning_effect(prepared, slow.point.state(), off_lam)
     assert effect.growth == pytest.approx(np.abs((partners - light).real).max(), rel=0.05)
@@ -301,6 +304,21 @@ def test_the_effect_told_beside_the_check_at_full_order(small_brake):
     back = turning_effect(prepared, on.point.state(), on_lam)
     assert back.growth == pytest.approx(effect.growth, rel=0.05)
     assert effect.decided == back.decided
+
+
+def test_what_has_none_says_so(small_brake, tmp_path):
+    """A rotor that is no disc, another representation, a speed that changes."""
+    write_blocks(tmp_path)
+    with pytest.raises(ParameterError, match="is not symmetric about its axis of rotation"):
+        sq.model(str(tmp_path / "blocks.toml")).at(**ON).modes((1.0, 1e5))
+    assembly = small_brake.at().assembly.assembled
+    with pytest.raises(ModelError, match="hybrid representation has no gyroscopic terms"):
+        hybrid_model(assembly, None, replace(NOMINAL, gyroscopic=1.0), None)
+    stop = Schedules(ParameterSchedule(((0.0, 1.0), (1.0, 0.0)), True), None)
+    values = {"sliding_speed": 1.0}
+    stop.check(values, "steady")
+    with pytest.raises(ParameterError, match="expected gyroscopic_factor = 0 where it changes"):
+        stop.check(values | ON, "steady")
 
 
 def test_what_the_screen_says_of_it():

@@ -12,7 +12,7 @@ from squealstudy.modes.point import linearised_point
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.root_pairs import LIGHT_DAMPING
 
-MOST_MODES = 12  # those of fastest growth
+MOST_MODES = 6  # those of fastest growth
 OFF_ROOT = 1e-8  # relative: where Q is factored
 CONDITION_LIMIT = 100.0  # of an eigenvalue, beyond which first order means nothing
 
