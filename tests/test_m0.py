@@ -14,6 +14,7 @@ import squealstudy
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import StudyFileError
+from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.sparse_qep import LowRankSum, smallest_roots
 from squealstudy.study.definition import load_study, parse_study
 
@@ -124,3 +125,16 @@ def test_without_the_data_the_folder_is_named(tmp_path, monkeypatch):
     with pytest.raises(StudyFileError, match=r"there is no folder .*nothing.m0; .*folder = ") as e:
         run_study(Plan(load_study(STUDY)), tmp_path / "r", jobs=1)
     assert e.value.key == "model.term[1].file"
+
+
+def test_its_disc_turns_as_ours(m0):
+    """Its gyroscopic matrix couples doublets by nearly twice their diameters, 2 to 5: (3a).
+
+    Pads and what moves with them take a part of it.
+    """
+    K = m0["K1"] - m0["KGeo"]
+    omega, phi = real_modes(m0["M"], (K + K.T) / 2, 4300.0)
+    coupling = np.abs(np.diag(phi.T @ (m0["DG"] @ phi), 1))
+    doublets = (np.diff(omega) < 0.02 * omega[1:]) & (coupling > 3.0)
+    assert coupling[doublets] == pytest.approx([4.0, 6.0, 8.0, 10.0], rel=0.15)
+    assert (coupling[doublets] < [4.0, 6.0, 8.0, 10.0]).all()

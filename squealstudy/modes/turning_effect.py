@@ -1,25 +1,22 @@
-"""What gyroscopic terms of a turning disc do to modes of a design point, to first order."""
+"""What gyroscopic terms of a turning disc do to the modes of a design point."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg as la
 
 from squealstudy.models.operating import DesignState
-from squealstudy.modes.point import linearised_point
+from squealstudy.modes.point import solve_point
 from squealstudy.reduction.prepared import PreparedModel
-from squealstudy.root_pairs import LIGHT_DAMPING
+from squealstudy.root_pairs import LIGHT_DAMPING, MAX_PAIR_REL_DISTANCE, least_assignment
 
-MOST_MODES = 6  # those of fastest growth
-OFF_ROOT = 1e-8  # relative: where Q is factored
-CONDITION_LIMIT = 100.0  # of an eigenvalue, beyond which first order means nothing
+BAND_WIDENING = 0.02  # of the band: where a mode of its edge may have its partner
 
 
 @dataclass(frozen=True)
 class TurningEffect:
-    """First-order changes of the lightly damped modes that grow fastest.
+    """Changes of lightly damped modes by gyroscopic terms.
 
     Attributes
     ----------
@@ -37,58 +34,48 @@ class TurningEffect:
 
 
 def turning_effect(
-    prepared: PreparedModel, state: DesignState, lam: np.ndarray, gap: np.ndarray | None = None
+    prepared: PreparedModel, state: DesignState, lam: np.ndarray, band_hz: tuple[float, float]
 ) -> TurningEffect | None:
-    """What whole gyroscopic terms do to modes with known roots; None of a structure without any.
+    """Modes of a design state beside those without gyroscopic terms, or with them if it has none.
+
+    First order would not do: a skew matrix has no product of a real mode with itself, what it
+    changes goes over other modes.
 
     Parameters
     ----------
     prepared : PreparedModel
     state : DesignState
-        With a part of these terms, or none.
     lam : ndarray (m,) complex
-        Roots of the state, rad/s.
-    gap : ndarray (nc,) or None
-        Gaps of its working point, where they are known.
+        Its roots in the band, rad/s.
+    band_hz : (low, high)
+
+    Returns
+    -------
+    TurningEffect or None
+        None of a structure without such terms.
 
     Raises
     ------
     ConvergenceError
         Where there is no working point.
     """
-    G = prepared.model.turning
-    if G is None:
+    if prepared.model.turning is None:
         return None
-    _, system = linearised_point(prepared, state, gap)
-    light = lam[(lam.imag > 0) & (np.abs(lam.real) < LIGHT_DAMPING * np.abs(lam))]
-    light = light[np.argsort(-light.real)][:MOST_MODES]
-    factor = state.operating.gyroscopic
-    without, with_all = [np.zeros(0, complex)], [np.zeros(0, complex)]
-    for root in light:
-        x, y = _vectors(system.C, system.K, root)
-        slope = 2.0 * root * np.vdot(y, x) + np.vdot(y, system.C @ x)
-        size = np.abs(root) * la.norm(x) * la.norm(y)
-        if size > CONDITION_LIMIT * np.abs(slope):
-            continue
-        whole = -state.operating.sliding_speed * root * np.vdot(y, G @ x) / slope
-        without.append(np.array([root - factor * whole]))
-        with_all.append(np.array([root + (1.0 - factor) * whole]))
-    a, b = np.concatenate(without), np.concatenate(with_all)
+    factor = 0.0 if state.operating.gyroscopic else 1.0
+    other = replace(state, operating=replace(state.operating, gyroscopic=factor))
+    low, high = band_hz
+    wider = (low * (1.0 - BAND_WIDENING), high * (1.0 + BAND_WIDENING))
+    roots, partners = lam[lam.imag > 0], solve_point(prepared, other, wider).lam
+    partners = partners[partners.imag > 0]
+    distance = np.abs(partners - roots[:, None]) / np.abs(roots)[:, None]
+    rows, columns = least_assignment(distance)
+    a, b = roots[rows], partners[columns]
+    paired = (np.abs(a.real) < LIGHT_DAMPING * np.abs(a)) & (
+        distance[rows, columns] < MAX_PAIR_REL_DISTANCE
+    )
+    a, b = a[paired], b[paired]
     return TurningEffect(
         growth=float(np.abs(b.real - a.real).max(initial=0.0)),
         frequency=float(np.abs(np.abs(b) / np.abs(a) - 1.0).max(initial=0.0)),
         decided=int(((a.real > 0) != (b.real > 0)).sum()),
     )
-
-
-def _vectors(C: np.ndarray, K: np.ndarray, root: complex) -> tuple[np.ndarray, np.ndarray]:
-    """Right and left vectors (n,) of a root, by inverse iteration."""
-    at = root * (1.0 + OFF_ROOT)
-    Q = at * C + K
-    Q[np.diag_indices_from(Q)] += at * at
-    factors = la.lu_factor(Q, overwrite_a=True, check_finite=False)
-    x = y = np.random.default_rng(0).standard_normal(len(K)) + 0j
-    for _ in range(2):
-        x, y = la.lu_solve(factors, x), la.lu_solve(factors, y, trans=2)
-        x, y = x / la.norm(x), y / la.norm(y)
-    return x, y

@@ -52,7 +52,7 @@ class Errors(FactGroup):
 
 
 class Gyroscopic(FactGroup):
-    """What gyroscopic terms do to the modes that grow fastest, to first order."""
+    """What gyroscopic terms do to lightly damped modes."""
 
     growth: Finite
     frequency: Finite

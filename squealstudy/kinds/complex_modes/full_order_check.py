@@ -85,7 +85,7 @@ def _turning(prepared: Prepared, task: FullOrderTask) -> dict[str, Any]:
     if isinstance(prepared, PreparedFamily):
         return {}
     state = task.point.state()
-    effect = turning_effect(prepared, state, task.lam)
+    effect = turning_effect(prepared, state, task.lam, task.band_hz)
     factor = {"factor": state.operating.gyroscopic}
     return {} if effect is None else {"gyroscopic": asdict(effect) | factor}
 
