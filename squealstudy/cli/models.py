@@ -8,6 +8,7 @@ import pandas as pd
 from rich.console import RenderableType
 
 from squealstudy.face_model import Model
+from squealstudy.laws.friction.map import SERIES
 from squealstudy.models.matrices.expression import CONSTANTS, FUNCTIONS
 from squealstudy.models.matrices.files import READERS
 from squealstudy.screen import grid
@@ -95,7 +96,12 @@ def described(model: Model, modes: bool) -> Iterator[RenderableType]:
 
 
 def _parameters(model: Model) -> Iterator[list[str]]:
+    later = {name for names in SERIES.values() for name in names}
     for name, row in model.parameters.iterrows():
+        if name in later:
+            continue
+        series = SERIES.get(str(name), ("",))[-1].rpartition(".")[2]
+        row["description"] += f"; and so on, to {series}" if series else ""
         note = " (new reduction)" if row["structural"] and model.definition.meshed else ""
         note += f"; with {row['laws']}" if row["laws"] else ""
         yield [str(name), f"{row['default']:g}", row["unit"] or "-", row["description"] + note]

@@ -40,6 +40,7 @@ from squealstudy.progress import Progress, progress
 from squealstudy.reduction.cmt import Expansion, ReducedModel
 from squealstudy.shapes.shape import Label, Shape, shape_of
 from squealstudy.study.definition import read_tables
+from squealstudy.study.friction_maps import recorded_map
 from squealstudy.study.source import SourceText, changed
 from squealstudy.system.linearise import linearise
 from squealstudy.tables.other_codes import roots_of
@@ -304,6 +305,7 @@ def plan_of(results: ResultTables) -> Plan:
         tables = changed(source, tables, {"model.file": results.manifest["model_file"]["path"]})
     if MATRICES_FOLDER in results.manifest:
         tables = changed(source, tables, {"model.folder": results.manifest[MATRICES_FOLDER]})
+    tables = dict(recorded_map(tables, results.manifest["nominal"]))
     study = replace(read_tables(source, tables), extensions=hashes)
     if (
         isinstance(study.model, FileDefinition)

@@ -22,6 +22,7 @@ from squealstudy.laws import (
     friction_curve,
 )
 from squealstudy.laws.friction.exponential_fall import STATIC_RATIO
+from squealstudy.laws.friction.map import MAP_RATIOS
 from squealstudy.laws.friction.table import RATIOS
 from squealstudy.models.parameter import Assumption, ModelOption
 from squealstudy.parameter import Parameter
@@ -119,7 +120,7 @@ LARGEST_MODAL_DAMPING = (
 
 
 def _static_friction(values: Mapping[str, Any]) -> Any:
-    ratios = [values[name] for name in (STATIC_RATIO.name, *RATIOS) if name in values]
+    ratios = [values[name] for name in (STATIC_RATIO.name, *RATIOS, *MAP_RATIOS) if name in values]
     return values["friction"] * np.maximum.reduce(np.broadcast_arrays(*ratios))
 
 

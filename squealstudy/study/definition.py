@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.mechanics.defaults import LUMPED, OF_FILE
 from squealstudy.models.parameter_names import StudyParameter, check_disjoint, parse_parameter
+from squealstudy.study.friction_maps import with_map
 from squealstudy.study.kinds import kind_named, kind_names, kind_of_file, model_kind
 from squealstudy.study.measured import measured_values
 from squealstudy.study.sections import ModelSection, StudyDefinition
@@ -151,6 +152,7 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStud
 
     extensions = extensions_of(source, tables)
     kind = _kind(source, tables)
+    tables = with_map(tables, source)
     tables, given_tables = take_tables(named_by_content(tables, source))
     tables = with_numbers(tables, partial(_model_with_units, tables, source, given_tables), source)
     definition = validate(kind.definition, source, tables)

@@ -40,37 +40,40 @@ def _point(number: int) -> tuple[Parameter, Parameter]:
 
 
 def interpolated(
-    s: float, speeds: tuple[float, ...], ratios: tuple[float, ...]
+    s: float, speeds: Sequence[float], ratios: Sequence[float], first: int
 ) -> tuple[float, float]:
-    """Ratio at a speed and its slope [s/m]; NaN where `refusal` says why."""
+    """Ratio at a speed and its slope [s/m], of ratios from the first on; NaN as `refusal` says."""
     last = 0
     while last + 1 < len(speeds) and speeds[last + 1] > speeds[last]:
         last += 1
     for number in range(last + 1, len(speeds)):
-        if speeds[number] != 0.0 or ratios[number] != 1.0:
+        if speeds[number] != 0.0 or ratios[first + number] != 1.0:
             return nan, nan
     if s <= speeds[0]:
-        return ratios[0], 0.0
+        return ratios[first], 0.0
     if s >= speeds[last]:
-        return ratios[last], 0.0
+        return ratios[first + last], 0.0
     k = 0
     while s >= speeds[k + 1]:
         k += 1
-    h, rise = speeds[k + 1] - speeds[k], ratios[k + 1] - ratios[k]
-    d0 = h * knot_slope(k, last, speeds, ratios)
-    d1 = h * knot_slope(k + 1, last, speeds, ratios)
+    h, rise = speeds[k + 1] - speeds[k], ratios[first + k + 1] - ratios[first + k]
+    d0 = h * knot_slope(k, last, speeds, ratios, first)
+    d1 = h * knot_slope(k + 1, last, speeds, ratios, first)
     x = (s - speeds[k]) / h
     second, third = 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
-    ratio = ratios[k] + x * (d0 + x * (second + x * third))
+    ratio = ratios[first + k] + x * (d0 + x * (second + x * third))
     return ratio, (d0 + x * (2.0 * second + 3.0 * x * third)) / h
 
 
-def knot_slope(k: int, last: int, speeds: tuple[float, ...], ratios: tuple[float, ...]) -> float:
+def knot_slope(
+    k: int, last: int, speeds: Sequence[float], ratios: Sequence[float], first: int
+) -> float:
     """Slope [s/m] at a point: a harmonic mean of both sides, 0 at the ends and at extremes."""
     if k <= 0 or k >= last:
         return 0.0
     h0, h1 = speeds[k] - speeds[k - 1], speeds[k + 1] - speeds[k]
-    before, behind = (ratios[k] - ratios[k - 1]) / h0, (ratios[k + 1] - ratios[k]) / h1
+    ratio = ratios[first + k]
+    before, behind = (ratio - ratios[first + k - 1]) / h0, (ratios[first + k + 1] - ratio) / h1
     if before * behind <= 0.0:
         return 0.0
     w0, w1 = h0 + 2.0 * h1, 2.0 * h0 + h1
@@ -101,7 +104,7 @@ def mu(
     """Coefficient and its slopes by speed and pressure."""
     speeds = (speed_1, speed_2, speed_3, speed_4, speed_5, speed_6, speed_7, speed_8)
     ratios = (ratio_1, ratio_2, ratio_3, ratio_4, ratio_5, ratio_6, ratio_7, ratio_8)
-    ratio, slope = interpolated(s, speeds, ratios)
+    ratio, slope = interpolated(s, speeds, ratios, 0)
     return friction * ratio, friction * slope, 0.0
 
 
