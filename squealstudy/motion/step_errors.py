@@ -2,7 +2,8 @@
 
 Steps of models with few contact points are cut at the corners of their laws, and levels converge by
 second order or nearly so: the whole run once more with half the step differs by three quarters of
-the error, one with twice the step by three times it, of which half is taken.
+the error, one with twice the step by three times it, of which half is taken. That is the larger of
+both, so of a run that meets no corner, and whose levels hardly change, the longer step alone tells.
 With many points some corner lies in every step and the order is between one and two: from the state
 in which the run ended, 20 periods are run with its step and with twice that. The difference is then
 at least the error of the step, at first order as well; where the longer step fails, it is half the
@@ -40,8 +41,12 @@ SETTLES = np.array([1e-4, 3e-4, 2e-3, 1e-5])
 # ratio of the differences in the second and the first half up to which the level comes to rest, and
 # what it then still goes beyond the second: of a difference that rises as 1 - exp(-t / tau)
 RESTS = ((1.5, 1.15), (2.08, 1.31), (2.45, 1.91))
-OTHER_STEPS = (0.5, 2.0)  # times the step, of runs made again
+HALF, TWICE = 0.5, 2.0  # times the step, of runs made again
+# change of levels by twice the step up to which a run without a corner is not run with half of it
+MAX_SMOOTH_CHANGE = 0.1
 MAX_REL_STEP_PART = 0.5  # of the level: a step part beyond it says nothing
+
+RunsAgain = dict[float, Motion]  # a run with other steps, by these over its own
 
 
 def has_few_points(system: ModalSystem) -> bool:
@@ -54,7 +59,7 @@ def step_parts(
     run: Motion,
     settings: MotionSettings,
     lasts: bool = True,
-    again: Sequence[Motion] = (),
+    again: RunsAgain | None = None,
 ) -> StepParts:
     """Step parts of a run that lasts, or of one that passes: of many points none are told of these.
 
@@ -66,13 +71,13 @@ def step_parts(
     settings : MotionSettings
         By which it was integrated; rows saved.
     lasts : bool
-    again : sequence of Motion
+    again : mapping of float to Motion
         Of few points, what `runs_again` has of it; made here by default.
     """
     if not isinstance(settings.integrator, KernelIntegrator):
         return StepParts.unknown(f"'{settings.integrator.name}' has no step that could be halved")
     if has_few_points(system):
-        others = again or runs_again(system, [run], settings)[0]
+        others = runs_again(system, [run], settings)[0] if again is None else again
         return _by_other_steps(run, others, lasts)
     if not lasts:
         return NOT_ASKED
@@ -80,36 +85,65 @@ def step_parts(
 
 
 def runs_again(
-    system: ModalSystem, runs: Sequence[Motion], settings: MotionSettings
-) -> list[tuple[Motion, ...]]:
-    """Whole runs of equal length with half the step and, if it can be, twice: of each these two."""
-    rows, made = settings.save_every, []
-    for factor in OTHER_STEPS[: 1 + (rows % 2 == 0)]:  # at the same rows: what passes has no other
+    system: ModalSystem, runs: Sequence[Motion], settings: MotionSettings, all_steps: bool = False
+) -> list[RunsAgain]:
+    """Whole runs of equal length with other steps, by these steps over that of the settings.
+
+    With twice the step, if it can be, then with half of it where the first is not enough to tell
+    what the step does to levels, or where `all_steps` are asked for.
+    """
+    made: list[RunsAgain] = [{} for _ in runs]
+    for factor in (TWICE, HALF):
+        rows = settings.save_every / factor
+        if rows % 1:  # at the same rows: what passes has no other
+            continue
+        numbers = [
+            k
+            for k, others in enumerate(made)
+            if factor == TWICE or all_steps or not _is_smooth(runs[k], others, settings)
+        ]
         how = replace(
             settings,
             duration=runs[0].time,
             step=factor * settings.step,
-            save_every=round(rows / factor),
+            save_every=round(rows),
         )
-        made.append(simulate(system, [run.point for run in runs], how))
-    return list(zip(*made, strict=True))
+        again = simulate(system, [runs[k].point for k in numbers], how)
+        for k, motion in zip(numbers, again, strict=True):
+            made[k][factor] = motion
+    return made
 
 
-def _by_other_steps(run: Motion, others: Sequence[Motion], lasts: bool) -> StepParts:
+def _is_smooth(run: Motion, others: RunsAgain, settings: MotionSettings) -> bool:
+    """Whether a run and one with twice its step meet no corner, and have nearly equal levels."""
+    method, twice = settings.integrator, others.get(TWICE)
+    finds_corners = isinstance(method, KernelIntegrator) and method.corner_halvings > 0
+    if not finds_corners or twice is None or not _is_whole(run, twice) or run.cuts or twice.cuts:
+        return False
+    window = judged_window(run)
+    level, changed = _levels(run, window), _levels(twice, window)
+    scale = level[[0, 0, 2, 3]]  # a mean's change counts over the RMS; no frequency has none
+    near = np.abs(changed - level) <= MAX_SMOOTH_CHANGE * scale
+    return bool((near | np.isnan(level)).all())
+
+
+def _is_whole(run: Motion, other: Motion) -> bool:
+    """Whether the other one came to the end of the run."""
+    return other.outcome == "ok" and len(other.times) == len(run.times)
+
+
+def _by_other_steps(run: Motion, others: RunsAgain, lasts: bool) -> StepParts:
     """From the same run with other steps, over the window of its levels.
 
     Where corners make levels converge unevenly one of the changes may be small by chance.
     """
-    window, found = judged_window(run), []
-    for factor, other in zip(OTHER_STEPS, others, strict=False):
-        if other.outcome == "ok" and len(other.times) == len(run.times):
-            found.append(_levels(other, window))
-        elif factor < 1.0:
-            return StepParts.unknown(f"with half the step: {other.message or 'no run'}")
-    own = _levels(run, window)
-    change = np.abs(own - found[0])
-    if len(found) > 1:
-        change = np.fmax(change, SECOND_DIFFERENCE_RATIO * np.abs(own - found[1]))
+    window, half = judged_window(run), others.get(HALF)
+    if half is not None and not _is_whole(run, half):
+        return StepParts.unknown(f"with half the step: {half.message or 'no run'}")
+    own, change = _levels(run, window), np.full(4, np.nan)
+    for factor, share in ((HALF, 1.0), (TWICE, SECOND_DIFFERENCE_RATIO)):
+        if factor in others and _is_whole(run, others[factor]):
+            change = np.fmax(change, share * np.abs(own - _levels(others[factor], window)))
     if not lasts and not (own[0] > 0 and np.isfinite(change[:3]).all()):
         return OF_THE_WINDOW  # at rest
     return _parts(own, change, settling(run, window), MAX_REL_STEP_PART if lasts else np.inf)
@@ -122,11 +156,15 @@ def settling(run: Motion, window: slice) -> np.ndarray:
 
 
 def _levels(run: Motion, window: slice) -> np.ndarray:
-    """RMS, mean, peak to peak and own frequency of a window."""
+    """RMS, mean, peak to peak and own frequency of a window, made once for equal rows."""
     rows_judged = slice(max(window.start, 1), window.stop)
-    sums = TorqueSums.of(run.history, rows_judged)
-    levels = plain_levels(run.times[rows_judged], run.history["torque"][rows_judged], sums)
-    return np.append(levels, own_frequency(run, rows_judged).hz)
+    known = "levels", rows_judged.start, rows_judged.stop
+    if known not in run.windows:
+        sums = TorqueSums.of(run.history, rows_judged)
+        levels = plain_levels(run.times[rows_judged], run.history["torque"][rows_judged], sums)
+        run.windows[known] = np.append(levels, own_frequency(run, rows_judged).hz)
+    levels_of_run: np.ndarray = run.windows[known]
+    return levels_of_run
 
 
 def _parts(

@@ -9,7 +9,14 @@ from squealstudy.kinds.transient.batch import BatchTask
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import NOT_ASKED, StepParts
-from squealstudy.motion.step_errors import has_few_points, runs_again, step_parts
+from squealstudy.motion.step_errors import (
+    HALF,
+    TWICE,
+    RunsAgain,
+    has_few_points,
+    runs_again,
+    step_parts,
+)
 from squealstudy.motion.system import ModalSystem
 
 
@@ -24,7 +31,7 @@ class BatchSteps:
     def __init__(self, task: BatchTask, motions: Sequence[Motion]) -> None:
         self._task, self._motions = task, motions
         self._known: StepParts | None = None
-        self._again: dict[int, tuple[Motion, ...]] = {}  # by the identity of the run
+        self._again: dict[int, RunsAgain] = {}  # by the identity of the run
 
     def of(self, motion: Motion, lasts: bool) -> StepParts:
         """Of a run that lasts, or of one that passes."""
@@ -37,7 +44,7 @@ class BatchSteps:
         settings = task.settings()
         if (few := has_few_points(system)) or not lasts:
             again = few and isinstance(settings.integrator, KernelIntegrator)
-            others = self._others(system, motion) if again else ()
+            others = self._others(system, motion, False) if again else None
             return step_parts(system, motion, settings, lasts, others)
         if self._known is None:
             self._known = step_parts(system, motion, settings)
@@ -49,13 +56,16 @@ class BatchSteps:
         settings = self._task.settings()
         kernel = isinstance(settings.integrator, KernelIntegrator)
         done = motion.outcome == "ok" and kernel and has_few_points(system)
-        return self._others(system, motion) if done else ()
+        if not done:
+            return ()
+        others = self._others(system, motion, True)
+        return tuple(others[factor] for factor in (HALF, TWICE) if factor in others)
 
-    def _others(self, system: ModalSystem, motion: Motion) -> tuple[Motion, ...]:
+    def _others(self, system: ModalSystem, motion: Motion, all_steps: bool) -> RunsAgain:
         """The run with other steps, made with all runs of its length and outcome."""
         if id(motion) not in self._again:
             kind = motion.outcome, motion.time
             alike = [m for m in self._motions if (m.outcome, m.time) == kind]
-            made = runs_again(system, alike, self._task.settings())
+            made = runs_again(system, alike, self._task.settings(), all_steps)
             self._again |= {id(m): others for m, others in zip(alike, made, strict=True)}
         return self._again.pop(id(motion))
