@@ -7,7 +7,7 @@ where that does not converge and grows where it converges fast (Keller 1977).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from typing import Any, Protocol
 
@@ -341,8 +341,10 @@ def _dips(here: CurvePoint, there: CurvePoint, k: int, h: float) -> bool:
     return int((cubic[1:] * cubic[:-1] < 0.0).sum()) > 1
 
 
-def _corrected(equations: Equations, here: CurvePoint, h: float) -> tuple[CurvePoint, int]:
-    predicted = here.u + h * here.tangent
+def _corrected(
+    equations: Equations, here: CurvePoint, h: float, start: np.ndarray | None = None
+) -> tuple[CurvePoint, int]:
+    predicted = here.u + h * here.tangent if start is None else start
     offset = float(here.tangent @ predicted)
     u, residual, iterations, there = newton(equations, predicted, here.tangent, offset)
     return CurvePoint(u, there.tangent, residual), iterations
@@ -361,19 +363,27 @@ def _events(
     Raises ConvergenceError where one cannot be located.
     """
     event_points: list[tuple[float, CurvePoint]] = []
+    known = {0.0: here, h: there}  # by arc-length from here
+
+    def at(s: float) -> CurvePoint:
+        if s not in known:
+            low, high = max(x for x in known if x < s), min(x for x in known if x > s)
+            share = (s - low) / (high - low)
+            start = known[low].u + share * (known[high].u - known[low].u)
+            known[s] = _corrected(equations, here, s, start)[0]
+        return known[s]
+
     for name, test in tests.items():
         before, behind = test(here.u, here.tangent), test(there.u, there.tangent)
         if not before * behind < 0:
             continue
 
         def value(s: float, test: Test = test) -> float:
-            point = _corrected(equations, here, s)[0] if s else here
-            return test(point.u, point.tangent)
+            return test(at(s).u, at(s).tangent)
 
         try:
             s = float(brentq(value, 0.0, h, xtol=located * h, rtol=1e-12))
         except ValueError:  # the end of the step is on another curve than the way there
             raise ConvergenceError("not_converged", "a change of sign without a zero") from None
-        point, _ = _corrected(equations, here, s)
-        event_points.append((s, CurvePoint(point.u, point.tangent, point.residual, (name,))))
+        event_points.append((s, replace(at(s), events=(name,))))
     return [point for _, point in sorted(event_points, key=lambda item: item[0])]
