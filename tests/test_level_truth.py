@@ -6,7 +6,7 @@ laws and equations of its own.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import cycle_models as models
 import event_reference as judge
@@ -16,12 +16,13 @@ import pytest
 from squealstudy.cycles.trials import ended, run_on
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kinds.transient.histories import history_frame
+from squealstudy.motion import step_errors
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.outcome.summary import run_levels
 from squealstudy.motion.point import perturbed
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
-from squealstudy.motion.step_errors import step_parts
+from squealstudy.motion.step_errors import HALF, TWICE, runs_again, step_parts
 
 NARROW, WIDE = 2.5e-3, 1e-2  # m/s, below which the mass sticks
 STEP = 2.558e-5  # s: 400 of them a period of the cycle at 1 m/s
@@ -51,10 +52,10 @@ def belts():
     return {s: models.Designs("belt", {}, law="", saturation=s) for s in (NARROW, WIDE)}
 
 
-def run_of(belt, speed, step, save_every, duration=0.6, **options):
-    """A run from a kick beyond the cycle, by its settings."""
+def run_of(belt, speed, step, save_every, duration=0.6, kick=1.5, **options):
+    """A run from a kick beyond the cycle, over the speed, by its settings."""
     contact = belt.at(sliding_speed=speed)
-    start = perturbed(contact.system, contact.point, 1.5 * speed)
+    start = perturbed(contact.system, contact.point, kick * speed)
     settings = MotionSettings(
         duration, step, save_every, ExactFreeMotion(**options), ExactFreeMotion.tolerance
     )
@@ -140,6 +141,33 @@ def test_bounds_hold_the_truth(belts, truth, saturation, speed, step):
         assert told[f"torque_{name}_low"] <= value <= told[f"torque_{name}_high"], name
     assert told["torque_rms_high"] - told["torque_rms_low"] < 0.03 * own.rms
     assert told["torque_rms_step"] == pytest.approx(parts.rms * told["torque_rms"])
+
+
+@pytest.mark.parametrize("step", [1e-4, 2e-5])
+def test_of_smooth_runs_the_longer_step_tells_alone(belts, step):
+    """Nothing sticks: errors are those told with half the step too, and hold a step of a 16th."""
+    system, run, settings = run_of(belts[WIDE], 1.0, step, 4, 0.16, kick=0.1)
+    (alone,) = runs_again(system, [run], settings)
+    (both,) = runs_again(system, [run], settings, all_steps=True)
+    assert list(alone) == [TWICE]
+    assert sorted(both) == [HALF, TWICE]
+    parts = step_parts(system, run, settings, again=alone)
+    np.testing.assert_equal(astuple(parts), astuple(step_parts(system, run, settings, again=both)))
+    _, fine, _ = run_of(belts[WIDE], 1.0, step / 16, 64, 0.16, kick=0.1)
+    told, true = (run_levels(one)[0] for one in (run, fine))
+    assert abs(told["torque_rms"] / true["torque_rms"] - 1) <= parts.rms < 0.2
+
+
+def test_runs_with_corners_and_rough_ones_are_run_with_half_the_step(belts, monkeypatch):
+    system, sticks, settings = run_of(belts[WIDE], 1.0, 4e-5, 4, 0.16)
+    _, smooth, _ = run_of(belts[WIDE], 1.0, 4e-5, 4, 0.16, kick=0.1)
+    others = runs_again(system, [smooth, sticks], settings)
+    assert [sorted(one) for one in others] == [[TWICE], [HALF, TWICE]]
+    monkeypatch.setattr(step_errors, "MAX_SMOOTH_CHANGE", 1e-9)
+    assert sorted(runs_again(system, [smooth], settings)[0]) == [HALF, TWICE]
+    _, blind, settings = run_of(belts[WIDE], 1.0, 4e-5, 4, 0.16, kick=0.1, corner_halvings=0)
+    monkeypatch.undo()
+    assert sorted(runs_again(system, [blind], settings)[0]) == [HALF, TWICE]
 
 
 def test_a_step_that_says_nothing_has_no_bounds(belts):

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.harmonics import LEAST_SAMPLES, series_at
+from squealstudy.cycles.harmonics import LEAST_SAMPLES, period_at
 from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES, LocalForces, Oscillator
 from squealstudy.errors import ModelError
 from squealstudy.kernels import newmark_layout as layout
@@ -180,8 +180,7 @@ class ContactOscillator:
 
     def _observed(self, motion: PeriodicMotion, samples: int) -> tuple[np.ndarray, np.ndarray]:
         """Displacements and velocities (S, nc, 3) of the contact points over a period."""
-        theta = 2 * np.pi * np.arange(samples) / samples
-        synthesis, slope = series_at(theta, motion.harmonics)
+        synthesis, slope = period_at(samples, motion.harmonics)
         B = self.oscillator.rows
         shape = (samples, *self.oscillator.B.shape[:2])
         observed = motion.Q @ B.T

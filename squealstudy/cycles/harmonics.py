@@ -73,6 +73,15 @@ def series_at(theta: np.ndarray, harmonics: int) -> tuple[np.ndarray, np.ndarray
     return np.hstack([one, c, s]), np.hstack([0 * one, -h * s, h * c])
 
 
+@lru_cache(maxsize=32)
+def period_at(count: int, harmonics: int) -> tuple[np.ndarray, np.ndarray]:
+    """`series_at` of `count` even samples of a period; read-only."""
+    matrices = series_at(2 * np.pi * np.arange(count) / count, harmonics)
+    for matrix in matrices:
+        matrix.flags.writeable = False
+    return matrices
+
+
 def derivative(series: np.ndarray) -> np.ndarray:
     """Series of the derivative by theta."""
     H = (len(series) - 1) // 2
