@@ -363,15 +363,15 @@ def _events(
     Raises ConvergenceError where one cannot be located.
     """
     event_points: list[tuple[float, CurvePoint]] = []
-    known = {0.0: here, h: there}  # by arc-length from here
+    solutions = {0.0: here, h: there}  # by arc-length from here
 
     def at(s: float) -> CurvePoint:
-        if s not in known:
-            low, high = max(x for x in known if x < s), min(x for x in known if x > s)
+        if s not in solutions:
+            low, high = max(x for x in solutions if x < s), min(x for x in solutions if x > s)
             share = (s - low) / (high - low)
-            start = known[low].u + share * (known[high].u - known[low].u)
-            known[s] = _corrected(equations, here, s, start)[0]
-        return known[s]
+            start = solutions[low].u + share * (solutions[high].u - solutions[low].u)
+            solutions[s] = _corrected(equations, here, s, start)[0]
+        return solutions[s]
 
     for name, test in tests.items():
         before, behind = test(here.u, here.tangent), test(there.u, there.tangent)

@@ -121,7 +121,8 @@ def _is_smooth(run: Motion, others: RunsAgain, settings: MotionSettings) -> bool
     if not finds_corners or twice is None or not _is_whole(run, twice) or run.cuts or twice.cuts:
         return False
     window = judged_window(run)
-    level, changed = _levels(run, window), _levels(twice, window)
+    level = _levels(run, window)
+    changed = _levels(twice, window, level)
     scale = level[[0, 0, 2, 3]]  # a mean's change counts over the RMS; no frequency has none
     near = np.abs(changed - level) <= MAX_SMOOTH_CHANGE * scale
     return bool((near | np.isnan(level)).all())
@@ -143,7 +144,7 @@ def _by_other_steps(run: Motion, others: RunsAgain, lasts: bool) -> StepParts:
     own, change = _levels(run, window), np.full(4, np.nan)
     for factor, share in ((HALF, 1.0), (TWICE, SECOND_DIFFERENCE_RATIO)):
         if factor in others and _is_whole(run, others[factor]):
-            change = np.fmax(change, share * np.abs(own - _levels(others[factor], window)))
+            change = np.fmax(change, share * np.abs(own - _levels(others[factor], window, own)))
     if not lasts and not (own[0] > 0 and np.isfinite(change[:3]).all()):
         return OF_THE_WINDOW  # at rest
     return _parts(own, change, settling(run, window), MAX_REL_STEP_PART if lasts else np.inf)
@@ -155,15 +156,20 @@ def settling(run: Motion, window: slice) -> np.ndarray:
     return SETTLES if run.cuts and sticks else 0.0 * SETTLES
 
 
-def _levels(run: Motion, window: slice) -> np.ndarray:
-    """RMS, mean, peak to peak and own frequency of a window, made once for equal rows."""
+def _levels(run: Motion, window: slice, like: np.ndarray | None = None) -> np.ndarray:
+    """RMS, mean, peak to peak and own frequency of a window, made once for equal rows.
+
+    No frequency is looked for where levels `like` these, of another step, have none.
+    """
     rows_judged = slice(max(window.start, 1), window.stop)
-    known = "levels", rows_judged.start, rows_judged.stop
-    if known not in run.windows:
+    key = "levels", rows_judged.start, rows_judged.stop
+    if key not in run.windows:
         sums = TorqueSums.of(run.history, rows_judged)
         levels = plain_levels(run.times[rows_judged], run.history["torque"][rows_judged], sums)
-        run.windows[known] = np.append(levels, own_frequency(run, rows_judged).hz)
-    levels_of_run: np.ndarray = run.windows[known]
+        has_none = like is not None and np.isnan(like[-1])
+        hz = np.nan if has_none else own_frequency(run, rows_judged).hz
+        run.windows[key] = np.append(levels, hz)
+    levels_of_run: np.ndarray = run.windows[key]
     return levels_of_run
 
 
