@@ -46,13 +46,11 @@ def _pulls(B: np.ndarray, f: np.ndarray) -> np.ndarray:
     S, g, b = f.shape
     n = B.shape[2]
     found = np.zeros((n, S))
-    for s in range(S):
-        for k in range(g):
-            for c in range(b):
-                x = f[s, k, c]
-                if x != 0.0:
-                    for i in range(n):
-                        found[i, s] += B[k, c, i] * x
+    for k in range(g):
+        for c in range(b):
+            for i in range(n):
+                for s in range(S):
+                    found[i, s] += B[k, c, i] * f[s, k, c]
     return found
 
 
@@ -104,24 +102,27 @@ def _stiffnesses(B: np.ndarray, D: np.ndarray) -> np.ndarray:
     """B^T D B (n, n, S) of local derivatives (S, g, b, b)."""
     S, g, b = D.shape[:3]
     n = B.shape[2]
-    found, pushed = np.zeros((n, n, S)), np.zeros(n)
-    for s in range(S):
-        for k in range(g):
-            for c in range(b):
-                some = False
-                for j in range(n):
-                    pushed[j] = 0.0
-                for e in range(b):
-                    x = D[s, k, c, e]
-                    if x != 0.0:
-                        some = True
-                        for j in range(n):
-                            pushed[j] += x * B[k, e, j]
-                if some:
-                    for i in range(n):
-                        for j in range(n):
-                            found[i, j, s] += B[k, c, i] * pushed[j]
+    found = np.zeros((n, n, S))
+    for k in range(g):
+        for c in range(b):
+            for e in range(b):
+                if _is_zero(D, k, c, e):
+                    continue
+                for i in range(n):
+                    for j in range(n):
+                        product = B[k, c, i] * B[k, e, j]
+                        for s in range(S):
+                            found[i, j, s] += product * D[s, k, c, e]
     return found
+
+
+@fast_kernel
+def _is_zero(D: np.ndarray, k: int, c: int, e: int) -> bool:
+    """Whether entry (c, e) of group k is zero at all samples."""
+    count = 0
+    for s in range(D.shape[0]):
+        count += D[s, k, c, e] != 0.0
+    return count == 0
 
 
 @fast_entry_kernel

@@ -76,13 +76,16 @@ def _turned(points: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     S, nc = w.shape[:2]
     turned, slowest = np.zeros(nc, np.bool_), np.full(nc, np.inf)
     least = (1.0 - TURN_MIN) ** 2
-    for s in range(S):
-        for i in range(nc):
-            a1, a2 = w[s - 1, i, 1] + points[at.POINT_SPEED, i], w[s - 1, i, 2]
-            b1, b2 = w[s, i, 1] + points[at.POINT_SPEED, i], w[s, i, 2]
-            a, b, inner = a1 * a1 + a2 * a2, b1 * b1 + b2 * b2, a1 * b1 + a2 * b2
+    for i in range(nc):
+        speed = points[at.POINT_SPEED, i]
+        a1, a2 = w[S - 1, i, 1] + speed, w[S - 1, i, 2]
+        a = a1 * a1 + a2 * a2
+        for s in range(S):
+            b1, b2 = w[s, i, 1] + speed, w[s, i, 2]
+            b, inner = b1 * b1 + b2 * b2, a1 * b1 + a2 * b2
             turned[i] |= not (inner > 0.0 and inner * inner >= least * a * b)
             slowest[i] = min(slowest[i], b)
+            a1, a2, a = b1, b2, b
     return turned, slowest
 
 
