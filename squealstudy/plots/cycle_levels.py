@@ -138,9 +138,9 @@ def cycle_levels(
     >>> results.plot.cycle_levels(along="friction").savefig("levels.png")
     """
     points, units = results.points, results.units
-    names = parameter_columns(points, varied=True)
-    if along not in names:
-        hint = did_you_mean(along, names)
+    varied = parameter_columns(points, varied=True)
+    if along not in varied:
+        hint = did_you_mean(along, varied)
         raise ResultsError(f"'{along}' is not varied in this study{hint}")
     line = _line(points, along, fixed)
     if not len(line):
@@ -181,7 +181,6 @@ def cycle_levels(
     if event_letters:
         names = "; ".join(text for event, text in EVENTS.items() if event in event_letters)
         axes[0].set_title(names, fontsize=9, loc="right")
-    varied = parameter_columns(points, varied=True)
     others = [n for n in varied if n != along and (line[n] == line[n].iloc[0]).all()]
     where = describe(line.iloc[0], points, others, units)
     words = line["verdict"].where(line["status"] == "ok", FAILED).str.replace("_", " ")
