@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import create_model
+from pydantic import BaseModel, create_model
 
 from squealstudy.errors import SquealstudyError
 from squealstudy.study.kinds import definition_of, kind_names
@@ -117,8 +117,8 @@ def lumped_schema(name: str) -> dict[str, Any]:
     from squealstudy.models.lumped.matrix_tables import MatrixFile
     from squealstudy.models.lumped.tables import LumpedFile
 
-    of_file = {LUMPED_FILE: LumpedFile, MATRIX_FILE: MatrixFile}[name]
-    schema: dict[str, Any] = _without_null(of_file.model_json_schema())
+    tables: dict[str, type[BaseModel]] = {LUMPED_FILE: LumpedFile, MATRIX_FILE: MatrixFile}
+    schema: dict[str, Any] = _without_null(tables[name].model_json_schema())
     return _finished(schema, name, f"squealstudy {name.replace('_', ' ')}", {})
 
 
