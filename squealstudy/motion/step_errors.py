@@ -2,8 +2,8 @@
 
 Steps of models with few contact points are cut at the corners of their laws, and levels converge by
 second order or nearly so: the whole run once more with half the step differs by three quarters of
-the error, one with twice the step by three times it, of which half is taken. That is the larger of
-both, so of a run that meets no corner, and whose levels hardly change, the longer step alone tells.
+the error, one with twice the step by three times it, of which half is taken. Either may be small by
+chance, of smooth runs too: levels of beats go up and down with the phase that a step shifts.
 With many points some corner lies in every step and the order is between one and two: from the state
 in which the run ended, 20 periods are run with its step and with twice that. The difference is then
 at least the error of the step, at first order as well; where the longer step fails, it is half the
@@ -42,8 +42,6 @@ SETTLES = np.array([1e-4, 3e-4, 2e-3, 1e-5])
 # what it then still goes beyond the second: of a difference that rises as 1 - exp(-t / tau)
 RESTS = ((1.5, 1.15), (2.08, 1.31), (2.45, 1.91))
 HALF, TWICE = 0.5, 2.0  # times the step, of runs made again
-# change of levels by twice the step up to which a run without a corner is not run with half of it
-MAX_SMOOTH_CHANGE = 0.1
 MAX_REL_STEP_PART = 0.5  # of the level: a step part beyond it says nothing
 
 RunsAgain = dict[float, Motion]  # a run with other steps, by these over its own
@@ -85,47 +83,22 @@ def step_parts(
 
 
 def runs_again(
-    system: ModalSystem, runs: Sequence[Motion], settings: MotionSettings, all_steps: bool = False
+    system: ModalSystem, runs: Sequence[Motion], settings: MotionSettings
 ) -> list[RunsAgain]:
-    """Whole runs of equal length with other steps, by these steps over that of the settings.
-
-    With twice the step, if it can be, then with half of it where the first is not enough to tell
-    what the step does to levels, or where `all_steps` are asked for.
-    """
-    made: list[RunsAgain] = [{} for _ in runs]
-    for factor in (TWICE, HALF):
+    """Whole runs of equal length with half the step and, if it can be, twice: of each by these."""
+    by_step: dict[float, list[Motion]] = {}
+    for factor in (HALF, TWICE):
         rows = settings.save_every / factor
         if rows % 1:  # at the same rows: what passes has no other
             continue
-        numbers = [
-            k
-            for k, others in enumerate(made)
-            if factor == TWICE or all_steps or not _is_smooth(runs[k], others, settings)
-        ]
         how = replace(
             settings,
             duration=runs[0].time,
             step=factor * settings.step,
             save_every=round(rows),
         )
-        again = simulate(system, [runs[k].point for k in numbers], how)
-        for k, motion in zip(numbers, again, strict=True):
-            made[k][factor] = motion
-    return made
-
-
-def _is_smooth(run: Motion, others: RunsAgain, settings: MotionSettings) -> bool:
-    """Whether a run and one with twice its step meet no corner, and have nearly equal levels."""
-    method, twice = settings.integrator, others.get(TWICE)
-    finds_corners = isinstance(method, KernelIntegrator) and method.corner_halvings > 0
-    if not finds_corners or twice is None or not _is_whole(run, twice) or run.cuts or twice.cuts:
-        return False
-    window = judged_window(run)
-    level = _levels(run, window)
-    changed = _levels(twice, window, level)
-    scale = level[[0, 0, 2, 3]]  # a mean's change counts over the RMS; no frequency has none
-    near = np.abs(changed - level) <= MAX_SMOOTH_CHANGE * scale
-    return bool((near | np.isnan(level)).all())
+        by_step[factor] = simulate(system, [run.point for run in runs], how)
+    return [{factor: again[k] for factor, again in by_step.items()} for k in range(len(runs))]
 
 
 def _is_whole(run: Motion, other: Motion) -> bool:
@@ -136,7 +109,7 @@ def _is_whole(run: Motion, other: Motion) -> bool:
 def _by_other_steps(run: Motion, others: RunsAgain, lasts: bool) -> StepParts:
     """From the same run with other steps, over the window of its levels.
 
-    Where corners make levels converge unevenly one of the changes may be small by chance.
+    Where levels do not converge evenly one of the changes may be small by chance.
     """
     window, half = judged_window(run), others.get(HALF)
     if half is not None and not _is_whole(run, half):

@@ -44,7 +44,7 @@ class BatchSteps:
         settings = task.settings()
         if (few := has_few_points(system)) or not lasts:
             again = few and isinstance(settings.integrator, KernelIntegrator)
-            others = self._others(system, motion, False) if again else None
+            others = self._others(system, motion) if again else None
             return step_parts(system, motion, settings, lasts, others)
         if self._known is None:
             self._known = step_parts(system, motion, settings)
@@ -58,14 +58,14 @@ class BatchSteps:
         done = motion.outcome == "ok" and kernel and has_few_points(system)
         if not done:
             return ()
-        others = self._others(system, motion, True)
+        others = self._others(system, motion)
         return tuple(others[factor] for factor in (HALF, TWICE) if factor in others)
 
-    def _others(self, system: ModalSystem, motion: Motion, all_steps: bool) -> RunsAgain:
+    def _others(self, system: ModalSystem, motion: Motion) -> RunsAgain:
         """The run with other steps, made with all runs of its length and outcome."""
         if id(motion) not in self._again:
             kind = motion.outcome, motion.time
             alike = [m for m in self._motions if (m.outcome, m.time) == kind]
-            made = runs_again(system, alike, self._task.settings(), all_steps)
+            made = runs_again(system, alike, self._task.settings())
             self._again |= {id(m): others for m, others in zip(alike, made, strict=True)}
         return self._again.pop(id(motion))
