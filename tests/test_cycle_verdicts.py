@@ -51,7 +51,7 @@ def test_an_undamped_model_is_neutral(undamped):
     assert [family.verdict for _, family in found] == ["neutral", "neutral"]
     assert all(not family.cycles for _, family in found)
     reach = min(family.undamped for _, family in found)
-    assert reach > 0.5  # up to which no slip reverses, and no motion loses anything
+    assert reach > 0.3  # up to a step of the curve below 1, where slip reverses, nothing is lost
     assert not any(p["event"] for _, family in found for p in family.curve)
 
 

@@ -37,6 +37,7 @@ def block(folder, **more):
     return sq.model(str(folder / "block.toml"), friction_law="map", gap=1.0, **given, **more)
 
 
+@pytest.mark.full_size
 def test_stick_and_slip_against_event_located_integration(tmp_path):
     """Mean and RMS of the friction force, and frequency; between two pressures of the map."""
     case = Mapped(0.15)

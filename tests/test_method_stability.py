@@ -115,7 +115,7 @@ def test_schema_of_experiments():
         shown = json.loads(runner.invoke(app, ["schema", "--kind", kind]).output)
         assert {"study", kind, table} <= set(shown["properties"])
         assert "null" not in json.dumps(shown)
-    with pytest.raises(SquealstudyError, match="work_precision or model_file"):
+    with pytest.raises(SquealstudyError, match="work_precision, model_file"):
         runner.invoke(app, ["schema", "--kind", "transient"], catch_exceptions=False)
 
 

@@ -14,7 +14,13 @@ from conftest import COARSE, NOMINAL, build_model
 from reference import MU_C, W1, W2
 
 from squealstudy.errors import ParameterError
-from squealstudy.laws import FRICTION_CURVES, ContactLaw, contact_law, friction_curve
+from squealstudy.laws import (
+    FRICTION_CURVES,
+    ContactLaw,
+    FrictionCurve,
+    contact_law,
+    friction_curve,
+)
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.operating import DesignState, OperatingPoint
@@ -374,6 +380,9 @@ def test_law_derivatives_against_central_differences(law):
 VALUES = {"static_ratio": 1.3, "decay_speed": 0.5, "exponent": 1.7, "viscous_rise": 0.2}
 VALUES |= {f"speed_{k}": 0.16 * k for k in range(1, 9)}
 VALUES |= {f"ratio_{k}": 1.0 + 0.3 / k for k in range(1, 9)}
+VALUES |= {f"map_speed_{k}": 0.16 * k for k in range(1, 7)}
+VALUES |= {f"map_pressure_{j}": 2e5 * j for j in range(1, 5)}
+VALUES |= {f"map_ratio_{k}_{j}": 1.0 + 0.3 / k - 0.05 * j for k in range(1, 7) for j in range(1, 5)}
 
 
 @pytest.mark.parametrize(
@@ -386,10 +395,10 @@ VALUES |= {f"ratio_{k}": 1.0 + 0.3 / k for k in range(1, 9)}
     ],
 )
 def test_friction_law_derivatives_against_central_differences(kind, name):
-    arguments = FRICTION_CURVES[kind].arguments
-    curve = friction_curve(kind, **{short: VALUES[short] for short in arguments})
-    point, p = OperatingPoint(0.4, 1e6, 0.7, contact_law(), curve), np.zeros(1)
-    h, one = 1e-6, np.ones(1)
+    names = [parameter.name for parameter in FRICTION_CURVES[kind].parameters]
+    curve = FrictionCurve.from_values(kind, {n: VALUES[n.partition(".")[2]] for n in names})
+    point, p = OperatingPoint(0.4, 1e6, 0.7, contact_law(), curve), np.array([5.3e5])
+    h, one = 1e-6 * (2e5 if "pressure" in name else 1.0), np.ones(1)
     up, down = (
         point.with_value(name, point.value(name) + s * h).friction_at(p, one) for s in (1, -1)
     )

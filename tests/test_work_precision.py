@@ -203,7 +203,7 @@ def test_a_reference_that_fails_is_said(write, tmp_path):
         ('"torque_rms"', '"torque"', "work_precision.quantities", "'torque' is no quantity"),
         ('"newmark_newton"', '"newton"', "method[2].integrator", "'newton'"),
         ('"Newton"', '"Newmark"', "method[2].name", "two methods are called 'Newmark'"),
-        ("[2e-5, 2e-4]", "[]", "method[1]", "knob and values go pooled_findings"),
+        ("[2e-5, 2e-4]", "[]", "method[1]", "knob and values go together"),
         ("[2e-5, 2e-4]", "[2e-5, 2e-5]", "method[1]", "appears twice"),
         ("[2e-5, 2e-4]", "[2e-5, -1.0]", "method[1].knob", "expected more than 0"),
         ("repeats = 2", "repeats = 0", "work_precision.repeats", "at least 1"),

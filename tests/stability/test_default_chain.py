@@ -119,4 +119,4 @@ def test_check_warns_of_contact_too_stiff_for_the_step():
     assert _closing(plan, [0.5, CLOSING_LIMIT]) == []
     (text,) = _closing(plan, [0.5, 2 * CLOSING_LIMIT])
     assert "contact is too stiff for the step" in text
-    assert "a step of 5e-06 s" in text
+    assert "A step of 5e-06 s" in text
