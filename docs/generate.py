@@ -31,6 +31,7 @@ THEORY = (  # pages of squealstudy/THEORY.md: name, title, its sections
 PAGES = {  # files of the clone that are pages of the site, too: name, title
     "squealstudy/README.md": ("how-built", "How it is built"),
     "squealstudy/THEORY.md": ("theory-1", ""),
+    "tests/README.md": ("what-tests-guarantee", "What the tests guarantee"),
     "studies/benchmarks/README.md": ("benchmarks", "Benchmarks"),
     "studies/benchmarks/limit_cycles.md": ("benchmarks-limit-cycles", "Limit cycles, measured"),
     "studies/benchmarks/designs.md": ("benchmarks-designs", "Design studies, measured"),

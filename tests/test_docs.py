@@ -263,6 +263,18 @@ def test_pages_made_of_the_clone_are_in_the_contents(generate):
     assert all((ROOT / source).is_file() for source in generate.PAGES)
 
 
+def test_pages_made_of_the_clone_name_no_page_that_the_site_lacks(generate):
+    for source in generate.PAGES:
+        text = (ROOT / source).read_text(encoding="utf-8")
+        for _, to in generate.LINK.findall(text):
+            path = to.partition("#")[0]
+            if "://" in to or not path.endswith(".md"):
+                continue
+            target = (ROOT / source).parent.joinpath(path).resolve()
+            on_site = str(target.relative_to(ROOT)) in generate.PAGES
+            assert on_site or target.is_relative_to(DOCS), f"{source}: {to}"
+
+
 # -- what pages run --------------------------------------------------------------------------------
 def blocks(page: Path) -> list[tuple[str, str]]:
     """Language and text of the fenced blocks of a page."""
