@@ -36,6 +36,7 @@ from squealstudy.reduction.hybrid import hybrid_model
 
 ROTOR = Rotors(("disc",))
 OPTIONS = {"mesh": "coarse", "contact_points": 2, "kinematics": "uniform"}
+NEUTRAL = 1e-7  # damping ratio, as studies have it
 OFF, ON = {"gyroscopic_factor": 0.0}, {"gyroscopic_factor": 1.0}
 
 
@@ -278,6 +279,14 @@ def test_a_conservative_brake_neither_gains_nor_loses(small_brake):
     assert np.abs(modes.growth_rate).max() < 1e-6
     moved = np.abs(modes.frequency_hz - without.frequency_hz) / without.frequency_hz
     assert 1e-6 < moved.max() < 0.01
+    effect = turning_effect(
+        system.reduced(BAND).prepared,
+        still.at(sliding_speed=5.0, **OFF).point.state(),
+        without.lam,
+        BAND,
+        NEUTRAL,
+    )
+    assert effect.decided == 0, "signs of round-off decide nothing"
     ((reference, start, _, _),) = set_up(system._in_time(BAND), "regularised", single=True)
     assert np.abs(start.damping_between + start.damping_between.T).max() < 1e-9
     for method, within in (("newmark", 1e-6), ("exponential", 1e-4)):
@@ -290,17 +299,21 @@ def test_a_conservative_brake_neither_gains_nor_loses(small_brake):
 
 def test_the_effect_told_beside_the_check_at_full_order(small_brake):
     """Against modes with and without; from either side."""
-    off, on = (small_brake.at(sliding_speed=5.0, friction=0.3, **x) for x in (OFF, ON))
+    values = {"sliding_speed": 5.0, "friction": 0.6, "damping_ratio": 0.002}
+    off, on = (small_brake.at(**values, **x) for x in (OFF, ON))
     prepared = off.reduced(BAND).prepared
     off_lam, on_lam = off.modes(BAND).lam, on.modes(BAND).lam
     light = off_lam[np.abs(off_lam.real) < 0.05 * np.abs(off_lam)]
     partners = on_lam[np.abs(on_lam[None] - light[:, None]).argmin(axis=1)]
-    effect = turning_effect(prepared, off.point.state(), off_lam, BAND)
+    effect = turning_effect(prepared, off.point.state(), off_lam, BAND, NEUTRAL)
     assert effect.growth == pytest.approx(np.abs((partners - light).real).max(), rel=1e-6)
     moved = np.abs(np.abs(partners) / np.abs(light) - 1.0).max()
     assert effect.frequency == pytest.approx(moved, rel=1e-6)
-    assert effect.decided == ((partners.real > 0) != (light.real > 0)).sum()
-    back = turning_effect(prepared, on.point.state(), on_lam, BAND)
+    decided = (partners.real > 0) != (light.real > 0)
+    assert effect.decided == decided.sum() > 0
+    assert effect.decided_growth == pytest.approx(np.abs((partners - light).real)[decided].max())
+    assert effect.decided_growth < 0.9 * effect.growth, "another mode changes more"
+    back = turning_effect(prepared, on.point.state(), on_lam, BAND, NEUTRAL)
     assert back.growth == pytest.approx(effect.growth, rel=0.1)
     assert effect.decided == back.decided
 
@@ -321,7 +334,7 @@ def test_what_has_none_says_so(small_brake, tmp_path):
 
 
 def test_what_the_screen_says_of_it():
-    told = {"growth": 36.4, "frequency": 1e-3, "decided": 1, "factor": 0.0}
+    told = {"growth": 99.5, "decided_growth": 36.4, "decided": 1, "factor": 0.0}
     text = turning_text([{"gyroscopic": told}, {}])
     assert "gyroscopic terms, left out, decide whether a mode grows" in text
     assert "by up to 36.4 1/s (gyroscopic_factor = 1" in text

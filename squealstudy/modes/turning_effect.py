@@ -16,7 +16,7 @@ BAND_WIDENING = 0.02  # of the band: where a mode of its edge may have its partn
 
 @dataclass(frozen=True)
 class TurningEffect:
-    """Changes of lightly damped modes by gyroscopic terms.
+    """Changes of modes that grow or have little damping by gyroscopic terms.
 
     Attributes
     ----------
@@ -25,16 +25,23 @@ class TurningEffect:
     frequency : float
         Largest relative change of a frequency.
     decided : int
-        Modes whose growth has another sign with gyroscopic terms than without.
+        Modes that grow with gyroscopic terms and not without them, or without and not with them.
+    decided_growth : float
+        Largest change of the growth rate of one of these, 1/s.
     """
 
     growth: float
     frequency: float
     decided: int
+    decided_growth: float
 
 
 def turning_effect(
-    prepared: PreparedModel, state: DesignState, lam: np.ndarray, band_hz: tuple[float, float]
+    prepared: PreparedModel,
+    state: DesignState,
+    lam: np.ndarray,
+    band_hz: tuple[float, float],
+    neutral: float,
 ) -> TurningEffect | None:
     """Modes of a design state beside those without gyroscopic terms, or with them if it has none.
 
@@ -48,6 +55,8 @@ def turning_effect(
     lam : ndarray (m,) complex
         Its roots in the band, rad/s.
     band_hz : (low, high)
+    neutral : float
+        Damping ratio below which, in size, a mode neither grows nor decays.
 
     Returns
     -------
@@ -70,12 +79,16 @@ def turning_effect(
     distance = np.abs(partners - roots[:, None]) / np.abs(roots)[:, None]
     rows, columns = least_assignment(distance)
     a, b = roots[rows], partners[columns]
-    paired = (np.abs(a.real) < LIGHT_DAMPING * np.abs(a)) & (
+    paired = (a.real > -LIGHT_DAMPING * np.abs(a)) & (
         distance[rows, columns] < MAX_PAIR_REL_DISTANCE
     )
     a, b = a[paired], b[paired]
+    change = np.abs(b.real - a.real)
+    grow = [x.real > neutral * np.abs(x) for x in (a, b)]
+    decided = grow[0] != grow[1]
     return TurningEffect(
-        growth=float(np.abs(b.real - a.real).max(initial=0.0)),
+        growth=float(change.max(initial=0.0)),
         frequency=float(np.abs(np.abs(b) / np.abs(a) - 1.0).max(initial=0.0)),
-        decided=int(((a.real > 0) != (b.real > 0)).sum()),
+        decided=int(decided.sum()),
+        decided_growth=float(change[decided].max(initial=0.0)),
     )

@@ -110,10 +110,10 @@ def turning_text(checks: Sequence[Mapping[str, Any]]) -> str:
     effects = [c["gyroscopic"] for c in checks if c.get("gyroscopic")]
     if any(e["factor"] for e in effects) or not any(e["decided"] for e in effects):
         return ""
-    growth = in_digits(max(e["growth"] for e in effects if e["decided"]), 1)
+    growth = in_digits(max(e["decided_growth"] for e in effects if e["decided"]), 1)
     return (
-        f"; the disc's gyroscopic terms, left out, decide whether a mode grows there: growth rates "
-        f"change by up to {growth} 1/s ({GYROSCOPIC.name} = 1 has them)"
+        f"; the disc's gyroscopic terms, left out, decide whether a mode grows there: its growth "
+        f"rate changes by up to {growth} 1/s ({GYROSCOPIC.name} = 1 has them)"
     )
 
 

@@ -34,7 +34,8 @@ UNTOLD = 1e-11  # relative error of a check that does not say its own
 class FullOrderTask:
     """A design point, solved with roots `lam` (m,), to solve by the full-order model as well.
 
-    Of a `stacked` one the prepared model is made here.
+    Of a `stacked` one the prepared model is made here. A mode whose damping ratio is below
+    `neutral` in size neither grows nor decays.
     """
 
     point: DesignPoint
@@ -42,6 +43,7 @@ class FullOrderTask:
     settings: ReductionSettings
     band_hz: tuple[float, float]
     stacked: bool = False
+    neutral: float = 0.0
 
 
 def at_once(tasks: Sequence[FullOrderTask]) -> int:
@@ -85,7 +87,7 @@ def _turning(prepared: Prepared, task: FullOrderTask) -> dict[str, Any]:
     if isinstance(prepared, PreparedFamily):
         return {}
     state = task.point.state()
-    effect = turning_effect(prepared, state, task.lam, task.band_hz)
+    effect = turning_effect(prepared, state, task.lam, task.band_hz, task.neutral)
     factor = {"factor": state.operating.gyroscopic}
     return {} if effect is None else {"gyroscopic": asdict(effect) | factor}
 

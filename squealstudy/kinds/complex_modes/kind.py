@@ -197,7 +197,12 @@ class ComplexModes(ModelKind):
         roots_of = read_roots(store, [t.point_id for t in unchecked], overdamped=True)
         tasks = [
             FullOrderTask(
-                _of_its_structure(plan, t), lam, plan.settings, plan.band_hz, plan.stacked
+                _of_its_structure(plan, t),
+                lam,
+                plan.settings,
+                plan.band_hz,
+                plan.stacked,
+                plan.study.definition.modes.stability_tolerance,
             )
             for t in unchecked
             if t.structure not in failures and (lam := roots_of.get(t.point_id)) is not None
