@@ -301,6 +301,53 @@ def test_a_failed_point_is_a_row_and_the_others_go_on(tmp_path):
     assert points["settled"].dtype == "boolean"
 
 
+HOFFMANN = """\
+[study]
+name = "hoffmann"
+kind = "{kind}"
+[model]
+name = "hoffmann"
+contact_law = "unilateral"
+[parameters]
+friction = 5.0
+sliding_speed = -0.5
+damping_ratio = 0.01
+[[sweep]]
+parameter = "friction"
+values = [0.3, 0.8, 5.0]
+[modes]
+band = [10.0, 1000.0]
+"""
+
+
+def steady_friction(friction):
+    """Of Hoffmann's mass, the belt pulling it the other way, N: the balance of two springs."""
+    k, angles = np.array([178633.0, 2.48803e6]), np.deg2rad([150.0, 30.0])
+    c, s, contact = np.cos(angles), np.sin(angles), 4e6 / 3
+    K = np.array([[k @ c**2, k @ (c * s)], [k @ (c * s), k @ s**2]])
+    K[:, 1] += contact * np.array([friction, 1.0])
+    return friction * contact * np.linalg.solve(K, [0.0, 100.0])[1]
+
+
+@pytest.mark.parametrize("kind", ["transient", "limit_cycles"])
+def test_parameters_without_steady_sliding_fail_their_own_points_alone(kind, tmp_path):
+    """The basis is made at less friction: that of [parameters] jams the mass."""
+    text = HOFFMANN.format(kind=kind)
+    if kind == "transient":
+        text += "[transient]\nduration = 0.02\nstep = 1e-5\nslope_pilot = 'never'\n"
+    else:
+        text += "[limit_cycles]\nreach = 0.01\nundecided_in_time = false\n"
+    points = solved(text, tmp_path / kind).points.sort_values("friction")
+    assert points["status"].tolist() == ["ok", "ok", "working_point"]
+    assert steady_friction(5.0) < 0.0
+    if kind == "transient":
+        forces = points["torque_mean"].abs()[:2]
+        assert forces.tolist() == pytest.approx([steady_friction(x) for x in (0.3, 0.8)], rel=1e-3)
+        text = text.replace("values = [0.3, 0.8, 5.0]", "values = [5.0]")
+        with pytest.raises(ResultsError, match="every design point failed"):
+            solved(text, tmp_path / "none")
+
+
 def test_steps_that_are_halves_are_seen_at_equal_times():
     def rows(step, save_every=0):
         return steps_between_rows(save_every, step, 8000.0) * step

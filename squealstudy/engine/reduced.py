@@ -28,7 +28,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.errors import ConvergenceError, ModelError, SquealstudyError, StudyFileError
 from squealstudy.linalg.factor import solve_threads
 from squealstudy.machine.resources import give_back_memory
-from squealstudy.mechanics.reduction import SpaceOf, reduced
+from squealstudy.mechanics.reduction import Reduction, SpaceOf, reduced
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import ModeKey, OperatingPoint
 from squealstudy.modes.full_order.finer_model import (
@@ -50,6 +50,7 @@ from squealstudy.reduction.shared_basis import (
     shared_basis,
     within,
 )
+from squealstudy.reduction.working_point import with_less_friction
 from squealstudy.study.design import DesignPoint
 
 MOST_ENTRIES = 60_000_000  # of the assemblies on bases that a process keeps: about a gigabyte
@@ -136,16 +137,20 @@ def _reduced(
     task: BuildTask, assembly: AnyAssembly, space: ContactSpace | SpaceOf | None
 ) -> tuple[PreparedModel, ComponentBasis]:
     """The prepared model of an assembly, with its finer one where it is asked for."""
-    record = reduced(
-        assembly,
-        task.nominal,
-        task.settings,
-        task.training,
-        task.top_hz,
-        task.scales,
-        task.enriching,
-        space,
-    )
+
+    def reduced_at(nominal: OperatingPoint) -> Reduction:
+        return reduced(
+            assembly,
+            nominal,
+            task.settings,
+            task.training,
+            task.top_hz,
+            task.scales,
+            task.enriching,
+            space,
+        )
+
+    record = with_less_friction(reduced_at, task.nominal)
     return record.prepared, record.basis
 
 

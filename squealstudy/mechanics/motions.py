@@ -36,7 +36,7 @@ from squealstudy.motion.shared_modes import SharedModes, shared_modes
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.reduction.prepared import PreparedModel
-from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.reduction.working_point import WorkingPoint, with_less_friction
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,9 +48,13 @@ def reference_modes(
     prepared: PreparedModel, operating: OperatingPoint, component_modes: Sequence[ModeKey]
 ) -> SharedModes:
     """Modes at the nominal working point, which the design points of a structure share."""
-    state = DesignState(operating)
-    point = state_working_point(prepared, state)
-    return shared_modes(prepared.model, point, state, tuple(component_modes))
+
+    def modes(reference: OperatingPoint) -> SharedModes:
+        state = DesignState(reference)
+        point = state_working_point(prepared, state)
+        return shared_modes(prepared.model, point, state, tuple(component_modes))
+
+    return with_less_friction(modes, operating)
 
 
 def motion_at(

@@ -5,7 +5,9 @@ A factor serves for as many steps as it brings nearer fast (THEORY.md eq. (13), 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import scipy.linalg as la
@@ -18,6 +20,7 @@ from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.gap_equations import GapEquations, GapJacobian
 
+Found = TypeVar("Found")
 MAX_ITERATIONS = 200
 GIVEN_WAY = 0.125  # of the most that a softening spring bears: where Newton starts under more
 MAX_STEP = 3.0  # closing, in gap scales of the law: beyond it, Newton on an exponential runs away
@@ -27,6 +30,8 @@ AMPLIFIED = 10.0  # error of gaps over their imbalance: about 1 where K0 has a c
 # of an imbalance, after a step with an older Jacobian: more, and it is made anew
 MAX_IMBALANCE_SHARE_LEFT = 0.2
 OPEN = 0.01  # of the mean pressure, below which a contact point is open
+# of the friction as the model is, where its basis is made if steady sliding needs less of it
+LESS_FRICTION = (0.5, 0.25, 0.125, 0.0)
 TRIED = (0.0, 0.5, 1.0)  # contact points by their pressure, at which laws from outside are tried
 CONTRADICTORY_LAW = "contradictory_law"  # status of a point where such a law contradicts itself
 SPRING_AT_CORNER = (
@@ -154,6 +159,28 @@ def no_sliding_text(friction: float, pressure: float | None) -> str:
         f"no steady sliding equilibrium found at friction {friction:g}{pressed}: "
         "does friction tip, lift or jam a part there, held too softly or too far from its contact?"
     )
+
+
+def with_less_friction(find: Callable[[OperatingPoint], Found], operating: OperatingPoint) -> Found:
+    """What is found at an operating point; without steady sliding there, at less friction.
+
+    Design points bring their own friction. What they share, a basis, is to be there for them even
+    where the model as it is does not slide.
+
+    Raises
+    ------
+    ConvergenceError
+        That of the operating point itself, where there is none at less friction either.
+    """
+    try:
+        return find(operating)
+    except ConvergenceError:
+        for share in LESS_FRICTION:
+            try:
+                return find(replace(operating, friction=share * operating.friction))
+            except ConvergenceError:
+                continue
+        raise
 
 
 def known_working_point(

@@ -86,8 +86,8 @@ class TransientScreen(KindScreen):
             rows=(_energy(row, varied) for row in table.to_dict("records")),
         )
         legend = notes(
-            "mode: R1 is the lowest real mode at the nominal working point (complex modes have "
-            "other numbers)",
+            "mode: R1 is the lowest real mode at the nominal working point, or at less friction if "
+            "there is none (complex modes have other numbers)",
             "energy: its share of the mechanical energy in runs that keep vibrating, their mean; "
             f"most: the largest share; leads at: in how many runs no mode has more{left_out}",
         )

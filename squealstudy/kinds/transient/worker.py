@@ -33,7 +33,7 @@ from squealstudy.kinds.transient.section import STUCK
 from squealstudy.kinds.transient.tables import lost_row, row
 from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.mechanics.motions import motion_at
-from squealstudy.models.operating import DesignState
+from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.hybrid_run import simulate_hybrid
 from squealstudy.motion.level_errors import doubts
@@ -54,7 +54,7 @@ from squealstudy.reduction.hybrid import (
     hybrid_model,
     hybrid_model_at,
 )
-from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.reduction.working_point import WorkingPoint, with_less_friction
 from squealstudy.study.design import DesignPoint
 from squealstudy.tables.validity import BETWEEN
 
@@ -301,10 +301,14 @@ def _build(task: BatchTask, settings: HybridSettings) -> HybridModel:
     first = task.points[0]
     prepared = prepared_model(first.structure)
     assembly = first.assembly()
-    point = state_working_point(prepared, DesignState(task.operating))
     modes = component_modes(assembly, task.cutoff_hz) if task.component_modes else {}
     damped = {key: modes[key[0]] for key in task.component_modes}
-    return hybrid_model(assembly, point, task.operating, settings, damped)
+
+    def model_at(operating: OperatingPoint) -> HybridModel:
+        point = state_working_point(prepared, DesignState(operating))
+        return hybrid_model(assembly, point, operating, settings, damped)
+
+    return with_less_friction(model_at, task.operating)
 
 
 def common_modes(reference: SharedModes, model: HybridModel) -> np.ndarray:
