@@ -20,7 +20,7 @@ from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.gap_equations import GapEquations, GapJacobian
 
-Found = TypeVar("Found")
+AtSteadySliding = TypeVar("AtSteadySliding")
 MAX_ITERATIONS = 200
 GIVEN_WAY = 0.125  # of the most that a softening spring bears: where Newton starts under more
 MAX_STEP = 3.0  # closing, in gap scales of the law: beyond it, Newton on an exponential runs away
@@ -161,7 +161,9 @@ def no_sliding_text(friction: float, pressure: float | None) -> str:
     )
 
 
-def with_less_friction(find: Callable[[OperatingPoint], Found], operating: OperatingPoint) -> Found:
+def with_less_friction(
+    find: Callable[[OperatingPoint], AtSteadySliding], operating: OperatingPoint
+) -> AtSteadySliding:
     """What is found at an operating point; without steady sliding there, at less friction.
 
     Design points bring their own friction. What they share, a basis, is to be there for them even
