@@ -11,7 +11,7 @@ from test_lumped_springs import BAND
 import squealstudy as sq
 from squealstudy.engine.mode_shapes import plan_of
 from squealstudy.errors import ModelError, ParameterError, StudyFileError
-from squealstudy.laws import FrictionCurve
+from squealstudy.laws import FrictionCurve, friction_curve
 from squealstudy.models.operating import FRICTION_RANGE
 from squealstudy.study.definition import parse_study
 
@@ -278,3 +278,12 @@ def test_a_file_that_is_no_map_is_one_sentence(points, names, words, tmp_path):
     with pytest.raises(StudyFileError, match=words) as told:
         parse_study(STUDY.replace("MAP", 'file = "mu.csv"'), tmp_path / "map.toml")
     assert "parameters.friction_law.map.file" in str(told.value)
+
+
+def test_a_map_is_had_in_python_by_the_names_of_its_points():
+    points = {"map_speed_2": 1.0, "map_pressure_2": 1e6, "map_ratio_2_1": 0.5, "map_ratio_2_2": 0.7}
+    curve = friction_curve("map", **points)
+    at = curve.at(0.4, np.array([0.0, 1.0, 2.0, 1.0]), np.array([0.0, 0.0, 0.0, 1e6]))
+    assert at.mu == pytest.approx([0.4, 0.2, 0.2, 0.28])
+    with pytest.raises(ModelError, match="map_speed_9"):
+        friction_curve("map", map_speed_9=1.0)

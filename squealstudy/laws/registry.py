@@ -36,6 +36,9 @@ class LawDefinition:
         What is left of the law, in words, at values of its parameters that switch it off; else "".
     refuses : (sequence of values) -> str, or None
         Why values that are each within their bounds do not fit each other; empty where they do.
+    by_address : bool
+        Whether kernels call the functions at their addresses, as those of all laws from outside
+        the package, rather than hold them: a long function lengthens the compiling of each kernel.
     """
 
     registry: ClassVar[Registry[Any]]
@@ -46,6 +49,7 @@ class LawDefinition:
     parameters: tuple[Parameter, ...] = ()
     plain: Callable[..., str] | None = None
     refuses: Callable[[Sequence[float]], str] | None = None
+    by_address: bool = False
 
     @property
     def functions(self) -> dict[str, Callable[..., Any]]:
@@ -73,9 +77,14 @@ class LawDefinition:
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
-        """Short names of the parameters: what the functions call them."""
-        names = tuple(inspect.signature(self.main_function).parameters)
-        return names[len(names) - len(self.parameters) :]
+        """Short names of the parameters: what the functions call them.
+
+        Where these take them as ``*values``: what stands behind the last dot of their names.
+        """
+        taken = tuple(inspect.signature(self.main_function).parameters.values())
+        if taken[-1].kind is inspect.Parameter.VAR_POSITIONAL:
+            return tuple(parameter.name.rpartition(".")[2] for parameter in self.parameters)
+        return tuple(a.name for a in taken[len(taken) - len(self.parameters) :])
 
     @property
     def main_function(self) -> Callable[..., Any]:

@@ -13,7 +13,9 @@ from command import HERE
 
 from squealstudy import extensions, laws
 from squealstudy.extensions import load_extension
+from squealstudy.kernels.law_set import SOURCES
 from squealstudy.kernels.laws import friction_tangent, law_row, law_rows, mu_at
+from squealstudy.kernels.newmark_layout import LAW_CURVE, OUTSIDE
 from squealstudy.laws import (
     CONTACT_LAWS,
     FRICTION_CURVES,
@@ -59,6 +61,13 @@ def copies(tmp_path_factory):
         path = folder / f"copied_{name}.py"
         path.write_text(text.replace(f'name="{name}"', f'name="copied_{name}"'))
         load_extension(path)
+
+
+@pytest.mark.parametrize("curve", [law for law in FRICTION_CURVES if law.by_address])
+def test_long_curves_of_the_package_are_called_by_address_and_a_change_of_them_is_seen(curve):
+    row = law_row(contact_law("exponential"), FrictionLaw(0.4, 1e8, friction_curve(curve.name)))
+    assert row[LAW_CURVE] == OUTSIDE
+    assert (curve.name, curve.source) in SOURCES  # of which the folder of kernels has its name
 
 
 def scene():

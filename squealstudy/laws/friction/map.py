@@ -125,5 +125,6 @@ MAP = register(
         ),
         mu=mu,
         refuses=refusal,
+        by_address=True,
     )
 )

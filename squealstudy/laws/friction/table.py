@@ -132,5 +132,6 @@ TABLE = register(
         mu=mu,
         pressure_dependent=False,
         refuses=refusal,
+        by_address=True,
     )
 )
