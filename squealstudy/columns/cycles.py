@@ -35,7 +35,7 @@ LEVEL = (
 THRESHOLD = (
     number(
         "threshold_velocity",
-        "Contact velocity of the unstable cycle that a kick must exceed.",
+        "Contact velocity of the unstable cycle, which a kick along it must exceed.",
         "threshold_error",
     ),
     number(
@@ -71,8 +71,8 @@ POINTS = (
     ),
     number(
         "threshold_velocity",
-        "Contact velocity of the unstable cycle that the weakest kick must exceed.",
-        leaves_out="See threshold_error of the verdict.",
+        "Contact velocity of the unstable cycle, which a kick along it must exceed; the least.",
+        leaves_out="Kicks of other shapes, which may need less; threshold_error of the verdict.",
     ),
     THRESHOLD[1],
 )

@@ -67,7 +67,7 @@ class Family:
         With more harmonics, of a stable mode's curve on which no cycle is confirmed.
     verdict, reason : str
     threshold : Cycle or None
-        The unstable cycle that a kick must exceed.
+        The unstable cycle that a kick along it must exceed.
     run : Ended or None
         In time, of a family that was undecided without: the loudest that lasts, or what is open.
     largest : PeriodicMotion or None

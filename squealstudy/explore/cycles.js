@@ -6,7 +6,7 @@ for (const name of ["verdicts", "cycles", "branches"]) {
 }
 const {verdicts, cycles, branches} = tables;
 const QUANTITIES = [["torque_rms", `RMS [${own.unit}]`], ["frequency_hz", "frequency [Hz]"], ["contact_velocity", "contact velocity [m/s]"]];
-const HEADS = ["mode", "frequency Hz", "growth 1/s", "verdict", `RMS ${own.unit}`, "error", "least kick m/s"];
+const HEADS = ["mode", "frequency Hz", "growth 1/s", "verdict", `RMS ${own.unit}`, "error", "least known kick m/s"];
 const [unstableColour, stableColour] = data.colours;
 const cycleLook = i => cycles.stable[i] === STABLE ? [stableColour, "circle"] : cycles.stable[i] === 0 ? ["#FFFFFF", "diamond"] : cycles.stable[i] === RUN ? ["#000000", "x"] : [data.grey, "triangle"];
 
@@ -32,7 +32,7 @@ detail.point = row => {
   const rows = [];
   verdicts.row.forEach((at, i) => { if (at === row) rows.push(i); });
   fill($("modes"), ...rows.flatMap(i => {
-    const made = element("tr"), kick = Number.isFinite(verdicts.threshold_velocity[i]) ? verdicts.threshold_velocity[i] : verdicts.kick_velocity[i];
+    const made = element("tr"), kick = Math.min(...[verdicts.threshold_velocity[i], verdicts.kick_velocity[i]].filter(Number.isFinite));
     const texts = [verdicts.mode[i], digits(verdicts.frequency_hz[i]), digits(verdicts.growth_rate[i]), verdicts.verdict[i].replaceAll("_", " "),
       digits(verdicts.torque_rms[i]), percent(verdicts.level_error[i]), digits(kick)];
     made.append(...texts.map(text => element("td", text)));

@@ -62,7 +62,7 @@ def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, lis
         "frequency_hz": ("frequency", "Hz"),
     }
     named[GROWTH] = ("fastest growth", "1/s")
-    named["threshold_velocity"] = ("least kick", "m/s")
+    named["threshold_velocity"] = ("kick along unstable cycle", "m/s")
     n = points["n_unstable"]
     for name, (text, one) in named.items():
         if name not in points:  # of an earlier version

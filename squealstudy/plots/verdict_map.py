@@ -121,7 +121,7 @@ def verdict_map(
     finish(axes, plane.across.label, plane.up.label)
     axes.grid(False)
     at = describe(rows.iloc[0], points, others, units)
-    lines_told = f"lines: contact velocity of the kick that is needed, at {n_thresholds} designs"
+    lines_told = f"lines: least kick along the unstable cycle, of {n_thresholds} designs"
     failed = "" if np.isfinite(verdict).all() else "hatched: failed"
     axes.set_title(joined(at, lines_told if n_thresholds > 3 else "", failed), fontsize=9.5)
     return figure

@@ -105,8 +105,9 @@ class LimitCyclesScreen(KindScreen):
             f"RMS: of the {force}, about its mean; +-: its error; Hz: its frequency (x2: loudest "
             "at twice that; ~: loudest line, where no period is known)",
             "all of the loudest stable cycle, or of a run in time that lasts",
-            "kick m/s: a disturbance must move a contact point faster than this to start squeal "
-            "(the unstable cycle); kick %: as share of the speed in the stable cycle"
+            "kick m/s: speed of a contact point in the least kick along the unstable cycle that "
+            "starts squeal; kicks of other shapes may need less; kick %: as share of the speed in "
+            "the stable cycle"
             if points["threshold_velocity"].notna().any()
             else "",
             "no cycle found: steady sliding is stable, and what was searched leads to no cycle"
