@@ -1,20 +1,21 @@
-"""Files that are small on disk and have no end: sparse ones, and much in little when unpacked."""
+"""Files without an end, sparse or much in little when unpacked; files written as a whole or not."""
 
 from __future__ import annotations
 
+import errno
 import gzip
 import os
 
 import numpy as np
 import pytest
 
-from squealstudy import array_files
+from squealstudy import array_files, files
 from squealstudy.engine.cache import META, is_whole
 from squealstudy.engine.journal import MAX_LINE_BYTES, Journal
 from squealstudy.engine.manifest_file import read_manifest
 from squealstudy.engine.store import Store
 from squealstudy.errors import SquealstudyError
-from squealstudy.files import UnusableFileError, read_whole
+from squealstudy.files import UnusableFileError, read_whole, text_writer, write_all
 from squealstudy.models.components.free_modes import read_mode_table
 from squealstudy.models.components.gmsh import read_gmsh
 from squealstudy.models.components.inp import read_inp
@@ -106,3 +107,30 @@ def test_whole_files_are_read_as_they_are(tmp_path):
         read_whole(tmp_path / "pipe")
     with pytest.raises(IsADirectoryError):
         read_whole(tmp_path)
+
+
+def test_files_written_together_are_on_the_disk_before_one_of_them_has_its_name(
+    tmp_path, monkeypatch
+):
+    flushed = []
+
+    def flush(path):
+        flushed.append(path.name)
+        assert path == tmp_path or not any((tmp_path / name).exists() for name in "abc")
+
+    monkeypatch.setattr(files, "flush", flush)
+    write_all({tmp_path / name: text_writer(name) for name in "abc"})
+    assert [(tmp_path / name).read_text() for name in "abc"] == ["a", "b", "c"]
+    assert len(flushed) == 4
+    assert flushed[-1] == tmp_path.name
+
+
+def test_of_files_written_together_none_is_left_where_the_disk_refuses_one(tmp_path, monkeypatch):
+    def flush(path):
+        if path.name.startswith(".b."):
+            raise OSError(errno.ENOSPC, "no space left on device", str(path))
+
+    monkeypatch.setattr(files, "flush", flush)
+    with pytest.raises(OSError, match=r"b'$"):
+        write_all({tmp_path / name: text_writer(name) for name in "abc"})
+    assert not [*tmp_path.iterdir()]

@@ -41,11 +41,12 @@ from squealstudy.errors import MachineError, ResultsError
 from squealstudy.files import (
     OF_JSON,
     TEMPORARY,
+    arrays_writer,
     is_plain_file,
     read_whole,
-    write_arrays,
+    text_writer,
+    write_all,
     write_atomic,
-    write_text,
 )
 from squealstudy.study.kinds import facts_of
 from squealstudy.study.parameters import onset_parameter
@@ -174,16 +175,17 @@ class Store:
     def _write(self, contents: Mapping[str, pa.Table | str | Mapping[str, Any]]) -> None:
         """Files that belong together: finished with the last of them."""
         self.journal.withdraw(list(contents))
-        for name, content in contents.items():
-            path = self.directory / name
-            if isinstance(content, pa.Table):
-                table = content if name.startswith(CHUNKS) else self._described(content, name)
-                write_atomic(path, _parquet(table))
-            elif isinstance(content, str):
-                write_text(path, content)
-            else:
-                write_arrays(path, content)
+        write_all({self.directory / name: self._writer(name, contents[name]) for name in contents})
         self.journal.add(list(contents))
+
+    def _writer(
+        self, name: str, content: pa.Table | str | Mapping[str, Any]
+    ) -> Callable[[Path], None]:
+        if isinstance(content, pa.Table):
+            return _parquet(content if name.startswith(CHUNKS) else self._described(content, name))
+        if isinstance(content, str):
+            return text_writer(content)
+        return arrays_writer(content)
 
     def repair(self, warn: Callable[[str], None]) -> bool:
         """Leave files that are whole alone: whether all were, or only never finished.
