@@ -18,9 +18,9 @@ from squealstudy.kinds.complex_modes.design_lines import (
 from squealstudy.screen import as_text
 
 
-def results_of(folder, frictions, seconds, more=""):
+def results_of(folder, frictions, seconds, more="", tables=""):
     text = study_text("designs", "complex_modes", "hulten") + (
-        f'[[sweep]]\nparameter = "friction"\nvalues = {frictions}\n'
+        f'{tables}[[sweep]]\nparameter = "friction"\nvalues = {frictions}\n'
         f'[[sweep]]\nparameter = "frequency_2"\nvalues = {seconds}\n'
         f"[modes]\nband = [10.0, 1000.0]\n{more}"
     )
@@ -51,6 +51,15 @@ def test_each_design_has_its_first_onset_and_its_fastest_growth(tmp_path):
     assert f"first at friction {lines[1].onset:.4g} (91 Hz there)." in " ".join(text.split())
     assert "none to 0.4" in text
     assert "design: frequency_2; as it is: 75 Hz" in text
+
+
+def test_what_follows_the_parameter_of_a_design_is_named(tmp_path):
+    """A row of designs is none of one value alone where a table moves another along."""
+    table = "[parameters.stiffness_damping.table]\n"
+    table += "frequency_2 = [70.0, 90.0]\nvalue = [1e-5, 2e-5]\n"
+    results = results_of(tmp_path / "r", [0.2, 0.4], [75.0, 80.0], tables=table)
+    text = " ".join(as_text(results.screen.findings(results)).split())
+    assert "design: frequency_2, which stiffness_damping follows; as it is: 75 Hz" in text
 
 
 def test_a_design_that_is_unstable_from_the_first_value_says_so(tmp_path):

@@ -108,6 +108,45 @@ def test_own_brake() -> None:
     assert sum(p.stat().st_size for p in (SHIPPED / "own_brake").iterdir()) < 3e6
 
 
+@pytest.mark.full_size
+def test_worn_pad(tmp_path: Path) -> None:
+    """As the gallery says: worn pads squeal near 3.15 kHz, and hardly at 3.8 kHz as new ones do."""
+    path = SHIPPED / "own_brake" / "worn_pad.toml"
+    text = path.read_text().replace("start = 0.3\nstop = 0.6\nnum = 4", "values = [0.5]")
+    results = solved(plan_of(text, path), tmp_path / "worn")
+    found = results.modes.merge(results.points[["point_id", "worn"]], on="point_id")
+
+    def growth(worn: float, low: float, high: float) -> float:
+        inside = found[(found["worn"] == worn) & found["frequency_hz"].between(low, high)]
+        return inside["growth_rate"].max()
+
+    assert growth(0.0, 3750.0, 3850.0) > 10 * growth(1e4, 3750.0, 3850.0) > 0.0
+    assert growth(0.0, 3050.0, 3250.0) < -50.0
+    assert growth(1e4, 3050.0, 3250.0) == pytest.approx(300.0, rel=0.05)
+
+
+def test_pads_of_one_mean_friction() -> None:
+    """What the inner pad has more than the mean, the outer has less."""
+    plan = plan_of((SHIPPED / "pad_friction.toml").read_text())
+    assert len(plan.structures) == 5
+    for task in plan.tasks:
+        factors = [task.values[f"{pad}_pad.friction_factor"] for pad in ("inner", "outer")]
+        assert np.mean(factors) == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.full_size
+def test_pad_friction(tmp_path: Path) -> None:
+    """As the gallery says: pads alike are stable up to the highest friction."""
+    path = SHIPPED / "pad_friction.toml"
+    text = path.read_text().replace("stop = 1.3\nnum = 5", "stop = 1.3\nnum = 3")
+    results = solved(plan_of(text, path), tmp_path / "pads")
+    onsets = results.onsets.query("direction == 'in'")
+    first = onsets.groupby("inner_pad.friction_factor")["onset"].min()
+    assert first.loc[0.7] == pytest.approx(0.184, abs=2e-3)
+    assert first.loc[1.0] == pytest.approx(0.287, abs=2e-3)
+    assert first.loc[1.3] == pytest.approx(0.214, abs=2e-3)
+
+
 def test_own_brake_design() -> None:
     """As its page says: nine operating points, a mass and damping."""
     plan = first_plan(load_any(SHIPPED / "own_brake" / "own_brake_design.toml"))

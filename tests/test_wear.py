@@ -104,6 +104,20 @@ def test_bad_wear_is_one_sentence(tmp_path, old, new, key, words):
     assert words in str(told.value)
 
 
+def test_a_distance_that_cannot_be_is_a_failed_point_alone(tmp_path):
+    """The new brake beside it is solved, and the screen says what the other lacks."""
+    path, model = blocks(tmp_path, parameters='"worn" = {path = "wear.distance", unit = "m"}\n')
+    model.write_text(model.read_text().replace("friction = 0.3\ndist", "friction = 900.0\ndist"))
+    swept = path.read_text().replace("values = [0.3, 0.6]", "values = [0.3]")
+    swept += 'reference_points = 0\n[[sweep]]\nparameter = "worn"\nvalues = [0.0, 1.0]\n'
+    path.write_text(swept.replace("reference_points = 1\n", ""))
+    found = solved(sq.read_study(path).plan(), tmp_path / "out")
+    points = found.points.sort_values("worn")
+    assert points["status"].tolist()[0] == "ok"
+    assert points["status"].tolist()[1] != "ok"
+    assert "worn = 1 (SI): there is no steady sliding that wears" in points["message"].iloc[1]
+
+
 def test_a_parameter_of_wear_that_is_none(tmp_path):
     _, model = blocks(tmp_path, parameters='"x" = {path = "wear.depth"}\n')
     with pytest.raises(StudyFileError, match=r"expected wear\.distance or wear\.rate"):

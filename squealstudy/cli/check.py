@@ -323,7 +323,7 @@ def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:
     if plan.shared_range is not None:
         text += f"; most by one basis, made for {plan.shared_range.text}"
     elif total > 1:
-        text += "; a swept mass or stiffness costs one reduction a value"
+        text += "; a swept parameter of the structure costs one reduction a value"
     if cost.n_missing_structures and cost.structure_s:
         text += f" ({duration(cost.structure_s)} each)"
     return "reductions", text

@@ -301,19 +301,34 @@ class _Build:
         law = ContactLaw.from_values(str(options[CONTACT_OPTION.name]), values)
         with self.told(values):
             assembly = build_assembly(self.brake, law, in_file)
-        with self.told(values):
-            assembly = self._worn(assembly, self._law(options), in_file)
+        with self.told(values), self._slides(values, "wear", "that wears the faces"):
+            assembly = with_worn_gaps(assembly, self.brake.file, self._law(options), in_file)
         if self.stressed is None:
             return assembly
-        return self._stiffened(assembly, replace(self.stressed, law=self._law(options)), in_file)
+        operating = replace(self.stressed, law=self._law(options))
+        with self._slides(values, "stress_stiffening", "to take stresses from"):
+            return with_stresses(assembly, self.brake, operating, in_file)
 
-    def _worn(self, found: Assembly, law: ContactLaw, given: Mapping[KeyPath, float]) -> Assembly:
-        """The assembly with gaps that have worn; under the law at its defaults."""
+    @contextmanager
+    def _slides(self, values: Mapping[str, float], table: str, why: str) -> Iterator[None]:
+        """Errors where there is no steady sliding for a table of the file.
+
+        Raises
+        ------
+        StudyFileError
+            About the table, where parameters have their defaults.
+        ModelError
+            About values of parameters else: other design points may be well.
+        """
         try:
-            return with_worn_gaps(found, self.brake.file, law, given)
+            yield
         except ConvergenceError as error:
-            text = f"there is no steady sliding that wears the faces: {error}"
-            raise self.source.error(("wear",), text) from error
+            text = f"there is no steady sliding {why}: {error}"
+            changed = [name for name in self.places if values[name] != self.defaults[name]]
+            if not changed:
+                raise self.source.error((table,), text) from error
+            at = listed([f"{name} = {values[name]:g}" for name in changed])
+            raise ModelError(f"{self.source.path}: {at} (SI): {text}") from error
 
     @contextmanager
     def told(self, values: Mapping[str, float]) -> Iterator[None]:
@@ -350,16 +365,6 @@ class _Build:
     def _law(self, options: Mapping[str, str | int]) -> ContactLaw:
         """The contact law under which stresses are found: its defaults, whatever is swept."""
         return ContactLaw.from_values(str(options[CONTACT_OPTION.name]), self.law_values)
-
-    def _stiffened(
-        self, found: Assembly, operating: OperatingPoint, given: Mapping[KeyPath, float]
-    ) -> Assembly:
-        """The assembly with the stiffness of its stresses."""
-        try:
-            return with_stresses(found, self.brake, operating, given)
-        except ConvergenceError as error:
-            text = f"there is no steady sliding to take stresses from: {error}"
-            raise self.source.error(("stress_stiffening",), text) from error
 
 
 def placed(error: PlacedError, source: SourceText) -> StudyFileError:

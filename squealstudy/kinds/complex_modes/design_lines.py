@@ -193,7 +193,12 @@ def design_table(results: ResultTables, lines: list[DesignLine]) -> list[Rendera
     as_it_is = ""
     if set(names) <= set(today):
         as_it_is = ", ".join(amount(today[n], units.get(n, "")) for n in names)
-    meaning = f"design: {', '.join(names)}" + (f"; as it is: {as_it_is}" if as_it_is else "")
+    tables: Mapping[str, list[str]] = results.manifest.get("tables", {})
+    followers = [name for name, over in tables.items() if set(over) & set(names)]
+    follow = "follows" if len(followers) == 1 else "follow"
+    with_it = f", which {' and '.join(followers)} {follow}" if followers else ""
+    meaning = f"design: {', '.join(names)}{with_it}"
+    meaning += f"; as it is: {as_it_is}" if as_it_is else ""
     return [
         shown,
         notes(
