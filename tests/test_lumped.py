@@ -1,4 +1,4 @@
-"""Lumped models of files: equal to the catalogue's, to judges, and to a published one."""
+"""Lumped models of files: equal to the catalogue's, and to judges."""
 
 from __future__ import annotations
 
@@ -17,48 +17,7 @@ from squealstudy.study.lumped import read_lumped
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies" / "lumped"
 
-# of Veraszto and Stepan (2017), tables 1 and 2, as their closed form of the boundary needs them
-VERASZTO = """\
-[[mass]]
-name = "block"
-mass = 0.538
-directions = ["x", "y"]
-
-[[spring]]
-between = ["block", "ground"]
-direction = "x"
-stiffness = 6957
-
-[[damper]]
-name = "spring"
-between = ["block", "ground"]
-direction = "x"
-damping = 5.746
-
-[[damper]]
-name = "viscous"
-between = ["block", "ground"]
-direction = "x"
-damping = 0.2
-
-[[contact]]
-between = ["block", "belt"]
-normal = "y"
-sliding = "-x"
-stiffness = 1e7
-
-[[load]]
-on = "block"
-direction = "-y"
-force = 5.0
-
-[parameters]
-friction = 0.4
-sliding_speed = 0.22
-"friction_law.static_ratio" = 3.0
-"friction_law.decay_speed" = 0.1
-"""
-# the same with two masses and a turn: every table, and numbers of several parameters
+# two masses and a turn: every table, and numbers of several parameters
 ROCKER = """\
 [[mass]]
 name = "pad"
@@ -239,17 +198,6 @@ def test_matrices_put_together_by_hand(tmp_path):
     found = system.modes((1.0, 5000.0)).lam
     inside = lam[(lam.imag > 0) & (np.abs(lam) < 2 * np.pi * 5000)]
     assert by_frequency(found) == pytest.approx(by_frequency(inside), rel=1e-9)
-
-
-def test_a_published_stick_slip_oscillator(tmp_path):
-    """The boundary by the formula of Veraszto and Stepan (2017): 0.1906 m/s; frequency 18.1 Hz."""
-    model = model_of(tmp_path, VERASZTO)
-    speeds = np.linspace(0.15, 0.25, 101)
-    growth = model.at(sliding_speed=speeds).modes((1.0, 100.0)).growth_rate[:, 0]
-    boundary = np.interp(0.0, -growth, speeds)
-    published = np.log(10 * 4 / (5.746 + 0.2)) / 10
-    assert published == pytest.approx(0.1906, abs=5e-5)
-    assert boundary == pytest.approx(published, rel=1e-5)
 
 
 @pytest.mark.full_size

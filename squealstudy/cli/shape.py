@@ -17,6 +17,7 @@ from squealstudy.engine.results import Results
 from squealstudy.engine.track_names import keep_track_names
 from squealstudy.errors import ResultsError
 from squealstudy.files import write_text
+from squealstudy.models.matrices.family import NAME as OWN_MATRICES
 from squealstudy.screen import Rows
 from squealstudy.shapes.files import Signal, write_uff, write_vtu
 from squealstudy.shapes.names import figures_of, name_of
@@ -24,11 +25,12 @@ from squealstudy.shapes.page import page
 from squealstudy.shapes.picture import draw, sources, title, words
 from squealstudy.shapes.shape import Shape
 from squealstudy.shapes.sources import ASSEMBLY, CONTACT
-from squealstudy.wording import plural, track_number
+from squealstudy.wording import in_digits, plural, track_number
 
 ALL, UNSTABLE = "all", "unstable"
 FOLDER = "shapes"
 LEAST_SHARE = 0.01  # of kinetic energy: below it a second real mode is not named
+CONTACT_WORDS = (" (friction that follows the contact's pressure)", ", and friction over speed")
 LOCKED_IN_SHARE = 0.1  # of kinetic energy, from which a second real mode has locked in (a choice)
 LISTED_MODES = 6  # of a motion
 MOST_COORDINATES = 12  # of vectors listed
@@ -253,19 +255,15 @@ def _of_vectors(results: Results, track: int) -> Rows:
     """Why a mode of a model without a mesh grows, and its vectors, a row a coordinate."""
     mode = mode_vectors(results, track)
     hz, growth = abs(mode.lam) / (2 * np.pi), mode.lam.real
-    rows = [
-        (track_number(track), f"{hz:.1f} Hz, growth {growth:+.4g} 1/s at design point {mode.row}")
-    ]
+    of_contact = results.manifest["model"] != OWN_MATRICES
+    head = f"{in_digits(hz, 1)} Hz, growth {growth:+.4g} 1/s at design point {mode.row}"
+    rows = [(track_number(track), head)]
     if np.isfinite(mode.by_stiffness):
-        rows.append(
-            (
-                "growth 1/s",
-                f"{mode.by_stiffness:+.4g} of unsymmetric stiffness (friction that follows the "
-                f"contact's pressure), {mode.by_velocity:+.4g} of damping, and friction over speed",
-            )
-        )
+        follows, falls = CONTACT_WORDS if of_contact else ("", "")
+        text = f"{mode.by_stiffness:+.4g} of unsymmetric stiffness{follows}, "
+        rows.append(("growth 1/s", f"{text}{mode.by_velocity:+.4g} of damping{falls}"))
     if np.isfinite(mode.pair_hz).all():
-        rows.append(("made of", _pair_text(mode)))
+        rows.append(("made of", _pair_text(mode, of_contact)))
     listed = np.argsort(-np.maximum(abs(mode.right), abs(mode.left)), kind="stable")
     for k in sorted(listed[:MOST_COORDINATES]):
         right_text, left_text = (
@@ -278,16 +276,23 @@ def _of_vectors(results: Results, track: int) -> Rows:
     return rows
 
 
-def _pair_text(mode: ModeVectors) -> str:
+def _pair_text(mode: ModeVectors, of_contact: bool) -> str:
     """The real modes of a mode, and in words what that means for its growth."""
-    (hz, other_hz), (share, other) = mode.pair_hz, mode.pair_share
-    text = f"{100 * share:.1f} % of the real mode at {hz:.1f} Hz without friction"
+    (first, second), (share, other) = (_held_at(hz) for hz in mode.pair_hz), mode.pair_share
+    without = "without friction" if of_contact else "of the symmetric stiffness"
+    text = f"{100 * share:.1f} % of the real mode {first} {without}"
     if other < LEAST_SHARE or not np.isfinite(mode.phase_deg):
         return f"{text}: one real mode alone, no lock-in"
-    text += f", {100 * other:.1f} % of that at {other_hz:.1f} Hz, {mode.phase_deg:.0f} deg apart"
-    if mode.by_stiffness > 0 and other >= LOCKED_IN_SHARE:
-        text += ": the two have locked in; friction feeds by the sine of this angle"
+    text += f", {100 * other:.1f} % of that {second}, {mode.phase_deg:.0f} deg apart"
+    if mode.by_stiffness > 0 and other >= LOCKED_IN_SHARE and min(mode.pair_hz) > 0:
+        feeds = "friction" if of_contact else "unsymmetric stiffness"
+        text += f": the two have locked in; {feeds} feeds by the sine of this angle"
     return text
+
+
+def _held_at(hz: float) -> str:
+    """Frequency of a real mode; what stiffness drives away, or does not hold, has none."""
+    return f"at {in_digits(hz, 1)} Hz" if hz > 0 else "that no stiffness holds,"
 
 
 def names(results: Results, tracks: Iterable[int]) -> Rows:

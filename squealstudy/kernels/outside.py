@@ -71,8 +71,11 @@ def _addresses(
     texts: list[str], contact: ContactLaws, curves: Curves, slopes: Slopes
 ) -> dict[int, float]:
     laws: list[LawDefinition | None] = [*contact.values(), *curves.values(), *slopes.values()]
-    sources = [law.source for law in laws if law is not None]
-    key = hashlib.sha256("\n".join([*texts, *sources]).encode()).hexdigest()[:16]
+    chosen = [law for law in laws if law is not None]
+    sources = [law.source for law in chosen]
+    # what numba keeps names modules, which are others where a program imports the same file
+    modules = sorted({f.__module__ for law in chosen for f in law.functions.values()})
+    key = hashlib.sha256("\n".join([*texts, *sources, *modules]).encode()).hexdigest()[:16]
     if key not in _made:
         folder = compiled_directory() / f"outside-{key}"  # numba sees a law's own file alone
         with _kept_in(folder):

@@ -187,3 +187,21 @@ print(sum(newmark_batch.stats.cache_misses.values()))
     end(system, [design], "newmark")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "0"
+
+
+def test_a_program_imports_a_law_that_a_study_has_executed(tmp_path):
+    """What was compiled for the study names its module; the program's has another name."""
+    text = (HERE / CURVE).read_text().replace('name="fading"', 'name="imported"')
+    (tmp_path / "imported_law.py").write_text(text)
+    load_extension(tmp_path / "imported_law.py")
+    law_row(contact_law(), FrictionLaw(0.7, 1e6, friction_curve("imported")))
+    code = f"""
+import sys
+sys.path.insert(0, {str(tmp_path)!r})
+import imported_law
+from squealstudy.kernels.laws import law_row, mu_at
+from squealstudy.laws import FrictionLaw, contact_law, friction_curve
+print(mu_at(law_row(contact_law(), FrictionLaw(0.7, 1e6, friction_curve("imported"))), 0.3, 1e6)[0])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert float(done.stdout) == pytest.approx(0.35)

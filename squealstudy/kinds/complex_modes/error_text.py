@@ -143,7 +143,10 @@ def unseen_text(results: ResultTables) -> str:
         and there < MIN_CHECK_ERROR_SHARE * anywhere
     ):
         return ""  # or the method has no light mode at these points
+    near, far = error_percent(there), error_percent(anywhere)
+    if near == far:  # both too small to be told
+        return ""
     return (
-        f"; by its own estimate the method errs by {error_percent(there)} there, but by "
-        f"{error_percent(anywhere)} elsewhere: audit checks points drawn at random"
+        f"; by its own estimate the method errs by {near} there, but by {far} elsewhere: audit "
+        "checks points drawn at random"
     )

@@ -241,13 +241,20 @@ class _Record:
 
 
 def judged_window(run: Motion) -> slice:
-    """Rows of a run that are judged: `levels.last_window` of its torque, made once a run."""
+    """Rows of a run that are judged: `levels.last_window` of its torque, made once a run.
+
+    Where that is longer than the last 40 %, and the motion comes back in these alone: these.
+    """
     if "judged" not in run.windows:
         torque, means = run.history["torque"], run.history.get("torque_mean")
         is_summed = means is not None and bool(np.isfinite(means).all())
-        run.windows["judged"] = last_window(run.times, torque, means if is_summed else None)
-    window: slice = run.windows["judged"]
-    return window
+        window = last_window(run.times, torque, means if is_summed else None)
+        longer = window.start < _last(run).start
+        if longer and np.isnan(own_frequency(run, window).hz) and np.isfinite(_hz(run)):
+            window = slice(_last(run).start, window.stop)  # the rest is of the start
+        run.windows["judged"] = window
+    judged: slice = run.windows["judged"]
+    return judged
 
 
 def own_frequency(run: Motion, window: slice) -> Fundamental:

@@ -22,7 +22,7 @@ from squealstudy.motion.outcome.periods import (
     sticks_mostly,
 )
 from squealstudy.motion.outcome.spectrum import hann
-from squealstudy.wording import LIMIT_CYCLE, STABLE, UNDECIDED
+from squealstudy.wording import IRREGULAR, LIMIT_CYCLE, STABLE, UNDECIDED
 
 NEARLY_ALL = 0.8  # share of the energy of a mode that is the whole motion, but for harmonics
 JUDGED_ROWS = 40  # of a history whose modes are watched
@@ -58,7 +58,10 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
         run.times, energy, initial, energy_round_off(run), growth=_predicted_pace(run)
     )
     modes = run.point.growing
-    if run_class.name == UNDECIDED and len(run.times) >= JUDGED_ROWS:
+    judged = len(run.times) >= JUDGED_ROWS
+    if run_class.name == IRREGULAR and judged and repeats_stick_slip(run):
+        return RunClass(LIMIT_CYCLE)  # its windows held parts of few periods
+    if run_class.name == UNDECIDED and judged:
         if sticks_mostly(run):
             repeats = repeats_stick_slip(run) or comes_back(run)
             return RunClass(LIMIT_CYCLE) if repeats else RunClass(UNDECIDED, decided_by(run))
