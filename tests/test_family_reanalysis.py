@@ -15,11 +15,13 @@ from squealstudy.linalg.band_roots import roots_in_band
 from squealstudy.linalg.factor import SparseCholesky
 from squealstudy.models.matrices.expression import Expression
 from squealstudy.models.matrices.family import FamilyTerm, MatrixFamily
-from squealstudy.modes.reanalysis.estimate import two_sided_error
+from squealstudy.modes.reanalysis.estimate import solve_alone, two_sided_error
 from squealstudy.modes.reanalysis.family_problem import FamilyProblem, biorthogonal
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.problem import lightly_damped
 from squealstudy.modes.reanalysis.sweep_basis import build_sweep_basis
+from squealstudy.modes.rungs.perturbation import make_anchor, perturbed_roots
+from squealstudy.modes.rungs.two_step import two_step_roots
 from squealstudy.modes.rungs.windows import Windows
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"
@@ -70,14 +72,14 @@ def machine(n=60, seed=2):
     return FamilyProblem(made, 1, lambda t: {"a": 0.5 + 0.5 * float(t[0])}, (100.0, 400.0))
 
 
-def dense_roots(problem, theta):
-    """All roots of the band by LAPACK's generalised solver: no code in common."""
+def dense_roots(problem, theta, band=None):
+    """All roots of the problem's band, or another, by LAPACK's generalised solver: its own code."""
     M, C, K = (A.toarray() for A in problem.family.combined(problem.weights(theta)))
     one, zero = np.eye(len(M)), np.zeros_like(M)
     unit = 2e3  # of time: the blocks are of one size
     A = np.block([[zero, one], [-K / unit**2, -C / unit]])
     lam = la.eigvals(A, np.block([[one, zero], [zero, M]])) * unit
-    low, high = problem.band
+    low, high = band or problem.band
     kept = (lam.imag >= 0) & (np.abs(lam) >= low) & (np.abs(lam) <= high)
     return lam[kept]
 
@@ -127,6 +129,54 @@ def test_pairs_of_a_family_with_varying_mass():
     assert len(pairs.lam) == len(exact) > 15
     assert distance(pairs.lam, exact).max() < 1e-9
     assert np.abs(two_sided_error(problem, weights, pairs) / pairs.lam).max() < 1e-9
+
+
+def nearly_coalescing(seed, n=60):
+    """Gyroscopic and circulatory, every third frequency next to another; roots of 80 to 3000 Hz."""
+    rng = np.random.default_rng(seed)
+    q = la.qr(rng.standard_normal((n, n)))[0]
+    hz = np.sort(rng.uniform(80.0, 3000.0, n))
+    hz[1::3] = hz[: len(hz[1::3]) * 3 : 3] * (1.0 + 10.0 ** rng.uniform(-4.0, -2.0, len(hz[1::3])))
+    w = 2 * np.pi * hz
+    skew = rng.standard_normal((n, n)) * 10.0 ** rng.uniform(0.0, 2.0) / np.sqrt(n)
+    pulled = rng.standard_normal((n, 3)) @ rng.standard_normal((3, n))
+    K = (q * w**2) @ q.T
+    made = family(
+        ("M", np.eye(n), "1"),
+        ("C", (q * (0.002 * w)) @ q.T, "1"),
+        ("C", skew - skew.T, "1"),
+        ("K", (K + K.T) / 2, "1"),
+        ("K", 0.01 * np.mean(w**2) / n * pulled, "mu"),
+    )
+    return FamilyProblem(made, 1, lambda t: {"mu": 0.3 + 0.3 * float(t[0])}, (100.0, 1000.0))
+
+
+def by_basis(problem, theta):
+    basis = build_sweep_basis(problem, 1e-3)
+    return solve_alone(problem, theta, "", lambda w: basis.expand(w, basis.pairs(w)))
+
+
+def by_perturbation(problem, theta):
+    return perturbed_roots(problem, make_anchor(problem, 0.9 * theta, 30.0), theta, 2)
+
+
+@pytest.mark.parametrize(
+    "found_by", [lambda p, t: two_step_roots(p, t, 1.5), by_basis, by_perturbation]
+)
+def test_errors_that_are_told_are_hardly_exceeded(found_by):
+    """By LAPACK's roots of the whole problem; first order with static responses is, by most."""
+    ratios = []
+    for seed, theta in ((0, -0.9), (1, 0.7), (2, 0.1), (3, -0.3)):
+        problem = nearly_coalescing(seed)
+        found = found_by(problem, np.array([theta]))
+        exact = dense_roots(problem, np.array([theta]), (400.0, 8000.0))
+        true = np.abs(found.lam[:, None] - exact).min(axis=1)
+        told = np.isfinite(found.error) & (true > 1e-9 * np.abs(found.lam))
+        ratios.append(true[told] / found.error[told])
+    ratios = np.concatenate(ratios)
+    assert len(ratios) > 20
+    assert ratios.max() < 1.0
+    assert np.median(ratios) > 0.02
 
 
 def test_modes_that_decay_faster_than_asked_for_are_left_out():

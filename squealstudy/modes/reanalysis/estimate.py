@@ -12,27 +12,119 @@ from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem, in_band
 from squealstudy.system.parametric import Columns, Weights
 
+# largest share of inertia in what a basis lacks: its response is then ten times the static one
+MOST_INERTIA = 0.9
+SIGNED_FACTOR = 1.2  # on first-order errors
+CANCELLING_SHARE = 0.1  # of what they would be if no part cancelled another
 EIGENVALUE_REL_ROUND_OFF = 1e-13  # relative: round-off of a dense eigenvalue
+
+
+class _Residuals(NamedTuple):
+    """Residuals r_x = Q x, r_y = Q^H y of pairs, and the parts of what they may move roots by.
+
+    Attributes
+    ----------
+    lam : ndarray (m,) complex
+    rx, ry : ndarray (n, m) complex
+    response : ndarray (n, m) complex
+        K0^-1 r_x.
+    first : ndarray (m,) complex
+        y^H r_x: nothing where the small model is an exact projection.
+    slope : ndarray (m,) complex
+        y^H Q'(lam) x, infinite where it vanishes.
+    """
+
+    lam: np.ndarray
+    rx: np.ndarray
+    ry: np.ndarray
+    response: np.ndarray
+    first: np.ndarray
+    slope: np.ndarray
+
+    @classmethod
+    def of(cls, problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> _Residuals:
+        """Those of some pairs in the full problem."""
+        system, weights = problem.system.gathered(weights)
+        lam = pairs.lam
+        X, Y = Columns(pairs.X), Columns(pairs.Y)
+        rx = system.apply(weights, lam, X)
+        ry = system.apply_adjoint(weights, lam, Y)
+        slope = system.slopes(weights, lam, X, Y)
+        first = np.einsum("ij,ij->j", pairs.Y.conj(), rx)
+        response = problem.flexibility(rx)
+        return cls(lam, rx, ry, response, first, np.where(slope == 0, np.inf, slope))
+
+    def signed(self, problem: SweptProblem) -> np.ndarray:
+        """First-order error of each root (m,) complex."""
+        second = np.einsum("ij,ij->j", self.ry.conj(), self.response)
+        second = second / (1.0 - _inertia_share(problem, self.lam, self.response, self.rx))
+        signed: np.ndarray = (self.first - second) / self.slope
+        return signed
+
+    def without_cancelling(self, problem: SweptProblem) -> np.ndarray:
+        """The same (m,) where nothing cancels: energies of both static responses in its place."""
+        product = np.ones(len(self.lam))
+        for r, response in ((self.rx, self.response), (self.ry, problem.flexibility(self.ry))):
+            energy = np.abs(np.einsum("ij,ij->j", r.conj(), response))
+            product *= energy / (1.0 - _inertia_share(problem, self.lam, response, r))
+        size: np.ndarray = (np.abs(self.first) + np.sqrt(product)) / np.abs(self.slope)
+        return size
+
+    def through_each_other(self, pairs: Eigenpairs) -> np.ndarray:
+        """What pairs that are no exact projection have of each other (m,), by their distance."""
+        through = np.abs(self.ry.conj().T @ pairs.X) * np.abs(pairs.Y.conj().T @ self.rx).T
+        gap = np.abs(self.lam[:, None] - self.lam)
+        np.fill_diagonal(gap, np.inf)
+        slope = np.abs(self.slope)
+        parts = through / (np.maximum(gap, 1e-300) * slope)
+        size: np.ndarray = parts.sum(axis=1) / slope
+        return size
 
 
 def two_sided_error(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> np.ndarray:
     """Signed first-order error lam - lam_exact of each root (m,) complex, rad/s.
 
-        (y^H r_x  -  r_y^H K0^-1 r_x) / (y^H Q'(lam) x),   r_x = Q x, r_y = Q^H y
+        (y^H r_x  -  r_y^H K0^-1 r_x / (1 - q)) / (y^H Q'(lam) x),   r_x = Q x, r_y = Q^H y
 
     in the full problem (THEORY.md eq. (39)). The first part vanishes where the small model is an
-    exact projection, the second is what its basis lacks.
+    exact projection, the second is what its basis lacks; q is the share of inertia in that.
     """
-    system, weights = problem.system.gathered(weights)
-    lam = pairs.lam
-    X, Y = Columns(pairs.X), Columns(pairs.Y)
-    rx = system.apply(weights, lam, X)
-    ry = system.apply_adjoint(weights, lam, Y)
-    slope = system.slopes(weights, lam, X, Y)
-    first = np.einsum("ij,ij->j", pairs.Y.conj(), rx)
-    second = np.einsum("ij,ij->j", ry.conj(), problem.flexibility(rx))
-    signed: np.ndarray = (first - second) / np.where(slope == 0, np.inf, slope)
-    return signed
+    return _Residuals.of(problem, weights, pairs).signed(problem)
+
+
+def next_term(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> np.ndarray:
+    """Size of the next term (m,) of an expansion of roots whose pairs are no projection, rad/s."""
+    found = _Residuals.of(problem, weights, pairs)
+    size: np.ndarray = np.abs(found.signed(problem)) + found.through_each_other(pairs)
+    return size
+
+
+def two_sided_estimate(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> np.ndarray:
+    """What roots (m,) are hardly further away from the exact ones than, rad/s.
+
+    More than the size of `two_sided_error`, parts of which may cancel by chance. How
+    it held: THEORY.md, section 7.
+    """
+    found = _Residuals.of(problem, weights, pairs)
+    size: np.ndarray = SIGNED_FACTOR * np.abs(found.signed(problem))
+    size += CANCELLING_SHARE * found.without_cancelling(problem)
+    return size
+
+
+def _inertia_share(
+    problem: SweptProblem, lam: np.ndarray, response: np.ndarray, load: np.ndarray
+) -> np.ndarray:
+    """Inertia of static responses (n, m) to loads at |lam| over their stiffness, (m,), at most .9.
+
+    Of one mode beyond the basis it is (|lam| / omega)^2, and 1 / (1 - it) what its response is over
+    the static one.
+    """
+    inertia = np.einsum("ij,ij->j", response.conj(), problem.mass_product(response)).real
+    stiffness = np.einsum("ij,ij->j", response.conj(), load).real
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.abs(lam) ** 2 * inertia / stiffness
+    kept: np.ndarray = np.clip(np.nan_to_num(share), 0.0, MOST_INERTIA)
+    return kept
 
 
 def bounded(error: np.ndarray, lam: np.ndarray) -> np.ndarray:
@@ -88,21 +180,26 @@ class EstimatedRoots(NamedTuple):
     complete: bool = True
 
 
+Estimate = Callable[[SweptProblem, Weights, Eigenpairs], np.ndarray]
 Outcome = EstimatedRoots | ConvergenceError  # of a design point: roots, or why it has none
 
 
 def solve_alone(
-    problem: SweptProblem, theta: np.ndarray, method: str, solve: Callable[[Weights], Eigenpairs]
+    problem: SweptProblem,
+    theta: np.ndarray,
+    method: str,
+    solve: Callable[[Weights], Eigenpairs],
+    estimate: Estimate = two_sided_estimate,
 ) -> Outcome:
     """Roots of a design point (d,) by `solve`: from its weights to pairs in full coordinates.
 
-    Errors are estimated against the full problem.
+    `estimate` gives their errors (m,) against the full problem.
     """
     at = problem.samples(np.asarray(theta)[None])[0]
     if isinstance(at, ConvergenceError):
         return at
     pairs = inside(solve(at.weights), problem.band)
-    error = bounded(two_sided_error(problem, at.weights, pairs), pairs.lam)
+    error = bounded(estimate(problem, at.weights, pairs), pairs.lam)
     residual, _ = residuals(problem, at.weights, pairs)
     return EstimatedRoots(
         at=at, lam=pairs.lam, X=pairs.X, error=error, residual=residual, method=method

@@ -16,7 +16,7 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.modes.answer import PointAnswer
 from squealstudy.modes.problem import Point, Problem
-from squealstudy.modes.reanalysis.estimate import Outcome, solve_alone
+from squealstudy.modes.reanalysis.estimate import Outcome, next_term, solve_alone
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.problem import SweptProblem, in_band
 from squealstudy.modes.rung import Rung
@@ -96,7 +96,8 @@ def perturbed_roots(
 ) -> Outcome:
     """Roots of a design point by perturbation of order 1 or 2 from an anchor.
 
-    Vectors are of first order at both: with them the estimate holds the next term of the expansion.
+    Vectors are of first order at both: with them the estimate holds the next term of the expansion,
+    and what neighbours have of each other.
     Of order 2 the error told is twice that of all terms to come, as a geometric series with the
     ratio of that term to the last one; infinite where it does not fall.
 
@@ -117,7 +118,7 @@ def perturbed_roots(
         last.append((pairs.lam, term))
         return pairs
 
-    outcome = solve_alone(problem, theta, Perturbation.name, solve)
+    outcome = solve_alone(problem, theta, Perturbation.name, solve, next_term)
     if order == 1 or isinstance(outcome, ConvergenceError) or not len(outcome.lam):
         return outcome
     ((roots, terms),) = last
