@@ -103,6 +103,8 @@ def test_a_stop_is_that_of_pieces_between_events(stop):
         assert row["torque_rms"] == pytest.approx(rms, rel=0.01, abs=0.05)
     speeds = stop.windows["sliding_speed_stop"].to_numpy()
     assert speeds == pytest.approx(np.interp(stop.windows["time_stop"], *np.array(STOP).T))
+    # of steady sliding, whatever is imposed: in the last window less and less, and nothing
+    assert stop.points["stick_creep"].iloc[0] == pytest.approx(5e-5 / SPEED, rel=0.01)
 
 
 def test_a_run_that_stays_quiet_while_its_speed_rises_balances(tmp_path):

@@ -140,7 +140,7 @@ CONTACT = (
     number("stick_share_max", "Largest share of the area that sticks at once.", leaves_out=STEPPED),
     number(
         "stick_creep",
-        "Largest sliding speed of a point that sticks, over the speed imposed there.",
+        "Largest sliding speed of a point that sticks, over that of steady sliding there.",
         leaves_out=STEPPED,
     ),
     number(

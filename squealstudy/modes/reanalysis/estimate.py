@@ -94,8 +94,8 @@ def two_sided_error(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) 
 
 def next_term(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> np.ndarray:
     """Size of the next term (m,) of an expansion of roots whose pairs are no projection, rad/s."""
-    found = _Residuals.of(problem, weights, pairs)
-    size: np.ndarray = np.abs(found.signed(problem)) + found.through_each_other(pairs)
+    of_pairs = _Residuals.of(problem, weights, pairs)
+    size: np.ndarray = np.abs(of_pairs.signed(problem)) + of_pairs.through_each_other(pairs)
     return size
 
 
@@ -105,9 +105,9 @@ def two_sided_estimate(problem: SweptProblem, weights: Weights, pairs: Eigenpair
     More than the size of `two_sided_error`, parts of which may cancel by chance. How
     it held: THEORY.md, section 7.
     """
-    found = _Residuals.of(problem, weights, pairs)
-    size: np.ndarray = SIGNED_FACTOR * np.abs(found.signed(problem))
-    size += CANCELLING_SHARE * found.without_cancelling(problem)
+    of_pairs = _Residuals.of(problem, weights, pairs)
+    size: np.ndarray = SIGNED_FACTOR * np.abs(of_pairs.signed(problem))
+    size += CANCELLING_SHARE * of_pairs.without_cancelling(problem)
     return size
 
 
@@ -123,8 +123,8 @@ def _inertia_share(
     stiffness = np.einsum("ij,ij->j", response.conj(), load).real
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.abs(lam) ** 2 * inertia / stiffness
-    kept: np.ndarray = np.clip(np.nan_to_num(share), 0.0, MOST_INERTIA)
-    return kept
+    clipped: np.ndarray = np.clip(np.nan_to_num(share), 0.0, MOST_INERTIA)
+    return clipped
 
 
 def bounded(error: np.ndarray, lam: np.ndarray) -> np.ndarray:

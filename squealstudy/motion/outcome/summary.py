@@ -240,10 +240,10 @@ def _contact(run: Motion, window: slice) -> dict[str, Any]:
     """Shares of the contact area that stick or are open, and how fast what sticks creeps.
 
     `stick_creep` is the largest sliding speed of a point that sticks, at any step of the last
-    window, over the speed imposed there: the slope of friction lets it move. A point sticks
-    while its friction is below the bound, which is where it slides slower than bound / k_t: the
-    regularisation speed, or more where its pressure exceeds the highest of steady sliding. NaN
-    where nothing sticks.
+    window, over that of its steady sliding, also where the imposed speed changes: the slope of
+    friction lets it move. A point sticks while its friction is below the bound, which is where it
+    slides slower than bound / k_t: the regularisation speed, or more where its pressure exceeds
+    the highest of steady sliding. NaN where nothing sticks.
     """
     stick, opened = (over_steps(run, f"{name}_mean", name, window) for name in ("stick", "open"))
     most, widest = (over_steps(run, f"{name}_max", name, window) for name in ("stick", "open"))
