@@ -262,7 +262,7 @@ def with_unit(name: str, units: Mapping[str, str]) -> str:
 
 
 def by_ranges(name: str, unit: str, values: Sequence[float], words: Sequence[str]) -> str:
-    """What holds at which values of a parameter: ``stable at friction 0.1 to 0.3 (3), ...``.
+    """What holds at which values of a parameter: ``stable at friction 0.1 to 0.3 (3 points), ...``.
 
     In brackets how many values there are in a range. Empty where ranges are many, or where a value
     is there twice or is none.
@@ -278,7 +278,9 @@ def by_ranges(name: str, unit: str, values: Sequence[float], words: Sequence[str
     texts, largest = [], max(abs(v) for v, _ in pairs)
     for word, same_word in ranges:
         ends = [amount(v, unit, largest) for v in (same_word[0], same_word[-1])]
-        place = ends[0] if len(same_word) == 1 else f"{ends[0]} to {ends[1]} ({len(same_word)})"
+        place = (
+            ends[0] if len(same_word) == 1 else f"{ends[0]} to {ends[1]} ({len(same_word)} points)"
+        )
         texts.append(f"{word} at {name} {place}")
     return ", ".join(texts)
 

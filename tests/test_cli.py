@@ -231,6 +231,7 @@ def test_why_two_modes_of_a_small_model_lock_in(study, capsys):
     capsys.readouterr()
     assert command("rank", "results/lockin", "--why") == 0
     told = " ".join(capsys.readouterr().out.split())
+    assert "1/s at friction 0." in told
     assert "at 75.0 Hz without friction" in told
     assert "of that at 100.0 Hz" in told
     assert "the two have locked in" in told

@@ -241,7 +241,9 @@ def test_diagram_of_one_point():
     texts = drawn(figure)
     assert "T1  3042 Hz" in texts
     title = axes.get_title(loc="left")
-    assert title.startswith("friction = 0.7, pressure = 1.2 MPa\n1 of 4 modes unstable; 1 above")
+    assert title.startswith(
+        "friction = 0.7, pressure = 1.2 MPa\n1 of 4 modes unstable; 1 mark above"
+    )
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("Frequency [Hz]", "Damping ratio [%]")
     assert axes.get_ylim()[0] < -0.6
 
@@ -357,6 +359,7 @@ def test_evolution_is_led_through_refined_onsets(tmp_path):
         (bar,) = (x for x in axes.lines if x.get_marker() == "|")
         assert (bar.get_xdata()[0], bar.get_ydata()[0]) == (onset, value)
     assert "onset, refined" in drawn(figure)
+    assert f"1 unstable track: T1 from friction {onset:.3g}" in drawn(figure)
 
 
 def test_evolution_takes_the_line_of_most_unstable_modes():

@@ -521,7 +521,7 @@ BAD = {
     "friction >": "cannot be used",
     "friction + 1": "no condition",
     "friction = 0.5": "cannot be used",
-    "friction > 'high'": "cannot be used",
+    "friction > 'high'": "numbers are in SI units",
     "": "cannot be used",
     "friction.high > 2": "unknown column 'friction.high'; did you mean 'friction'",
     "fricton > 0.2": "unknown column 'fricton'; did you mean 'friction'",

@@ -158,7 +158,7 @@ def test_of_a_study_without_any_result_it_says_so(tmp_path):
     cycles = sq.open_results(
         run_failing(text.replace("complex_modes", "limit_cycles"), tmp_path / "c")
     )
-    told = "Hz: failed at friction 4 to 5 (2). 2 of 2 points are not ok (2 working_point)."
+    told = "Hz: failed at friction 4 to 5 (2 points). 2 of 2 points are not ok (2 working_point)."
     page = report([cycles], False)
     assert verdict_of(page).endswith(told)
     assert not re.search(r"\bnan\b", re.sub(r"base64,[^\"]*", "", page))
@@ -171,7 +171,9 @@ def test_of_limit_cycles_beside_static_divergence_it_says_that_the_design_diverg
     text += '"contact.cubic_stiffness" = -5.4e17\n'
     text += '[[sweep]]\nparameter = "normal_force"\nvalues = [2500.0, 5000.0]\n'
     cycles = sq.open_results(run_failing(text, tmp_path))
-    told = "Hz: failed at normal_force 2.5 kN to 5 kN (2). 2 of 2 points are not ok (2 diverges)."
+    told = (
+        "failed at normal_force 2.5 kN to 5 kN (2 points). 2 of 2 points are not ok (2 diverges)."
+    )
     assert verdict(cycles).endswith(told)
 
 

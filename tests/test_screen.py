@@ -59,7 +59,7 @@ def test_texts_in_csv_are_no_formulas(text, told, capsys):
 def test_what_holds_where_is_told_by_ranges_of_one_parameter():
     words = ["squeals", "silent", "silent", "squeals"]
     assert by_ranges("speed", "m/s", [3.0, 1.0, 0.5, 2.0], words) == (
-        "silent at speed 0.5 m/s to 1 m/s (2), squeals at speed 2 m/s to 3 m/s (2)"
+        "silent at speed 0.5 m/s to 1 m/s (2 points), squeals at speed 2 m/s to 3 m/s (2 points)"
     )
     assert by_ranges("load", "N", [2e3], ["silent"]) == "silent at load 2 kN"
     assert by_ranges("speed", "", [1.0, 1.0], ["a", "b"]) == ""  # of one value two

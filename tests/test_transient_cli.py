@@ -116,7 +116,8 @@ def test_growth_changes_sign_at_the_known_speed(home):
 
 def test_run_prints_each_point_and_the_pictures(home):
     printed = home[1]
-    for text in ("limit cycle", "stable", "energies balance to", "growth_comparison.png"):
+    told = ("limit cycle", "stable", "sticks", "energies balance to", "growth_comparison.png")
+    for text in told:
         assert text in printed
     for drawn in re.findall(r"results/belt/\w+\.png", printed):
         assert (home[0] / drawn).stat().st_size > 5000

@@ -7,6 +7,8 @@ import sys
 import threading
 import time
 
+import pytest
+
 from squealstudy.kernels.newmark_batch import newmark_batch
 from squealstudy.motion import warmup
 
@@ -32,6 +34,14 @@ def test_another_process_finds_the_kernels_compiled():
     seconds, misses = done.stdout.split()
     assert misses == "0"
     assert float(seconds) < 20
+
+
+@pytest.mark.parametrize(("compiled", "lines"), [(False, 1), (True, 0)])
+def test_compiling_is_told(compiled, lines, monkeypatch, caplog):
+    monkeypatch.setattr(warmup, "_is_compiled", lambda: compiled)
+    caplog.set_level("INFO", "squealstudy")
+    warmup.warm([])
+    assert sum("are compiled, once" in text for text in caplog.messages) == lines
 
 
 def test_warming_waits_for_another_process():

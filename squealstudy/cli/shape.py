@@ -25,13 +25,14 @@ from squealstudy.shapes.page import page
 from squealstudy.shapes.picture import draw, sources, title, words
 from squealstudy.shapes.shape import Shape
 from squealstudy.shapes.sources import ASSEMBLY, CONTACT
-from squealstudy.wording import in_digits, plural, track_number
+from squealstudy.wording import amount, in_digits, plural, track_number
 
 ALL, UNSTABLE = "all", "unstable"
 FOLDER = "shapes"
 LEAST_SHARE = 0.01  # of kinetic energy: below it a second real mode is not named
 CONTACT_WORDS = (" (friction that follows the contact's pressure)", ", and friction over speed")
 LOCKED_IN_SHARE = 0.1  # of kinetic energy, from which a second real mode has locked in (a choice)
+MOST_PLACED = 4  # parameters by which a design point is told
 LISTED_MODES = 6  # of a motion
 MOST_COORDINATES = 12  # of vectors listed
 MICROMETRE_M = 1e-6  # m
@@ -245,10 +246,19 @@ def reasons(results: Results, tracks: Iterable[int]) -> Rows:
     for track in tracks:
         if track >= 0:
             shape = results.shape(track=int(track))
-            growth = f"growth {shape.growth_rate:+.4g} 1/s at design point {shape.label.row}"
+            growth = f"growth {shape.growth_rate:+.4g} 1/s {_location(results, shape.label.row)}"
             name = f"{shape.frequency_hz:.0f} Hz, {name_of(shape).text}"
             rows += [(track_number(track), f"{name}; {growth}"), *_why(shape)]
     return rows
+
+
+def _location(results: Results, row: int) -> str:
+    """Where a design point is, by its number and the parameters that vary."""
+    points, units = results.points, results.units
+    varied = [name for name in results.parameters if points[name].nunique() > 1]
+    texts = [f"{name} {amount(points[name].iloc[row], units.get(name, ''))}" for name in varied]
+    at = f"at {', '.join(texts)}, " if 0 < len(texts) <= MOST_PLACED else "at "
+    return f"{at}design point {row}"
 
 
 def _of_vectors(results: Results, track: int) -> Rows:
@@ -256,7 +266,7 @@ def _of_vectors(results: Results, track: int) -> Rows:
     mode = mode_vectors(results, track)
     hz, growth = abs(mode.lam) / (2 * np.pi), mode.lam.real
     of_contact = results.manifest["model"] != OWN_MATRICES
-    head = f"{in_digits(hz, 1)} Hz, growth {growth:+.4g} 1/s at design point {mode.row}"
+    head = f"{in_digits(hz, 1)} Hz, growth {growth:+.4g} 1/s {_location(results, mode.row)}"
     rows = [(track_number(track), head)]
     if np.isfinite(mode.by_stiffness):
         follows, falls = CONTACT_WORDS if of_contact else ("", "")
@@ -267,7 +277,7 @@ def _of_vectors(results: Results, track: int) -> Rows:
     listed = np.argsort(-np.maximum(abs(mode.right), abs(mode.left)), kind="stable")
     for k in sorted(listed[:MOST_COORDINATES]):
         right_text, left_text = (
-            f"{abs(x[k]):.3f} at {np.degrees(np.angle(x[k])):.0f} deg"
+            f"{abs(x[k]):.3f} at {round(np.degrees(np.angle(x[k])))} deg"
             for x in (mode.right, mode.left)
         )
         rows.append((f"  {mode.coordinates[k]}", f"right {right_text}, left {left_text}"))

@@ -42,7 +42,7 @@ detail.start = () => {
     const order = [...state.modes].sort((a, b) => hertz[a] - hertz[b]);
     chooseMode(order[Math.max(0, Math.min(order.length - 1, order.indexOf(state.mode) + (right || 0)))]);
   });
-  fill($("diagram-legend"), entry("unstable", unstableColour, "square"), entry("stable", stableColour, "circle"),
+  fill($("diagram-legend"), entry("unstable", unstableColour, "square"), entry("stable", stableColour, "ring"),
     entry("uncertain", "#FFFFFF", "diamond"), entry("modes of selected points", data.grey, "circle"));
   for (const id of ["band-low", "band-high"]) $(id).onchange = () => setBand(+$("band-low").value || 0, +$("band-high").value || Infinity);
   $("band-all").onclick = () => setBand(0, Infinity);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import logging
 import subprocess
 import sys
 import time
@@ -23,6 +24,7 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
+LOG = logging.getLogger("squealstudy")
 _begun: list[subprocess.Popen[bytes]] = []
 
 
@@ -32,7 +34,7 @@ def begin_warming(single_storage: bool = False) -> None:
     Nothing where there are compiled kernels already: a process takes longer to start than they
     take to load.
     """
-    if _begun or any(Path(numba.config.CACHE_DIR).rglob("newmark_batch*.nbi")):
+    if _begun or _is_compiled():
         return
     end = "from squealstudy.machine.processes import end_with_input; end_with_input()"
     call = f"{end}; from {__name__} import warm_kernels; warm_kernels({single_storage})"
@@ -62,6 +64,8 @@ def warm_kernels(single_storage: bool = False) -> float:
 def warm(methods: Iterable[Integrator]) -> float:
     """Compile what integrators need, as `warm_kernels`; seconds it took."""
     began = time.perf_counter()
+    if _begun or not (numba.config.DISABLE_JIT or _is_compiled()):
+        LOG.info("kernels of runs in time are compiled, once: a minute or two")
     while _begun:
         process = _begun.pop()
         process.wait()
@@ -72,6 +76,10 @@ def warm(methods: Iterable[Integrator]) -> float:
             settings = MotionSettings(duration=2e-6, step=1e-6, save_every=1, integrator=method)
             simulate(system, [design], settings)
     return time.perf_counter() - began
+
+
+def _is_compiled() -> bool:
+    return any(Path(numba.config.CACHE_DIR).rglob("newmark_batch*.nbi"))
 
 
 @contextmanager

@@ -38,6 +38,7 @@ from squealstudy.plots.style import (
 )
 from squealstudy.plots.tables import (
     describe,
+    from_where,
     oscillating,
     slice_points,
     unstable_counts,
@@ -228,9 +229,10 @@ def _title(line: StudyLine) -> str:
     loose, failed = int(line.untracked["unstable"].sum()), int(line.failed.sum())
     none = "no unstable mode where it is solved" if failed else "no unstable mode"
     none = "no design point is solved" if failed and line.failed.all() else none
+    unstable = plural(n, "unstable track") + from_where(line.onsets, line.shown)
     return joined(
         line.elsewhere,
-        plural(n, "unstable track") if n or loose else none,
+        unstable if n or loose else none,
         f"{plural(loose, 'unstable mode')} without track (x)" if loose else "",
         f"{plural(failed, 'point')} failed (x)" if failed else "",
     )
@@ -312,7 +314,7 @@ class StudyLine:
         The row of largest growth of each unstable track, fastest first.
     onsets : DataFrame
         Values ``x`` along the line, as drawn, at which an unstable track turns unstable or stable,
-        with its ``frequency_hz`` there: those known to a tolerance.
+        (``direction``), with its ``frequency_hz`` there: those known to a tolerance.
     elsewhere : str
         What is fixed, and why there.
     """
@@ -383,7 +385,7 @@ def _onsets(
     results: Results, shown: Quantity, line: pd.DataFrame, others: Sequence[str]
 ) -> pd.DataFrame:
     """Refined onsets on a line; none along another parameter than theirs."""
-    columns = ["track", "x", FREQUENCY]
+    columns = ["track", "x", FREQUENCY, "direction"]
     table = results.onsets if "onsets" in results.tables else None
     if table is None or shown.name != results.along or not {*others} <= {*table.columns}:
         return pd.DataFrame(columns=columns)

@@ -241,7 +241,7 @@ def _summary(points: pd.DataFrame, modes: pd.DataFrame) -> str:
     diverging = int(modes["unstable"].sum()) - len(unstable)
     return joined(
         text,
-        f"{heavy} above {high:.2g} % (▲)" if heavy else "",
+        f"{plural(heavy, 'mark')} above {high:.2g} % (▲)" if heavy else "",
         f"{plural(overdamped, 'overdamped root')} not shown" if overdamped else "",
         f"{diverging} of them unstable" if diverging else "",
         f"{plural(failed, 'point')} failed" if failed else "",

@@ -202,6 +202,8 @@ def _boundary(axes: Axes, boundary: Boundary, along: str | None, cells: bool) ->
         }
         handles.append(Line2D([], [], label="onset that was solved", **dot))
     if cells:
-        label = "a cell is coloured by the point in it, also beyond the boundary"
+        label = (
+            "a cell is coloured by the point in it, also beyond the boundary; grey: none unstable"
+        )
         handles.append(Line2D([], [], linestyle="none", label=label))
     return handles

@@ -9,13 +9,15 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
-from squealstudy.plots.style import quantity
+from squealstudy.plots.style import Quantity, quantity
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW, rows_in
-from squealstudy.wording import did_you_mean
+from squealstudy.wording import did_you_mean, track_number
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
+
+MOST_FIRST_ONSETS = 3  # tracks whose onset stands in a title
 
 
 def oscillating(modes: pd.DataFrame) -> pd.DataFrame:
@@ -109,3 +111,18 @@ def describe(
 ) -> str:
     """Parameters of a point with units, in one line."""
     return ", ".join(quantity(name, points[name], units).text(point[name]) for name in names)
+
+
+def from_where(onsets: pd.DataFrame, shown: Quantity) -> str:
+    """Where tracks first turn unstable, the first few: ``: T1 from friction 0.288, T4 from 0.29``.
+
+    Empty where no onset is known. `onsets` has ``track``, ``x`` as drawn, and ``direction``.
+    """
+    turning = onsets[(onsets["direction"] == "in").to_numpy(bool)]
+    first = turning.sort_values("x", kind="stable").drop_duplicates("track")
+    pairs = zip(first["track"].tolist(), first["x"].tolist(), strict=True)
+    listed = [f"{track_number(t)} from {x:.3g}" for t, x in pairs][:MOST_FIRST_ONSETS]
+    if not listed:
+        return ""
+    listed[0] = listed[0].replace(" from ", f" from {shown.name} ") + f" {shown.unit}".rstrip()
+    return f": {', '.join(listed)}{', ...' if len(first) > len(listed) else ''}"

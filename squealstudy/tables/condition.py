@@ -23,6 +23,7 @@ from squealstudy.wording import did_you_mean
 
 # characters of a condition; of those in messages
 MAX_CONDITION_CHARACTERS, MAX_SHOWN_CHARACTERS = 1000, 80
+UNLIKE = "text and numbers cannot be compared; numbers are in SI units, without a unit"
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     name: getattr(np, name) for name in ("abs", "sqrt", "exp", "log", "log10", "sin", "cos", "tan")
 }
@@ -207,13 +208,13 @@ def _compared(left: Any, op: ast.cmpop, right: Any) -> Any:
         if not isinstance(left, pd.Series) or not isinstance(right, list):
             raise TypeError("expected a column before 'in' and a list in brackets after it")
         if any(_is_text(left) != _is_text(member) for member in right):
-            raise TypeError("text and numbers cannot be compared")
+            raise TypeError(UNLIKE)
         satisfied = left.isin(right).astype("boolean").mask(left.isna())
         return satisfied if isinstance(op, ast.In) else ~satisfied
     if type(op) not in OPERATORS or isinstance(left, list) or isinstance(right, list):
         raise TypeError("a list stands after 'in' alone")
     if _is_text(left) != _is_text(right):
-        raise TypeError("text and numbers cannot be compared")
+        raise TypeError(UNLIKE)
     satisfied = OPERATORS[type(op)](left, right)
     if not isinstance(satisfied, pd.Series):
         return satisfied

@@ -64,7 +64,7 @@ def _estimates(manifest: Mapping[str, Any]) -> Rows:
     points = plural(errors["reduction_sample_points"], "sample point")
     text += f" and {error_percent(reduction)} from the reduction, by a finer model at {points}"
     if errors["reduction_widened"] > 1:
-        text += f" and {errors['reduction_widened']:.2g} times that for what full order showed"
+        text += f", raised {errors['reduction_widened']:.2g} times as full order showed more"
     if manifest.get("basis_enriched"):
         text += "; the basis was enriched"
         if reduction > tolerance:

@@ -120,7 +120,7 @@ class TransientScreen(KindScreen):
             row = lasting.iloc[int(lasting["torque_rms"].to_numpy().argmax())]
             what = "torque" if unit == "N m" else "force of friction"
             text += f" The loudest that lasts: RMS of the {what} {in_digits(row['torque_rms'], 1)} "
-            text += f"{unit}, {_heard(row)}."
+            text += f"{unit}, {_heard(row)}{_sticking(row.get('stick_share', np.nan))}."
         return text
 
     def next_steps(self, results: ResultTables) -> Rows:
@@ -209,6 +209,14 @@ def _heard(row: pd.Series) -> str:
     harmonic = round(line / hz) if line == line else 1
     text = f"at {in_digits(hz)} Hz"
     return text if harmonic < 2 else f"{text}, loudest at {harmonic} times that"
+
+
+def _sticking(share: float) -> str:
+    """How much the contact of a run sticks, in words."""
+    if not share >= 0.0:  # not known
+        return ""
+    how = f"sticks for {in_digits(100 * share, 1)} % of area and time" if share else "never sticks"
+    return f"; its contact {how}"
 
 
 def _undecided(table: pd.DataFrame) -> list[RenderableType]:
@@ -342,7 +350,8 @@ def _pilot(pilot: Mapping[str, Any]) -> str:
     )
     if pilot["status"] in ("failed", "skipped"):
         return f"not known: {pilot['message']}"
-    text = f"{errors or 'no level, no growth to compare'}, by one run at half that speed"
+    errors = errors or "not known, for lack of a level or growth to compare"
+    text = f"{errors}, by one run at half that speed"
     return text if pilot["status"] == "ok" else f"{text}; undecided: {pilot['message']}"
 
 
