@@ -214,6 +214,16 @@ def test_a_bad_file_of_temperatures_is_one_sentence(tmp_path, places, names, wor
     assert words in str(told.value)
 
 
+def test_check_tells_the_scale_of_the_study(tmp_path, capsys):
+    scale = '"hot" = {path = "plate.heat.scale", unit = ""}\n'
+    path, _ = blocks(tmp_path, "rise = 1.0", parameters=scale)
+    study = path.read_text()
+    for value, text in ((0.5, "heat has expanded plate: 0.5 times"), (0.0, "plate is cold")):
+        path.write_text(f"{study}[parameters]\nhot = {value}\n")
+        assert command("check", str(path)) == 0
+        assert text in " ".join(capsys.readouterr().out.split())
+
+
 def test_a_scale_of_no_heat_is_no_parameter(tmp_path):
     scale = '"hot" = {path = "slider.heat.scale"}\n'
     _, model = blocks(tmp_path, "rise = 1.0", parameters=scale)

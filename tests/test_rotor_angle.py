@@ -124,13 +124,21 @@ def test_component_modes_are_found_once(tmp_path, monkeypatch):
     assert len(asked) > len(of_components)  # those of the assembly are others at each angle
 
 
+PRESSURES = '"pressure"\nvalues = [1e6, 2e6]'
+
+
 def test_a_sweep_tells_the_worst_angle(tmp_path, monkeypatch, capsys):
     """And check and report what turns; inspect tells whether the mesh is the same there."""
     monkeypatch.chdir(tmp_path)
     model = write_ring(tmp_path, HOLES)
     assert command("check", "study.toml") == 0
-    said = "disc stands turned by 'rotor_angle'"
+    path, said = tmp_path / "study.toml", "disc stands turned by 'rotor_angle'"
     assert said in " ".join(capsys.readouterr().out.split())
+    swept = path.read_text()
+    path.write_text(swept.replace('"rotor_angle"\nvalues = [0.0, 5.0, 10.0]', PRESSURES))
+    assert command("check", "study.toml") == 0
+    assert "stands turned" not in capsys.readouterr().out
+    path.write_text(swept)
     assert command("run", "study.toml", "-o", "out", "--no-pictures") == 0
     screen = capsys.readouterr().out
     results = sq.open_results("out")

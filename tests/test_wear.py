@@ -118,6 +118,24 @@ def test_a_distance_that_cannot_be_is_a_failed_point_alone(tmp_path):
     assert "worn = 1 (SI): there is no steady sliding that wears" in points["message"].iloc[1]
 
 
+def test_check_tells_the_distance_of_the_study(tmp_path, capsys):
+    """By its name where it is swept; new faces are no worn ones."""
+    path, _ = blocks(tmp_path, parameters='"worn" = {path = "wear.distance", unit = "m"}\n')
+    study = path.read_text()
+    at = "of sliding at 2 MPa and a friction of 0.3 have worn the faces, at a rate of 1e-14 1/Pa"
+    told = {
+        "": "the faces are new: the distance of [wear] is 0",
+        "[parameters]\nworn = 300.0\n": f"300 m {at}",
+        '[[sweep]]\nparameter = "worn"\nvalues = [0.0, 1.0]\n': f"'worn' {at}",
+    }
+    for more, text in told.items():
+        path.write_text(study + more)
+        assert command("check", str(path)) == 0
+        screen = " ".join(capsys.readouterr().out.split())
+        assert text in screen
+        assert ("are new" in screen) == (not more)
+
+
 def test_a_parameter_of_wear_that_is_none(tmp_path):
     _, model = blocks(tmp_path, parameters='"x" = {path = "wear.depth"}\n')
     with pytest.raises(StudyFileError, match=r"expected wear\.distance or wear\.rate"):

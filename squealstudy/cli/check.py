@@ -33,7 +33,6 @@ from squealstudy.kinds.complex_modes.boundary import most_points
 from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES
 from squealstudy.laws.registry import LawDefinition
 from squealstudy.machine.resources import available_memory_mb
-from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
     CONTACT_OPTION,
@@ -46,6 +45,7 @@ from squealstudy.models.operating import (
 from squealstudy.progress import progress
 from squealstudy.screen import Rows, warning
 from squealstudy.study.definition import ResolvedStudy
+from squealstudy.study.preparations import preparations
 from squealstudy.study.sweeps import RANDOM_DESIGNS, Sweep
 from squealstudy.tables.validity import broken_rules
 from squealstudy.wording import amount, duration, plural, setting
@@ -285,9 +285,7 @@ def _constant(study: ResolvedStudy) -> Rows:
             law = laws[str(study.options[option.name])]
             texts.append(f"{option.name} = {law.name}{_plain(law, study.values, swept)}")
     rows = [("  constant", ", ".join(texts))] if texts else []
-    if isinstance(study.model, FileDefinition):
-        rows += [("  model file", text) for text in study.model.prepared]
-    return rows
+    return [*rows, *(("  model file", text) for text in preparations(study))]
 
 
 def _plain(law: LawDefinition, values: Mapping[str, float], swept: Collection[str]) -> str:

@@ -41,6 +41,7 @@ from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.family import data_folder
+from squealstudy.study.preparations import preparations
 from squealstudy.version import __version__
 
 SIDE_STUDIES = "beside"  # key: folders of studies run with it, and why one could not be
@@ -115,7 +116,7 @@ def model_facts(plan: Plan) -> dict[str, Any]:
         "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),
         "study": study.source.text,
         RECORDS: recorded_extensions(study.extensions),
-        **_model_file(study.model),
+        **_model_file(study),
         **_matrices(study),
     }
 
@@ -138,8 +139,9 @@ def _rotation(plan: Plan) -> dict[str, Any]:
     return {"rotation": {"effective_radius": radius, "rotation_speed": speed}}
 
 
-def _model_file(model: ModelDefinition) -> dict[str, Any]:
+def _model_file(study: ResolvedStudy) -> dict[str, Any]:
     """Of a model of a file what the catalogue says of others."""
+    model = study.model
     if not isinstance(model, FileDefinition):
         return {}
     content = {
@@ -147,7 +149,7 @@ def _model_file(model: ModelDefinition) -> dict[str, Any]:
         "files": list(model.files),
         "defaults": model.defaults(),
         "components": list(model.components),
-        "prepared": list(model.prepared),
+        "prepared": list(preparations(study)),
     }
     return {"model_file": content}
 

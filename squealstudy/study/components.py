@@ -43,7 +43,6 @@ from squealstudy.study.file_parameters import file_parameters, file_places
 from squealstudy.study.source import SourceText, validate
 from squealstudy.study.stresses import (
     law_defaults,
-    preparations,
     stress_assumptions,
     stressed_point,
     with_stresses,
@@ -102,7 +101,6 @@ def read_model(
         effective_radius=build.effective_radius,
         path=str(path.resolve()),
         files=identities,
-        prepared=preparations(file, places),
     )
 
 

@@ -88,6 +88,13 @@ class ResolvedStudy:
         return resolve_study(self.source, changed(self.source, self.source.tables, changes))
 
     @property
+    def constant(self) -> dict[str, float]:
+        """Values of the parameters that are the same at all design points and designs."""
+        varied = {s.name for s in self.sweeps} | {t.name for t in self.model.tables}
+        varied |= {v.parameter for v in getattr(self.definition, "variable", ())}
+        return {name: v for name, v in self.values.items() if name not in varied}
+
+    @property
     def doubts(self) -> list[str]:
         """What to warn of: values, swept ones too, that may be in other units than they should."""
         ends: dict[str, tuple[float, ...]] = {

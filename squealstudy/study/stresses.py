@@ -12,7 +12,7 @@ from squealstudy.laws import ContactLaw, contact_law
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import Brake, changed_mesh, own_numbers
 from squealstudy.models.components.dimensions import STRESS
-from squealstudy.models.components.model_file import HEAT, ROTOR_ANGLE, WEAR, ModelFile, Numbers
+from squealstudy.models.components.model_file import WEAR, ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import StressStiffness
 from squealstudy.models.operating import (
@@ -24,7 +24,6 @@ from squealstudy.models.operating import (
 )
 from squealstudy.models.parameter import Assumption, Declared
 from squealstudy.parameter import Parameter
-from squealstudy.wording import listed
 
 # assemblies whose stresses a process keeps: their working point takes longest
 ASSEMBLY_CACHE_SIZE = 4
@@ -115,47 +114,6 @@ def with_worn_gaps(
     wear = Wear(operating, numbers.at(WEAR, "distance"), numbers.at(WEAR, "rate"))
     gap0 = assembly.contact.gap0 + worn_depth(assembly, wear)
     return replace(assembly, contact=replace(assembly.contact, gap0=gap0))
-
-
-def preparations(file: ModelFile, places: Mapping[str, tuple[KeyPath, ...]]) -> tuple[str, ...]:
-    """What stresses and sliding have done to the model of a file, in words, a text each.
-
-    Parameters
-    ----------
-    file : ModelFile
-    places : mapping of name -> keys
-        The numbers of the file that are parameters.
-    """
-    megapascal, texts = STRESS.factor(file.units) / 1e6, []
-    owners = {keys: name for name, its_keys in places.items() for keys in its_keys}
-    if (table := file.stress_stiffening) is not None:
-        at = f"{table.pressure * megapascal:g} MPa and a friction of {table.friction:g}"
-        texts.append(f"stresses of {at} stiffen what vibrates")
-    angle = "" if file.rotation is None else f"{file.rotation.angle:g} deg"
-    if ROTOR_ANGLE in owners or angle not in ("", "0 deg"):
-        by = f"'{owners[ROTOR_ANGLE]}'" if ROTOR_ANGLE in owners else angle
-        texts.append(
-            f"{listed(file.turning)} stands turned by {by}: a symmetric part changes nothing where "
-            "its mesh repeats, elsewhere as much as its mesh errs"
-        )
-    for name, component in file.components.items():
-        if (heat := component.heat) is not None:
-            owner = owners.get(("components", name, *HEAT))
-            scale = f"'{owner}'" if owner else f"{heat.scale:g}"
-            field = heat.file or "a linear field"
-            texts.append(f"heat has expanded {name}: {scale} times the temperatures of {field}")
-    if (wear := file.wear) is not None:
-        numbers, amounts = Numbers(file, {}), {}
-        for key, unit in (("distance", "m"), ("rate", "1/Pa")):
-            owner = owners.get((WEAR, key))
-            amounts[key] = f"'{owner}'" if owner else f"{numbers.at(WEAR, key):g} {unit}"
-        at = f"{wear.pressure * megapascal:g} MPa and a friction of {wear.friction:g}"
-        unworn = " (so they are new)" if amounts["distance"] == "0 m" else ""
-        texts.append(
-            f"{amounts['distance']} of sliding at {at} have worn the faces{unworn}, at a rate of "
-            f"{amounts['rate']}"
-        )
-    return tuple(texts)
 
 
 @dataclass(frozen=True)

@@ -22,13 +22,10 @@ class FileDefinition(ModelDefinition):
         Of the model file.
     files : tuple of str
         Hashes of the model file and of every file that it reads, included ones too.
-    prepared : tuple of str
-        What has been done to the model before anything vibrates, in words: stresses, worn faces.
     """
 
     path: str = ""
     files: tuple[str, ...] = ()
-    prepared: tuple[str, ...] = ()
 
     @property
     def meshed(self) -> bool:
