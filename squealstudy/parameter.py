@@ -36,6 +36,8 @@ class Parameter:
     bare : str
         Unit of a number that a study file gives without one, where that is another: of the
         temperature of tables, in degC here and in results, the kelvin of SI.
+    difference : bool
+        It is one of two temperatures: a degC of it is a kelvin.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Parameter:
     usual: tuple[float, float] = (-math.inf, math.inf)
     nonzero: bool = False
     bare: str = ""
+    difference: bool = False
 
     def check(self, value: float) -> float:
         """`value` as a float; ParameterError where it is not a finite number within bounds."""

@@ -12,7 +12,7 @@ from component_meshes import LINING, STEEL, box
 
 from squealstudy.errors import ModelError
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.catalogue.disc_brake.as_files import mesh_of_grid
+from squealstudy.models.catalogue.disc_brake.solid_meshes import mesh_of_grid
 from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
 from squealstudy.models.components.checks import check_mesh
 from squealstudy.models.components.faces import boundary, facets

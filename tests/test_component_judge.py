@@ -18,7 +18,7 @@ from test_model_file import built
 
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.catalogue.disc_brake.as_files import mesh_of_grid
+from squealstudy.models.catalogue.disc_brake.solid_meshes import mesh_of_grid
 from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
 from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.formulations import FORMULATIONS

@@ -30,8 +30,8 @@ from touching import (
 
 from squealstudy.errors import ModelError
 from squealstudy.models.catalogue import MODELS
-from squealstudy.models.catalogue.disc_brake.as_files import mesh_of_grid
 from squealstudy.models.catalogue.disc_brake.assemble import brake_faces
+from squealstudy.models.catalogue.disc_brake.solid_meshes import mesh_of_grid
 from squealstudy.models.catalogue.disc_brake.solids import COARSE, BrakeMesher
 from squealstudy.models.components.contact_rows import contact_rows
 from squealstudy.models.components.faces import facets

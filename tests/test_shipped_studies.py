@@ -125,6 +125,21 @@ def test_worn_pad(tmp_path: Path) -> None:
     assert growth(1e4, 3050.0, 3250.0) == pytest.approx(300.0, rel=0.05)
 
 
+@pytest.mark.full_size
+def test_rotor_angle(tmp_path: Path) -> None:
+    """As the gallery says, and with the clip alone: of 0 kg the angles are the same."""
+    path = SHIPPED / "own_brake" / "rotor_angle.toml"
+    text = path.read_text().replace('"45 deg", "90 deg", ', "").replace("num = 4", "num = 2")
+    points = solved(plan_of(text, path), tmp_path / "clip").points
+    at_least = points[points["friction"] == 0.3].set_index("rotor_angle")["n_unstable"]
+    assert at_least.to_dict() == {0.0: 0, 135.0: 1}
+    bare = text.replace("60 g", "0 g").replace("stop = 0.6\n", "stop = 0.4\n")
+    results = solved(plan_of(bare, path), tmp_path / "bare")
+    growth = results.modes.merge(results.points[["point_id", "friction", "rotor_angle"]])
+    largest = growth.groupby(["friction", "rotor_angle"])["growth_rate"].max().unstack()
+    assert largest[135.0].to_numpy() == pytest.approx(largest[0.0].to_numpy(), rel=1e-4)
+
+
 def test_pads_of_one_mean_friction() -> None:
     """What the inner pad has more than the mean, the outer has less."""
     plan = plan_of((SHIPPED / "pad_friction.toml").read_text())

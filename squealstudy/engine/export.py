@@ -25,6 +25,7 @@ from squealstudy.modes.point import state_working_point
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.toml_text import toml_text
 from squealstudy.system.linearise import linearise
+from squealstudy.wording import listed
 
 GENERATED = "disc_brake"
 MODEL_FILE = "brake.toml"
@@ -40,12 +41,18 @@ def export_model(study: ResolvedStudy, folder: Path) -> list[Path]:
         A study of another model.
     """
     from squealstudy.models.catalogue.disc_brake.as_files import brake_meshes, brake_tables
+    from squealstudy.models.catalogue.disc_brake.parameters import HEAT, is_hot
 
     if study.model.name != GENERATED:
         raise SquealstudyError(
             f"{study.source.path}: only the model {GENERATED} can be written as a model file"
         )
     values = {name: float(study.values[name]) for name in study.model.defaults()}
+    if is_hot(values):
+        raise SquealstudyError(
+            f"{study.source.path}: temperatures of disc and pads are not written to model files: "
+            f"expected 0 K for {listed([p.name for p in HEAT])}"
+        )
     written = []
     for name, mesh in brake_meshes(study.options, values).items():
         written.append(folder / f"{name}.inp")

@@ -187,6 +187,8 @@ class ModelDefinition:
     stack : callable or None
         As `build` for many structures: (options, values of all parameters, numbers or arrays (m,))
         -> StackedAssembly; None: one is built after the other.
+    absent : mapping of str -> str
+        Why it has no parameter of a name that one may look for, in words.
     start : mapping of str -> mapping, or list of mappings
         What a study to start from says, by section: under ``sweep`` a parameter and a range on
         which steady sliding turns unstable.
@@ -212,6 +214,7 @@ class ModelDefinition:
     added: tuple[str, ...] = field(default=(), kw_only=True)
     in_place: Callable[[Parameter], bool] = field(default=_not_known, kw_only=True)
     stack: Stacking | None = field(default=None, kw_only=True)
+    absent: Mapping[str, str] = field(default_factory=dict, kw_only=True, hash=False)
     start: Mapping[str, Any] = field(default_factory=dict, kw_only=True, hash=False)
 
     def followed(

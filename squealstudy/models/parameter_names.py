@@ -50,6 +50,11 @@ class PlainParameter:
         return self.parameter.unit
 
     @property
+    def difference(self) -> bool:
+        """Whether it is a difference of temperatures."""
+        return self.parameter.difference
+
+    @property
     def structural(self) -> bool:
         """Whether a change costs a new assembly and reduction."""
         return self.parameter.structural
@@ -99,6 +104,11 @@ class ModeParameter:
         return ""
 
     @property
+    def difference(self) -> bool:
+        """Neither quantity is a difference of temperatures."""
+        return False
+
+    @property
     def structural(self) -> bool:
         """Modes are entries of the reduced matrices: nothing is built anew."""
         return False
@@ -138,7 +148,8 @@ def parse_parameter(name: str, model: ModelDefinition) -> StudyParameter:
         what = "a [[variable]] of a design study"
         text = f"'{name}' is nothing that {what} adds, which is from 0 on: expected no value of it"
         raise ParameterError(name, text)
-    hint = did_you_mean(name, plain) or "; 'squealstudy models' lists its parameters"
+    hint = f": {model.absent[name]}" if name in model.absent else ""
+    hint = hint or did_you_mean(name, plain) or "; 'squealstudy models' lists its parameters"
     raise ParameterError(name, f"model '{model.name}' has no parameter '{name}'{hint}")
 
 

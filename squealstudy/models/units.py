@@ -183,6 +183,6 @@ def quantity(value: Any, parameter: StudyParameter) -> Any:
     if not isinstance(value, str):
         return value
     try:
-        return in_unit_of(value, parameter.unit)
+        return in_unit_of(value, parameter.unit, parameter.difference)
     except ValueError as error:
         raise ParameterError(parameter.name, str(error)) from None

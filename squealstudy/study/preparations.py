@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from squealstudy.models.components.definition import FileDefinition
+from squealstudy.models.components.definition import NAME, FileDefinition
 from squealstudy.models.components.dimensions import STRESS
 from squealstudy.models.components.model_file import HEAT, ROTOR_ANGLE, WEAR, ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
@@ -17,18 +17,18 @@ if TYPE_CHECKING:  # which reads model files by what this is beside
 
 
 def preparations(study: ResolvedStudy) -> tuple[str, ...]:
-    """Stresses, angles, heat and wear of a study's model file, a text each; () of other models."""
-    if not isinstance(study.model, FileDefinition):
+    """Stresses, angles, heat and wear of a model file with meshes, a text each; else ()."""
+    if not isinstance(study.model, FileDefinition) or study.model.name != NAME:
         return ()
     build, constant = build_of(study.model), study.constant
     owners = {
         keys: name for name, where in build.places.items() if name not in constant for keys in where
     }
-    told = _Told(build.brake.file, build.given(study.values), owners)
-    return (*told.stresses(), *told.angle(), *told.heat(), *told.wear())
+    done = _Preparations(build.brake.file, build.given(study.values), owners)
+    return (*done.stresses(), *done.angle(), *done.heat(), *done.wear())
 
 
-class _Told:
+class _Preparations:
     """Texts of a model file at numbers of a study; what varies is told by its parameter's name."""
 
     def __init__(

@@ -159,7 +159,9 @@ def _numbers(
 def _number(parameter: Parameter, value: Any, keys: KeyPath, source: SourceText) -> float:
     try:
         text = with_bare_unit(value, parameter)
-        return parameter.check(in_unit_of(text, parameter.unit) if isinstance(text, str) else text)
+        if isinstance(text, str):
+            text = in_unit_of(text, parameter.unit, parameter.difference)
+        return parameter.check(text)
     except ValueError as error:
         raise source.error(keys, f"{parameter.name} {error}") from None
     except ParameterError as error:

@@ -67,7 +67,7 @@ def with_numbers(
         if not isinstance(with_unit, str):
             continue
         try:
-            difference = any(key in DIFFERENCES for key in keys)
+            difference = parameter.difference or any(key in DIFFERENCES for key in keys)
             number = in_unit_of(with_unit, parameter.unit, difference)
         except ValueError as error:
             raise source.error(keys, f"{name} {error}") from None

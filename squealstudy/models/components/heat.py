@@ -217,7 +217,7 @@ def _opened_by(
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Hot components, and gaps (nc,) by each at a scale of 1 and with the others cold."""
     numbers = Numbers(geometry.file, given)
-    solve = _Statics((assembly.K_el + assembly.K_springs(static=True)).tocsr(), assembly.M)
+    solve = Statics((assembly.K_el + assembly.K_springs(static=True)).tocsr(), assembly.M)
     for name, table in geometry.file.components.items():
         if table.heat is None:
             continue
@@ -230,7 +230,7 @@ def _opened_by(
         yield name, assembly.contact.N @ solve(load)
 
 
-class _Statics:
+class Statics:
     """Solves K u = f of loads that are in balance where motions of K are free.
 
     By conjugate gradients with the factor of K + s M: a few steps, one a direction that is hardly

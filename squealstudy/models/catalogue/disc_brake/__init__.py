@@ -28,6 +28,10 @@ def build(options: Mapping[str, str | int], values: Mapping[str, float]) -> Asse
     return assemble(options, values)
 
 
+SYMMETRIC = (
+    "its disc is symmetric about its axis, so that no angle changes anything; discs with holes, "
+    'vanes or masses have one in a model file, path = "rotation.angle"'
+)
 DISC_BRAKE = ModelDefinition(
     name="disc_brake",
     description="finite-element disc brake: disc with bell, two pads, floating "
@@ -50,6 +54,7 @@ DISC_BRAKE = ModelDefinition(
             UNDAMPED,
         ),
     ),
+    absent={"rotor_angle": SYMMETRIC, "rotation.angle": SYMMETRIC},
     start={  # what answers in minutes
         "model": {"mesh": "coarse", "contact_points": 2},
         "sweep": {"parameter": "friction", "start": 0.1, "stop": 0.7, "num": 7},

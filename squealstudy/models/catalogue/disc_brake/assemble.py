@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.laws import ContactLaw
 from squealstudy.models.assembly import Assembly, Component, ContactInterface
+from squealstudy.models.catalogue.disc_brake.heat import hot_gaps
 from squealstudy.models.catalogue.disc_brake.parameters import (
     COMPONENTS,
     SETS,
     effective_radius,
+    is_hot,
     mean_radius,
 )
 from squealstudy.models.catalogue.disc_brake.solids import DENSITIES, BrakeMesher
@@ -282,7 +284,7 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
     load, radius = interfaces.brake_load(), effective_radius(options, values)
     points_a_side = int(options["contact_points"])
     factors = {pad: values[f"{pad}.friction_factor"] for pad in ("inner_pad", "outer_pad")}
-    return Assembly(
+    cold = Assembly(
         components,
         interfaces.contact(law, points_a_side, radius, factors),
         interfaces.springs(),
@@ -290,3 +292,7 @@ def assemble(options: Mapping[str, str | int], values: Mapping[str, float]) -> A
         np.zeros_like(load),
         rotors,
     )
+    if not is_hot(values):
+        return cold
+    gap0 = hot_gaps(mesher, solids, cold)
+    return replace(cold, contact=replace(cold.contact, gap0=gap0))

@@ -198,6 +198,28 @@ STRUCTURE = structural(
     )
 )
 
+# that open gaps, linear through the thickness; by default nothing is hot
+HEAT = tuple(
+    Parameter(f"{part}.temperature_{kind}", 0.0, "K", text, structural=True, difference=True)
+    for part, kind, text in (
+        ("disc", "rise", "all of the disc"),
+        ("disc", "difference", "disc, outer face of the band above inner; bell as inner"),
+        ("pad", "difference", "both pads, rubbing face above the plate's back"),
+    )
+)
+EXPANSION = structural(
+    (
+        ("disc.thermal_expansion", 1.1e-5, "1/K", "disc"),
+        ("pad.thermal_expansion", 1.2e-5, "1/K", "lining and back plate"),
+    )
+)
+
+
+def is_hot(values: Mapping[str, float]) -> bool:
+    """Whether anything has another temperature than where all fits together."""
+    return any(values[p.name] for p in HEAT)
+
+
 # of the first version; at 4 kHz the two of today make a damping ratio of .7 %
 UNDAMPED = {DAMPING.name: 0.0, STIFFNESS_DAMPING.name: 0.0}
 PARAMETERS: Declared = (
@@ -210,4 +232,6 @@ PARAMETERS: Declared = (
     friction_parameters,
     contact_parameters,
     *(_bounded(p) for p in STRUCTURE),
+    *HEAT,
+    *EXPANSION,
 )
