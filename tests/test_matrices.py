@@ -391,6 +391,25 @@ def test_free_structures_and_massless_points(n):
     assert reference.residuals(M, C, K, roots.lam, roots.psi).max() < 1e-8
 
 
+def friction_that_lags():
+    """m x'' + c x' + k x = slope z with lag z' + z = x': z is a coordinate without mass."""
+    C = {"1": np.array([[5.0, 0.0], [-1.0, 0.0]]), "lag": np.diag([0.0, 1.0])}
+    K = {"1": np.diag([1e6, 1.0]), "slope": np.array([[0.0, -1.0], [0.0, 0.0]])}
+    return squealstudy.matrices(np.diag([1.0, 0.0]), K, C=C, slope=20.0, lag=0.0)
+
+
+@pytest.mark.parametrize(("lag", "unstable"), [(0.0, True), (1e-3, True), (1e-2, False)])
+def test_a_friction_law_with_a_state_is_a_coordinate_without_mass(lag, unstable):
+    """Friction that falls with a speed that lags, against the roots of its polynomial."""
+    table = friction_that_lags().sweep(lag=[lag])
+    exact = np.roots([lag, 1.0 + 5.0 * lag, 5.0 - 20.0 + 1e6 * lag, 1e6])
+    exact = exact[(exact.imag > 0) & (np.abs(exact) < 1e4)]
+    oscillating = table[~table["overdamped"]]
+    np.testing.assert_allclose(oscillating["growth_rate"], exact.real, rtol=1e-9)
+    np.testing.assert_allclose(2 * np.pi * oscillating["frequency_hz"], np.abs(exact), rtol=1e-9)
+    assert oscillating["unstable"].tolist() == [unstable]
+
+
 def test_a_stiffness_without_diagonal_needs_pivots():
     n = 200
     w = np.linspace(100.0, 300.0, n)

@@ -7,15 +7,15 @@ from scipy.optimize import linear_sum_assignment
 
 from squealstudy.modes.tracking.labels import _normalised, _steps
 from squealstudy.modes.tracking.pairing import (
-    CLEAR,
+    CROSSING_MAC,
+    DAMPING_WINDOW,
+    FREQUENCY_WINDOW,
     LOW_MAC,
     MODES_PER_BLOCK,
-    PAIR_DAMPING,
-    PAIR_FREQUENCY,
-    PASSING,
-    RIVAL,
-    TIE,
-    UNPAIRED,
+    PASSING_TRUST,
+    RIVAL_COST_RATIO,
+    TIE_COST,
+    UNPAIRED_COST,
     Pairing,
     _mac,
     broken,
@@ -81,17 +81,17 @@ def pair_one(
     if not len(lam_a) or not len(lam_b):
         return Pairing(partner, macs, np.zeros(len(lam_a), dtype=bool), trust)
     far, tie = _distance(lam_a if expected is None else expected, lam_b)
-    value = _mac_within(shapes_a, shapes_b, far < UNPAIRED)
-    cost = np.minimum(1.0 - value + far + tie, UNPAIRED)
+    value = _mac_within(shapes_a, shapes_b, far < UNPAIRED_COST)
+    cost = np.minimum(1.0 - value + far + tie, UNPAIRED_COST)
     rows, columns = linear_sum_assignment(cost)
-    taken = cost[rows, columns] < UNPAIRED
+    taken = cost[rows, columns] < UNPAIRED_COST
     rows, columns = rows[taken], columns[taken]
     partner[rows], macs[rows] = columns, value[rows, columns]
-    rival = _rival(cost, rows, columns) / RIVAL
+    rival = _rival(cost, rows, columns) / RIVAL_COST_RATIO
     trust[rows] = np.minimum(rival, macs[rows] / LOW_MAC)
     ambiguous = np.zeros(len(lam_a), dtype=bool)
     ambiguous[rows] = (rival <= 1.0) | (macs[rows] < LOW_MAC)
-    unclear = macs[rows] < CLEAR
+    unclear = macs[rows] < CROSSING_MAC
     passing = _passing(lam_a[rows], lam_b[columns])
     trust[rows[unclear]] = np.minimum(trust[rows], passing)[unclear]
     trust[_lost(lam_b, partner)] = 1.0
@@ -106,9 +106,9 @@ def _distance(expected: np.ndarray, lam_b: np.ndarray) -> tuple[np.ndarray, np.n
     """
     size_a, size_b = np.maximum(np.abs(expected), 1e-300), np.maximum(np.abs(lam_b), 1e-300)
     zeta_a, zeta_b = -expected.real / size_a, -lam_b.real / size_b
-    far = np.abs(np.log(size_b) - np.log(size_a)[:, None]) / PAIR_FREQUENCY
-    far += np.abs(zeta_b - zeta_a[:, None]) / PAIR_DAMPING
-    return far, (size_a / size_a.max())[:, None] * (-TIE * zeta_b)
+    far = np.abs(np.log(size_b) - np.log(size_a)[:, None]) / FREQUENCY_WINDOW
+    far += np.abs(zeta_b - zeta_a[:, None]) / DAMPING_WINDOW
+    return far, (size_a / size_a.max())[:, None] * (-TIE_COST * zeta_b)
 
 
 def _mac_within(a: np.ndarray, b: np.ndarray, near: np.ndarray) -> np.ndarray:
@@ -145,7 +145,7 @@ def _rival(cost: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarra
     best: np.ndarray = ratio.min(axis=1, initial=np.inf)
     for others in (_without(chosen.T, columns).T, _without(cost, rows).take(columns, axis=1).T):
         if others.size:
-            free = np.where(others < UNPAIRED, others, np.inf).min(axis=1)
+            free = np.where(others < UNPAIRED_COST, others, np.inf).min(axis=1)
             best = np.minimum(best, free / np.maximum(own, least))
     return best
 
@@ -160,7 +160,7 @@ def _without(a: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _passing(lam_a: np.ndarray, lam_b: np.ndarray) -> np.ndarray:
-    """PASSING for each pair whose frequency passes that of another pair, else infinite (n,).
+    """PASSING_TRUST for each pair whose frequency passes that of another pair, else infinite (n,).
 
     Whether two modes cross or veer, their shapes tell at close quarters only.
     """
@@ -174,7 +174,7 @@ def _passing(lam_a: np.ndarray, lam_b: np.ndarray) -> np.ndarray:
         np.minimum.accumulate(ranks[::-1])[::-1] < ranks
     )
     found = np.full(len(lam_a), np.inf)
-    found[order_a[passing]] = PASSING
+    found[order_a[passing]] = PASSING_TRUST
     return found
 
 

@@ -23,7 +23,7 @@ from squealstudy.kinds.complex_modes.rows import ModeColumns
 from squealstudy.kinds.complex_modes.stored_shapes import ShapeFile
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.modes.tracking.labels import Tracks, TrackTree, join_tracks
-from squealstudy.modes.tracking.pairing import DOUBTFUL, Pairing, pair_macs
+from squealstudy.modes.tracking.pairing import HALVING_TRUST, Pairing, pair_macs
 from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.modes.tracking.refinement import DEPTH, Modes, Solve, StepRefinement
 from squealstudy.modes.tracking.steps import Pairings
@@ -148,7 +148,7 @@ class Follower:
         """Steps in doubt within a structure, and those to another one, the least trusted first."""
         trust = pairings.trust.least()
         trust[known] = np.inf
-        doubtful = np.flatnonzero(trust <= DOUBTFUL)
+        doubtful = np.flatnonzero(trust <= HALVING_TRUST)
         doubtful = doubtful[np.argsort(trust[doubtful], kind="stable")]
         joined = self.near.joined(self._tree.parents[doubtful], doubtful)
         return doubtful[joined].tolist(), doubtful[~joined].tolist()
@@ -253,7 +253,7 @@ def _refined_in_basis(task: RefineTask) -> tuple[Pairing, int] | None:
         pairing, points = _refined_by(task, task.basis.solver(task.start), task.a, task.b)
     except FAILURES:
         return None
-    sure = not pairing.ambiguous.any() and (pairing.trust > DOUBTFUL).all()
+    sure = not pairing.ambiguous.any() and (pairing.trust > HALVING_TRUST).all()
     return (pairing, math.ceil(points / BASIS_POINTS_A_POINT)) if sure else None
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.modes.tracking.pairing import (
-    DOUBTFUL,
-    LOST,
-    PAIR_FREQUENCY,
+    FREQUENCY_WINDOW,
+    JOINING_TRUST,
+    LONE_MODES_DISTANCE,
     Band,
     broken,
     pair_modes,
@@ -221,7 +221,7 @@ def _may_join(
     a = np.flatnonzero(~np.isin(labels_a, labels_b))
     b = np.flatnonzero(~np.isin(labels_b, labels_a))
     ratio = np.abs(lam_a[a])[:, None] / np.abs(lam_b[b])
-    i, j = np.nonzero(np.abs(np.log(ratio)) < LOST * PAIR_FREQUENCY)
+    i, j = np.nonzero(np.abs(np.log(ratio)) < LONE_MODES_DISTANCE * FREQUENCY_WINDOW)
     return _ordered(labels_a[a[i]], labels_b[b[j]])
 
 
@@ -234,7 +234,7 @@ def _votes(a: int, b: int, tracks: Tracks, lams: Ragged, shapes: Shapes) -> list
     """Pairs of tracks that two points show to be one."""
     at_a, at_b = (shapes_of_point[0] for shapes_of_point in shapes.of(np.array([a]), np.array([b])))
     pairs = pair_modes(lams[a], at_a, lams[b], at_b)
-    i = np.flatnonzero((pairs.partner >= 0) & ~pairs.ambiguous & (pairs.trust > DOUBTFUL))
+    i = np.flatnonzero((pairs.partner >= 0) & ~pairs.ambiguous & (pairs.trust > JOINING_TRUST))
     one, other = tracks.labels[a][i], tracks.labels[b][pairs.partner[i]]
     apart = ~np.isin(one, tracks.labels[b]) & ~np.isin(other, tracks.labels[a])
     return _ordered(one[apart], other[apart])

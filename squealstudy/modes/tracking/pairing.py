@@ -8,19 +8,24 @@ import numpy as np
 
 from squealstudy.root_pairs import least_assignment
 
-PAIR_FREQUENCY = 0.2  # relative change of |lambda| from which on two modes are never paired
-PAIR_DAMPING = 0.5  # change of zeta that weighs as much as the whole frequency window
-UNPAIRED = 1.0  # cost of leaving a mode without partner
-RIVAL = 1.5  # another pairing is nearly as good below this multiple of the chosen one's cost
-LOW_MAC = 0.5
-TIE = 1e-3  # what decides between two equal pairings, see `_cost`
-LOST = 0.8  # distance within which two modes that both stay alone are looked at whatever the band
-DOUBTFUL = 1.5  # trust up to which a pairing is looked at again; ambiguous is up to 1
-PASSING = 1.2  # trust in a pair whose frequency passes that of another
-CLEAR = 0.99  # but for a MAC above this: a crossing
+FREQUENCY_WINDOW = 0.2  # relative change of |lambda| from which on two modes are never paired
+DAMPING_WINDOW = 0.5  # change of zeta that weighs as much as the whole frequency window
+UNPAIRED_COST = 1.0  # of leaving a mode without partner
+# between two equal pairings the growth decides, by this cost for each unit of zeta
+TIE_COST = 1e-3
+# another pairing is nearly as good if it costs less than this multiple of the chosen one
+RIVAL_COST_RATIO = 1.5
+LOW_MAC = 0.5  # below it a pair is ambiguous
+# two modes without partner that are this near may be one, in the middle of the band too
+LONE_MODES_DISTANCE = 0.8
+# limits of `Pairing.trust`, by which a pair is ambiguous up to 1
+HALVING_TRUST = 1.5  # up to it the step is halved; a larger one halves steps sooner
+JOINING_TRUST = 1.5  # above it a pair shows that two tracks are one
+PASSING_TRUST = 1.2  # the most of a pair whose frequency passes that of another,
+CROSSING_MAC = 0.99  # unless its MAC is above this: the two modes cross
 # a mode may come or go at an edge of the band within this times the largest change
 BAND_END_CHANGE_FACTOR = 1.5
-ROUNDING = 1e-9  # costs nearer to each other than this are told apart by the assignment alone
+COST_ROUND_OFF = 1e-9  # costs nearer to each other are told apart by the assignment alone
 # modes whose MAC is taken together: only those within the frequency window count
 MODES_PER_BLOCK = 40
 
@@ -40,10 +45,11 @@ class Pairing(NamedTuple):
     ambiguous : ndarray (ma,) of bool
         Another pairing is nearly as good, or the MAC is low.
     trust : ndarray (ma,)
-        How far a pair is from being ambiguous: cost of the next best pairing over RIVAL times its
-        own, or MAC over LOW_MAC where that is less; ambiguous where not above 1. At most PASSING
-        where two frequencies pass each other and the MAC is not CLEAR, 1 for a mode that stays
-        alone where another of b does that it may have become (`may_be_one`).
+        How far a pair is from being ambiguous, which it is up to 1: the smaller of the cost of the
+        next best pairing over RIVAL_COST_RATIO times its own, and of its MAC over LOW_MAC. At most
+        PASSING_TRUST where two frequencies pass each other and the MAC is below CROSSING_MAC. It
+        is 1 for a mode without partner where one of b has none either and may be the same mode
+        (`may_be_one`).
     """
 
     partner: np.ndarray
@@ -102,7 +108,7 @@ def pair_modes(
     """One-to-one pairing of the modes of two neighbouring design points.
 
     A pair costs 1 - MAC, plus its distance in frequency and in damping as shares of
-    PAIR_FREQUENCY and PAIR_DAMPING; the pairing of least total cost is taken, in which a mode
+    FREQUENCY_WINDOW and DAMPING_WINDOW; the pairing of least total cost is taken, in which a mode
     may stay alone. Where two modes coalesce their shapes are near-parallel and their distance in
     the complex plane decides.
 
@@ -138,20 +144,22 @@ def pair_many(
         alone, unknown = np.full((n, count), -1), np.full((n, count), np.nan)
         return Pairing(alone, unknown, np.zeros((n, count), bool), np.full((n, count), np.inf))
     far, tie = _distance(expected, lam_b)
-    all_macs = _macs(shapes_a, shapes_b, far < UNPAIRED)
-    cost = np.minimum(1.0 - all_macs + far + tie, UNPAIRED)
+    all_macs = _macs(shapes_a, shapes_b, far < UNPAIRED_COST)
+    cost = np.minimum(1.0 - all_macs + far + tie, UNPAIRED_COST)
     partner = _partners(cost)
     paired = partner >= 0
     column = np.where(paired, partner, 0)
     macs = np.where(paired, _values_in_columns(all_macs, column).astype(float), np.nan)
-    rival = np.where(paired, _rivals(cost, paired, column) / RIVAL, np.inf)
+    rival = np.where(paired, _rivals(cost, paired, column) / RIVAL_COST_RATIO, np.inf)
     ambiguous = paired & ((rival <= 1.0) | (macs < LOW_MAC))
     trust = np.where(paired, np.minimum(rival, macs / LOW_MAC), np.inf)
     passing = _passing(lam_a, np.take_along_axis(lam_b, column, axis=1), paired)
-    trust = np.where(passing & (macs < CLEAR), np.minimum(trust, PASSING), trust)
+    trust = np.where(passing & (macs < CROSSING_MAC), np.minimum(trust, PASSING_TRUST), trust)
     if not paired.all():
         sizes = np.abs(lam_a), np.abs(lam_b)
-        lost = may_be_one(*sizes, partner, band) | (may_be_one(*sizes, partner) & (far < LOST))
+        lost = may_be_one(*sizes, partner, band) | (
+            may_be_one(*sizes, partner) & (far < LONE_MODES_DISTANCE)
+        )
         trust[lost.any(axis=2)] = 1.0
     return Pairing(partner, macs, ambiguous, trust)
 
@@ -169,10 +177,10 @@ def _distance(expected: np.ndarray, lam_b: np.ndarray) -> tuple[np.ndarray, np.n
     """
     size_a, size_b = np.maximum(np.abs(expected), 1e-300), np.maximum(np.abs(lam_b), 1e-300)
     zeta_a, zeta_b = -expected.real / size_a, (-lam_b.real / size_b)[:, None, :]
-    far = np.abs(np.log(size_b)[:, None, :] - np.log(size_a)[:, :, None]) / PAIR_FREQUENCY
-    far += np.abs(zeta_b - zeta_a[:, :, None]) / PAIR_DAMPING
+    far = np.abs(np.log(size_b)[:, None, :] - np.log(size_a)[:, :, None]) / FREQUENCY_WINDOW
+    far += np.abs(zeta_b - zeta_a[:, :, None]) / DAMPING_WINDOW
     share = size_a / size_a.max(axis=1, keepdims=True)
-    return far, share[:, :, None] * (-TIE * zeta_b)
+    return far, share[:, :, None] * (-TIE_COST * zeta_b)
 
 
 def _macs(a: np.ndarray, b: np.ndarray, near: np.ndarray) -> np.ndarray:
@@ -203,16 +211,16 @@ def _partners(cost: np.ndarray) -> np.ndarray:
     """
     least, best = cost.min(axis=2), cost.argmin(axis=2)
     rest = cost.copy()
-    np.put_along_axis(rest, best[:, :, None], UNPAIRED, axis=2)
-    alone = least >= UNPAIRED
-    clear = alone | (rest.min(axis=2) - least > ROUNDING)
+    np.put_along_axis(rest, best[:, :, None], UNPAIRED_COST, axis=2)
+    alone = least >= UNPAIRED_COST
+    clear = alone | (rest.min(axis=2) - least > COST_ROUND_OFF)
     rows = np.arange(cost.shape[1])
     partner = np.where(alone, -1, best)
     ordered = np.sort(np.where(alone, -1 - rows, best), axis=1)
     clear[:, 0] &= (np.diff(ordered, axis=1) != 0).all(axis=1)
     for i in np.flatnonzero(~clear.all(axis=1)):
         chosen_rows, columns = least_assignment(cost[i])
-        taken = cost[i][chosen_rows, columns] < UNPAIRED
+        taken = cost[i][chosen_rows, columns] < UNPAIRED_COST
         partner[i] = -1
         partner[i, chosen_rows[taken]] = columns[taken]
     return partner
@@ -240,10 +248,12 @@ def _rivals(cost: np.ndarray, paired: np.ndarray, column: np.ndarray) -> np.ndar
         i, row = np.nonzero(paired)
         free[:] = True
         free[i, column[i, row]] = False
-        by_row = np.where(~paired[:, :, None] & (swapped < UNPAIRED), swapped, np.inf).min(axis=1)
+        by_row = np.where(~paired[:, :, None] & (swapped < UNPAIRED_COST), swapped, np.inf).min(
+            axis=1
+        )
         best = np.minimum(best, by_row / np.maximum(pair_cost, least))
     if free.any():
-        others = np.where(free[:, None, :] & (cost < UNPAIRED), cost, np.inf).min(axis=2)
+        others = np.where(free[:, None, :] & (cost < UNPAIRED_COST), cost, np.inf).min(axis=2)
         best = np.minimum(best, others / np.maximum(pair_cost, least))
     return best
 
@@ -268,11 +278,12 @@ def _passing(lam_a: np.ndarray, lam_b: np.ndarray, paired: np.ndarray) -> np.nda
 def may_be_one(
     size_a: np.ndarray, size_b: np.ndarray, partner: np.ndarray, band: Band | None = None
 ) -> np.ndarray:
-    """Modes of a and of b that both stay alone and may be one, in a step too long to show it.
+    """Modes of a and of b that have no partner and may be one mode, in a step too long to show it.
 
-    However far apart: a mode may move by any amount in one step. But one may have left the band and
-    the other have come in where both are at its edges, by EDGE times the largest change of a
-    frequency among the pairs.
+    Their distance does not matter: a mode may move by any amount in one step. Left out are two
+    modes that are both at an edge of the band, since one may have left it and the other come in.
+    An edge is as wide as BAND_END_CHANGE_FACTOR times the largest change of a frequency among the
+    pairs.
 
     Parameters
     ----------

@@ -11,8 +11,8 @@ import numpy as np
 from squealstudy.errors import SquealstudyError
 from squealstudy.modes.tracking.labels import EXTRAPOLATED
 from squealstudy.modes.tracking.pairing import (
-    DOUBTFUL,
-    PASSING,
+    HALVING_TRUST,
+    PASSING_TRUST,
     Band,
     Pairing,
     pair_macs,
@@ -89,7 +89,7 @@ class StepRefinement:
         depth: int,
     ) -> Pairing:
         direct = pair_modes(a.lam, a.shapes, b.lam, b.shapes, expected, self.band)
-        doubtful = wanted & (direct.trust <= DOUBTFUL)
+        doubtful = wanted & (direct.trust <= HALVING_TRUST)
         if not depth:
             return unresolved(direct, wanted)
         if not doubtful.any():
@@ -120,7 +120,7 @@ def unresolved(pairing: Pairing, wanted: np.ndarray | None = None) -> Pairing:
     wanted : ndarray (ma,) of bool or None
         Modes that matter; None: all.
     """
-    doubtful = (pairing.trust <= PASSING) & (pairing.partner >= 0)
+    doubtful = (pairing.trust <= PASSING_TRUST) & (pairing.partner >= 0)
     doubtful &= True if wanted is None else wanted
     return pairing._replace(ambiguous=pairing.ambiguous | doubtful)
 

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from squealstudy.modes.tracking.pairing import PASSING, Band, Pairing, pair_many
+from squealstudy.modes.tracking.pairing import PASSING_TRUST, Band, Pairing, pair_many
 from squealstudy.modes.tracking.ragged import Ragged
 
 AT_ONCE = 16_384  # entries of the tables of costs that are made together: they fit a cache
@@ -84,7 +84,7 @@ class Pairings:
         return int((self.ambiguous.flat | self._doubtful()).sum())
 
     def _doubtful(self) -> np.ndarray:
-        doubtful: np.ndarray = (self.trust.flat <= PASSING) & (self.partner.flat >= 0)
+        doubtful: np.ndarray = (self.trust.flat <= PASSING_TRUST) & (self.partner.flat >= 0)
         return doubtful
 
 
