@@ -44,6 +44,9 @@ TESTS = (
     *("family_reanalysis", "reanalysis_study", "sensitivity", "matrices", "kernels", "fronts"),
     *("reduction", "reduction_errors", "working_point", "working_point_field", "complex_shares"),
     *("hybrid", "slope_of_friction", "exponential_method", "dense_qep", "units", "modal_energies"),
+    *("wear", "lumped_springs", "friction_map", "friction_table", "stribeck", "shared_basis"),
+    *("free_motions", "stress_stiffness", "coupled_pair", "friction_by_contact", "row_blocks"),
+    *("stacked", "stacked_sensitivity", "followed_root", "family_roots", "contact_factor"),
     *("extension/contact_law", "extension/friction_curve", "extension/rung"),
 )
 MOST_SECONDS = 300  # of a file of tests
