@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from squealstudy.models.matrices.family import DESCRIPTION as OF_MATRICES
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.study.source import SourceText
 from squealstudy.study.toml_text import toml_text
-from squealstudy.wording import did_you_mean
+from squealstudy.wording import did_you_mean, shown
 
 MODEL_FILE = ".toml"
 
@@ -81,12 +82,12 @@ class Model(MechanicalModel):
         return {"name": self.definition.name}
 
 
-def model(name: str, **values: Any) -> Model:
+def model(name: str | os.PathLike[str], **values: Any) -> Model:
     """A model of the catalogue: ``model("disc_brake", mesh="coarse", friction=0.4)``.
 
     Parameters
     ----------
-    name : str
+    name : str or path
         One of `list_models`, or the path of a model file, which ends in ``.toml``.
     **values
         Parameters, SI units or with a unit, ``pressure="12 bar"``, and options; names with dots as
@@ -103,6 +104,11 @@ def model(name: str, **values: Any) -> Model:
     >>> sq.model("hulten", friction=0.5)
     <Model 'hulten': friction = 0.5>
     """
+    try:
+        name = os.fspath(name)
+    except TypeError:
+        text = "expected the name of a model or the path of a model file"
+        raise SquealstudyError(f"{text}, got {shown(name)}") from None
     if name.endswith(MODEL_FILE):
         from squealstudy.study.model_files import read_model_file
 

@@ -505,3 +505,46 @@ def test_a_run_says_what_its_step_may_do_to_its_numbers():
     assert all("step" in reason for reason in long["invalid_reason"])
     assert list(short["invalid_reason"]) == ["", ""]
     assert all("the step changes is left out" in reason for reason in short["bounds_reason"])
+
+
+RUN = {"duration": 0.01, "step": 1e-5}
+
+
+@pytest.mark.parametrize(
+    ("method", "arguments", "message"),
+    [
+        (
+            "limit_cycles",
+            {"harmonics": (10.0, 1000.0)},
+            "'harmonics': .* whole number from 1 to 60",
+        ),
+        ("limit_cycles", {"harmonics": 0}, "'harmonics'"),
+        ("limit_cycles", {"tolerance": np.nan}, "'tolerance': .* above 0 and at most 0.1, got nan"),
+        ("limit_cycles", {"tolerance": 0.0}, "'tolerance'"),
+        ("limit_cycles", {"reach": -1.0}, "'reach'"),
+        ("simulate", RUN | {"save_every": 2.5}, "'save_every': expected a whole number"),
+        ("simulate", RUN | {"perturbation": "x"}, "'perturbation': .* at least 0, got 'x'"),
+        ("simulate", RUN | {"duration": True}, "'duration': expected a number above 0, got True"),
+        ("sensitivities", {"change": 0.6}, "'change': .* at most 0.5, got 0.6"),
+    ],
+)
+def test_an_argument_that_cannot_be_used_is_named_with_what_was_expected(
+    method, arguments, message
+):
+    system = sq.model("hulten", friction=0.4).at()
+    with pytest.raises(ParameterError, match=message):
+        getattr(system, method)(**arguments)
+
+
+def test_names_of_parameters_and_models_are_texts_or_paths(tmp_path):
+    with pytest.raises(ParameterError, match="expected names of parameters, got"):
+        sq.model("hulten").at().sensitivities(["friction"])
+    with pytest.raises(SquealstudyError, match="path of a model file, got 3"):
+        sq.model(3)
+    with pytest.raises(SquealstudyError, match="no such file"):
+        sq.model(tmp_path / "none.toml")
+
+
+def test_a_run_that_no_memory_holds_is_one_sentence():
+    with pytest.raises(SquealstudyError, match="memory ran out"):
+        sq.model("hulten", friction=0.4).at().simulate(duration=1e9, step=1e-5)

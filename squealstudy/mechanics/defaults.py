@@ -17,7 +17,9 @@ TRANSIENT_BASIS = {
     "residual_responses": False,
 }
 CYCLE_TOLERANCE, CYCLE_REACH = 1e-2, 2.0  # of levels; contact velocity over the sliding speed
-FINITE_CHANGE = 0.01  # beside which derivatives are told, relative
+MAX_CYCLE_TOLERANCE, MAX_CYCLE_REACH = 0.1, 100.0
+MAX_HARMONICS = 60  # of a limit cycle
+FINITE_CHANGE, MAX_FINITE_CHANGE = 0.01, 0.5  # beside which derivatives are told, relative
 
 
 def band_of(model: str) -> tuple[float, float]:

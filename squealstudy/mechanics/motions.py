@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from squealstudy.errors import ModelError, ParameterError
+from squealstudy.faults import told
 from squealstudy.mechanics.defaults import STABILITY_TOLERANCE
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.mechanics.regularisation import with_speed
@@ -278,7 +279,9 @@ def simulated(
             points.append(perturbed(reference.system, motion_start, perturbation))
         assert reference is not None
         system = replace(reference.system, sensed=_sensed(reference, structures.basis.band_hz))
-        for number, motion in zip(numbers, simulate(system, points, settings), strict=True):
+        with told():
+            motions = simulate(system, points, settings)
+        for number, motion in zip(numbers, motions, strict=True):
             results[number], systems[number] = motion, system
     status, message = statuses(results), messages(results)
     for number, run in enumerate(results):

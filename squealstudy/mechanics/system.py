@@ -10,12 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from squealstudy.errors import ParameterError
 from squealstudy.mechanics.basis import Basis, checked_band
 from squealstudy.mechanics.batch import batch_modes, in_batches
 from squealstudy.mechanics.defaults import (
     CYCLE_REACH,
     CYCLE_TOLERANCE,
     FINITE_CHANGE,
+    MAX_CYCLE_REACH,
+    MAX_CYCLE_TOLERANCE,
+    MAX_FINITE_CHANGE,
+    MAX_HARMONICS,
     MODE_TOLERANCE,
 )
 from squealstudy.mechanics.design import Design
@@ -36,6 +41,7 @@ from squealstudy.mechanics.solving import each, linearised, sliding
 from squealstudy.mechanics.stacked_rows import messages, stacked, statuses
 from squealstudy.mechanics.steady import SteadySliding
 from squealstudy.mechanics.structures import Structures
+from squealstudy.mechanics.values import checked_count, checked_number
 from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.modes.judged_roots import worst_errors
@@ -253,7 +259,10 @@ class System(Design):
         """
         self._expect_contact()
         basis, choice = self._basis(band), mode_choice(modes)
+        change = checked_number("change", change, most=MAX_FINITE_CHANGE, positive=True)
         for name in names:
+            if not isinstance(name, str):
+                raise ParameterError("names", f"expected names of parameters, got {name!r}")
             requested(name, self.nominal)
         structures = self._structures(basis)
         results = all_sensitivities(structures, names, choice, change, self.single)
@@ -300,11 +309,11 @@ class System(Design):
         self._expect_contact()
         return simulated(
             self._in_time(band),
-            duration,
-            step,
-            save_every,
+            checked_number("duration", duration, positive=True),
+            checked_number("step", step, positive=True),
+            checked_count("save_every", save_every, 0),
             method,
-            perturbation,
+            checked_number("perturbation", perturbation),
             regularisation,
             self.single,
         )
@@ -338,10 +347,16 @@ class System(Design):
 
         Raises
         ------
+        ParameterError
+            Arguments that cannot be used.
         ConvergenceError
             One design point without steady sliding, or that diverges without oscillation.
         """
         self._expect_contact()
+        if harmonics is not None:
+            harmonics = checked_count("harmonics", harmonics, 1, MAX_HARMONICS)
+        tolerance = checked_number("tolerance", tolerance, most=MAX_CYCLE_TOLERANCE, positive=True)
+        reach = checked_number("reach", reach, most=MAX_CYCLE_REACH, positive=True)
         structures = self._in_time(band)
         results = limit_cycles(structures, harmonics, tolerance, reach, regularisation, self.single)
         return results[0] if self.single else tuple(results)

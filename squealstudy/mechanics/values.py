@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -55,6 +57,36 @@ def _check_all(parameter: StudyParameter, array: np.ndarray) -> None:
         parameter.check(float(array[np.argmin(finite)]))
     for place in (np.argmin(array), np.argmax(array), np.argmin(np.abs(array))):
         parameter.check(float(array[place]))
+
+
+def checked_number(
+    name: str, value: Any, least: float = 0.0, most: float = math.inf, positive: bool = False
+) -> float:
+    """An argument that is a number within bounds, or above 0 where it is to be `positive`.
+
+    Raises
+    ------
+    ParameterError
+        What is none.
+    """
+    number = float(value) if _is_real(value) else math.nan
+    if math.isfinite(number) and least <= number <= most and (number > 0.0 or not positive):
+        return number
+    low = "above 0" if positive else f"of at least {least:g}"
+    high = f" and at most {most:g}" if math.isfinite(most) else ""
+    raise ParameterError(name, f"expected a number {low}{high}, got {value!r}")
+
+
+def checked_count(name: str, value: Any, least: int, most: float = math.inf) -> int:
+    """An argument that is a whole number within bounds; ParameterError for what is none."""
+    if isinstance(value, Integral) and _is_real(value) and least <= int(value) <= most:
+        return int(value)
+    ends = f"from {least} to {most:g}" if math.isfinite(most) else f"of at least {least}"
+    raise ParameterError(name, f"expected a whole number {ends}, got {value!r}")
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
 
 
 def common_length(columns: Mapping[str, Column]) -> int | None:

@@ -7,21 +7,27 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict
 
-from squealstudy.mechanics.defaults import CYCLE_REACH, CYCLE_TOLERANCE, TRANSIENT_BASIS
+from squealstudy.mechanics.defaults import (
+    CYCLE_REACH,
+    CYCLE_TOLERANCE,
+    MAX_CYCLE_REACH,
+    MAX_CYCLE_TOLERANCE,
+    MAX_HARMONICS,
+    TRANSIENT_BASIS,
+)
 from squealstudy.study.section import Section
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.wording import shown
 
 AUTO, ALL, SCREENED = "auto", "all", "screened"
-MOST_HARMONICS = 60
 MOST_FAMILY = 10_000  # number of a mode: no band has as many that oscillate
 
 
 def _harmonics(value: object) -> object:
     whole = isinstance(value, int) and not isinstance(value, bool)
-    if value == AUTO or (whole and 1 <= value <= MOST_HARMONICS):  # type: ignore[operator]
+    if value == AUTO or (whole and 1 <= value <= MAX_HARMONICS):  # type: ignore[operator]
         return value
-    raise ValueError(f'expected "auto" or a number from 1 to {MOST_HARMONICS}, got {shown(value)}')
+    raise ValueError(f'expected "auto" or a number from 1 to {MAX_HARMONICS}, got {shown(value)}')
 
 
 def _families(value: object) -> object:
@@ -86,7 +92,7 @@ class LimitCyclesSection(Section):
     tolerance: float = Field(
         default=CYCLE_TOLERANCE,
         gt=0,
-        le=0.1,
+        le=MAX_CYCLE_TOLERANCE,
         description="error of a cycle's level that is accepted, relative; a cycle beyond it has "
         "status 'inaccurate'",
     )
@@ -106,7 +112,7 @@ class LimitCyclesSection(Section):
     reach: float = Field(
         default=CYCLE_REACH,
         gt=0,
-        le=100,
+        le=MAX_CYCLE_REACH,
         description="velocity at a contact point up to which growth is followed, over the "
         "sliding speed",
     )

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict
 
-from squealstudy.mechanics.defaults import FINITE_CHANGE
+from squealstudy.mechanics.defaults import FINITE_CHANGE, MAX_FINITE_CHANGE
 from squealstudy.study.section import Section
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.wording import shown
@@ -59,7 +59,7 @@ class SensitivitySection(Section):
     change: float = Field(
         default=FINITE_CHANGE,
         gt=0,
-        le=0.5,
+        le=MAX_FINITE_CHANGE,
         description="finite change that each derivative is held against, relative to the value; of "
         "damping ratios absolute",
     )
