@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 import squealstudy as sq
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.kinds.complex_modes.error_text import turning_text
-from squealstudy.kinds.transient.schedules import ParameterSchedule, Schedules
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.mechanics.motions import set_up
 from squealstudy.models.catalogue import MODELS
@@ -319,18 +318,13 @@ def test_the_effect_told_beside_the_check_at_full_order(small_brake):
 
 
 def test_what_has_none_says_so(small_brake, tmp_path):
-    """A rotor that is no disc, another representation, a speed that changes."""
+    """A rotor that is no disc, another representation."""
     write_blocks(tmp_path)
     with pytest.raises(ParameterError, match="is not symmetric about its axis of rotation"):
         sq.model(str(tmp_path / "blocks.toml")).at(**ON).modes((1.0, 1e5))
     assembly = small_brake.at().assembly.assembled
     with pytest.raises(ModelError, match="hybrid representation has no gyroscopic terms"):
         hybrid_model(assembly, None, replace(NOMINAL, gyroscopic=1.0), None)
-    stop = Schedules(ParameterSchedule(((0.0, 1.0), (1.0, 0.0)), True), None)
-    values = {"sliding_speed": 1.0}
-    stop.check(values, "steady")
-    with pytest.raises(ParameterError, match="expected gyroscopic_factor = 0 where it changes"):
-        stop.check(values | ON, "steady")
 
 
 def test_what_the_screen_says_of_it():

@@ -214,6 +214,8 @@ class ScheduleArrays(NamedTuple):
     ratios: np.ndarray  # (nb, 2, m) rows SPEED_RATIO, PRESSURE_RATIO
     speeds: np.ndarray  # (nb, nc) row POINT_SPEED of the points
     loads: np.ndarray  # (nb, 2, n or 0) rows STAYING, PRESSING; none where no pressure changes
+    turning: np.ndarray  # (.., n, n) f4, Modal.turning without what follows the speed
+    following: np.ndarray  # (.., n, n) f4, what of it follows the speed, at the points' own
 
 
 class Scheme(NamedTuple):

@@ -49,6 +49,14 @@ def slide_at(points: np.ndarray, speeds: np.ndarray, ratio: float) -> None:
 
 
 @fast_kernel
+def turn_at(G: np.ndarray, staying: np.ndarray, following: np.ndarray, ratio: float) -> None:
+    """Gyroscopic terms G (n, n) at that share of the points' own speed."""
+    for i in range(G.shape[0]):
+        for j in range(G.shape[0]):
+            G[i, j] = staying[i, j] + np.float32(ratio) * following[i, j]
+
+
+@fast_kernel
 def press_by(loads: np.ndarray, rise: float, load: np.ndarray) -> None:
     """The load (n,) where the pressure has risen by that share; `loads` (2, n or 0)."""
     for j in range(loads.shape[1]):
@@ -83,6 +91,7 @@ def newmark_scheduled(
     for k in range(work.counts.shape[0]):
         counts, real, x, point = work.counts[k], work.real[k], work.x[k], work.point[k]
         points, loads, base_speeds = modal.points[k], schedule.loads[k], schedule.speeds[k]
+        turning = modal.turning_of[k]
         speeds = schedule.ratios[k, at.SPEED_RATIO]
         pressures = schedule.ratios[k, at.PRESSURE_RATIO]
         friction = point[at.OLD_T1][: base_speeds.size]
@@ -92,6 +101,9 @@ def newmark_scheduled(
             start = settings.h * (step + position / whole)
             speed, rise = between(times, speeds, start + h), between(times, pressures, start + h)
             slide_at(points, base_speeds, speed)
+            if turning >= 0:
+                staying, following = schedule.turning[turning], schedule.following[turning]
+                turn_at(modal.turning[turning], staying, following, speed)
             press_by(loads, rise - 1.0, modal.modes[k, at.LOAD])
             pass_one(B, modal, work, k)
             slide_at(points, base_speeds, 1.0)

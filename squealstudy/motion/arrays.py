@@ -117,7 +117,8 @@ def schedule_arrays(
     )
     schedules = [x.schedule for x in designs if x.schedule is not None]
     if not schedules:
-        return layout.ScheduleArrays(np.zeros(0), np.zeros((0, 2, 0)), speeds, loads)
+        none = modal.turning[:0]
+        return layout.ScheduleArrays(np.zeros(0), np.zeros((0, 2, 0)), speeds, loads, none, none)
     times = np.concatenate([[0.0], schedules[0].times[schedules[0].times > 0.0]])
     if len(schedules) < len(designs) or any(
         not np.array_equal(x.times, schedules[0].times) for x in schedules
@@ -131,7 +132,12 @@ def schedule_arrays(
         for load, x in zip(loads[:, layout.PRESSING], pressing, strict=True):
             if x is not None:
                 load[: len(x)] = x
-    return layout.ScheduleArrays(times, rows, speeds, loads)
+    following = np.zeros_like(modal.turning)
+    for G, place in zip((x.turning for x in schedules), modal.turning_of, strict=True):
+        if G is not None and place >= 0:
+            following[place, : len(G), : len(G)] = G
+    staying = modal.turning - following
+    return layout.ScheduleArrays(times, rows, speeds, loads, staying, following)
 
 
 def corner_halvings(integrator: KernelIntegrator, contact_points: int) -> int:

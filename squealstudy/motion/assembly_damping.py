@@ -67,6 +67,14 @@ class AssemblyDamping:
         """The same in coordinates of orthonormal columns (n, r) of all modes."""
         return replace(self, basis=basis, n_exact=n_exact)
 
+    def turning_at(self, state: DesignState) -> np.ndarray | None:
+        """Gyroscopic terms (r, r) of what turns with the sliding speed, 1/s; None where none."""
+        rate = state.operating.turning
+        if not rate or self.turning is None:
+            return None
+        G = rate * self.turning
+        return G if self.basis is None else self.basis.T @ G @ self.basis
+
     def at(
         self, state: DesignState, tangents: np.ndarray, stiffness: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray | None]:

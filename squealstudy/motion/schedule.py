@@ -25,6 +25,9 @@ class Schedule:
         Modal load of the brake pressure of the design point; needed where the pressure changes.
     pressure : float
         That of the design point, Pa; NaN where it stays.
+    turning : ndarray (n, n) or None
+        Gyroscopic terms at the speed of the design point, part of its `damping_between`, 1/s:
+        they follow the speed. None where nothing turns.
 
     Raises
     ------
@@ -37,6 +40,7 @@ class Schedule:
     pressures: np.ndarray
     pressing: np.ndarray | None = field(default=None, repr=False)
     pressure: float = np.nan
+    turning: np.ndarray | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         arrays = np.array([self.times, self.speeds, self.pressures])

@@ -12,7 +12,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.kinds.transient.section import STUCK, WORKING_POINT, ScheduleTable
 from squealstudy.models.number_table import read_columns
-from squealstudy.models.operating import GYROSCOPIC, PRESSURE, REGULARISATION_SPEED, SLIDING_SPEED
+from squealstudy.models.operating import PRESSURE, REGULARISATION_SPEED, SLIDING_SPEED
 from squealstudy.motion.schedule import Schedule
 from squealstudy.parameter import Parameter
 from squealstudy.study.toml_text import KeyPath
@@ -61,8 +61,13 @@ class Schedules:
     speed: ParameterSchedule | None
     pressure: ParameterSchedule | None
 
-    def of(self, values: Mapping[str, float], load: np.ndarray) -> Schedule:
-        """The schedule of a design point; `load` (n,) is the modal one of a unit of pressure."""
+    def of(
+        self, values: Mapping[str, float], load: np.ndarray, turning: np.ndarray | None = None
+    ) -> Schedule:
+        """The schedule of a design point.
+
+        `load` (n,) is the modal one of a unit of pressure, `turning` (n, n) gyroscopic terms.
+        """
         knots = (t for s in (self.speed, self.pressure) if s for t, _ in s.points)
         times = np.unique([0.0, *knots])
         ratios = {
@@ -78,6 +83,7 @@ class Schedules:
             pressures=ratios[PRESSURE.name],
             pressing=pressure * load if self.pressure else None,
             pressure=pressure,
+            turning=turning,
         )
 
     @property
@@ -111,13 +117,7 @@ class Schedules:
         return {**values, name: values[name] / highest}
 
     def check(self, values: Mapping[str, float], start: str) -> None:
-        """ParameterError where a run would begin with a jump, or its rate of rotation change."""
-        if self.speed is not None and values.get(GYROSCOPIC.name):
-            raise ParameterError(
-                f"transient.{SLIDING_SPEED.name}",
-                f"gyroscopic terms are those of one speed: expected {GYROSCOPIC.name} = 0 where it "
-                "changes",
-            )
+        """ParameterError where a run would begin with a jump."""
         for parameter, schedule in self._pairs:
             if schedule is None or start not in BEGINS_STEADY[parameter.name]:
                 continue
@@ -155,7 +155,7 @@ def schedules_of(plan: Plan) -> Schedules | None:
         raise study.error(("transient", PRESSURE.name), text)
     schedules = Schedules(*(_read(plan, p, getattr(section, p.name)) for p in SCHEDULED))
     swept = {s.name: plan.swept[:, k] for k, s in enumerate(study.sweeps)}
-    names = [p.name for p in (*SCHEDULED, GYROSCOPIC) if p.name in study.values]
+    names = [p.name for p in SCHEDULED if p.name in study.values]
     columns = np.broadcast_arrays(*(swept.get(name, study.values[name]) for name in names))
     for row in np.unique(np.column_stack([np.ravel(c) for c in columns]), axis=0):
         try:

@@ -174,7 +174,9 @@ def set_up(task: BatchTask, point: DesignPoint, gaps: NewGaps) -> MotionPoint | 
         return reason(error)
     motion_start = replace(motion_start, continued=task.start is not None)
     if schedules is not None:
-        motion_start = replace(motion_start, schedule=schedules.of(values, reference.load))
+        turning = None if task.hybrid else reference.damping.turning_at(point.state())
+        over_time = schedules.of(values, reference.load, turning)
+        motion_start = replace(motion_start, schedule=over_time)
     system = reference.system
     kicked = perturbed(system, motion_start, task.perturbation, section.perturb_modes)
     try:
