@@ -287,6 +287,30 @@ def test_levels_of_runs_and_designs_without_a_level_are_shown(opened, tmp_path):
     assert second in page.text("pandas")
 
 
+def test_of_a_failed_point_no_modes_are_counted(opened, tmp_path):
+    """Nor is anything unstable or not at one whose band has no modes."""
+    text = STATES.split("[[sweep]]")[0].replace("hulten", "hoffmann")
+    text += """contact_law = "unilateral"
+[parameters]
+sliding_speed = -0.5
+[[sweep]]
+parameter = "friction"
+values = [0.3, 0.8, 5.0]
+[modes]
+band = [130.0, 200.0]
+"""
+    page = opened(solved(text, tmp_path / "r"))
+    told = []
+    for row in range(3):
+        page.tab.wait_for_timeout(400)  # else two clicks are one double click
+        page.tab.mouse.click(*page.place("map", row))
+        told.append(page.text("facts"))
+    assert "0 of 1 modes here are unstable" in told[0]
+    assert told[1].endswith("No mode here.")
+    assert "Status: working_point" in told[2]
+    assert "unstable" not in told[1] + told[2]
+
+
 def test_names_of_others_stay_text(opened):
     name = "</script><img src=x onerror=\"window.hacked=1\">$$x$$ `a`'b'"
     results = brake_map(second=name, name=name)

@@ -94,6 +94,7 @@ detail.taken = () => state.band ? [isFinite(state.band[1]) ? `${digits(state.ban
 detail.selected = () => drawOthers();
 detail.said = row => {
   const n = offsets[row + 1] - offsets[row];
+  if (!n) return points.status.length && points.status[row] !== "ok" ? "" : `No mode ${own.lightest === null ? "here" : "that this page has of it"}.`;
   let unstable = 0;
   for (let i = offsets[row]; i < offsets[row + 1]; i++) unstable += has(i, UNSTABLE);
   return `${unstable} of ${n} modes ${own.lightest === null ? "here" : "that this page has of it"} ${unstable === 1 ? "is" : "are"} unstable.`;
