@@ -382,6 +382,7 @@ def test_modes_without_indices_are_named_on_the_screen(capsys):
 
 def test_robust_on_the_screen_and_as_csv(sampled, capsys, tmp_path):
     directory = str(sampled.directory)
+    assert ("probability", f"squealstudy robust {directory}") in sampled.screen.next_steps(sampled)
     assert command("robust", directory) == 0
     screen = capsys.readouterr().out
     assert "of 128 points of the two independent samples, all are ok" in screen

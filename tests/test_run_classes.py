@@ -6,8 +6,10 @@ import re
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from conftest import benchmark
 from lumped_files import TWO_PADS
@@ -20,6 +22,7 @@ from squealstudy import screen
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
 from squealstudy.kinds.transient.preparation import warnings
+from squealstudy.kinds.transient.screen import SCREEN
 
 BELT = (
     study_text("belt", "transient", "belt")
@@ -219,3 +222,19 @@ def test_a_run_with_too_long_a_step_is_told_a_shorter_one_and_no_duration(tmp_pa
     assert shorter < 0.03
     printed = " ".join(map(str, results.screen.findings(results)))
     assert "too short to tell" not in printed
+
+
+@pytest.mark.parametrize(
+    ("classes", "manifest", "told"),
+    [
+        (["undecided", "stable"], {}, True),
+        (["undecided", "stable"], {"simulated_time": {}}, False),
+        (["undecided"], {}, False),
+    ],
+)
+def test_runs_that_are_decided_need_not_last_longer_with_the_others(classes, manifest, told):
+    points = pd.DataFrame({"class": classes, "undecided_until": 1.6, "time_reached": 0.1})
+    results = SimpleNamespace(points=points, manifest=manifest, directory=Path("results/runs"))
+    advice = dict(SCREEN.next_steps(results))["decide runs"]
+    assert advice.startswith("a duration of 1.6 s in [transient]")
+    assert ('stop = "settled"' in advice) == told

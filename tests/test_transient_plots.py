@@ -200,6 +200,17 @@ def test_torque_history_shows_phases_levels_and_growth():
     assert any(t.startswith("friction = 0.5\nlimit cycle") for t in texts)
 
 
+def test_a_stop_is_told_by_its_speeds_and_small_forces_in_newton():
+    history = history_table()
+    history = history.assign(
+        sliding_speed=np.linspace(0.3, 0.0, len(history)), normal_force=10.0 + 0.0 * history["time"]
+    )
+    row = points_table({"friction": [0.5]}, ["changing"]).iloc[0]
+    figure = torque_history(history, row)
+    assert any("\nchanging: sliding speed from 0.3 to 0 m/s" in text for text in drawn(figure))
+    assert "Normal force [N]" in drawn(figure)
+
+
 def test_the_zoom_has_the_last_ten_periods():
     figure = torque_history(history_table(), one_point().iloc[0])
     low, high = figure.axes[5].get_xlim()

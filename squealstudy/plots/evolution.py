@@ -155,7 +155,7 @@ def _together(results: Results, first: str, second: str) -> tuple[Results, str]:
 
 
 def _draw(axes: Axes, line: StudyLine, name: str, factor: float) -> None:
-    """One curve a track, broken where a point failed; rings mark ambiguous labels."""
+    """One curve a track, broken where a point failed; rings mark doubtful numbers."""
     table = getattr(line, name) * factor
     stable = table.drop(columns=line.unstable_tracks)
     axes.plot(line.x, stable, color=GREY, linewidth=0.7, marker=".", markersize=1.5, zorder=1)
@@ -249,7 +249,7 @@ def _handles(line: StudyLine, names: Mapping[int, tuple[str, bool]]) -> list[Lin
         handles.append(Line2D([], [], color=DARK, marker=".", label="other unstable tracks"))
     if line.doubtful.reindex(columns=line.unstable_tracks).to_numpy().any():
         ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "none"}
-        handles.append(Line2D([], [], linestyle="", color="0.2", label="ambiguous label", **ring))
+        handles.append(Line2D([], [], linestyle="", color="0.2", label="number may jump", **ring))
     if len(line.onsets):
         bar: dict[str, Any] = {"marker": "|", "markersize": 10, "markeredgewidth": 2}
         handles.append(Line2D([], [], linestyle="", color="0.2", label="onset, refined", **bar))

@@ -180,10 +180,11 @@ def _states(axes: Axes, run: Run, named: bool) -> None:
 
 
 def _force(axes: Axes, run: Run) -> None:
-    force = run.column("normal_force") / 1e3
-    axes.plot(*outline(run.milliseconds, force), color=DARK, linewidth=0.8)
+    force = run.column("normal_force")
+    unit, factor = ("N", 1.0) if np.nanmax(np.abs(force), initial=0.0) < 1e3 else ("kN", 1e-3)
+    axes.plot(*outline(run.milliseconds, factor * force), color=DARK, linewidth=0.8)
     axes.ticklabel_format(axis="y", useOffset=False)
-    finish(axes, "Time [ms]", "Normal force [kN]")
+    finish(axes, "Time [ms]", f"Normal force [{unit}]")
 
 
 def _shade(axes: Axes, found: list[Phase], named: bool) -> None:
@@ -222,6 +223,9 @@ def _class_text(run: Run) -> str:
     more = f" (a duration of {until:.3g} s would decide)" if np.isfinite(until) else ""
     more = " (no longer run is known to decide)" if until == np.inf else more
     name = str(run.row["class"])
+    if run.changes and not more:
+        first, last = run.column("sliding_speed")[[0, -1]]
+        more = f": sliding speed from {first:.3g} to {last:.3g} m/s" if first != last else ""
     repeats = "frequency_hz" not in run.row or np.isfinite(run.number("frequency_hz"))
     if name == LIMIT_CYCLE and not repeats:
         more = " of several frequencies, whose peaks differ from period to period"

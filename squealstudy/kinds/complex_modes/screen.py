@@ -152,8 +152,7 @@ class ComplexModesScreen(KindScreen):
         if not any(len(batch) for batch in results.batches("modes", ["mode"])):
             return super().verdict(results) + grows_outside(results.manifest, results.units)
         doubt = _doubt(results, None)
-        but = f" But {doubt}." if doubt else ""
-        but += grows_outside(results.manifest, results.units)
+        but = (f" But {doubt}." if doubt else "") + grows_outside(results.manifest, results.units)
         table = self.rank(results, "share", None, None)
         if not len(table):
             return _no_mode(results, None) + but
@@ -173,7 +172,9 @@ class ComplexModesScreen(KindScreen):
         if len(self.rank(results, "share", 1, None)):
             why = [("why they grow", command_text("rank", results.directory, "--why"))]
             least = ("least change", 'kind = "design" searches the least that silences them')
-            return [*why * (results.manifest["model"] != MATRICES), explored, least]
+            shares = [("probability", command_text("robust", results.directory))]
+            shares *= results.design in RANDOM_DESIGNS
+            return [*shares, *why * (results.manifest["model"] != MATRICES), explored, least]
         return [
             explored,
             ("squeal elsewhere", "a wider band of [modes], or other values in [[sweep]]"),
@@ -198,8 +199,7 @@ def _how_many(results: ResultTables, table: pd.DataFrame) -> str:
     tracked = table[(table["kind"] == group_kind(1)).to_numpy(bool)]
     named = int(tracked.drop_duplicates("family")["family_modes"].sum())
     others = len(table) - len(tracked)
-    text = plural(named, "mode") if named else ""
-    text += " and " if named and others else ""
+    text = (plural(named, "mode") if named else "") + (" and " if named and others else "")
     text += plural(others, "group of modes", "groups of modes") if others else ""
     text += f" {'is' if named + others == 1 else 'are'} unstable "
     text += band_text(results.fact("band_hz"))

@@ -127,6 +127,9 @@ class TransientScreen(KindScreen):
         """The page of runs; longer ones, where they have told too little."""
         untils = _worth_waiting(results.points)
         longer = f"a duration of {_seconds(max(untils))} in [transient]" if untils else ""
+        to_the_end = results.manifest.get("simulated_time") is None
+        if 0 < len(untils) < len(results.points) and to_the_end:
+            longer += ', and stop = "settled", which ends the other runs early'
         steps = _sufficient_steps(results.points)
         shorter = (
             f"step = {np.nanmin(steps):.2g} in [transient]" if np.isfinite(steps).any() else ""
