@@ -162,15 +162,23 @@ class RunSearch:
     def given_error(self) -> float:
         """What explicit settings add: of a step against half of it, of a basis against all modes.
 
-        Contact points and mesh that the file gives are the model, not an approximation of one.
+        And how well levels are known where runs end. Contact points and mesh that the file gives
+        are the model, not an approximation of one.
         """
-        section, error = self.fidelity.study.section, 0.0
+        section, error = self.fidelity.study.section, self.settled_error()
         if STEP not in self.ladders:
             half = self.measure({"transient.step": 0.5 * section.step})
             error += RICHARDSON_FACTOR * self.fidelity.error(self.measure({}), half)
         if BASIS not in self.ladders and section.modes_below is not None:
             error += self.fidelity.error(self.measure({}), self.measure(ALL_MODES))
         return error
+
+    def settled_error(self) -> float:
+        """How well levels are known where runs end, relative; 0 where they do not end early."""
+        section = self.fidelity.study.section
+        if self.always.get("transient.stop", section.stop) != "settled":
+            return 0.0
+        return float(self.always.get("transient.settle_tolerance", section.settle_tolerance))
 
     def study_seconds(self) -> tuple[float, float]:
         """Seconds of all points with the first rung of every ladder, and of what they share."""
