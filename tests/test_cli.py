@@ -123,9 +123,10 @@ def test_a_run_with_failed_points_says_how_many_and_why(study, monkeypatch, caps
         return solve_point(prepared, state, *more)
 
     monkeypatch.setattr("squealstudy.kinds.complex_modes.problems.solve_point", fail_above)
-    for _ in range(2):
+    for first in ("13: 9 solved, ", "13: all were there already, nothing to do, "):
         assert command("run", "study.toml", "-j", "1", "--no-pictures") == 0
-        assert "4 not ok (4 not_converged; see message in points)" in capsys.readouterr().out
+        told = f"{first}4 not ok (4 not_converged; see message in points)"
+        assert told in " ".join(capsys.readouterr().out.split())
     results = open_results("results/lockin")
     assert repr(results) == (
         "<Results 'results/lockin': complex_modes of hulten over friction: "

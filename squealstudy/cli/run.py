@@ -64,13 +64,14 @@ def _counts(results: Results) -> str:
     """How many design points are solved, and what became of the others."""
     manifest = results.manifest
     solved, total = results.solved or 0, manifest["n_points"]
+    lost = manifest["n_failed"] + manifest.get("n_inaccurate", 0)
     if not solved:
         text = f"{total}: all were there already, nothing to do"
     elif solved < total:
         text = f"{total}: {solved} solved now, {total - solved} found in {results.directory}"
     else:
-        text = f"{total} solved"
-    if lost := manifest["n_failed"] + manifest.get("n_inaccurate", 0):
+        text = f"{total}: {total - lost} solved" if lost else f"{total} solved"
+    if lost:
         rows = results.table(results.tables[0])["status"]
         text += f", {lost} not ok ({failure_counts(rows)}; see message in {results.tables[0]})"
     return text
