@@ -86,8 +86,10 @@ def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
     """Springs, dampers, contacts and loads, a row each."""
     file, contact = build.space.file, assembly.contact
     stiffness = {s.name: s.stiffness[0] for s in assembly.springs if isinstance(s, SpringInterface)}
-    others = zip(contact.pairs[len(file.contact) :], contact.spring_points, strict=True)
-    numbers = dict(others)
+    first = len(contact.pairs) - len(contact.spring_points)
+    dampers: Sequence[DamperTable | DamperOn] = file.damper
+    cubic_of = iter(contact.spring_points[len(contact.spring_points) - _cubics(dampers) :, -1])
+    numbers = dict(zip(contact.pairs[first:][::-1], contact.spring_points[::-1], strict=True))
     springs: Sequence[SpringTable | SpringOn] = file.spring
     for i, table in enumerate(springs):
         name, (ends, along, turns) = file.name_of("spring", i), _ends(table)
@@ -95,16 +97,17 @@ def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
         if table.linear:
             size = f"{stiffness[name]:g} {unit}"
         else:
-            k, cubic, gap, _ = numbers[name]
+            k, cubic, gap = numbers[name][:3]
             size = f"{k:g} {unit}"
             size += f", {cubic:g} {unit}3" if cubic else ""
             size += f", gap {gap:g} {unit.partition('/')[2]}" if gap else ""
             size += f", {table.side}" if table.side != "both" else ""
         yield [f"spring {name}", ends, along, size]
-    dampers: Sequence[DamperTable | DamperOn] = file.damper
     for damper_table, damper in zip(dampers, assembly.dampers, strict=True):
         ends, along, turns = _ends(damper_table)
         size = f"{damper.damping[0]:g} {'N m s/rad' if turns else 'N s/m'}"
+        if not damper_table.linear:
+            size += f", {next(cubic_of):g} {'N m s3/rad3' if turns else 'N s3/m3'}"
         yield [f"damper {damper.name}", ends, along, size]
     points: Sequence[ContactTable | ContactOn] = file.contact
     for i, point in enumerate(points):
@@ -120,6 +123,11 @@ def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
         on = load.on if isinstance(load, LoadTable) else ""
         along = _text(load.direction if isinstance(load, LoadTable) else load.along)
         yield [f"load {file.name_of('load', i)}", on, along, size]
+
+
+def _cubics(dampers: Sequence[DamperTable | DamperOn]) -> int:
+    """How many dampers have a third power."""
+    return sum(not damper.linear for damper in dampers)
 
 
 def _ends(table: SpringTable | DamperTable | SpringOn | DamperOn) -> tuple[str, str, bool]:

@@ -50,7 +50,7 @@ file = "groan.toml"            # a file with [[mass]] or [[term]] is a lumped mo
              spin [kg m2 rad/s] about spin_axis: gyroscopic terms
 [[spring]]   between (two masses, or one and "ground"), direction, stiffness, cubic [N/m3], gap,
              side (tension, compression: of one side), at
-[[damper]]   between, direction, damping, at
+[[damper]]   between, direction, damping, cubic, at
 [[contact]]  between (a mass and "belt", "disc" or a mass), normal, sliding, stiffness or area,
              gap, friction (false: "ground" too), speed_factor, radius, at
 [[load]]     on, direction, force [N] or area [m2], on which the parameter pressure acts

@@ -149,7 +149,11 @@ OF_A_CYCLE = (
         "Mean of kinetic energy and that in the reference stiffness.",
         leaves_out=SERIES,
     ),
-    number("friction_power", "Mean power that friction dissipates.", leaves_out=SERIES),
+    number(
+        "friction_power",
+        "Mean power that friction dissipates, and dampers of third power.",
+        leaves_out=SERIES,
+    ),
     number("damping_power", "Mean power that damping dissipates.", leaves_out=SERIES),
     number("belt_power", "Mean power of the imposed sliding.", leaves_out=SERIES),
     number("radiated_power", "Equivalent power that surfaces radiate.", leaves_out=SERIES),

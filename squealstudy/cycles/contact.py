@@ -97,7 +97,8 @@ class ContactOscillator:
 
     def slip_apart(self, one: PeriodicMotion, other: PeriodicMotion) -> float:
         """Largest difference of a point's sliding velocity at one angle of two motions, m/s."""
-        a, b = (self._observed(m, LEVEL_SAMPLES)[1][:, :, 1] for m in (one, other))
+        touching = self.system.touching
+        a, b = (self._observed(m, LEVEL_SAMPLES)[1][:, touching, 1] for m in (one, other))
         return float(np.abs(a - b).max(initial=0.0))
 
     def energy(self, motion: PeriodicMotion) -> float:

@@ -71,11 +71,11 @@ def export_reduced(
     Matrices ``M``, ``C``, ``K`` (n, n) of ``lambda^2 M + lambda C + K`` at steady sliding, the
     observation of the contact points ``N``, ``T``, ``T_perp`` (n_points, n), ``area`` [m2],
     ``gap`` [m] there, ``tangent`` [Pa/m], ``pressure`` [Pa], ``friction_coefficient`` (n_points,)
-    that C and K hold; ``springs`` (ns, 4): stiffness, third power, gap and side of the last ns
-    points, which are springs; the parameter ``friction``, of fast sliding; the contact law by name
-    with names and values of its parameters, and ``parameter_names`` and ``parameter_values`` of all
-    of the study's, SI. The basis is that of a run: enriched where its tolerance asks for that.
-    `jobs` processes make it; `warn` is as of a run.
+    that C and K hold; ``springs`` (ns, 5): stiffness, third power, gap, side, cubic damping of the
+    last ns points, which are springs; the parameter ``friction``, of fast sliding; the contact law
+    by name with names and values of its parameters, and ``parameter_names`` and
+    ``parameter_values`` of all of the study's, SI. The basis is that of a run: enriched where its
+    tolerance asks for that. `jobs` processes make it; `warn` is as of a run.
 
     Raises
     ------

@@ -29,6 +29,8 @@ from squealstudy.kernels.newmark_between import resist
 from squealstudy.kernels.newmark_layout import X_START, ModalArrays, WorkArrays
 from squealstudy.kernels.newmark_vector import dot, fill, move
 from squealstudy.kernels.spring_points import (
+    damper_force,
+    damper_forces,
     mean_spring_pressures,
     pressure_of,
     spring_pressures,
@@ -230,6 +232,7 @@ def slide(points: np.ndarray, law: np.ndarray, point: np.ndarray, first: int, la
     area, factor = points[at.POINT_AREA], points[at.POINT_FRICTION]
     w1, w2, p = point[at.OUT_W1], point[at.OUT_W2], point[at.OUT_P]
     frictions(law, area, factor, w1, w2, p, point[at.OUT_T1], point[at.OUT_T2], first, last)
+    damper_forces(points, point, first, last)
     beyond_base(points, point, first, last)
 
 
@@ -286,5 +289,7 @@ def tangents(
     p, kappa = pressure_of(law, points, i, point[at.OUT_X, i])
     w1, w2 = point[at.OUT_W1, i], point[at.OUT_W2, i]
     d11, d12, d22, s1, s2 = friction_tangent(law, points[at.POINT_FRICTION, i], p, w1, w2)
+    if points[at.POINT_SPRING_DAMPING, i] != 0.0:
+        _, d11 = damper_force(w1, points[at.POINT_SPRING_DAMPING, i])
     kn, push = points[at.POINT_STIFFNESS, i] - area * kappa, -area * kappa
     return kn, push * s1, push * s2, area * d11, area * d12, area * d22

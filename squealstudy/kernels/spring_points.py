@@ -18,6 +18,7 @@ spring_pressure = compiled(spring.spring_pressure, _KERNELS)
 spring_potential = compiled(spring.spring_potential, _KERNELS)
 mean_spring_pressure = compiled(spring.mean_spring_pressure, _KERNELS)
 deflection = compiled(spring.deflection, _KERNELS)
+damper_force = compiled(spring.damper_force, _KERNELS)
 
 
 @hot_kernel
@@ -48,6 +49,15 @@ def mean_spring_pressures(points: np.ndarray, point: np.ndarray, first: int, las
                 points[at.POINT_SPRING_GAP, i],
                 points[at.POINT_SPRING_SIDE, i],
             )
+
+
+@hot_kernel
+def damper_forces(points: np.ndarray, point: np.ndarray, first: int, last: int) -> None:
+    """Row OUT_T1 of the points first to last - 1 that damp by the third power, at OUT_W1."""
+    for i in range(first, last):
+        if points[at.POINT_SPRING_DAMPING, i] != 0.0:
+            t, _ = damper_force(point[at.OUT_W1, i], points[at.POINT_SPRING_DAMPING, i])
+            point[at.OUT_T1, i] = t
 
 
 @kernel

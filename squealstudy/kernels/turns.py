@@ -44,6 +44,8 @@ def resolve_turns(
     point, share, nodes = np.zeros((at.N_POINT, nc)), np.zeros(S), np.zeros((3 * len(NODES), 2))
     turned, slowest = _turned(points, w)
     for i in range(nc):
+        if points[at.POINT_FRICTION, i] == 0.0:
+            continue
         any_turn, fastest = False, _fastest_stick(points, law, y, i)
         # a cell's chord is no nearer to rest than its slower end times the cosine of its turn
         if not turned[i] and (1.0 - TURN_MIN) ** 2 * slowest[i] > fastest * fastest:

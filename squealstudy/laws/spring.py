@@ -1,9 +1,11 @@
-"""Springs with a third power, with a gap, or of one side (THEORY.md eq. (5a)).
+"""Springs with a third power, with a gap, or of one side, and dampers of third power.
 
 They are contact points of 1 m2 without friction, the last of a structure, whose law is this one in
-place of the study's. Each has four numbers, a row of an array `springs` (ns, 4): stiffness k [N/m],
-cubic stiffness c [N/m3], gap [m] and side, 1 where it only pulls back what lengthens it, -1 where
-it only pushes back what shortens it, 0 for both. Functions of one point are compiled by kernels.
+place of the study's. Each has five numbers, a row of an array `springs` (ns, 5): stiffness k [N/m],
+cubic stiffness c [N/m3], gap [m], side, 1 where it only pulls back what lengthens it, -1 where it
+only pushes back what shortens it, 0 for both, and cubic damping [N s3/m3]: the gap of such a damper
+is its elongation, and so is its sliding (THEORY.md eq. (5a)). It has no part in the
+linearisation. Functions of one point are compiled by kernels.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ import numpy as np
 
 from squealstudy.laws.contact_law import ContactLaw
 
-N_SPRING = 4  # numbers of a spring
+N_SPRING = 5  # numbers of a spring
 NO_SPRINGS = np.zeros((0, N_SPRING))
 CORNER_REL_TOLERANCE = 1e-9  # distance to a corner, of the gaps: closer, the tangent is undecided
 
@@ -36,6 +38,12 @@ def spring_pressure(
     return -(stiffness + cubic * d * d) * d, tangent if acts else 0.0
 
 
+def damper_force(rate: float, damping: float) -> tuple[float, float]:
+    """Force of a damper of third power along its elongation [N], and its slope [N s/m]."""
+    square = rate * rate
+    return -damping * square * rate, -3.0 * damping * square
+
+
 def spring_potential(e: float, stiffness: float, cubic: float, gap: float, side: float) -> float:
     """Stored energy, J."""
     d = deflection(e, gap, side)
@@ -52,7 +60,7 @@ def mean_spring_pressure(
 
 
 def deflections(e: np.ndarray, springs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Elongations (..., ns) beyond the gaps of springs (..., ns, 4), and which of them act."""
+    """Elongations (..., ns) beyond the gaps of springs (..., ns, 5), and which of them act."""
     gap, side = springs[..., 2], springs[..., 3]
     longer, shorter = (side >= 0.0) & (e > gap), (side <= 0.0) & (-e > gap)
     d = np.where(longer, e - gap, np.where(shorter, e + gap, 0.0 * e))
@@ -60,7 +68,7 @@ def deflections(e: np.ndarray, springs: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def evaluate_springs(e: np.ndarray, springs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`spring_pressure` of elongations (..., ns) and springs (..., ns, 4)."""
+    """`spring_pressure` of elongations (..., ns) and springs (..., ns, 5)."""
     d, acts = deflections(e, springs)
     k, c = springs[..., 0], springs[..., 1]
     return -(k + c * d * d) * d, np.where(acts, k + 3.0 * c * d * d, 0.0)
@@ -81,7 +89,7 @@ def spring_error(gaps: np.ndarray, wrong: np.ndarray, springs: np.ndarray) -> np
 
 
 def engaged(e: np.ndarray, springs: np.ndarray) -> np.ndarray:
-    """Elongations (..., ns) moved on by the gap, to where the springs (..., ns, 4) act."""
+    """Elongations (..., ns) moved on by the gap, to where the springs (..., ns, 5) act."""
     gap, side = springs[..., 2], springs[..., 3]
     way = np.where(side == 0.0, np.where(e < 0.0, -1.0, 1.0), side)
     elongations: np.ndarray = np.where((gap == 0.0) & (side == 0.0), e, way * (np.abs(e) + gap))
@@ -89,7 +97,7 @@ def engaged(e: np.ndarray, springs: np.ndarray) -> np.ndarray:
 
 
 def at_a_corner(gaps: np.ndarray, springs: np.ndarray) -> np.ndarray:
-    """Whether springs (..., ns, 4), the last of gaps (..., nc), are where they begin to act.
+    """Whether springs (..., ns, 5), the last of gaps (..., nc), are where they begin to act.
 
     There the tangent is the stiffness to one side and nothing to the other.
     """

@@ -78,7 +78,7 @@ class Unreduced:
     def contact(self) -> ContactInterface:
         """Contact points: N, T, T_perp (nc, n_dof), areas [m2], gaps [m], radii [m].
 
-        The last are springs that are not linear, with their numbers `spring_points` (ns, 4).
+        The last are springs that are not linear, with their numbers `spring_points` (ns, 5).
         """
         return self.assembled.contact
 

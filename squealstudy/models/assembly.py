@@ -198,7 +198,7 @@ class ContactInterface:
         Where they are, m; empty for models without coordinates.
     pairs : tuple of str
         For each point the name of the pair of surfaces that it is of; empty without names.
-    spring_points : ndarray (ns, 4)
+    spring_points : ndarray (ns, 5)
         Of the last ns points, which are springs and no contact (laws/spring.py): of 1 m2, without
         friction.
     """

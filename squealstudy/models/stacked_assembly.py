@@ -35,7 +35,7 @@ class StackedAssembly:
     area, gap0, frictional, speed_factor : ndarray (m, c)
     load, constant_load : ndarray (m, n)
         N/Pa, and N.
-    spring_points : ndarray (m, ns, 4)
+    spring_points : ndarray (m, ns, 5)
         Springs that are not linear (`ContactInterface.spring_points`), the last contact points.
     """
 

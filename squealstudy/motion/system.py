@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.kernels.newmark_layout import POINT_SPRING
+from squealstudy.kernels.newmark_layout import POINT_SPEED, POINT_SPRING
 from squealstudy.laws import ContactLaw, FrictionLaw
 from squealstudy.laws.spring import N_SPRING, NO_SPRINGS, evaluate_points
 from squealstudy.motion.growing_modes import GrowingModes
@@ -62,7 +62,7 @@ class ModalSystem:
         Modes (from 1) whose displacements and velocities are kept in the histories.
     speed_factor : ndarray (nc,)
         Sliding speed of each point over the imposed one; one by default.
-    spring_points : ndarray (ns, 4)
+    spring_points : ndarray (ns, 5)
         Of the last ns points, which are springs and no contact (laws/spring.py).
 
     Raises
@@ -259,6 +259,7 @@ class MotionPoint:
         if len(springs := getattr(system, "spring_points", NO_SPRINGS)):
             rows[POINT_SPRING, -len(springs) :] = 1.0
             rows[POINT_SPRING + 1 :, -len(springs) :] = springs.T
+            rows[POINT_SPEED, -len(springs) :] = 0.0  # dampers do not slide with the belt
         return np.ascontiguousarray(rows, dtype=np.float64)
 
 

@@ -91,7 +91,7 @@ class ReducedModel:
         Gyroscopic terms of what turns at 1 m/s of sliding, 1/m, skew-symmetric; None without.
     unturned : str
         Why there are none, where something turns.
-    spring_points : ndarray (ns, 4)
+    spring_points : ndarray (ns, 5)
         As in ContactInterface.
     load : ndarray (n,)
         Of a unit of brake pressure (Assembly.load); none where springs are there in vibration

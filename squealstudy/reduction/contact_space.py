@@ -61,7 +61,7 @@ class ContactSpace:
         [load, constant_load]^T K0^-1 U.
     C_UU : ndarray (m, m)
         U^T K0^-1 U.
-    spring_points : ndarray (ns, 4)
+    spring_points : ndarray (ns, 5)
         As in ContactInterface.
     """
 

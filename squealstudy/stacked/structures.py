@@ -33,7 +33,7 @@ class StackedStructures:
         Displacements of the degrees of freedom by coordinates.
     sensors : ndarray (m, s, n)
         M^(1/2) u of the displacements: shapes of structures of other masses are compared there.
-    spring_points : ndarray (m, ns, 4)
+    spring_points : ndarray (m, ns, 5)
         As in `StackedAssembly`.
     """
 

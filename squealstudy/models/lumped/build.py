@@ -123,6 +123,7 @@ def assembly_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> Assembly:
             pairs=(
                 *(file.name_of("contact", i) for i in range(len(file.contact))),
                 *(file.name_of("spring", i) for i, s in enumerate(file.spring) if not s.linear),
+                *(file.name_of("damper", i) for i, d in enumerate(file.damper) if not d.linear),
             ),
             spring_points=c.spring_points[0],
         ),

@@ -155,7 +155,7 @@ def texts_of(file: AnyFile) -> Iterator[tuple[KeyPath, str]]:
         "term": ("coefficient",),
         "mass": ("mass", "inertia", "spin"),
         "spring": ("stiffness", "cubic", "gap"),
-        "damper": ("damping",),
+        "damper": ("damping", "cubic"),
         "contact": ("stiffness", "area", "gap", "friction_factor", "speed_factor", "radius"),
         "load": ("force", "area"),
     }

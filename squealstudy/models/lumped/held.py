@@ -23,7 +23,8 @@ def check_pressed(space: MatrixSpace, parts: LumpedParts) -> None:
     """That each load on coordinates comes to a contact, through the stiffness or by springs."""
     joined = np.abs(parts.structure.K[0]) > 0.0
     rows = [s.row[0] for s in parts.springs]
-    rows += list(parts.contact.N[0, len(space.file.contact) :])
+    numbers = parts.contact.spring_points[0]
+    rows += list(parts.contact.N[0, len(space.file.contact) :][numbers[:, -1] == 0.0])
     for row in rows:
         joined |= np.outer(row != 0.0, row != 0.0)
     groups = connected_components(joined, directed=False)[1]

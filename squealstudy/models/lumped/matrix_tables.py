@@ -87,7 +87,7 @@ class SpringOn(SpringNumbers):
 
 
 class DamperOn(DamperNumbers):
-    """A linear damper on coordinates."""
+    """A damper on coordinates."""
 
     along: Motion = Field(description=MOTION_TEXT)
 

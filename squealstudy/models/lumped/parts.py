@@ -32,7 +32,8 @@ class Interface(NamedTuple):
 class Points(NamedTuple):
     """Contact points: N, T, T_perp (m or 1, c, n), the others (m or 1, c).
 
-    The last are the springs that are not linear, with numbers `spring_points` (m or 1, ns, 4).
+    The last are springs and dampers that are not linear, with numbers `spring_points`
+    (m or 1, ns, 5).
     """
 
     N: np.ndarray
@@ -104,7 +105,7 @@ def _spring_numbers(i: int, table: SpringNumbers, values: Values) -> np.ndarray:
         gap = bounded(table.gap, values, (*keys, "gap"), "m", zero=True)
     cubic = value_of(0.0 if table.cubic is None else table.cubic, values, (*keys, "cubic"))
     stiffness = bounded(table.stiffness, values, (*keys, "stiffness"), "N/m", zero=True)
-    return side_by_side([stiffness, cubic, gap, np.asarray(side)])
+    return side_by_side([stiffness, cubic, gap, np.asarray(side), np.asarray(0.0)])
 
 
 def _interface(space: Space, kind: str, key: str, i: int, values: Values) -> Interface:
@@ -145,6 +146,16 @@ def _contact(space: Space, values: Values) -> Points:
         for name, number in OF_SPRINGS.items():
             columns[name].append(np.asarray(number))
         numbers.append(_spring_numbers(i, spring, values))
+    for i, damper in enumerate(space.file.damper):
+        if damper.linear:
+            continue
+        stretched = space.elongation("damper", i, values)
+        for name, row in zip(rows, (stretched, stretched, 0.0 * stretched), strict=True):
+            rows[name].append(row)
+        for name, number in OF_SPRINGS.items():
+            columns[name].append(np.asarray(number))
+        cubic = bounded(damper.cubic, values, ("damper", i, "cubic"), "N s3/m3", zero=True)
+        numbers.append(side_by_side([*[np.asarray(0.0)] * (N_SPRING - 1), cubic]))
     return Points(
         **{name: _stacked(parts, space.n) for name, parts in rows.items()},
         **{name: side_by_side(parts) for name, parts in columns.items()},

@@ -102,14 +102,22 @@ class SpringTable(SpringNumbers):
 
 
 class DamperNumbers(Table):
-    """What a linear damper is."""
+    """What a damper is, linear or with a third power."""
 
     name: Name | None = Field(default=None, description=CALLED)
     damping: Number = Field(description="N s/m, or N m s/rad")
+    cubic: Number | None = Field(
+        default=None, description="N s3/m3, or N m s3/rad3, of the third power of its rate"
+    )
+
+    @property
+    def linear(self) -> bool:
+        """Whether it has no third power."""
+        return self.cubic is None
 
 
 class DamperTable(DamperNumbers):
-    """A linear damper between masses, or to the ground."""
+    """A damper between masses, or to the ground."""
 
     between: Ends = Field(description='two masses, or a mass and "ground"')
     direction: Direction = Field(description=ALONG + "rx, ry or rz of one against turning")
