@@ -44,7 +44,7 @@ def as_matrices(path: Path) -> Path:
         text += f"sliding = {combination(-c.T[i])}\narea = {float(c.area[i])!r}\n"
         text += f"across = {combination(-c.T_perp[i])}\n" if c.T_perp[i].count_nonzero() else ""
         text += f"gap = {float(c.gap0[i])!r}\nfriction_factor = {float(c.frictional[i])!r}\n"
-    for row, (stiffness, cubic, gap, side) in zip(
+    for row, (stiffness, cubic, gap, side, _) in zip(
         c.N[n_contacts:], c.spring_points.tolist(), strict=True
     ):
         text += f"[[spring]]\nalong = {combination(row)}\nstiffness = {stiffness!r}\n"
