@@ -350,7 +350,7 @@ BAD = [
     ('side = "both"', 'side = "left"', "spring[2].side", "'both', 'tension' or 'compression'"),
     ('cubic = "c"', 'cubic = "c + q"', "spring[1].cubic", "no parameter 'q'"),
     ("stiffness = 4e4", "stiffness = 0", "mass[1].name", "nothing holds 'block' along x"),
-    ('damping = "d"', 'damping = "d"\ncubic = 1.0', "damper[1]", "cubic"),
+    ('damping = "d"', 'damping = "d"\ngap = 1e-3', "damper[1]", "gap"),
 ]
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from study_runs import command
 
 import squealstudy as sq
 from squealstudy.cli.shape import reasons
@@ -138,9 +139,14 @@ def test_onset_of_veraszto():
     assert boundary == pytest.approx(published, rel=1e-5)
 
 
-def test_weave_of_the_benchmark_bicycle(tmp_path):
+def test_weave_of_the_benchmark_bicycle(tmp_path, capsys):
     """Roots of lean and steer to all digits, and the speed from which they decay."""
-    results = sq.run(FILES / "meijaard_2007.toml", tmp_path, jobs=1)
+    study = str(FILES / "meijaard_2007.toml")
+    assert command("run", study, "-j", "1", "-o", str(tmp_path / "found"), "--no-pictures") == 0
+    assert "T1 at 0.597 Hz first at v at most 0.75, no longer from 4.292 on" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    results = sq.open_results(tmp_path / "found")
     modes = results.modes.merge(results.points[["point_id", "v"]], on="point_id")
     for speed, published in WEAVE.items():
         (row,) = modes[np.isclose(modes["v"], speed) & ~modes["overdamped"]].itertuples()

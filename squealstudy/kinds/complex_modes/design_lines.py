@@ -20,7 +20,7 @@ from squealstudy.tables.mode_ranking import (
     parameter_columns,
     rank_modes,
 )
-from squealstudy.tables.stability import BELOW_RANGE, INEXACT
+from squealstudy.tables.stability import BELOW_RANGE, INEXACT, INTO, OUT_OF
 from squealstudy.wording import amount, in_digits, plural, track_number
 
 if TYPE_CHECKING:
@@ -138,6 +138,18 @@ def other_frequency(row: Row, onsets: pd.DataFrame | None) -> str:
     return f" ({in_digits(hz)} Hz there)" if other else ""
 
 
+def last_at(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
+    """Where a mode of one line is unstable last, in words; empty where that is not known."""
+    if onsets is None:
+        return ""
+    of_mode = onsets[(onsets["track"] == row["track"]).to_numpy(bool)]
+    ends = of_mode["onset"][(of_mode["direction"] == OUT_OF).to_numpy(bool)].to_numpy(float)
+    begins = of_mode["onset"][(of_mode["direction"] == INTO).to_numpy(bool)].to_numpy(float)
+    if len(ends) != 1 or len(begins) > 1 or not (begins < ends[0]).all():
+        return ""  # or it comes back
+    return f", no longer from {amount(float(ends[0]), unit)} on"
+
+
 def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     """The modes of a ranking in the order in which they turn unstable; empty without onsets."""
     along = results.along
@@ -153,9 +165,12 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     tracked = tracked[(number_in_family < tracked["family_modes"]).to_numpy(bool)]
     unit = results.units.get(along, "")
     onsets = results.onsets if "onsets" in results.tables else None
+    line = onsets if parameter_columns(results.points, varied=True) == [along] else None
+    tracks_of = table["family"].value_counts()  # of one mode whose number changes, several
     texts = [
         f"{track_number(row['track'])} at {frequency_text(row)} Hz{first_at(row, along, unit)}"
         f"{other_frequency(row, onsets)}"
+        f"{last_at(row, line if tracks_of[row['family']] == 1 else None, unit)}"
         for row in tracked[:MOST_MODES].to_dict("records")
     ]
     n_untold = len(tracked) - len(texts)
